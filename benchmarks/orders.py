@@ -15,7 +15,7 @@ from benchmarks.peers.works import samples
 from modalscope import ImpulseResponse, identify
 from modalscope.identification.pipeline import factor
 from modalscope.identification.prepare import prepare
-from modalscope.judging.stabilize import stabilize
+from modalscope.identification.stabilize import stabilize
 
 OUTPUTS, INPUTS, BLOCKS, LARGEST = 100, 3, 300, 100
 PAIRS = 3

@@ -21,8 +21,8 @@ from scipy.optimize import linear_sum_assignment
 
 from modalscope import systems
 from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, Signals, StateSpace
-from modalscope.data.poles import frequencies_and_damping, one_of_each_pair, poles_from
 from modalscope.data.response import Response
+from modalscope.functions.poles import frequencies_and_damping, one_of_each_pair, poles_from
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
 

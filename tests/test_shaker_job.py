@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.data.poles import poles_from
 from modalscope.data.record_residual import UNMEASURED, excess
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import Records, as_records
+from modalscope.functions.poles import poles_from
 from modalscope.identification.routes import usual_route
 from tests.shaker import Shaker, forces_of, shaker
 from tests.studies import Study

@@ -9,7 +9,7 @@ from scipy.linalg import expm
 from scipy.signal import lfilter, ss2tf
 
 from modalscope.data import ModalModel, Signals
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.numerics.checks import Array, RealArray
 
 #: Storeys, each with a place in x and one in y.

@@ -14,6 +14,10 @@ from warnings import warn
 
 if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the same place when it is first asked for
     from modalscope import plot as plot, preprocess as preprocess, systems as systems
+    from modalscope.checking.certificate import Certificate as Certificate
+    from modalscope.checking.certify import certify as certify
+    from modalscope.checking.selfcheck import selfcheck as selfcheck
+    from modalscope.checking.validation import Validation as Validation, validate as validate
     from modalscope.comparing import Comparison as Comparison, compare as compare
     from modalscope.data import (
         DataError as DataError,
@@ -39,14 +43,12 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
         realize as realize,
     )
     from modalscope.identification.refine import refine as refine
+    from modalscope.identification.stabilize import stabilize as stabilize
     from modalscope.identification.sweep import sweep as sweep
     from modalscope.identification.table import methods as methods
     from modalscope.io import from_frame as from_frame, read as read, write as write
     from modalscope.judging.bands import merge_bands as merge_bands
-    from modalscope.judging.certificate import Certificate as Certificate
     from modalscope.judging.select import select as select
-    from modalscope.judging.stabilize import stabilize as stabilize
-    from modalscope.judging.validation import Validation as Validation, validate as validate
     from modalscope.modal import indicators as indicators
     from modalscope.modal.indicators import mac as mac
     from modalscope.modal.mass_change import scale_by_mass as scale_by_mass
@@ -62,7 +64,6 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
         merge as merge,
     )
     from modalscope.preprocess.ods import ods as ods
-    from modalscope.published.selfcheck import selfcheck as selfcheck
     from modalscope.realizations.sensors import (
         EquationsOfMotion as EquationsOfMotion,
         equations_of_motion as equations_of_motion,
@@ -70,7 +71,6 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
     )
     from modalscope.reporting import report as report
     from modalscope.workflow.analyze import analyze as analyze
-    from modalscope.workflow.certify import certify as certify
     from modalscope.workflow.full_field import FullField as FullField, full_field as full_field
     from modalscope.workflow.replay import replay as replay
 
@@ -86,10 +86,10 @@ _HOMES = {
     "identification.table": ("methods",),
     "io": ("from_frame", "read", "write"),
     "judging.bands": ("merge_bands",),
-    "judging.certificate": ("Certificate",),
+    "checking.certificate": ("Certificate",),
     "judging.select": ("select",),
-    "judging.stabilize": ("stabilize",),
-    "judging.validation": ("Validation", "validate"),
+    "identification.stabilize": ("stabilize",),
+    "checking.validation": ("Validation", "validate"),
     "modal.indicators": ("mac",),
     "modal.mass_change": ("scale_by_mass",),
     "modal.pairing": ("comac", "pair_modes"),
@@ -114,13 +114,13 @@ _HOMES = {
     "data.analysis": ("Analysis",),
     "data.results": ("Result",),
     "plot.web.alive": ("widget",),
-    "published.selfcheck": ("selfcheck",),
+    "checking.selfcheck": ("selfcheck",),
     "preprocess": ("estimate_correlation", "estimate_frf", "estimate_markov", "merge"),
     "preprocess.ods": ("ods",),
     "realizations.sensors": ("EquationsOfMotion", "equations_of_motion", "first_order_form"),
     "reporting": ("report",),
     "workflow.analyze": ("analyze",),
-    "workflow.certify": ("certify",),
+    "checking.certify": ("certify",),
     "workflow.full_field": ("FullField", "full_field"),
     "workflow.replay": ("replay",),
 }

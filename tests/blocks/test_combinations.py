@@ -8,8 +8,8 @@ import pytest
 from modalscope import FrequencyResponse, ImpulseResponse, identify, stabilize
 from modalscope.blocks import combinations as module
 from modalscope.blocks.combinations import combinations
-from modalscope.data.poles import poles_from
 from modalscope.data.response import output_scale
+from modalscope.functions.poles import poles_from
 from modalscope.numerics.checks import locked
 from tests.support import relative
 

@@ -12,7 +12,7 @@ from modalscope.blocks.factor import costs_of, factorize, left_factor
 from modalscope.blocks.hankel import hankel
 from modalscope.blocks.structure import BlockHankel
 from modalscope.data import DataError, ImpulseResponse
-from modalscope.data.poles import frequencies_and_damping, poles_from
+from modalscope.functions.poles import frequencies_and_damping, poles_from
 from modalscope.numerics.operators import DenseMatrix
 from modalscope.numerics.resources import set_allowed_memory
 from modalscope.realizations.balanced import balanced

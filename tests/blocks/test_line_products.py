@@ -8,7 +8,7 @@ import pytest
 from modalscope import FrequencyResponse, stabilize
 from modalscope.blocks import transfer as line_products, transfer as module
 from modalscope.blocks.transfer import LineProducts, transfer
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from tests.support import relative
 
 #: Rounding of some thousand additions and products.

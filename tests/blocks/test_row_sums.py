@@ -11,7 +11,7 @@ import pytest
 from modalscope import ImpulseResponse, stabilize
 from modalscope.blocks.factor import factorize
 from modalscope.blocks.hankel import hankel
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.modal.eigenmodes import eigenmodes, followed
 from modalscope.realizations.balanced import balanced
 from tests.support import relative

@@ -12,7 +12,7 @@ from modalscope.blocks.lines import line_weights
 from modalscope.blocks.polynomials import evaluate, orthogonal_basis, plane_of, remainders
 from modalscope.blocks.shifted import model_transfer
 from modalscope.blocks.transfer import transfer
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from tests.support import EPS, FIVE, add_noise, match_poles, random_system, relative
 
 #: Rounding of a few hundred additions and products.

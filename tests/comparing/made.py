@@ -11,7 +11,7 @@ from modalscope.comparing.agreement import Group
 from modalscope.comparing.kinship import Kinship
 from modalscope.comparing.run import MethodResult
 from modalscope.data.modes import ModalModel
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.identification.table import find_method
 
 #: Methods of the time domain, by what they are called in a comparison.

@@ -16,9 +16,9 @@ from modalscope.comparing.run import MethodResult, plan
 from modalscope.data import DataError, FrequencyResponse, ImpulseResponse
 from modalscope.identification import sweep as cut
 from modalscope.identification.pipeline import factored
+from modalscope.identification.stabilize import stabilize, swept
 from modalscope.identification.table import cell_label, methods
 from modalscope.judging.select import select
-from modalscope.judging.stabilize import stabilize, swept
 from modalscope.likelihood.deviations import deviations_of
 from modalscope.preprocess import estimate_correlation
 

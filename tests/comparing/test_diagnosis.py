@@ -16,7 +16,7 @@ from modalscope.comparing.run import MethodResult
 from modalscope.comparing.scatter import Biased, Scatter
 from modalscope.data import FrequencyResponse, ImpulseResponse
 from modalscope.data.modes import ModalModel
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.judging.evidence import LEAST_PEAK, LEAST_SIGNAL
 from tests.comparing.made import ALL, ALTERNATE, ERA, POLY, PRCE, group, result
 from tests.judging.made import NUDGE, Pole, diagram_of

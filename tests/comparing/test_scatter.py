@@ -14,7 +14,7 @@ from modalscope.comparing.agreement import Group
 from modalscope.comparing.run import MethodResult, Moved
 from modalscope.comparing.scatter import Scatter, stated
 from modalscope.data import ImpulseResponse
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.likelihood.covariance import PoleInfluence
 from modalscope.likelihood.noise import Noise, Parts, White
 from modalscope.systems import chain5

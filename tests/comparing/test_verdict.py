@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from modalscope.checking.certificate import Certificate
 from modalscope.comparing.diagnosis import Cause
 from modalscope.comparing.scatter import Scatter, Tried, interval_trouble
 from modalscope.comparing.verdict import GRADES, Trust, judge, words
 from modalscope.data.modes import ModalModel
-from modalscope.judging.certificate import Certificate
 from tests.comparing.made import ALL, ERA, PRCE, group, result
 from tests.judging.made import NUDGE
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import block_diag, qr
 
 from modalscope.data import FrequencyResponse, ImpulseResponse, ModalModel
-from modalscope.data.poles import frequencies_and_damping
+from modalscope.functions.poles import frequencies_and_damping
 
 #: Relative step of the central differences.
 STEP = 1e-6

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from modalscope.data.poles import frequencies_and_damping, poles_from
 from modalscope.data.record_spectra import RecordSpectra
+from modalscope.functions.poles import frequencies_and_damping, poles_from
 
 #: Relative step of the central differences.
 STEP = 1e-6

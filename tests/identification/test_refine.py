@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 import modalscope as ms
 from modalscope.data import FrequencyResponse, ImpulseResponse, ModalModel
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.modal.rebuilt import fit_of
 from tests.identification.bound import bound, shape_bound
 from tests.support import BEAM, FIVE, add_noise, refused

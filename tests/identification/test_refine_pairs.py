@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.data.poles import frequencies_and_damping
+from modalscope.functions.poles import frequencies_and_damping
 from tests.identification.bound import compressed_bound
 from tests.identification.test_refine import clean_data, start
 from tests.studies import Study

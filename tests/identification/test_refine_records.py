@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.data.poles import poles_from
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import Records, as_records
+from modalscope.functions.poles import poles_from
 from modalscope.likelihood.descent import normal
 from modalscope.likelihood.driven import whitened_records
 from tests.identification.driven_bound import record_bound

@@ -11,7 +11,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.data import stored as stored_response
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.io import survey
 from modalscope.numerics.errors import DataError
 from tests.support import relative

@@ -15,7 +15,7 @@ import numpy as np
 
 from modalscope.data import FrequencyResponse, ImpulseResponse
 from modalscope.data.modes import ModalModel
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.likelihood.likelihood import whitened
 from modalscope.likelihood.whitening import levels_of
 from modalscope.numerics.checks import Array, ComplexArray, RealArray

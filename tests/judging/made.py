@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modalscope.data import FrequencyResponse, ImpulseResponse
-from modalscope.data.poles import poles_from
 from modalscope.data.results import StabilizationDiagram
+from modalscope.functions.poles import poles_from
 from modalscope.judging.tracking import Poles
 
 #: A step to either side of a threshold: far above rounding, far below what the rule means.

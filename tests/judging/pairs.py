@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.data.modes import ModalModel
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.likelihood.descent import inverse, normal
 from modalscope.likelihood.likelihood import whitened
 from modalscope.likelihood.whitening import levels_of

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modalscope.data import FrequencyResponse
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from tests.judging.coloured import unit_errors, white_errors
 from tests.judging.hard import Structure, lines_of
 

@@ -10,10 +10,10 @@ import pytest
 from modalscope.data import FrequencyResponse, ImpulseResponse
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
-from modalscope.data.poles import poles_from
 from modalscope.data.results import StabilizationDiagram
+from modalscope.functions.poles import poles_from
+from modalscope.identification.stabilize import ORDERS_END
 from modalscope.judging.bands import SPLIT, Part, cut_of, holds_too_little, joined_diagram, joined_modes
-from modalscope.judging.stabilize import ORDERS_END
 from tests.judging.made import Pole, diagram_of
 
 #: Resonances crowd below 9 and above 20 Hz.

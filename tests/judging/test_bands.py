@@ -9,7 +9,7 @@ import pytest
 
 from modalscope import DataError
 from modalscope.data.modes import ModalModel
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.judging.bands import merge_bands
 from tests.judging.made import NUDGE, at_angle
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.data.poles import frequencies_and_damping
+from modalscope.functions.poles import frequencies_and_damping
 from modalscope.judging.joint_selection import Outcome, select_jointly
 from modalscope.judging.selection_problem import SelectionProblem
 from modalscope.numerics.checks import ComplexArray, IntArray

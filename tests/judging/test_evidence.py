@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from modalscope.data import FrequencyResponse, ImpulseResponse
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.judging.evidence import (
     CERTAIN,
     LEAST_ORDERS,

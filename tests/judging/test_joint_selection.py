@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from modalscope.data import FrequencyResponse
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.judging.joint_selection import (
     State,
     _doubtful,

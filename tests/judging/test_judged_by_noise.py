@@ -10,11 +10,11 @@ from scipy.signal import lfilter
 
 import modalscope as ms
 from modalscope.data import Signals
-from modalscope.data.poles import poles_from
 from modalscope.data.record_residual import DELAY, UNMEASURED
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import as_records
 from modalscope.data.response import output_scale, root_mean_squares
+from modalscope.functions.poles import poles_from
 
 RATE = 50.0
 F, ZETA = np.array([2.1, 4.4, 6.8, 9.2]), np.array([0.004, 0.006, 0.01, 0.008])

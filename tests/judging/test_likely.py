@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.judging import verdict as likely
 from modalscope.judging.evidence import evidence_of
 from modalscope.judging.selection_problem import SelectionProblem

@@ -7,7 +7,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.data import FrequencyResponse
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.judging.verdict import one_residue
 from modalscope.modal.indicators import mac
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.judging.recount import ColouredErrors, Recount, errors_of as told_errors, inverse, recount_of
 from modalscope.likelihood.descent import descend
 from modalscope.likelihood.likelihood import whitened

@@ -9,9 +9,9 @@ import pytest
 
 from modalscope import DataError
 from modalscope.data.results import StabilizationDiagram
+from modalscope.identification.stabilize import SLACK
 from modalscope.judging.evidence import Candidate, _none_twice
 from modalscope.judging.select import select
-from modalscope.judging.stabilize import SLACK
 from tests.judging.made import NUDGE, Pole, at_angle, diagram_of, poles_of, response_of
 
 ONE = Pole(2, 8, 0.02, shape=(1, 2), part=(0.5, 1, -2))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.numerics.checks import IntArray
 from tests.judging.hard import (
     Structure,

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from modalscope.data import FrequencyResponse
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
+from modalscope.identification.stabilize import ORDERS_END
 from modalscope.judging import recount
 from modalscope.judging.evidence import Candidate, evidence_of
 from modalscope.judging.joint_selection import select_jointly
 from modalscope.judging.outcome import modes_of
 from modalscope.judging.select import select
 from modalscope.judging.selection_problem import SelectionProblem
-from modalscope.judging.stabilize import ORDERS_END
 from modalscope.judging.tracking import Poles
 from modalscope.judging.verdict import SelectionResult, _shown_by, verdicts
 from tests.judging.made import Pole, diagram_of, poles_of

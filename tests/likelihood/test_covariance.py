@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from modalscope.data.poles import frequencies_and_damping
+from modalscope.functions.poles import frequencies_and_damping
 from modalscope.likelihood.covariance import deviations_of_poles, pole_blocks, sandwich, shape_deviations
 
 RNG = np.random.default_rng(0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope.data import FrequencyResponse
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.likelihood.descent import _lessening, _Step, descend, inverse
 from modalscope.likelihood.likelihood import whitened
 from modalscope.numerics.checks import Array, ComplexArray

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.data.pole_basis import line_functions
-from modalscope.data.poles import poles_from
+from modalscope.functions.pole_basis import line_functions
+from modalscope.functions.poles import poles_from
 from modalscope.likelihood.matched import line_filters
 
 F = np.linspace(0.3, 4.5, 40)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope.data import ModalModel, Signals
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.likelihood.line_shapes import line_shapes
 from modalscope.modal.indicators import mac
 from tests.judging.dominated import hidden_modes

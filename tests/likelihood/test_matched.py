@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope.data import ImpulseResponse
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.likelihood.matched import amplitudes
 
 

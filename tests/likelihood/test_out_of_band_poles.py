@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from modalscope.data import FrequencyResponse, ImpulseResponse
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.likelihood.settling import out_of_band_poles
 from modalscope.numerics.checks import ComplexArray
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import nnls
 
 from modalscope.data import FrequencyResponse, ImpulseResponse
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.likelihood.matched import amplitudes, strongest_peaks
 from modalscope.likelihood.reference_model import by_line, floor_of, level_of, parts_of_level
 from modalscope.likelihood.whitening import gain_factor_in_correlated_noise

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.likelihood.ambient import (
     Driven,
     begun,

@@ -8,7 +8,7 @@ import numpy as np
 
 import modalscope as ms
 from modalscope.data import FrequencyResponse, ImpulseResponse, ModalModel
-from modalscope.data.poles import frequencies_and_damping, poles_from
+from modalscope.functions.poles import frequencies_and_damping, poles_from
 from modalscope.identification.method import Method, Takes
 from modalscope.numerics.statistics import assign
 from tests.identification.bound import compressed_bound

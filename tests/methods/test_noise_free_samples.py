@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 
 from modalscope.data import ImpulseResponse, StateSpace
-from modalscope.data.poles import to_continuous
+from modalscope.functions.poles import to_continuous
 from modalscope.identification.identify import identify
 from tests.support import FIVE, match_poles, pole_tolerance, random_systems, relative
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from modalscope.data.poles import frequencies_and_damping
+from modalscope.functions.poles import frequencies_and_damping
 from modalscope.identification.identify import identify
 from tests.studies import Study
 from tests.support import FIVE, add_noise

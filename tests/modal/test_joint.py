@@ -10,8 +10,8 @@ from hypothesis import given, settings, strategies as st
 
 from modalscope.data import FrequencyResponse, ImpulseResponse
 from modalscope.data.modes import ModalModel
-from modalscope.data.poles import poles_from
 from modalscope.data.response import Response
+from modalscope.functions.poles import poles_from
 from modalscope.modal.shapes import joint_residues
 from tests.support import relative
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from modalscope.data import DataError, ImpulseResponse, ModalModel
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.modal.indicators import mac
 from modalscope.modal.setups import merge_modes, steps_of_groups, with_repeatability
 from modalscope.systems import chain5

@@ -10,8 +10,8 @@ import pytest
 
 from modalscope import DataError, ImpulseResponse, Signals, estimate_correlation
 from modalscope.blocks.triple import ModalFit
-from modalscope.data.poles import poles_from
 from modalscope.data.response import output_scale
+from modalscope.functions.poles import poles_from
 from modalscope.identification import sweep as cutting
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare

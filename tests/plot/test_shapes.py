@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from modalscope import plot
 from modalscope.data import DataError, Geometry, ModalModel
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.plot._camera import oblique, view_of
 from modalscope.plot.shapes import in_phase
 from tests.plot import examples

@@ -10,10 +10,10 @@ import pytest
 from scipy.signal import lfilter
 
 import modalscope as ms
-from modalscope.data.poles import poles_from
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import Records
+from modalscope.functions.poles import poles_from
 from modalscope.identification.prepare import prepare
 from modalscope.preprocess import line_noise as lines
 from modalscope.preprocess.line_noise import DRIFT, level_lines, line_noise

@@ -8,9 +8,9 @@ from scipy.signal import lfilter
 
 import modalscope as ms
 from modalscope.data import Signals
-from modalscope.data.poles import poles_from
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.record_transform import record_spectra
+from modalscope.functions.poles import poles_from
 from modalscope.identification.prepare import measure
 from modalscope.preprocess.bands import CHOSEN
 from modalscope.preprocess.excited_band import polynomial_residuals, resonant_band

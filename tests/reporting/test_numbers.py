@@ -7,7 +7,7 @@ import pytest
 
 from modalscope.data import ImpulseResponse
 from modalscope.data.modes import ModalModel
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.reporting.html import decimals, frequency, heading, list_some, percent, value
 from modalscope.reporting.modes import summary_section
 from tests.judging.made import Pole, diagram_of

@@ -13,8 +13,6 @@ from modalscope.data.modes import named_near
 from modalscope.io.analysis import analysis_to
 from modalscope.numerics.checks import check_number, check_positive
 
-__all__ = ["ACTIONS", "acted", "diagrams_key"]
-
 #: The fields that `set` changes.
 _SETTABLE = ("bands", "exclude", "route", "method", "domain", "orders", "options", "refine", "remarks")
 

@@ -14,9 +14,6 @@ from modalscope.data import DataError
 from modalscope.data.analysis import Analysis
 from modalscope.io.analysis import analysis_to
 
-__all__ = ["OpenDocument"]
-
-
 # ------------------------------------------------------------------------------------------------------------- windows
 # The browser windows that look on a document.
 

@@ -20,8 +20,6 @@ from modalscope.data.analysis import VERSION, Analysis, SourceFile
 from modalscope.io.analysis import analysis_from, analysis_to, read_analysis
 from modalscope.io.atomic import replacing
 
-__all__ = ["DocumentStore"]
-
 _DOCUMENT = ".analysis.json"
 
 #: Steps of a history that are written.

@@ -11,9 +11,6 @@ from secrets import token_hex
 
 from modalscope.data import DataError
 
-__all__ = ["FORMATS", "Shelf"]
-
-
 # ------------------------------------------------------------------------------------------------------------- formats
 # What can be exported.
 

@@ -9,9 +9,6 @@ from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs
 
-__all__ = ["HEADERS", "Guard", "Limits"]
-
-
 # -------------------------------------------------------------------------------------------------------------- limits
 # What a page may take: sizes, counts and times.
 

@@ -10,9 +10,6 @@ from multiprocessing.connection import Connection
 from threading import Thread
 from typing import Any, Protocol
 
-__all__ = ["ProcessPool", "WorkerProcess"]
-
-
 # --------------------------------------------------------------------------------------------------------------- child
 # Where a process of its own begins: what computes is loaded there, not in the server.
 
@@ -89,11 +86,14 @@ class Owner(Protocol):
     """Whose process it is."""
 
     @property
-    def resting(self) -> bool: ...
+    def resting(self) -> bool:
+        """Whether its process waits for work."""
 
-    def rest(self) -> None: ...
+    def rest(self) -> None:
+        """End its process until it has work again."""
 
-    def start(self) -> None: ...
+    def start(self) -> None:
+        """Give it a process."""
 
 
 class ProcessPool:

@@ -20,9 +20,7 @@ from modalscope.app.files import FORMATS, too_large
 from modalscope.data import DataError
 from modalscope.data.analysis import VERSION
 from modalscope.identification.table import methods
-from modalscope.plot.web.blob import plain
-
-__all__ = ["routes"]
+from modalscope.io.arrays import plain
 
 Handler = Callable[[Request], Awaitable[Response]]
 

@@ -23,8 +23,6 @@ from modalscope.app.guard import Guard, Limits
 from modalscope.app.routes import routes
 from modalscope.data import DataError
 
-__all__ = ["STATIC", "Page", "built", "page", "place_of_ours", "serve", "server_of"]
-
 #: The front end, bundled when the package was built.
 STATIC = Path(__file__).parent / "static"
 

@@ -25,9 +25,6 @@ from modalscope.workflow.bands import Look, looked_at, modes_chosen
 from modalscope.workflow.replay import check_same
 from modalscope.workflow.sources import opened
 
-__all__ = ["Stages", "result_head"]
-
-
 # ---------------------------------------------------------------------------------------------------------------- head
 # What is told of a result beside its modes.
 

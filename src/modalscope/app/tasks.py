@@ -14,8 +14,6 @@ if TYPE_CHECKING:  # what is asked for rarely is loaded then
     from modalscope.app.steps import Stages
     from modalscope.comparing import Comparison
 
-__all__ = ["TASKS"]
-
 Progress = Callable[[int, int], None]
 
 

@@ -12,8 +12,6 @@ from modalscope.app.tasks import TASKS
 from modalscope.data import DataError
 from modalscope.io.analysis import analysis_from
 
-__all__ = ["main"]
-
 
 class _Newer(Exception):
     """The job is left for what came after it."""

@@ -26,19 +26,6 @@ from modalscope.numerics.operators import real_times
 from modalscope.numerics.orthonormal import orthonormal
 from modalscope.numerics.resources import check_fits
 
-__all__ = [
-    "Combinations",
-    "CombinedOutputs",
-    "Found",
-    "OutputRows",
-    "combinations",
-    "combined",
-    "enough",
-    "found_combinations",
-    "labelled",
-]
-
-
 #: A response of one kind or the other.
 Some = TypeVar("Some", bound=Response)
 

@@ -11,8 +11,6 @@ from modalscope.blocks.matrix import DerivedMatrix
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.data.responses import ImpulseResponse
 
-__all__ = ["TurnedHankel"]
-
 
 @dataclass(frozen=True, eq=False)
 class TurnedHankel(DerivedMatrix):

@@ -26,9 +26,6 @@ from modalscope.numerics.checks import Array, RealArray, check_count
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.sums import TriangleSum
 
-__all__ = ["DrivenProjection", "driven_projection", "intervals"]
-
-
 # --------------------------------------------------------------------------------------------------------- innovations
 # The noise model that belongs to a model of records: what is new in a sample beside the inputs, and what it changes later on.
 #

@@ -10,8 +10,6 @@ import numpy as np
 
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
-__all__ = ["Agreement", "Compared", "Evolved", "ModalSide", "OnLines", "compared", "squares"]
-
 #: Numbers compared at a time: the arrays in between stay in the cache.
 _AT_A_TIME = 16_000
 

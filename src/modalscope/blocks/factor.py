@@ -24,19 +24,6 @@ from modalscope.numerics.randomized import Triplets, by_lanczos, by_range
 from modalscope.numerics.resources import allowed_memory, check_fits, one_thread
 from modalscope.numerics.sums import TriangleSum
 
-__all__ = [
-    "FACTORIZATIONS",
-    "Cost",
-    "Factors",
-    "RightFactor",
-    "cost_of_triangle",
-    "costs_of",
-    "factorize",
-    "left_factor",
-    "speed",
-]
-
-
 # --------------------------------------------------------------------------------------------------------------- costs
 # Predicted operations, seconds and memory of each route, from the shape of the matrix and the cost of its products.
 

@@ -27,25 +27,12 @@ from modalscope.blocks.influence import LineInfluence, Lines, Moments, Outer, al
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.polynomials import both_sums
 from modalscope.blocks.triple import Eigen, Misfit, ModalFit, Triple
-from modalscope.data.poles import powers_of, to_continuous, to_discrete
 from modalscope.data.response import Response, output_scale
 from modalscope.data.responses import FrequencyResponse
 from modalscope.data.statespace import StateSpace
+from modalscope.functions.poles import powers_of, to_continuous, to_discrete
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, check_count, freeze
 from modalscope.numerics.errors import DataError
-
-__all__ = [
-    "Arc",
-    "Fraction",
-    "FractionInfluence",
-    "fraction",
-    "largest_degree",
-    "moments_on",
-    "nodes_needed",
-    "trigonometric_sums",
-    "weights_at",
-]
-
 
 # ----------------------------------------------------------------------------------------------------- fraction degree
 # Where the lines of a band lie on the unit circle, and the degree up to which they tell powers of z apart.

@@ -25,9 +25,6 @@ from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray,
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import DenseMatrix, Operator, real_times
 
-__all__ = ["Hankel", "fit_of_samples", "hankel", "leading_directions", "random_projection", "selection", "sums"]
-
-
 # ---------------------------------------------------------------------------------------------------------- sample fit
 # Modes of a model of samples, referred to the impulse.
 

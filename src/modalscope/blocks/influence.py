@@ -19,19 +19,6 @@ from scipy.linalg import matmul_toeplitz
 
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, freeze
 
-__all__ = [
-    "ConvolvedInfluence",
-    "Influence",
-    "LineInfluence",
-    "Lines",
-    "Moments",
-    "Outer",
-    "SampleInfluence",
-    "all_lines",
-    "convolved",
-    "transformed",
-]
-
 
 class Lines(NamedTuple):
     """Lines that stand for all: which, and for how many each, (F',)."""

@@ -28,17 +28,6 @@ from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import DenseMatrix, Operator, real_times
 from modalscope.numerics.sums import TriangleSum
 
-__all__ = [
-    "LineMatrix",
-    "PolynomialRows",
-    "RowsOnLines",
-    "VectorsOnLines",
-    "kept_block_rows",
-    "line_weights",
-    "real_columns",
-]
-
-
 #: So many lines of each input are compared for the indicators of the columns.
 _COMPARED = 1000
 

@@ -20,9 +20,6 @@ from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import Operator, real_times, times_real
 
-__all__ = ["DataMatrix", "DerivedMatrix", "LinePencil", "OfCombinations", "RowShift", "line_pencil"]
-
-
 # --------------------------------------------------------------------------------------------------------------- shift
 # E0 and E1: the two row selections, or recurrences, that a realization reads the state matrix off.
 

@@ -15,23 +15,10 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import ArrayLike
 
-from modalscope.data.poles import to_continuous, to_discrete
 from modalscope.data.response import Response
+from modalscope.functions.poles import to_continuous, to_discrete
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError, check_choice
-
-__all__ = [
-    "Few",
-    "Plane",
-    "basis_on",
-    "both_sums",
-    "chosen_points",
-    "evaluate",
-    "few_points",
-    "orthogonal_basis",
-    "plane_of",
-    "remainders",
-]
 
 
 def orthogonal_basis(

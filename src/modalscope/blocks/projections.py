@@ -27,17 +27,6 @@ from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import DenseMatrix
 from modalscope.numerics.sums import TriangleSum
 
-__all__ = [
-    "CanonicalProjection",
-    "MixedRows",
-    "Projection",
-    "canonical_projection",
-    "projection",
-    "triangle_of",
-    "window_gram",
-]
-
-
 # --------------------------------------------------------------------------------------------------------- sample rows
 # What projections of records in time have in common: block rows of samples, and one triangular factor that stands in for the times.
 

@@ -42,20 +42,6 @@ from modalscope.numerics.operators import LargeMatrix
 from modalscope.numerics.orthonormal import stacked_factor, triangle_of
 from modalscope.numerics.resources import scratch
 
-__all__ = [
-    "Driven",
-    "RecordColumns",
-    "RecordInfluence",
-    "RecordLines",
-    "RunColumns",
-    "lines_of_influence",
-    "noise_beside_quietest",
-    "record_cost",
-    "record_lines",
-    "refuse_beyond_memory",
-]
-
-
 # -------------------------------------------------------------------------------------------------------- output noise
 # How noisy each output is, seen on block rows whose noise is white: what brings outputs to one level of noise.
 

@@ -27,17 +27,14 @@ from modalscope.blocks.influence import (
 from modalscope.blocks.lines import LineMatrix, VectorsOnLines, kept_block_rows, real_columns
 from modalscope.blocks.matrix import RowShift
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
-from modalscope.data.pole_basis import stacked_basis
-from modalscope.data.poles import to_continuous, to_discrete
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.statespace import StateSpace
+from modalscope.functions.pole_basis import stacked_basis
+from modalscope.functions.poles import to_continuous, to_discrete
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, check_count
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.linear_systems import HELD
-
-__all__ = ["Shifted", "model_transfer", "shifted", "shifted_transfer", "window_lines"]
-
 
 # ------------------------------------------------------------------------------------------------------------- windows
 # Transfer functions over a finite window of samples, Y_t(z) = sum_(k < K) Y(k + t) z^-k, and what modes and models give there.

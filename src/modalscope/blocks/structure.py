@@ -15,14 +15,11 @@ from numpy.typing import ArrayLike
 from scipy import fft
 
 from modalscope.blocks.matrix import DataMatrix
-from modalscope.data.poles import powers_of, to_continuous, to_discrete
+from modalscope.functions.poles import powers_of, to_continuous, to_discrete
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, check_count, check_each, real_array
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.executors import executor
 from modalscope.numerics.resources import fetched, namespace, transforms
-
-__all__ = ["BlockHankel", "SampledMatrix", "Side", "block_shifts", "side_of"]
-
 
 # -------------------------------------------------------------------------------------------------------------- layout
 # Which samples, outputs and inputs the rows and columns of a Hankel matrix are, with the conditions of Eqs. 20-21 checked.

@@ -22,15 +22,12 @@ from modalscope.blocks.matrix import LinePencil, line_pencil
 from modalscope.blocks.polynomials import Plane, basis_on, plane_of, remainders
 from modalscope.blocks.triple import Eigen, Misfit, ModalFit, Triple
 from modalscope.data.channels import derivatives_between, known_quantity
-from modalscope.data.pole_basis import LineData, line_basis, line_data
 from modalscope.data.response import output_scale
 from modalscope.data.responses import FrequencyResponse
+from modalscope.functions.pole_basis import LineData, line_basis, line_data
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_count, real_array
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import Operator, TransposedOperator
-
-__all__ = ["LineProducts", "Transfer", "transfer"]
-
 
 # ------------------------------------------------------------------------------------------------------- initial terms
 # The first terms D, CB, CAB, ... of a response where they are known, in the plane of its matrix.

@@ -9,13 +9,10 @@ from functools import cached_property
 import numpy as np
 
 from modalscope.blocks.factor import Factors
-from modalscope.data.pole_basis import ModalBasis
 from modalscope.data.response import Response
+from modalscope.functions.pole_basis import ModalBasis
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.operators import real_times
-
-__all__ = ["Eigen", "Misfit", "ModalFit", "Triple", "inverse_vectors", "padded"]
-
 
 #: Condition of eigenvectors beyond which their inverse is rounding.
 _DEFECTIVE = 1e13

@@ -10,8 +10,6 @@ from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.data.response import Response
 from modalscope.data.whitening import Whitening
 
-__all__ = ["WhitenedChannels"]
-
 
 @dataclass(frozen=True, eq=False)
 class WhitenedChannels(OfCombinations):

@@ -9,8 +9,6 @@ from pathlib import Path
 from modalscope.cli.parser import Commands
 from modalscope.cli.process import say
 
-__all__ = ["add", "run"]
-
 
 def add(commands: Commands) -> None:
     """Add the command to the list."""

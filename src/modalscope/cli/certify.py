@@ -12,8 +12,6 @@ from modalscope.cli.process import say
 if TYPE_CHECKING:
     from modalscope.data.results import Result
 
-__all__ = ["add", "run"]
-
 
 def add(commands: Commands) -> None:
     """Add the command to the list."""
@@ -35,9 +33,9 @@ def add(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Find the modes, certify them, write them where that is asked, and print how far each interval holds."""
+    from modalscope.checking.certify import certify
     from modalscope.cli.output import check_outputs, write_outputs
     from modalscope.cli.process import progress
-    from modalscope.workflow.certify import certify
 
     check_outputs(options, options.files)
     result = _result(options)

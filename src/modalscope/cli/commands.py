@@ -26,8 +26,6 @@ from modalscope.cli import (
 )
 from modalscope.cli.parser import Parser, add_common
 
-__all__ = ["COMMANDS", "build_parser", "names"]
-
 #: The commands in the order of the help. Each is a module with `add`, what can be written, and `run`, what is done; `run`
 #: imports what it needs itself, so that the help of all costs the import of none.
 COMMANDS = (

@@ -7,8 +7,6 @@ import argparse
 from modalscope.cli.parser import Commands
 from modalscope.cli.process import say
 
-__all__ = ["add", "run"]
-
 SHELLS = ("bash", "zsh", "fish", "tcsh")
 
 

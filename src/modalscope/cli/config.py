@@ -16,8 +16,6 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-__all__ = ["command_first", "configured"]
-
 _OPTION = "--config"
 #: What every command takes, without a value; short ones may stand together.
 _COMMON, _TOGETHER = ("--quiet", "--verbose"), re.compile(r"-[qv]+\Z")

@@ -7,8 +7,6 @@ import argparse
 from modalscope.cli.parser import Commands, add_band, add_files, add_outputs
 from modalscope.cli.process import remark, say
 
-__all__ = ["add", "run"]
-
 
 def add(commands: Commands) -> None:
     """Add the command to the list."""

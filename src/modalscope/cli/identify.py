@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from modalscope.data.results import Result
     from modalscope.numerics.checks import RealArray
 
-__all__ = ["add", "run"]
-
 
 def add(commands: Commands) -> None:
     """Add the command to the list."""

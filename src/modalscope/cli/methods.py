@@ -6,8 +6,6 @@ import argparse
 
 from modalscope.cli.parser import Commands
 
-__all__ = ["add", "run"]
-
 
 def add(commands: Commands) -> None:
     """Add the command to the list."""

@@ -17,20 +17,7 @@ from modalscope.io.atomic import MARK, PENDING, check_target, is_ours, replacing
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from modalscope.judging.certificate import Certificate
-
-__all__ = [
-    "DATA",
-    "PICTURES",
-    "check_output",
-    "check_outputs",
-    "is_page",
-    "left_out",
-    "needed",
-    "write_data",
-    "write_outputs",
-    "write_picture",
-]
+    from modalscope.checking.certificate import Certificate
 
 _PAGES = (".html", ".htm")
 

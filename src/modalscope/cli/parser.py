@@ -9,24 +9,6 @@ from typing import Any, NoReturn, TypeAlias
 
 from modalscope.cli.process import EXIT_WRONG
 
-__all__ = [
-    "Commands",
-    "Parser",
-    "add_band",
-    "add_cell",
-    "add_choices",
-    "add_common",
-    "add_file",
-    "add_files",
-    "add_force",
-    "add_memory",
-    "add_output",
-    "add_outputs",
-    "add_part",
-    "add_reading",
-    "add_workers",
-]
-
 
 class Parser(argparse.ArgumentParser):
     """A parser whose errors are one line on stderr, and which takes words whole: --order is never taken for --orders."""

@@ -7,8 +7,6 @@ import argparse
 from modalscope.cli.parser import Commands, add_cell, add_choices, add_files
 from modalscope.cli.process import say
 
-__all__ = ["add", "run"]
-
 
 def add(commands: Commands) -> None:
     """Add the command to the list."""

@@ -12,8 +12,6 @@ from modalscope.cli.process import remark, say
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["add", "run"]
-
 
 def add(commands: Commands) -> None:
     """Add the command to the list."""

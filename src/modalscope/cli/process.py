@@ -11,9 +11,6 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import NoReturn
 
-__all__ = ["EXIT_WRONG", "STDOUT", "VOICE", "complain", "explain", "hang_up", "progress", "remark", "say", "take_over"]
-
-
 #: The name of an output that means JSON on stdout.
 STDOUT = "-"
 

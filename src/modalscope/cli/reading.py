@@ -12,9 +12,6 @@ from modalscope.data import DataError, ModalModel, Note
 from modalscope.data.shown import summary_of
 from modalscope.io import set_max_memory, survey
 
-__all__ = ["parse_delays", "parse_orders", "read_data", "read_modes", "read_test", "reading_options"]
-
-
 #: Options of reading that are handed on as they are.
 _AS_GIVEN = (
     "sampling_rate",

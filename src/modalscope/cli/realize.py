@@ -7,8 +7,6 @@ import argparse
 from modalscope.cli.parser import Commands, add_band, add_cell, add_files, add_outputs, add_part
 from modalscope.cli.process import explain, remark, say
 
-__all__ = ["add", "run"]
-
 
 def add(commands: Commands) -> None:
     """Add the command to the list."""

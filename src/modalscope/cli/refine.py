@@ -8,8 +8,6 @@ from pathlib import Path
 from modalscope.cli.parser import Commands, add_band, add_files, add_outputs, add_part
 from modalscope.cli.process import remark, say
 
-__all__ = ["add", "run"]
-
 
 def add(commands: Commands) -> None:
     """Add the command to the list."""

@@ -9,8 +9,6 @@ from typing import Any
 from modalscope.cli.parser import Commands, add_memory, add_outputs
 from modalscope.cli.process import say
 
-__all__ = ["add", "run"]
-
 
 def add(commands: Commands) -> None:
     """Add the command to the list."""

@@ -6,8 +6,6 @@ import argparse
 
 from modalscope.cli.parser import Commands
 
-__all__ = ["add", "run"]
-
 
 def add(commands: Commands) -> None:
     """Add the command to the list."""
@@ -21,8 +19,8 @@ def add(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Print every published value beside the computed one; what differs is an error."""
+    from modalscope.checking.selfcheck import selfcheck
     from modalscope.data import DataError
-    from modalscope.published.selfcheck import selfcheck
 
     found = selfcheck()
     print(found.table())

@@ -7,8 +7,6 @@ import argparse
 from modalscope.cli.parser import Commands, add_output
 from modalscope.cli.process import say
 
-__all__ = ["add", "run"]
-
 
 def add(commands: Commands) -> None:
     """Add the command to the list."""

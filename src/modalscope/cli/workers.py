@@ -11,8 +11,6 @@ from modalscope.cli.process import complain, progress
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.executors import working
 
-__all__ = ["LOCAL_SETTINGS", "workers_of"]
-
 #: Dask's workers give memory back at once, and are given it again for the next transform: these keep it. And every process of Dask looks at
 #: itself many times a second, which beside tasks of seconds tells nothing and takes a tenth of a second of a processor each second.
 LOCAL_SETTINGS = {

@@ -9,12 +9,10 @@ import numpy as np
 
 from modalscope.comparing.kinship import Kinship
 from modalscope.comparing.run import MethodResult
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.modal.indicators import mac
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.statistics import assign, scatter
-
-__all__ = ["Group", "pair"]
 
 #: Two modes of different methods can be the same within this many half bandwidths, but at least and at most these fractions of f ...
 _HALF_BANDWIDTHS, _LEAST, _MOST = 1.5, 0.002, 0.05

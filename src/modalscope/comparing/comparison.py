@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.checking.certificate import matched
 from modalscope.comparing.agreement import Group, pair
 from modalscope.comparing.diagnosis import (
     Cause,
@@ -37,18 +38,14 @@ from modalscope.data.shown import Shown, cells_of, summary_of
 from modalscope.identification.method import Method
 from modalscope.identification.options import AllOptions
 from modalscope.identification.prepare import Data, Measured, pose
-from modalscope.judging.certificate import matched
+from modalscope.identification.stabilize import stabilized
 from modalscope.judging.select import select
-from modalscope.judging.stabilize import stabilized
 from modalscope.modal.rebuilt import explained, explains_enough, fit_error_heard, rebuilt, share_explained
 from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_count, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
-
-__all__ = ["Comparison", "changed", "compare", "find_by_name"]
-
 
 # -------------------------------------------------------------------------------------------------------------- labels
 # What methods are called in tables and pictures, and how a result is found by any of its method's names.

@@ -45,20 +45,6 @@ from modalscope.modal.shapes import free_residues
 from modalscope.numerics.checks import Array
 from modalscope.numerics.statistics import noise_threshold
 
-__all__ = [
-    "CAUSES",
-    "HEAVY",
-    "Cause",
-    "Disagreement",
-    "channel_causes",
-    "disagreements",
-    "mode_causes",
-    "order_cause",
-    "sign_causes",
-    "without_dead",
-]
-
-
 # --------------------------------------------------------------------------------------------------------------- causes
 
 #: Name of a cause -> what to do about it.

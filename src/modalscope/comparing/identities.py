@@ -23,8 +23,6 @@ from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import assign
 from modalscope.realizations.balanced import projected_general
 
-__all__ = ["Identity", "check_identities", "pole_residual"]
-
 #: Small blocks: identities hold at any size, and dense second routes should be quick.
 _ROWS, _COLUMNS, _DEGREE = 24, 60, 12
 

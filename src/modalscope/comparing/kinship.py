@@ -11,13 +11,11 @@ import scipy.linalg as sla
 from modalscope.comparing.run import MethodResult
 from modalscope.data.modes import ModalModel
 from modalscope.identification.method import Method
+from modalscope.identification.stabilize import sufficient_order
 from modalscope.judging.evidence import oscillations
-from modalscope.judging.stabilize import sufficient_order
 from modalscope.judging.tracking import Poles
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.statistics import assign
-
-__all__ = ["Kinship", "kinship", "pole_distance", "subspace_angle"]
 
 #: Methods whose poles lie nearer than this (in half bandwidths) are one method on these data: rounding, with room.
 SAME = 1e-6

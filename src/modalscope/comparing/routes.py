@@ -33,8 +33,6 @@ from modalscope.identification.routes import USUAL
 from modalscope.modal.rebuilt import explains_enough, share_explained
 from modalscope.numerics.errors import DataError
 
-__all__ = ["route_causes", "tasks_of", "witnesses"]
-
 #: Lines to a half bandwidth below which a window broadens a mode, and decay times below which a record hardly shows one.
 _LINES, _DECAYS = 4, 3
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.blocks.influence import Lines
+from modalscope.checking.certificate import nearest_order
 from modalscope.data.modes import ModalModel
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
@@ -23,20 +24,16 @@ from modalscope.identification.options import Options
 from modalscope.identification.orders import STATES, checked_orders
 from modalscope.identification.pipeline import Factored, built, factored
 from modalscope.identification.prepare import Measured, pose
+from modalscope.identification.stabilize import swept
 from modalscope.identification.sweep import Sweep, start
 from modalscope.identification.table import find_method, methods
-from modalscope.judging.certificate import nearest_order
 from modalscope.judging.evidence import Gathered
 from modalscope.judging.select import chosen_of, weighed
-from modalscope.judging.stabilize import swept
 from modalscope.likelihood.covariance import PoleInfluence, covariances_of_poles, influence_on
 from modalscope.likelihood.noise import SPLIT, Noise
 from modalscope.modal.rebuilt import fit_of
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError, check_choice
-
-__all__ = ["Cell", "MethodResult", "Moved", "Progress", "covariance", "plan", "run"]
-
 
 # ---------------------------------------------------------------------------------------------------------------- plan
 

@@ -13,14 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
+from modalscope.checking.certificate import LARGEST_BIAS, Certificate, certified, replicates_of
 from modalscope.comparing.agreement import Group
 from modalscope.comparing.run import MethodResult, Moved, covariance
 from modalscope.data.records import Signals
-from modalscope.judging.certificate import LARGEST_BIAS, Certificate, certified, replicates_of
 from modalscope.numerics.checks import RealArray
-
-__all__ = ["Biased", "Scatter", "Tried", "certified_best", "interval_trouble", "stated"]
-
 
 # ----------------------------------------------------------------------------------------------------------- certified
 # Intervals of a comparison tried on simulations of its own case, by the method that fits best.

@@ -16,8 +16,6 @@ from modalscope.comparing.diagnosis import Cause
 from modalscope.comparing.run import MethodResult
 from modalscope.comparing.scatter import Scatter
 
-__all__ = ["GRADES", "Trust", "judge", "words"]
-
 GRADES = ("trusted", "frequency only", "doubtful")
 
 _SHARE = 2 / 3

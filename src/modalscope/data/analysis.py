@@ -9,9 +9,6 @@ from typing import Any
 from modalscope.numerics.checks import check_band, check_count, check_kind, freeze
 from modalscope.numerics.errors import DataError
 
-__all__ = ["SCHEMA", "VERSION", "Analysis", "SourceFile"]
-
-
 # ------------------------------------------------------------------------------------------------------------- version
 # The version, as files and reports say it; a test holds it to that of the face and of the project file.
 

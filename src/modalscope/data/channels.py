@@ -11,31 +11,9 @@ from typing import Any, Self, TypeAlias
 
 from modalscope.data.geometry import DofLike, Geometry, check_labels, indices_of
 from modalscope.data.shown import Shown
+from modalscope.functions.poles import QUANTITIES
 from modalscope.numerics.checks import check_each, check_kind, check_path, freeze
 from modalscope.numerics.errors import DataError, check_choice
-
-__all__ = [
-    "AUTO",
-    "KINDS",
-    "QUANTITIES",
-    "Channels",
-    "Chosen",
-    "Groups",
-    "SourcePath",
-    "check_groups",
-    "check_quantity",
-    "check_source",
-    "choose_channels",
-    "chosen_groups",
-    "derivatives_between",
-    "files_of",
-    "input_groups",
-    "known_quantity",
-    "names_base",
-    "run_groups",
-    "source_of",
-]
-
 
 # ------------------------------------------------------------------------------------------------------------- sources
 # The files that data came from: nothing that is written may take their place.
@@ -122,9 +100,6 @@ def check_groups(groups: Any, count: int, part: str, default: Groups) -> Groups:
 
 
 # ------------------------------------------------------------------------------------------------------------ channels
-
-#: Derivatives of the displacement that each quantity is.
-QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
 
 #: Where a Markov sequence came from (see `ImpulseResponse`).
 KINDS = ("pulse", "dirac", "correlation", "free decay")

@@ -16,9 +16,6 @@ from modalscope.data.shown import Shown
 from modalscope.numerics.checks import Array, IntArray, RealArray, check_each, check_kind, freeze, locked, real_array
 from modalscope.numerics.errors import DataError
 
-__all__ = ["Dof", "DofLike", "Geometry", "check_labels", "indices_of", "label_of", "parse_dof"]
-
-
 # -------------------------------------------------------------------------------------------------------------- labels
 # Degrees of freedom: labels made of a node and a direction, such as `3:+Z`, and how channels are chosen by them.
 

@@ -8,16 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.data.poles import is_real
+from modalscope.functions.poles import is_real
 from modalscope.numerics.checks import BoolArray, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.linear_systems import scaled, state_scale
 
 if TYPE_CHECKING:
     from modalscope.data.statespace import StateSpace
-
-__all__ = ["Block", "ModalForm", "PoleGroup", "block_diagonal_basis", "continuous", "pole_groups", "sampled"]
-
 
 #: An eigenvalue whose sensitivity (1 / cosine of the angle between its left and right eigenvectors) is above this has lost half
 #: of its digits: it is nearly defective.

@@ -31,26 +31,6 @@ from modalscope.numerics.extras import optional_package
 if TYPE_CHECKING:
     from modalscope.data.modes import ModalModel
 
-__all__ = [
-    "COLUMNS",
-    "DIRECT",
-    "PER_MODE",
-    "Candidate",
-    "Harmonic",
-    "as_dataframe",
-    "as_text",
-    "candidates_of",
-    "cells_of_modes",
-    "checked_fields",
-    "harmonics_of",
-    "joined",
-    "known_columns",
-    "mode_indices",
-    "taken_fields",
-    "told",
-]
-
-
 # ---------------------------------------------------------------------------------------------------------- candidates
 # What stands beside the modes of a result: candidates that were left out, and harmonics of turning machines.
 

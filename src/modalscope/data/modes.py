@@ -8,6 +8,7 @@ from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import ndtri, stdtrit
 
 from modalscope.data.channels import Channels, derivatives_between
 from modalscope.data.mode_fields import (
@@ -22,15 +23,11 @@ from modalscope.data.mode_fields import (
     taken_fields,
 )
 from modalscope.data.notes import Note, notes_of
-from modalscope.data.poles import HasPoles, to_discrete
 from modalscope.data.response import CORRELATED, UNTOLD
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
-from modalscope.numerics.checks import ComplexArray, RealArray, check_count, check_positive, freeze
+from modalscope.functions.poles import HasPoles, to_discrete
+from modalscope.numerics.checks import ComplexArray, RealArray, check_count, check_number, check_positive, freeze
 from modalscope.numerics.errors import DataError, check_choice
-from modalscope.numerics.statistics import intervals
-
-__all__ = ["NORMALIZATIONS", "ModalModel", "Mode", "named_near"]
-
 
 # ---------------------------------------------------------------------------------------------------------- mode names
 # Names that users give to modes, by frequency.
@@ -188,6 +185,37 @@ def _weights(modes: ModalModel) -> RealArray:
 
 # ---------------------------------------------------------------------------------------------------------------- mode
 # One mode, seen in the model that it belongs to.
+
+
+def intervals(modes: ModalModel, level: float) -> dict[str, RealArray]:
+    """Return value -+ z sigma of frequencies and damping ratios, each (n, 2) (see `ModalModel.interval`)."""
+    probability = check_number("level", level)
+    if not 0 < probability < 1:
+        raise DataError("a level between 0 and 1 was asked", f"it is {probability:g}", "Give 0.95 for 95 %.")
+    z = _quantile(modes, (1 + probability) / 2)
+    found: dict[str, RealArray] = {}
+    for name, values, noise, between in (
+        ("frequency", modes.frequencies, modes.frequencies_std, modes.frequencies_repeatability),
+        ("damping_ratio", modes.damping_ratios, modes.damping_ratios_std, modes.damping_ratios_repeatability),
+    ):
+        known = [sigma for sigma in (noise, between) if sigma is not None]
+        if known:
+            half = z * np.maximum.reduce(known)
+            found[name] = np.column_stack([values - half, values + half])
+    if not found:
+        raise DataError(
+            f"intervals at {100 * probability:g} % were asked",
+            "no standard deviation of these modes is known: neither from the noise nor between groups",
+            "Give frequencies_std and damping_ratios_std, or their repeatability between groups.",
+        )
+    unknown = np.full((len(modes), 2), np.nan)
+    return {name: found.get(name, unknown) for name in ("frequency", "damping_ratio")}
+
+
+def _quantile(modes: ModalModel, probability: float) -> float:
+    """Return the normal quantile; Student's where the deviations were estimated from few parts of a record, as their note says."""
+    degrees = [note.numbers["degrees_of_freedom"] for note in modes.notes if "degrees_of_freedom" in note.numbers]
+    return float(stdtrit(min(degrees), probability) if degrees else ndtri(probability))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

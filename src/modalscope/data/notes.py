@@ -1,17 +1,15 @@
-"""Define notes: kind, numbers and text of what a result has to say."""
+"""Define notes, what a result has to say, and findings, what is wrong with data."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from modalscope.numerics.checks import check_each, check_kind, check_number, freeze
 from modalscope.numerics.errors import DataError
-
-__all__ = ["REMARK", "Note", "notes_of"]
 
 #: The kind of a note that is nothing but its text.
 REMARK = "remark"
@@ -108,3 +106,44 @@ def _number(name: str, value: Any) -> float:
     if value is None or (isinstance(value, float) and np.isnan(value)):
         return np.nan  # one object, so that notes of the same content stay equal
     return value if isinstance(value, float) and np.isinf(value) else check_number(f"{name} of a note", value)
+
+
+class Finding(NamedTuple):
+    """One fault, or possible fault, of data.
+
+    Attributes
+    ----------
+    kind : str
+        One of `KINDS` of `modalscope.doctor.findings`.
+    channels : tuple of str
+        Labels of the channels concerned.
+    reason : str
+        What was found.
+    change : str
+        What to do about it.
+    frequencies : tuple of float
+        Hz: the lines or resonances concerned, where it concerns single ones.
+    """
+
+    kind: str
+    channels: tuple[str, ...]
+    reason: str
+    change: str
+    frequencies: tuple[float, ...] = ()
+
+    def beside(self, bands: Sequence[tuple[float, float]]) -> Finding:
+        """Return the same finding; its reason says so where it concerns no line of the bands.
+
+        Parameters
+        ----------
+        bands : sequence of (float, float)
+            Hz.
+        """
+        inside = any(low <= f <= high for f in self.frequencies for low, high in bands)
+        if not bands or not self.frequencies or inside:
+            return self
+        words = ", ".join(f"{low:g} to {high:g} Hz" for low, high in bands)
+        return self._replace(reason=f"{self.reason} (no line of the band {words} is concerned)")
+
+    def __str__(self) -> str:
+        return f"{self.kind}: {', '.join(self.channels)}: {self.reason}. {self.change}"

@@ -11,10 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from modalscope.data.notes import Note
-from modalscope.data.poles import is_real
+from modalscope.functions.poles import is_real
 from modalscope.numerics.checks import Array, RealArray
-
-__all__ = ["DELAY", "UNMEASURED", "Excess", "excess", "excess_notes", "pole_notes"]
 
 #: Kinds of the notes on a residual that stands out at the modes, and on channels that come late.
 UNMEASURED, DELAY = "unmeasured forces", "delay"

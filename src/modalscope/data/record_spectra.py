@@ -10,20 +10,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modalscope.data.channels import check_groups, run_groups
-from modalscope.data.driven_basis import DrivenBasis, DrivenLines, Run, driven_basis
 from modalscope.data.notes import Note
-from modalscope.data.poles import to_discrete
 from modalscope.data.record_residual import excess, excess_notes, pole_notes
 from modalscope.data.response import UNTOLD, NoResponse, output_scale
 from modalscope.data.responses import FrequencyResponse, lines_inside
 from modalscope.data.statespace import StateSpace
+from modalscope.functions.driven_basis import DrivenBasis, DrivenLines, Run, driven_basis
+from modalscope.functions.poles import to_discrete
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, freeze, locked
 
 if TYPE_CHECKING:
     from modalscope.data.modes import ModalModel
-
-__all__ = ["RecordSpectra", "line_power", "near_modes", "resonance_weights", "running_mean", "telling_lines"]
-
 
 # --------------------------------------------------------------------------------------------------------- line choice
 # Which lines of long records are enough: for judging, some of all and those of the peaks; for refining, those near the modes.

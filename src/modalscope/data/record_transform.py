@@ -13,9 +13,6 @@ from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import scratch
 
-__all__ = ["half_transform", "record_spectra"]
-
-
 # ------------------------------------------------------------------------------------------------------ half transform
 # The transform of a long real record in the place of its result: a transform of a few million samples takes three times that beside it.
 

@@ -36,9 +36,6 @@ from modalscope.numerics.checks import (
 )
 from modalscope.numerics.errors import DataError
 
-__all__ = ["Records", "Signals", "as_records"]
-
-
 # ------------------------------------------------------------------------------------------------------------- signals
 # Records: what the sensors and the exciters gave, sample by sample.
 

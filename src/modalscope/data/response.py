@@ -11,8 +11,8 @@ import numpy as np
 
 from modalscope.data.channels import AUTO, Channels, Groups
 from modalscope.data.notes import Note
-from modalscope.data.pole_basis import ModalBasis
 from modalscope.data.units import Convertible
+from modalscope.functions.pole_basis import ModalBasis
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
 
@@ -20,19 +20,6 @@ if TYPE_CHECKING:
     from modalscope.data.modes import ModalModel
     from modalscope.data.responses import FrequencyResponse, ImpulseResponse
     from modalscope.data.statespace import StateSpace
-
-__all__ = [
-    "CORRELATED",
-    "HALF",
-    "UNTOLD",
-    "AsLines",
-    "AsSamples",
-    "NoResponse",
-    "Response",
-    "output_scale",
-    "root_mean_squares",
-]
-
 
 # ------------------------------------------------------------------------------------------------------ response facts
 # What a response is: its values, and the facts that stages ask for without computing anything.

@@ -19,7 +19,8 @@ from modalscope.data.channels import (
     derivatives_between,
     input_groups,
 )
-from modalscope.data.pole_basis import (
+from modalscope.data.response import HALF, AsLines, AsSamples, Response
+from modalscope.functions.pole_basis import (
     ModalBasis,
     line_basis,
     line_data,
@@ -29,7 +30,6 @@ from modalscope.data.pole_basis import (
     sample_functions,
     scaled_terms,
 )
-from modalscope.data.response import HALF, AsLines, AsSamples, Response
 from modalscope.numerics.checks import (
     Array,
     ComplexArray,
@@ -50,9 +50,6 @@ from modalscope.numerics.linear_systems import HELD, markov_parameters
 if TYPE_CHECKING:
     from modalscope.data.modes import ModalModel
     from modalscope.data.statespace import StateSpace
-
-__all__ = ["FrequencyResponse", "ImpulseResponse", "lines_inside"]
-
 
 # ------------------------------------------------------------------------------------------------------------- impulse
 # Impulse responses: sequences of Markov parameters Y(k) = C A^k B.

@@ -11,15 +11,12 @@ import numpy as np
 from modalscope.data.analysis import Analysis
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note, notes_of
-from modalscope.data.poles import HasPoles
 from modalscope.data.response import Response
 from modalscope.data.shown import Shown
 from modalscope.data.whitening import Whitening
+from modalscope.functions.poles import HasPoles
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, freeze, locked
 from modalscope.numerics.errors import DataError
-
-__all__ = ["Result", "Settings", "StabilizationDiagram"]
-
 
 # ------------------------------------------------------------------------------------------------------------ settings
 # The options that an identification was made with, as one object that every result carries.

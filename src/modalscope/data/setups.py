@@ -24,8 +24,6 @@ from modalscope.data.units import Convertible
 from modalscope.numerics.checks import check_each, check_kind, freeze
 from modalscope.numerics.errors import DataError
 
-__all__ = ["Setups", "as_test", "check_setups", "setups_of"]
-
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class Setups(Shown, Convertible):

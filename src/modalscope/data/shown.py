@@ -16,8 +16,6 @@ import numpy as np
 from modalscope.numerics.checks import Array
 from modalscope.numerics.errors import DataError
 
-__all__ = ["Shown", "cells_of", "counted", "curve", "dots", "html_table", "sketch_of", "summary_of"]
-
 _WIDTH, _HEIGHT, _COLUMNS = 420, 90, 400
 
 #: So many dots are drawn at most.

@@ -10,8 +10,6 @@ from modalscope.data.setups import Setups
 from modalscope.numerics.checks import Array
 from modalscope.numerics.errors import DataError
 
-__all__ = ["check_alive", "check_size"]
-
 #: The largest number of a channel lies between 1 over these and these. Correlations of records are responses: they go with the square.
 _RECORDS, _RESPONSES = 1e30, 1e60
 

@@ -15,9 +15,6 @@ from modalscope.numerics.checks import Array, RealArray, check_count, check_numb
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import allowed_memory, check_fits
 
-__all__ = ["Picked", "Record", "Rows", "StoredResponse", "StoredSignals"]
-
-
 #: Bytes of a stretch that stands for the whole record where it is looked at.
 _EXCERPT = 64_000_000
 

@@ -16,8 +16,6 @@ from modalscope.data.shown import cells_of, counted, curve, dots, sketch_of, sum
 from modalscope.data.statespace import StateSpace
 from modalscope.data.stored import StoredResponse, StoredSignals
 
-__all__: list[str] = []
-
 
 @summary_of.register
 def _(thing: Geometry) -> str:

@@ -14,12 +14,10 @@ from typing import Any, NamedTuple, Protocol, Self, TypeVar, runtime_checkable
 
 import numpy as np
 
-from modalscope.data.channels import QUANTITIES, Channels
+from modalscope.data.channels import Channels
 from modalscope.data.notes import Note
+from modalscope.functions.poles import QUANTITIES
 from modalscope.numerics.checks import RealArray
-
-__all__ = ["FACTORS", "Convertible", "InSi", "in_si", "plain_unit", "si_form"]
-
 
 _FOOT, _INCH, _GRAVITY, _POUND = 0.3048, 0.0254, 9.80665, 0.45359237
 _POUND_FORCE = _POUND * _GRAVITY

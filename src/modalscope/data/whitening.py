@@ -12,8 +12,6 @@ from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.numerics.checks import Array, RealArray
 
-__all__ = ["Whitening", "normed_covariance", "whitening_matrix"]
-
 #: Eigenvalues of the normed covariance are held above this part of the largest: channels may depend on each other to rounding.
 _SMALLEST = 1e-10
 

@@ -7,8 +7,6 @@ import numpy as np
 from modalscope.data.response import Response
 from modalscope.numerics.checks import Array, RealArray
 
-__all__ = ["faded_noise", "fading", "line_step", "window_over_lines"]
-
 #: Relative rounding of single precision, in which many responses are stored.
 _STORED = 1e-7
 

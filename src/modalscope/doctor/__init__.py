@@ -1,6 +1,6 @@
 """What is wrong with measured data, before anything is identified from them: one list of findings."""
 
+from modalscope.data.notes import Finding
 from modalscope.doctor.examine import examine
-from modalscope.doctor.findings import Finding
 
 __all__ = ["Finding", "examine"]

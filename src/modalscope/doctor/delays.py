@@ -12,17 +12,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy import fft
 
-from modalscope.data.notes import Note
+from modalscope.data.notes import Finding, Note
 from modalscope.data.records import Records, Signals
-from modalscope.doctor.findings import Finding, finding
+from modalscope.doctor.findings import finding
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.correlation import spanning_outputs
 from modalscope.preprocess.excitation import find_excitation
 from modalscope.preprocess.spectra import Segments, cross_spectra
-
-__all__ = ["DELAYS", "aligned", "delayed", "exchanged", "late", "seen_delays"]
-
 
 # ------------------------------------------------------------------------------------------ outputs late after the forces
 # Their impulse responses begin with a jump, and after the same lag.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from modalscope.data.notes import Finding
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
@@ -11,7 +12,7 @@ from modalscope.data.setups import Setups
 from modalscope.data.sizes import check_size
 from modalscope.data.stored import StoredResponse, StoredSignals
 from modalscope.doctor.delays import delayed, exchanged, late
-from modalscope.doctor.findings import Finding, dead_channels, finding, identical_channels, sides_of
+from modalscope.doctor.findings import dead_channels, finding, identical_channels, sides_of
 from modalscope.doctor.places import same_places
 from modalscope.doctor.records import bad_hits, clipped, leakage, noisy_channels, too_short, transposed
 from modalscope.doctor.responses import examine_response
@@ -23,9 +24,6 @@ from modalscope.preprocess.excitation import EVENT, find_excitation, powers_of_s
 from modalscope.preprocess.excited_band import swept_lines, useful_lines
 from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.spectra import Segments, cross_spectra
-
-__all__ = ["events", "examine"]
-
 
 # ------------------------------------------------------------------------------------------------------------- examine
 

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from modalscope.data.notes import Finding
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.setups import Setups
 from modalscope.numerics.checks import Array, RealArray
-
-__all__ = ["KINDS", "Finding", "Side", "channels_of", "dead_channels", "finding", "identical_channels", "sides_of"]
 
 #: One side of the data: "output" or "input", its channels as columns (N, c), and their labels.
 Side = tuple[str, Array, tuple[str, ...]]
@@ -185,47 +184,6 @@ _DEAD = 32 * float(np.finfo(float).eps)
 
 #: Channels are the same when the difference of one from a multiple of the other is below this part of it.
 _SAME = 1e-6
-
-
-class Finding(NamedTuple):
-    """One fault, or possible fault, of data.
-
-    Attributes
-    ----------
-    kind : str
-        One of `KINDS`.
-    channels : tuple of str
-        Labels of the channels concerned.
-    reason : str
-        What was found.
-    change : str
-        What to do about it.
-    frequencies : tuple of float
-        Hz: the lines or resonances concerned, where it concerns single ones.
-    """
-
-    kind: str
-    channels: tuple[str, ...]
-    reason: str
-    change: str
-    frequencies: tuple[float, ...] = ()
-
-    def beside(self, bands: Sequence[tuple[float, float]]) -> Finding:
-        """Return the same finding; its reason says so where it concerns no line of the bands.
-
-        Parameters
-        ----------
-        bands : sequence of (float, float)
-            Hz.
-        """
-        inside = any(low <= f <= high for f in self.frequencies for low, high in bands)
-        if not bands or not self.frequencies or inside:
-            return self
-        words = ", ".join(f"{low:g} to {high:g} Hz" for low, high in bands)
-        return self._replace(reason=f"{self.reason} (no line of the band {words} is concerned)")
-
-    def __str__(self) -> str:
-        return f"{self.kind}: {', '.join(self.channels)}: {self.reason}. {self.change}"
 
 
 def finding(name: str, *channels: str, at: Iterable[float] = (), **measured: Any) -> Finding:

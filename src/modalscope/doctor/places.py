@@ -29,8 +29,6 @@ from modalscope.numerics.checks import ComplexArray, RealArray
 from modalscope.preprocess.excitation import find_excitation
 from modalscope.preprocess.impacts import find_hits
 
-__all__ = ["named_by_place", "same_places"]
-
 #: Lines of a block, or so many that it holds this number of values, so that two blocks of noise seldom look alike.
 _LINES, _VALUES = 4, 16
 

@@ -14,15 +14,13 @@ from itertools import combinations
 import numpy as np
 import scipy
 
-from modalscope.data.channels import QUANTITIES
 from modalscope.data.geometry import parse_dof
+from modalscope.data.notes import Finding
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
-from modalscope.doctor.findings import Finding, finding
+from modalscope.doctor.findings import finding
+from modalscope.functions.poles import QUANTITIES
 from modalscope.numerics.checks import Array, BoolArray, ComplexArray, RealArray
-
-__all__ = ["check_polarity", "check_slope", "level"]
-
 
 # ------------------------------------------------------------------------------------------------------------ quantity
 

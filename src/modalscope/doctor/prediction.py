@@ -11,8 +11,6 @@ import scipy
 from modalscope.numerics.checks import RealArray
 from modalscope.preprocess.stored_correlation import LagSum
 
-__all__ = ["FARTHEST", "Joint", "joint", "joints", "side_by_side", "unexplained"]
-
 #: Channels of a group, and rows of one side of its matrix: samples of the past times channels.
 _TOGETHER, _ROWS = 6, 120
 

@@ -6,8 +6,9 @@ import numpy as np
 import scipy
 from scipy import fft
 
+from modalscope.data.notes import Finding
 from modalscope.data.records import Signals
-from modalscope.doctor.findings import Finding, channels_of, finding
+from modalscope.doctor.findings import channels_of, finding
 from modalscope.doctor.prediction import unexplained
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import DataError
@@ -16,8 +17,6 @@ from modalscope.preprocess.frf import estimate_frf, plan_hits, without_offset
 from modalscope.preprocess.harmonics import find_lines
 from modalscope.preprocess.impacts import Hit, clipped_samples, find_hits
 from modalscope.preprocess.spectra import Segments, cross_spectra
-
-__all__ = ["bad_hits", "clipped", "leakage", "noisy_channels", "too_short", "transposed"]
 
 #: A channel is noisy when less than this part of its power follows from the inputs, and this much less than the median's.
 _NOISY, _BELOW = 0.5, 0.25

@@ -7,15 +7,13 @@ from typing import Any
 import numpy as np
 import scipy
 
+from modalscope.data.notes import Finding
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse
 from modalscope.data.window import line_step
-from modalscope.doctor.findings import Finding, dead_channels, finding, identical_channels, sides_of
+from modalscope.doctor.findings import dead_channels, finding, identical_channels, sides_of
 from modalscope.doctor.polarity import check_polarity, check_slope, level
 from modalscope.numerics.checks import Array, RealArray
-
-__all__ = ["bandwidths", "examine_response", "no_phase", "odd_phases"]
-
 
 # --------------------------------------------------------------------------------------------------------- line checks
 # Faults of frequency responses line by line: isolated lines, phases that rise along resonances, missing phases.

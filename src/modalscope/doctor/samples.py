@@ -13,14 +13,12 @@ import numpy as np
 import scipy
 from scipy.special import pdtrc
 
+from modalscope.data.notes import Finding
 from modalscope.data.records import Signals
-from modalscope.doctor.findings import Finding, channels_of, finding
+from modalscope.doctor.findings import channels_of, finding
 from modalscope.doctor.prediction import FARTHEST, Joint, joints
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.statistics import NORMAL
-
-__all__ = ["frozen", "jumps", "lone_outputs", "slips", "spikes", "wrapped"]
-
 
 # ---------------------------------------------------------------------------------------------------- isolated samples
 # Samples that disagree with their neighbours in all channels: weak spikes, and numbers that overflowed.

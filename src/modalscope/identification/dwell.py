@@ -10,16 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modalscope.data.channels import QUANTITIES
 from modalscope.data.modes import ModalModel
-from modalscope.data.poles import poles_from
 from modalscope.data.responses import FrequencyResponse
+from modalscope.functions.poles import QUANTITIES, poles_from
 from modalscope.modal.indicators import mac, mmif, mpc
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_band, check_kind, check_positive
 from modalscope.numerics.errors import DataError
-
-__all__ = ["Dwell", "tuned_dwell"]
 
 #: Lines on either side of a minimum that the single-mode fit uses at least.
 _LEAST_LINES = 3

@@ -25,8 +25,6 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import ComplexArray, RealArray, check_count
 from modalscope.numerics.resources import one_thread
 
-__all__ = ["Identification", "assemble", "identify", "realize"]
-
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class Identification(Shown):

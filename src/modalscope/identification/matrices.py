@@ -37,20 +37,6 @@ from modalscope.identification.sizes import (
 )
 from modalscope.numerics.errors import DataError
 
-__all__ = [
-    "canonical_hankel",
-    "complete_factors",
-    "complete_hankel",
-    "driven_records",
-    "fraction_factors",
-    "h0_factors",
-    "plain_hankel",
-    "projected_records",
-    "records_on_lines",
-    "tall_factors",
-]
-
-
 # ------------------------------------------------------------------------------------------------------- line matrices
 
 

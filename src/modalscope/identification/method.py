@@ -23,9 +23,6 @@ from modalscope.identification.orders import OrderRule
 from modalscope.numerics.errors import DataError
 from modalscope.realizations.realization import Realization
 
-__all__ = ["DOMAINS", "Built", "Method", "Problem", "Takes", "has_decayed", "plain"]
-
-
 # --------------------------------------------------------------------------------------------------------------- takes
 #: A response has decayed when its last tenth holds less than this share of the energy.
 _DECAYED = 1e-3

@@ -18,20 +18,6 @@ from modalscope.data.results import Settings
 from modalscope.numerics.checks import check_band, check_count, check_each, check_kind, freeze
 from modalscope.numerics.errors import check_choice
 
-__all__ = [
-    "ROUTES",
-    "AllOptions",
-    "DrivenOptions",
-    "FractionOptions",
-    "HankelOptions",
-    "LineOptions",
-    "Options",
-    "RecordOptions",
-    "SpectraOptions",
-    "delays_of",
-    "labels_of",
-]
-
 #: Ways from records with inputs into the table; "auto" follows the rule of `modalscope.identification.routes`.
 ROUTES = ("auto", "records", "frf", "markov", "subspace")
 

@@ -16,8 +16,6 @@ from modalscope.numerics.checks import check_count, check_each
 from modalscope.numerics.errors import DataError
 from modalscope.realizations.order import recommend_order
 
-__all__ = ["BLOCKS", "COMPANIONS", "DEGREES", "STATES", "Choice", "OrderRule", "Reach", "checked_orders"]
-
 #: Largest number of states tried by default, by where the response came from; impulse responses 60.
 _LARGEST = {"lines": 80, "records": 80, "correlation": 40}
 

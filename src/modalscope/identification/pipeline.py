@@ -16,8 +16,6 @@ from modalscope.identification.method import Built, Method, Problem
 from modalscope.numerics.checks import check_count
 from modalscope.realizations.realization import Realization
 
-__all__ = ["Factored", "Pipeline", "built", "factor", "factored", "realized"]
-
 #: What the columns of a sequence without inputs are, and participation with them.
 _PARTICIPATION = {
     "free decay": "participation is the amplitude of each mode in each initial state, not a modal input vector",

@@ -19,8 +19,6 @@ from modalscope.identification.prepare import prepare
 from modalscope.identification.sizes import default_degree, default_windows
 from modalscope.numerics.resources import allowed_memory, in_words
 
-__all__ = ["Plan", "plan"]
-
 #: Passes over the data of a randomized range: products from either side.
 _PASSES = 12
 

@@ -38,9 +38,6 @@ from modalscope.preprocess.bands import whitening_of
 from modalscope.preprocess.correlation import estimate_correlation, slower_correlation, spanning_outputs
 from modalscope.preprocess.setups import joined_setups
 
-__all__ = ["Data", "Measured", "measure", "pose", "prepare"]
-
-
 # ------------------------------------------------------------------------------------------------------------ measured
 
 

@@ -27,9 +27,6 @@ from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_kin
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
 
-__all__ = ["in_place", "refine"]
-
-
 # ---------------------------------------------------------------------------------------------------------- completion
 # Add poles at peaks of the residual to a list of modes, where the residual is then white.
 

@@ -39,25 +39,6 @@ from modalscope.preprocess.harmonics_removed import without_lines
 from modalscope.preprocess.line_noise import level_lines
 from modalscope.preprocess.merging import joined_frf
 
-__all__ = [
-    "USUAL",
-    "Conditioned",
-    "SeenRecord",
-    "Way",
-    "bands_of_record",
-    "bands_of_setups",
-    "by_route",
-    "chosen_route",
-    "conditioned",
-    "conditioned_setups",
-    "looked_through",
-    "one_record",
-    "seen_record",
-    "usual_route",
-    "without_delays",
-]
-
-
 # -------------------------------------------------------------------------------------------------- records with inputs
 
 #: The row and the domain of each way where none is asked.

@@ -12,19 +12,6 @@ from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 
-__all__ = [
-    "SETUP_ROWS",
-    "companion_windows",
-    "default_blocks",
-    "default_degree",
-    "default_driven",
-    "default_projection",
-    "default_record_degree",
-    "default_shifts",
-    "default_windows",
-    "setup_blocks",
-]
-
 #: Parts of the samples that the short side of a truncation spans: a sixth, see `default_windows`.
 _PARTS = 6
 

@@ -14,9 +14,9 @@ import numpy as np
 from modalscope.blocks.triple import Misfit, Triple
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
-from modalscope.data.pole_basis import ModalBasis
-from modalscope.data.poles import frequencies_and_damping
 from modalscope.data.response import output_scale
+from modalscope.functions.pole_basis import ModalBasis
+from modalscope.functions.poles import frequencies_and_damping
 from modalscope.identification.options import AllOptions
 from modalscope.identification.orders import checked_orders
 from modalscope.identification.pipeline import Factored, Pipeline, factor, realized
@@ -29,9 +29,6 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
-
-__all__ = ["Cut", "Shared", "Sweep", "cut_order", "judged", "start", "sweep"]
-
 
 # ----------------------------------------------------------------------------------------------------------------- cut
 #: Orders are judged together while their states times lines or samples are no more than this: arrays in between stay in the cache.

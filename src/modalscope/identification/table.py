@@ -29,9 +29,6 @@ from modalscope.realizations.companion import fraction_companion, least_squares_
 from modalscope.realizations.regression import regression
 from modalscope.realizations.shift import shift
 
-__all__ = ["POINTERS", "cell_label", "check_form", "find_method", "methods", "options_of"]
-
-
 # ---------------------------------------------------------------------------------------------------------------- table
 
 #: What a column of the table fixes for a row whose realization suits every data matrix.

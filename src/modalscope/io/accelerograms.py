@@ -24,8 +24,6 @@ from modalscope.io.limits import Room, room
 from modalscope.io.text.dialect import encoding_of, lines_of
 from modalscope.numerics.checks import RealArray
 
-__all__ = ["ACCELEROGRAM_OPTIONS", "read", "read_smc"]
-
 ACCELEROGRAM_OPTIONS = COLUMN_OPTIONS
 
 Lines = Sequence[str]

@@ -22,8 +22,6 @@ from modalscope.io.limits import room
 from modalscope.numerics.checks import Array
 from modalscope.numerics.errors import DataError
 
-__all__ = ["analysis_from", "analysis_to", "read_analysis", "write_analysis"]
-
 
 def write_analysis(path: Path, document: Analysis) -> None:
     """Write the document alone."""

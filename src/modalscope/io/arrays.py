@@ -41,25 +41,6 @@ from modalscope.io.contents import Plain
 from modalscope.io.limits import room
 from modalscope.numerics.checks import Array, ComplexArray
 
-__all__ = [
-    "AXES",
-    "GEOMETRY",
-    "INDICATOR",
-    "JSON",
-    "TEXTS",
-    "UNREFINED",
-    "damaged",
-    "field_value",
-    "from_json_numbers",
-    "geometry_of_arrays",
-    "joined",
-    "names_of",
-    "noun_of",
-    "plain",
-    "to_arrays",
-]
-
-
 TEXTS = (
     "output_dofs",
     "input_dofs",

@@ -15,9 +15,6 @@ from typing import Any
 from modalscope.data import DataError
 from modalscope.data.analysis import VERSION
 
-__all__ = ["MARK", "PENDING", "check_target", "check_texts", "in_ascii", "is_ours", "replacing"]
-
-
 #: Temporary files that are being written: what ends the process without an exception takes them away itself.
 PENDING: set[Path] = set()
 

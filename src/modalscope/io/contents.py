@@ -23,9 +23,6 @@ from modalscope.data import (
     StoredSignals,
 )
 
-__all__ = ["Contents", "Finding", "Format", "Options", "Plain", "Survey", "Thing", "chosen"]
-
-
 Plain: TypeAlias = FrequencyResponse | ImpulseResponse | Signals | ModalModel | Geometry | StateSpace
 Thing: TypeAlias = Plain | StoredSignals | StoredResponse | StabilizationDiagram
 Options: TypeAlias = Mapping[str, Any]

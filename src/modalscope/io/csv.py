@@ -37,9 +37,6 @@ from modalscope.io.contents import Contents, Finding, Options, Thing
 from modalscope.io.limits import Room, room
 from modalscope.numerics.checks import Array, RealArray
 
-__all__ = ["read"]
-
-
 _PAIR = re.compile(
     r"^(?:(?P<part>real|imag)\s+)?(?P<out>[^/\[\]]+?)\s*/\s*(?P<in>[^/\[\]]+?)\s*(?:\[(?P<unit>.*?)(?: / (?P<unit_in>.*))?\])?$"
 )

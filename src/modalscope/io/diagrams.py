@@ -32,8 +32,6 @@ from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import Room, room
 from modalscope.numerics.checks import Array
 
-__all__ = ["DIAGRAM", "diagram_arrays", "diagram_contents", "document_contents", "write_document"]
-
 #: The text that holds what is no array; where it is, the file holds a diagram.
 DIAGRAM = "diagram"
 

@@ -20,8 +20,6 @@ from modalscope.io.text import contents_of_lines
 from modalscope.io.text.cells import is_value
 from modalscope.numerics.extras import optional_package
 
-__all__ = ["EXCEL_OPTIONS", "read", "rows_of"]
-
 EXCEL_OPTIONS = (*COLUMN_OPTIONS, "skip", "sheet")
 
 #: What openpyxl and the readers of archives and XML under it raise on damaged workbooks.

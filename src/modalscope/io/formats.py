@@ -30,9 +30,6 @@ from modalscope.io.stored import STORED_OPTIONS
 from modalscope.numerics.arguments import plainly
 from modalscope.numerics.checks import check_kind, check_path
 
-__all__ = ["FORMATS", "check_options", "format_of", "read", "sources_of", "survey", "write"]
-
-
 _UNIVERSAL = Format(
     name="universal file",
     reader=uff.read,

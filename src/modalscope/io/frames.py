@@ -15,9 +15,6 @@ from modalscope.io.from_arrays import overridden
 from modalscope.numerics.arguments import plainly
 from modalscope.numerics.checks import Array
 
-__all__ = ["from_frame", "is_frame", "table_of_frame"]
-
-
 #: Names of attributes that hold a rate.
 _RATES = ("sampling_rate", "sampling_frequency", "sample_rate", "fs", "Fs")
 

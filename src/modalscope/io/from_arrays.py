@@ -43,9 +43,6 @@ from modalscope.io.contents import Contents, Finding, Options, Thing
 from modalscope.io.loose import Lists, lists_of, meaning_of, meant_by, stacked_runs
 from modalscope.numerics.checks import Array
 
-__all__ = ["ARRAY_OPTIONS", "FIELD_OPTIONS", "contents_from_arrays", "overridden"]
-
-
 # --------------------------------------------------------------------------------------------------------------- hints
 # What to say about arrays whose names are not known: the nearest that are.
 

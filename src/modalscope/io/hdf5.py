@@ -24,8 +24,6 @@ from modalscope.io.stored import Hdf5Rows, name_of_outputs, stays_stored, stored
 from modalscope.numerics.checks import Array
 from modalscope.numerics.extras import optional_package
 
-__all__ = ["DAMAGED", "read", "write"]
-
 _LAYOUT = 1
 
 #: What h5py raises on damaged files.

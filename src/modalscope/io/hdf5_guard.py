@@ -18,8 +18,6 @@ from modalscope.data import DataError
 from modalscope.io import hdf5_walk
 from modalscope.io.limits import Room
 
-__all__ = ["check_hdf5", "seal"]
-
 _MARK = b"\nmodalscope sha256 "
 _DIGEST = 64
 #: Seconds, and bytes a second, that a walk may take of a processor; and of the clock, which other programs hold up.

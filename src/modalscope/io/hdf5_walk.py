@@ -14,8 +14,6 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
-__all__ = ["ATTRIBUTES", "Refused", "walk"]
-
 #: The attributes that readers look at.
 ATTRIBUTES = ("CLASS", "MATLAB_class", "MATLAB_empty", "modalscope_layout")
 

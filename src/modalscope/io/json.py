@@ -29,8 +29,8 @@ import numpy as np
 from modalscope.data import DataError, Geometry, ModalModel, StabilizationDiagram, StateSpace
 from modalscope.data.analysis import VERSION
 from modalscope.data.mode_fields import COLUMNS
-from modalscope.data.poles import poles_from
 from modalscope.data.results import Result
+from modalscope.functions.poles import poles_from
 from modalscope.io.analysis import analysis_to
 from modalscope.io.arrays import from_json_numbers, joined, to_arrays
 from modalscope.io.contents import Contents, Finding, Options
@@ -38,8 +38,6 @@ from modalscope.io.diagrams import DIAGRAM, document_contents, write_document
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import room
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
-
-__all__ = ["WRITE_OPTIONS", "read", "write"]
 
 #: What the caller may add: how the modes were found, and the data they were found in.
 WRITE_OPTIONS = ("method", "domain", "orders", "route", "data", "result")

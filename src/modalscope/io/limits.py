@@ -16,8 +16,6 @@ from modalscope.data import DataError
 from modalscope.numerics.checks import Array
 from modalscope.numerics.resources import set_allowed_memory
 
-__all__ = ["MOST_PARTS", "Room", "room", "set_max_memory"]
-
 _LEAST, _TIMES = 500_000_000, 20
 #: Inflated, joined and locked arrays stand in memory beside each other.
 _COPIES = 4

@@ -19,20 +19,6 @@ from modalscope.io.columns.words import role_by_words, split_head
 from modalscope.io.contents import Options
 from modalscope.numerics.checks import Array
 
-__all__ = [
-    "MEMBER",
-    "Lists",
-    "Meant",
-    "axis_kind",
-    "is_rate",
-    "lists_of",
-    "meaning_of",
-    "meant_by",
-    "member_name",
-    "stacked_runs",
-]
-
-
 _RATES = {
     "fs", "f_s", "fsamp", "fsampling", "samplingrate", "samplerate", "sr", "srate", "rate", "samplingfrequency", "samplefrequency",
 }  # fmt: skip

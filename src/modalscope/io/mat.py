@@ -30,9 +30,6 @@ from modalscope.io.loose import MEMBER, member_name
 from modalscope.numerics.checks import Array
 from modalscope.numerics.extras import optional_package
 
-__all__ = ["read", "write"]
-
-
 # ---------------------------------------------------------------------------------------------------------------- mat5
 # MATLAB files of version 5 to 7, element by element.
 #

@@ -14,8 +14,6 @@ from modalscope.io.contents import Contents, Finding, Options
 from modalscope.io.limits import room
 from modalscope.numerics.extras import optional_package
 
-__all__ = ["MESHES", "read"]
-
 #: Suffixes of meshes.
 MESHES = (".msh", ".vtk", ".vtu", ".inp", ".bdf", ".nas", ".fem", ".med", ".stl", ".obj", ".ply")
 

@@ -23,9 +23,6 @@ from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import Room, room
 from modalscope.numerics.checks import Array
 
-__all__ = ["read", "write"]
-
-
 # ----------------------------------------------------------------------------------------------------------------- npy
 # A single NumPy array (.npy): samples in rows, channels in columns; what its shape cannot say, options do.
 

@@ -29,9 +29,6 @@ from modalscope.io.text.cells import Dialect, is_number, number_of, split, uncom
 from modalscope.io.text.dialect import dialect_of, encoding_of, lines_of
 from modalscope.numerics.checks import RealArray, check_path
 
-__all__ = ["TABLES", "geometry_of_tables", "joined_by_neighbours", "told_of_channels", "with_geometry"]
-
-
 # ---------------------------------------------------------------------------------------------------------- neighbours
 # Lines between neighbouring points, where nobody drew any.
 

@@ -19,8 +19,6 @@ from modalscope.io.frames import table_of_frame
 from modalscope.io.limits import Room, room
 from modalscope.numerics.extras import optional_package
 
-__all__ = ["RECORDER_OPTIONS", "read_mdf", "read_netcdf", "read_parquet", "read_tdms"]
-
 RECORDER_OPTIONS = (*COLUMN_OPTIONS, "sheet")
 
 #: What these packages raise on files that are damaged or of another kind.

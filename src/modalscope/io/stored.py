@@ -17,18 +17,6 @@ from modalscope.numerics.checks import Array
 from modalscope.numerics.extras import optional_package
 from modalscope.numerics.resources import allowed_memory
 
-__all__ = [
-    "STORED_OPTIONS",
-    "Hdf5Rows",
-    "ZarrOutputs",
-    "ZarrRows",
-    "identity_of",
-    "name_of_outputs",
-    "stays_stored",
-    "stored_contents",
-    "stored_response",
-]
-
 STORED_OPTIONS = ("stored",)
 
 #: A record that would take more than one in so many parts of the memory stays where it is.

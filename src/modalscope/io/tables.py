@@ -9,8 +9,6 @@ import numpy as np
 from modalscope.data import DataError, Geometry
 from modalscope.numerics.checks import Array
 
-__all__ = ["geometry_from_tables"]
-
 #: Characters of a cell, at most: in an array each takes the width of the longest.
 _LONGEST = 400
 

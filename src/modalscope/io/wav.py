@@ -14,8 +14,6 @@ from modalscope.io.columns import Column, Table, contents_from_table
 from modalscope.io.contents import Contents, Options
 from modalscope.io.limits import room
 
-__all__ = ["WAV_OPTIONS", "read"]
-
 WAV_OPTIONS = ("columns", "ignore", "rows")
 
 #: What scipy's reader raises on damaged files; where a part is missing it stops at a name that was never set.

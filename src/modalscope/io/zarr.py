@@ -26,9 +26,6 @@ from modalscope.io.stored import ZarrOutputs, ZarrRows, name_of_outputs, stays_s
 from modalscope.numerics.checks import Array
 from modalscope.numerics.extras import optional_package
 
-__all__ = ["modes_in_pieces", "read"]
-
-
 # --------------------------------------------------------------------------------------------------------- zarr writer
 # Modes in a Zarr folder whose shapes are written piece by piece.
 

@@ -11,17 +11,15 @@ import numpy as np
 from modalscope.data.mode_fields import PER_MODE, joined
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
-from modalscope.data.poles import frequencies_and_damping
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
-from modalscope.judging.stabilize import ORDERS_END
+from modalscope.functions.poles import frequencies_and_damping
+from modalscope.identification.stabilize import ORDERS_END
 from modalscope.modal.indicators import mac
 from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, RealArray, check_band, check_each, check_kind
 from modalscope.numerics.errors import DataError
-
-__all__ = ["SPLIT", "Part", "cut_of", "evened", "holds_too_little", "joined_diagram", "joined_modes", "merge_bands"]
 
 
 @named()

@@ -7,38 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.data.poles import frequencies_and_damping, poles_from
 from modalscope.data.response import Response, output_scale
 from modalscope.data.results import StabilizationDiagram
-from modalscope.judging.stabilize import usable_orders
+from modalscope.functions.poles import frequencies_and_damping, poles_from
+from modalscope.identification.stabilize import usable_orders
 from modalscope.judging.tracking import GAP, Poles, consensus, join_broken, merge_splits, tracks
 from modalscope.likelihood.noise import typical_deviation
 from modalscope.modal.indicators import cmif, mac, prominence
 from modalscope.modal.rebuilt import of_diagram, peak_sizes
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.preprocess.peak_test import PEAK
-
-__all__ = [
-    "CERTAIN",
-    "CLEAR",
-    "LEAST_ORDERS",
-    "LEAST_PEAK",
-    "LEAST_PERSISTENCE",
-    "LEAST_SHARE",
-    "LEAST_SIGNAL",
-    "UNCERTAIN",
-    "Candidate",
-    "Evidence",
-    "Gathered",
-    "Own",
-    "counted",
-    "evidence_of",
-    "judge",
-    "oscillations",
-    "peaks",
-    "sentence",
-]
-
 
 #: A mode is found at this many orders at least, and at this share of all that are used.
 LEAST_ORDERS, LEAST_SHARE = 5, 0.15

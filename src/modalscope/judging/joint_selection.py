@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modalscope.data.poles import overlap
+from modalscope.functions.poles import overlap
 from modalscope.judging.recount import Recount, recount_of
 from modalscope.judging.selection_problem import SelectionProblem
 from modalscope.judging.tracking import collinear
@@ -20,17 +20,6 @@ from modalscope.likelihood.likelihood import Fitted, Point, unit_vectors
 from modalscope.likelihood.matched import amplitudes, strongest_peaks
 from modalscope.likelihood.whitening import colour
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
-
-__all__ = [
-    "Outcome",
-    "State",
-    "channel_noise_factors",
-    "gains_in_residual",
-    "pruned",
-    "select_jointly",
-    "significant_peaks",
-]
-
 
 # ---------------------------------------------------------------------------------------------------------- candidates
 # Candidates are refined together and pruned by what each explains.

@@ -15,14 +15,6 @@ from modalscope.judging.evidence import CERTAIN, UNCERTAIN, Candidate
 from modalscope.preprocess.bands import NOISE, UNSEEN
 from modalscope.preprocess.harmonics import HARMONIC
 
-__all__ = [
-    "CORRELATED",
-    "harmonics_of_diagram",
-    "with_note_on_empty",
-    "with_note_on_errors",
-    "with_objections_of_record",
-]
-
 #: The kind of the note that says that errors of a response may pass for modes.
 CORRELATED = "correlated errors"
 

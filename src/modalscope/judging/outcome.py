@@ -11,11 +11,11 @@ import numpy as np
 from modalscope.data.mode_fields import Candidate as LeftOut
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
-from modalscope.data.poles import poles_from
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
+from modalscope.functions.poles import poles_from
+from modalscope.identification.stabilize import ORDERS_END
 from modalscope.judging.evidence import LEAST_ORDERS, LEAST_SHARE, Candidate, sentence
-from modalscope.judging.stabilize import ORDERS_END
 from modalscope.judging.tracking import Poles
 from modalscope.likelihood.noise import KIND, typical_deviation, withheld
 from modalscope.modal.indicators import mac
@@ -23,8 +23,6 @@ from modalscope.modal.rebuilt import rebuilt
 from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.statistics import assign, scatter
-
-__all__ = ["compared_with", "left_out", "modes_of", "paired_with"]
 
 
 def modes_of(

@@ -14,7 +14,7 @@ import scipy.fft as sfft
 from scipy.linalg.lapack import dpotrf, dtrtri
 from scipy.special import ndtri
 
-from modalscope.data.poles import frequencies_and_damping, overlap
+from modalscope.functions.poles import frequencies_and_damping, overlap
 from modalscope.judging.selection_problem import SelectionProblem
 from modalscope.likelihood.descent import Descent
 from modalscope.likelihood.matched import amplitudes_by_channel, apart, grid_of
@@ -22,9 +22,6 @@ from modalscope.likelihood.reference_model import parts_of_level
 from modalscope.likelihood.whitening import free_bound, lag_factor, smoothed
 from modalscope.modal.indicators import mac
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
-
-__all__ = ["ChannelFits", "ColouredErrors", "Recount", "errors_of", "inverse", "recount_of"]
-
 
 # ----------------------------------------------------------------------------------------------------- coloured errors
 # Errors of lines: additive noise plus errors proportional to the response, each with its level and correlation over lines.

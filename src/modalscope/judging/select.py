@@ -25,8 +25,6 @@ from modalscope.numerics.checks import check_each, check_kind, check_positive
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
 
-__all__ = ["Weighed", "chosen_of", "select", "weighed"]
-
 
 @named()
 @one_thread

@@ -6,12 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modalscope.data.poles import frequencies_and_damping
+from modalscope.functions.poles import frequencies_and_damping
 from modalscope.likelihood.likelihood import Whitened
 from modalscope.likelihood.whitening import gain_factor_in_correlated_noise, gain_factor_under_window
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
-
-__all__ = ["SelectionProblem"]
 
 #: A pole farther outside the band (part of its edge) or more damped than this is no mode.
 _MAX_OUTSIDE, _MAX_DAMPING = 0.1, 0.9

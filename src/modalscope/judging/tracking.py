@@ -11,13 +11,10 @@ from functools import cached_property
 
 import numpy as np
 
-from modalscope.data.poles import frequencies_and_damping
+from modalscope.functions.poles import frequencies_and_damping
 from modalscope.modal.indicators import mac
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.statistics import assign
-
-__all__ = ["ONE_SHAPE", "Poles", "collinear", "consensus", "join_broken", "merge_splits", "tracks"]
-
 
 # ------------------------------------------------------------------------------------------------------------ likeness
 # Which poles act as one mode.

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.data.poles import frequencies_and_damping, overlap, poles_from
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
+from modalscope.functions.poles import frequencies_and_damping, overlap, poles_from
+from modalscope.identification.stabilize import usable_orders
 from modalscope.judging.evidence import LEAST_PERSISTENCE, Candidate, Evidence, Own, judge, peaks
 from modalscope.judging.joint_selection import Outcome, gains_in_residual, select_jointly
 from modalscope.judging.selection_problem import SelectionProblem
-from modalscope.judging.stabilize import usable_orders
 from modalscope.judging.tracking import GAP, Poles, collinear, consensus, merge_splits, tracks
 from modalscope.likelihood.likelihood import whitened
 from modalscope.likelihood.reference_model import Floor, by_line, floor_of
@@ -26,9 +26,6 @@ from modalscope.likelihood.whitening import search_bound
 from modalscope.modal.indicators import mac
 from modalscope.modal.rebuilt import contributions
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
-
-__all__ = ["SelectionResult", "has_likelihood", "likely", "one_residue", "verdicts"]
-
 
 # ---------------------------------------------------------------------------------------------------------- objections
 # Reasons against a mode, in words.

@@ -12,22 +12,6 @@ import scipy.linalg as sla
 from modalscope.data.records import Signals
 from modalscope.numerics.checks import ComplexArray, RealArray
 
-__all__ = [
-    "Cells",
-    "Driven",
-    "Scored",
-    "begun",
-    "cells_of",
-    "covariance",
-    "equations",
-    "loss",
-    "moved",
-    "scored",
-    "spectrum",
-    "unknowns",
-]
-
-
 # ------------------------------------------------------------------------------------------------- spectral likelihood
 # Whittle's likelihood of the lines of an ambient record: poles, shapes, excitation and a smooth background spectrum.
 #

@@ -13,18 +13,6 @@ from modalscope.blocks.triple import Eigen, Triple
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.realizations.realization import Realization
 
-__all__ = [
-    "PoleInfluence",
-    "covariances_of_poles",
-    "deviations_of_poles",
-    "influence_on",
-    "influence_on_all",
-    "pole_blocks",
-    "sandwich",
-    "shape_deviations",
-]
-
-
 #: A direction is determined by one part alone where the others keep less than this share of the information.
 _ALONE = 1e-6
 

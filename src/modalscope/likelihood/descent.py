@@ -20,19 +20,6 @@ from modalscope.data.window import window_over_lines
 from modalscope.likelihood.likelihood import Fitted, Point, Whitened
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 
-__all__ = [
-    "Descent",
-    "correlated",
-    "descend",
-    "inverse",
-    "normal",
-    "residual",
-    "scores",
-    "scores_of_rows",
-    "window_noise",
-]
-
-
 # --------------------------------------------------------------------------------------------------------- information
 # Gradient and information of the likelihood, whole and by parts of the data, from the complex columns of a point.
 #

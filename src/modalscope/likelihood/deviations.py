@@ -11,8 +11,8 @@ import numpy as np
 from modalscope.blocks.influence import Lines, Moments
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Triple
-from modalscope.data.pole_basis import ModalBasis
 from modalscope.data.response import Response
+from modalscope.functions.pole_basis import ModalBasis
 from modalscope.likelihood.covariance import PoleInfluence, deviations_of_poles, influence_on_all
 from modalscope.likelihood.noise import Noise, White
 from modalscope.modal.eigenmodes import Eigenmodes
@@ -20,9 +20,6 @@ from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.orthonormal import energy_left
 from modalscope.realizations.realization import Realization
-
-__all__ = ["Asked", "Deviations", "deviations_of", "lines_for_all", "residual_variance", "unexplained_energy"]
-
 
 # ------------------------------------------------------------------------------------------------------------ residual
 # The variance of noise from the residual of a model.

@@ -14,15 +14,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.data.driven_basis import DrivenLines
 from modalscope.data.record_spectra import RecordSpectra
+from modalscope.functions.driven_basis import DrivenLines
 from modalscope.likelihood.likelihood import Point, Whitened, across
 from modalscope.likelihood.matched import Peak, strongest_driven
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.orthonormal import scaled_span, triangle_of
-
-__all__ = ["DrivenWhitened", "whitened_records"]
-
 
 #: Numbers in the columns of the rows that are taken at a time: 2 MB.
 _NUMBERS = 1 << 18

@@ -23,8 +23,6 @@ from modalscope.likelihood.matched import Peak, strongest_peaks
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.orthonormal import scaled_span, spanning
 
-__all__ = ["Fitted", "Point", "Whitened", "across", "unit_vectors", "whitened"]
-
 #: Singular values below this part of the largest are rounding: exactly repeated poles leave nothing of their own.
 _RANK = 1e-11
 

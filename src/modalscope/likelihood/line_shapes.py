@@ -7,13 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modalscope.data.channels import QUANTITIES
 from modalscope.data.modes import ModalModel
 from modalscope.data.records import Signals
+from modalscope.functions.poles import QUANTITIES
 from modalscope.numerics.checks import BoolArray, ComplexArray, IntArray, RealArray
 from modalscope.preprocess.harmonics import Spectrum
-
-__all__ = ["line_shapes"]
 
 #: A shape is estimated from the lines within so many half bandwidths; the noise beside it from those between these.
 _REACH, _BESIDE = 6.0, (1.5, 5.0)

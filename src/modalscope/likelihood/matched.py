@@ -8,25 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modalscope.data.driven_basis import DrivenLines
-from modalscope.data.poles import poles_from, to_discrete
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.response import Response
 from modalscope.data.window import line_step
+from modalscope.functions.driven_basis import DrivenLines
+from modalscope.functions.poles import poles_from, to_discrete
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
-
-__all__ = [
-    "REACH",
-    "Peak",
-    "amplitudes",
-    "amplitudes_by_channel",
-    "apart",
-    "grid_of",
-    "line_filters",
-    "strongest_driven",
-    "strongest_peaks",
-]
-
 
 # -------------------------------------------------------------------------------------------------------- line filters
 # The functions of oscillations on lines together with their squares, for filters that are matched to thousands of poles.

@@ -25,21 +25,6 @@ from modalscope.numerics.errors import DataError
 from modalscope.preprocess.correlation import BLOCKS, correlation_blocks
 from modalscope.preprocess.frf import LEAKING
 
-__all__ = [
-    "KIND",
-    "SPLIT",
-    "Noise",
-    "Parts",
-    "Residual",
-    "Unknown",
-    "White",
-    "coloured",
-    "noise_of",
-    "typical_deviation",
-    "withheld",
-]
-
-
 # --------------------------------------------------------------------------------------------------------------- drawn
 # Noise drawn at random for replicates: with the correlation of lines under a window, or with the spectrum of what a model leaves.
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.data.pole_basis import ModalBasis
 from modalscope.data.response import Response
 from modalscope.data.window import fading, window_over_lines
+from modalscope.functions.pole_basis import ModalBasis
 from modalscope.likelihood.whitening import (
     Colour,
     Levels,
@@ -20,8 +20,6 @@ from modalscope.likelihood.whitening import (
     smoothed,
 )
 from modalscope.numerics.checks import Array, RealArray
-
-__all__ = ["Floor", "by_line", "floor_of", "level_of", "parts_of_level"]
 
 #: Columns of the reference model are no more than this part of the rows.
 _COLUMNS = 0.5

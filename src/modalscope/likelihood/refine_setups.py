@@ -20,8 +20,6 @@ from modalscope.numerics.checks import BoolArray, ComplexArray, RealArray
 from modalscope.numerics.resources import one_thread
 from modalscope.preprocess.harmonics import find_lines
 
-__all__ = ["refine_setups"]
-
 #: The lines reach so far beyond the first and the last mode: a part of the frequency, and half bandwidths.
 _BEYOND, _HALVES = 0.15, 10.0
 

@@ -10,16 +10,14 @@ from modalscope.data.channels import Groups
 from modalscope.data.mode_fields import DIRECT, Candidate
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
-from modalscope.data.poles import frequencies_and_damping
 from modalscope.data.response import UNTOLD
+from modalscope.functions.poles import frequencies_and_damping
 from modalscope.likelihood.noise import KIND
 from modalscope.likelihood.settling import Settled, Task
 from modalscope.likelihood.spread import LEAST_GROUPS, Spread, spread_of
 from modalscope.likelihood.whitening import Colour
 from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.checks import BoolArray, ComplexArray
-
-__all__ = ["astray", "refined"]
 
 #: Poles closer than this many deviations of their difference share what is known of them.
 _APART = 3

@@ -30,9 +30,6 @@ from modalscope.likelihood.whitening import (
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
 
-__all__ = ["Settled", "Task", "least_gain", "needed_beside", "out_of_band_poles", "settle", "task_of"]
-
-
 # -------------------------------------------------------------------------------------------------------------- out-of-band poles
 # The response of modes outside a band, approximated by fixed out-of-band poles.
 #

@@ -15,8 +15,6 @@ from modalscope.likelihood.likelihood import Fitted, Point, across
 from modalscope.likelihood.whitening import Colour, blocks_of
 from modalscope.numerics.checks import ComplexArray, RealArray
 
-__all__ = ["LEAST_GROUPS", "Spread", "spread_of"]
-
 #: Fewer groups say too little about how far they disagree.
 LEAST_GROUPS = 4
 

@@ -9,23 +9,6 @@ import numpy as np
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import DataError
 
-__all__ = [
-    "Colour",
-    "Levels",
-    "blocks_of",
-    "chi_squared_bound",
-    "colour",
-    "free_bound",
-    "from_variance",
-    "gain_factor_in_correlated_noise",
-    "gain_factor_under_window",
-    "lag_factor",
-    "levels_of",
-    "row_deviations",
-    "search_bound",
-    "smoothed",
-]
-
 #: Quieter channels than this part of the loudest residual are brought to it: what is fitted to rounding must not decide alone.
 _QUIETEST = 1e-7
 

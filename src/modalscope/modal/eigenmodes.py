@@ -11,8 +11,8 @@ import numpy as np
 from modalscope.blocks.evolved import ModalSide
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Eigen, ModalFit, Triple, padded
-from modalscope.data.poles import one_of_each_pair
 from modalscope.data.statespace import StateSpace
+from modalscope.functions.poles import one_of_each_pair
 from modalscope.modal.indicators import (
     agreement,
     cluster_mpc,
@@ -25,18 +25,6 @@ from modalscope.modal.indicators import (
     repeated,
 )
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
-
-__all__ = [
-    "Eigenmodes",
-    "eigenmodes",
-    "followed",
-    "from_modes",
-    "indicators_of",
-    "indicators_of_all",
-    "split_extraneous",
-    "state_space",
-]
-
 
 # ----------------------------------------------------------------------------------------------------------- eigenmodes
 

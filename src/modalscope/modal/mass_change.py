@@ -7,17 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from modalscope.data.channels import QUANTITIES
 from modalscope.data.geometry import indices_of
 from modalscope.data.mode_fields import Candidate
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
+from modalscope.functions.poles import QUANTITIES
 from modalscope.modal.pairing import pair_modes
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import ComplexArray, RealArray, check_kind, check_number
 from modalscope.numerics.errors import DataError
-
-__all__ = ["scale_by_mass"]
 
 #: Why a mode is not scaled, and what would help.
 _UNMOVED = (

@@ -14,8 +14,6 @@ from modalscope.numerics.checks import IntArray, RealArray, check_positive, comp
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import assign
 
-__all__ = ["Pairs", "comac", "pair_modes"]
-
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Pairs:

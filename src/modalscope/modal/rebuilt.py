@@ -18,24 +18,6 @@ from modalscope.modal.eigenmodes import Eigenmodes
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import DataError
 
-__all__ = [
-    "contributions",
-    "explained",
-    "explains_enough",
-    "fit_error",
-    "fit_error_heard",
-    "fit_error_of",
-    "fit_of",
-    "heard_lines",
-    "modal_model",
-    "of_diagram",
-    "of_noise",
-    "peak_sizes",
-    "rebuilt",
-    "share_explained",
-]
-
-
 # --------------------------------------------------------------------------------------------------------------- heard
 # Lines of frequency responses that hold more than noise: those on which it is asked how much the modes explain.
 

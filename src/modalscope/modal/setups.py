@@ -12,17 +12,14 @@ from modalscope.data.channels import AUTO, Groups, check_groups, source_of
 from modalscope.data.mode_fields import Candidate
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
-from modalscope.data.poles import poles_from
 from modalscope.data.response import Response
+from modalscope.functions.poles import poles_from
 from modalscope.modal.indicators import mac
 from modalscope.modal.shapes import free_residues
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_each, check_kind, check_positive
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import assign
-
-__all__ = ["merge_modes", "steps_of_groups", "with_repeatability"]
-
 
 # ------------------------------------------------------------------------------------------------------------- between
 # Repeatability: the scatter of one Gauss-Newton step of the poles for each group of inputs.

@@ -9,20 +9,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.data.channels import QUANTITIES, known_quantity
+from modalscope.data.channels import known_quantity
 from modalscope.data.modes import ModalModel
-from modalscope.data.pole_basis import ModalBasis, residual_powers, scaled_terms
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse
 from modalscope.data.sizes import check_size
 from modalscope.data.stored import StoredResponse
+from modalscope.functions.pole_basis import ModalBasis, residual_powers, scaled_terms
+from modalscope.functions.poles import QUANTITIES
 from modalscope.modal.indicators import clusters, mpc, mpd
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_kind, real_array
 from modalscope.numerics.errors import DataError, check_choice
-
-__all__ = ["fit_residues", "fitted_shapes", "free_residues", "joint_residues"]
-
 
 # --------------------------------------------------------------------------------------------------------------- joint
 # Residues of all modes fitted together: shapes and participation in turn, each by least squares with the other held.

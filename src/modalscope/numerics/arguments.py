@@ -16,9 +16,6 @@ import numpy as np
 
 from modalscope.numerics.errors import DataError, check_option_names
 
-__all__ = ["named", "plain_methods", "plainly"]
-
-
 # ------------------------------------------------------------------------------------------------------------- entries
 # Wrong arguments in plain words: where a public call ends in Python's or numpy's own words, the argument that cannot be meant is named.
 #

@@ -12,30 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from modalscope.numerics.errors import DataError
 
-__all__ = [
-    "Array",
-    "BoolArray",
-    "ComplexArray",
-    "IntArray",
-    "RealArray",
-    "check_axes",
-    "check_band",
-    "check_count",
-    "check_each",
-    "check_finite",
-    "check_index",
-    "check_kind",
-    "check_number",
-    "check_path",
-    "check_positive",
-    "complex_array",
-    "freeze",
-    "locked",
-    "real_array",
-    "real_stretch",
-    "sealed",
-]
-
 # --------------------------------------------------------------------------------------------------------------- kinds
 # Values of the wrong type: what was expected, what was given, and how to convert it.
 

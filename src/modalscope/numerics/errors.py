@@ -6,8 +6,6 @@ from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from typing import Any
 
-__all__ = ["DataError", "check_choice", "check_option_names", "printable", "shortened"]
-
 #: Characters of a message: it is read on a terminal, whatever the data are called and however many channels they have.
 _LONGEST = 600
 

@@ -16,8 +16,6 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import Device, device_named
 
-__all__ = ["Executor", "each", "executor", "working"]
-
 Task = TypeVar("Task")
 Done = TypeVar("Done")
 Progress = Callable[[int, int], None]

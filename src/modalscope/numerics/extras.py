@@ -7,8 +7,6 @@ from typing import Any
 
 from modalscope.numerics.errors import DataError
 
-__all__ = ["optional_package"]
-
 
 def optional_package(asked: str, package: str, extra: str, name: str | None = None) -> Any:
     """Return an optional package, or say which extra of modalscope brings it.

@@ -13,18 +13,6 @@ from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.executors import executor
 from modalscope.numerics.resources import fetched
 
-__all__ = [
-    "DenseMatrix",
-    "LargeMatrix",
-    "Operator",
-    "Product",
-    "TransposedOperator",
-    "WideOperator",
-    "real_times",
-    "times_real",
-]
-
-
 # ------------------------------------------------------------------------------------------------------- real products
 # Products of real matrices with complex ones by parts: half the work, and no complex copy of the large one.
 

@@ -9,20 +9,6 @@ import scipy.linalg as sla
 
 from modalscope.numerics.checks import RealArray
 
-__all__ = [
-    "energy_left",
-    "factor_of_gram",
-    "less",
-    "orthonormal",
-    "orthonormal_by",
-    "resolved",
-    "scaled_span",
-    "spanning",
-    "stacked_factor",
-    "triangle_of",
-]
-
-
 # ----------------------------------------------------------------------------------------------------------- triangles
 # Triangular factors of tall matrices in chunks: by their Gram matrix where that is accurate, else twice, else by orthogonal steps.
 #

@@ -10,8 +10,6 @@ from modalscope.numerics.checks import RealArray
 from modalscope.numerics.operators import Operator
 from modalscope.numerics.orthonormal import orthonormal
 
-__all__ = ["Triplets", "by_lanczos", "by_range"]
-
 #: Blocks that as many directions as are carried come in: of smaller ones fewer products serve, of larger ones each is quicker.
 _BLOCKS = 4
 

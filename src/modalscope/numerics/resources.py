@@ -24,23 +24,6 @@ from modalscope.numerics.checks import Array
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.extras import optional_package
 
-__all__ = [
-    "DEVICES",
-    "Device",
-    "allowed_memory",
-    "check_fits",
-    "device_named",
-    "fetched",
-    "in_words",
-    "namespace",
-    "one_thread",
-    "scratch",
-    "set_allowed_memory",
-    "single_threaded",
-    "transforms",
-]
-
-
 # -------------------------------------------------------------------------------------------------------------- device
 # Where large products are computed: NumPy, or PyTorch on the processor or a graphics card. Small eigenproblems stay with NumPy.
 

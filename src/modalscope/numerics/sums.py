@@ -15,9 +15,6 @@ from modalscope.numerics.checks import BoolArray, RealArray
 from modalscope.numerics.executors import executor
 from modalscope.numerics.resources import fetched, namespace
 
-__all__ = ["SavedSums", "Sums", "TriangleSum"]
-
-
 Result_co = TypeVar("Result_co", covariant=True)
 
 

@@ -8,8 +8,6 @@ import numpy as np
 
 from modalscope.numerics.checks import Array, RealArray
 
-__all__ = ["AXES", "View", "extent", "oblique", "view_of"]
-
 #: A direction counts as absent when it holds less than this share of the size of the structure or of the motion.
 _FLAT = 1e-6
 

@@ -24,8 +24,6 @@ from modalscope.plot.shapes import check_mode
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["animate"]
-
 #: Formats, by suffix.
 _SUFFIXES = (".gif", ".mp4", ".html")
 

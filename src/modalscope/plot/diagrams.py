@@ -18,8 +18,6 @@ from modalscope.preprocess.singular_spectra import Decomposition
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["INDICATORS", "LETTERS", "fit_errors", "indicator", "indicator_curves", "stabilization"]
-
 #: What can stand behind the poles.
 INDICATORS = ("cmif", "sum", "none")
 

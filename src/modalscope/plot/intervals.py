@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from modalscope.checking.certificate import Certificate
 from modalscope.data import ModalModel
-from modalscope.judging.certificate import Certificate
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import RealArray, check_kind
 from modalscope.numerics.errors import DataError, check_choice
@@ -15,9 +15,6 @@ from modalscope.plot._style import BLUE, MUTED, ORANGE, PALE, dress, key, new_ax
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-__all__ = ["certificate", "intervals"]
-
 
 #: What can be drawn -> its own values, deviations from the noise and between groups, and how much of a value is one unit.
 _DRAWN = {

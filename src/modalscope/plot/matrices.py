@@ -28,8 +28,6 @@ from modalscope.plot._style import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Factored", "mac", "singular_values"]
-
 #: Up to this many modes on a side the numbers fit into the cells.
 _NUMBERS = 16
 

@@ -29,8 +29,6 @@ from modalscope.plot._style import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["deviations", "method_distances", "method_map"]
-
 #: Colour and marker of each domain.
 _DOMAINS = {"time": (BLUE, "o"), "z": (VERMILLION, "s"), "s": (GREEN, "^")}
 

@@ -32,8 +32,6 @@ from modalscope.preprocess.singular_spectra import Decomposition
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Identified", "response", "spectra"]
-
 
 class Identified(Protocol):
     """Anything that holds modes, such as an identification."""

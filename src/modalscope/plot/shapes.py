@@ -36,9 +36,6 @@ from modalscope.plot._style import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["check_mode", "complexity", "in_order", "in_phase", "shape"]
-
-
 # ---------------------------------------------------------------------------------------------------------------  thin
 # What is drawn of more than can be seen apart.
 

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from modalscope.checking.certificate import Certificate
+from modalscope.checking.validation import Validation
 from modalscope.comparing import Comparison
 from modalscope.data import (
     DataError,
@@ -23,8 +25,6 @@ from modalscope.data import (
 from modalscope.data.results import Result
 from modalscope.data.stored import StoredResponse, StoredSignals
 from modalscope.identification.identify import Identification
-from modalscope.judging.certificate import Certificate
-from modalscope.judging.validation import Validation
 from modalscope.plot._camera import oblique
 from modalscope.plot._style import BLUE, MUTED, PALE, VERMILLION, dress, frameless, new_axes
 from modalscope.plot.diagrams import indicator, stabilization
@@ -36,8 +36,6 @@ from modalscope.preprocess import decomposition, estimate_frf
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-__all__ = ["drawn"]
 
 
 @singledispatch

@@ -1,8 +1,14 @@
 """From records to responses: spectra, frequency responses, correlations, Markov parameters, conditioning, bands, setups."""
 
+from collections.abc import Callable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from modalscope.data.notes import Finding
+from modalscope.data.records import Records, Signals
+from modalscope.data.response import Response
+from modalscope.data.setups import Setups
+from modalscope.data.stored import StoredResponse, StoredSignals
 from modalscope.numerics.arguments import plain_methods
 from modalscope.preprocess.conditioning import decimate, detrend, differentiate, filter_band, integrate
 from modalscope.preprocess.correlation import correlation_blocks, estimate_correlation, half_spectra
@@ -17,7 +23,7 @@ from modalscope.preprocess.setups import merge_setups
 from modalscope.preprocess.singular_spectra import Decomposition, decomposition
 
 if TYPE_CHECKING:
-    from modalscope.doctor import Finding, examine
+    examine: Callable[[Signals | StoredSignals | StoredResponse | Records | Setups | Response], tuple[Finding, ...]]
 
 __all__ = [
     "Decomposition",
@@ -54,7 +60,7 @@ plain_methods(Decomposition, Observer)
 if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> Any:
-        """Give `examine` and `Finding` of `modalscope.doctor`, a layer above, under their public names."""
-        if name in ("Finding", "examine"):
-            return getattr(import_module("modalscope.doctor"), name)
+        """Give `examine` of `modalscope.doctor`, a layer above, under its public name."""
+        if name == "examine":
+            return import_module("modalscope.doctor").examine
         raise AttributeError(f"module 'modalscope.preprocess' has no attribute {name!r}")

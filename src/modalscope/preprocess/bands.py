@@ -19,24 +19,6 @@ from modalscope.numerics.checks import BoolArray, IntArray, RealArray
 from modalscope.preprocess.conditioning import decimate, filter_band
 from modalscope.preprocess.harmonics import Spectrum
 
-__all__ = [
-    "CHOSEN",
-    "NOISE",
-    "UNSEEN",
-    "Levels",
-    "OwnBands",
-    "bin_edges",
-    "levels_in",
-    "levels_of",
-    "noise_notes",
-    "own_bands",
-    "rounded",
-    "taken_down",
-    "uncorrelated",
-    "whitening_of",
-]
-
-
 # ----------------------------------------------------------------------------------------------------------- prominent
 # Lines of the periodogram are collected in bins of 1 % of their frequency. The level of a bin is their median, which harmonics and mains,
 # narrower than any bin, do not change; a peak is where that level, over that of its neighbourhood, exceeds chance.

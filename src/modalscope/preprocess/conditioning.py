@@ -11,15 +11,12 @@ import numpy as np
 import scipy
 from scipy import fft
 
-from modalscope.data.channels import QUANTITIES
 from modalscope.data.records import Signals
 from modalscope.data.stored import Record, Rows, StoredSignals
+from modalscope.functions.poles import QUANTITIES
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, RealArray, check_count, check_kind, check_positive
 from modalscope.numerics.errors import DataError, check_choice
-
-__all__ = ["decimate", "detrend", "differentiate", "filter_band", "integrate", "settling", "straightened"]
-
 
 # ------------------------------------------------------------------------------------------------------- filtered rows
 # Filters and decimation of records in files: every stretch is filtered with the samples before it, as the whole record would be.

@@ -24,17 +24,6 @@ from modalscope.numerics.resources import allowed_memory, one_thread
 from modalscope.preprocess.spectra import Segments, check_window
 from modalscope.preprocess.stored_correlation import LagSum, lag_sums
 
-__all__ = [
-    "BLOCKS",
-    "CorrelationBlocks",
-    "correlation_blocks",
-    "estimate_correlation",
-    "half_spectra",
-    "slower_correlation",
-    "spanning_outputs",
-]
-
-
 # ---------------------------------------------------------------------------------------------------------- references
 
 #: Default limit of references: enough for any group of modes within one resonance of each other.

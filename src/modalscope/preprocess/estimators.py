@@ -22,8 +22,6 @@ from modalscope.numerics.checks import Array, BoolArray, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.spectra import CrossSpectra, silent_lines
 
-__all__ = ["ESTIMATORS", "Estimate", "check_inputs", "coherence_of", "noise_powers", "solve", "synchronous"]
-
 ESTIMATORS = ("h1", "h2", "hv")
 
 #: Inputs are called dependent where their scaled spectral matrix has a smaller reciprocal condition than this.

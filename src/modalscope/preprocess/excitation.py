@@ -17,16 +17,6 @@ from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import scratch
 from modalscope.preprocess.impacts import is_impact
 
-__all__ = [
-    "EVENT",
-    "EXCITATIONS",
-    "driven_records",
-    "find_excitation",
-    "find_period",
-    "moved_by_base",
-    "powers_of_stretches",
-]
-
 #: Kinds of excitation; `estimate_frf` says how each is averaged.
 EXCITATIONS = ("random", "burst", "sweep", "periodic", "impact")
 

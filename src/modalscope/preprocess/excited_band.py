@@ -27,9 +27,6 @@ from modalscope.preprocess.bands import CHOSEN, bin_edges, rounded
 from modalscope.preprocess.excitation import find_excitation
 from modalscope.preprocess.impacts import find_hits
 
-__all__ = ["Residuals", "polynomial_residuals", "resonant_band", "struck_band", "swept_lines", "useful_lines"]
-
-
 # ---------------------------------------------------------------------------------------------- band of hits and sweeps
 
 #: Useful lines have at least this part of the largest power of the force.

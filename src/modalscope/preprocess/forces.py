@@ -15,8 +15,6 @@ from modalscope.preprocess.excitation import driven_records
 from modalscope.preprocess.frf import plan_runs
 from modalscope.preprocess.spectra import CrossSpectra, cross_spectra, silent_lines
 
-__all__ = ["PrincipalForces", "force_correlation", "partial_coherence", "principal_forces"]
-
 
 class PrincipalForces(NamedTuple):
     """Independent forces on every line.

@@ -33,9 +33,6 @@ from modalscope.preprocess.local_models import LOCAL, local_models
 from modalscope.preprocess.spectra import Segments, Transform, check_window, cross_spectra, silent_lines
 from modalscope.preprocess.zoom import ZOOMS, chirp_z, heterodyne, zoom_lines
 
-__all__ = ["LEAKING", "estimate_frf", "leakage_note", "narrowest_peak", "plan_hits", "plan_runs", "without_offset"]
-
-
 # ---------------------------------------------------------------------------------------------------------- resolution
 # Whether the lines are close enough for the identified modes: averaged segments leak, and leakage increases the damping.
 

@@ -17,9 +17,6 @@ from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 
-__all__ = ["HARMONIC", "Line", "Spectrum", "find_lines", "harmonic_notes", "lines_in", "narrow_band"]
-
-
 # ------------------------------------------------------------------------------------------------------ whole spectrum
 
 

@@ -15,8 +15,6 @@ from modalscope.numerics.checks import ComplexArray, RealArray, check_each, chec
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.harmonics import find_lines
 
-__all__ = ["remove_harmonics", "without_lines"]
-
 #: The phase is measured in a band of so many standard deviations of the frequency on either side, of this many lines of a run at least.
 _SPREADS, _LINES = 6.0, 24
 

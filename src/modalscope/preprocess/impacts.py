@@ -13,17 +13,6 @@ from modalscope.numerics.checks import Array, RealArray, check_count
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import NORMAL
 
-__all__ = [
-    "Hit",
-    "clipped_samples",
-    "cut_hits",
-    "exponential_decay",
-    "find_hits",
-    "is_impact",
-    "room_of",
-    "whole_series",
-]
-
 #: A pulse exceeds this part of the highest peak, and this many standard deviations of the noise.
 _TRIGGER, _ABOVE_NOISE = 0.03, 15.0
 

@@ -23,8 +23,6 @@ from modalscope.data.notes import Note
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.numerics.checks import RealArray
 
-__all__ = ["DRIFT", "level_lines", "line_noise"]
-
 #: The kind of the note.
 DRIFT = "noise rises"
 

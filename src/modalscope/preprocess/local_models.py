@@ -23,8 +23,6 @@ from modalscope.numerics.checks import ComplexArray, RealArray, check_count
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.preprocess.excitation import driven_records
 
-__all__ = ["LOCAL", "LocalEstimate", "local_models"]
-
 #: Local models by name.
 LOCAL = ("lpm", "lrm")
 

@@ -19,9 +19,6 @@ from modalscope.numerics.resources import one_thread
 from modalscope.numerics.sums import TriangleSum
 from modalscope.preprocess.excitation import driven_records
 
-__all__ = ["Observer", "estimate_markov", "estimate_observer", "regression"]
-
-
 # ---------------------------------------------------------------------------------------------------------- regression
 # The regression of an observer. Dependent outputs, inputs without power in part of the band and long pasts make regressors nearly
 # dependent, and an observer fitted to noise need not be stable. The first `rank` singular directions of the regressors are kept; rank and

@@ -21,9 +21,6 @@ from modalscope.preprocess.correlation import estimate_correlation
 from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.setups import correlations, merge_setups
 
-__all__ = ["joined_frf", "merge"]
-
-
 # ---------------------------------------------------------------------------------------------------- joined responses
 
 

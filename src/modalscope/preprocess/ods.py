@@ -17,8 +17,6 @@ from modalscope.numerics.errors import DataError
 from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.singular_spectra import decomposition
 
-__all__ = ["ods"]
-
 
 @named()
 def ods(

@@ -11,8 +11,6 @@ from modalscope.data.records import Signals
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
 from modalscope.preprocess.harmonics import Spectrum
 
-__all__ = ["PEAK", "peak_heights"]
-
 #: The name of the indicator.
 PEAK = "peak"
 

@@ -18,8 +18,6 @@ from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import noise_threshold
 from modalscope.preprocess.correlation import estimate_correlation
 
-__all__ = ["correlations", "joined_setups", "merge_setups", "significant_lags"]
-
 #: Most columns of joined setups, and the energy of a significant correlation over that of its last quarter.
 _COLUMNS, _LOUD = 48, 3.0
 

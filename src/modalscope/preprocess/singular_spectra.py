@@ -13,8 +13,6 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray, check_count, check_kind
 from modalscope.preprocess.spectra import Segments, cross_spectra
 
-__all__ = ["DampedPeaks", "Decomposition", "decomposition"]
-
 #: Prominence of a peak, a factor in power (6 dB).
 _PROMINENCE = 4.0
 

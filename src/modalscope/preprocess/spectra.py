@@ -16,8 +16,6 @@ from scipy import fft
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_count
 from modalscope.numerics.errors import DataError, check_choice
 
-__all__ = ["CrossSpectra", "Segments", "Transform", "check_window", "cross_spectra", "silent_lines"]
-
 #: Windows, by their names in SciPy; "none" is the rectangle.
 WINDOWS = ("none", "hann", "hamming", "flattop", "blackman", "blackmanharris", "tukey")
 

@@ -18,9 +18,6 @@ from modalscope.numerics.executors import each, executor
 from modalscope.numerics.resources import allowed_memory, check_fits, fetched, namespace, one_thread
 from modalscope.numerics.sums import SavedSums
 
-__all__ = ["LagSum", "lag_sums", "stretches"]
-
-
 # ------------------------------------------------------------------------------------------------------------ lag sums
 # Sums of products y(t + k) y_ref(t)' over chunks of a record, by short transforms; they add over chunks.
 

@@ -12,8 +12,6 @@ from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_cou
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.spectra import Transform
 
-__all__ = ["ZOOMS", "Shifted", "chirp_z", "heterodyne", "zoom_lines"]
-
 ZOOMS = ("chirp-z", "decimation")
 
 #: Stop-band of the low-pass behind the frequency shift, dB.

@@ -12,8 +12,6 @@ from modalscope.blocks.triple import Eigen, Triple
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.realizations.realization import Realization, Sides
 
-__all__ = ["Balanced", "balanced", "first_blocks", "projected_general"]
-
 
 def first_blocks(matrix: DataMatrix, factors: Factors) -> tuple[RealArray, RealArray | None]:
     """Return C = E_l' H(0) Q d^-1/2 and B = d^1/2 Q' E_m for all kept directions (Eq. 28; 37 and 39 after compression)."""

@@ -28,17 +28,6 @@ from modalscope.realizations.balanced import balanced
 from modalscope.realizations.realization import Realization, Sides
 from modalscope.realizations.shift import check_blocks, shift_grams
 
-__all__ = [
-    "LeastSquaresCompanion",
-    "NullSpaceCompanion",
-    "companion_matrix",
-    "fraction_companion",
-    "least_squares_companion",
-    "null_space_companion",
-    "reversed_companion",
-]
-
-
 # ------------------------------------------------------------------------------------------------------------ fraction
 # The matrix fraction's denominators as companion matrices: poles and participation of every degree (LSCF).
 

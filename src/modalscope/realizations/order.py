@@ -10,8 +10,6 @@ from modalscope.blocks.factor import Factors
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.statistics import noise_threshold
 
-__all__ = ["OrderAdvice", "gap_after", "noise_floor", "recommend_order"]
-
 #: A gap this many times wider than any after it is clear: in white noise of ten to sixty decibels those of the bulk reached 5.
 _CLEAR = 6.5
 

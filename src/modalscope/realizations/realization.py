@@ -17,8 +17,6 @@ from modalscope.numerics.checks import ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import times_real
 
-__all__ = ["Realization", "Sides"]
-
 
 class Sides(NamedTuple):
     """One row (k, a) and one column (b, k) of the data matrix for each of k poles, by coefficients in bases that serve all orders."""

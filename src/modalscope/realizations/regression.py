@@ -12,8 +12,6 @@ from modalscope.blocks.triple import Eigen, Triple
 from modalscope.numerics.checks import RealArray
 from modalscope.realizations.realization import Realization, Sides
 
-__all__ = ["Regression", "regression"]
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Regression(Realization):

@@ -11,8 +11,6 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import RealArray, check_kind
 from modalscope.numerics.errors import DataError
 
-__all__ = ["EquationsOfMotion", "equations_of_motion", "first_order_form"]
-
 #: Beyond this condition the sensors do not tell the states apart.
 _SINGULAR = 1e8
 

@@ -16,8 +16,6 @@ from modalscope.numerics.errors import DataError
 from modalscope.realizations.balanced import first_blocks
 from modalscope.realizations.realization import Realization, Sides
 
-__all__ = ["Shift", "check_blocks", "shift", "shift_grams"]
-
 #: Beyond this condition of (E0 P)'(E0 P) the last block row carries what the others lack: too few block rows.
 _SINGULAR = 1e13
 

@@ -21,8 +21,6 @@ from modalscope.reporting.record import comparison_script
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["comparison_sections"]
-
 #: Stabilization diagrams that are drawn; the others stand in the table only.
 _DIAGRAMS = 6
 

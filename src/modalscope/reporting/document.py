@@ -9,6 +9,7 @@ from datetime import date
 from pathlib import Path
 from typing import Protocol
 
+from modalscope.checking.certificate import Certificate
 from modalscope.comparing import Comparison
 from modalscope.data import DataError, ModalModel, Signals, StabilizationDiagram
 from modalscope.data.analysis import VERSION
@@ -20,7 +21,6 @@ from modalscope.identification.identify import Identification
 from modalscope.identification.table import cell_label
 from modalscope.io.atomic import replacing
 from modalscope.io.formats import sources_of
-from modalscope.judging.certificate import Certificate
 from modalscope.judging.select import select
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_kind, check_path
@@ -34,9 +34,6 @@ from modalscope.reporting.html import Section, page, paragraph
 from modalscope.reporting.modes import certificate_section, intervals_section, modes_section, summary_section
 from modalscope.reporting.record import result_script, stabilization_script
 from modalscope.reporting.sections import Shown, bands_of, identification_sections
-
-__all__ = ["Origin", "report", "stabilization_sections", "write_page"]
-
 
 # --------------------------------------------------------------------------------------------------------------- alive
 # The part of a report that moves: the front end of the page and its data, in the file itself; without scripts it is not there.

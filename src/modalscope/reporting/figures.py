@@ -8,26 +8,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from modalscope import plot
+from modalscope.checking.certificate import Certificate
 from modalscope.data import ModalModel, StabilizationDiagram
 from modalscope.data.response import Response
-from modalscope.judging.certificate import Certificate
 from modalscope.numerics.checks import RealArray
 from modalscope.preprocess.singular_spectra import Decomposition
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-__all__ = [
-    "certificate_svg",
-    "draw",
-    "fit_errors_svg",
-    "intervals_svg",
-    "mac_svg",
-    "response_svg",
-    "shape_svg",
-    "singular_values_svg",
-    "stabilization_svg",
-]
 
 
 def draw(size: tuple[float, float], paint: Callable[[Figure], object]) -> bytes:

@@ -17,14 +17,12 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.checking.certificate import Certificate
 from modalscope.data import ModalModel
-from modalscope.judging.certificate import Certificate
 from modalscope.judging.evidence import LEAST_PEAK, LEAST_PROMINENCE
 from modalscope.modal.indicators import mac, mpc
 from modalscope.numerics.checks import RealArray
 from modalscope.reporting.html import percent
-
-__all__ = ["ALIKE", "GRADES", "Grade", "alike_pairs", "grades", "half_widths"]
 
 #: Best first.
 GRADES = ("good", "look", "doubtful")

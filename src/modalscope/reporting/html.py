@@ -19,25 +19,6 @@ import numpy as np
 from modalscope.numerics.checks import Array
 from modalscope.numerics.errors import printable
 
-__all__ = [
-    "Section",
-    "decimals",
-    "folded",
-    "frequency",
-    "heading",
-    "list_some",
-    "listing",
-    "numbered",
-    "page",
-    "paragraph",
-    "percent",
-    "picture",
-    "script",
-    "table",
-    "value",
-]
-
-
 # --------------------------------------------------------------------------------------------------------------- style
 # The look of a report on screen, in the dark and on paper.
 

@@ -7,19 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from modalscope.checking.certificate import Certificate
 from modalscope.data import ModalModel, StabilizationDiagram
 from modalscope.data.mode_fields import told
 from modalscope.data.response import Response
 from modalscope.identification.table import cell_label
-from modalscope.judging.certificate import Certificate
 from modalscope.modal.rebuilt import explained, explains_enough
 from modalscope.plot.web.poles import Fit, asked_ends
 from modalscope.reporting.figures import certificate_svg, intervals_svg
 from modalscope.reporting.grades import GRADES, Grade, alike_pairs, grades, half_widths
 from modalscope.reporting.html import Section, decimals, folded, frequency, paragraph, percent, picture, table
-
-__all__ = ["certificate_section", "intervals_section", "modes_section", "summary_section", "verdict_of"]
-
 
 # ----------------------------------------------------------------------------------------------------------- intervals
 # The section of a report on how far values may be from the truth.

@@ -21,20 +21,6 @@ from modalscope.identification.table import cell_label
 from modalscope.numerics.checks import Array
 from modalscope.reporting.html import Section, heading, list_some, listing, paragraph, script, table, value
 
-__all__ = [
-    "comparison_script",
-    "data_section",
-    "identification_script",
-    "notes_section",
-    "repeat_section",
-    "result_script",
-    "settings_listed",
-    "settings_section",
-    "stabilization_script",
-    "versions",
-]
-
-
 # ------------------------------------------------------------------------------------------------------------- scripts
 # The scripts that repeat what a report shows.
 

@@ -40,20 +40,6 @@ from modalscope.reporting.html import (
 from modalscope.reporting.modes import modes_section
 from modalscope.reporting.record import identification_script
 
-__all__ = [
-    "Shown",
-    "bands_of",
-    "identification_sections",
-    "left_out_section",
-    "mac_section",
-    "mode_pictures",
-    "reasons_section",
-    "responses_section",
-    "shapes_section",
-    "stabilization_section",
-]
-
-
 # -------------------------------------------------------------------------------------------------------------- banded
 # The bands that a result was identified in, each with its diagram and the modes that lie in it.
 

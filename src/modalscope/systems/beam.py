@@ -11,8 +11,6 @@ from modalscope.systems.chains import row_geometry
 from modalscope.systems.modal import modal_damping
 from modalscope.systems.structure import Structure
 
-__all__ = ["clamped_beam", "clamped_beam_frequencies"]
-
 #: What holds the beam's far end, and which of its two motions (deflection, slope) that leaves free.
 FAR_ENDS = {"free": (True, True), "pinned": (False, True), "clamped": (False, False)}
 

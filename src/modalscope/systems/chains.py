@@ -7,17 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.data.channels import QUANTITIES
 from modalscope.data.geometry import Geometry
 from modalscope.data.modes import ModalModel
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import QUANTITIES, poles_from
 from modalscope.numerics.arguments import plainly
 from modalscope.numerics.checks import RealArray, check_count, check_each, check_positive, real_array
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.systems.modal import modal_damping
 from modalscope.systems.structure import Structure
-
-__all__ = ["chain", "chain5", "heavy4", "joined", "over4", "row_geometry", "spring_chain", "spring_chain_modes"]
 
 
 @plainly

@@ -16,9 +16,6 @@ from modalscope.systems.chains import joined, row_geometry
 from modalscope.systems.modal import modal_damping
 from modalscope.systems.structure import Structure
 
-__all__ = ["close4", "iasc_asce", "ring5", "three_masses", "three_masses_record"]
-
-
 # ---------------------------------------------------------------------------------------------------------------- iasc
 # The IASC-ASCE structural health monitoring benchmark, phase I: the shear-building model with 12 degrees of freedom.
 #

@@ -17,9 +17,6 @@ from modalscope.systems.examples import close4, iasc_asce, ring5, three_masses
 from modalscope.systems.records import Seed
 from modalscope.systems.structure import Structure
 
-__all__ = ["KINDS", "build", "catalog", "names", "trial"]
-
-
 _SYSTEMS: tuple[Callable[[], Structure], ...] = (
     chain5,
     ring5,

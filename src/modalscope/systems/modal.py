@@ -7,14 +7,11 @@ from typing import Any
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.data.channels import QUANTITIES
 from modalscope.data.modes import ModalModel
-from modalscope.data.poles import one_of_each_pair
+from modalscope.functions.poles import QUANTITIES, one_of_each_pair
 from modalscope.numerics.arguments import plainly
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
-
-__all__ = ["modal_damping", "modal_model", "undamped_modes"]
 
 #: Coupling of modes through damping below this fraction of the largest entry is rounding of the matrices' entries.
 _UNCOUPLED = 1e-12

@@ -15,9 +15,6 @@ from modalscope.numerics.arguments import plainly
 from modalscope.numerics.checks import Array, RealArray, check_count, check_number, real_array
 from modalscope.numerics.errors import DataError, check_choice
 
-__all__ = ["Inputs", "Seed", "add_noise", "simulate", "white_noise"]
-
-
 # --------------------------------------------------------------------------------------------------------------- noise
 # Measurement noise: white, a fraction of each channel's RMS.
 

@@ -10,19 +10,16 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import ArrayLike
 
-from modalscope.data.channels import QUANTITIES
 from modalscope.data.geometry import DofLike, Geometry, check_labels, indices_of
 from modalscope.data.modes import ModalModel
 from modalscope.data.records import Signals
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.statespace import INPUTS, StateSpace
+from modalscope.functions.poles import QUANTITIES
 from modalscope.numerics.checks import ComplexArray, RealArray, check_positive, freeze, real_array
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.systems.modal import modal_model, undamped_modes
 from modalscope.systems.records import Inputs, Seed, add_noise, simulate
-
-__all__ = ["Structure"]
-
 
 # ----------------------------------------------------------------------------------------------------------- equations
 # From M, D, K to a state-space model and to frequency responses (Eqs. 1-4).

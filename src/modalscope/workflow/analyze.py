@@ -23,8 +23,6 @@ from modalscope.preprocess.frf import leakage_note
 from modalscope.workflow.bands import Choose, Look, looked_at, modes_chosen
 from modalscope.workflow.sources import Reading, opened
 
-__all__ = ["analyze", "analyzed", "concluded"]
-
 Progress = Callable[[int, int], None]
 
 

@@ -21,9 +21,9 @@ from modalscope.data.results import StabilizationDiagram
 from modalscope.data.setups import Setups, setups_of
 from modalscope.identification.refine import in_place, refine
 from modalscope.identification.routes import bands_of_record, bands_of_setups, looked_through
+from modalscope.identification.stabilize import Watch, stabilize, usable_orders
 from modalscope.judging.bands import Part, cut_of, evened, holds_too_little, joined_diagram, joined_modes, merge_bands
 from modalscope.judging.select import select
-from modalscope.judging.stabilize import Watch, stabilize, usable_orders
 from modalscope.likelihood.refine_setups import refine_setups
 from modalscope.likelihood.refined import astray
 from modalscope.likelihood.settling import needed_beside
@@ -33,9 +33,6 @@ from modalscope.numerics.checks import ComplexArray
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.correlation import estimate_correlation
 from modalscope.workflow.line_shapes import with_line_shapes
-
-__all__ = ["Choose", "Look", "looked_at", "modes_chosen", "refined_where_it_helps", "setups_apart"]
-
 
 # ---------------------------------------------------------------------------------------------------- diagrams of bands
 

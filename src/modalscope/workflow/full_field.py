@@ -19,8 +19,6 @@ from modalscope.numerics.checks import RealArray, check_kind, check_path
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
 
-__all__ = ["FullField", "full_field"]
-
 Progress = Callable[[int, int], None]
 
 

@@ -19,8 +19,6 @@ from modalscope.modal.indicators import mac, mpc, mpd
 from modalscope.numerics.checks import ComplexArray
 from modalscope.preprocess.harmonics import HARMONIC
 
-__all__ = ["with_line_shapes"]
-
 #: Lines of a machine reach so many of their spreads, and this part of their frequency.
 _SPREADS, _MORE = 3.0, 0.002
 

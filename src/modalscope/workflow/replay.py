@@ -15,8 +15,6 @@ from modalscope.numerics.errors import DataError
 from modalscope.workflow.analyze import Progress, analyzed
 from modalscope.workflow.sources import are_paths, opened, source_of_data
 
-__all__ = ["check_same", "replay"]
-
 
 @named()
 def replay(

@@ -23,8 +23,6 @@ from modalscope.numerics.errors import DataError
 from modalscope.preprocess.excitation import moved_by_base
 from modalscope.preprocess.merging import merge
 
-__all__ = ["Reading", "are_paths", "opened", "source_of_data", "source_of_file"]
-
 #: Options of reading, of all files or of each.
 Reading = Mapping[str, Any] | Sequence[Mapping[str, Any]]
 

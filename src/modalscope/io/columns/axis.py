@@ -12,20 +12,6 @@ from modalscope.data import DataError
 from modalscope.io.columns.table import Column, Table, as_word
 from modalscope.numerics.checks import Array, BoolArray, RealArray
 
-__all__ = [
-    "Sampling",
-    "check_numbers",
-    "grain_of",
-    "longest_even",
-    "parts_of_second",
-    "rises",
-    "roundest",
-    "same_rate",
-    "sampling_of",
-    "with_rows",
-]
-
-
 #: Times may lie off the even grid by this part of a step.
 _OFF = 0.02
 #: Rates that differ by less are one: headers are rounded.

@@ -17,8 +17,6 @@ from modalscope.io.columns.table import Column, Table, as_word, span
 from modalscope.io.columns.words import Role, ignored_columns, named_columns, role_by_words, short_unit, spoken_roles
 from modalscope.io.contents import Contents, Finding, Options
 
-__all__ = ["COLUMN_OPTIONS", "contents_from_table"]
-
 #: Options of every format that gives columns.
 COLUMN_OPTIONS = ("columns", "ignore", "transpose", "rows", "resample")
 

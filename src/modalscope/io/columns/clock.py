@@ -18,8 +18,6 @@ from modalscope.io.columns.axis import longest_stretch, rises, roundest, samplin
 from modalscope.io.columns.table import Column
 from modalscope.numerics.checks import RealArray, check_positive
 
-__all__ = ["Clock", "clock_of", "evened", "nearly_even", "resampled"]
-
 #: A step longer than this times the usual one has a sample missing in it.
 _GAP = 1.9
 #: Without being asked, records are resampled where at most this part of the motion (-30 dB) and a fifth of the rows are lost.

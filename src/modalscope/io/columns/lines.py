@@ -10,13 +10,11 @@ import numpy as np
 
 from modalscope.data import DataError, FrequencyResponse
 from modalscope.data.geometry import label_of
+from modalscope.data.units import plain_unit
 from modalscope.io.arrays import joined
 from modalscope.io.columns.table import Column, Table, as_word, span
-from modalscope.io.columns.words import LONGEST, factor_to_base, is_spectrum, kind_of_unit, plain_unit
+from modalscope.io.columns.words import LONGEST, factor_to_base, is_spectrum, kind_of_unit
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
-
-__all__ = ["frequency_response", "part_of", "parts_by_name"]
-
 
 # --------------------------------------------------------------------------------------------------------------- parts
 # Complex values out of real columns: real and imaginary parts, magnitudes and phases, in decibels, degrees or radians.

@@ -9,16 +9,14 @@ from typing import Any
 import numpy as np
 
 from modalscope.data import DataError, ImpulseResponse, Signals
-from modalscope.data.channels import QUANTITIES
 from modalscope.data.geometry import label_of
+from modalscope.functions.poles import QUANTITIES
 from modalscope.io.columns.axis import longest_even, parts_of_second, same_rate, sampling_of
 from modalscope.io.columns.clock import evened
 from modalscope.io.columns.table import Column, Table, as_word, span
 from modalscope.io.columns.words import Role, factor_to_base, ignored_columns, is_spectrum, kind_of_unit, may_be_base
 from modalscope.io.contents import Options
 from modalscope.numerics.checks import RealArray, check_positive
-
-__all__ = ["free_decay", "nothing_measured", "records", "refuse_transposed", "sampling_rate"]
 
 #: The digits of times may leave so much of their rate open: frequencies would be as wrong.
 _OPEN = 1e-3

@@ -7,8 +7,6 @@ from dataclasses import dataclass, field
 
 from modalscope.numerics.checks import Array
 
-__all__ = ["Column", "Table", "as_word", "span"]
-
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Column:

@@ -18,26 +18,6 @@ from modalscope.data.units import FACTORS, plain_unit
 from modalscope.io.columns.table import Column
 from modalscope.numerics.checks import Array
 
-__all__ = [
-    "UNITS",
-    "Role",
-    "factor_to_base",
-    "ignored_columns",
-    "is_spectrum",
-    "is_unit",
-    "is_weak",
-    "kind_of_unit",
-    "may_be_base",
-    "named_columns",
-    "plain_unit",
-    "role_by_words",
-    "short_unit",
-    "split_head",
-    "spoken_roles",
-    "words_of",
-]
-
-
 #: What units measure. Letters keep their case: s is a second and S is none.
 UNITS: dict[str, tuple[str, ...]] = {
     "time": ("s", "sec", "secs", "second", "seconds", "ms", "msec", "us", "usec", "ns", "min", "h", "hr"),

@@ -25,8 +25,6 @@ from modalscope.io.text.cells import (
 )
 from modalscope.numerics.checks import Array
 
-__all__ = ["kinds_of", "read_body"]
-
 #: Lines that are made arrays of at a time, and lines that may stand under a table.
 _PIECE, _FOOT = 20_000, 20
 _SHOWN = 20

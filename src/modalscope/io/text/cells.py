@@ -12,9 +12,6 @@ import numpy as np
 
 from modalscope.numerics.checks import Array, RealArray
 
-__all__ = ["Dialect", "complex_of", "is_stamp", "is_value", "number_of", "seconds_of", "split", "uncommented"]
-
-
 # -------------------------------------------------------------------------------------------------------------- stamps
 # Dates and times of day as seconds.
 

@@ -12,9 +12,6 @@ from modalscope.data import DataError
 from modalscope.io.limits import Room
 from modalscope.io.text.cells import Dialect, is_complex, is_missing, is_number, is_value, split
 
-__all__ = ["decimal_sign", "dialect_of", "encoding_of", "lines_of", "value_rows"]
-
-
 # -------------------------------------------------------------------------------------------------------------- source
 # Text of a file as lines: in UTF-8 or UTF-16, or else as Windows wrote it in the west; never more than there is room for.
 

@@ -20,8 +20,6 @@ from modalscope.io.limits import Room
 from modalscope.io.loose import stacked_runs
 from modalscope.numerics.checks import RealArray
 
-__all__ = ["is_labview", "labview_contents"]
-
 Line = tuple[int, str]
 
 _FIRST, _END = "labview measurement", "***End_of_Header***"

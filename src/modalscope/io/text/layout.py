@@ -10,21 +10,12 @@ from itertools import takewhile
 import numpy as np
 
 from modalscope.data import DataError
+from modalscope.data.units import plain_unit
 from modalscope.io.columns.lines import part_of
 from modalscope.io.columns.table import Column
-from modalscope.io.columns.words import (
-    factor_to_base,
-    is_unit,
-    is_weak,
-    kind_of_unit,
-    plain_unit,
-    role_by_words,
-    split_head,
-)
+from modalscope.io.columns.words import factor_to_base, is_unit, is_weak, kind_of_unit, role_by_words, split_head
 from modalscope.io.text.cells import Dialect, is_missing, is_number, number_of, split
 from modalscope.io.text.dialect import DELIMITERS, value_rows
-
-__all__ = ["Layout", "layout_of", "rate_of_facts"]
 
 #: So many rows of values in a row are the body; fewer where the file ends before.
 _BODY = 3

@@ -28,8 +28,6 @@ from modalscope.io.text.wrapped import gathered, head_of, runs_on, wrapped_conte
 from modalscope.numerics.checks import Array, check_count, check_positive
 from modalscope.numerics.errors import check_choice
 
-__all__ = ["TEXT_OPTIONS", "contents_of_lines", "read"]
-
 TEXT_OPTIONS = (*COLUMN_OPTIONS, "skip", "decimal", "delimiter")
 
 #: Lines, and characters of them, by which a file is judged.

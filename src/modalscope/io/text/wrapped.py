@@ -20,8 +20,6 @@ from modalscope.io.columns import Column, Table, contents_from_table
 from modalscope.io.contents import Contents, Options
 from modalscope.io.limits import Room
 
-__all__ = ["WrappedHead", "gathered", "head_of", "runs_on", "wrapped_contents"]
-
 Line = tuple[int, str]
 
 #: Lines among which the head is looked for.

@@ -15,9 +15,6 @@ from modalscope.io.uff.layout import DAMAGED, Field, dof_fields, form, label_fro
 from modalscope.io.uff.scan import BINARY, FORM, HEADER_LINES, Block
 from modalscope.numerics.checks import Array, RealArray
 
-__all__ = ["AXIS", "DOFS", "FUNCTION_TYPES", "TEXT", "Function", "read_function", "write_function"]
-
-
 FUNCTION_TYPES = (
     "general function", "time response", "auto spectrum", "cross spectrum", "frequency response", "transmissibility", "coherence",
     "auto correlation", "cross correlation", "power spectral density", "energy spectral density", "probability density",

@@ -8,27 +8,6 @@ from typing import Any, NamedTuple
 
 from modalscope.data import DataError, parse_dof
 
-__all__ = [
-    "DAMAGED",
-    "DIRECTIONS",
-    "FORCES",
-    "QUANTITY_CODES",
-    "QUANTITY_OF",
-    "Field",
-    "Record",
-    "code_of_direction",
-    "dof_fields",
-    "form",
-    "label_from",
-    "number",
-    "one_set",
-    "parse",
-    "sort_key",
-    "thirteen",
-    "whole",
-]
-
-
 #: What to do about a set that does not read.
 DAMAGED = "The file is damaged there; export it again."
 

@@ -16,25 +16,6 @@ from modalscope.io.uff.function import Function
 from modalscope.io.uff.layout import FORCES, QUANTITY_OF, sort_key
 from modalscope.numerics.checks import Array, RealArray
 
-__all__ = [
-    "SAME",
-    "Pair",
-    "Sorted",
-    "axis_words",
-    "by_pair",
-    "complete_block",
-    "kind_of",
-    "largest_group",
-    "matrix",
-    "same_axis",
-    "sort_frequency",
-    "sort_impulse",
-    "sort_records",
-    "units",
-    "units_in",
-]
-
-
 #: Abscissas agree when they differ by less than this part of a step: text files print few digits.
 SAME = 1e-3
 #: Subsets of the shorter side are tried one by one up to this many channels.

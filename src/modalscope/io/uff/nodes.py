@@ -14,8 +14,6 @@ from modalscope.io.uff.layout import DAMAGED, Field, form, number, one_set, pars
 from modalscope.io.uff.scan import Block
 from modalscope.numerics.checks import RealArray
 
-__all__ = ["Parts", "add_block", "geometry_of", "write_lines", "write_nodes"]
-
 _HEAD = (
     Field("node", 10, "i"),
     Field("definition system", 10, "i"),

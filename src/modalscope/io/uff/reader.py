@@ -17,8 +17,6 @@ from modalscope.io.uff.scan import Block, scan
 from modalscope.io.uff.shapes import Shape, modes_of, read_shape
 from modalscope.numerics.errors import check_choice
 
-__all__ = ["READ_OPTIONS", "read"]
-
 READ_OPTIONS = ("want", "repeated")
 
 _WANTS = ("frequency response", "impulse response", "records", "modes", "geometry")

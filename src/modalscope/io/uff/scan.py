@@ -14,8 +14,6 @@ from modalscope.data import DataError
 from modalscope.io.limits import MOST_PARTS, Room, room
 from modalscope.io.uff.layout import Field, parse
 
-__all__ = ["BINARY", "DELIMITER", "FORM", "HEADER_LINES", "Block", "scan"]
-
 DELIMITER = b"    -1\n"
 #: Records before the data of a dataset 58.
 HEADER_LINES = 11

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.data import DataError, ModalModel, parse_dof
-from modalscope.data.poles import poles_from
+from modalscope.functions.poles import poles_from
 from modalscope.io.limits import Room
 from modalscope.io.uff.layout import (
     DAMAGED,
@@ -28,8 +28,6 @@ from modalscope.io.uff.layout import (
 )
 from modalscope.io.uff.scan import Block
 from modalscope.numerics.checks import ComplexArray
-
-__all__ = ["Shape", "modes_of", "read_shape", "write_shapes"]
 
 _TEXT: Record = (Field("text", 80, "a"),)
 _DEFINITION = (

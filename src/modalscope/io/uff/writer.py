@@ -18,8 +18,6 @@ from modalscope.io.uff.shapes import write_shapes
 from modalscope.numerics.checks import RealArray
 from modalscope.numerics.errors import check_choice
 
-__all__ = ["WRITE_OPTIONS", "write"]
-
 WRITE_OPTIONS = ("text", "dataset", "nodes", "lines")
 
 _TIME, _FRF, _COHERENCE, _CORRELATION, _MULTIPLE = 1, 4, 6, 8, 26

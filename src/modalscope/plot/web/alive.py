@@ -21,9 +21,6 @@ from modalscope.plot.web.modes import modes_parts
 from modalscope.plot.web.poles import asked_ends, band_of, behind, fit_of_bands, pole_arrays, rebuilt_lines, thinned
 from modalscope.preprocess.singular_spectra import Decomposition
 
-__all__ = ["alive_blob", "front_end", "widget"]
-
-
 #: Numbers of channels that a blob holds at most, and lines a channel has at least and at most.
 _NUMBERS, _FEW, _MANY = 200_000, 100, 1500
 

@@ -16,8 +16,6 @@ import numpy as np
 from modalscope.io.arrays import plain
 from modalscope.numerics.checks import Array
 
-__all__ = ["pack", "plain"]
-
 _ALIGN = 8
 
 #: What a browser has typed arrays for: the kind of an array -> the type that is sent.

@@ -14,8 +14,6 @@ from modalscope.numerics.checks import Array, ComplexArray
 from modalscope.plot._camera import extent
 from modalscope.plot.web.blob import pack
 
-__all__ = ["modes_blob", "modes_parts"]
-
 
 def modes_blob(modes: ModalModel, names: Mapping[str, str], head: Mapping[str, Any]) -> bytes:
     """Return modes with all that is told and drawn of them.

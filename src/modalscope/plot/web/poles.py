@@ -8,33 +8,18 @@ from typing import Any
 import numpy as np
 
 from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, ModalModel, StabilizationDiagram
-from modalscope.data.poles import frequencies_and_damping
 from modalscope.data.response import Response
 from modalscope.data.shown import summary_of
+from modalscope.functions.poles import frequencies_and_damping
+from modalscope.identification.stabilize import stable_against
 from modalscope.identification.sweep import Cut, Sweep
 from modalscope.identification.table import cell_label
-from modalscope.judging.stabilize import stable_against
+from modalscope.io.arrays import plain
 from modalscope.modal.rebuilt import fit_error, fit_error_heard, heard_lines, rebuilt
 from modalscope.numerics.checks import Array
 from modalscope.plot.diagrams import indicator_curves
-from modalscope.plot.web.blob import pack, plain
+from modalscope.plot.web.blob import pack
 from modalscope.preprocess import decomposition, estimate_frf
-
-__all__ = [
-    "Fit",
-    "asked_ends",
-    "band_of",
-    "channel_blob",
-    "curves_of",
-    "cut_view",
-    "fit_of",
-    "fit_of_bands",
-    "inside",
-    "overview_blob",
-    "poles_blob",
-    "rebuilt_lines",
-]
-
 
 #: Curves of an indicator that are drawn, and points of each: more than a screen has.
 _CURVES, _POINTS = 3, 200_000

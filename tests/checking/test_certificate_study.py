@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.judging.certificate import (
+from modalscope.checking.certificate import (
     LARGEST_BIAS,
     LEAST_COVERAGE,
     RATIOS,

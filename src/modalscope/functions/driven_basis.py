@@ -12,13 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.data.pole_basis import ModalBasis, functions_at
-from modalscope.data.poles import is_real
+from modalscope.functions.pole_basis import ModalBasis, functions_at
+from modalscope.functions.poles import is_real
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.orthonormal import factor_of_gram, stacked_factor, triangle_of
-
-__all__ = ["DrivenBasis", "DrivenLines", "Run", "driven_basis"]
-
 
 #: Numbers in the columns of the lines that are taken at a time, complex ones: 2 MB.
 _NUMBERS = 1 << 17

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.judging import certificate
-from modalscope.judging.certificate import Calibration, calibration, replicates_of
+from modalscope.checking import certificate
+from modalscope.checking.certificate import Calibration, calibration, replicates_of
 from modalscope.likelihood.noise import coloured
 from modalscope.systems import chain5
 from tests.support import refused

@@ -12,8 +12,8 @@ import pytest
 from modalscope import DataError, stabilize
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.data import FrequencyResponse, ImpulseResponse, ModalModel, Signals
+from modalscope.identification.stabilize import TOLERANCES, stable_against
 from modalscope.identification.sweep import Cut
-from modalscope.judging.stabilize import TOLERANCES, stable_against
 from modalscope.modal.eigenmodes import Eigenmodes
 from tests.judging.made import NUDGE, Pole, at_angle, response_of
 

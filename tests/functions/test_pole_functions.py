@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.data import pole_basis as pole_functions
-from modalscope.data.pole_basis import line_functions, sample_functions
-from modalscope.data.poles import powers_of
+from modalscope.functions import pole_basis as pole_functions
+from modalscope.functions.pole_basis import line_functions, sample_functions
+from modalscope.functions.poles import powers_of
 
 POLES = np.array([-0.3 + 9.0j, -2.0 + 0j, -0.8 + 21.0j])
 RESIDUES = np.array([1.0 - 2.0j, 3.0 + 0j, -0.5 + 0.7j])

@@ -10,10 +10,10 @@ from typing import Any, Unpack
 import numpy as np
 
 from modalscope.data.notes import Note
-from modalscope.data.poles import frequencies_and_damping
 from modalscope.data.record_residual import UNMEASURED
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.shown import counted
+from modalscope.functions.poles import frequencies_and_damping
 from modalscope.identification.method import Problem
 from modalscope.identification.options import AllOptions
 from modalscope.identification.orders import checked_orders
@@ -28,21 +28,6 @@ from modalscope.numerics.errors import DataError
 from modalscope.numerics.executors import working
 from modalscope.numerics.resources import one_thread
 from modalscope.preprocess.peak_test import PEAK, peak_heights
-
-__all__ = [
-    "ORDERS_END",
-    "TOLERANCES",
-    "Watch",
-    "collected",
-    "grown",
-    "stabilize",
-    "stabilized",
-    "stable_against",
-    "still_falls",
-    "sufficient_order",
-    "usable_orders",
-]
-
 
 # ----------------------------------------------------------------------------------------------------------- stability
 # What is stable from one order to the next: poles whose frequency, damping and shape are those of one before.

@@ -22,10 +22,10 @@ from modalscope.data.shown import Shown, counted, summary_of
 from modalscope.identification.pipeline import factor
 from modalscope.identification.prepare import Measured, pose
 from modalscope.identification.refine import refine
+from modalscope.identification.stabilize import stabilized
 from modalscope.identification.sweep import Sweep
 from modalscope.identification.table import find_method
 from modalscope.judging.select import select
-from modalscope.judging.stabilize import stabilized
 from modalscope.likelihood.deviations import residual_variance, unexplained_energy
 from modalscope.likelihood.noise import SPLIT, Noise, noise_of
 from modalscope.modal.indicators import mac
@@ -34,18 +34,6 @@ from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.checks import Array, BoolArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import assign
-
-__all__ = [
-    "Calibration",
-    "Certificate",
-    "calibration",
-    "certified",
-    "matched",
-    "nearest_order",
-    "note_on_few",
-    "replicates_of",
-]
-
 
 # ---------------------------------------------------------------------------------------------------------- replicates
 # Replicates of a result: the response that its modes give plus noise like that of the data, identified as the reported modes were.

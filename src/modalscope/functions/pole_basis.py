@@ -15,25 +15,9 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.data.channels import QUANTITIES
-from modalscope.data.poles import is_real, powers_of, to_discrete
+from modalscope.functions.poles import QUANTITIES, is_real, powers_of, to_discrete
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.orthonormal import resolved
-
-__all__ = [
-    "LineData",
-    "ModalBasis",
-    "functions_at",
-    "line_basis",
-    "line_data",
-    "line_functions",
-    "residual_powers",
-    "sample_basis",
-    "sample_functions",
-    "scaled_terms",
-    "stacked_basis",
-]
-
 
 # ------------------------------------------------------------------------------------------------------ pole functions
 # The functions of poles on lines and on samples, real columns that are the same for every output and input, and their derivatives.

@@ -8,19 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.checking.certificate import Certificate, certified, replicates_of
 from modalscope.data.records import Signals
 from modalscope.data.results import Result, StabilizationDiagram
 from modalscope.identification.prepare import measure
 from modalscope.judging.bands import SPLIT
-from modalscope.judging.certificate import Certificate, certified, replicates_of
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_count, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
 from modalscope.workflow.analyze import analyze
 from modalscope.workflow.replay import replay
-
-__all__ = ["certify"]
 
 Progress = Callable[[int, int], None]
 

@@ -16,9 +16,6 @@ from modalscope.numerics.resources import one_thread
 from modalscope.systems.chains import spring_chain
 from modalscope.systems.examples import iasc_asce, three_masses, three_masses_record
 
-__all__ = ["SelfCheck", "Value", "selfcheck"]
-
-
 # -------------------------------------------------------------------------------------------------------------- tables
 # Published numbers, as they were printed: each with its source and the last digit that it has.
 

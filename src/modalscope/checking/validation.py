@@ -19,8 +19,6 @@ from modalscope.numerics.checks import RealArray, check_kind
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import one_thread
 
-__all__ = ["Validation", "validate"]
-
 #: Two parts leave one another alone: nothing is common to what was left out and to what explains it.
 _FEWEST = 3
 

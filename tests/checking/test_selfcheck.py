@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import modalscope as ms
-from modalscope.published.selfcheck import Value
+from modalscope.checking.selfcheck import Value
 
 
 def test_every_published_value_is_reproduced():

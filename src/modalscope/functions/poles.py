@@ -12,18 +12,8 @@ from numpy.typing import ArrayLike
 
 from modalscope.numerics.checks import BoolArray, ComplexArray, IntArray, RealArray
 
-__all__ = [
-    "HasPoles",
-    "frequencies_and_damping",
-    "is_real",
-    "one_of_each_pair",
-    "overlap",
-    "pole_kinds",
-    "poles_from",
-    "powers_of",
-    "to_continuous",
-    "to_discrete",
-]
+#: Derivatives of the displacement that each quantity is.
+QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
 
 #: A pole whose imaginary part is below this fraction of its modulus is called real: eigenvalues of a real matrix carry
 #: imaginary parts of rounding size only when they are exactly paired, so the limit needs to cover conversions, no more.

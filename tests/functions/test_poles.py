@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import given, strategies as st
 
-from modalscope.data.poles import (
+from modalscope.functions.poles import (
     frequencies_and_damping,
     one_of_each_pair,
     pole_kinds,

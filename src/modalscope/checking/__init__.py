@@ -1,0 +1,1 @@
+"""Whether results hold: certificates, validation with records kept apart, published numbers recomputed."""

@@ -1,0 +1,1 @@
+"""Functions of poles on lines and samples, and least squares with them."""

@@ -1,1 +1,0 @@
-"""Numbers that others published, and whether this installation gives them again."""
