@@ -41,6 +41,6 @@ def test_a_test_named_after_a_module_lies_in_its_folder(file: Path) -> None:
 
 
 def test_no_modules_import_each_other_in_a_circle() -> None:
-    """Imports inside functions count, and those through a package's `__init__`; those for types alone do not."""
+    """Imports inside functions, for types and through a package's `__init__` count."""
     files = modules()
     assert circles({name: imported(path.read_text(encoding="utf-8"), files) for name, path in files.items()}) == []

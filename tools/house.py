@@ -1,6 +1,6 @@
 """Measure the house: modules, lines, lines of code, and circles of imports. `python -m tools.house` prints them.
 
-Imports inside functions count, those of a package's `__init__` too; those for types alone do not.
+Imports inside functions count, those for types and those of a package's `__init__` too.
 """
 
 from __future__ import annotations
@@ -21,10 +21,8 @@ def modules(source: Path = SOURCE) -> dict[str, Path]:
 
 
 def _statements(node: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
-    """Return the imports that run: not those under `if TYPE_CHECKING`."""
+    """Return all imports, those inside functions and under `if TYPE_CHECKING` too."""
     for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.If) and ast.unparse(child.test) == "TYPE_CHECKING":
-            continue
         if isinstance(child, ast.Import | ast.ImportFrom):
             yield child
         else:

@@ -10,7 +10,8 @@ import pytest
 import modalscope as ms
 from modalscope import systems
 from modalscope.data import DataError, ModalModel
-from modalscope.data.mode_fields import Candidate, Harmonic, joined
+from modalscope.data.candidates import Candidate, Harmonic
+from modalscope.data.mode_fields import joined
 from tests.support import EPS, FIVE, relative
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
@@ -176,12 +177,12 @@ def test_what_is_not_known_of_one_mode_is_a_dash() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"shapes": np.ones((2, 3))}, r"2 poles need 2 shapes as columns, but shapes has shape \(2, 3\)"),
-        ({"participation": np.ones((3, 1))}, "2 poles need 2 rows of participation"),
-        ({"feedthrough": np.ones((1, 1))}, r"feedthrough needs one entry for each of 3 outputs and 1 inputs"),
-        ({"frequencies_std": [0.1]}, "frequencies_std needs 2 entries, one a mode, but it has 1"),
-        ({"indicators": {"mpc": [1.0]}}, "mpc needs 2 entries"),
-        ({"reasons": ({},)}, "2 modes need 2 reasons or none, but there are 1"),
+        ({"shapes": np.ones((2, 3))}, r"shapes needs shape \(any, 2\), \(outputs, modes\), but it has \(2, 3\)"),
+        ({"participation": np.ones((3, 1))}, r"participation needs shape \(2, any\)"),
+        ({"feedthrough": np.ones((1, 1))}, r"feedthrough needs shape \(3, 1\)"),
+        ({"frequencies_std": [0.1]}, r"frequencies_std needs shape \(2\), \(modes,\), but it has \(1,\)"),
+        ({"indicators": {"mpc": [1.0]}}, r"mpc needs shape \(2\)"),
+        ({"reasons": ({},)}, "reasons needs one entry a mode, 2, but it has 1"),
         ({"poles": [np.nan, 1]}, "poles needs finite numbers"),
         ({"quantity": "strain"}, "quantity='strain' was asked"),
         ({"output_dofs": ["1:X", "2:X"]}, "output_dofs needs 3 labels, one a channel, but 2 are given"),
@@ -333,12 +334,12 @@ def test_intervals_that_cannot_be_told(modes: ModalModel, level: float, message:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"shapes_std": np.ones((3, 2))}, r"shapes_std needs the shape of shapes, \(2, 3\), but it has \(3, 2\)"),
-        ({"gain": [1.0]}, "gain needs 3 entries"),
+        ({"shapes_std": np.ones((3, 2))}, r"shapes_std needs shape \(2, 3\), \(outputs, modes\), but it has \(3, 2\)"),
+        ({"gain": [1.0]}, r"gain needs shape \(3\)"),
         ({"left_out": [4.0]}, "each of left_out"),
         ({"harmonics": "25 Hz"}, "harmonics needs a list of Harmonic"),
         ({"unrefined": "before"}, "unrefined"),
-        ({"unrefined": full()[:1]}, "unrefined needs 3 modes, one for each that was refined, but it has 1"),
+        ({"unrefined": full()[:1]}, "unrefined needs one entry a mode, 3, but it has 1"),
         ({"converged": "yes"}, "converged"),
     ],
 )

@@ -52,7 +52,11 @@ GOOD = {
         (Signals, {"units": (("g",), "N")}, "outputs needs 2 units, one a channel, but 1 are given"),
         (ImpulseResponse, {"values": np.ones((5, 2))}, r"values needs axes \(samples, outputs, inputs\)"),
         (ImpulseResponse, {"values": np.ones((1, 2, 1))}, "at least two samples of one channel"),
-        (ImpulseResponse, {"feedthrough": np.ones((1, 2))}, r"feedthrough needs shape \(2, 1\), but it has \(1, 2\)"),
+        (
+            ImpulseResponse,
+            {"feedthrough": np.ones((1, 2))},
+            r"feedthrough needs shape \(2, 1\), \(outputs, inputs\), but it has \(1, 2\)",
+        ),
         (ImpulseResponse, {"kind": "step"}, "kind='step' was asked, but there are only pulse, dirac"),
         (ImpulseResponse, {"kind": "puls"}, "Did you mean 'pulse'"),
         (ImpulseResponse, {"first_sample": -1}, "first_sample needs a whole number of at least 0, but it is -1"),

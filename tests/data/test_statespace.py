@@ -219,5 +219,5 @@ def test_predictions_need_a_gain_and_the_models_channels():
         model.predict,
         Signals(outputs=np.ones((9, 1)), inputs=np.ones((9, 1)), sampling_rate=1.0),
     )
-    refused(r"takes \(4, 2\)", StateSpace, A=model.A, B=model.B, C=model.C, dt=1.0, gain=np.ones((2, 4)))
+    refused(r"gain needs shape \(4, 2\)", StateSpace, A=model.A, B=model.B, C=model.C, dt=1.0, gain=np.ones((2, 4)))
     refused("is continuous", StateSpace, A=model.A, B=model.B, C=model.C, gain=np.ones((4, 2)))

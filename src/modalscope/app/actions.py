@@ -8,8 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from modalscope.data import DataError
-from modalscope.data.analysis import Analysis, SourceFile
-from modalscope.data.modes import named_near
+from modalscope.data.analysis import Analysis, SourceFile, named_near
 from modalscope.io.analysis import analysis_to
 from modalscope.numerics.checks import check_number, check_positive
 

@@ -3,8 +3,8 @@
 from importlib import import_module
 
 from modalscope.data.analysis import Analysis
+from modalscope.data.candidates import Candidate, Harmonic
 from modalscope.data.geometry import Dof, Geometry, parse_dof
-from modalscope.data.mode_fields import Candidate, Harmonic
 from modalscope.data.modes import ModalModel, Mode
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals, as_records

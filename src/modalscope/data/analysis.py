@@ -9,13 +9,10 @@ from typing import Any
 from modalscope.numerics.checks import check_band, check_count, check_kind, freeze
 from modalscope.numerics.errors import DataError
 
-# ------------------------------------------------------------------------------------------------------------- version
 # The version, as files and reports say it; a test holds it to that of the face and of the project file.
 
 VERSION = "0.2.0"
 
-
-# ------------------------------------------------------------------------------------------------------------ analysis
 
 #: Number of the layout; a document of a later one is refused, not guessed at.
 SCHEMA = 1
@@ -138,3 +135,20 @@ class Analysis:
             "apart": self.apart or None,
         }
         return {**{name: value for name, value in named.items() if value is not None}, **self.options}
+
+
+#: A name belongs to the mode within this part of its frequency.
+_MAX_RELATIVE_DISTANCE = 0.005
+
+
+def named_near(names: Mapping[str, str], frequency: float) -> str:
+    """Return the name that was given nearest to a frequency; empty where there is none.
+
+    Examples
+    --------
+    >>> named_near({"177.05": "first bending", "480": "second"}, 177.2)
+    'first bending'
+    """
+    near = [(abs(float(text) - frequency), name) for text, name in names.items()]
+    distance, name = min(near, default=(float("inf"), ""))
+    return name if distance <= _MAX_RELATIVE_DISTANCE * frequency else ""

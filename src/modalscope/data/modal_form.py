@@ -1,9 +1,8 @@
-"""Transform state-space models to modal form (Eqs. 15-16), also with repeated or defective poles."""
+"""Block-diagonalize state matrices, also with repeated or defective poles (Eqs. 15-16), and take their logarithm (Eqs. 5-8)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg as sla
@@ -11,10 +10,7 @@ import scipy.linalg as sla
 from modalscope.functions.poles import is_real
 from modalscope.numerics.checks import BoolArray, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
-from modalscope.numerics.linear_systems import scaled, state_scale
-
-if TYPE_CHECKING:
-    from modalscope.data.statespace import StateSpace
+from modalscope.numerics.linear_systems import sampled, scaled, state_scale
 
 #: An eigenvalue whose sensitivity (1 / cosine of the angle between its left and right eigenvectors) is above this has lost half
 #: of its digits: it is nearly defective.
@@ -32,26 +28,6 @@ class Block:
     states: slice
     poles: ComplexArray
     separate: bool
-
-
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class ModalForm:
-    """A model in modal coordinates q, x = T q: A is block diagonal, [[s, w], [-w, s]] for the pair s +- j w.
-
-    `state_space`: the model in these coordinates. `T` (n, n): real change of coordinates; columns of length one in well scaled states.
-    `blocks`: by rising frequency. `condition`: condition number of T in well scaled states: digits lost by the change are its decimal
-    logarithm.
-    """
-
-    state_space: StateSpace
-    T: RealArray
-    blocks: tuple[Block, ...]
-    condition: float
-
-    @property
-    def clusters(self) -> tuple[Block, ...]:
-        """The blocks whose poles could not be taken apart."""
-        return tuple(block for block in self.blocks if not block.separate)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -157,10 +133,10 @@ def _invariant(A: RealArray, values: ComplexArray, group: IntArray) -> tuple[Rea
     return Z[:, :count], S[:count, :count]
 
 
-def pole_groups(model: StateSpace, tolerance: float) -> tuple[PoleGroup, ...]:
-    """Return coinciding poles with what outputs see and inputs drive of them (see `StateSpace.pole_groups`)."""
-    scale = state_scale(model.A)
-    A, B, C = scaled(model.A, scale), model.B / scale[:, None], model.C * scale
+def pole_groups(A: RealArray, B: RealArray, C: RealArray, tolerance: float) -> tuple[PoleGroup, ...]:
+    """Return coinciding poles and how many of each are observable and controllable (see `StateSpace.pole_groups`)."""
+    scale = state_scale(A)
+    A, B, C = scaled(A, scale), B / scale[:, None], C * scale
     values = np.asarray(np.linalg.eigvals(A), dtype=complex)
     radius = max(float(np.abs(values).max(initial=0)), np.finfo(float).tiny)
     found = []
@@ -183,24 +159,6 @@ def pole_groups(model: StateSpace, tolerance: float) -> tuple[PoleGroup, ...]:
 
 def _rank(matrix: RealArray, tolerance: float) -> int:
     return int(np.count_nonzero(np.linalg.svd(matrix, compute_uv=False) > tolerance))
-
-
-# ------------------------------------------------------------------------------------------------------------ sampling
-# Exact sampling of x' = A x + B u and its inverse (Eqs. 5-8).
-
-
-def sampled(A: RealArray, B: RealArray, dt: float, *, held: bool) -> tuple[RealArray, RealArray]:
-    """Return exp(A dt), and B itself or, for a held input, the integral of exp(A t) B over one step (Eq. 8).
-
-    exp([[A, B], [0, 0]] dt) = [[exp(A dt), integral exp(A t) B], [0, I]] holds for singular A, too.
-    """
-    n, m = B.shape
-    whole = np.block([[A, B], [np.zeros((m, n + m))]]) if held else A
-    scale = state_scale(A)
-    if held:
-        scale = np.append(scale, np.full(m, 1.0))
-    step = scaled(sla.expm(scaled(whole, scale) * dt), 1 / scale)
-    return step[:n, :n], step[:n, n:] if held else B
 
 
 def continuous(A: RealArray, B: RealArray, dt: float, *, held: bool) -> tuple[RealArray, RealArray]:

@@ -2,52 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import ndtri, stdtrit
 
-from modalscope.data.channels import Channels, derivatives_between
-from modalscope.data.mode_fields import (
-    COLUMNS,
-    DIRECT,
-    Candidate,
-    Harmonic,
-    as_dataframe,
-    as_text,
-    checked_fields,
-    mode_indices,
-    taken_fields,
-)
-from modalscope.data.notes import Note, notes_of
+from modalscope.data.channels import derivatives_between
+from modalscope.data.mode_fields import COLUMNS, ModeFields, mode_indices
+from modalscope.data.mode_table import cells_of_modes, known_columns
 from modalscope.data.response import CORRELATED, UNTOLD
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
-from modalscope.functions.poles import HasPoles, to_discrete
-from modalscope.numerics.checks import ComplexArray, RealArray, check_count, check_number, check_positive, freeze
+from modalscope.numerics.checks import ComplexArray, RealArray, check_number, check_positive
 from modalscope.numerics.errors import DataError, check_choice
-
-# ---------------------------------------------------------------------------------------------------------- mode names
-# Names that users give to modes, by frequency.
-
-#: A name belongs to the mode within this part of its frequency.
-_NEAR = 0.005
-
-
-def named_near(names: Mapping[str, str], frequency: float) -> str:
-    """Return the name that was given nearest to a frequency; empty where there is none.
-
-    Examples
-    --------
-    >>> named_near({"177.05": "first bending", "480": "second"}, 177.2)
-    'first bending'
-    """
-    near = [(abs(float(text) - frequency), name) for text, name in names.items()]
-    distance, name = min(near, default=(float("inf"), ""))
-    return name if distance <= _NEAR * frequency else ""
-
+from modalscope.numerics.extras import optional_package
 
 # ------------------------------------------------------------------------------------------------------- normalization
 # What mode shapes are scaled to.
@@ -106,81 +76,6 @@ def _mass_factor(modes: ModalModel) -> tuple[ComplexArray, str]:
     with np.errstate(divide="ignore", invalid="ignore"):
         factor = np.where(target == 0, 1, shape / np.where(target == 0, 1, target))
     return np.asarray(factor), f"unit modal mass, driving point {', '.join(common)}"
-
-
-# ----------------------------------------------------------------------------------------------------------- synthesis
-# Responses of modes: sums over poles, shapes and participation.
-
-
-def _impulse_response(
-    modes: ModalModel, samples: int, sampling_rate: float | None, first_sample: int
-) -> ImpulseResponse:
-    """Return sum_j phi_j exp(s_j (k + first_sample) dt) l_j' and conjugates (see `ModalModel.impulse_response`)."""
-    part = modes.known_participation("an impulse response")
-    rate = _rate(modes, sampling_rate)
-    steps = np.arange(check_count("samples", samples)) + first_sample
-    decay = np.exp(np.outer(steps / rate, modes.poles)) * _weights(modes)
-    values = np.einsum("kj,aj,jb->kab", decay, modes.shapes, part).real
-    return ImpulseResponse(
-        values=values,
-        sampling_rate=rate,
-        feedthrough=modes.feedthrough,
-        kind="pulse" if modes.held_input else "dirac",
-        first_sample=first_sample,
-        quantity=modes.quantity,
-        **modes.labelled(),
-    )
-
-
-def _frequency_response(modes: ModalModel, frequencies: ArrayLike, residuals: bool) -> FrequencyResponse:
-    """Return the sum over the modes, the direct term and the residuals (see `ModalModel.frequency_response`)."""
-    f = np.asarray(frequencies, dtype=float)
-    values = _modal_sum(modes, f)
-    if modes.feedthrough is not None:
-        values = values + modes.feedthrough
-    if residuals and (modes.lower_residual is not None or modes.upper_residual is not None):
-        p = 0 if modes.quantity is None else -derivatives_between(modes.quantity, "displacement")
-        s = (2j * np.pi * f)[:, None, None]
-        for residual, power in ((modes.lower_residual, p - 2), (modes.upper_residual, p)):
-            if residual is not None:
-                values = values + residual * s**power
-    rate = 1 / modes.dt if modes.dt is not None and modes.held_input else None
-    return FrequencyResponse(
-        values=values, frequencies=f, quantity=modes.quantity, sampling_rate=rate, **modes.labelled()
-    )
-
-
-def _rate(modes: ModalModel, sampling_rate: float | None) -> float:
-    """Return the sampling rate that is asked, or that of the identified system; a held input allows no other."""
-    known = None if modes.dt is None else 1 / modes.dt
-    rate = known if sampling_rate is None else check_positive("sampling_rate", sampling_rate)
-    if rate is None:
-        raise DataError("an impulse response was asked", "the modes are of a continuous system", "Give sampling_rate.")
-    if modes.held_input and known is not None and not np.isclose(rate, known, rtol=1e-9):
-        raise DataError(
-            f"a pulse response at {rate:g} Hz was asked",
-            f"the participation is that of an input held at {known:g} Hz",
-            "Leave sampling_rate out.",
-        )
-    return rate
-
-
-def _modal_sum(modes: ModalModel, f: RealArray) -> ComplexArray:
-    """Return sum_j phi_j l_j' / (x - p_j) and conjugates on lines in Hz, (F, l, m), in the plane of the model."""
-    part = modes.known_participation("a frequency response")
-    sampled = modes.dt is not None and modes.held_input
-    x = np.exp(2j * np.pi * f * modes.dt) if sampled and modes.dt is not None else 2j * np.pi * f
-    poles = to_discrete(modes.poles, modes.dt) if sampled and modes.dt is not None else modes.poles
-    direct = 1 / (x[:, None] - poles)
-    pair = np.where(_weights(modes) == 2, 1.0, 0.0) / (x[:, None] - poles.conj())
-    first = np.einsum("fj,aj,jb->fab", direct, modes.shapes, part, optimize=True)
-    return np.asarray(first + np.einsum("fj,aj,jb->fab", pair, modes.shapes.conj(), part.conj(), optimize=True))
-
-
-def _weights(modes: ModalModel) -> RealArray:
-    """2 for a pole that stands for a conjugate pair, 1 for one that stands alone."""
-    alone = np.array([kind in ("real", "nyquist", "zero") for kind in modes.kinds], dtype=bool)
-    return np.where(alone | (modes.poles.imag == 0), 1.0, 2.0)
 
 
 # ---------------------------------------------------------------------------------------------------------------- mode
@@ -292,7 +187,7 @@ class Mode:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
-class ModalModel(Channels, HasPoles):
+class ModalModel(ModeFields):
     """Modes of a structure: one pole of each conjugate pair, and real poles.
 
     The impulse response is h(t) = sum_j phi_j exp(s_j t) l_j' over the poles and, for each pole off the real axis, its
@@ -352,39 +247,6 @@ class ModalModel(Channels, HasPoles):
     5 0.9060 Hz, 0.247 % 2
     """
 
-    poles: ComplexArray
-    shapes: ComplexArray
-    participation: ComplexArray | None = None
-    feedthrough: RealArray | None = None
-    lower_residual: RealArray | None = None
-    upper_residual: RealArray | None = None
-    quantity: str | None = None
-    dt: float | None = None
-    held_input: bool = False
-    frequencies_spread: RealArray | None = None
-    damping_ratios_spread: RealArray | None = None
-    frequencies_std: RealArray | None = None
-    damping_ratios_std: RealArray | None = None
-    shapes_std: RealArray | None = None
-    frequencies_repeatability: RealArray | None = None
-    damping_ratios_repeatability: RealArray | None = None
-    gain: RealArray | None = None
-    indicators: Mapping[str, RealArray] = field(default_factory=dict)
-    reasons: tuple[Mapping[str, Any], ...] = ()
-    scaling: str = "as identified"
-    notes: tuple[Note, ...] = ()
-    left_out: tuple[Candidate, ...] = ()
-    harmonics: tuple[Harmonic, ...] = ()
-    unrefined: ModalModel | None = None
-    converged: bool | None = None
-
-    def __post_init__(self) -> None:
-        freeze(self, **checked_fields(self))
-        self._label(len(self.shapes), 0 if self.participation is None else self.participation.shape[1])
-
-    def __len__(self) -> int:
-        return int(self.poles.size)
-
     def __iter__(self) -> Iterator[Mode]:
         return (Mode(self, j) for j in range(len(self)))
 
@@ -406,30 +268,6 @@ class ModalModel(Channels, HasPoles):
         """Residue matrices phi_j l_j', (n, l, m)."""
         part = self.known_participation("residues")
         return np.asarray(self.shapes.T[:, :, None] * part[:, None, :])
-
-    def take(self, modes: ArrayLike) -> ModalModel:
-        """Return some of the modes, with all that belongs to them.
-
-        Parameters
-        ----------
-        modes : array of int or bool
-            Which, counted from zero.
-
-        Raises
-        ------
-        DataError
-            A mode that is not there.
-        """
-        return replace(self, **taken_fields(self, mode_indices(modes, len(self))))
-
-    def noted(self, notes: Iterable[Note | str] | Note | str) -> ModalModel:
-        """Return the same modes with more notes.
-
-        Parameters
-        ----------
-        notes : Note, str, or a sequence of them
-        """
-        return replace(self, notes=(*self.notes, *notes_of(notes)))
 
     def normalized(self, scale: str = "unit") -> ModalModel:
         """Return the modes with shapes scaled as asked; participation takes the inverse, so that residues stay.
@@ -503,7 +341,27 @@ class ModalModel(Channels, HasPoles):
         DataError
             No participation, no sampling rate, or another rate than that of a held input.
         """
-        return _impulse_response(self, samples, sampling_rate, first_sample)
+        identified = None if self.dt is None else 1 / self.dt
+        rate = identified if sampling_rate is None else check_positive("sampling_rate", sampling_rate)
+        if rate is None:
+            raise DataError(
+                "an impulse response was asked", "the modes are of a continuous system", "Give sampling_rate."
+            )
+        if self.held_input and identified is not None and not np.isclose(rate, identified, rtol=1e-9):
+            raise DataError(
+                f"a pulse response at {rate:g} Hz was asked",
+                f"the participation is that of an input held at {identified:g} Hz",
+                "Leave sampling_rate out.",
+            )
+        return ImpulseResponse(
+            values=self.on_samples(samples, rate, first_sample),
+            sampling_rate=rate,
+            feedthrough=self.feedthrough,
+            kind="pulse" if self.held_input else "dirac",
+            first_sample=first_sample,
+            quantity=self.quantity,
+            **self.labelled(),
+        )
 
     def frequency_response(self, frequencies: ArrayLike, *, residuals: bool = True) -> FrequencyResponse:
         """Return the response of the modes, the direct term and the residuals.
@@ -520,27 +378,18 @@ class ModalModel(Channels, HasPoles):
         DataError
             No participation.
         """
-        return _frequency_response(self, frequencies, residuals)
-
-    def known_participation(self, asked: str) -> ComplexArray:
-        """Return the participation, or raise where it is not known.
-
-        Parameters
-        ----------
-        asked : str
-            What it is needed for.
-        """
-        if self.participation is None:
-            raise DataError(
-                f"{asked} was asked",
-                "the participation of the modes is not known",
-                "Identify from data with inputs or references.",
-            )
-        return self.participation
+        lines = np.asarray(frequencies, dtype=float)
+        rate = 1 / self.dt if self.dt is not None and self.held_input else None
+        values = self.on_lines(lines, residuals=residuals)
+        return FrequencyResponse(
+            values=values, frequencies=lines, quantity=self.quantity, sampling_rate=rate, **self.labelled()
+        )
 
     def table(self) -> str:
         """Return the modes as a text table: frequency, damping, spread over orders, indicators."""
-        return as_text(self)
+        rows = cells_of_modes(self)
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        return "\n".join("  ".join(cell.rjust(w) for cell, w in zip(row, widths, strict=True)) for row in rows)
 
     def to_dataframe(self) -> Any:
         """Return the table as a pandas DataFrame, in the columns of the files.
@@ -550,16 +399,4 @@ class ModalModel(Channels, HasPoles):
         DataError
             pandas is not installed: the extra `pandas` brings it.
         """
-        return as_dataframe(self)
-
-    def _cut(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
-        direct = {name: None if (a := getattr(self, name)) is None else a[np.ix_(outputs, inputs)] for name in DIRECT}
-        return {**Channels._cut(self, outputs, inputs), **direct}
-
-    def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
-        return {
-            "shapes": self.shapes[outputs],
-            "shapes_std": None if self.shapes_std is None else self.shapes_std[outputs],
-            "participation": None if self.participation is None else self.participation[:, inputs],
-            "unrefined": None if self.unrefined is None else self.unrefined.select(outputs=outputs, inputs=inputs),
-        }
+        return optional_package("to_dataframe", "pandas", "pandas").DataFrame(known_columns(self))

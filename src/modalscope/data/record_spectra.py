@@ -5,22 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from modalscope.data.channels import check_groups, run_groups
+from modalscope.data.mode_fields import ModeFields
 from modalscope.data.notes import Note
+from modalscope.data.quadruple import Quadruple
 from modalscope.data.record_residual import excess, excess_notes, pole_notes
 from modalscope.data.response import UNTOLD, NoResponse, output_scale
 from modalscope.data.responses import FrequencyResponse, lines_inside
-from modalscope.data.statespace import StateSpace
 from modalscope.functions.driven_basis import DrivenBasis, DrivenLines, Run, driven_basis
 from modalscope.functions.poles import to_discrete
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, freeze, locked
-
-if TYPE_CHECKING:
-    from modalscope.data.modes import ModalModel
 
 # --------------------------------------------------------------------------------------------------------- line choice
 # Which lines of long records are enough: for judging, some of all and those of the peaks; for refining, those near the modes.
@@ -253,12 +251,12 @@ def drive_of_poles(lines: RecordSpectra, poles: Array, participation: Array) -> 
     return np.asarray(rate * np.sqrt(power / np.maximum(count, 1)))
 
 
-def rebuilt_values(lines: RecordSpectra, model: StateSpace) -> ComplexArray:
+def rebuilt_values(lines: RecordSpectra, model: Quadruple) -> ComplexArray:
     """Return what a model gives on lines under the measured inputs, from the first states that fit best, (F, l, 1)."""
     s = 2j * np.pi * lines.frequencies
     x = s if model.dt is None else np.exp(s * model.dt)
     values = np.einsum("flm,fm->fl", model.transfer(x), lines.drive)
-    states = StateSpace(A=model.A, B=np.eye(model.order), C=model.C, dt=model.dt)
+    states = Quadruple(A=model.A, B=np.eye(model.order), C=model.C, dt=model.dt)
     for r in range(len(lines.durations)):
         own = lines.run == r
         free = states.transfer(x[own]) * lines.ends(np.flatnonzero(own))[:, None, None]
@@ -511,18 +509,16 @@ class RecordSpectra(NoResponse):
         """Return the lowest and the highest line: the band has cut them."""
         return self.span
 
-    def rebuilt_by(self, model: StateSpace) -> RecordSpectra:
+    def rebuilt_by(self, model: Quadruple) -> RecordSpectra:
         """Return what a model gives on these lines under the measured inputs, from the first states that fit best."""
         return replace(self, values=rebuilt_values(self, model))
 
-    def of_modes(self, modes: ModalModel) -> RecordSpectra:
+    def of_modes(self, modes: ModeFields) -> Array:
         """Return what modes give on these lines under the measured inputs, from the first states that fit best."""
         participation = modes.known_participation("records rebuilt from modes were asked")
         direct = modes.feedthrough
         terms = np.zeros((1, self.values.shape[1], self.drive.shape[1])) if direct is None else direct[None]
-        values = self.evaluated(modes.poles, modes.shapes, participation, terms)
-        values.setflags(write=False)  # nobody else has it: it need not be copied again
-        return replace(self, values=values[:, :, None])
+        return self.evaluated(modes.poles, modes.shapes, participation, terms)[:, :, None]
 
     def evaluated(self, poles: Array, shapes: Array, participation: Array, terms: Array) -> ComplexArray:
         """Return the outputs (F, l) of shapes (l, n), participation (n, m) or (n, m + R) and D (1, l, m); ends not given are fitted."""

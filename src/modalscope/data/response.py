@@ -5,21 +5,18 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from modalscope.data.channels import AUTO, Channels, Groups
+from modalscope.data.mode_fields import ModeFields
 from modalscope.data.notes import Note
+from modalscope.data.quadruple import Quadruple
 from modalscope.data.units import Convertible
 from modalscope.functions.pole_basis import ModalBasis
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
-
-if TYPE_CHECKING:
-    from modalscope.data.modes import ModalModel
-    from modalscope.data.responses import FrequencyResponse, ImpulseResponse
-    from modalscope.data.statespace import StateSpace
 
 # ------------------------------------------------------------------------------------------------------ response facts
 # What a response is: its values, and the facts that stages ask for without computing anything.
@@ -193,17 +190,10 @@ class ResponseFacts(Channels, Convertible):
 # ------------------------------------------------------------------------------------------------------------ response
 
 
-class AsSamples(NamedTuple):
-    """A response as samples, and what was done (empty when they were samples)."""
+class Conversion(NamedTuple):
+    """A response as samples or as lines, and how it was converted (empty where it was not)."""
 
-    response: ImpulseResponse
-    note: str
-
-
-class AsLines(NamedTuple):
-    """A response as lines, and what was done (empty when they were lines)."""
-
-    response: FrequencyResponse
+    response: Response
     note: str
 
 
@@ -381,11 +371,11 @@ class Response(ResponseFacts):
         return np.asarray(np.linalg.norm(participation, axis=1))
 
     @abstractmethod
-    def as_samples(self) -> AsSamples:
+    def as_samples(self) -> Conversion:
         """Return the response as samples."""
 
     @abstractmethod
-    def as_lines(self) -> AsLines:
+    def as_lines(self) -> Conversion:
         """Return the response as lines."""
 
     @abstractmethod
@@ -409,39 +399,39 @@ class Response(ResponseFacts):
         """
 
     @abstractmethod
-    def rebuilt_by(self, model: StateSpace) -> Response:
+    def rebuilt_by(self, model: Quadruple) -> Response:
         """Return the response of a model where this one was measured.
 
         Parameters
         ----------
-        model : StateSpace
+        model : Quadruple
         """
 
-    def values_of(self, model: StateSpace) -> Array:
+    def values_of(self, model: Quadruple) -> Array:
         """Return the values alone of `rebuilt_by`, whatever they are.
 
         Parameters
         ----------
-        model : StateSpace
+        model : Quadruple
         """
         return self.rebuilt_by(model).values
 
-    def beside(self, model: StateSpace) -> Iterator[tuple[Array, Array]]:
+    def beside(self, model: Quadruple) -> Iterator[tuple[Array, Array]]:
         """Yield measured values and those of a model, some lines or samples after the other.
 
         Parameters
         ----------
-        model : StateSpace
+        model : Quadruple
         """
         yield self.values, self.values_of(model)
 
     @abstractmethod
-    def of_modes(self, modes: ModalModel) -> Response:
-        """Return the response of modes where this one was measured.
+    def of_modes(self, modes: ModeFields) -> Array:
+        """Return the values of the response of modes where this one was measured.
 
         Parameters
         ----------
-        modes : ModalModel
+        modes : ModeFields
             With poles as they are in the data.
         """
 
@@ -521,11 +511,11 @@ class NoResponse(Response):
         """False: records are no lines of a response."""
         return False
 
-    def as_samples(self) -> AsSamples:
+    def as_samples(self) -> Conversion:
         """Records are no response; see `estimate_markov`."""
         raise self._no_response("samples of a response", "route='markov'")
 
-    def as_lines(self) -> AsLines:
+    def as_lines(self) -> Conversion:
         """Records are no response; see `estimate_frf`."""
         raise self._no_response("frequency responses", "route='frf'")
 

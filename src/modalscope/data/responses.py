@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +19,9 @@ from modalscope.data.channels import (
     derivatives_between,
     input_groups,
 )
-from modalscope.data.response import HALF, AsLines, AsSamples, Response
+from modalscope.data.mode_fields import ModeFields
+from modalscope.data.quadruple import Quadruple
+from modalscope.data.response import HALF, Conversion, Response
 from modalscope.functions.pole_basis import (
     ModalBasis,
     line_basis,
@@ -42,14 +44,11 @@ from modalscope.numerics.checks import (
     check_positive,
     complex_array,
     freeze,
+    optional_array,
     real_array,
 )
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.linear_systems import HELD, markov_parameters
-
-if TYPE_CHECKING:
-    from modalscope.data.modes import ModalModel
-    from modalscope.data.statespace import StateSpace
 
 # ------------------------------------------------------------------------------------------------------------- impulse
 # Impulse responses: sequences of Markov parameters Y(k) = C A^k B.
@@ -106,19 +105,10 @@ class ImpulseResponse(Response):
                 f"its shape is {values.shape}",
                 "Measure a longer response.",
             )
-        feedthrough = None
-        if self.feedthrough is not None:
-            feedthrough = real_array("feedthrough", self.feedthrough, "(outputs, inputs)", 2)
-            if feedthrough.shape != values.shape[1:]:
-                raise DataError(
-                    f"feedthrough needs shape {values.shape[1:]}",
-                    f"it has {feedthrough.shape}",
-                    "Give one value an output and input.",
-                )
         freeze(
             self,
             values=values,
-            feedthrough=feedthrough,
+            feedthrough=optional_array("feedthrough", self.feedthrough, "(outputs, inputs)", values.shape[1:]),
             sampling_rate=check_positive("sampling_rate", self.sampling_rate),
             kind=check_choice("kind", self.kind, KINDS),
             first_sample=check_count("first_sample", self.first_sample, least=0),
@@ -202,13 +192,13 @@ class ImpulseResponse(Response):
         """False: a transform takes what follows the last sample for zero."""
         return False
 
-    def as_samples(self) -> AsSamples:
+    def as_samples(self) -> Conversion:
         """Return the samples themselves."""
-        return AsSamples(self, "")
+        return Conversion(self, "")
 
-    def as_lines(self) -> AsLines:
+    def as_lines(self) -> Conversion:
         """Return the transform of the samples, see `exact_lines`."""
-        return AsLines(
+        return Conversion(
             self.to_frequency_response(), "the samples were transformed to lines as if nothing followed the last one"
         )
 
@@ -220,16 +210,22 @@ class ImpulseResponse(Response):
         """Return the band that was asked, or everything: real poles of a sampled system may lie above half the sampling rate."""
         return (0.0, np.inf) if band is None else band
 
-    def rebuilt_by(self, model: StateSpace) -> ImpulseResponse:
+    def rebuilt_by(self, model: Quadruple) -> ImpulseResponse:
         """Return the response of a model at these samples; see `Response.rebuilt_by`."""
-        labels = self.rebuilt_labels()
-        return model.impulse_response(self.samples, kind=self.kind, first_sample=self.first_sample, **labels)
+        return ImpulseResponse(
+            values=self.values_of(model),
+            sampling_rate=1 / model.dt if model.dt else self.sampling_rate,
+            feedthrough=model.D,
+            kind=self.kind,
+            first_sample=self.first_sample,
+            **self.rebuilt_labels(),
+        )
 
-    def values_of(self, model: StateSpace) -> Array:
+    def values_of(self, model: Quadruple) -> Array:
         """Return the Markov parameters of a model at these samples; see `Response.values_of`."""
         return model.markov_parameters(self.samples)
 
-    def beside(self, model: StateSpace) -> Iterator[tuple[Array, Array]]:
+    def beside(self, model: Quadruple) -> Iterator[tuple[Array, Array]]:
         """Yield samples and those of a model, never all of many outputs together; see `Response.beside`."""
         _, l, m = self.values.shape
         step, state = max(_STEP, HELD // (4 * l * m)), model.B
@@ -238,9 +234,9 @@ class ImpulseResponse(Response):
             yield measured, markov_parameters(model.A, state, model.C, len(measured))
             state = np.linalg.matrix_power(model.A, len(measured)) @ state
 
-    def of_modes(self, modes: ModalModel) -> ImpulseResponse:
+    def of_modes(self, modes: ModeFields) -> Array:
         """Return the response of modes at these samples; see `Response.of_modes`."""
-        return modes.impulse_response(self.samples, self.sampling_rate, first_sample=self.first_sample)
+        return modes.on_samples(self.samples, self.sampling_rate, self.first_sample)
 
     def to_frequency_response(self, frequencies: ArrayLike | None = None) -> FrequencyResponse:
         """Return the transform of the sequence on the given lines (Hz), by default on its own DFT lines.
@@ -640,14 +636,14 @@ class FrequencyResponse(Response):
         """True: these are the lines."""
         return True
 
-    def as_samples(self) -> AsSamples:
+    def as_samples(self) -> Conversion:
         """Return the inverse transform, see `exact_samples`."""
         note = "the lines were transformed to samples: damping is biased unless they cover the whole spectrum"
-        return AsSamples(self.to_impulse_response(), note)
+        return Conversion(self.to_impulse_response(), note)
 
-    def as_lines(self) -> AsLines:
+    def as_lines(self) -> Conversion:
         """Return the lines themselves."""
-        return AsLines(self, "")
+        return Conversion(self, "")
 
     def in_band(self, band: tuple[float, float] | None) -> FrequencyResponse:
         """Return the lines in a band."""
@@ -658,18 +654,21 @@ class FrequencyResponse(Response):
         low, high = self.span
         return (low, high) if band is None else (max(low, band[0]), min(high, band[1]))
 
-    def rebuilt_by(self, model: StateSpace) -> FrequencyResponse:
+    def rebuilt_by(self, model: Quadruple) -> FrequencyResponse:
         """Return the response of a model on these lines; see `Response.rebuilt_by`."""
-        return model.frequency_response(self.frequencies, **self.rebuilt_labels())
+        rate = None if model.dt is None else 1 / model.dt
+        return FrequencyResponse(
+            values=self.values_of(model), frequencies=self.frequencies, sampling_rate=rate, **self.rebuilt_labels()
+        )
 
-    def values_of(self, model: StateSpace) -> Array:
+    def values_of(self, model: Quadruple) -> Array:
         """Return the transfer functions of a model on these lines; see `Response.values_of`."""
         s = 2j * np.pi * self.frequencies
         return model.transfer(s if model.dt is None else np.exp(s * model.dt))
 
-    def of_modes(self, modes: ModalModel) -> FrequencyResponse:
+    def of_modes(self, modes: ModeFields) -> Array:
         """Return the response of modes on these lines; see `Response.of_modes`."""
-        return modes.frequency_response(self.frequencies)
+        return modes.on_lines(self.frequencies)
 
     def band(self, lowest: float, highest: float) -> FrequencyResponse:
         """Return the lines from `lowest` to `highest` Hz, both included.

@@ -3,202 +3,52 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.data.modal_form import ModalForm, PoleGroup, block_diagonal_basis, continuous, pole_groups, sampled
+from modalscope.data.modal_form import Block, PoleGroup, block_diagonal_basis, continuous, pole_groups
+from modalscope.data.quadruple import Quadruple
 from modalscope.data.records import Signals
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
-from modalscope.data.shown import Shown
-from modalscope.functions.poles import to_continuous
-from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_count, check_positive, freeze, real_array
+from modalscope.numerics.checks import RealArray, check_count, check_positive, real_array
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.extras import optional_package
-from modalscope.numerics.linear_systems import gramian, gramian_factor, krylov, markov_parameters, transfer
+from modalscope.numerics.linear_systems import balancing, sampled
 
-# ----------------------------------------------------------------------------------------------------------- quadruple
-# The matrices A, B, C, D of a linear model, and what follows from them alone: poles, controllability, observability.
+#: Between samples the input is held (zero-order hold), or comes in sampled Dirac impulses (they differ, Eq. 8).
+INPUTS = ("held", "dirac")
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
-class Quadruple(Shown):
-    """Matrices of a model with n states, m inputs and l outputs, checked (see `StateSpace`).
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class ModalForm:
+    """A model in modal coordinates q, x = T q: A is block diagonal, [[s, w], [-w, s]] for the pair s +- j w.
 
-    The parameters are those of `StateSpace`, which adds responses and other forms.
+    `state_space`: the model in these coordinates. `T` (n, n): real change of coordinates; columns of length one in well scaled states.
+    `blocks`: by rising frequency. `condition`: condition number of T in well scaled states: digits lost by the change are its decimal
+    logarithm.
     """
 
-    A: RealArray
-    B: RealArray
-    C: RealArray
-    D: RealArray = None  # type: ignore[assignment]
-    dt: float | None = None
-    gain: RealArray | None = None
-    innovation_covariance: RealArray | None = None
-
-    def __post_init__(self) -> None:
-        A = real_array("A", self.A, "(states, states)", 2)
-        B = real_array("B", self.B, "(states, inputs)", 2)
-        C = real_array("C", self.C, "(outputs, states)", 2)
-        D = real_array("D", np.zeros((C.shape[0], B.shape[1])) if self.D is None else self.D, "(outputs, inputs)", 2)
-        n = A.shape[0]
-        if A.shape != (n, n) or B.shape[0] != n or C.shape[1] != n or D.shape != (C.shape[0], B.shape[1]):
-            raise DataError(
-                "a state-space model needs A (n, n), B (n, m), C (l, n) and D (l, m)",
-                f"the shapes are A {A.shape}, B {B.shape}, C {C.shape}, D {D.shape}",
-                "Correct the matrix that does not fit.",
-            )
-        noise = {
-            name: self._beside(name, value, shape)
-            for name, value, shape in (
-                ("gain", self.gain, (n, C.shape[0])),
-                ("innovation_covariance", self.innovation_covariance, (C.shape[0], C.shape[0])),
-            )
-        }
-        freeze(self, A=A, B=B, C=C, D=D, dt=None if self.dt is None else check_positive("dt", self.dt), **noise)
-
-    def _beside(self, name: str, value: RealArray | None, shape: tuple[int, int]) -> RealArray | None:
-        """Return what belongs to the noise of a sampled model, checked; None where it is not known."""
-        if value is None:
-            return None
-        array = real_array(name, value, "(states or outputs, outputs)", 2)
-        if array.shape != shape or self.dt is None:
-            raise DataError(
-                f"{name} of shape {array.shape} was given",
-                f"the model is {'continuous' if self.dt is None else f'sampled, and takes {shape}'}",
-                "Give it for the sampled model, one column an output.",
-            )
-        return array
+    state_space: StateSpace
+    T: RealArray
+    blocks: tuple[Block, ...]
+    condition: float
 
     @property
-    def order(self) -> int:
-        """Number of states."""
-        return int(self.A.shape[0])
-
-    @property
-    def poles(self) -> ComplexArray:
-        """Eigenvalues of A: rad/s for a continuous model, on the z-plane for a sampled one."""
-        return np.asarray(np.linalg.eigvals(self.A), dtype=np.complex128)
-
-    @property
-    def continuous_poles(self) -> ComplexArray:
-        """The poles in rad/s, whatever the model."""
-        return self.poles if self.dt is None else to_continuous(self.poles, self.dt)
-
-    def controllability_matrix(self, blocks: int | None = None) -> RealArray:
-        """Return [B, A B, ..., A^(blocks-1) B], (n, m blocks).
-
-        Parameters
-        ----------
-        blocks : int, optional
-            As many as states by default.
-        """
-        return krylov(self.A, self.B, check_count("blocks", self.order if blocks is None else blocks))
-
-    def observability_matrix(self, blocks: int | None = None) -> RealArray:
-        """Return [C; C A; ...; C A^(blocks-1)], (l blocks, n).
-
-        Parameters
-        ----------
-        blocks : int, optional
-            As many as states by default.
-        """
-        return krylov(self.A.T, self.C.T, check_count("blocks", self.order if blocks is None else blocks)).T
-
-    def controllability_gramian(self, horizon: float | None = None) -> RealArray:
-        """Return sum_k A^k B B' A'^k (sampled), or the integral of exp(A t) B B' exp(A' t) (continuous), (n, n).
-
-        Parameters
-        ----------
-        horizon : int or float, optional
-            Number of samples, or seconds; all time by default, for a stable model.
-
-        Raises
-        ------
-        DataError
-            All time, but poles that do not decay.
-        """
-        return gramian(self.A, self.B, horizon, self.dt is not None)
-
-    def observability_gramian(self, horizon: float | None = None) -> RealArray:
-        """Return sum_k A'^k C' C A^k, or the integral of exp(A' t) C' C exp(A t), (n, n).
-
-        Parameters
-        ----------
-        horizon : int or float, optional
-            As in `controllability_gramian`.
-        """
-        return gramian(self.A.T, self.C.T, horizon, self.dt is not None)
-
-    def _moved(self, T: Array, A: Array) -> Self:
-        """Return the model of the states z, x = T z, given its A."""
-        moved: dict[str, Any] = {"A": A, "B": np.linalg.solve(T, self.B), "C": self.C @ T}
-        moved["gain"] = None if self.gain is None else np.linalg.solve(T, self.gain)
-        return replace(self, **moved)
-
-    def _need(self, asked: str, *, continuous: bool) -> None:
-        """Raise where a model is continuous and a sampled one is asked, or the other way round."""
-        if continuous is not (self.dt is None):
-            have = "continuous" if self.dt is None else "sampled"
-            other = "to_discrete(dt)" if self.dt is None else "to_continuous()"
-            raise DataError(
-                f"{asked}() of a {'continuous' if continuous else 'sampled'} model was asked",
-                f"this one is {have}",
-                f"Call {other} first.",
-            )
-
-
-# --------------------------------------------------------------------------------------------------------- interchange
-# State-space models to and from scipy and python-control.
-
-
-def to_scipy(model: StateSpace) -> Any:
-    """Return the model as `scipy.signal.StateSpace`."""
-    from scipy import signal
-
-    sampling = {} if model.dt is None else {"dt": model.dt}
-    return signal.StateSpace(model.A, model.B, model.C, model.D, **sampling)
-
-
-def to_control(model: StateSpace) -> Any:
-    """Return the model as python-control's `StateSpace`."""
-    control = optional_package("to_control", "control", "control", "python-control")
-    return control.ss(model.A, model.B, model.C, model.D, 0 if model.dt is None else model.dt)
-
-
-def matrices_of(system: Any) -> dict[str, Any]:
-    """Return A, B, C, D and dt of a state-space model of scipy or python-control."""
-    missing = [name for name in "ABCD" if not hasattr(system, name)]
-    if missing:
-        raise DataError(
-            "a state-space model was asked",
-            f"{type(system).__name__} has no {', '.join(missing)}",
-            "Convert it there first, for instance by to_ss() or control.ss().",
-        )
-    dt = getattr(system, "dt", None)
-    if dt is True:
-        raise DataError(
-            "a sampled model needs its sampling interval",
-            "it says only that it is sampled (dt=True)",
-            "Give dt in seconds.",
-        )
-    # python-control writes 0 for continuous time
-    return {name: getattr(system, name) for name in "ABCD"} | {"dt": dt or None}
-
-
-# ------------------------------------------------------------------------------------------------------------- balance
-# Balanced realizations and balanced truncation of state-space models.
+    def clusters(self) -> tuple[Block, ...]:
+        """The blocks whose poles could not be taken apart."""
+        return tuple(block for block in self.blocks if not block.separate)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Balanced:
     """A balanced model, whole or cut to its leading states.
 
-    `state_space`: the model: both Gramians are diag(hankel_singular_values) when it is whole. `hankel_singular_values`: all of them,
-    falling; those below rounding belong to states that are not seen or not driven. `T`, `inverse` (n, k): change of coordinates x = T z,
-    and its left inverse. `error_bound`: 2 times the sum of the singular values that were cut: no frequency response of the cut model is
-    further than this from the whole one, in the largest singular value over outputs and inputs, at any frequency.
+    `state_space`: the model; both Gramians are diag(hankel_singular_values) when it is whole. `hankel_singular_values`: all of
+    them, falling; those at rounding level belong to states that are not observable or not controllable. `T`, `inverse` (n, k):
+    change of coordinates x = T z, and its left inverse. `error_bound`: 2 times the sum of the singular values that were cut; no
+    frequency response of the cut model is further from the whole one, in the largest singular value, at any frequency.
     """
 
     state_space: StateSpace
@@ -206,122 +56,6 @@ class Balanced:
     T: RealArray
     inverse: RealArray
     error_bound: float
-
-
-def balance(model: StateSpace, order: int | None, steady_state: bool) -> Balanced:
-    """Return the balanced realization or its leading states (see `StateSpace.balanced`)."""
-    sampled = model.dt is not None
-    reach, sight = gramian_factor(model.A, model.B, sampled), gramian_factor(model.A.T, model.C.T, sampled)
-    T, inverse, singular = _balancing(reach, sight)
-    A, B, C, D = inverse @ model.A @ T, inverse @ model.B, model.C @ T, np.array(model.D)
-    kept = len(A) if order is None else check_count("order", order)
-    if kept > len(A):
-        raise DataError(
-            f"a balanced model of order {kept} was asked",
-            f"{len(A)} states are both seen by the outputs and driven by the inputs",
-            f"Lower the order to at most {len(A)}.",
-        )
-    if steady_state:
-        A, B, C, D = _steady_state_cut(A, B, C, D, kept, sampled)
-    return Balanced(
-        state_space=replace(model, A=A[:kept, :kept], B=B[:kept], C=C[:, :kept], D=D),
-        hankel_singular_values=singular,
-        T=T[:, :kept],
-        inverse=inverse[:kept],
-        error_bound=float(2 * singular[kept:].sum()),
-    )
-
-
-def _balancing(reach: RealArray, sight: RealArray) -> tuple[RealArray, RealArray, RealArray]:
-    """Return T (n, k), its left inverse (k, n) and the Hankel singular values of factors of both Gramians.
-
-    From sight' reach = U S V': T = reach V S^-1/2 and T^-1 = S^-1/2 U' sight'. The k states above rounding, n eps of the
-    first, are kept; no coordinates balance the others, which outputs do not see or inputs do not drive.
-    """
-    U, s, Vt = np.linalg.svd(sight.T @ reach)
-    k = int(np.count_nonzero(s > s.size * np.finfo(float).eps * s[0])) if s.size and s[0] > 0 else 0
-    root = np.sqrt(s[:k])
-    return reach @ Vt[:k].T / root, (U[:, :k] / root).T @ sight.T, s
-
-
-def _steady_state_cut(
-    A: RealArray, B: RealArray, C: RealArray, D: RealArray, order: int, sampled: bool
-) -> tuple[RealArray, RealArray, RealArray, RealArray]:
-    """Drop all but `order` states of a balanced model by putting them in their steady state: the gain at 0 Hz stays."""
-    n = A.shape[0]
-    rest = (np.eye(n - order) if sampled else 0) - A[order:, order:]
-    fixed = np.linalg.solve(rest, np.hstack([A[order:, :order], B[order:]]))
-    stateful, driven = fixed[:, :order], fixed[:, order:]
-    return (
-        A[:order, :order] + A[:order, order:] @ stateful,
-        B[:order] + A[:order, order:] @ driven,
-        C[:, :order] + C[:, order:] @ stateful,
-        D + C[:, order:] @ driven,
-    )
-
-
-# ---------------------------------------------------------------------------------------------------------- statespace
-
-#: Between samples the input is held (zero-order hold), or comes in sampled Dirac impulses (they differ, Eq. 8).
-INPUTS = ("held", "dirac")
-
-
-def simulated(model: Quadruple, inputs: ArrayLike, initial: ArrayLike | None) -> RealArray:
-    """Return the outputs (N, l) for inputs (N, m) and a state to start from (see `StateSpace.simulate`)."""
-    u = real_array("inputs", inputs, "(samples, inputs)", 2)
-    if u.shape[1] != model.B.shape[1]:
-        raise DataError(
-            f"inputs of {model.B.shape[1]} channels were asked", f"there are {u.shape[1]}", "Give one column an input."
-        )
-    states = _states(model.A, u @ model.B.T, _initial(model, initial))
-    return np.asarray(states @ model.C.T + u @ model.D.T)
-
-
-def predicted(model: Quadruple, signals: Signals, initial: ArrayLike | None) -> RealArray:
-    """Return one-step predictions of a record's outputs (see `StateSpace.predict`): x(k+1) = (A - K C) x + (B - K D) u + K y."""
-    if model.gain is None:
-        raise DataError(
-            "one-step predictions were asked",
-            "the model has no gain",
-            "Identify it from records with method='n4sid', give gain=, or use simulate().",
-        )
-    _check_record(model, signals)
-    outputs, inputs = signals.by_run()
-    u = np.zeros((*outputs.shape[:2], 0)) if inputs is None else inputs
-    A, B = model.A - model.gain @ model.C, model.B - model.gain @ model.D
-    start = _initial(model, initial)
-    runs = [
-        _states(A, v @ B.T + y @ model.gain.T, start) @ model.C.T + v @ model.D.T
-        for y, v in zip(outputs, u, strict=True)
-    ]
-    return np.asarray(np.stack(runs).reshape(signals.outputs.shape))
-
-
-def _check_record(model: Quadruple, signals: Signals) -> None:
-    l, m = model.D.shape
-    rate = 1 / model.dt if model.dt else np.nan
-    if (len(signals.output_dofs), len(signals.input_dofs)) != (l, m) or not np.isclose(signals.sampling_rate, rate):
-        raise DataError(
-            f"predictions of {l} outputs from {m} inputs at {rate:g} Hz were asked",
-            f"the record has {len(signals.output_dofs)} outputs and {len(signals.input_dofs)} inputs at {signals.sampling_rate:g} Hz",
-            "Select the model's channels, and resample to its rate.",
-        )
-
-
-def _initial(model: Quadruple, initial: ArrayLike | None) -> RealArray:
-    x = np.zeros(model.order) if initial is None else np.array(real_array("initial", initial, "(states,)", 1))
-    if x.shape != (model.order,):
-        raise DataError(f"initial needs {model.order} entries", f"it has {x.size}", "Give one a state.")
-    return x
-
-
-def _states(A: RealArray, driven: RealArray, x: RealArray) -> RealArray:
-    """Return x(k), (N, n), of x(k+1) = A x(k) + driven(k)."""
-    states = np.empty((len(driven), A.shape[0]))
-    for k, push in enumerate(driven):
-        states[k] = x
-        x = A @ x + push
-    return states
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
@@ -394,21 +128,6 @@ class StateSpace(Quadruple):
         A, B = continuous(self.A, self.B, self.dt or 1.0, held=input == "held")
         return StateSpace(A=A, B=B, C=self.C, D=self.D)
 
-    def markov_parameters(self, samples: int) -> RealArray:
-        """Return Y(k) = C A^k B, k = 0 ... samples - 1, of a sampled model as (samples, l, m) (Eq. 11).
-
-        Parameters
-        ----------
-        samples : int
-
-        Raises
-        ------
-        DataError
-            A continuous model.
-        """
-        self._need("markov_parameters", continuous=False)
-        return markov_parameters(self.A, self.B, self.C, check_count("samples", samples))
-
     def impulse_response(self, samples: int, **channels: Any) -> ImpulseResponse:
         """Return the Markov parameters of a sampled model as a pulse response, with its direct term.
 
@@ -423,21 +142,6 @@ class StateSpace(Quadruple):
         return ImpulseResponse(
             **{"values": values, "sampling_rate": 1 / self.dt, "feedthrough": self.D, "kind": "pulse", **channels}
         )
-
-    def transfer(self, points: ArrayLike) -> ComplexArray:
-        """Return D + C (x I - A)^-1 B, (points, l, m) (Eq. 75).
-
-        Parameters
-        ----------
-        points : array of complex, (points,)
-            x, in rad/s for a continuous model and on the z-plane for a sampled one.
-
-        Raises
-        ------
-        DataError
-            A point that is a pole.
-        """
-        return transfer(self.A, self.B, self.C, self.D, np.atleast_1d(np.asarray(points, dtype=np.complex128)))
 
     def frequency_response(self, frequencies: ArrayLike, **channels: Any) -> FrequencyResponse:
         """Return the frequency response on lines in Hz: at j 2 pi f, or at exp(j 2 pi f dt) for a sampled model.
@@ -471,7 +175,14 @@ class StateSpace(Quadruple):
             A continuous model, or inputs or a state of another size.
         """
         self._need("simulate", continuous=False)
-        return simulated(self, inputs, initial)
+        u = real_array("inputs", inputs, "(samples, inputs)", 2)
+        if u.shape[1] != self.B.shape[1]:
+            raise DataError(
+                f"inputs of {self.B.shape[1]} channels were asked",
+                f"there are {u.shape[1]}",
+                "Give one column an input.",
+            )
+        return self._states(self.A, u @ self.B.T, initial) @ self.C.T + u @ self.D.T
 
     def predict(self, signals: Signals, initial: ArrayLike | None = None) -> RealArray:
         """Return what the model expects of every sample of a record from those before it, in the shape of the record's outputs.
@@ -499,7 +210,37 @@ class StateSpace(Quadruple):
         array([0. , 0.5, 0.5])
         """
         self._need("predict", continuous=False)
-        return predicted(self, signals, initial)
+        if self.gain is None:
+            raise DataError(
+                "one-step predictions were asked",
+                "the model has no gain",
+                "Identify it from records with method='n4sid', give gain=, or use simulate().",
+            )
+        (l, m), rate = self.D.shape, 1 / self.dt if self.dt else np.nan
+        if (len(signals.output_dofs), len(signals.input_dofs)) != (l, m) or not np.isclose(signals.sampling_rate, rate):
+            raise DataError(
+                f"predictions of {l} outputs from {m} inputs at {rate:g} Hz were asked",
+                f"the record has {len(signals.output_dofs)} outputs and {len(signals.input_dofs)} inputs at {signals.sampling_rate:g} Hz",
+                "Select the model's channels, and resample to its rate.",
+            )
+        outputs, inputs = signals.by_run()
+        A, B, K = self.A - self.gain @ self.C, self.B - self.gain @ self.D, self.gain
+        runs = [
+            self._states(A, u @ B.T + y @ K.T, initial) @ self.C.T + u @ self.D.T
+            for y, u in zip(outputs, np.zeros((*outputs.shape[:2], 0)) if inputs is None else inputs, strict=True)
+        ]
+        return np.stack(runs).reshape(signals.outputs.shape)
+
+    def _states(self, A: RealArray, driven: RealArray, initial: ArrayLike | None) -> RealArray:
+        """Return x(k), (N, n), of x(k+1) = A x(k) + driven(k)."""
+        x = np.zeros(self.order) if initial is None else np.array(real_array("initial", initial, "(states,)", 1))
+        if x.shape != (self.order,):
+            raise DataError(f"initial needs {self.order} entries", f"it has {x.size}", "Give one a state.")
+        states = np.empty((len(driven), self.order))
+        for k, push in enumerate(driven):
+            states[k] = x
+            x = A @ x + push
+        return states
 
     def transformed(self, T: ArrayLike) -> StateSpace:
         """Return the model in new coordinates x = T z: (T^-1 A T, T^-1 B, C T, D) (Eqs. 12-14).
@@ -540,7 +281,28 @@ class StateSpace(Quadruple):
         >>> cut.state_space.order, bool(cut.error_bound < 0.001)
         (1, True)
         """
-        return balance(self, order, steady_state)
+        sampled = self.dt is not None
+        T, inverse, singular = balancing(self.A, self.B, self.C, sampled)
+        A, B, C, D = inverse @ self.A @ T, inverse @ self.B, self.C @ T, self.D
+        k = len(A) if order is None else check_count("order", order)
+        if k > len(A):
+            raise DataError(
+                f"a balanced model of order {k} was asked",
+                f"{len(A)} states are both observable and controllable",
+                f"Lower the order to at most {len(A)}.",
+            )
+        if steady_state:  # the states that are cut are constant: the gain at 0 Hz stays
+            rest = (np.eye(len(A) - k) if sampled else 0) - A[k:, k:]
+            static = np.linalg.solve(rest, np.hstack([A[k:, :k], B[k:]]))
+            B, D = B[:k] + A[:k, k:] @ static[:, k:], D + C[:, k:] @ static[:, k:]
+            A, C = A[:k, :k] + A[:k, k:] @ static[:, :k], C[:, :k] + C[:, k:] @ static[:, :k]
+        return Balanced(
+            state_space=replace(self, A=A[:k, :k], B=B[:k], C=C[:, :k], D=D),
+            hankel_singular_values=singular,
+            T=T[:, :k],
+            inverse=inverse[:k],
+            error_bound=float(2 * singular[k:].sum()),
+        )
 
     def modal_form(self) -> ModalForm:
         """Return the model in real modal coordinates: A of blocks [[s, w], [-w, s]] and real poles (Eqs. 15-16).
@@ -560,15 +322,19 @@ class StateSpace(Quadruple):
         tolerance : float
             Poles within this fraction of the largest modulus coincide; couplings below it count as none.
         """
-        return pole_groups(self, check_positive("tolerance", tolerance))
+        return pole_groups(self.A, self.B, self.C, check_positive("tolerance", tolerance))
 
     def to_scipy(self) -> Any:
         """Return the model as `scipy.signal.StateSpace`."""
-        return to_scipy(self)
+        from scipy import signal
+
+        sampling = {} if self.dt is None else {"dt": self.dt}
+        return signal.StateSpace(self.A, self.B, self.C, self.D, **sampling)
 
     def to_control(self) -> Any:
         """Return the model as python-control's `StateSpace` (the extra `control`)."""
-        return to_control(self)
+        control = optional_package("to_control", "control", "control", "python-control")
+        return control.ss(self.A, self.B, self.C, self.D, 0 if self.dt is None else self.dt)
 
     @classmethod
     def from_other(cls, system: Any) -> StateSpace:
@@ -584,4 +350,19 @@ class StateSpace(Quadruple):
         DataError
             One of these is missing, or a sampled model does not say its interval.
         """
-        return cls(**matrices_of(system))
+        missing = [name for name in "ABCD" if not hasattr(system, name)]
+        if missing:
+            raise DataError(
+                "a state-space model was asked",
+                f"{type(system).__name__} has no {', '.join(missing)}",
+                "Convert it there first, for instance by to_ss() or control.ss().",
+            )
+        dt = getattr(system, "dt", None)
+        if dt is True:
+            raise DataError(
+                "a sampled model needs its sampling interval",
+                "it says only that it is sampled (dt=True)",
+                "Give dt in seconds.",
+            )
+        # python-control writes 0 for continuous time
+        return cls(**{name: getattr(system, name) for name in "ABCD"}, dt=dt or None)

@@ -171,7 +171,7 @@ def default_shifts(response: Response, order: int, *, truncates: bool = True) ->
 
     But three times as many rows as states and ten blocks at least, and never more than a third of the samples.
     """
-    outputs, samples = response.values.shape[1], response.as_samples().response.samples
+    outputs, samples = response.values.shape[1], response.as_samples().response.count
     most = _WINDOW_ROWS if truncates else _COMPANION
     wanted = max(-(-3 * order // outputs), 10, min(samples // _PARTS, most // outputs))
     return int(max(min(wanted, samples // 3), 1))

@@ -35,8 +35,8 @@ from modalscope.data import (
     Signals,
     StateSpace,
 )
+from modalscope.data.candidates import Candidate, Harmonic
 from modalscope.data.channels import Groups, input_groups, run_groups
-from modalscope.data.mode_fields import Candidate, Harmonic
 from modalscope.io.contents import Plain
 from modalscope.io.limits import room
 from modalscope.numerics.checks import Array, ComplexArray

@@ -65,7 +65,7 @@ def merge_bands(
             "Give one band for each.",
         )
     _same_channels(results)
-    inside = [
+    inside: list[ModalModel] = [
         modes.take((modes.frequencies >= low) & (modes.frequencies <= high))
         for modes, (low, high) in zip(results, bands, strict=True)
     ]

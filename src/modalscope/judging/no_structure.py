@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from modalscope.data.mode_fields import Harmonic
+from modalscope.data.candidates import Harmonic
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.results import StabilizationDiagram

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.data.mode_fields import Candidate as LeftOut
+from modalscope.data.candidates import Candidate as LeftOut
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.response import Response

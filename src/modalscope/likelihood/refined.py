@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from modalscope.data.candidates import Candidate
 from modalscope.data.channels import Groups
-from modalscope.data.mode_fields import DIRECT, Candidate
+from modalscope.data.mode_fields import DIRECT
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.response import UNTOLD

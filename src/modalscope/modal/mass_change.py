@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from modalscope.data.candidates import Candidate
 from modalscope.data.geometry import indices_of
-from modalscope.data.mode_fields import Candidate
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.functions.poles import QUANTITIES

@@ -158,7 +158,7 @@ def rebuilt(response: Response, modes: ModalModel) -> Array:
     """
     added = response.added_damping
     model = replace(modes, poles=modes.poles - added) if added else modes
-    values: Array = response.of_modes(model).values
+    values = response.of_modes(model)
     if values.shape != response.values.shape:
         (_, l, m), (_, outputs, inputs) = response.values.shape, values.shape
         raise DataError(

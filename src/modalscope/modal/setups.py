@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data.candidates import Candidate
 from modalscope.data.channels import AUTO, Groups, check_groups, source_of
-from modalscope.data.mode_fields import Candidate
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.response import Response

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike, fsencode, fspath
 from pathlib import Path
 from typing import Any
@@ -226,6 +226,30 @@ def complex_array(name: str, values: ArrayLike, axes: str, ndim: int | Sequence[
     array = _numeric(name, values, axes, ndim)
     check_finite(name, array)
     return locked(np.asarray(array, dtype=np.complex128))
+
+
+def check_shape(name: str, array: Array, axes: str, shape: Sequence[int | None]) -> None:
+    """Raise when an array has another shape; None stands for any length."""
+    if array.ndim != len(shape) or any(n not in (None, size) for n, size in zip(shape, array.shape, strict=True)):
+        sizes = ", ".join("any" if n is None else str(n) for n in shape)
+        raise DataError(f"{name} needs shape ({sizes}), {axes}", f"it has {array.shape}", "Transpose or complete it.")
+
+
+def optional_array(
+    name: str,
+    values: ArrayLike | None,
+    axes: str,
+    shape: Sequence[int | None],
+    *,
+    make: Callable[..., Array] | None = None,
+    **options: Any,
+) -> Array | None:
+    """Return a locked array of a shape, real unless another `make` is given; None where there is none."""
+    if values is None:
+        return None
+    array = (make or real_array)(name, values, axes, len(shape), **options)
+    check_shape(name, array, axes, shape)
+    return array
 
 
 def _finite(value: Any) -> float:

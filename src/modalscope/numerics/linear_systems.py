@@ -1,4 +1,7 @@
-"""Transfer functions D + C (x I - A)^-1 B at many points."""
+"""Compute Gramians, samples and transfer functions of linear systems given by their matrices A, B, C, D.
+
+Observability of (A, C) is controllability of (A', C').
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,6 @@ import scipy.linalg as sla
 
 from modalscope.numerics.checks import ComplexArray, RealArray, check_count, check_positive
 from modalscope.numerics.errors import DataError
-
-# ------------------------------------------------------------------------------------------------------------- scaling
-# Units of the states: positions and velocities differ by orders of magnitude, and rounding should not see it.
 
 
 def state_scale(A: RealArray) -> RealArray:
@@ -23,12 +23,6 @@ def state_scale(A: RealArray) -> RealArray:
 def scaled(A: RealArray, scale: RealArray) -> RealArray:
     """Return A in the states x_i / s_i: A s_j / s_i."""
     return A * scale / scale[:, None]
-
-
-# ------------------------------------------------------------------------------------------------------------ gramians
-# Controllability and observability: matrices and Gramians (after Eq. 30).
-#
-# Everything here is written for controllability of (A, B); observability of (A, C) is that of (A', C').
 
 
 def krylov(A: RealArray, B: RealArray, blocks: int) -> RealArray:
@@ -112,8 +106,30 @@ def _compressed(L: RealArray) -> RealArray:
     return triangle.T
 
 
-# ----------------------------------------------------------------------------------------------------------- recursion
-# The recursion x(k+1) = A x(k) + B u(k), y(k) = C x(k) + D u(k) of a sampled model (Eqs. 5, 11).
+def balancing(A: RealArray, B: RealArray, C: RealArray, sampled: bool) -> tuple[RealArray, RealArray, RealArray]:
+    """Return T (n, k) of balanced coordinates x = T z, its left inverse (k, n) and all Hankel singular values.
+
+    With L L' the Gramian of (A, B), M M' that of (A', C') and M' L = U S V': T = L V S^-1/2 and T^-1 = S^-1/2 U' M'. The k
+    states with a singular value above n eps times the first are kept; the others are not observable or not controllable.
+    """
+    L, M = gramian_factor(A, B, sampled), gramian_factor(A.T, C.T, sampled)
+    U, s, Vt = np.linalg.svd(M.T @ L)
+    k = int(np.count_nonzero(s > s.size * np.finfo(float).eps * s[0])) if s.size and s[0] > 0 else 0
+    root = np.sqrt(s[:k])
+    return L @ Vt[:k].T / root, (U[:, :k] / root).T @ M.T, s
+
+
+def sampled(A: RealArray, B: RealArray, dt: float, *, held: bool) -> tuple[RealArray, RealArray]:
+    """Return exp(A dt), and B itself or, for a held input, the integral of exp(A t) B over one step (Eq. 8).
+
+    exp([[A, B], [0, 0]] dt) = [[exp(A dt), integral exp(A t) B], [0, I]] holds for singular A, too.
+    """
+    n, m = B.shape
+    scale, whole = state_scale(A), A
+    if held:
+        scale, whole = np.append(scale, np.ones(m)), np.block([[A, B], [np.zeros((m, n + m))]])
+    step = scaled(sla.expm(scaled(whole, scale) * dt), 1 / scale)
+    return step[:n, :n], step[:n, n:] if held else B
 
 
 def markov_parameters(A: RealArray, B: RealArray, C: RealArray, samples: int) -> RealArray:
@@ -126,8 +142,6 @@ def markov_parameters(A: RealArray, B: RealArray, C: RealArray, samples: int) ->
     values = states.reshape(-1, len(A)) @ C.T
     return np.ascontiguousarray(values.reshape(samples, B.shape[1], len(C)).transpose(0, 2, 1))
 
-
-# ----------------------------------------------------------------------------------------------------------- resolvent
 
 #: Complex numbers that a sum over many lines may hold at once, 64 MB.
 HELD = 4_000_000

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.data import DataError, Geometry, ModalModel
-from modalscope.data.modes import named_near
+from modalscope.data.analysis import named_near
 from modalscope.modal.indicators import mac, mpc
 from modalscope.numerics.checks import Array, ComplexArray
 from modalscope.plot._camera import extent
