@@ -13,7 +13,7 @@ from modalscope.modal.indicators import amplitude_coherence, decay_step, emac_ch
 
 @pytest.fixture(autouse=True)
 def in_small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(evolved, "_AT_A_TIME", 37)
+    monkeypatch.setattr(evolved, "_MAX_VALUES", 37)
 
 
 def noisy(rng: np.random.Generator, *shape: int) -> np.ndarray:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.operators import times_real
 
-#: Numbers compared at a time: the arrays in between stay in the cache.
-_AT_A_TIME = 16_000
+#: Values of modes on lines that are compared at a time, 16 MB of complex numbers.
+_MAX_VALUES = 1 << 20
 
 #: Agreement of amplitudes a that were identified with those expected, e, from Re and Im of a conj(e), |a|^2 and |e|^2, of one shape.
 Agreement = Callable[[RealArray, RealArray, RealArray, RealArray], RealArray]
@@ -86,27 +87,13 @@ class Evolved:
 
     def compare(self, agreement: Agreement, step: Callable[[Array], Array]) -> Compared:
         """Compare all blocks by their sums, and by agreement the one that `step` chooses; see `ModalSide`."""
-        k = self.states.shape[1]
-        inner, size = np.zeros(k, dtype=complex), np.zeros(k)
-        at, chosen = np.zeros((self.first.shape[0], k), dtype=complex), step(self.evolution)
-        start_of = self.first.conj()
-        for start, found in self._identified():
-            g = self.evolution[start : start + len(found)]
-            inner += np.sum(np.sum(found * start_of, axis=1).conj() * g, axis=0)
-            size += squares(found.reshape(-1, k))
-            here = np.flatnonzero((chosen >= start) & (chosen < start + len(found)))
-            at[:, here] = found[chosen[here] - start, :, here].T
-        return compared(inner, size, at, self.first, self.evolution, chosen, agreement)
-
-    def _identified(self) -> Iterator[tuple[int, Array]]:
-        """Yield the index of a block, and some blocks from there in modal coordinates, (blocks, c, k)."""
         K, c, N = self.blocks.shape
-        states = np.ascontiguousarray(self.states)
-        most = max(_AT_A_TIME // max(c * states.shape[1], 1), 1)
-        for start in range(0, K, most):
-            flat = self.blocks[start : start + most].reshape(-1, N)
-            product = np.ascontiguousarray(flat @ states.view(np.float64))
-            yield start, product.view(np.complex128).reshape(-1, c, states.shape[1])
+        identified = times_real(self.states.T, self.blocks.reshape(-1, N).T).T.reshape(K, c, -1)
+        inner = np.sum(np.sum(identified * self.first.conj(), axis=1).conj() * self.evolution, axis=0)
+        size = squares(identified.reshape(K * c, -1))
+        chosen = step(self.evolution)
+        at = identified[chosen, :, np.arange(chosen.size)].T
+        return compared(inner, size, at, self.first, self.evolution, chosen, agreement)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -132,38 +119,29 @@ class OnLines:
         """
         strength = _squared(self.participation)
         counts = strength > _COUNTS**2 * strength.max(axis=0, initial=0.0)
-        divided = np.where(counts, self.participation, 1)
-        shape = len(self.factor), self.states.shape[1]
-        real, imaginary, size, weighted = (np.zeros(shape) for _ in range(4))
-        for inputs, a, b, u, v in self._pieces(self.states / divided[:, None]):
-            along, across, identified, expected = a * u + b * v, b * u - a * v, a * a + b * b, u * u + v * v
-            real[inputs] += along.sum(axis=(0, 3))
-            imaginary[inputs] += across.sum(axis=(0, 3))
-            size[inputs] += identified.sum(axis=(0, 3))
-            weighted[inputs] += np.einsum("sikf,sjkf->ik", agreement(along, across, identified, expected), expected)
-        strength = np.where(counts, strength, 0)
-        inner = np.sum((real - 1j * imaginary) * strength, axis=0)
+        strength, divided = np.where(counts, strength, 0), np.where(counts, self.participation, 1)
+        inner, size, weighted = np.zeros(strength.shape, complex), np.zeros(strength.shape), np.zeros(strength.shape)
+        real, imaginary = np.split(self.factor, 2, axis=2)
+        lines = real.shape[2]
+        width = max(_MAX_VALUES // max(self.functions[..., 0].size, 1), 1)
+        for part in (slice(start, start + width) for start in range(0, lines, width)):
+            functions, expected = self.functions[..., part], _squared(self.functions[..., part])  # at +w and at -w
+            for i, participation in enumerate(divided):
+                states = (self.states / participation).T
+                a, b = times_real(states, real[i, :, part]), 1j * times_real(states, imaginary[i, :, part])
+                identified = np.stack([a + b, a - b])
+                product, power = identified * functions.conj(), _squared(identified)
+                inner[i] += product.conj().sum(axis=(0, 2))
+                size[i] += power.sum(axis=(0, 2))
+                weighted[i] += np.sum(agreement(product.real, product.imag, power, expected) * expected, axis=(0, 2))
         total = np.sum(_squared(self.functions), axis=(0, 2)) * np.sum(strength, axis=0)
-        identified = np.sum(size * _squared(divided), axis=0)
-        return Compared(inner, identified, total, _share(np.sum(weighted * strength, axis=0), total), self.seen)
-
-    def _pieces(self, states: ComplexArray) -> Iterator[tuple[slice, RealArray, RealArray, RealArray, RealArray]]:
-        """Yield some inputs; on some lines real and imaginary part of what was identified, (2, inputs, k, lines), and of the functions.
-
-        `states` (m, N, k).
-        """
-        count, _, k = states.shape
-        lines = self.functions.shape[2]
-        rows = np.ascontiguousarray(np.concatenate([states.real, states.imag], axis=2).transpose(0, 2, 1))
-        upper, lower = self.factor[:, :, :lines], self.factor[:, :, lines:]
-        long = min(max(_AT_A_TIME // max(2 * k, 1), 1), lines)
-        most = max(_AT_A_TIME // max(2 * k * long, 1), 1)
-        for start in range(0, lines, long):
-            s = slice(start, start + long)
-            u, v = (np.ascontiguousarray(part[:, None, :, s]) for part in (self.functions.real, self.functions.imag))
-            for first in range(0, count, most):
-                inputs = slice(first, first + most)
-                yield inputs, *_both_signs(rows[inputs] @ upper[inputs, :, s], rows[inputs] @ lower[inputs, :, s]), u, v
+        return Compared(
+            np.sum(inner * strength, axis=0),
+            np.sum(size * _squared(divided), axis=0),
+            total,
+            _share(np.sum(weighted * strength, axis=0), total),
+            self.seen,
+        )
 
 
 def squares(values: Array) -> RealArray:
@@ -174,17 +152,6 @@ def squares(values: Array) -> RealArray:
 
 def _squared(values: Array) -> RealArray:
     return np.asarray(values.real**2 + values.imag**2)
-
-
-def _both_signs(real: RealArray, imaginary: RealArray) -> tuple[RealArray, RealArray]:
-    """Return the parts at +w and at -w, (2, m, k, F) each, of columns whose real and imaginary rows have those of k modes, (m, 2 k, F)."""
-    k = real.shape[1] // 2
-    a, b = np.empty((2, 2, len(real), k, real.shape[2]))
-    np.subtract(real[:, :k], imaginary[:, k:], out=a[0])
-    np.add(real[:, :k], imaginary[:, k:], out=a[1])
-    np.add(real[:, k:], imaginary[:, :k], out=b[0])
-    np.subtract(real[:, k:], imaginary[:, :k], out=b[1])
-    return a, b
 
 
 def _share(part: RealArray, whole: RealArray) -> RealArray:

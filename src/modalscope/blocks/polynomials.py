@@ -208,28 +208,12 @@ class Few(NamedTuple):
     spread: RealArray
 
 
-class Chosen(NamedTuple):
-    """The few points, and the interpolation of a product from its values there.
-
-    `place` (2 q + 1,): indices of the points. `first`, `recurrence`: polynomials of degree 2 q. `solved`: inverse of their values at the
-    points. `circle`: whether the points lie on the unit circle.
-    """
-
-    place: IntArray
-    first: float
-    recurrence: ComplexArray
-    solved: ComplexArray
-    circle: bool
-
-    def spread(self, points: ComplexArray) -> RealArray:
-        """Return how products on any of the points or between them follow from those at the few, (points, 2 q + 1)."""
-        return np.asarray((self.solved @ _values(self.recurrence, self.first, points, self.circle)).real.T)
-
-
 def few_points(points: ComplexArray, degree: int, *, circle: bool) -> Few:
     """Return 2 q + 1 of the points, and how they give any product p(x) r(x)* of two polynomials of degree q on all of them.
 
-    All of them are returned where there are hardly more.
+    On the unit circle, where x* = 1 / x, and on the imaginary axis such a product is x^-q, or one, times a polynomial of degree 2 q. The
+    points are those that a pivoted factorization takes first: the matrix to invert is as well conditioned as any. All points are
+    returned where there are hardly more.
 
     `points` (F,). `degree`: q. `circle`: whether they lie on the unit circle; else on the imaginary axis.
 
@@ -245,19 +229,6 @@ def few_points(points: ComplexArray, degree: int, *, circle: bool) -> Few:
     distinct, first = np.unique(place, return_index=True)
     if distinct.size <= 2 * (2 * degree + 1):
         return Few(first, (place[:, None] == distinct).astype(float))
-    chosen = chosen_points(points, degree, circle=circle)
-    return Few(chosen.place, chosen.spread(points))
-
-
-def chosen_points(points: ComplexArray, degree: int, *, circle: bool) -> Chosen:
-    """Return 2 q + 1 of the points that determine any product p(x) r(x)* of two polynomials of degree q, of many more points.
-
-    On the unit circle, where x* = 1 / x, and on the imaginary axis such a product is x^-q, or one, times a polynomial of degree 2 q. The
-    points are those that a pivoted factorization takes first: the matrix to invert is as well conditioned as any.
-
-    `points`, `degree`, `circle`: as in `few_points`.
-    """
-    distinct, first = np.unique(_place(points, circle), return_index=True)
     wanted = 2 * degree + 1
     dense_at_ends = (1 - np.cos(np.linspace(0, np.pi, _CHOICE * wanted))) / 2
     chosen = np.unique(np.searchsorted(distinct, distinct[0] + dense_at_ends * (distinct[-1] - distinct[0])))
@@ -265,8 +236,8 @@ def chosen_points(points: ComplexArray, degree: int, *, circle: bool) -> Chosen:
     basis, recurrence = _orthonormal(points[among], wanted - 1)
     index = among[np.sort(sla.qr(basis.T, mode="r", pivoting=True, check_finite=False)[1][:wanted])]
     level = float(basis[0, 0].real)
-    own = _values(recurrence, level, points[index], circle)
-    return Chosen(index, level, recurrence, np.asarray(sla.inv(own, check_finite=False)), circle)
+    solved = sla.inv(_values(recurrence, level, points[index], circle), check_finite=False)
+    return Few(index, (solved @ _values(recurrence, level, points, circle)).real.T)
 
 
 def _place(points: ComplexArray, circle: bool) -> RealArray:

@@ -24,19 +24,14 @@ _OWN = 1e-4
 _SEEN, _NEARLY = 1e-6, 0.5
 
 
-def triangle_of(
-    chunks: Callable[[], Iterator[RealArray]], columns: int, least: float = _OWN, gram: RealArray | None = None
-) -> RealArray:
+def triangle_of(chunks: Callable[[], Iterator[RealArray]], columns: int, least: float = _OWN) -> RealArray:
     """Return R (at most columns, columns) of all rows that the chunks give together.
 
     `chunks`: gives the chunks, (rows, columns) each, from the first on; it is called again where the Gram matrix is not accurate.
     `least`: relative residual norm that each column must keep for the Gram matrix to be accurate enough; R is then known to
-    1e-16 / least^2. `gram`: R'R of more rows than columns, where it is known already; its place is used.
+    1e-16 / least^2.
     """
-    if gram is None:
-        gram, rows = _gram(chunks(), columns)
-    else:
-        rows = columns + 1
+    gram, rows = _gram(chunks(), columns)
     R = factor_of_gram(gram, overwrite=True, least=_SEEN) if rows > columns else None
     if R is None:
         return _orthogonally(chunks(), columns)
