@@ -133,7 +133,7 @@ def test_states_that_are_not_seen_are_left_out_of_the_balanced_model() -> None:
     assert balanced.state_space.order == 4
     f = np.linspace(0.1, 5, 30)
     assert relative(balanced.state_space.frequency_response(f).values, model.frequency_response(f).values) < GRAMIAN
-    with pytest.raises(DataError, match=r"order 5 was asked, but 4 states are both seen"):
+    with pytest.raises(DataError, match=r"order 5 was asked, but 4 states are both observable"):
         model.balanced(5)
 
 

@@ -15,12 +15,10 @@ from modalscope.data.mode_fields import COLUMNS, ModeFields, mode_indices
 from modalscope.data.mode_table import cells_of_modes, known_columns
 from modalscope.data.response import CORRELATED, UNTOLD
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
-from modalscope.numerics.checks import ComplexArray, RealArray, check_number, check_positive
-from modalscope.numerics.errors import DataError, check_choice
+from modalscope.numerics.arguments import between, named
+from modalscope.numerics.checks import ComplexArray, RealArray, check_positive
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.extras import optional_package
-
-# ------------------------------------------------------------------------------------------------------- normalization
-# What mode shapes are scaled to.
 
 #: What shapes can be scaled to (see `ModalModel.normalized`).
 NORMALIZATIONS = ("unit", "max", "mass", "none")
@@ -76,41 +74,6 @@ def _mass_factor(modes: ModalModel) -> tuple[ComplexArray, str]:
     with np.errstate(divide="ignore", invalid="ignore"):
         factor = np.where(target == 0, 1, shape / np.where(target == 0, 1, target))
     return np.asarray(factor), f"unit modal mass, driving point {', '.join(common)}"
-
-
-# ---------------------------------------------------------------------------------------------------------------- mode
-# One mode, seen in the model that it belongs to.
-
-
-def intervals(modes: ModalModel, level: float) -> dict[str, RealArray]:
-    """Return value -+ z sigma of frequencies and damping ratios, each (n, 2) (see `ModalModel.interval`)."""
-    probability = check_number("level", level)
-    if not 0 < probability < 1:
-        raise DataError("a level between 0 and 1 was asked", f"it is {probability:g}", "Give 0.95 for 95 %.")
-    z = _quantile(modes, (1 + probability) / 2)
-    found: dict[str, RealArray] = {}
-    for name, values, noise, between in (
-        ("frequency", modes.frequencies, modes.frequencies_std, modes.frequencies_repeatability),
-        ("damping_ratio", modes.damping_ratios, modes.damping_ratios_std, modes.damping_ratios_repeatability),
-    ):
-        known = [sigma for sigma in (noise, between) if sigma is not None]
-        if known:
-            half = z * np.maximum.reduce(known)
-            found[name] = np.column_stack([values - half, values + half])
-    if not found:
-        raise DataError(
-            f"intervals at {100 * probability:g} % were asked",
-            "no standard deviation of these modes is known: neither from the noise nor between groups",
-            "Give frequencies_std and damping_ratios_std, or their repeatability between groups.",
-        )
-    unknown = np.full((len(modes), 2), np.nan)
-    return {name: found.get(name, unknown) for name in ("frequency", "damping_ratio")}
-
-
-def _quantile(modes: ModalModel, probability: float) -> float:
-    """Return the normal quantile; Student's where the deviations were estimated from few parts of a record, as their note says."""
-    degrees = [note.numbers["degrees_of_freedom"] for note in modes.notes if "degrees_of_freedom" in note.numbers]
-    return float(stdtrit(min(degrees), probability) if degrees else ndtri(probability))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -181,9 +144,6 @@ class Mode:
 
     def __str__(self) -> str:
         return f"{self.frequency:.4f} Hz, {100 * self.damping_ratio:.3f} %"
-
-
-# --------------------------------------------------------------------------------------------------------------- modes
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
@@ -269,6 +229,7 @@ class ModalModel(ModeFields):
         part = self.known_participation("residues")
         return np.asarray(self.shapes.T[:, :, None] * part[:, None, :])
 
+    @named(scale=NORMALIZATIONS)
     def normalized(self, scale: str = "unit") -> ModalModel:
         """Return the modes with shapes scaled as asked; participation takes the inverse, so that residues stay.
 
@@ -284,7 +245,6 @@ class ModalModel(ModeFields):
         DataError
             "mass" without participation, a driving point, a known quantity, or forces that were measured and are told apart.
         """
-        check_choice("scale", scale, NORMALIZATIONS)
         if scale == "none" or not len(self):
             return self
         factor, words = shape_factor(self, scale)
@@ -297,6 +257,7 @@ class ModalModel(ModeFields):
             scaling=words,
         )
 
+    @named(level=between(0, 1))
     def interval(self, level: float = 0.95) -> dict[str, RealArray]:
         """Return value -+ z sigma, the wider of the deviations from the noise and between groups; NaN where it is withheld.
 
@@ -321,7 +282,21 @@ class ModalModel(ModeFields):
         >>> modes.interval(0.95)["frequency"].round(3)
         array([[15.72 , 16.112]])
         """
-        return intervals(self, level)
+        # Student's quantile where the deviations were estimated from few parts of a record, as their note says
+        degrees = [note.numbers["degrees_of_freedom"] for note in self.notes if "degrees_of_freedom" in note.numbers]
+        z = stdtrit(min(degrees), (1 + level) / 2) if degrees else ndtri((1 + level) / 2)
+        bounds = {}
+        for name, fields in (("frequency", "frequencies"), ("damping_ratio", "damping_ratios")):
+            sigmas = [x for end in ("std", "repeatability") if (x := getattr(self, f"{fields}_{end}")) is not None]
+            half = z * np.maximum.reduce(sigmas or [np.full(len(self), np.nan)])
+            bounds[name] = np.column_stack([getattr(self, fields) - half, getattr(self, fields) + half])
+        if all(getattr(self, f) is None for f in COLUMNS.values() if f.endswith(("_std", "_repeatability"))):
+            raise DataError(
+                f"intervals at {100 * level:g} % were asked",
+                "no standard deviation of these modes is known: neither from the noise nor between groups",
+                "Give frequencies_std and damping_ratios_std, or their repeatability between groups.",
+            )
+        return bounds
 
     def impulse_response(
         self, samples: int, sampling_rate: float | None = None, *, first_sample: int = 0

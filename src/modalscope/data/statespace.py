@@ -12,8 +12,9 @@ from modalscope.data.modal_form import Block, PoleGroup, block_diagonal_basis, c
 from modalscope.data.quadruple import Quadruple
 from modalscope.data.records import Signals
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
-from modalscope.numerics.checks import RealArray, check_count, check_positive, real_array
-from modalscope.numerics.errors import DataError, check_choice
+from modalscope.numerics.arguments import POSITIVE, named
+from modalscope.numerics.checks import RealArray, check_count, real_array
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.extras import optional_package
 from modalscope.numerics.linear_systems import balancing, sampled
 
@@ -91,6 +92,7 @@ class StateSpace(Quadruple):
            [-4. , -0.2]])
     """
 
+    @named(dt=POSITIVE, input=INPUTS)
     def to_discrete(self, dt: float, input: str = "held") -> StateSpace:
         """Return the exact sampled model: A = exp(Ac dt), and B by Eq. 8.
 
@@ -103,11 +105,10 @@ class StateSpace(Quadruple):
             Y(k) = C A^k B is the impulse response at t = k dt, from t = 0+; its direct term is not a number).
         """
         self._need("to_discrete", continuous=True)
-        check_positive("dt", dt)
-        check_choice("input", input, INPUTS)
         A, B = sampled(self.A, self.B, dt, held=input == "held")
         return StateSpace(A=A, B=B, C=self.C, D=self.D, dt=dt)
 
+    @named(input=INPUTS)
     def to_continuous(self, input: str = "held") -> StateSpace:
         """Return the continuous model whose exact sampling this is; the inverse of `to_discrete`.
 
@@ -124,7 +125,6 @@ class StateSpace(Quadruple):
             A real pole at or below zero has no real logarithm.
         """
         self._need("to_continuous", continuous=False)
-        check_choice("input", input, INPUTS)
         A, B = continuous(self.A, self.B, self.dt or 1.0, held=input == "held")
         return StateSpace(A=A, B=B, C=self.C, D=self.D)
 
@@ -312,6 +312,7 @@ class StateSpace(Quadruple):
         T, M, blocks, condition = block_diagonal_basis(self.A, np.abs(self.continuous_poles))
         return ModalForm(state_space=self._moved(T, M), T=T, blocks=blocks, condition=condition)
 
+    @named(tolerance=POSITIVE)
     def pole_groups(self, tolerance: float = 1e-6) -> tuple[PoleGroup, ...]:
         """Return the poles, coinciding ones together, with how many of each the outputs see and the inputs drive.
 
@@ -322,7 +323,7 @@ class StateSpace(Quadruple):
         tolerance : float
             Poles within this fraction of the largest modulus coincide; couplings below it count as none.
         """
-        return pole_groups(self.A, self.B, self.C, check_positive("tolerance", tolerance))
+        return pole_groups(self.A, self.B, self.C, tolerance)
 
     def to_scipy(self) -> Any:
         """Return the model as `scipy.signal.StateSpace`."""

@@ -14,7 +14,7 @@ from modalscope.data.notes import Note
 from modalscope.functions.poles import QUANTITIES
 from modalscope.modal.pairing import pair_modes
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import ComplexArray, RealArray, check_kind, check_number
+from modalscope.numerics.checks import ComplexArray, RealArray, check_number
 from modalscope.numerics.errors import DataError
 
 #: Why a mode is not scaled, and what would help.
@@ -25,7 +25,7 @@ _UNMOVED = (
 _ALONE = ("it has no partner among the modes of the changed structure", "Identify it in both tests")
 
 
-@named()
+@named(modes=ModalModel, changed=ModalModel, masses=Mapping)
 def scale_by_mass(modes: ModalModel, changed: ModalModel, masses: Mapping[str, float]) -> ModalModel:
     """Scale the modes of an ambient test to unit modal mass by a second test with known masses added.
 
@@ -72,8 +72,6 @@ def scale_by_mass(modes: ModalModel, changed: ModalModel, masses: Mapping[str, f
     >>> np.allclose(np.abs(scaled.shapes), np.abs(before.shapes))
     True
     """
-    for name, given in (("modes of scale_by_mass", modes), ("changed of scale_by_mass", changed)):
-        check_kind(name, given, ModalModel)
     pairs = pair_modes(modes, changed)
     added = _masses(masses, pairs.a.output_dofs)
     if not len(pairs.first):
@@ -104,7 +102,6 @@ def scale_by_mass(modes: ModalModel, changed: ModalModel, masses: Mapping[str, f
 
 def _masses(masses: Mapping[str, float], outputs: tuple[str, ...]) -> RealArray:
     """Return the mass at every output, (l,)."""
-    check_kind("masses", masses, Mapping)
     added = np.zeros(len(outputs))
     for place, (dof, mass) in zip(indices_of("mass at", tuple(masses), outputs), masses.items(), strict=True):
         added[place] += check_number(f"the mass at {dof}", mass)

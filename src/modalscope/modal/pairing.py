@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 
 from modalscope.data.modes import ModalModel
 from modalscope.modal.indicators import mac
-from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import IntArray, RealArray, check_positive, complex_array
+from modalscope.numerics.arguments import POSITIVE, named
+from modalscope.numerics.checks import IntArray, RealArray, complex_array
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import assign
 
@@ -80,7 +80,7 @@ class Pairs:
         return "\n".join(lines)
 
 
-@named()
+@named(a=ModalModel, b=ModalModel, tolerance=POSITIVE)
 def pair_modes(a: ModalModel, b: ModalModel, *, tolerance: float = 0.1) -> Pairs:
     """Pair the modes of two sets, each at most once, so that all pairs together are as alike as they can be.
 
@@ -111,7 +111,6 @@ def pair_modes(a: ModalModel, b: ModalModel, *, tolerance: float = 0.1) -> Pairs
     >>> found.first.tolist(), found.second.tolist(), found.mac.round(6).tolist()
     ([1], [0], [1.0])
     """
-    limit = check_positive("tolerance", tolerance)
     common = [dof for dof in a.output_dofs if dof in set(b.output_dofs)]
     if not common:
         raise DataError(
@@ -121,7 +120,7 @@ def pair_modes(a: ModalModel, b: ModalModel, *, tolerance: float = 0.1) -> Pairs
         )
     a, b = (modes if list(modes.output_dofs) == common else modes.select(outputs=common) for modes in (a, b))
     like = mac(a.shapes, b.shapes) if len(a) and len(b) else np.zeros((len(a), len(b)))
-    apart = np.abs(b.frequencies / a.frequencies[:, None] - 1) / limit
+    apart = np.abs(b.frequencies / a.frequencies[:, None] - 1) / tolerance
     # what makes no pair costs more than all pairs together
     cost = np.where(apart <= 1, apart + 1 - like, 2.0 * (1 + min(like.shape)))
     first, second = assign(cost)

@@ -16,8 +16,8 @@ from modalscope.data.response import Response
 from modalscope.functions.poles import poles_from
 from modalscope.modal.indicators import mac
 from modalscope.modal.shapes import free_residues
-from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_each, check_kind, check_positive
+from modalscope.numerics.arguments import POSITIVE, named
+from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_each, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import assign
 
@@ -97,7 +97,7 @@ _ROUNDS = 10
 _Mode = dict[int, int]
 
 
-@named()
+@named(tolerance=POSITIVE)
 def merge_modes(
     results: Sequence[ModalModel],
     *,
@@ -151,12 +151,11 @@ def merge_modes(
     for part in parts:
         check_kind("each of the results", part, ModalModel)
     common = _common(parts)
-    limit = check_positive("tolerance", tolerance)
     labels = check_groups(groups, len(parts), "a setup", tuple(f"setup {j + 1}" for j in range(len(parts))))
     given = None if responses is None else check_each("responses", responses, "one a setup")
     if given is not None and len(given) != len(parts):
         raise DataError(f"{len(parts)} responses were asked", f"{len(given)} are given", "Give one a result.")
-    found = _together(parts, common, limit)
+    found = _together(parts, common, tolerance)
     enough = [mode for mode in found if 2 * len(mode) > len(parts)]
     kept = [mode for mode in enough if given is not None or len(mode) == len(parts)]
     left = [_candidate(mode, parts, mode in enough) for mode in found if mode not in kept]

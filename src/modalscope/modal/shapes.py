@@ -19,8 +19,8 @@ from modalscope.functions.pole_basis import ModalBasis, residual_powers, scaled_
 from modalscope.functions.poles import QUANTITIES
 from modalscope.modal.indicators import clusters, mpc, mpd
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_kind, real_array
-from modalscope.numerics.errors import DataError, check_choice
+from modalscope.numerics.checks import Array, ComplexArray, RealArray, real_array
+from modalscope.numerics.errors import DataError
 
 # --------------------------------------------------------------------------------------------------------------- joint
 # Residues of all modes fitted together: shapes and participation in turn, each by least squares with the other held.
@@ -160,7 +160,7 @@ def _field_basis(stored: StoredResponse, modes: ModalModel) -> RealArray:
 _REPEATED = 1e-6
 
 
-@named()
+@named(response=FrequencyResponse, modes=ModalModel, kind=("complex", "real"), participation=("given", "free"))
 def fit_residues(
     response: FrequencyResponse,
     modes: ModalModel,
@@ -212,11 +212,7 @@ def fit_residues(
     >>> fit_residues(frf, s.modes()).scaling
     'unit modal mass, driving point 2:+X, 5:+X'
     """
-    check_kind("fit_residues", response, FrequencyResponse)
-    check_kind("modes of fit_residues", modes, ModalModel)
     check_size(response)
-    check_choice("kind", kind, ("complex", "real"))
-    check_choice("participation", participation, ("given", "free"))
     powers = _powers(response, residuals, kind)
     if len(modes) == 0:
         raise DataError("a fit of residues was asked", "there are no modes", "Identify modes first.")

@@ -1,4 +1,9 @@
-"""Check the arguments of public functions: suggest names for misspelt keywords, and name the argument of a wrong value."""
+"""Check the arguments of public functions: names of keywords, declared limits, and the argument that made a function fail.
+
+`named` checks names and limits before a call. `plainly` checks nothing before a failure; the arguments are then compared with the
+annotations of the call, and searched for values that no computation bears (not finite, empty, of absurd size). Where none is found
+the error is the library's and is raised as it is.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +19,8 @@ from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin
 
 import numpy as np
 
-from modalscope.numerics.errors import DataError, check_option_names
-
-# ------------------------------------------------------------------------------------------------------------- entries
-# Wrong arguments in plain words: where a public call ends in Python's or numpy's own words, the argument that cannot be meant is named.
-#
-# Nothing is checked before a failure. The arguments are then compared with the annotations of the call, and searched for values that no
-# computation bears (not finite, empty, of absurd size). Where none is found the error is the library's and is raised as it is.
+from modalscope.numerics.checks import check_count, check_kind, check_number, check_positive
+from modalscope.numerics.errors import DataError, check_choice, check_option_names
 
 #: What Python and numpy raise on values that do not belong.
 _RAISED = (
@@ -267,38 +267,86 @@ def _words(hint: Any) -> str:
     return kind.__name__
 
 
-# ------------------------------------------------------------------------------------------------------------ keywords
-
 P = ParamSpec("P")
 R = TypeVar("R")
 
+#: What an argument may be: a type or several, one of some texts, or a function of name and value that returns the value checked.
+Limit = type[Any] | tuple[type[Any], ...] | Sequence[str] | Callable[[str, Any], Any]
 
-def named(*options: Iterable[str]) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Return a decorator that checks the names of keywords before the function is called, and names wrong values when it fails.
 
-    `options`: what the function takes by `**options`, beside its own parameters.
+def at_least(least: int) -> Limit:
+    """Return the limit of a whole number."""
+    return lambda name, value: check_count(name, value, least)
+
+
+def between(low: float, high: float, *, low_included: bool = False) -> Limit:
+    """Return the limit of a number between two ends, of which the lower one may be included and the upper one is not."""
+
+    def check(name: str, value: Any) -> float:
+        number = check_number(name, value)
+        if not (low < number < high or (low_included and number == low)):
+            ends = f"{f'from {low:g}' if low_included else f'above {low:g}'} and below {high:g}"
+            raise DataError(f"{name} needs a number {ends}", f"it is {number:g}", f"Give {name} {ends}.")
+        return number
+
+    return check
+
+
+#: Limits of a whole number from 1 on, of a positive number, and of a finite one.
+COUNT, POSITIVE, NUMBER = at_least(1), check_positive, check_number
+
+
+def _checked(verb: str, name: str, value: Any, limit: Limit) -> Any:
+    """Return a value within its limit; `verb` is what errors name where a type is wrong."""
+    if isinstance(limit, type) or (isinstance(limit, tuple) and isinstance(limit[0], type)):
+        check_kind(verb, value, limit)
+        return value
+    return limit(name, value) if callable(limit) else check_choice(name, value, map(str, limit))
+
+
+def named(*options: Iterable[str], **limits: Limit) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Return a decorator that checks the names and the limits of arguments before a function is called.
+
+    Where the function fails nevertheless, it names the argument of a wrong value, as `plainly` does.
+
+    `options`: what the function takes by `**options`, beside its own parameters. `limits`: the limit of an argument by its name; None
+    is allowed where it is the default.
 
     Examples
     --------
-    >>> @named()
+    >>> @named(value=COUNT)
     ... def double(value: int, *, twice: bool = False) -> int:
     ...     return 4 * value if twice else 2 * value
     >>> double(2, twise=True)
     Traceback (most recent call last):
     modalscope.numerics.errors.DataError: double() has no option 'twise'; did you mean 'twice'?
+    >>> double(0)
+    Traceback (most recent call last):
+    modalscope.numerics.errors.DataError: value needs a whole number of at least 1, but it is 0.
+    Raise value to 1 or more.
     """
     more = [name for names in options for name in names]
 
     def decorate(verb: Callable[P, R]) -> Callable[P, R]:
-        parameters = inspect.signature(verb).parameters.values()
-        own = [p.name for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
-
-        plain = plainly(verb)
+        signature = inspect.signature(verb)
+        parameters = {name: p for name, p in signature.parameters.items() if name not in ("self", "cls")}
+        own = [p.name for p in parameters.values() if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
+        data, plain = next(iter(parameters), ""), plainly(verb)
 
         @wraps(verb)
         def run(*args: P.args, **kwargs: P.kwargs) -> R:
             check_option_names(verb.__name__, kwargs, [*own, *more])
-            return plain(*args, **kwargs)
+            if not limits:
+                return plain(*args, **kwargs)
+            try:
+                bound = signature.bind(*args, **kwargs)
+            except TypeError:  # too many, or too few: Python's words name them
+                return plain(*args, **kwargs)
+            for name, value in bound.arguments.items():
+                if name in limits and not (value is parameters[name].default is None):
+                    said = verb.__name__ if name == data else name
+                    bound.arguments[name] = _checked(said, name, value, limits[name])
+            return plain(*bound.args, **bound.kwargs)
 
         return run
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from modalscope.data.statespace import StateSpace
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import RealArray, check_kind
+from modalscope.numerics.checks import RealArray
 from modalscope.numerics.errors import DataError
 
 #: Beyond this condition the sensors do not tell the states apart.
@@ -38,7 +38,7 @@ class EquationsOfMotion:
     condition: float
 
 
-@named()
+@named(model=StateSpace)
 def equations_of_motion(model: StateSpace) -> EquationsOfMotion:
     """Return M^-1 K and M^-1 D from C A^2 + (M^-1 D) C A + (M^-1 K) C = 0 (Eqs. 104-107).
 
@@ -60,7 +60,6 @@ def equations_of_motion(model: StateSpace) -> EquationsOfMotion:
     >>> bool(abs(e.stiffness - s.stiffness).max() < 1e-9)  # unit masses
     True
     """
-    check_kind("equations_of_motion", model, StateSpace)
     _need_continuous(model)
     n, l = model.order, model.C.shape[0]
     if 2 * l < n:
@@ -93,7 +92,7 @@ def equations_of_motion(model: StateSpace) -> EquationsOfMotion:
     )
 
 
-@named()
+@named(model=StateSpace)
 def first_order_form(model: StateSpace) -> StateSpace:
     """Return the model whose states are the outputs, y' = (C A C#) y + C B u (Eqs. 108-109), of order l.
 
@@ -108,7 +107,6 @@ def first_order_form(model: StateSpace) -> StateSpace:
         A sampled model, or C without full column rank: displacements alone (velocities alone) reach half of the states, whatever their
         number; both are needed.
     """
-    check_kind("first_order_form", model, StateSpace)
     _need_continuous(model)
     n = model.order
     condition = _condition(model.C / np.maximum(np.linalg.norm(model.C, axis=1, keepdims=True), 1e-300), n)
