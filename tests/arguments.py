@@ -160,6 +160,8 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "select": lambda t: {"diagram": t["diagram"]},
     "stabilize": lambda t: {"data": t["samples"], "method": "era", "orders": (2, 4)},
     "stabilize of lines": lambda t: {"data": t["lines"], "method": "alternate", "orders": (2, 4)},
+    "prepare": lambda t: {"data": t["samples"], "method": "era"},
+    "factor": lambda t: {"problem": ms.prepare(t["samples"], method="era"), "largest": 4},
     "sweep": lambda t: {"data": t["samples"], "method": "era", "orders": (2, 4)},
     "tuned_dwell": lambda t: {"response": t["lines"]},
     "write": lambda t: {"path": FOLDER / "out.npz", "thing": t["modes"]},

@@ -45,6 +45,8 @@ PROMISED = [
     "report",
     "mac",
     "tuned_dwell",
+    "prepare",
+    "factor",
     "fit_residues",
     "equations_of_motion",
     "first_order_form",

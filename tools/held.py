@@ -50,6 +50,7 @@ FRAME = (9.41, 11.79, 16.38, 25.54)
 
 #: Page -> what it must print. How near: noise of the simulation, digits of the publication, digits that are printed.
 HELD = {
+    "executed/plot_0_identification": Held(BEAM, times=2),
     "start/plot_1_hammer": Held(BEAM),
     "start/plot_2_shaker": Held("chain5"),
     "start/plot_3_ambient": Held(BUILDING, 2e-3),

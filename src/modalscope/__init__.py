@@ -42,6 +42,8 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
         identify as identify,
         realize as realize,
     )
+    from modalscope.identification.pipeline import factor as factor
+    from modalscope.identification.prepare import prepare as prepare
     from modalscope.identification.refine import refine as refine
     from modalscope.identification.stabilize import stabilize as stabilize
     from modalscope.identification.sweep import sweep as sweep
@@ -81,6 +83,8 @@ _HOMES = {
     "comparing": ("Comparison", "compare"),
     "identification.dwell": ("Dwell", "tuned_dwell"),
     "identification.identify": ("Identification", "identify", "realize"),
+    "identification.pipeline": ("factor",),
+    "identification.prepare": ("prepare",),
     "identification.refine": ("refine",),
     "identification.sweep": ("sweep",),
     "identification.table": ("methods",),

@@ -13,7 +13,9 @@ from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.identification.method import Built, Method, Problem
-from modalscope.numerics.checks import check_count
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import check_count, check_kind
+from modalscope.numerics.resources import one_thread
 from modalscope.realizations.realization import Realization
 
 #: What the columns of a sequence without inputs are, and participation with them.
@@ -77,8 +79,37 @@ class Factored:
     factors: Factors
 
 
+@named()
+@one_thread
 def factor(problem: Problem, largest: int) -> Pipeline:
-    """Return the models of all orders up to the largest, from which default sizes follow."""
+    """Factor the data matrix of a problem once, for models of every order.
+
+    Parameters
+    ----------
+    problem : Problem
+        Made by `prepare`.
+    largest : int
+        Largest order that will be asked for; default block sizes follow it.
+
+    Returns
+    -------
+    Pipeline
+        With `matrix`, `factors`, `realization` and `triple(order)`, the model of an order; `sweep` and `stabilize` take it.
+
+    Raises
+    ------
+    DataError
+        Sizes that the data do not allow.
+
+    Examples
+    --------
+    >>> from modalscope.identification.prepare import prepare
+    >>> from modalscope.systems import chain5
+    >>> pipeline = factor(prepare(chain5().impulse_response(200), method="era"), 20)
+    >>> pipeline.factors.rank, pipeline.triple(10).A.shape
+    (10, (10, 10))
+    """
+    check_kind("problem", problem, Problem)
     return realized(problem, factored(problem, largest))
 
 

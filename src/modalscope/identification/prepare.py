@@ -17,7 +17,7 @@ from modalscope.data.sizes import check_alive, check_size
 from modalscope.data.stored import StoredResponse, StoredSignals
 from modalscope.data.whitening import Whitening
 from modalscope.identification.method import Method, Problem, Takes
-from modalscope.identification.options import ROUTES, delays_of
+from modalscope.identification.options import ROUTES, AllOptions, delays_of
 from modalscope.identification.routes import (
     USUAL,
     Conditioned,
@@ -32,6 +32,7 @@ from modalscope.identification.routes import (
 )
 from modalscope.identification.sizes import setup_blocks
 from modalscope.identification.table import check_form, find_method, options_of
+from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_band, check_kind
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.preprocess.bands import whitening_of
@@ -75,13 +76,34 @@ class Measured:
 Data = Signals | Records | Setups | Response
 
 
+@named(AllOptions.__annotations__)
 def prepare(data: Any, method: str | None = None, domain: str | None = None, **options: Any) -> Problem:
-    """Return the problem of one row of the table on the data.
+    """Pose data as the problem of one row of the table of methods.
 
-    `method`, `domain`: A row, or a name from the literature, and a column; by default what suits the data. `**options`: those of
-    `identify`.
+    Parameters
+    ----------
+    data : FrequencyResponse, ImpulseResponse, Signals, Records or a list of records
+    method, domain : str, optional
+        A cell of the table of methods, see `identify`; by default what suits the data.
+    **options
+        Band, channels, block sizes and the rest, as in `identify`.
 
-    Raises `DataError`: A channel of zeros, a band without lines, an unknown method, domain or option, a method that cannot take the data.
+    Returns
+    -------
+    Problem
+        With `method` (the row), `response` (as the row takes it, in the band) and `options`; `factor` takes it.
+
+    Raises
+    ------
+    DataError
+        A channel of zeros, a band without lines, an unknown method, domain or option, data that the method cannot take.
+
+    Examples
+    --------
+    >>> from modalscope.systems import chain5
+    >>> problem = prepare(chain5().impulse_response(200), method="era")
+    >>> problem.method.name, problem.response.values.shape
+    ('era', (200, 5, 5))
     """
     band, exclude = options.pop("band", None), options.pop("exclude", None)
     route, delays = options.pop("route", None), options.pop("delays", None)

@@ -20,7 +20,7 @@ from modalscope.identification.orders import checked_orders
 from modalscope.identification.pipeline import Pipeline
 from modalscope.identification.prepare import prepare
 from modalscope.identification.routes import looked_through
-from modalscope.identification.sweep import Cut, Sweep, start
+from modalscope.identification.sweep import Cut, Sweep, over, problem_of, start
 from modalscope.modal.indicators import mac
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, RealArray, check_kind, check_positive
@@ -175,7 +175,8 @@ def stabilize(
 
     Parameters
     ----------
-    data : FrequencyResponse, ImpulseResponse, Signals, Records or a list of records
+    data : FrequencyResponse, ImpulseResponse, Signals, Records, a list of records, or Pipeline
+        A pipeline was made by `factor`, and takes neither method nor options.
     method, domain : str, optional
         A cell of the table of methods, see `identify`.
     orders : iterable of int, optional
@@ -211,6 +212,11 @@ def stabilize(
     >>> d.orders, d.exact_rank
     ((2, 4, 6, 8, 10), 10)
     """
+    if isinstance(data, Pipeline):
+        problem = problem_of(data, method, domain, options)
+        given = problem.method.orders.ladder(problem.measured) if orders is None else checked_orders(orders)
+        made = over(data, given, automatic=orders is None, deviations=deviations)
+        return swept(made, given, limits_of(tolerances), progress, watch)
 
     def diagram(asked: Iterable[int] | None = orders, **way: Any) -> StabilizationDiagram:
         problem = prepare(seen, method, domain, **{**options, **way})

@@ -17,6 +17,7 @@ from modalscope.data.notes import Note
 from modalscope.data.response import output_scale
 from modalscope.functions.pole_basis import ModalBasis
 from modalscope.functions.poles import frequencies_and_damping
+from modalscope.identification.method import Problem
 from modalscope.identification.options import AllOptions
 from modalscope.identification.orders import checked_orders
 from modalscope.identification.pipeline import Factored, Pipeline, factor, realized
@@ -330,7 +331,8 @@ def sweep(
 
     Parameters
     ----------
-    data : FrequencyResponse, ImpulseResponse, Signals, Records or a list of records
+    data : FrequencyResponse, ImpulseResponse, Signals, Records, a list of records, or Pipeline
+        A pipeline was made by `factor`, and takes neither method nor options.
     method, domain : str, optional
         A cell of the table of methods, see `identify`.
     orders : iterable of int, optional
@@ -355,19 +357,36 @@ def sweep(
     >>> cut.order, len(cut.modes)
     (10, 5)
     """
-    problem = prepare(data, method, domain, **options)
+    problem = problem_of(data, method, domain, options)
     asked = problem.method.orders.ladder(problem.measured) if orders is None else checked_orders(orders)
-    return start(problem, asked, automatic=orders is None, deviations=deviations)
+    pipeline = data if isinstance(data, Pipeline) else factor(problem, asked[-1])
+    return over(pipeline, asked, automatic=orders is None, deviations=deviations)
+
+
+def problem_of(data: Any, method: str | None, domain: str | None, options: Mapping[str, Any]) -> Problem:
+    """Return the problem of data, or that of a pipeline, whose method and options stand already."""
+    if not isinstance(data, Pipeline):
+        return prepare(data, method, domain, **options)
+    asked = [name for name, value in {"method": method, "domain": domain, **options}.items() if value is not None]
+    if asked:
+        there = "the problem is factored already"
+        raise DataError(f"{asked[0]}= was asked", there, f"Give {asked[0]}= to prepare().")
+    return data.problem
 
 
 def start(
-    problem: Any, asked: list[int], *, automatic: bool, deviations: bool = True, given: Factored | None = None
+    problem: Problem, asked: list[int], *, automatic: bool, deviations: bool = True, given: Factored | None = None
 ) -> Sweep:
     """Factor for the largest order and return the sweep over the orders that the rank allows.
 
     `automatic`: whether the orders are defaults: then at least one is found. `given`: factors for the largest order, of another row.
     """
     pipeline = factor(problem, asked[-1]) if given is None else realized(problem, given)
+    return over(pipeline, asked, automatic=automatic, deviations=deviations)
+
+
+def over(pipeline: Pipeline, asked: list[int], *, automatic: bool, deviations: bool = True) -> Sweep:
+    """Return the sweep over the orders of a pipeline that its rank allows; see `start`."""
     reach = pipeline.method.orders.reach(pipeline.factors, asked, automatic)
     made = Sweep(pipeline, reach.orders, deviations=deviations)
     made.notes.extend(reach.notes)
