@@ -322,7 +322,7 @@ def test_an_interval_takes_the_wider_deviation_and_withholds_what_is_withheld() 
     ("modes", "level", "message"),
     [
         (ModalModel(poles=[-1 + 9j], shapes=[[1.0]]), 0.95, "no standard deviation of these modes is known"),  # type: ignore[arg-type]
-        (full(), 1.0, "a level between 0 and 1 was asked, but it is 1"),
+        (full(), 1.0, "level needs a number above 0 and below 1, but it is 1"),
         (full(), "high", "level needs a finite number"),
     ],
 )
