@@ -49,7 +49,7 @@ def test_noise_alone_gives_no_mode_and_says_so() -> None:
     assert len(result.modes) == 0
     why = [note for note in result.notes if note.kind == "no modes"]
     assert len(why) == 1
-    assert "nothing but noise in" in str(why[0])
+    assert "Only noise in" in str(why[0])
 
 
 def test_an_empty_result_of_any_data_says_why() -> None:

@@ -108,11 +108,11 @@ def test_units_and_inputs_of_a_derivative():
     ("call", "text"),
     [
         (lambda s: filter_band(s, 4, 1), "the band 4 to 1 Hz was asked"),
-        (lambda s: filter_band(s, 1, 60), "holds 0 to 50 Hz"),
+        (lambda s: filter_band(s, 1, 60), "contains 0 to 50 Hz"),
         (lambda s: decimate(s, 0), "factor needs a whole number"),
         (lambda s: decimate(s, 3000), "one sample in 3000"),
         (lambda s: detrend(s, kind="liner"), "Did you mean 'linear'"),
-        (differentiate, "acceleration, and the chain ends there"),
+        (differentiate, "the quantity of output y1 is acceleration"),
         (lambda s: integrate(s, times=3), "integrated 3 times"),
         (lambda s: integrate(s, lowest=-1), "lowest needs a positive number"),
     ],

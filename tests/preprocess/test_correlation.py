@@ -135,7 +135,7 @@ def test_decomposition_is_the_power_spectral_density():
         ({"references": ["y1", "y1"]}, "Name every reference once"),
         ({"window": "hanning"}, "Did you mean 'hann'"),
         ({"segment": 100}, "no window is given"),
-        ({"window": "hann", "lags": 90, "segment": 80}, "segments of 80 samples for 90 lags"),
+        ({"window": "hann", "lags": 90, "segment": 80}, "segment=80 for 90 lags"),
         ({"window": "hann", "lags": 99, "segment": 100}, "vanishes at the largest lag"),
     ],
 )

@@ -7,7 +7,8 @@ import pytest
 
 from modalscope.data import Signals
 from modalscope.preprocess import harmonics as envelopes
-from modalscope.preprocess.harmonics import Spectrum, lines_around, narrow_band, steady_bands
+from modalscope.preprocess.harmonics import lines_around, narrow_band, steady_bands
+from modalscope.preprocess.spectra import Spectrum
 
 
 @pytest.mark.parametrize("count", [12, 37, 400])
@@ -15,7 +16,7 @@ from modalscope.preprocess.harmonics import Spectrum, lines_around, narrow_band,
 def test_no_spectrum_is_worth_more_than_the_bound(count: int, half: float) -> None:
     """Flat ones, single lines, all power at both ends, powers over ten decades."""
     rng, step = np.random.default_rng(0), 0.01
-    centre = half * step / envelopes._LEAST_DAMPING
+    centre = half * step / envelopes._MIN_DAMPING
     ends = np.zeros(count)
     ends[[0, -1]] = 1
     spectra = [np.ones(count), np.eye(count)[3], ends, *(10 ** rng.uniform(-10, 0, (20, count)))]

@@ -277,18 +277,18 @@ WHITE = np.random.default_rng(0).standard_normal((400, 2))
     ("data", "options", "text"),
     [
         (Signals(outputs=WHITE, sampling_rate=1.0), {}, "the record has no inputs"),
-        (record(WHITE * [1, 0]), {}, "u2 is the same at all samples"),
-        (record(WHITE[:, :1] * [1, 2]), {}, "multiples of one another"),
-        (record(WHITE), {"excitation": "burst"}, "there is 1 average"),
+        (record(WHITE * [1, 0]), {}, "u2 is constant: no force"),
+        (record(WHITE[:, :1] * [1, 2]), {}, "the forces are dependent at"),
+        (record(WHITE), {"excitation": "burst"}, "the number of averages is 1"),
         (record(WHITE), {"estimator": "h3"}, "there are only h1, h2, hv"),
         (record(WHITE), {"segment": 500}, "segments of 500 samples"),
         (record(WHITE), {"overlap": 1.0}, "overlap=1.0"),
-        (record(WHITE), {"excitation": "impact"}, "a hit has one"),
+        (record(WHITE), {"excitation": "impact"}, "2 inputs instead of one"),
         (record(WHITE), {"excitation": "periodic"}, "the forces do not repeat"),
         (record(WHITE), {"excitation": "periodic", "period": 300}, "fewer than two periods"),
         (record(WHITE), {"force_window": 0.1}, "the excitation is random"),
         (record(WHITE), {"exponential": 0.1}, "the excitation is random"),
-        (record(WHITE), {"estimator": "h1", "noise": (1, 1)}, "H1 takes all noise to be on the outputs"),
+        (record(WHITE), {"estimator": "h1", "noise": (1, 1)}, "H1 assumes all noise on the outputs"),
         (record(WHITE), {"estimator": "hv", "noise": ((1, 2), 1)}, "noise needs the powers of 3 outputs and 2 inputs"),
         (record(WHITE[:, :1]), {"excitation": "burst", "exponential": 2}, "Give end between 0 and 1"),
     ],
@@ -330,5 +330,5 @@ def test_the_hit_before_the_end_says_why_it_is_left_out(hits):
     short = replace(hits, outputs=hits.outputs[:10000], inputs=hits.inputs[:10000])
     frf = estimate_frf(short)
     assert frf.averages == 5
-    assert "left out: 6, 220 samples long, where 1900 are cut" in frf.processing[-1]
+    assert "left out: 6, 220 samples long, 1900 are needed" in frf.processing[-1]
     assert [f.kind for f in examine(short)] == []

@@ -28,8 +28,8 @@ def test_blocks_give_the_plain_sums(samples: int, lags: int) -> None:
 
 def test_chunks_that_reach_into_the_next_add_up_in_any_order(monkeypatch: pytest.MonkeyPatch) -> None:
     """And with cross spectra of one reference at a time, a few blocks together."""
-    monkeypatch.setattr(lag_sums, "_SUMMED", 1)
-    monkeypatch.setattr(lag_sums, "_TOGETHER", 5000)
+    monkeypatch.setattr(lag_sums, "_MAX_CROSS_SPECTRA", 1)
+    monkeypatch.setattr(lag_sums, "_MAX_TRANSFORMS", 5000)
     y, lags = np.random.default_rng(1).standard_normal((7000, 2)), 40
     parts = []
     for start in (5000, 0, 2300):

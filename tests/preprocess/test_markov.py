@@ -99,7 +99,7 @@ def test_a_slow_response_is_not_cut_without_a_word():
     slow = random_system(np.random.default_rng(2), outputs=1, inputs=1, modes=1, damping=(0.0001, 0.0002))
     found = estimate_markov(record(slow, samples=500))
     assert found.samples == 500
-    assert "had not decayed yet" in found.processing[-1]
+    assert "before it has decayed" in found.processing[-1]
     fast = random_system(np.random.default_rng(2), outputs=1, inputs=1, modes=1, damping=(0.1, 0.2))
     found = estimate_markov(record(fast, samples=2000))
     assert "decayed by 80 dB" in found.processing[-1]

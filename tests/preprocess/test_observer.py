@@ -7,7 +7,7 @@ from scipy import signal
 import modalscope as ms
 from modalscope.data import Signals, StateSpace
 from modalscope.preprocess import estimate_markov, estimate_observer
-from modalscope.preprocess.markov import regression
+from modalscope.preprocess.observer_regression import regression
 from tests.support import match_poles, random_system, refused, relative
 
 
@@ -111,7 +111,7 @@ def test_units_make_no_difference():
 def test_a_response_that_grows_is_an_error_in_plain_words():
     growing = StateSpace(A=[[1.02]], B=[[1.0]], C=[[1.0]], dt=1.0)
     data = record(growing, 400)
-    error = refused("it grows instead of decaying", estimate_observer, data)
+    error = refused("it grows: noise hides the damping", estimate_observer, data)
     assert "NaN" not in str(error)
     refused("with order 3 it grows", estimate_markov, data, observer_order=3, samples=20)
 

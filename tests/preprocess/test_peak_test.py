@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope.data import Signals
-from modalscope.preprocess.peak_test import peak_heights
+from modalscope.preprocess.spectral_peaks import peak_heights
 from tests.judging.dominated import dominated, noise
 
 

@@ -13,7 +13,7 @@ from modalscope.data.record_transform import record_spectra
 from modalscope.functions.poles import poles_from
 from modalscope.identification.prepare import measure
 from modalscope.preprocess.bands import CHOSEN
-from modalscope.preprocess.excited_band import polynomial_residuals, resonant_band
+from modalscope.preprocess.resonant_band import polynomial_residuals, resonant_band
 
 LINES, RATE = 2000, 100.0
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from modalscope.data.responses import ImpulseResponse
 from modalscope.identification.identify import identify
-from modalscope.preprocess.correlation import slower_correlation
+from modalscope.preprocess.conditioning import slower_correlation
 from modalscope.systems import chain5
 from tests.support import match_poles
 

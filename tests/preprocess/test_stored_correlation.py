@@ -58,8 +58,8 @@ def stored(record: ms.Signals) -> StoredSignals:
 
 @pytest.fixture
 def small_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stored_correlation, "_TASK", 3000)
-    monkeypatch.setattr(stored_correlation, "_IN_MEMORY", 2000)
+    monkeypatch.setattr(stored_correlation, "_TASK_NUMBERS", 3000)
+    monkeypatch.setattr(stored_correlation, "_NUMBERS_IN_MEMORY", 2000)
 
 
 def relative(a: Any, b: Any) -> float:
@@ -225,7 +225,7 @@ def test_what_needs_all_of_it_says_so(record: ms.Signals, monkeypatch: pytest.Mo
         thing.load()
     with pytest.raises(DataError, match="correlations of 4 channels with 4 references over 2000 lags"):
         ms.estimate_correlation(thing)
-    with pytest.raises(DataError, match="only the unbiased estimate"):
+    with pytest.raises(DataError, match="a stored record has no windowed estimate"):
         ms.estimate_correlation(thing, lags=20, window="hann")
     with pytest.raises(DataError, match="expected Signals"):
         ms.preprocess.detrend(thing)

@@ -76,8 +76,8 @@ def test_lines_can_be_finer_than_the_segment(data):
     ("options", "text"),
     [
         ({"zoom": (3, 2)}, "a zoom into 3 to 2 Hz"),
-        ({"zoom": (2, 30)}, "the record holds 0 to 10 Hz"),
-        ({"zoom": (2, 2.001)}, "fewer than two of them inside"),
+        ({"zoom": (2, 30)}, "the record contains 0 to 10 Hz"),
+        ({"zoom": (2, 2.001)}, "fewer than two inside"),
         ({"zoom": (2, 3), "zoom_by": "chirp"}, "Did you mean 'chirp-z'"),
         ({"zoom": (2, 3), "zoom_by": "decimation", "zoom_lines": 20}, "its lines are those of the segment"),
         ({"zoom": (2, 3), "excitation": "periodic"}, "a zoom with periodic excitation"),

@@ -20,8 +20,8 @@ from modalscope.doctor.samples import frozen, lone_outputs, slips, spikes, wrapp
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_kind
 from modalscope.numerics.errors import DataError
+from modalscope.preprocess.bands import swept_lines, useful_lines
 from modalscope.preprocess.excitation import EVENT, find_excitation, powers_of_stretches
-from modalscope.preprocess.excited_band import swept_lines, useful_lines
 from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.spectra import Segments, cross_spectra
 

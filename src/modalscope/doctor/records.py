@@ -12,10 +12,11 @@ from modalscope.doctor.findings import channels_of, finding
 from modalscope.doctor.prediction import unexplained
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import DataError
-from modalscope.preprocess.excited_band import useful_lines
-from modalscope.preprocess.frf import estimate_frf, plan_hits, without_offset
+from modalscope.preprocess.bands import useful_lines
+from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.harmonics import find_lines
 from modalscope.preprocess.impacts import Hit, clipped_samples, find_hits
+from modalscope.preprocess.plans import plan_hits, without_offset
 from modalscope.preprocess.spectra import Segments, cross_spectra
 
 #: A channel is noisy when less than this part of its power follows from the inputs, and this much less than the median's.

@@ -35,9 +35,10 @@ from modalscope.identification.table import check_form, find_method, options_of
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_band, check_kind
 from modalscope.numerics.errors import DataError, check_choice
-from modalscope.preprocess.bands import whitening_of
-from modalscope.preprocess.correlation import estimate_correlation, slower_correlation, spanning_outputs
+from modalscope.preprocess.conditioning import slower_correlation
+from modalscope.preprocess.correlation import estimate_correlation, spanning_outputs
 from modalscope.preprocess.setups import joined_setups
+from modalscope.preprocess.spectral_peaks import whitening_of
 
 # ------------------------------------------------------------------------------------------------------------ measured
 

@@ -30,14 +30,16 @@ from modalscope.identification.sizes import SETUP_ROWS
 from modalscope.identification.table import find_method, methods
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess import estimate_markov
-from modalscope.preprocess.bands import Levels, OwnBands, levels_in, noise_notes, own_bands, taken_down, uncorrelated
+from modalscope.preprocess.bands import AutomaticBands, at_lower_rate, automatic_bands, struck_band
 from modalscope.preprocess.conditioning import straightened
 from modalscope.preprocess.excitation import find_excitation, find_period
-from modalscope.preprocess.excited_band import resonant_band, struck_band
-from modalscope.preprocess.harmonics import Line, Spectrum, harmonic_notes, lines_in
+from modalscope.preprocess.harmonics import Line, harmonic_notes, lines_in
 from modalscope.preprocess.harmonics_removed import without_lines
 from modalscope.preprocess.line_noise import level_lines
 from modalscope.preprocess.merging import joined_frf
+from modalscope.preprocess.resonant_band import resonant_band
+from modalscope.preprocess.spectra import Spectrum
+from modalscope.preprocess.spectral_peaks import Levels, levels_in, noise_notes, uncorrelated
 
 # -------------------------------------------------------------------------------------------------- records with inputs
 
@@ -184,7 +186,7 @@ class SeenRecord:
     record: Signals | StoredSignals
     excerpt: Signals
     levels: Levels
-    own: OwnBands
+    own: AutomaticBands
     lines: tuple[Line, ...]
 
 
@@ -193,8 +195,8 @@ def seen_record(record: Signals | StoredSignals) -> SeenRecord:
     straight = straightened(record)
     excerpt = straight.excerpt()
     spectrum = Spectrum.of(excerpt)
-    levels = levels_in(spectrum).beside(levels_in(uncorrelated(spectrum)))
-    return SeenRecord(straight, excerpt, levels, own_bands(levels, record.sampling_rate), lines_in(spectrum))
+    levels = levels_in(spectrum).with_combinations(levels_in(uncorrelated(spectrum)))
+    return SeenRecord(straight, excerpt, levels, automatic_bands(levels, record.sampling_rate), lines_in(spectrum))
 
 
 def looked_through(data: Any, exclude: Any = None) -> Any:
@@ -215,7 +217,7 @@ def conditioned(seen: SeenRecord, band: Band | None) -> Conditioned:
     own, lines = seen.own, seen.lines
     chosen_note = (own.note((own.whole,)),) if band is None and own.whole is not None else ()
     chosen = own.whole if band is None else band
-    inside = record if chosen is None else taken_down(record, chosen[1], own.drift)
+    inside = record if chosen is None else at_lower_rate(record, chosen[1], own.drift)
     taken, removed = _without_lines(inside, lines)
     return Conditioned(
         taken, chosen, (*chosen_note, *noise_notes(seen.levels, chosen), *harmonic_notes(lines), *removed)
@@ -281,7 +283,7 @@ def conditioned_setups(setups: Setups, band: Band | None) -> InBand:
     lowest = None if own.span is None else max(own.span[0], 0.0 if band is None else band[0])
     if chosen is None:
         return InBand(setups, None, lowest, ())
-    parts = tuple(taken_down(part, chosen[1], own.drift) for part in setups.parts)
+    parts = tuple(at_lower_rate(part, chosen[1], own.drift) for part in setups.parts)
     return InBand(replace(setups, parts=parts), chosen, lowest, (own.note((chosen,)),) if band is None else ())
 
 
@@ -292,10 +294,12 @@ def _without_drift(part: Signals) -> Signals:
     return straight if np.any(whole - left > _DRIFT * whole) else part
 
 
-def _own(setups: Setups) -> OwnBands:
+def _own(setups: Setups) -> AutomaticBands:
     """Return the bands of the outputs of all setups side by side, over the samples that all have."""
     count = min(setups.samples)
     spectra = [Spectrum.of(replace(part, outputs=part.outputs[..., :count, :])) for part in setups.parts]
     channels = [*map(levels_in, spectra)]
-    levels = channels[0].with_channels(channels[1:]).beside(*(levels_in(uncorrelated(each)) for each in spectra))
-    return own_bands(levels, setups.sampling_rate)
+    levels = (
+        channels[0].with_channels(channels[1:]).with_combinations(*(levels_in(uncorrelated(each)) for each in spectra))
+    )
+    return automatic_bands(levels, setups.sampling_rate)

@@ -27,7 +27,7 @@ from modalscope.numerics.checks import Array, RealArray, check_kind, check_posit
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.executors import working
 from modalscope.numerics.resources import one_thread
-from modalscope.preprocess.peak_test import PEAK, peak_heights
+from modalscope.preprocess.spectral_peaks import PEAK, peak_heights
 
 # ----------------------------------------------------------------------------------------------------------- stability
 # What is stable from one order to the next: poles whose frequency, damping and shape are those of one before.

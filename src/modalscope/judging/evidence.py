@@ -16,7 +16,7 @@ from modalscope.likelihood.noise import typical_deviation
 from modalscope.modal.indicators import cmif, mac, prominence
 from modalscope.modal.rebuilt import of_diagram, peak_sizes
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
-from modalscope.preprocess.peak_test import PEAK
+from modalscope.preprocess.spectral_peaks import PEAK
 
 #: A mode is found at this many orders at least, and at this share of all that are used.
 LEAST_ORDERS, LEAST_SHARE = 5, 0.15

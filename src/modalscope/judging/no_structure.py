@@ -12,8 +12,8 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.results import StabilizationDiagram
 from modalscope.judging.evidence import CERTAIN, UNCERTAIN, Candidate
-from modalscope.preprocess.bands import NOISE, UNSEEN
 from modalscope.preprocess.harmonics import HARMONIC
+from modalscope.preprocess.spectral_peaks import NOISE, UNSEEN
 
 #: The kind of the note that says that errors of a response may pass for modes.
 CORRELATED = "correlated errors"

@@ -11,7 +11,7 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.records import Signals
 from modalscope.functions.poles import QUANTITIES
 from modalscope.numerics.checks import BoolArray, ComplexArray, IntArray, RealArray
-from modalscope.preprocess.harmonics import Spectrum
+from modalscope.preprocess.spectra import Spectrum
 
 #: A shape is estimated from the lines within so many half bandwidths; the noise beside it from those between these.
 _REACH, _BESIDE = 6.0, (1.5, 5.0)

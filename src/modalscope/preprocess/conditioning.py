@@ -1,4 +1,7 @@
-"""Condition records: remove trends, filter, decimate, integrate and differentiate; each step is noted in `processing`."""
+"""Condition records: remove trends, filter, decimate, integrate and differentiate; `processing` names each step.
+
+A stored record is filtered while it is read: every stretch with the samples before it, as the whole record would be.
+"""
 
 from __future__ import annotations
 
@@ -12,17 +15,27 @@ import scipy
 from scipy import fft
 
 from modalscope.data.records import Signals
+from modalscope.data.responses import ImpulseResponse
 from modalscope.data.stored import Record, Rows, StoredSignals
 from modalscope.functions.poles import QUANTITIES
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, RealArray, check_count, check_kind, check_positive
 from modalscope.numerics.errors import DataError, check_choice
 
-# ------------------------------------------------------------------------------------------------------- filtered rows
-# Filters and decimation of records in files: every stretch is filtered with the samples before it, as the whole record would be.
-
 #: Remainder of a filter's transient at the start of a stretch: below rounding, also for several poles.
 _TRANSIENT = 1e-20
+
+#: Order and ripple (dB) of the low-pass filter before decimation: 60 dB down at 1.5 times its edge. Order of the high-pass of a band.
+_LOW_PASS, _HIGH_PASS_ORDER = (8, 0.05), 4
+
+#: Filter edges lie outside the band by these factors, and so do the poles of the filters, which an identification finds.
+_LOW_EDGE, _HIGH_EDGE = 0.8, 1.05
+
+#: Minimum samples a period of the band's upper end: of a decimated record, and of a decimated correlation.
+_RECORD_SAMPLES_PER_PERIOD, _LAGS_PER_PERIOD = 2.5, 4.0
+
+#: A line of a stored record is fitted to so many stretches all along it, of which each has an equal part of an excerpt.
+_STRETCHES = 64
 
 
 @dataclass(frozen=True)
@@ -52,9 +65,9 @@ class FilteredRows:
         if not self.sections:
             return np.asarray(self.rows.read(first, last)[::q], dtype=float)
         sections = np.array(self.sections)
-        far = settling(sections)
-        begin = max(first - far, 0)
-        end = min(last + far, samples) if self.zero_phase else last
+        transient = settling(sections)
+        begin = max(first - transient, 0)
+        end = min(last + transient, samples) if self.zero_phase else last
         rows = np.asarray(self.rows.read(begin, end), dtype=float)
         return np.ascontiguousarray(apply_filter(sections, rows, self.zero_phase)[first - begin : last - begin : q])
 
@@ -80,21 +93,6 @@ def apply_filter(sections: Array, x: RealArray, zero_phase: bool) -> RealArray:
     state = scipy.signal.sosfilt_zi(sections)
     start = np.moveaxis(np.multiply.outer(state, x[..., 0, :]), 1, -2)  # (sections, ..., 2, channels)
     return np.asarray(scipy.signal.sosfilt(sections, x, axis=-2, zi=start)[0])
-
-
-# -------------------------------------------------------------------------------------------------------- conditioning
-
-#: Order and ripple (dB) of the low-pass filter before decimation: 60 dB down at 1.5 times its edge.
-_LOW_PASS = (8, 0.05)
-
-#: Order of the high-pass filter of a band.
-_HIGH_PASS = 4
-
-#: Filter edges lie outside the band by these factors, and so do the poles of the filters, which an identification finds.
-_BELOW, _ABOVE = 0.8, 1.05
-
-#: A decimated record keeps at least this many samples a period of the highest frequency of its band.
-_SAMPLES_PER_PERIOD = 2.5
 
 
 def _on_all(signals: Signals, change: Callable[[RealArray], RealArray], note: str, **fields: object) -> Signals:
@@ -127,15 +125,11 @@ def detrend(signals: Signals, *, kind: str = "linear") -> Signals:
     return _on_all(signals, lambda x: np.asarray(scipy.signal.detrend(x, axis=-2)), "straight-line trend removed")
 
 
-#: A line of a stored record is fitted to so many stretches all along it, of which each has an equal part of an excerpt.
-_STRETCHES = 64
-
-
 def straightened(record: Any) -> Any:
-    """Return a record without inputs as what a line leaves of every channel and run; a stored one is straightened while it is read.
+    """Return a record without inputs, stored or not, without the straight line of every channel and run.
 
-    `record`: signals, or stored ones.
-    The line of a stored record is that of 64 stretches which are evenly spread, and of all samples where these are no more than an excerpt.
+    The line of a stored record is fitted to 64 evenly spread stretches, or to all samples where these are no more than an excerpt. It is
+    subtracted while the record is read.
     """
     if isinstance(record, StoredSignals):
         return _straightened_rows(record)
@@ -181,13 +175,16 @@ class StraightRows:
 
     def read(self, start: int, stop: int) -> Array:
         """Return rows without the line."""
-        found = np.asarray(self.rows.read(start, stop), dtype=float)
-        times = _times(start, start + len(found), self.rows.shape[0])
-        return np.asarray(found - self.constant - times[:, None] * self.slope)
+        rows = np.asarray(self.rows.read(start, stop), dtype=float)
+        times = _times(start, start + len(rows), self.rows.shape[0])
+        return np.asarray(rows - self.constant - times[:, None] * self.slope)
 
 
 def _filtered(signals: Record, sections: Array | None, factor: int, zero_phase: bool, note: str) -> Record:
     """Return a filtered record, one sample in `factor` kept; a stored one is filtered while it is read."""
+    if signals.samples // factor < 2:
+        have = f"the record has {signals.samples} samples"
+        raise DataError(f"one sample in {factor} was asked", have, "Measure longer, or decimate less (decimate=False).")
     rate = signals.sampling_rate / factor
     if isinstance(signals, StoredSignals):
         of_filter = () if sections is None else tuple(tuple(map(float, section)) for section in sections)
@@ -241,24 +238,16 @@ def filter_band(
     check_kind("filter_band", signals, (Signals, StoredSignals))
     rate = signals.sampling_rate
     if not (0 <= lowest < highest < rate / 2):
+        have = f"the record contains 0 to {rate / 2:g} Hz"
         raise DataError(
-            f"the band {lowest:g} to {highest:g} Hz was asked",
-            f"a record at {rate:g} samples a second holds 0 to {rate / 2:g} Hz",
-            "Give the lower end first, and stay below half the sampling rate.",
+            f"the band {lowest:g} to {highest:g} Hz was asked", have, "Give the lower end first, within these."
         )
     filters = []
     if lowest > 0:
-        filters.append(scipy.signal.butter(_HIGH_PASS, _BELOW * lowest, "highpass", fs=rate, output="sos"))
-    # no low-pass when the band reaches nearly half the sampling rate
-    if _ABOVE * highest < 0.95 * rate / 2:
-        filters.append(_low_pass(_ABOVE * highest, rate))
-    factor = max(int(rate / (_SAMPLES_PER_PERIOD * highest)), 1) if decimate else 1
-    if signals.samples // factor < 2:
-        raise DataError(
-            f"the band up to {highest:g} Hz, one sample in {factor}, was asked",
-            f"the record has {signals.samples} samples",
-            "Measure a longer record, or give decimate=False.",
-        )
+        filters.append(scipy.signal.butter(_HIGH_PASS_ORDER, _LOW_EDGE * lowest, "highpass", fs=rate, output="sos"))
+    if _HIGH_EDGE * highest < 0.95 * rate / 2:  # no low-pass where the band reaches nearly half the sampling rate
+        filters.append(_low_pass(_HIGH_EDGE * highest, rate))
+    factor = max(int(rate / (_RECORD_SAMPLES_PER_PERIOD * highest)), 1) if decimate else 1
     sections = np.concatenate(filters) if filters else None
     note = f"filtered to {lowest:g}-{highest:g} Hz" + (f", one sample in {factor} kept" if factor > 1 else "")
     return _filtered(signals, sections, factor, zero_phase, note)
@@ -285,29 +274,19 @@ def decimate(signals: Record, factor: int, *, zero_phase: bool = False) -> Recor
     check_count("factor", factor)
     if factor == 1:
         return signals
-    if signals.samples // factor < 2:
-        raise DataError(
-            f"one sample in {factor} was asked", f"the record has {signals.samples}", "Lower factor, or measure longer."
-        )
     sections = _low_pass(0.8 * signals.sampling_rate / factor / 2, signals.sampling_rate)
     return _filtered(signals, sections, factor, zero_phase, f"low-pass filtered, one sample in {factor} kept")
 
 
-def _raised(signals: Signals, power: int) -> tuple[str | None, ...]:
+def _changed_quantities(signals: Signals, power: int) -> tuple[str | None, ...]:
     """Return the outputs' quantities after differentiating `power` times; unknown ones stay unknown."""
-    names = list(QUANTITIES)
-    result: list[str | None] = []
+    names: dict[int, str | None] = {place: name for name, place in QUANTITIES.items()}
     for dof, quantity in zip(signals.output_dofs, signals.quantities, strict=True):
-        place = None if quantity is None else QUANTITIES[quantity] + power
-        if place is not None and not 0 <= place < len(names):
-            verb = "differentiated" if power > 0 else "integrated"
-            raise DataError(
-                f"a record {verb} {abs(power)} times was asked",
-                f"output {dof} is {'an' if quantity == 'acceleration' else 'a'} {quantity}, and the chain ends there",
-                "Lower times, or leave that output out with select(exclude=...).",
-            )
-        result.append(None if place is None else names[place])
-    return tuple(result)
+        if quantity is not None and QUANTITIES[quantity] + power not in names:
+            asked = f"a record {'differentiated' if power > 0 else 'integrated'} {abs(power)} times was asked"
+            change = "Lower times, or leave that output out with select(exclude=...)."
+            raise DataError(asked, f"the quantity of output {dof} is {quantity}", change)
+    return tuple(quantity and names[QUANTITIES[quantity] + power] for quantity in signals.quantities)
 
 
 def _in_lines(x: RealArray, factor: Array) -> RealArray:
@@ -319,9 +298,7 @@ def _in_lines(x: RealArray, factor: Array) -> RealArray:
 
 def _mirror_lines(signals: Signals) -> RealArray:
     if signals.samples < 3:
-        raise DataError(
-            "a derivative or an integral was asked", "the record has two samples", "Give at least three samples."
-        )
+        raise DataError("a derivative or an integral was asked", "the record has two samples", "Give three or more.")
     return np.asarray(fft.rfftfreq(2 * signals.samples - 2, 1 / signals.sampling_rate))
 
 
@@ -345,7 +322,7 @@ def differentiate(signals: Signals, *, times: int = 1) -> Signals:
     """
     check_kind("differentiate", signals, Signals)
     check_count("times", times)
-    quantities = _raised(signals, times)
+    quantities = _changed_quantities(signals, times)
     y = signals.outputs
     for _ in range(times):
         slope = (y[..., -1:, :] - y[..., :1, :]) / (signals.samples - 1)
@@ -376,7 +353,7 @@ def integrate(signals: Signals, *, times: int = 1, lowest: float | None = None) 
     """
     check_kind("integrate", signals, Signals)
     check_count("times", times)
-    quantities = _raised(signals, -times)
+    quantities = _changed_quantities(signals, -times)
     edge = 10 / signals.duration if lowest is None else check_positive("lowest", lowest)
     lines = _mirror_lines(signals)
     inside = lines >= edge
@@ -389,3 +366,23 @@ def integrate(signals: Signals, *, times: int = 1, lowest: float | None = None) 
 def _outputs_only(signals: Signals, y: RealArray, quantities: tuple[str | None, ...], note: str) -> Signals:
     units = (("",) * len(signals.output_dofs), signals.units[1])
     return replace(signals, outputs=y, quantities=quantities, units=units).processed(note)
+
+
+def slower_correlation(correlation: ImpulseResponse, highest: float) -> ImpulseResponse:
+    """Return a correlation low-pass filtered, one sample in q kept, q the largest with 4 samples a period of `highest`.
+
+    Other impulse responses are returned unchanged. R(k), k >= 1, is a Markov sequence, and so is its causally filtered version: with the
+    same poles and those of the filter, which lie at the end of the band. R(0) contains the noise of the channels, is no part of it and is
+    dropped.
+
+    `highest`: Hz.
+    """
+    check_kind("slower_correlation", correlation, ImpulseResponse)
+    rate = correlation.sampling_rate
+    factor = min(int(rate / (_LAGS_PER_PERIOD * highest)), correlation.samples // 4) if correlation.ambient else 1
+    if factor < 2:
+        return correlation
+    filtered = scipy.signal.sosfilt(_low_pass(0.8 * rate / factor / 2, rate), correlation.values, axis=0)
+    values = np.ascontiguousarray(filtered[factor - 1 :: factor])  # the first is lag 1 of the new rate
+    slower = replace(correlation, values=values, feedthrough=None, sampling_rate=rate / factor)
+    return slower.processed(f"low-pass filtered, one lag in {factor} kept")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -24,20 +23,27 @@ from modalscope.numerics.resources import allowed_memory, one_thread
 from modalscope.preprocess.spectra import Segments, check_window
 from modalscope.preprocess.stored_correlation import LagSum, lag_sums
 
-# ---------------------------------------------------------------------------------------------------------- references
-
 #: Default limit of references: enough for any group of modes within one resonance of each other.
 MOST_REFERENCES = 30
 
-#: A channel depends on the chosen ones when its residual is below this part of it.
-_DEPENDENT = 1e-12
+#: Minimum residual of a channel from the chosen ones, as a part of it; below, it depends on them.
+_MIN_RESIDUAL = 1e-12
 
-#: Of channels that explain the same to this part the first is chosen.
-_EQUAL = 1e-9
+#: Relative difference of what two channels explain below which the first of them is chosen.
+_TIE = 1e-9
+
+#: Maximum number of lags by default; a tenth of the samples of all runs where these are fewer.
+_MAX_DEFAULT_LAGS = 2000
+
+#: Blocks of a record from whose scatter standard deviations are computed.
+BLOCKS = 20
+
+#: Minimum correlation of the window with itself at the largest lag, over that at lag 0: below, the quotient is noise.
+_MIN_WINDOW = 1e-3
 
 
 def spanning_outputs(signals: Signals, most: int = MOST_REFERENCES) -> tuple[int, ...]:
-    """Return the outputs that together explain most of all, in ascending order; all where there are no more than `most`.
+    """Return the outputs that jointly explain most of all outputs, in ascending order; all where there are no more than `most`.
 
     Pivoted Cholesky factorization of the correlation coefficients R at lag zero: the next channel j has the largest sum_i R_ij^2 / R_jj,
     and R becomes R - R_j R_j' / R_jj. A channel of noise explains only itself.
@@ -60,22 +66,13 @@ def spanning_outputs(signals: Signals, most: int = MOST_REFERENCES) -> tuple[int
     chosen: list[int] = []
     for _ in range(most):
         power = np.diag(R)
-        explained = np.where(power > _DEPENDENT, np.sum(R**2, axis=0) / np.maximum(power, _DEPENDENT), 0.0)
+        explained = np.where(power > _MIN_RESIDUAL, np.sum(R**2, axis=0) / np.maximum(power, _MIN_RESIDUAL), 0.0)
         if explained.max() <= 0:
             break
-        j = int(np.argmax(explained >= (1 - _EQUAL) * explained.max()))
+        j = int(np.argmax(explained >= (1 - _TIE) * explained.max()))
         chosen.append(j)
         R = R - np.outer(R[:, j], R[j]) / power[j]
     return tuple(sorted(chosen)) or tuple(range(most))
-
-
-# --------------------------------------------------------------------------------------------------------- correlation
-
-#: By default a tenth of the samples of all runs, and no more than this many lags.
-_MOST_LAGS = 2000
-
-#: Blocks of a record from whose scatter standard deviations are computed.
-BLOCKS = 20
 
 
 class CorrelationBlocks(NamedTuple):
@@ -95,7 +92,7 @@ class CorrelationBlocks(NamedTuple):
     @property
     def values(self) -> RealArray:
         """Unbiased estimates of every block, (blocks, lags + 1, l, r)."""
-        return np.asarray(self.sums / self.pairs[:, :, None, None])
+        return self.sums / self.pairs[:, :, None, None]
 
     @property
     def mean(self) -> RealArray:
@@ -108,24 +105,18 @@ def _references(signals: Signals | StoredSignals, references: Iterable[DofLike] 
         return list(range(len(signals.output_dofs)))
     chosen = indices_of("reference", references, signals.output_dofs)
     if not chosen or len(set(chosen)) < len(chosen):
-        raise DataError(
-            "references needs different outputs, at least one",
-            f"{len(chosen)} are given, {len(set(chosen))} different",
-            "Name every reference once.",
-        )
+        have = f"{len(chosen)} are given, {len(set(chosen))} different"
+        raise DataError("references needs different outputs, at least one", have, "Name every reference once.")
     return chosen
 
 
 def _lags(signals: Signals | StoredSignals, lags: int | None) -> int:
     if lags is None:
-        lags = max(2, min(signals.runs * signals.samples // 10, signals.samples // 2, _MOST_LAGS))
+        lags = max(2, min(signals.runs * signals.samples // 10, signals.samples // 2, _MAX_DEFAULT_LAGS))
     check_count("lags", lags, least=2)
     if lags >= signals.samples:
-        raise DataError(
-            f"lags={lags} was asked",
-            f"a run has {signals.samples} samples",
-            f"Lower lags to at most {signals.samples - 1}, a tenth of that for a steady estimate.",
-        )
+        change = f"Lower lags to at most {signals.samples - 1}, a tenth of that for a steady estimate."
+        raise DataError(f"lags={lags} was asked", f"a run has {signals.samples} samples", change)
     return lags
 
 
@@ -136,10 +127,10 @@ def _centred(signals: Signals) -> RealArray:
     return np.asarray(outputs - outputs.mean(axis=1, keepdims=True))
 
 
-def _products(y: RealArray, later: RealArray, references: list[int], lags: int) -> RealArray:
-    """Return sum_t later(t + k) y(t)' for k = 0 ... lags and t over the rows of y, with up to `lags` more rows in `later`."""
-    total = LagSum(later.shape[1], references, lags)
-    total.add(later, len(y))
+def _products(y: RealArray, times: int, references: list[int], lags: int) -> RealArray:
+    """Return sum_t y(t + k) y(t)' for k = 0 ... lags and t over the first `times` rows of y."""
+    total = LagSum(y.shape[1], references, lags)
+    total.add(y, times)
     return total.finish()
 
 
@@ -152,7 +143,7 @@ def correlation_blocks(
     lags: int | None = None,
     blocks: int = BLOCKS,
 ) -> CorrelationBlocks:
-    """Correlate a record block by block, so that the uncertainty of its correlations can be computed from their scatter.
+    """Correlate a record block by block: the scatter of the blocks gives the uncertainty of its correlations.
 
     Sums the products y(t + k) y_ref(t)' of `blocks` blocks of times t; t + k reaches into the next one, so that `mean` is the unbiased
     estimate of the whole record. Each of several runs has its share of the blocks, at least one.
@@ -174,26 +165,20 @@ def correlation_blocks(
         Unknown references, more lags than samples, or blocks of no samples.
     """
     chosen, count = _references(signals, references), _lags(signals, lags)
-    each = max(1, -(-check_count("blocks", blocks) // signals.runs))
-    edges = np.linspace(0, signals.samples, each + 1).round().astype(int)
+    blocks_per_run = max(1, -(-check_count("blocks", blocks) // signals.runs))
+    edges = np.linspace(0, signals.samples, blocks_per_run + 1).round().astype(int)
     if np.any(np.diff(edges) < 2):
-        raise DataError(
-            f"blocks={blocks} was asked",
-            f"a run has {signals.samples} samples",
-            f"Lower blocks to at most {signals.runs * signals.samples // 2}.",
-        )
+        change = f"Lower blocks to at most {signals.runs * signals.samples // 2}."
+        raise DataError(f"blocks={blocks} was asked", f"a run has {signals.samples} samples", change)
     last = np.minimum(edges[1:, None], signals.samples - np.arange(count + 1))
     counts = np.tile(np.maximum(last - edges[:-1, None], 0).astype(float), (signals.runs, 1))
     if np.any(counts == 0):
-        raise DataError(
-            f"blocks={blocks} with {count} lags was asked",
-            "the last block is shorter than the largest lag and has no products there",
-            "Lower blocks or lags.",
-        )
+        have = "the last block is shorter than the largest lag"
+        raise DataError(f"blocks={blocks} with {count} lags was asked", have, "Lower blocks or lags.")
     if isinstance(signals, StoredSignals):
         return CorrelationBlocks(lag_sums(signals, tuple(chosen), count, tuple(map(int, edges))), counts)
     sums = [
-        _products(y[start:stop], y[start : stop + count], chosen, count)
+        _products(y[start : stop + count], stop - start, chosen, count)
         for y in _centred(signals)
         for start, stop in itertools.pairwise(edges)
     ]
@@ -211,7 +196,7 @@ def estimate_correlation(
     segment: int | None = None,
     overlap: float = 0.5,
 ) -> ImpulseResponse:
-    """Turn a record of outputs alone (ambient vibration) into correlations, which decay as free vibrations do.
+    """Estimate the correlations of a record of outputs alone (ambient vibration), which decay as free vibrations do.
 
     R(k) = E[y(t + k) y_ref(t)'] of the outputs with some of them, the natural excitation technique. Under white forces
     R(k) = C A^(k-1) G for k >= 1: a Markov sequence with the structure's own poles. It starts at lag 1; R(0) does not belong to it
@@ -259,20 +244,15 @@ def estimate_correlation(
     chosen, count = _references(signals, references), _lags(signals, lags)
     if window is None:
         if segment is not None:
-            raise DataError(
-                "segments of a correlation were asked", "no window is given", 'Give window="hann" with segment.'
-            )
-        R, how = _unbiased(signals, chosen, count), "unbiased"
+            raise DataError(f"segment={segment} was asked", "no window is given", 'Give window="hann" with segment.')
+        R, estimate = _unbiased(signals, chosen, count), "unbiased"
     elif isinstance(signals, StoredSignals):
-        raise DataError(
-            f"window={window!r} of a stored record was asked",
-            "only the unbiased estimate is summed while it is read",
-            "Leave window out, or take the record into memory: record.load().",
-        )
+        change = "Leave window out, or load the record into memory: record.load()."
+        raise DataError(f"window={window!r} was asked", "a stored record has no windowed estimate", change)
     else:
-        R, how = _windowed(signals, chosen, count, check_window(window), segment, overlap)
+        R, estimate = _windowed(signals, chosen, count, check_window(window), segment, overlap)
     names = [signals.output_dofs[i] for i in chosen]
-    note = f"{CORRELATED} ({how}, mean removed, {count} lags from lag 1) with {', '.join(names)}"
+    note = f"{CORRELATED} ({estimate}, mean removed, {count} lags from lag 1) with {', '.join(names)}"
     return ImpulseResponse(
         values=R[1:],
         feedthrough=R[0],
@@ -291,9 +271,8 @@ def estimate_correlation(
 def _unbiased(signals: Signals | StoredSignals, references: list[int], lags: int) -> RealArray:
     """Return R(0 ... lags), all products of the record over their number; of a stored record by blocks, which are computed once."""
     if isinstance(signals, StoredSignals):
-        most = signals.samples // (lags + 2)
         size = 8.0 * (lags + 1) * (len(signals.output_dofs) + 1) * (len(references) + 1)
-        blocks = min(BLOCKS, max(most, 1)) if BLOCKS * size < allowed_memory() / 4 else 1
+        blocks = min(BLOCKS, max(signals.samples // (lags + 2), 1)) if BLOCKS * size < allowed_memory() / 4 else 1
         return correlation_blocks(signals, references=references, lags=lags, blocks=blocks).mean
     check_size(signals)
     sums = LagSum(len(signals.output_dofs), references, lags)
@@ -310,65 +289,25 @@ def _windowed(
     """Return R(0 ... lags) averaged over windowed segments, divided by the correlation of the window."""
     length = min(4 * lags, signals.samples) if segment is None else check_count("segment", segment, least=2)
     if not lags < length <= signals.samples:
-        raise DataError(
-            f"segments of {length} samples for {lags} lags were asked",
-            f"a run has {signals.samples} samples",
-            f"Choose segment above {lags} and up to {signals.samples}, or lower lags.",
-        )
+        asked, change = f"segment={length} for {lags} lags was asked", f"Give {lags + 1} to {signals.samples}."
+        raise DataError(asked, f"a run has {signals.samples} samples", change)
     starts, w, _ = Segments.of(signals.samples, length, overlap, window)
-    # at large lags the correlation of the window vanishes, and the quotient would be noise
     weight = scipy.signal.correlate(w, w)[length - 1 : length + lags]
-    if weight[-1] < 1e-3 * weight[0]:
-        raise DataError(
-            f"{lags} lags of segments of {length} samples under a {window} window were asked",
-            "the correlation of the window vanishes at the largest lag",
-            f"Raise segment to {2 * lags} or more, or lower lags.",
-        )
+    if weight[-1] < _MIN_WINDOW * weight[0]:
+        asked = f"segment={length} under a {window} window for {lags} lags was asked"
+        change = f"Raise segment to {2 * lags} or more, or lower lags."
+        raise DataError(asked, "the correlation of the window vanishes at the largest lag", change)
     total = np.zeros((lags + 1, len(signals.output_dofs), len(references)))
     for y in _centred(signals):
         for start in starts:
-            cut = y[start : start + length] * w[:, None]
-            total += _products(cut, cut, references, lags)
+            total += _products(y[start : start + length] * w[:, None], length, references, lags)
     R = total / (signals.runs * len(starts) * weight)[:, None, None]
     return R, f"{signals.runs * len(starts)} segments of {length} samples, {window} window"
 
 
-# -------------------------------------------------------------------------------------------------- slower correlation
-
-#: Least samples a period of the band's upper end; order and ripple (dB) of the low-pass at 0.8 of half the new rate.
-_SAMPLES_PER_PERIOD, _ORDER, _RIPPLE = 4.0, 8, 0.05
-
-
-def slower_correlation(correlation: ImpulseResponse, highest: float) -> ImpulseResponse:
-    """Return a correlation low-pass filtered, one sample in q kept, q the largest with 4 samples a period of `highest`.
-
-    `highest` is in Hz; other impulse responses are returned unchanged. R(k), k >= 1, is a Markov sequence, and so is its causally filtered
-    version: with the same poles and those of the filter, which lie at the end of the band. R(0), with the noise of the channels, is no
-    part of it and is dropped.
-
-    `highest`: hz.
-    """
-    check_kind("slower_correlation", correlation, ImpulseResponse)
-    rate = correlation.sampling_rate
-    factor = min(int(rate / (_SAMPLES_PER_PERIOD * highest)), correlation.samples // 4) if correlation.ambient else 1
-    if factor < 2:
-        return correlation
-    sections = scipy.signal.cheby1(_ORDER, _RIPPLE, 0.8 * rate / factor / 2, fs=rate, output="sos")
-    filtered = np.asarray(scipy.signal.sosfilt(sections, correlation.values, axis=0))
-    return replace(
-        correlation,
-        values=np.ascontiguousarray(filtered[factor - 1 :: factor]),  # the first is lag 1 of the new rate
-        feedthrough=None,
-        sampling_rate=rate / factor,
-    ).processed(f"low-pass filtered, one lag in {factor} kept")
-
-
-# -------------------------------------------------------------------------------------------------------- half spectra
-
-
 @named()
 def half_spectra(correlation: ImpulseResponse, *, lines: int | None = None) -> FrequencyResponse:
-    """Turn correlations into half spectra, which frequency-domain methods take as they take frequency responses.
+    """Compute half spectra of correlations, which frequency-domain methods take as they take frequency responses.
 
     S+(z) = R(0) / 2 + sum_k R(k) z^-k, k >= 1: rational with the poles of a frequency response.
 
@@ -395,11 +334,8 @@ def half_spectra(correlation: ImpulseResponse, *, lines: int | None = None) -> F
     check_kind("half_spectra", correlation, ImpulseResponse)
     check_size(correlation)
     if correlation.kind != "correlation" or correlation.feedthrough is None:
-        raise DataError(
-            "half spectra of a correlation were asked",
-            f"this is a {correlation.kind} response" + (" without R(0)" if correlation.feedthrough is None else ""),
-            "Give the result of estimate_correlation.",
-        )
+        have = f"this is a {correlation.kind} response" + (" without R(0)" if correlation.feedthrough is None else "")
+        raise DataError("half spectra of a correlation were asked", have, "Give the result of estimate_correlation.")
     R: Array = np.concatenate([correlation.feedthrough[None] / 2, correlation.values])
     count = correlation.samples // 2 + 1 if lines is None else check_count("lines", lines, least=2)
     length = 2 * (count - 1)

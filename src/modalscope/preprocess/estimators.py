@@ -24,8 +24,8 @@ from modalscope.preprocess.spectra import CrossSpectra, silent_lines
 
 ESTIMATORS = ("h1", "h2", "hv")
 
-#: Inputs are called dependent where their scaled spectral matrix has a smaller reciprocal condition than this.
-_DEPENDENT = 1e-10
+#: Minimum reciprocal condition of the scaled spectral matrix of the inputs: below, they are dependent.
+_MIN_CONDITION = 1e-10
 
 
 class Estimate(NamedTuple):
@@ -54,17 +54,13 @@ def noise_powers(spectra: CrossSpectra, estimator: str, noise: tuple[ArrayLike, 
             outputs = np.broadcast_to(np.asarray(noise[0], dtype=float), (l,))
             inputs = np.broadcast_to(np.asarray(noise[1], dtype=float), (m,))
         except (ValueError, TypeError, IndexError):
-            raise DataError(
-                f"noise needs the powers of {l} outputs and {m} inputs",
-                f"it is {noise!r}",
-                "Give a pair (outputs, inputs), each one number or one a channel.",
-            ) from None
+            asked = f"noise needs the powers of {l} outputs and {m} inputs"
+            change = "Give a pair (outputs, inputs), each one number or one a channel."
+            raise DataError(asked, f"it is {noise!r}", change) from None
         if estimator == "h1" or not (np.all(outputs > 0) and np.all(inputs > 0)):
-            raise DataError(
-                f"estimator={estimator!r} with noise={noise!r} was asked",
-                "H1 takes all noise to be on the outputs, and powers are above zero",
-                'Give positive powers with estimator="hv", or leave noise out.',
-            )
+            asked = f"estimator={estimator!r} with noise={noise!r} was asked"
+            change = 'Give positive powers with estimator="hv", or leave noise out.'
+            raise DataError(asked, "H1 assumes all noise on the outputs, and powers are above zero", change)
     if estimator == "h2":
         outputs = np.zeros(l)
     return NoisePowers(np.asarray(outputs, dtype=float), np.asarray(inputs, dtype=float))
@@ -74,23 +70,20 @@ def check_inputs(spectra: CrossSpectra, labels: tuple[str, ...]) -> None:
     """Raise DataError for dependent inputs: fewer averages than inputs, or one that is a multiple of the others."""
     m = len(labels)
     if spectra.averages < m:
-        raise DataError(
-            f"frequency responses of {m} inputs were asked",
-            f"there is {spectra.averages} average" + ("s" if spectra.averages > 1 else ""),
-            f"Give at least {m} runs with different forces, or shorter segments.",
-        )
+        change = f"Give at least {m} runs with different forces, or shorter segments."
+        raise DataError(f"responses to {m} inputs were asked", f"the number of averages is {spectra.averages}", change)
     if m == 1:
         return
     root = np.sqrt(np.einsum("fii->fi", spectra.inputs).real)
     scaled = spectra.inputs / (root[:, :, None] * root[:, None, :])
     least = np.linalg.eigvalsh(scaled)[:, 0]
-    worst = int(np.argmin(least))
-    if least[worst] < _DEPENDENT:
+    dependent = least < _MIN_CONDITION
+    if dependent.any():
+        first = spectra.frequencies[np.argmax(dependent)]
         raise DataError(
-            f"the responses to {', '.join(labels)} were asked apart from each other",
-            f"their forces are multiples of one another at {int(np.sum(least < _DEPENDENT))} of {least.size} lines, "
-            f"the first at {spectra.frequencies[np.argmax(least < _DEPENDENT)]:g} Hz",
-            "Drive them independently, in at least as many runs as there are inputs; or leave one out with select().",
+            f"separate responses to {', '.join(labels)} were asked",
+            f"the forces are dependent at {int(np.sum(dependent))} of {least.size} lines, the first at {first:g} Hz",
+            f"Measure at least {m} runs with independent forces, or leave an input out with select().",
         )
 
 
@@ -193,9 +186,6 @@ def coherence_of(spectra: CrossSpectra) -> RealArray | None:
     return np.clip(ratio, 0, 1)
 
 
-# ------------------------------------------------------------------------------------------------------------ periodic
-
-
 class Synchronous(NamedTuple):
     """Synchronous average: lines (Hz), responses with variance, coherence, periods a run, number of lines without force."""
 
@@ -215,7 +205,7 @@ def synchronous(
     e_p = Y_p - H U_p of single periods scatter with power s^2, their mean over P periods with s^2 / P: the variance of H is s^2 / P times
     the diagonal of (sum_r U_r U_r*)^-1.
 
-    Raises DataError when no period remains after `settle`, for fewer runs than inputs, and for dependent inputs.
+    Raises DataError when no period remains after `settle`, and for dependent inputs.
 
     References
     ----------
@@ -224,11 +214,8 @@ def synchronous(
     runs, samples = outputs.shape[:2]
     periods = samples // period - settle
     if periods < 1:
-        raise DataError(
-            f"an average over periods of {period} samples after {settle} of settling was asked",
-            f"a run has {samples // period}",
-            "Lower settle, or measure more periods.",
-        )
+        asked = f"an average over periods of {period} samples after {settle} of settling was asked"
+        raise DataError(asked, f"a run has {samples // period}", "Lower settle, or measure more periods.")
     kept = slice(settle * period, (settle + periods) * period)
     Y = fft.rfft(outputs[:, kept].reshape(runs, periods, period, -1), axis=2)  # (R, P, F, l)
     U = fft.rfft(inputs[:, kept].reshape(runs, periods, period, -1), axis=2)
@@ -245,11 +232,11 @@ def synchronous(
     # between the lines of a multisine the forces are noise, far above rounding: a driven line exceeds it
     silent = silent_lines(spectra) | _only_noise(U, Um)
     if np.all(silent):
-        raise DataError(
+        asked, change = (
             f"an average over periods of {period} samples was asked",
-            "no line of the forces stands out of their scatter from period to period",
             'Correct the period, or give excitation="random".',
         )
+        raise DataError(asked, "no line of the forces exceeds their scatter from period to period", change)
     spectra = spectra.at_lines(~silent)
     check_inputs(spectra, labels)
     H = solve_h1(spectra)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -20,24 +21,23 @@ from modalscope.preprocess.impacts import is_impact
 #: Kinds of excitation; `estimate_frf` says how each is averaged.
 EXCITATIONS = ("random", "burst", "sweep", "periodic", "impact")
 
-#: The force is off when its RMS over the last part of a run is below this fraction of the run's.
-_LAST, _OFF = 0.05, 0.02
+#: The last part of a run, and the maximum RMS of a force there that is off, relative to the run's.
+_LAST_PART, _MAX_OFF = 0.05, 0.02
 
 #: A swept sine has this part of the energy of a short stretch in this part of the lines.
-_SWEPT, _LINES = 0.9, 0.1
+_SWEPT_ENERGY, _SWEPT_LINES = 0.9, 0.1
 
-#: Pairs of stretches in order less those that are not, over all: 0 for random forces, 1 for a clean sweep.
-_IN_ORDER = 0.7
+#: Minimum of pairs of stretches in order less those that are not, over all: 0 for random forces, 1 for a clean sweep.
+_MIN_ORDERED_PAIRS = 0.7
 
 #: Stretches of a run that are compared for a sweep.
 _STRETCHES = 16
 
 #: Lags computed at a time.
-_AT_A_TIME = 1 << 16
+_MAX_LAGS = 1 << 16
 
-#: Least correlation coefficient of a periodic force with itself a period later.
-_PERIODIC = 0.99
-
+#: Minimum correlation coefficient of a periodic force with itself a period later.
+_MIN_PERIODIC = 0.99
 
 #: Stretches of a record without inputs, and the squared coefficient of variation of their power above which it holds an event. Were every
 #: stretch's power exponential, as that of a mode which outlasts it, 25 of a million records would have so much by chance.
@@ -55,12 +55,12 @@ def powers_of_stretches(y: RealArray) -> RealArray:
     centred = y[: size * _PARTS] - y.mean(axis=0)
     power = np.mean(centred.reshape(_PARTS, size, -1) ** 2, axis=1)
     tiny = np.finfo(float).tiny
-    each = np.median(power / np.maximum(power.mean(axis=0), tiny), axis=1)
-    return np.asarray(each / max(float(each.mean()), tiny))
+    medians = np.median(power / np.maximum(power.mean(axis=0), tiny), axis=1)
+    return np.asarray(medians / max(float(medians.mean()), tiny))
 
 
 def moved_by_base(signals: Signals) -> tuple[Signals, tuple[Note, ...]]:
-    """Return an event of accelerations with the channels that are named for the base as inputs, and a note that says so.
+    """Return an event of accelerations with the channels named for the base as inputs, and a note.
 
     A base moves the structure in an earthquake; under wind and traffic it is moved as the rest is, and stays an output.
     """
@@ -71,20 +71,12 @@ def moved_by_base(signals: Signals) -> tuple[Signals, tuple[Note, ...]]:
     outputs = signals.by_run()[0][0]
     if np.var(powers_of_stretches(outputs)) <= EVENT:
         return signals, ()
-    names = [dof for dof, moving in zip(signals.output_dofs, base, strict=True) if moving]
-    driven = replace(
-        signals.select(exclude=names),
-        inputs=outputs[:, base],
-        input_dofs=tuple(names),
-        units=(
-            tuple(unit for unit, moving in zip(signals.units[0], base, strict=True) if not moving),
-            tuple(unit for unit, moving in zip(signals.units[0], base, strict=True) if moving),
-        ),
-    )
-    text = (
-        f"an event whose base was measured: {', '.join(names[:6])}{' ...' if len(names) > 6 else ''} by their names move the structure "
-        "and are taken as inputs. If they are outputs, give them other names: --output-dofs"
-    )
+    names = tuple(itertools.compress(signals.output_dofs, base))
+    units = tuple(tuple(itertools.compress(signals.units[0], which)) for which in (~base, base))
+    rest = signals.select(exclude=names)
+    driven = replace(rest, inputs=outputs[:, base], input_dofs=names, units=units)  # type: ignore[arg-type]
+    listed = f"{', '.join(names[:6])}{' ...' if len(names) > 6 else ''}"
+    text = f"Channels named for the base are inputs of this event: {listed}. If they are outputs, rename them: --output-dofs"
     return driven, (Note("base", {"inputs": float(len(names))}, text),)
 
 
@@ -93,11 +85,8 @@ def driven_records(signals: Signals, asked: str) -> tuple[RealArray, RealArray]:
     check_size(signals)
     outputs, inputs = signals.by_run()
     if inputs is None:
-        raise DataError(
-            f"{asked} were asked",
-            "the record has no inputs",
-            "Give the forces as inputs, or use estimate_correlation for a record of responses alone.",
-        )
+        change = "Give the forces as inputs, or use estimate_correlation for outputs alone."
+        raise DataError(f"{asked} were asked", "the record has no inputs", change)
     return outputs, inputs
 
 
@@ -115,15 +104,16 @@ def find_excitation(signals: Signals, asked: str = "auto") -> str:
     forces = [force for run in inputs for force in run.T if np.any(force)]
     if not forces:
         return "random"
-    for kind, shows in (("impact", is_impact), ("burst", _is_off), ("sweep", _is_sweep)):
-        if all(shows(force - np.median(force)) for force in forces):
+    for kind, is_kind in (("impact", is_impact), ("burst", _is_burst), ("sweep", _is_sweep)):
+        if all(is_kind(force - np.median(force)) for force in forces):
             return kind
     return "random"
 
 
-def _is_off(force: Array) -> bool:
-    last = force[-max(2, int(_LAST * force.size)) :]
-    return bool(np.sqrt(np.mean(last**2)) < _OFF * np.sqrt(np.mean(force**2)))
+def _is_burst(force: Array) -> bool:
+    """Return whether the force is off at the end of the run."""
+    last = force[-max(2, int(_LAST_PART * force.size)) :]
+    return bool(np.sqrt(np.mean(last**2)) < _MAX_OFF * np.sqrt(np.mean(force**2)))
 
 
 def _is_sweep(force: Array) -> bool:
@@ -134,11 +124,11 @@ def _is_sweep(force: Array) -> bool:
     stretches = force[: length * _STRETCHES].reshape(_STRETCHES, length) * np.hanning(length)
     power = np.abs(fft.rfft(stretches, axis=1)) ** 2
     strongest = np.argmax(power, axis=1)
-    count = max(3, int(_LINES * power.shape[1]))
+    count = max(3, int(_SWEPT_LINES * power.shape[1]))
     share = np.sort(power, axis=1)[:, -count:].sum(axis=1) / np.maximum(power.sum(axis=1), np.finfo(float).tiny)
     # where the force drops out at a resonance, a harmonic may be stronger: most pairs of stretches, not all, are in order
     order = np.sign(np.subtract.outer(strongest, strongest))[np.tril_indices(_STRETCHES, -1)]
-    return bool(abs(np.mean(order)) > _IN_ORDER and np.median(share) > _SWEPT)
+    return bool(abs(np.mean(order)) > _MIN_ORDERED_PAIRS and np.median(share) > _SWEPT_ENERGY)
 
 
 def find_period(forces: RealArray, period: int | None) -> int:
@@ -150,18 +140,12 @@ def find_period(forces: RealArray, period: int | None) -> int:
     if period is None:
         period = _repeat(forces)
         if period is None:
-            raise DataError(
-                "the synchronous average of a periodic excitation was asked",
-                "the forces do not repeat within half a run",
-                'Give period in samples, or excitation="random".',
-            )
+            change = 'Give period in samples, or excitation="random".'
+            raise DataError("a synchronous average was asked", "the forces do not repeat within half a run", change)
     check_count("period", period, least=2)
     if samples < 2 * period:
-        raise DataError(
-            f"the average over periods of {period} samples was asked",
-            f"a run has {samples} samples, fewer than two periods",
-            'Measure more periods, or give excitation="random".',
-        )
+        asked, have = f"period={period} was asked", f"a run has {samples} samples, fewer than two periods"
+        raise DataError(asked, have, 'Measure more periods, or give excitation="random".')
     return period
 
 
@@ -169,11 +153,10 @@ def _repeat(forces: RealArray) -> int | None:
     correlation = _autocorrelation(forces)
     peaks = 1 + np.flatnonzero((correlation[1:-1] >= correlation[:-2]) & (correlation[1:-1] >= correlation[2:]))
     peaks = peaks[peaks >= 2]
-    if peaks.size == 0 or correlation[peaks].max() < _PERIODIC:
+    if peaks.size == 0 or (best := correlation[peaks].max()) < _MIN_PERIODIC:
         return None
-    best = correlation[peaks].max()
     # of lags nearly as good as the best, the shortest: the others are its multiples
-    return int(peaks[np.flatnonzero(correlation[peaks] > best - 0.1 * (1 - _PERIODIC))[0]])
+    return int(peaks[np.flatnonzero(correlation[peaks] > best - 0.1 * (1 - _MIN_PERIODIC))[0]])
 
 
 def _autocorrelation(forces: RealArray) -> RealArray:
@@ -190,11 +173,12 @@ def _autocorrelation(forces: RealArray) -> RealArray:
         x[:samples] = 0
     x[: half + 1], x[half + 1 :] = power, power[half - 1 : 0 : -1]  # power is even: its transform is the correlation
     half_transform(x, place)
-    found: RealArray = place.real[: samples // 2 + 1] / (2 * half)
+    coefficients: RealArray = place.real[: samples // 2 + 1] / (2 * half)
     # energy of the parts that overlap at each lag: first N - k samples, and last N - k
     np.cumsum(energy, out=energy)
-    for start in range(0, found.size, _AT_A_TIME):
-        lags = np.arange(start, min(start + _AT_A_TIME, found.size))
+    for start in range(0, coefficients.size, _MAX_LAGS):
+        lags = np.arange(start, min(start + _MAX_LAGS, coefficients.size))
         before = np.where(lags > 0, energy[lags - 1], 0.0)
-        found[lags] /= np.maximum(np.sqrt(energy[samples - 1 - lags] * (energy[-1] - before)), np.finfo(float).tiny)
-    return found
+        size = np.sqrt(energy[samples - 1 - lags] * (energy[-1] - before))
+        coefficients[lags] /= np.maximum(size, np.finfo(float).tiny)
+    return coefficients

@@ -12,7 +12,7 @@ from modalscope.numerics.checks import ComplexArray, RealArray, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
 from modalscope.preprocess.excitation import driven_records
-from modalscope.preprocess.frf import plan_runs
+from modalscope.preprocess.plans import plan_runs
 from modalscope.preprocess.spectra import CrossSpectra, cross_spectra, silent_lines
 
 
@@ -37,9 +37,9 @@ class PrincipalForces(NamedTuple):
 @named()
 @one_thread
 def force_correlation(signals: Signals, *, segment: int | None = None) -> tuple[RealArray, RealArray]:
-    """Return lines (F,) in Hz and |S_ij|^2 / (S_ii S_jj) of all pairs of forces (F, m, m): 1 where two forces are one.
+    """Return lines (F,) in Hz and |S_ij|^2 / (S_ii S_jj) of all pairs of forces (F, m, m): 1 for two proportional forces.
 
-    Responses to coherent forces cannot be separated: near 1, those to single forces scatter by 1 / (1 - coherence) more.
+    Responses to coherent forces cannot be separated: the variance of those to single forces grows by 1 / (1 - coherence).
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def force_correlation(signals: Signals, *, segment: int | None = None) -> tuple[
 @named()
 @one_thread
 def principal_forces(signals: Signals, *, segment: int | None = None) -> PrincipalForces:
-    """Return the eigenvalues of S_uu on every line: where the last is far below the first there are fewer forces than inputs.
+    """Compute the eigenvalues of S_uu on every line: where the last is far below the first there are fewer forces than inputs.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def partial_coherence(signals: Signals, *, segment: int | None = None) -> tuple[
     """Return lines (F,) in Hz and the coherence of every output and force given all other forces, (F, l, m).
 
     With S conditioned on the other forces o, S_ab.o = S_ab - S_ao S_oo^-1 S_ob, it is |S_yu.o|^2 / (S_yy.o S_uu.o): the ordinary
-    coherence of one force alone, and near 0 where an output follows from a force through the others only.
+    coherence for one force, and near 0 where an output follows from a force through the others only.
 
     Parameters
     ----------
@@ -106,17 +106,17 @@ def partial_coherence(signals: Signals, *, segment: int | None = None) -> tuple[
     """
     spectra = _spectra(signals, segment)
     F, l, m = spectra.cross.shape
-    found = np.zeros((F, l, m))
+    coherence = np.zeros((F, l, m))
     for j in range(m):
         o = [i for i in range(m) if i != j]
         S_oo, S_yo = spectra.inputs[:, o][:, :, o], spectra.cross[:, :, o]
         weights = np.linalg.solve(S_oo, spectra.inputs[:, o, j, None])
-        own = spectra.inputs[:, j, j] - (spectra.inputs[:, None, j, o] @ weights)[:, 0, 0]
+        S_uu = spectra.inputs[:, j, j] - (spectra.inputs[:, None, j, o] @ weights)[:, 0, 0]
         cross = spectra.cross[:, :, j] - (S_yo @ weights)[:, :, 0]
         explained = np.einsum("fli,fil->fl", S_yo, np.linalg.solve(S_oo, S_yo.conj().transpose(0, 2, 1))).real
-        size = (spectra.output_powers - explained) * own.real[:, None]
-        found[:, :, j] = np.divide(np.abs(cross) ** 2, size, out=np.zeros((F, l)), where=size > 0)
-    return spectra.frequencies, np.clip(found, 0, 1)
+        size = (spectra.output_powers - explained) * S_uu.real[:, None]
+        coherence[:, :, j] = np.divide(np.abs(cross) ** 2, size, out=np.zeros((F, l)), where=size > 0)
+    return spectra.frequencies, np.clip(coherence, 0, 1)
 
 
 def _spectra(signals: Signals, segment: int | None) -> CrossSpectra:
@@ -124,10 +124,7 @@ def _spectra(signals: Signals, segment: int | None) -> CrossSpectra:
     driven_records(signals, "spectra of forces")
     plan = plan_runs(signals, "random", segment, None, None)
     spectra = cross_spectra(plan.outputs, plan.inputs, plan.sampling_rate, plan.segments)
-    if spectra.averages < len(signals.input_dofs) + 1:
-        raise DataError(
-            f"spectra of {len(signals.input_dofs)} forces were asked",
-            f"there are {spectra.averages} segments, which any forces fit",
-            "Give shorter segments, or measure longer.",
-        )
+    if spectra.averages <= (m := len(signals.input_dofs)):
+        have = f"there are {spectra.averages} segments, no more than forces"
+        raise DataError(f"spectra of {m} forces were asked", have, "Give shorter segments, or measure longer.")
     return spectra.at_lines(~silent_lines(spectra))

@@ -1,4 +1,13 @@
-"""Find harmonics of rotating machines in a record: narrow bands whose envelope is steadier than that of random vibration."""
+"""Find harmonics of rotating machines in a record: narrow bands whose envelope is steadier than that of random vibration.
+
+Around a frequency the outputs are z(t) exp(j 2 pi f t). Random vibration, however narrow its band, has |z|^2 that is exponential; a
+harmonic has a constant |z|, at constant speed and at one that wanders. For n independent values the ratio of arithmetic to geometric
+mean,
+
+    g = ln mean |z|^2 - mean ln |z|^2        (.577 for random vibration, 0 for a harmonic; Bartlett's and Moran's statistic)
+
+separates them: 2 n g is nearly chi-square with n - 1 degrees of freedom for random vibration.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +17,6 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 import scipy.linalg as sla
 from numpy.typing import ArrayLike
 from scipy import fft, special
@@ -16,63 +24,37 @@ from scipy import fft, special
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
+from modalscope.preprocess.spectra import Spectrum
 
-# ------------------------------------------------------------------------------------------------------ whole spectrum
-
-
-class Spectrum(NamedTuple):
-    """Transforms (R, lines, l) of the outputs of all runs, without straight lines and under a Hann window.
-
-    The squares of `lines` are powers, relative to a power of two; `step` is their distance in Hz, `power` that of all outputs, `rate` the
-    sampling rate.
-    """
-
-    lines: ComplexArray
-    step: float
-    power: float
-    rate: float
-
-    @classmethod
-    def of(cls, signals: Signals) -> Spectrum:
-        """Compute the spectrum of a record."""
-        outputs, _ = signals.by_run()
-        y = outputs / binary_size(outputs)
-        t = np.arange(y.shape[1]) - (y.shape[1] - 1) / 2
-        slope = (t @ y) / max(float(t @ t), 1.0)
-        y -= y.mean(axis=1, keepdims=True)
-        y -= t[:, None] * slope[:, None, :]
-        power = float(np.einsum("rnl,rnl->", y, y)) / (len(y) * y.shape[1])
-        window = scipy.signal.get_window("hann", y.shape[1])
-        y *= (window * np.sqrt(2 / (y.shape[1] * float(window @ window))))[:, None]
-        return cls(np.asarray(fft.rfft(y, axis=1)), signals.sampling_rate / y.shape[1], power, signals.sampling_rate)
-
-
-def binary_size(x: Array) -> float:
-    """Return a power of two near the largest value, so that squares of x over it do not overflow; 1 for zeros."""
-    largest = max(float(np.max(x, initial=0.0)), -float(np.min(x, initial=0.0)))
-    return float(np.ldexp(1.0, int(np.frexp(largest)[1]) - 1)) if largest else 1.0
-
-
-# ----------------------------------------------------------------------------------------------------------- envelopes
-# Around a frequency the outputs are z(t) exp(j 2 pi f t). Random vibration, however narrow its band, has |z|^2 that is exponential; a
-# harmonic has a constant |z|, at constant speed and at one that wanders. For n independent values the ratio of arithmetic to geometric
-# mean,
-#
-#     g = ln mean |z|^2 - mean ln |z|^2        (.577 for random vibration, 0 for a harmonic; Bartlett's and Moran's statistic)
-#
-# separates them: 2 n g is nearly chi-square with n - 1 degrees of freedom for random vibration.
-
-#: Least damping ratio of a structure: a narrower resonance could not be distinguished from a harmonic.
-_LEAST_DAMPING = 0.001
+#: Minimum damping ratio of a structure: a narrower resonance cannot be distinguished from a harmonic.
+_MIN_DAMPING = 0.001
 
 _TINY = float(np.finfo(float).tiny)
 
-#: Values of |z|^2 that a band has at least, and the part of a run that is excluded at either end.
-FEWEST, _ENDS = 12, 0.15
+#: Minimum number of lines of a band, and the part of a run that is excluded at either end.
+MIN_BAND_LINES, _ENDS = 12, 0.15
+
+#: The kind of the notes that name harmonics.
+HARMONIC = "harmonic"
+
+#: Widths of the tested bands, as parts of their frequency: harmonics at constant speed, and at one that wanders.
+_BAND_WIDTHS = (0.01, 0.025)
+
+#: Probability of a harmonic in a record of random vibration.
+_FALSE_ALARM = 1e-3
+
+#: Maximum relative deviation of a harmonic from the multiple of a shaft that it is taken for.
+_MULTIPLE_TOLERANCE = 0.003
+
+#: Multiples and divisors of harmonics that are tried; the probability limit for them, and their maximum spread over that of the harmonics.
+_MAX_MULTIPLE, _MAX_DIVISOR, _FALSE_ALARM_OF_MULTIPLE, _MAX_SPREAD_RATIO = 8, 3, 0.01, 1.5
+
+#: Mains frequencies in Hz, and their relative deviation.
+_MAINS, _MAINS_TOLERANCE = (50.0, 60.0), 0.002
 
 
 class Narrow(NamedTuple):
-    """A narrow band of a record, shifted to zero frequency, in the combination of outputs that holds most of its power."""
+    """A narrow band of a record, shifted to zero frequency, in the combination of outputs with most of its power."""
 
     first: int  # its first line
     values: ComplexArray  # z(t)
@@ -119,21 +101,21 @@ def lines_around(spectrum: Spectrum, frequencies: RealArray, widths: ArrayLike) 
     first = np.maximum(np.ceil((frequencies - half) / spectrum.step), 1).astype(int)
     last = ((frequencies + half) / spectrum.step).astype(int)
     count = last - first + 1
-    return first, np.where((count < FEWEST) | (last >= spectrum.lines.shape[1]), 0, count)
+    return first, np.where((count < MIN_BAND_LINES) | (last >= spectrum.lines.shape[1]), 0, count)
 
 
 def steady_bands(spectrum: Spectrum, first: IntArray, count: IntArray, chance: float) -> list[Narrow]:
-    """Return the bands whose probability may be below a given one, a thousandth or less; `count` is at least `FEWEST`."""
+    """Return the bands whose probability may be below a given one, a thousandth or less; `count` is at least `MIN_BAND_LINES`."""
     cuts = [spectrum.lines[:, a : a + n] for a, n in zip(first.tolist(), count.tolist(), strict=True)]
     combined = [cut @ _strongest(cut.reshape(-1, cut.shape[2])) for cut in cuts]
-    limits, found = _steadiest(spectrum, first, count, chance), {}
+    limits, bands = _max_unsteadiness(spectrum, first, count, chance), {}
     for n in np.unique(count):  # one transform for bands of as many lines
         alike = np.flatnonzero(count == n)
         values = _values(np.stack([combined[i] for i in alike])).reshape(alike.size, -1)
         for j in np.flatnonzero(_unsteadiness(values) < limits[alike]):
             i = int(alike[j])
-            found[i] = _band(spectrum, int(first[i]), cuts[i], combined[i], values[j])
-    return [found[i] for i in sorted(found)]
+            bands[i] = _band(spectrum, int(first[i]), cuts[i], combined[i], values[j])
+    return [bands[i] for i in sorted(bands)]
 
 
 def _values(combined: ComplexArray) -> ComplexArray:
@@ -142,9 +124,9 @@ def _values(combined: ComplexArray) -> ComplexArray:
     return np.asarray(fft.ifft(combined, axis=-1)[..., inside] / window)
 
 
-def _steadiest(spectrum: Spectrum, first: IntArray, count: IntArray, chance: float) -> RealArray:
+def _max_unsteadiness(spectrum: Spectrum, first: IntArray, count: IntArray, chance: float) -> RealArray:
     """Return the g from which on the probability of bands is no smaller than a given one: a bound without another transform."""
-    half = np.maximum(_LEAST_DAMPING * (first + count), 0.5)
+    half = np.maximum(_MIN_DAMPING * (first + count), 0.5)
     n = _most_independent(count, spectrum.step, half, _seconds(spectrum))
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(n < 2, 0.0, special.gammaincinv((n - 1) / 2, chance) * (1 + (n + 1) / (6 * n)) / n)
@@ -201,37 +183,16 @@ def _most_independent(count: Array, step: float, half: Array, seconds: float) ->
 
 
 def _independent(power: RealArray, step: float, centre: float, seconds: float) -> float:
-    """Return T (int S)^2 / int S^2 of a spectrum no narrower than the least damping allows.
+    """Return T (int S)^2 / int S^2 of a spectrum no narrower than the minimum damping allows.
 
     S is the power smoothed by h / pi / (h^2 + k^2), whose transform is exp(-h |w|); the squares are summed by Parseval's theorem.
     """
-    half = max(_LEAST_DAMPING * centre / step, 0.5)  # of the least width of a resonance, lines
+    half = max(_MIN_DAMPING * centre / step, 0.5)  # minimum half bandwidth of a resonance, lines
     count = int(fft.next_fast_len(4 * len(power), real=True))
     w = 2 * np.pi * np.arange(count // 2 + 1) / count
     squares = np.abs(fft.rfft(power, count)) ** 2 * np.exp(-2 * half * w)
     both = 2 * squares.sum() - squares[0] - (0 if count % 2 else squares[-1])
     return float(seconds * step * squares[0] * count / both)
-
-
-# ----------------------------------------------------------------------------------------------------------- harmonics
-
-#: The kind of the notes that name harmonics.
-HARMONIC = "harmonic"
-
-#: Widths of the bands examined, as parts of their frequency: harmonics at constant speed, and at one that wanders.
-_WIDTHS = (0.01, 0.025)
-
-#: Probability of a harmonic in a record of random vibration.
-_CHANCE = 1e-3
-
-#: A harmonic this near to a multiple of the lowest (part of its frequency) is that multiple.
-_NEAR = 0.003
-
-#: Multiples and divisors of known harmonics that are tried; the probability limit for them, and their spread over that of the known.
-_ORDERS, _PARTS, _CHANCE_OF_ORDER, _AS_NARROW = 8, 3, 0.01, 1.5
-
-#: Mains frequencies in Hz, and their relative deviation.
-_MAINS, _OF_MAINS = (50.0, 60.0), 0.002
 
 
 class Line(NamedTuple):
@@ -265,56 +226,56 @@ def find_lines(signals: Signals, band: tuple[float, float] | None = None) -> tup
 def lines_in(spectrum: Spectrum, band: tuple[float, float] | None = None) -> tuple[Line, ...]:
     """Return the harmonics of `find_lines` from the spectrum of a record."""
     low, high = (0.0, np.inf) if band is None else band
-    f, widths = (np.concatenate(both) for both in zip(*(_ladder(spectrum, width) for width in _WIDTHS), strict=True))
+    f, widths = (
+        np.concatenate(both) for both in zip(*(_ladder(spectrum, width) for width in _BAND_WIDTHS), strict=True)
+    )
     inside = (low <= f) & (f <= high)
     first, count = lines_around(spectrum, f[inside], widths[inside])
     first, count = first[count > 0], count[count > 0]
-    limit = _CHANCE / max(first.size, 1)
+    limit = _FALSE_ALARM / max(first.size, 1)
     bands = steady_bands(spectrum, first, count, limit)
-    found = _apart([(band.chance, band) for band in bands if band.chance < limit])
-    found = _apart([*found, *_of_the_same_shaft(spectrum, [band for _, band in found])])
-    lines = [
-        Line(b.centre, b.spread, float(np.sqrt(b.power / spectrum.power)), chance)
-        for chance, b in found
-        if low <= b.centre <= high
-    ]
-    return tuple(sorted(lines, key=lambda line: line.frequency))
+    harmonics = _distinct([(band.chance, band) for band in bands if band.chance < limit])
+    harmonics = _distinct([*harmonics, *_of_the_same_shaft(spectrum, [band for _, band in harmonics])])
+    lines = (Line(b.centre, b.spread, float(np.sqrt(b.power / spectrum.power)), chance) for chance, b in harmonics)
+    return tuple(sorted(line for line in lines if low <= line.frequency <= high))
 
 
 def _ladder(spectrum: Spectrum, width: float) -> tuple[Array, Array]:
     """Return the centres of bands of one relative width, a quarter of it apart, and their widths, Hz."""
-    lowest, highest = FEWEST * spectrum.step / width * 1.2, spectrum.rate / 2 / (1 + width)
+    lowest, highest = MIN_BAND_LINES * spectrum.step / width * 1.2, spectrum.rate / 2 / (1 + width)
     steps = max(int(np.log(highest / lowest) / np.log1p(width / 4)) + 2, 1)
     f = np.multiply.accumulate(np.concatenate([[lowest], np.full(steps, 1 + width / 4)]))
     f = f[f * (1 + width) < spectrum.rate / 2]
     return f, width * f
 
 
-def _apart(pairs: list[tuple[float, Narrow]]) -> list[tuple[float, Narrow]]:
-    """Return one of all bands that hold the same harmonic, the least likely first."""
+def _distinct(pairs: list[tuple[float, Narrow]]) -> list[tuple[float, Narrow]]:
+    """Return one of all bands with the same harmonic, the least likely first."""
     kept: list[tuple[float, Narrow]] = []
     for chance, band in sorted(pairs, key=lambda pair: pair[0]):
-        if all(abs(band.centre / other.centre - 1) > max(_WIDTHS) / 2 for _, other in kept):
+        if all(abs(band.centre / other.centre - 1) > max(_BAND_WIDTHS) / 2 for _, other in kept):
             kept.append((chance, band))
     return kept
 
 
-def _of_the_same_shaft(spectrum: Spectrum, known: list[Narrow]) -> list[tuple[float, Narrow]]:
-    """Return bands at multiples and divisors common to two known harmonics, as steady and as narrow as these."""
-    found: list[tuple[float, Narrow]] = []
-    if len(known) < 2:
-        return found
-    relative = float(np.median([band.spread / band.centre for band in known]))
-    lines = np.array([band.centre for band in known])
-    shafts = [line / part for line in lines for part in range(1, _PARTS + 1)]
-    shafts = [f for f in shafts if np.sum(np.abs(lines / f - np.round(lines / f)) < _NEAR * lines / f) > 1]
-    for f in {round(k * shaft / spectrum.step) * spectrum.step for shaft in shafts for k in range(1, _ORDERS + 1)}:
-        band = narrow_band(spectrum, f, max(_WIDTHS) * f)
-        if band is None or band.chance > _CHANCE_OF_ORDER or abs(band.centre / f - 1) > _NEAR:
+def _of_the_same_shaft(spectrum: Spectrum, harmonics: list[Narrow]) -> list[tuple[float, Narrow]]:
+    """Return bands at multiples and divisors common to two harmonics, as steady and as narrow as these."""
+    bands: list[tuple[float, Narrow]] = []
+    if len(harmonics) < 2:
+        return bands
+    relative = float(np.median([band.spread / band.centre for band in harmonics]))
+    lines = np.array([band.centre for band in harmonics])
+    shafts = [line / part for line in lines for part in range(1, _MAX_DIVISOR + 1)]
+    shafts = [
+        f for f in shafts if np.sum(np.abs(lines / f - np.round(lines / f)) < _MULTIPLE_TOLERANCE * lines / f) > 1
+    ]
+    for f in {round(k * f / spectrum.step) * spectrum.step for f in shafts for k in range(1, _MAX_MULTIPLE + 1)}:
+        band = narrow_band(spectrum, f, max(_BAND_WIDTHS) * f)
+        if band is None or band.chance > _FALSE_ALARM_OF_MULTIPLE or abs(band.centre / f - 1) > _MULTIPLE_TOLERANCE:
             continue
-        if band.spread < _AS_NARROW * relative * f + spectrum.step:
-            found.append((max(band.chance, 1e-300), band))
-    return found
+        if band.spread < _MAX_SPREAD_RATIO * relative * f + spectrum.step:
+            bands.append((max(band.chance, 1e-300), band))
+    return bands
 
 
 def shaft_orders(frequencies: Array) -> list[int | None]:
@@ -322,7 +283,7 @@ def shaft_orders(frequencies: Array) -> list[int | None]:
     if len(frequencies) < 2:
         return [None] * len(frequencies)
     orders = [round(f / frequencies[0]) for f in frequencies]
-    fits = [abs(f / (k * frequencies[0]) - 1) < _NEAR for f, k in zip(frequencies, orders, strict=True)]
+    fits = [abs(f / (k * frequencies[0]) - 1) < _MULTIPLE_TOLERANCE for f, k in zip(frequencies, orders, strict=True)]
     return [k if fit and sum(fits) > 1 else None for k, fit in zip(orders, fits, strict=True)]
 
 
@@ -335,10 +296,9 @@ def harmonic_notes(lines: Sequence[Line]) -> tuple[Note, ...]:
         numbers = {"frequency_hz": f, "spread_hz": line.spread, "level": line.level}
         if order is not None:
             numbers["order"] = float(order)
-        mains = any(abs(f / own - round(f / own)) < _OF_MAINS and f > own / 2 for own in _MAINS)
-        text = (
-            f"at {f:.5g} Hz{' (a multiple of the mains)' if mains else ''} the envelope is constant, as of a rotating machine "
-            f"(random vibration has it in {line.chance:.1g} of records), the frequency within {100 * line.spread / f:.2g} %"
-        )
+        mains = any(abs(f / hz - round(f / hz)) < _MAINS_TOLERANCE and f > hz / 2 for hz in _MAINS)
+        source = "the mains" if mains else "a rotating machine"
+        evidence = f"constant envelope, false-alarm probability {line.chance:.1g}"
+        text = f"Harmonic of {source} at {f:.5g} Hz +- {100 * line.spread / f:.2g} % ({evidence})"
         notes.append(Note(HARMONIC, numbers, text))
     return tuple(notes)

@@ -15,23 +15,23 @@ from modalscope.numerics.checks import ComplexArray, RealArray, check_each, chec
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.harmonics import find_lines
 
-#: The phase is measured in a band of so many standard deviations of the frequency on either side, of this many lines of a run at least.
-_SPREADS, _LINES = 6.0, 24
+#: Half width of the band in which the phase is measured: standard deviations of the frequency, and lines of a run at least.
+_HALF_BAND_SPREADS, _MIN_HALF_BAND_LINES = 6.0, 24
 
 #: Values of the shifted band for each of its lines; corrections of the phase by its residual, and the last correction, rad.
-_FINER, _ROUNDS, _CONVERGED = 4, 3, 0.003
+_OVERSAMPLING, _MAX_ROUNDS, _MAX_LAST_CORRECTION = 4, 3, 0.003
 
-#: A band in which noise is expected to reach the amplitude of the harmonic more often than this in a run is too wide.
-_SLIPS = 0.01
+#: Maximum number of times in a run that noise is expected to reach the amplitude of the harmonic: in a wider band its phase is lost.
+_MAX_SLIPS = 0.01
 
-#: A band this wide, as a part of its lowest frequency, may hold other orders of the shaft.
-_WIDEST = 0.5
+#: Maximum width of a band as a part of its lowest frequency: a wider one may contain other orders of the shaft.
+_MAX_BAND_WIDTH = 0.5
 
-#: Powers of the frequency's deviation in the amplitude of a harmonic.
-_POWERS = 3
+#: Number of powers of the frequency's deviation in the amplitude of a harmonic.
+_AMPLITUDE_POWERS = 3
 
 #: Relative standard deviation of the frequency where only its mean is given.
-_WANDERS = 0.001
+_DEFAULT_SPREAD = 0.001
 
 
 @named()
@@ -70,17 +70,14 @@ def remove_harmonics(signals: Signals, frequencies: Iterable[float] | None = Non
         return without_lines(signals, ((line.frequency, line.spread) for line in find_lines(signals)))
     given = [check_positive("each of frequencies", f) for f in check_each("frequencies", frequencies, "numbers in Hz")]
     for f in given:
-        if _edges(signals, f, _WANDERS * f) is None:
-            raise DataError(
-                f"a harmonic at {f:g} Hz was to be removed",
-                f"a run holds {1 / signals.duration:.3g} to {signals.sampling_rate / 2:g} Hz, and a band around it is needed",
-                "Leave it out.",
-            )
-    return without_lines(signals, ((f, _WANDERS * f) for f in given))
+        if _edges(signals, f, _DEFAULT_SPREAD * f) is None:
+            have = f"a run has no band around it within {1 / signals.duration:.3g} to {signals.sampling_rate / 2:g} Hz"
+            raise DataError(f"a harmonic at {f:g} Hz was to be removed", have, "Leave it out.")
+    return without_lines(signals, ((f, _DEFAULT_SPREAD * f) for f in given))
 
 
 def without_lines(signals: Signals, lines: Iterable[tuple[float, float]]) -> Signals:
-    """Return the record without harmonics of given frequencies and standard deviations (Hz); those too near to 0 or Nyquist stay."""
+    """Return the record without harmonics of given frequencies and standard deviations (Hz); those close to 0 or Nyquist stay."""
     outputs, _ = signals.by_run()
     y, removed = np.array(outputs), []
     for frequency, spread in lines:
@@ -91,15 +88,14 @@ def without_lines(signals: Signals, lines: Iterable[tuple[float, float]]) -> Sig
                 run -= _line(run, *edges)
     if not removed:
         return signals
-    return replace(signals, outputs=y.reshape(signals.outputs.shape)).processed(
-        f"harmonics at {', '.join(removed)} Hz removed"
-    )
+    cleaned = replace(signals, outputs=y.reshape(signals.outputs.shape))
+    return cleaned.processed(f"harmonics at {', '.join(removed)} Hz removed")
 
 
 def _edges(signals: Signals, frequency: float, spread: float) -> tuple[int, int] | None:
     """Return the first and the last line of the band of a harmonic; None where it leaves 0 to half the sampling rate."""
     seconds = signals.duration
-    reach = max(_SPREADS * spread, _LINES / seconds)
+    reach = max(_HALF_BAND_SPREADS * spread, _MIN_HALF_BAND_LINES / seconds)
     first, last = int(np.ceil((frequency - reach) * seconds)), int((frequency + reach) * seconds)
     return (first, last) if first >= 1 and last < signals.samples // 2 else None
 
@@ -139,7 +135,7 @@ class _Track(NamedTuple):
 
     @property
     def powers(self) -> int:
-        return _POWERS if self.wander.any() else 1
+        return _AMPLITUDE_POWERS if self.wander.any() else 1
 
     def _at(self, times: RealArray, values: RealArray) -> RealArray:
         return np.asarray(np.interp(times, np.arange(values.size) / values.size, values))
@@ -157,10 +153,10 @@ def _line(y: RealArray, first: int, last: int) -> RealArray:
     while track.terms > (last + 1 - first) // 2:
         half = (last + 1 - first) // 2
         first, last = first - half, last + half
-        if last - first > _WIDEST * first or last >= len(y) // 2:
+        if last - first > _MAX_BAND_WIDTH * first or last >= len(y) // 2:
             break
         wider, track = _in_band(y, transform[first : last + 1], first)
-        if track.slips > _SLIPS:
+        if track.slips > _MAX_SLIPS:
             break
         line = wider
     return line
@@ -200,8 +196,9 @@ def _fitted(y: RealArray, track: _Track, times: RealArray, down: ComplexArray) -
     """Return the harmonic in every channel, (N, l), and its complex amplitudes at the mean frequency, (l,)."""
     sizes = track.sizes(times) * down.conj()[:, None]
     columns = np.concatenate([sizes.real, sizes.imag], axis=1)
-    found = _least_squares(columns, y)
-    return (columns * track.share(times)[:, None]) @ found, found[0] - 1j * found[track.powers]
+    coefficients = _least_squares(columns, y)
+    line = (columns * track.share(times)[:, None]) @ coefficients
+    return line, coefficients[0] - 1j * coefficients[track.powers]
 
 
 def _tracked(x: ComplexArray, lines: int, track: _Track) -> _Track:
@@ -209,9 +206,9 @@ def _tracked(x: ComplexArray, lines: int, track: _Track) -> _Track:
 
     ln(a exp(j phase) + n) = ln a + j phase + n / a exp(-j phase): noise is as strong in the logarithm of the envelope as in the phase.
     """
-    times, own = np.arange(len(x)) / len(x), np.arange(track.wander.size) / track.wander.size
-    for _ in range(_ROUNDS):
-        fast, slow = track.sizes(times), track.sizes(own)
+    times, even_times = np.arange(len(x)) / len(x), np.arange(track.wander.size) / track.wander.size
+    for _ in range(_MAX_ROUNDS):
+        fast, slow = track.sizes(times), track.sizes(even_times)
         size = _least_squares(fast, x)
         model = slow @ size
         ratio = 1 + _slow(x - fast @ size, lines) / model
@@ -220,7 +217,7 @@ def _tracked(x: ComplexArray, lines: int, track: _Track) -> _Track:
         noise = level - powers @ _least_squares(powers, level)
         moved = _straightened(track._replace(wander=track.wander + np.unwrap(np.angle(ratio))))
         before, track = track.wander, _as_slow(moved, noise)
-        if np.std(track.wander - before) < _CONVERGED:
+        if np.std(track.wander - before) < _MAX_LAST_CORRECTION:
             break
     return track
 
@@ -236,13 +233,13 @@ def _as_slow(track: _Track, noise: RealArray) -> _Track:
     terms = int(np.argmax(reduction)) + 2 if reduction.max() > 0 else 0
     w[terms:], r[terms:] = 0, 0
     # of complex noise |n / a|^2 is exponential, and half of it is in the logarithm of the envelope
-    slips = noise.size / _FINER * float(np.exp(-0.5 / np.mean(noise**2)))
+    slips = noise.size / _OVERSAMPLING * float(np.exp(-0.5 / np.mean(noise**2)))
     return track._replace(wander=fft.idct(w, norm="ortho"), noise=fft.idct(r, norm="ortho"), terms=terms, slips=slips)
 
 
 def _slow(x: ComplexArray, lines: int) -> ComplexArray:
     """Return a series limited to its lowest lines, at a rate for them."""
-    n = _FINER * lines
+    n = _OVERSAMPLING * lines
     return np.asarray(fft.ifft(fft.fft(x)[:lines], n=n) * (n / len(x)))
 
 

@@ -13,36 +13,36 @@ from modalscope.numerics.checks import Array, RealArray, check_count
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import NORMAL
 
-#: A pulse exceeds this part of the highest peak, and this many standard deviations of the noise.
-_TRIGGER, _ABOVE_NOISE = 0.03, 15.0
+#: Minimum height of a pulse: relative to the highest peak, and in standard deviations of the noise.
+_TRIGGER_LEVEL, _TRIGGER_DEVIATIONS = 0.03, 15.0
 
-#: A second pulse of this part of the first is a double hit; of this part it may be another hit.
-_SECOND, _EQUAL = 0.1, 0.5
+#: Minimum height of a second pulse relative to the first: of a double hit, and of what may be another hit.
+_DOUBLE_HIT_HEIGHT, _NEW_HIT_HEIGHT = 0.1, 0.5
 
-#: Pauses of this part of the longest one separate hits; shorter ones, of this part, do before a pulse that is large enough to be a hit.
-_PAUSE, _QUICK = 1 / 4, 1 / 20
+#: Minimum pause between hits relative to the longest one: in general, and before a pulse that is high enough for a hit.
+_MIN_PAUSE, _MIN_PAUSE_OF_HIGH = 1 / 4, 1 / 20
 
-#: A hit is free of the one before it when this part of its length has passed since.
-_SINCE = 1 / 4
+#: Minimum distance of a hit from the one before it, relative to its length.
+_MIN_DISTANCE = 1 / 4
 
-#: A hit this many times stronger than the median of all is not one of the same series.
-_OUTLIER = 5.0
+#: Maximum peak of a hit over the median of all.
+_MAX_PEAK_RATIO = 5.0
 
-#: Equal consecutive samples at the peak of a hit that are no chance.
-_PLATEAU = 3
+#: Minimum number of equal samples at the peak of an overloaded hit.
+_MIN_PLATEAU = 3
 
-#: The limit of a converter is reached this often at least, and this many times as often as the level before it.
-_OFTEN, _MORE = 3, 3
+#: Minimum number of samples at the limit of a converter: in all, and over that at the level before it.
+_MIN_CLIPPED, _MIN_CLIPPED_RATIO = 3, 3
 
 #: Steps of a converter below the last level from which its count is expected, and the probability of a larger one.
-_STEPS, _BY_CHANCE = 10, 1e-4
+_CONVERTER_STEPS, _FALSE_ALARM = 10, 1e-4
 
 #: An impact puts this part of its energy into this part of the record.
-_ENERGY, _PART = 0.95, 0.05
+_IMPACT_ENERGY, _IMPACT_LENGTH = 0.95, 0.05
 
 
 class Hit(NamedTuple):
-    """One hit of a record: an unfit one was recorded wrongly, a double one only puts less force into some lines."""
+    """One hit of a record; an unfit one was recorded wrongly, a double one only has less force on some lines."""
 
     number: int  # from 1 over all runs
     run: int  # from 0
@@ -57,7 +57,7 @@ class Hit(NamedTuple):
 def exponential_decay(end: float, duration: float) -> float:
     """Return the decay rate in 1/s of an exponential window that falls from 1 to `end` in `duration` seconds.
 
-    The window adds it to the decay of every mode. `FrequencyResponse(added_damping=...)` takes it, so that poles identified from
+    The window adds it to the decay of every mode. Give it to `FrequencyResponse(added_damping=...)`, so that poles identified from
     windowed responses, of other programs too, are shifted back.
 
     Parameters
@@ -78,20 +78,17 @@ def exponential_decay(end: float, duration: float) -> float:
     2.3026
     """
     if not (0 < end <= 1 and duration > 0):
-        raise DataError(
-            "an exponential window from 1 to a smaller value was asked",
-            f"its end is {end!r}, its duration {duration!r} s",
-            "Give end between 0 and 1, such as 0.01, and a duration in seconds.",
-        )
+        have = f"its end is {end!r}, its duration {duration!r} s"
+        raise DataError("an exponential window was asked", have, "Give end between 0 and 1, and a positive duration.")
     return float(-np.log(end) / duration)
 
 
 def is_impact(force: Array) -> bool:
     """Whether a force (N,) has nearly all of its energy in a few samples: 95 % in 5 %."""
     energy = np.sort(np.square(force - np.median(force)))[::-1]
-    count = max(1, int(_PART * energy.size))
+    count = max(1, int(_IMPACT_LENGTH * energy.size))
     total = float(energy.sum())
-    return total > 0 and float(energy[:count].sum()) > _ENERGY * total
+    return total > 0 and float(energy[:count].sum()) > _IMPACT_ENERGY * total
 
 
 def clipped_samples(x: Array) -> int:
@@ -112,12 +109,12 @@ def clipped_samples(x: Array) -> int:
 def _is_limit(levels: Array, counts: Array) -> bool:
     """Return whether the last of rising levels has more samples than expected from the steps before it."""
     last, before = int(counts[-1]), int(counts[-3:-1].max())
-    if last < _OFTEN or last < _MORE * before:
+    if last < _MIN_CLIPPED or last < _MIN_CLIPPED_RATIO * before:
         return False
     step = float(np.min(np.diff(levels)))  # of the converter; levels without samples count, too
-    near = levels > levels[-1] - (_STEPS + 0.5) * step
-    expected = float(counts[near][:-1].sum()) / _STEPS
-    return float(pdtrc(last - 1, max(expected, 1 / _STEPS**2))) < _BY_CHANCE
+    near = levels > levels[-1] - (_CONVERTER_STEPS + 0.5) * step
+    expected = float(counts[near][:-1].sum()) / _CONVERTER_STEPS
+    return float(pdtrc(last - 1, max(expected, 1 / _CONVERTER_STEPS**2))) < _FALSE_ALARM
 
 
 def _pulses(force: RealArray, peak: float) -> list[tuple[int, int]]:
@@ -125,7 +122,7 @@ def _pulses(force: RealArray, peak: float) -> list[tuple[int, int]]:
     rest = np.median(force)
     size = np.abs(force - rest)
     noise = NORMAL * float(np.median(size))  # the deviation of Gaussian noise, untouched by a few pulses
-    above = np.flatnonzero(size > max(_TRIGGER * peak, _ABOVE_NOISE * noise))
+    above = np.flatnonzero(size > max(_TRIGGER_LEVEL * peak, _TRIGGER_DEVIATIONS * noise))
     stretches = np.split(above, np.flatnonzero(np.diff(above) > 3) + 1)
     return [(int(stretch[0]), int(stretch[-1]) + 1) for stretch in stretches if stretch.size]
 
@@ -140,8 +137,8 @@ def _grouped(pulses: list[tuple[int, int]], force: RealArray) -> list[list[tuple
     height = {pulse: float(np.abs(force[slice(*pulse)]).max()) for pulse in pulses}
     groups = [[pulses[0]]]
     for pulse, pause in zip(pulses[1:], pauses, strict=True):
-        equal = height[pulse] >= _EQUAL * height[groups[-1][0]]
-        if pause >= (_QUICK if equal else _PAUSE) * longest:
+        high = height[pulse] >= _NEW_HIT_HEIGHT * height[groups[-1][0]]
+        if pause >= (_MIN_PAUSE_OF_HIGH if high else _MIN_PAUSE) * longest:
             groups.append([pulse])
         else:
             groups[-1].append(pulse)
@@ -154,7 +151,7 @@ def find_hits(forces: RealArray) -> list[Hit]:
     Overloaded: at least three equal samples at the peak, or a peak five times the median of three hits or more. Double: a
     second pulse of a tenth of the first or more before the next hit.
     """
-    found: list[Hit] = []
+    hits: list[Hit] = []
     typical = float(np.median(np.abs(forces - np.median(forces, axis=1, keepdims=True)).max(axis=1)))
     for run, force in enumerate(forces):
         force = force - np.median(force)
@@ -166,24 +163,19 @@ def find_hits(forces: RealArray) -> list[Hit]:
             place = start + int(np.argmax(np.abs(force[start:stop])))
             peak = float(force[place])
             later = [float(np.abs(force[a:b]).max()) for a, b in group[1:]]
-            reason, unfit = "", False
-            if int(np.sum(force[start:stop] == peak)) >= _PLATEAU:
+            reason, unfit = "", int(np.sum(force[start:stop] == peak)) >= _MIN_PLATEAU
+            if unfit:
                 reason = f"overloaded: the force stays at {peak:.4g} for several samples"
-                unfit = True
-            elif later and max(later) >= _SECOND * abs(peak):
+            elif later and max(later) >= _DOUBLE_HIT_HEIGHT * abs(peak):
                 second = group[1 + int(np.argmax(later))][0] - start
                 reason = f"double hit: a second pulse of {100 * max(later) / abs(peak):.0f} %, {second} samples later"
-            found.append(Hit(len(found) + 1, run, start, stop, peak, reason, unfit))
-    if len(found) < 3:
-        return found
-    usual = float(np.median([abs(hit.peak) for hit in found]))
-    reason = f"overloaded: a peak of {{:.4g}} where the others have {usual:.4g}"
-    return [
-        hit._replace(reason=reason.format(hit.peak), unfit=True)
-        if not hit.unfit and abs(hit.peak) > _OUTLIER * usual
-        else hit
-        for hit in found
-    ]
+            hits.append(Hit(len(hits) + 1, run, start, stop, peak, reason, unfit))
+    usual = float(np.median([abs(hit.peak) for hit in hits])) if len(hits) > 2 else np.inf
+    for i, hit in enumerate(hits):
+        if not hit.unfit and abs(hit.peak) > _MAX_PEAK_RATIO * usual:
+            reason = f"overloaded: peak {hit.peak:.4g}, median of the hits {usual:.4g}"
+            hits[i] = hit._replace(reason=reason, unfit=True)
+    return hits
 
 
 def room_of(hits: list[Hit], samples: int, before: int) -> dict[int, int]:
@@ -194,25 +186,26 @@ def room_of(hits: list[Hit], samples: int, before: int) -> dict[int, int]:
 
 
 def whole_series(hits: list[Hit], room: dict[int, int]) -> list[Hit]:
-    """Mark hits that would shorten all others: the last before the record ends, and those soon after another.
+    """Mark hits that would shorten all others as unfit: those close to the end of the record, and those soon after another.
 
-    The rest are the k hits with at least n samples each that have the largest k n; of equal ones the series of more hits. They begin at
+    The others are the k hits with at least n samples each that have the largest k n; of equal ones the series of more hits. They begin at
     least a quarter of n after the hit before them.
     """
     since = {b.number: b.start - a.start for a, b in itertools.pairwise(hits) if a.run == b.run}
     good = [hit for hit in hits if not hit.unfit]
 
     def kept(length: int) -> list[Hit]:
-        return [h for h in good if room[h.number] >= length and since.get(h.number, length) >= _SINCE * length]
+        return [h for h in good if room[h.number] >= length and since.get(h.number, length) >= _MIN_DISTANCE * length]
 
     lengths = sorted({room[hit.number] for hit in good})
     best = max(lengths, key=lambda n: n * len(kept(n)), default=0)
-    usable = kept(best)
-    soon = "soon after the hit before it"
-    reasons = {
-        n: soon if length >= best else f"{length} samples long, where {best} are cut" for n, length in room.items()
-    }
-    return [h if h in usable or h.unfit else h._replace(reason=reasons[h.number], unfit=True) for h in hits]
+    usable, series = kept(best), list(hits)
+    for i, hit in enumerate(hits):
+        if not hit.unfit and hit not in usable:
+            length = room[hit.number]
+            reason = "soon after the hit before it" if length >= best else f"{length} samples long, {best} are needed"
+            series[i] = hit._replace(reason=reason, unfit=True)
+    return series
 
 
 def cut_hits(
@@ -224,19 +217,16 @@ def cut_hits(
     hit or beyond the run.
     """
     if not hits:
-        raise DataError(
-            "frequency responses of hammer hits were asked",
-            "no usable hit is in the record",
-            'Give hits="all" to use the others, or another excitation.',
-        )
+        change = 'Give hits="all" to use the others, or another excitation.'
+        raise DataError("frequency responses of hammer hits were asked", "the record has no usable hit", change)
     starts = [max(hit.start - before, 0) for hit in hits]
     least = min(hits, key=lambda hit: room[hit.number]).number
     length = room[least] if segment is None else check_count("segment", segment, least=2)
     if length > room[least]:
-        raise DataError(
-            f"segments of {length} samples for every hit were asked",
-            f"hit {least} has {room[least]} before the next one or the end",
-            f"Lower segment to at most {room[least]}, or leave that hit out.",
+        asked, have = (
+            f"segment={length} for every hit was asked",
+            f"hit {least} has {room[least]} before the next or the end",
         )
+        raise DataError(asked, have, f"Lower segment to at most {room[least]}, or leave that hit out.")
     y, u = (np.stack([x[h.run, s : s + length] for h, s in zip(hits, starts, strict=True)]) for x in (outputs, inputs))
     return y, u

@@ -1,8 +1,8 @@
-"""Estimate coloured noise of records that rises towards 0 Hz, as drift of sensors and integration cause it, and whiten the lines.
+"""Estimate coloured noise that rises towards 0 Hz (drift of sensors, integration) on the lines of records, and whiten the lines.
 
 A random walk has the spectrum s^2 / |x - 1|^2 on the lines x = exp(j w dt), flicker its root, an integrated walk its square. The equations
-of records hold line by line, so that outputs, inputs and transients of a line may be divided by the standard deviation of its noise: least
-squares and all that follows then have the same noise on all lines.
+of records are valid line by line. Outputs, inputs and transients of a line may therefore be divided by the standard deviation of its
+noise, after which all lines have the same noise.
 
 The noise is the residual of rational functions on a few adjacent lines: with polynomials q_d of low degree
 
@@ -28,20 +28,20 @@ DRIFT = "noise rises"
 
 #: Degrees of the numerators and of the denominator, lines for every unknown of an output, and the distance of groups of lines, as a part
 #: of the frequency.
-_NUMERATOR, _DENOMINATOR, _LINES, _APART = 2, 2, 4, 0.05
+_NUMERATOR, _DENOMINATOR, _LINES_PER_UNKNOWN, _GROUP_DISTANCE = 2, 2, 4, 0.05
 
 #: Powers of 1 / |x - 1|^2 whose sum the noise is: white noise, flicker, a random walk, an integrated walk.
-_POWERS = (0.0, 0.5, 1.0, 2.0)
+_NOISE_POWERS = (0.0, 0.5, 1.0, 2.0)
 
-#: Lines are whitened where equal weights would give so many times the variance of optimal ones.
-_LOSS = 2.0
+#: Variance by equal weights over that by optimal ones from which on lines are whitened.
+_MIN_LOSS = 2.0
 
-#: A group beyond so many times the noise is downweighted by its excess; so many of the groups must be within it, either way: where there is
-#: hardly any noise, the residuals of the approximation scatter over decades.
-_OUTLIER, _DESCRIBED = 3.0, 0.9
+#: A group beyond this ratio to the noise is downweighted by its excess; and the part of the groups that must be within it, either way:
+#: where there is hardly any noise, the residuals of the approximation scatter over decades.
+_OUTLIER_RATIO, _MIN_DESCRIBED = 3.0, 0.9
 
-#: Rounds of the fit.
-_ROUNDS = 30
+#: Maximum number of rounds of the fit.
+_MAX_ROUNDS = 30
 
 #: Singular values of the numerators' columns below this part of the largest are rounding.
 _RANK = 1e-8
@@ -64,14 +64,11 @@ def level_lines(spectra: RecordSpectra) -> tuple[RecordSpectra, tuple[Note, ...]
     ['noise rises']
     """
     variance = line_noise(spectra)
-    if variance is None or np.mean(variance) * np.mean(1 / variance) < _LOSS:
+    if variance is None or np.mean(variance) * np.mean(1 / variance) < _MIN_LOSS:
         return spectra, ()
     decibels = 10 * np.log10(variance.max() / variance.min())
     scale = np.sqrt(variance / np.exp(np.mean(np.log(variance))))
-    text = (
-        f"the noise of the outputs rises by {decibels:.0f} dB towards 0 Hz, as drift does: every line of outputs and inputs was divided by "
-        "the standard deviation of its noise"
-    )
+    text = f"Noise rises by {decibels:.0f} dB towards 0 Hz (drift): every line was divided by the standard deviation of its noise"
     values, drive = spectra.values / scale[:, None, None], spectra.drive / scale[:, None]
     for array in (values, drive, scale):
         array.setflags(write=False)  # so that it is not copied again
@@ -88,22 +85,23 @@ def line_noise(spectra: RecordSpectra) -> RealArray | None:
     if not groups:
         return None
     rise = np.abs(spectra.points - 1) ** -2.0
-    columns = (rise / rise.max())[:, None] ** np.array(_POWERS)
+    columns = (rise / rise.max())[:, None] ** np.array(_NOISE_POWERS)
     powers = np.maximum([_residual_power(spectra, group) for group in groups], np.finfo(float).tiny)
     power = 1 / np.mean(np.median(powers, axis=0) / powers, axis=1)
-    known = np.array([columns[group].mean(axis=0) for group in groups])
-    found = _coefficients(known, power)
-    described = np.abs(np.log(power / np.maximum(known @ found, np.finfo(float).tiny))) < np.log(_OUTLIER)
-    return np.asarray(columns @ found) if np.mean(described) > _DESCRIBED else None
+    group_columns = np.array([columns[group].mean(axis=0) for group in groups])
+    coefficients = _coefficients(group_columns, power)
+    ratios = power / np.maximum(group_columns @ coefficients, np.finfo(float).tiny)
+    described = np.mean(np.abs(np.log(ratios)) < np.log(_OUTLIER_RATIO))
+    return np.asarray(columns @ coefficients) if described > _MIN_DESCRIBED else None
 
 
 def _groups(run: slice, spectra: RecordSpectra) -> Iterator[slice]:
     """Yield groups of adjacent lines of a run, as many as the unknowns require."""
-    least = _LINES * (_NUMERATOR + 1) * (1 + spectra.drive.shape[1])
+    least = _LINES_PER_UNKNOWN * (_NUMERATOR + 1) * (1 + spectra.drive.shape[1])
     start, count = 0, run.stop - run.start
     while start + least <= count:
         yield slice(run.start + start, run.start + start + least)
-        start += max(least, round(_APART * start))
+        start += max(least, round(_GROUP_DISTANCE * start))
 
 
 def _residual_power(spectra: RecordSpectra, lines: slice) -> RealArray:
@@ -130,17 +128,17 @@ def _residual_power(spectra: RecordSpectra, lines: slice) -> RealArray:
     return np.asarray(power)
 
 
-def _coefficients(known: RealArray, power: RealArray) -> RealArray:
-    """Return the coefficients of the powers that fit the noise of the groups, by non-negative least squares relative to the fit."""
+def _coefficients(columns: RealArray, power: RealArray) -> RealArray:
+    """Return the coefficients of the columns that fit the noise of the groups, by non-negative least squares relative to the fit."""
     from scipy.optimize import nnls  # slow to load
 
     fit = np.minimum.accumulate(power)
-    for _ in range(_ROUNDS):
-        weights = np.sqrt(np.minimum(_OUTLIER * fit / power, 1)) / fit
-        weighted = known * weights[:, None]
+    for _ in range(_MAX_ROUNDS):
+        weights = np.sqrt(np.minimum(_OUTLIER_RATIO * fit / power, 1)) / fit
+        weighted = columns * weights[:, None]
         size = np.linalg.norm(weighted, axis=0)
-        found = nnls(weighted / size, power * weights)[0] / size
-        before, fit = fit, np.maximum(known @ found, np.finfo(float).tiny)
+        coefficients = nnls(weighted / size, power * weights)[0] / size
+        before, fit = fit, np.maximum(columns @ coefficients, np.finfo(float).tiny)
         if np.allclose(fit, before, rtol=1e-4):
             break
-    return np.asarray(found)
+    return np.asarray(coefficients)

@@ -26,14 +26,14 @@ from modalscope.preprocess.excitation import driven_records
 #: Local models by name.
 LOCAL = ("lpm", "lrm")
 
-#: Degrees of freedom of a line: its noise power is then known to a third.
-_FREEDOM = 9
+#: Minimum degrees of freedom of a line by default: the relative standard deviation of its noise power is then a third.
+_MIN_FREEDOM = 9
 
-#: Reciprocal condition of the regressors below which forces are dependent.
-_DEPENDENT = 1e-10
+#: Minimum reciprocal condition of the regressors: below, forces are dependent.
+_MIN_CONDITION = 1e-10
 
 #: Complex numbers in the equations solved at a time.
-_AT_ONCE = 2_000_000
+_MAX_NUMBERS = 2_000_000
 
 
 class LocalEstimate(NamedTuple):
@@ -93,8 +93,8 @@ def local_models(signals: Signals, kind: str = "lrm", degree: int = 2, half_widt
     >>> from modalscope.data import StateSpace
     >>> model = StateSpace(A=[[0.9, 0.4], [-0.4, 0.9]], B=[[1], [0]], C=[[1, 1]], dt=1.0)
     >>> u = np.random.default_rng(0).standard_normal((1000, 1))
-    >>> found = local_models(Signals(outputs=model.simulate(u), inputs=u, sampling_rate=1.0))
-    >>> bool(np.allclose(found.values, model.frequency_response(found.frequencies).values, rtol=1e-3))
+    >>> frf = local_models(Signals(outputs=model.simulate(u), inputs=u, sampling_rate=1.0))
+    >>> bool(np.allclose(frf.values, model.frequency_response(frf.frequencies).values, rtol=1e-3))
     True
     """
     check_choice("kind", kind, LOCAL)
@@ -105,24 +105,23 @@ def local_models(signals: Signals, kind: str = "lrm", degree: int = 2, half_widt
     runs, lines, m = U.shape
     unknowns = (degree + 1) * (m + runs) + (degree if kind == "lrm" else 0)
     least = -(-(unknowns + 1 - runs) // (2 * runs))
-    fewest = max(-(-(unknowns + _FREEDOM - runs) // (2 * runs)), 1)
-    n = fewest if half_width is None else check_count("half_width", half_width)
+    default = max(-(-(unknowns + _MIN_FREEDOM - runs) // (2 * runs)), 1)
+    n = default if half_width is None else check_count("half_width", half_width)
     if n < least or lines < 2 * n + 1:
-        raise DataError(
-            f"a local model of degree {degree} on {2 * n + 1} lines of {runs} runs was asked",
-            f"it has {unknowns} unknowns on {min(lines, 2 * n + 1) * runs} equations, and the runs have {lines} lines",
-            f"Give half_width={max(least, 1)} or more, lower the degree, or measure longer.",
-        )
+        asked = f"a local model of degree {degree} on {2 * n + 1} lines of {runs} runs was asked"
+        have = f"it has {unknowns} unknowns in {min(lines, 2 * n + 1) * runs} equations; the runs have {lines} lines"
+        change = f"Give half_width={max(least, 1)} or more, lower the degree, or measure longer."
+        raise DataError(asked, have, change)
     solve = _rational if kind == "lrm" else _polynomial
     parts = []
-    step = max(1, _AT_ONCE // (runs * (2 * n + 1) * (unknowns + Y.shape[2])))
+    step = max(1, _MAX_NUMBERS // (runs * (2 * n + 1) * (unknowns + Y.shape[2])))
     for start in range(0, lines, step):
         k = np.arange(start, min(start + step, lines))
         first = np.clip(k - n, 0, lines - 2 * n - 1)  # at the ends of the band the lines lie to one side
         near = first[:, None] + np.arange(2 * n + 1)
         power = np.mean(np.abs(Y[:, near]) ** 2, axis=(0, 2))
         parts.append((*solve(Y[:, near], U[:, near], (near - k[:, None]) / n, degree), power))
-    values, variance, noise, power = (np.concatenate(each) for each in zip(*parts, strict=True))
+    values, variance, noise, power = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     fs, N = signals.sampling_rate, signals.samples
     density = 2 / (fs * N)
     coherence = np.clip(1 - np.divide(noise, power, out=np.ones_like(power), where=power > 0), 0, 1)
@@ -147,7 +146,7 @@ def _flat(Y: ComplexArray) -> ComplexArray:
     return np.asarray(Y.transpose(1, 0, 2, 3).reshape(lines, runs * width, l))
 
 
-class _Known(NamedTuple):
+class _Regressors(NamedTuple):
     """Regressors decomposed once for all outputs: P (F, e, u) spans them, `inverse` (F, u, e) is their pseudo-inverse."""
 
     P: ComplexArray
@@ -158,32 +157,29 @@ class _Known(NamedTuple):
         return np.asarray(Y - self.P @ (self.P.conj().transpose(0, 2, 1) @ Y))
 
 
-def _decomposed(K: ComplexArray) -> _Known:
+def _decomposed(K: ComplexArray) -> _Regressors:
     scale = np.linalg.norm(K, axis=1)
     scale = np.where(scale > 0, scale, 1.0)
     P, d, Qh = np.linalg.svd(K / scale[:, None, :], full_matrices=False)
-    independent = d[:, -1] > _DEPENDENT * d[:, 0]
+    independent = d[:, -1] > _MIN_CONDITION * d[:, 0]
     if not np.all(independent):
-        raise DataError(
-            "a local model of the responses was asked",
-            f"forces and transients are dependent on {int(np.sum(~independent))} of {len(d)} lines: "
-            "forces are multiples of each other, or vanish",
-            "Leave one out with select(), cut the band with filter_band(), or use estimator='h1'.",
-        )
+        have = f"on {int(np.sum(~independent))} of {len(d)} lines the forces vanish, or are proportional to others"
+        change = "Leave one out with select(), cut the band with filter_band(), or use estimator='h1'."
+        raise DataError("a local model of the responses was asked", have, change)
     inverse = (Qh.conj().transpose(0, 2, 1) / d[:, None, :]) @ P.conj().transpose(0, 2, 1)
-    return _Known(P, inverse / scale[:, :, None])
+    return _Regressors(P, inverse / scale[:, :, None])
 
 
 def _polynomial(
     Y: ComplexArray, U: ComplexArray, r: RealArray, degree: int
 ) -> tuple[ComplexArray, RealArray, RealArray]:
     """Return responses (F, l, m), variances and noise power (F, l) of the local polynomial model."""
-    m, known, outputs = U.shape[3], _decomposed(_regressors(U, r, degree)), _flat(Y)
-    own = known.inverse[:, :m]
-    freedom = outputs.shape[1] - known.P.shape[2]
-    noise = np.sum(np.abs(known.residual(outputs)) ** 2, axis=1) / freedom
-    spread = np.sum(np.abs(own) ** 2, axis=2)
-    return (own @ outputs).transpose(0, 2, 1), noise[:, :, None] * spread[:, None, :], noise
+    m, regressors, outputs = U.shape[3], _decomposed(_regressors(U, r, degree)), _flat(Y)
+    response_rows = regressors.inverse[:, :m]
+    freedom = outputs.shape[1] - regressors.P.shape[2]
+    noise = np.sum(np.abs(regressors.residual(outputs)) ** 2, axis=1) / freedom
+    spread = np.sum(np.abs(response_rows) ** 2, axis=2)
+    return (response_rows @ outputs).transpose(0, 2, 1), noise[:, :, None] * spread[:, None, :], noise
 
 
 def _rational(Y: ComplexArray, U: ComplexArray, r: RealArray, degree: int) -> tuple[ComplexArray, RealArray, RealArray]:
@@ -192,21 +188,22 @@ def _rational(Y: ComplexArray, U: ComplexArray, r: RealArray, degree: int) -> tu
     The denominator d is fitted to the residuals of the other regressors, b = K# (y - Z d), and the variances are blocks of the inverse
     of [K, Z]'[K, Z].
     """
-    m, known, outputs = U.shape[3], _decomposed(_regressors(U, r, degree)), _flat(Y)
+    m, regressors, outputs = U.shape[3], _decomposed(_regressors(U, r, degree)), _flat(Y)
     powers = np.tile(r[:, :, None] ** np.arange(1, degree + 1), (1, Y.shape[0], 1))
-    own, freedom = known.inverse[:, :m], outputs.shape[1] - known.P.shape[2] - degree
+    response_rows, freedom = regressors.inverse[:, :m], outputs.shape[1] - regressors.P.shape[2] - degree
     values, variance, noise = [], [], []
     for i in range(outputs.shape[2]):
         y = outputs[:, :, i : i + 1]
         Z = -powers * y
-        free, residual = known.residual(Z), known.residual(y)
+        free, residual = regressors.residual(Z), regressors.residual(y)
         adjoint = free.conj().transpose(0, 2, 1)
         inverse = np.linalg.pinv(adjoint @ free, hermitian=True)
         d = inverse @ (adjoint @ residual)
         power = np.sum(np.abs(residual - free @ d) ** 2, axis=(1, 2)) / freedom
-        through = own @ Z
-        spread = np.sum(np.abs(own) ** 2, axis=2) + np.einsum("fms,fst,fmt->fm", through, inverse, through.conj()).real
-        values.append((own @ (y - Z @ d))[:, :, 0])
+        through = response_rows @ Z
+        spread = np.sum(np.abs(response_rows) ** 2, axis=2)
+        spread += np.einsum("fms,fst,fmt->fm", through, inverse, through.conj()).real
+        values.append((response_rows @ (y - Z @ d))[:, :, 0])
         variance.append(power[:, None] * spread)
         # the residual of the equations is the noise times the denominator
         noise.append(power / np.mean(np.abs(1 + (powers @ d)[:, :, 0]) ** 2, axis=1))

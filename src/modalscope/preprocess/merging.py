@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -21,45 +22,42 @@ from modalscope.preprocess.correlation import estimate_correlation
 from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.setups import correlations, merge_setups
 
-# ---------------------------------------------------------------------------------------------------- joined responses
-
 
 def joined_frf(parts: Sequence[Signals], **options: Any) -> FrequencyResponse:
     """Estimate the frequency responses of every part by `estimate_frf`, on lines that all have, and merge them.
 
-    Without a segment among the options all parts take the shortest of their defaults.
+    Without a segment among the options all parts use the shortest of their defaults.
     """
-    found = [estimate_frf(part, **options) for part in parts]
-    steps = [float(np.min(np.diff(response.frequencies))) for response in found]
+    responses = [estimate_frf(part, **options) for part in parts]
+    steps = [float(np.min(np.diff(response.frequencies))) for response in responses]
     lengths = [round(part.sampling_rate / step) for part, step in zip(parts, steps, strict=True)]
     if len(set(lengths)) > 1 and options.get("segment") is None:
-        found = [estimate_frf(part, **{**options, "segment": min(lengths)}) for part in parts]
-    return merge_frf(_on_common_lines(found)) if len(found) > 1 else found[0]
+        responses = [estimate_frf(part, **{**options, "segment": min(lengths)}) for part in parts]
+    return merge_frf(_on_common_lines(responses)) if len(responses) > 1 else responses[0]
 
 
 def _on_common_lines(parts: Sequence[FrequencyResponse]) -> list[FrequencyResponse]:
     """Return the responses on the lines that all have: those with force in every part."""
     step = min(float(np.min(np.diff(part.frequencies))) for part in parts)
     numbers = [np.round(part.frequencies / step).astype(np.int64) for part in parts]
-    shared = set.intersection(*(set(each.tolist()) for each in numbers))
+    shared = set.intersection(*(set(lines.tolist()) for lines in numbers))
     return [
-        part if len(shared) == len(each) else part.at_lines(np.isin(each, list(shared)))
-        for part, each in zip(parts, numbers, strict=True)
+        part if len(shared) == len(lines) else part.at_lines(np.isin(lines, list(shared)))
+        for part, lines in zip(parts, numbers, strict=True)
     ]
 
 
-def check_same(parts: Sequence[Any], name: str, words: str, change: str) -> None:
-    """Raise DataError when parts differ in the attribute `name`, called `words`; `change` is the remedy."""
+def _check_same(parts: Sequence[Any], name: str, change: str) -> None:
+    """Raise DataError when parts differ in the attribute `name`; `change` is the remedy."""
     values = [getattr(part, name) for part in parts]
     for number, value in enumerate(values[1:], 2):
         if value != values[0]:
-            raise DataError(
-                f"parts with the same {words} were asked", f"part 1 has {values[0]}, part {number} {value}", change
-            )
+            have = f"part 1 has {values[0]}, part {number} {value}"
+            raise DataError(f"parts of the same {name.replace('_', ' ')} were asked", have, change)
 
 
 @dataclass(slots=True)
-class _Table:
+class _Union:
     """The union of the channels, and the places, weights and units of the parts in it."""
 
     outputs: tuple[str, ...]
@@ -78,7 +76,7 @@ class _Table:
         return np.asarray(total / weight**power)
 
 
-def _table(parts: Sequence[Any]) -> _Table:
+def _union(parts: Sequence[Any]) -> _Union:
     outputs = tuple(dict.fromkeys(dof for part in parts for dof in part.output_dofs))
     inputs = tuple(dict.fromkeys(dof for part in parts for dof in part.input_dofs))
     places = []
@@ -91,22 +89,17 @@ def _table(parts: Sequence[Any]) -> _Table:
         for side, dofs, given in zip(units, (part.output_dofs, part.input_dofs), part.units, strict=True):
             for dof, unit in zip(dofs, given, strict=True):
                 if side.setdefault(dof, unit) != unit:
-                    raise DataError(
-                        "parts with the same units were asked",
-                        f"{dof} is in {side[dof] or 'no unit'} in one and in {unit or 'no unit'} in another",
-                        "Convert them to one unit.",
-                    )
-    if not present.all():
-        i, j = (int(k) for k in np.argwhere(~present)[0])
-        raise DataError(
-            f"a response of {len(outputs)} outputs to {len(inputs)} inputs was asked",
-            f"no part holds {outputs[i]} / {inputs[j]}"
-            + (f" and {int((~present).sum()) - 1} other pairs" if (~present).sum() > 1 else ""),
-            "Add the missing runs, or select the channels that are complete.",
-        )
+                    have = f"{dof} is in {side[dof] or 'no unit'} in one and in {unit or 'no unit'} in another"
+                    raise DataError("parts of the same units were asked", have, "Convert them to one unit.")
+    missing = np.argwhere(~present)
+    if len(missing):
+        have = f"no part contains {outputs[missing[0, 0]]} / {inputs[missing[0, 1]]}"
+        have += f" and {len(missing) - 1} other pairs" if len(missing) > 1 else ""
+        asked = f"a response of {len(outputs)} outputs to {len(inputs)} inputs was asked"
+        raise DataError(asked, have, "Add the missing runs, or select the channels that are complete.")
     weights = [float(getattr(part, "averages", None) or 1) for part in parts]
     both = (tuple(units[0][d] for d in outputs), tuple(units[1][d] for d in inputs))
-    return _Table(outputs, inputs, places, weights, both)
+    return _Union(outputs, inputs, places, weights, both)
 
 
 def merge_frf(parts: Sequence[FrequencyResponse]) -> FrequencyResponse:
@@ -114,29 +107,26 @@ def merge_frf(parts: Sequence[FrequencyResponse]) -> FrequencyResponse:
     first = parts[0]
     for number, part in enumerate(parts[1:], 2):
         if part.lines != first.lines or not np.allclose(part.frequencies, first.frequencies, rtol=1e-6, atol=0):
-            raise DataError(
-                "parts on the same lines were asked",
-                f"part 1 has {first.lines} lines, {first.frequencies[0]:g} to {first.frequencies[-1]:g} Hz, "
-                f"part {number} {part.lines}, {part.frequencies[0]:g} to {part.frequencies[-1]:g} Hz",
-                "Estimate all parts with the same segment, or cut them to the same band.",
-            )
-    same = {"quantity": "quantity", "sampling_rate": "sampling rate", "added_damping": "exponential window"}
-    for name, words in same.items():
-        check_same(parts, name, words, "Convert the parts, with as_quantity(), or estimate them alike.")
-    table = _table(parts)
+            lines = (f"{p.lines} lines, {p.frequencies[0]:g} to {p.frequencies[-1]:g} Hz" for p in (first, part))
+            have = f"part 1 has {next(lines)}; part {number} {next(lines)}"
+            change = "Estimate all parts with the same segment, or cut them to the same band."
+            raise DataError("parts on the same lines were asked", have, change)
+    for name in ("quantity", "sampling_rate", "added_damping"):
+        _check_same(parts, name, "Convert the parts, with as_quantity(), or estimate them alike.")
+    union = _union(parts)
     variances = [part.variance for part in parts if part.variance is not None]
     averages = [part.averages for part in parts if part.averages is not None]
     return replace(
         first,
-        values=table.average([part.values for part in parts]),
-        variance=table.average(variances, power=2) if len(variances) == len(parts) else None,
-        coherence=_coherence(parts, table),
+        values=union.average([part.values for part in parts]),
+        variance=union.average(variances, power=2) if len(variances) == len(parts) else None,
+        coherence=_coherence(parts, union),
         averages=min(averages) if len(averages) == len(parts) else None,
-        **_labels(parts, table),
+        **_labels(parts, union),
     )
 
 
-def _coherence(parts: Sequence[FrequencyResponse], table: _Table) -> Array | None:
+def _coherence(parts: Sequence[FrequencyResponse], union: _Union) -> Array | None:
     """Return the mean coherence of every output when all parts have the same inputs, of every pair when not."""
     given = [part.coherence for part in parts if part.coherence is not None]
     if len(given) < len(parts):
@@ -145,7 +135,7 @@ def _coherence(parts: Sequence[FrequencyResponse], table: _Table) -> Array | Non
         np.broadcast_to(c[:, :, None] if c.ndim == 2 else c, part.values.shape)
         for c, part in zip(given, parts, strict=True)
     ]
-    merged = table.average(pairs)
+    merged = union.average(pairs)
     by_output = all(c.ndim == 2 for c in given) and len({part.input_dofs for part in parts}) == 1
     return merged[:, :, 0] if by_output else merged
 
@@ -153,34 +143,32 @@ def _coherence(parts: Sequence[FrequencyResponse], table: _Table) -> Array | Non
 def merge_pulses(parts: Sequence[ImpulseResponse]) -> ImpulseResponse:
     """Merge impulse responses as `merge_frf` does, over the samples that all have."""
     for name in ("kind", "sampling_rate", "first_sample", "quantity"):
-        check_same(parts, name, name.replace("_", " "), "Merge parts that were measured alike.")
-    table = _table(parts)
+        _check_same(parts, name, "Merge parts that were measured alike.")
+    union = _union(parts)
     count = min(part.samples for part in parts)
     direct = [part.feedthrough[None] for part in parts if part.feedthrough is not None]
     return replace(
         parts[0],
-        values=table.average([part.values[:count] for part in parts]),
-        feedthrough=table.average(direct)[0] if len(direct) == len(parts) else None,
-        **_labels(parts, table),
+        values=union.average([part.values[:count] for part in parts]),
+        feedthrough=union.average(direct)[0] if len(direct) == len(parts) else None,
+        **_labels(parts, union),
     )
 
 
-def _labels(parts: Sequence[Any], table: _Table) -> dict[str, Any]:
+def _labels(parts: Sequence[Any], union: _Union) -> dict[str, Any]:
     groups = {
         dof: label for part in parts if part.groups for dof, label in zip(part.input_dofs, part.groups, strict=True)
     }
     return {
-        "output_dofs": table.outputs,
-        "input_dofs": table.inputs,
-        "units": table.units,
-        "groups": tuple(groups.get(dof, dof) for dof in table.inputs) if groups else AUTO,
+        "output_dofs": union.outputs,
+        "input_dofs": union.inputs,
+        "units": union.units,
+        "groups": tuple(groups.get(dof, dof) for dof in union.inputs) if groups else AUTO,
         "geometry": next((part.geometry for part in parts if part.geometry is not None), None),
         "source_path": source_of(parts),
         "processing": (*parts[0].processing, f"merged from {len(parts)} parts by their labels"),
     }
 
-
-# ------------------------------------------------------------------------------------------------------------- merging
 
 Part = Signals | FrequencyResponse | ImpulseResponse
 Test = Records | Setups
@@ -188,7 +176,7 @@ Test = Records | Setups
 
 @named(inspect.signature(estimate_frf).parameters, inspect.signature(estimate_correlation).parameters)
 def merge(parts: Iterable[Part | Test], **options: Any) -> Part | Test:
-    """Put the runs of one test together, by the labels of their channels.
+    """Merge the runs of one test by the labels of their channels.
 
     Parameters
     ----------
@@ -200,11 +188,11 @@ def merge(parts: Iterable[Part | Test], **options: Any) -> Part | Test:
           rates and over the samples that all have; forces, by their units, are its inputs.
         - Records of the same outputs, but of other lengths or inputs, become `Records`.
         - Records of different outputs under measured forces (roving sensors) become one frequency response: `estimate_frf`
-          of each, put together.
+          of each, merged.
         - Records of different outputs without forces (ambient setups) become `Setups`, each of which is filtered to the band
-          before they are put together; with options of `estimate_correlation` one correlation at once: every setup is correlated with the
-          outputs that all setups share, and the other outputs are carried over to these common references (see `merge_setups`).
-        - Responses are put together output by output and input by input; pairs that several parts hold are averaged,
+          before they are merged; with options of `estimate_correlation` one correlation at once: every setup is correlated with the
+          outputs that all setups share, and the other outputs are transferred to these common references (see `merge_setups`).
+        - Responses are merged output by output and input by input; pairs that several parts have are averaged,
           weighted by their averages.
     **options
         Those of `estimate_frf` or `estimate_correlation`, for records of different outputs.
@@ -217,7 +205,7 @@ def merge(parts: Iterable[Part | Test], **options: Any) -> Part | Test:
     ------
     DataError
         Parts of different kinds, lines, sampling rates or quantities; no common reference; a pair of output and input that
-        no part holds.
+        no part has.
 
     Examples
     --------
@@ -238,17 +226,11 @@ def merge(parts: Iterable[Part | Test], **options: Any) -> Part | Test:
         check_kind("each part to merge", part, (FrequencyResponse, ImpulseResponse, Signals, Records, Setups))
     kinds = {type(part).__name__ for part in given}
     if len(kinds) > 1:
-        raise DataError(
-            "parts of one kind were asked",
-            f"there are {', '.join(sorted(kinds))}",
-            "Estimate responses from the records first, or merge each kind by itself.",
-        )
+        change = "Estimate responses from the records first, or merge each kind by itself."
+        raise DataError("parts of one kind were asked", f"there are {', '.join(sorted(kinds))}", change)
     if not isinstance(given[0], Signals) and options:
-        raise DataError(
-            f"{next(iter(options))} was asked",
-            "responses are merged without options",
-            "Leave it out, or merge the records.",
-        )
+        have = "responses are merged without options"
+        raise DataError(f"{next(iter(options))} was asked", have, "Leave it out, or merge the records.")
     if len(given) == 1:
         return given[0]
     if isinstance(given[0], Signals):
@@ -262,18 +244,19 @@ def merge(parts: Iterable[Part | Test], **options: Any) -> Part | Test:
 
 
 def _merge_records(parts: list[Signals], options: dict[str, Any]) -> Part | Test:
-    if not options and _is_a_channel_each(parts):
+    # files of one channel each, of different names: as setups they would have no common reference
+    labels = {dof for part in parts for dof in part.output_dofs}
+    single = all(part.runs == len(part.output_dofs) == 1 and part.inputs is None for part in parts)
+    if single and len(labels) == len(parts) and not options:
         return _side_by_side(parts)
     first = parts[0]
-    check_same(parts, "sampling_rate", "sampling rates", "Decimate the faster records.")
+    _check_same(parts, "sampling_rate", "Decimate the faster records.")
     if all(p.output_dofs == first.output_dofs for p in parts):
         alike = all(p.input_dofs == first.input_dofs for p in parts)
         if alike and options:
-            raise DataError(
-                f"{next(iter(options))} was asked",
-                "records of the same channels are stacked as runs, nothing is estimated",
-                "Give it to estimate_frf or estimate_correlation of the result.",
-            )
+            have = "records of the same channels are stacked as runs, without an estimate"
+            change = "Give it to estimate_frf or estimate_correlation of the result."
+            raise DataError(f"{next(iter(options))} was asked", have, change)
         if alike and len({p.samples for p in parts}) == 1:
             return _runs(parts)
         if not options:
@@ -283,24 +266,14 @@ def _merge_records(parts: list[Signals], options: dict[str, Any]) -> Part | Test
     if all(measured):
         return joined_frf(parts, **options)
     if any(measured):
-        raise DataError(
-            "records of one test were asked",
-            "some have inputs and others do not",
-            "Merge those with inputs and those without each by themselves.",
-        )
+        change = "Merge those with inputs and those without separately."
+        raise DataError("records of one test were asked", "some have inputs and others do not", change)
     setups = Setups(parts=tuple(parts))
     return merge_setups(correlations(setups, **options)) if options else setups
 
 
-def _is_a_channel_each(parts: Sequence[Signals]) -> bool:
-    """Whether each part is one run of one channel, of another name each: setups of one channel would share no reference."""
-    labels = [*(dof for part in parts for dof in part.output_dofs)]
-    single = all(part.runs == len(part.output_dofs) == 1 and part.inputs is None for part in parts)
-    return single and len(set(labels)) == len(parts)
-
-
 def _side_by_side(parts: Sequence[Signals]) -> Signals:
-    """Put channels that were stored a file each together as one record: at the lowest rate, over the samples that all have.
+    """Merge channels that were stored a file each into one record: at the lowest rate, over the samples that all have.
 
     Channels in units of a force are inputs.
     """
@@ -308,36 +281,31 @@ def _side_by_side(parts: Sequence[Signals]) -> Signals:
     ratios = [part.sampling_rate / slowest for part in parts]
     factors = [round(ratio) for ratio in ratios]
     if any(abs(ratio - factor) > 1e-6 * factor for ratio, factor in zip(ratios, factors, strict=True)):
-        check_same(parts, "sampling_rate", "sampling rates", "Resample them to one: --resample HZ.")
-    even = [_slower(part.by_run()[0][0, :, 0], factor) for part, factor in zip(parts, factors, strict=True)]
-    count = min(map(len, even))
-    values = np.stack([channel[:count] for channel in even], axis=1)
-    known = [in_si(part.units[0][0]) for part in parts]
-    forces = np.array([unit is not None and unit.kind == "force" for unit in known])
+        _check_same(parts, "sampling_rate", "Resample them to one: --resample HZ.")
+    channels = [_slower(part.by_run()[0][0, :, 0], factor) for part, factor in zip(parts, factors, strict=True)]
+    count = min(map(len, channels))
+    values = np.stack([channel[:count] for channel in channels], axis=1)
+    units = [in_si(part.units[0][0]) for part in parts]
+    forces = np.array([unit is not None and unit.kind == "force" for unit in units])
     if forces.all():
         forces[:] = False
-    said = [f"{len(parts)} records of one channel are one record: they are taken to begin together"]
-    said += [f"channels of higher rates were decimated to {slowest:g} Hz"] if max(factors) > 1 else []
-    said += (
-        [f"all were cut to the {count} samples of the shortest"] if len({len(channel) for channel in even}) > 1 else []
-    )
-
-    def of(which: Array) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        some = [part for part, taken in zip(parts, which, strict=True) if taken]
-        return tuple(part.output_dofs[0] for part in some), tuple(part.units[0][0] for part in some)
-
-    (outputs, output_units), (inputs, input_units) = of(~forces), of(forces)
+    processing = [f"merged from {len(parts)} records of one channel, assumed to begin at the same time"]
+    if max(factors) > 1:
+        processing.append(f"channels of higher rates decimated to {slowest:g} Hz")
+    if len({len(channel) for channel in channels}) > 1:
+        processing.append(f"all cut to the {count} samples of the shortest")
+    outputs, inputs = ([*itertools.compress(parts, which)] for which in (~forces, forces))
     return Signals(
         outputs=values[:, ~forces],
-        inputs=values[:, forces] if forces.any() else None,
+        inputs=values[:, forces] if inputs else None,
         sampling_rate=slowest,
-        quantities=tuple(part.quantities[0] for part, force in zip(parts, forces, strict=True) if not force),
-        output_dofs=outputs,
-        input_dofs=inputs,
-        units=(output_units, input_units),
+        quantities=tuple(part.quantities[0] for part in outputs),
+        output_dofs=tuple(part.output_dofs[0] for part in outputs),
+        input_dofs=tuple(part.output_dofs[0] for part in inputs),
+        units=(tuple(part.units[0][0] for part in outputs), tuple(part.units[0][0] for part in inputs)),
         geometry=next((part.geometry for part in parts if part.geometry is not None), None),
         source_path=source_of(parts),
-        processing=tuple(said),
+        processing=tuple(processing),
     )
 
 
@@ -353,8 +321,8 @@ def _slower(x: RealArray, factor: int) -> RealArray:
 
 def _runs(parts: list[Signals]) -> Signals:
     """Stack records of the same channels and length as runs."""
-    check_same(parts, "quantities", "quantities", "Convert the records to one.")
-    check_same(parts, "units", "units", "Convert the records to one.")
+    _check_same(parts, "quantities", "Convert the records to one.")
+    _check_same(parts, "units", "Convert the records to one.")
     records = [part.by_run() for part in parts]
     inputs = [u for _, u in records if u is not None]
     return replace(

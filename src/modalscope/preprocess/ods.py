@@ -25,7 +25,7 @@ def ods(
     *,
     input: str | int | None = None,
 ) -> ModalModel:
-    """Return the operating deflection shapes at one or more frequencies: the measured motion, of all modes together.
+    """Compute the operating deflection shapes at one or more frequencies: the measured motion, of all modes together.
 
     Of responses it is the column of one input at the nearest line, or of several inputs the first singular vector of the matrix of
     responses times its singular value. Of records without inputs it is the first singular vector of their cross spectra.
@@ -52,8 +52,8 @@ def ods(
     --------
     >>> from modalscope.systems import chain5
     >>> chain = chain5()
-    >>> found = ods(chain.frequency_response(np.linspace(0.1, 8, 80)), 0.9)
-    >>> print(found[0])
+    >>> shapes = ods(chain.frequency_response(np.linspace(0.1, 8, 80)), 0.9)
+    >>> print(shapes[0])
     0.9000 Hz, 0.000 %
     """
     check_kind("ods", data, (Signals, FrequencyResponse, ImpulseResponse))
@@ -64,13 +64,10 @@ def ods(
     span = (float(lines[0]), float(lines[-1]))
     outside = [f for f in asked if not span[0] <= f <= span[1]]
     if outside or not asked:
-        raise DataError(
-            f"deflection shapes at {', '.join(f'{f:g}' for f in asked) or 'no frequency'} Hz were asked",
-            f"the data go from {span[0]:g} to {span[1]:g} Hz",
-            "Ask for frequencies in between.",
-        )
+        asked_for = f"deflection shapes at {', '.join(f'{f:g}' for f in asked) or 'no frequency'} Hz were asked"
+        raise DataError(asked_for, f"the data go from {span[0]:g} to {span[1]:g} Hz", "Ask for frequencies in between.")
     index = np.array([int(np.argmin(np.abs(lines - f))) for f in asked])
-    text = "operating deflection shapes, not modes: all that moved at a frequency is in them"
+    text = "Operating deflection shapes, not modes: the motion of all modes at a frequency"
     labels = {name: value for name, value in data.labelled().items() if name in ("output_dofs", "geometry")}
     return ModalModel(
         poles=2j * np.pi * lines[index],
@@ -87,8 +84,8 @@ def _on_lines(data: Any, input: str | int | None) -> tuple[Array, Any]:
         if data.inputs is None:
             if input is not None:
                 raise DataError(f"input {input!r} was asked", "the records have no inputs", "Leave input out.")
-            found = decomposition(data)
-            return found.frequencies, lambda k: found.vectors[k, :, 0] * np.sqrt(found.singular_values[k, 0])
+            fdd = decomposition(data)
+            return fdd.frequencies, lambda k: fdd.vectors[k, :, 0] * np.sqrt(fdd.singular_values[k, 0])
         data = estimate_frf(data)
     lines, H = data.spectrum()
     if input is not None:

@@ -18,14 +18,12 @@ from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import noise_threshold
 from modalscope.preprocess.correlation import estimate_correlation
 
-#: Most columns of joined setups, and the energy of a significant correlation over that of its last quarter.
-_COLUMNS, _LOUD = 48, 3.0
+#: Maximum number of columns of joined setups, and the energy of a significant correlation over that of its last quarter.
+_MAX_COLUMNS, _SIGNIFICANT_ENERGY = 48, 3.0
 
-#: Default part of the lags that makes the state: a good part of a period of the slowest mode, short against what is fitted ...
-_PART = 5
-
-#: ... with at most so many rows; one lag in several is taken for that.
-_ROWS = 300
+#: By default the state spans the lags over this number: a good part of a period of the slowest mode, short against the fitted lags. It has
+#: at most so many rows, one lag in several.
+_LAGS_OVER_SPAN, _MAX_STATE_ROWS = 5, 300
 
 
 def correlations(setups: Setups, **options: Any) -> tuple[ImpulseResponse, ...]:
@@ -42,8 +40,8 @@ def joined_setups(setups: Setups) -> ImpulseResponse:
     are all channels of every setup, or, where these would be more than 48, the common references alone.
     """
     references, outputs = setups.references, setups.output_dofs
-    every = sum(len(part.output_dofs) for part in setups.parts) <= _COLUMNS
-    parts = correlations(setups, references=None if every else references)
+    few = sum(len(part.output_dofs) for part in setups.parts) <= _MAX_COLUMNS
+    parts = correlations(setups, references=None if few else references)
     count = significant_lags(parts)
     parts = tuple(replace(part, values=part.values[:count] / _level(part, references) ** 2) for part in parts)
     span, step = _span(parts, None, len(references))
@@ -66,6 +64,7 @@ def joined_setups(setups: Setups) -> ImpulseResponse:
 def _as_one(setups: Setups, parts: Sequence[ImpulseResponse], values: RealArray, lags: int) -> ImpulseResponse:
     """Return the columns of all setups as one correlation, with inputs labelled by setup."""
     groups = setups.groups and tuple(setups.groups[j] for j, part in enumerate(parts) for _ in part.input_dofs)
+    note = f"{len(parts)} setups merged through reference channels {', '.join(setups.references)}, {lags} lags"
     return ImpulseResponse(
         values=values,
         sampling_rate=setups.sampling_rate,
@@ -77,10 +76,7 @@ def _as_one(setups: Setups, parts: Sequence[ImpulseResponse], values: RealArray,
         groups=groups,
         geometry=setups.geometry,
         source_path=setups.source_path,
-        processing=(
-            *setups.processing,
-            f"{len(parts)} setups carried over to each other through {', '.join(setups.references)}, {lags} lags",
-        ),
+        processing=(*setups.processing, note),
     )
 
 
@@ -97,8 +93,8 @@ def significant_lags(parts: Sequence[ImpulseResponse]) -> int:
         energy += np.sum((part.values[:count] / np.where(size > 0, size, 1)) ** 2, axis=(1, 2))
     width = max(count // 20, 1)
     smooth = np.convolve(energy, np.full(width, 1 / width), mode="valid")
-    loud = np.flatnonzero(smooth > _LOUD * np.median(smooth[-max(len(smooth) // 4, 1) :]))
-    return int(loud[-1] + width) if loud.size else count
+    significant = np.flatnonzero(smooth > _SIGNIFICANT_ENERGY * np.median(smooth[-max(len(smooth) // 4, 1) :]))
+    return int(significant[-1] + width) if significant.size else count
 
 
 @named()
@@ -146,23 +142,20 @@ def merge_setups(parts: Sequence[ImpulseResponse], *, depth: int | None = None) 
             for row, dof in zip(M, roving, strict=True):
                 transferred.setdefault(dof, []).append(np.einsum("a,kar->kr", row, state))
     names = [*first.input_dofs, *transferred]
-    columns = [common[:lags], *(np.mean(each, axis=0)[:, None] for each in transferred.values())]
+    columns = [common[:lags], *(np.mean(rows, axis=0)[:, None] for rows in transferred.values())]
     units = {dof: unit for part in parts for dof, unit in zip(part.output_dofs, part.units[0], strict=True)}
     merged = np.concatenate(columns, axis=1)
     order = list(first.output_dofs) + [name for name in names if name not in first.output_dofs]
-    place = [names.index(name) for name in order]
+    note = f"{len(parts)} setups merged through reference channels {', '.join(first.input_dofs)}, {span + 1} lags deep; R(0) is dropped"
     return replace(
         first,
-        values=np.ascontiguousarray(merged[:, place]),
+        values=np.ascontiguousarray(merged[:, [names.index(name) for name in order]]),
         feedthrough=None,
         output_dofs=tuple(order),
         units=(tuple(units[dof] for dof in order), first.units[1]),
         geometry=next((part.geometry for part in parts if part.geometry is not None), None),
         source_path=source_of(parts),
-        processing=(
-            *first.processing,
-            f"{len(parts)} setups merged over the references {', '.join(first.input_dofs)}, {span + 1} lags deep; R(0) is not carried over",
-        ),
+        processing=(*first.processing, note),
     )
 
 
@@ -174,25 +167,19 @@ def _check(parts: Sequence[ImpulseResponse], depth: int | None) -> None:
     for number, part in enumerate(parts, 1):
         check_size(part)
         if part.input_dofs != first.input_dofs or part.sampling_rate != first.sampling_rate:
-            raise DataError(
-                "setups with the same references and sampling rate were asked",
-                f"setup 1 has {', '.join(first.input_dofs)} at {first.sampling_rate:g} Hz, setup {number} "
-                f"{', '.join(part.input_dofs)} at {part.sampling_rate:g} Hz",
-                "Correlate all setups with the same references.",
-            )
-        missing = [dof for dof in first.input_dofs if dof not in part.output_dofs]
+            own = (f"{', '.join(p.input_dofs)} at {p.sampling_rate:g} Hz" for p in (first, part))
+            have = f"setup 1 has {next(own)}, setup {number} {next(own)}"
+            change = "Correlate all setups with the same references."
+            raise DataError("setups with the same references and sampling rate were asked", have, change)
+        missing = ", ".join(dof for dof in first.input_dofs if dof not in part.output_dofs)
         if missing:
+            change = "Keep the references among the outputs of every setup."
             raise DataError(
-                "setups that hold all references as outputs were asked",
-                f"setup {number} lacks {', '.join(missing)}",
-                "Keep the references among the outputs of every setup.",
+                "setups with all references as outputs were asked", f"setup {number} lacks {missing}", change
             )
         if part.samples < least:
-            raise DataError(
-                f"setups with at least {least} lags were asked",
-                f"setup {number} has {part.samples}",
-                "Estimate the correlations with more lags.",
-            )
+            asked, change = f"setups with at least {least} lags were asked", "Estimate more lags."
+            raise DataError(asked, f"setup {number} has {part.samples}", change)
 
 
 def _rows(part: ImpulseResponse, dofs: Sequence[str]) -> RealArray:
@@ -212,8 +199,8 @@ def _span(parts: Sequence[ImpulseResponse], depth: int | None, references: int |
     if depth is not None:
         return depth - 1, 1
     lags = min(part.samples for part in parts)
-    step = -(-lags * (references or parts[0].values.shape[2]) // (_PART * _ROWS))
-    return max(lags // (_PART * step), 2) * step - step, step
+    step = -(-lags * (references or parts[0].values.shape[2]) // (_LAGS_OVER_SPAN * _MAX_STATE_ROWS))
+    return max(lags // (_LAGS_OVER_SPAN * step), 2) * step - step, step
 
 
 def _stacked(R: Array, span: int, step: int) -> RealArray:

@@ -13,11 +13,11 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray, check_count, check_kind
 from modalscope.preprocess.spectra import Segments, cross_spectra
 
-#: Prominence of a peak, a factor in power (6 dB).
+#: Minimum prominence of a peak, a factor in power (6 dB).
 _PROMINENCE = 4.0
 
-#: First vectors belong to a peak above this MAC; the decay is fitted between these parts of its start, on so many samples at least.
-_ALIKE, _ENDS, _FEWEST = 0.8, (0.9, 0.3), 5
+#: Minimum MAC of the first vectors of a peak's bell; the levels between which its decay is fitted, and the minimum number of samples there.
+_BELL_MAC, _DECAY_LEVELS, _MIN_DECAY_SAMPLES = 0.8, (0.9, 0.3), 5
 
 
 class DampedPeaks(NamedTuple):
@@ -82,13 +82,13 @@ class Decomposition(NamedTuple):
         frequency-spatial domain decomposition (FSDD) method", Mechanical Systems and Signal Processing 24, 2010.
         """
         places = self._peaks(count)
-        found = np.array([self._decay(place) for place in places]).reshape(-1, 2)
-        return DampedPeaks(found[:, 0], found[:, 1], np.ascontiguousarray(self.vectors[places, :, 0].T))
+        f, zeta = np.array([self._decay(place) for place in places]).reshape(-1, 2).T
+        return DampedPeaks(f, zeta, np.ascontiguousarray(self.vectors[places, :, 0].T))
 
     def _decay(self, place: int) -> tuple[float, float]:
         """Return frequency (Hz) and damping ratio of the bell around a line; the ratio is NaN where it has too few lines."""
         u = self.vectors[place, :, 0]
-        other = np.flatnonzero(np.abs(self.vectors[:, :, 0] @ u.conj()) ** 2 <= _ALIKE)
+        other = np.flatnonzero(np.abs(self.vectors[:, :, 0] @ u.conj()) ** 2 <= _BELL_MAC)
         first = int(np.max(other[other < place], initial=-1)) + 1
         last = int(np.min(other[other > place], initial=len(self.vectors)))
         power = np.einsum("fk,fk->f", self.singular_values, np.abs(np.einsum("flk,l->fk", self.vectors, u.conj())) ** 2)
@@ -98,9 +98,9 @@ class Decomposition(NamedTuple):
         window = scipy.signal.correlate(self.window, self.window)[self.window.size - 1 :][:lags]
         decay = np.fft.ifft(bell)[:lags] / (window / window[0])
         size = np.abs(decay) / np.abs(decay[0])
-        ends = np.flatnonzero(size < _ENDS[1])
-        used = np.arange(int(np.argmax(size < _ENDS[0])), int(ends[0]) if ends.size else 0)
-        if last - first < _FEWEST or used.size < _FEWEST:
+        ends = np.flatnonzero(size < _DECAY_LEVELS[1])
+        used = np.arange(int(np.argmax(size < _DECAY_LEVELS[0])), int(ends[0]) if ends.size else 0)
+        if last - first < _MIN_DECAY_SAMPLES or used.size < _MIN_DECAY_SAMPLES:
             return float(self.frequencies[place]), float("nan")
         step = (self.frequencies[1] - self.frequencies[0]) * self.window.size
         rate = -float(np.polyfit(used / step, np.log(size[used]), 1)[0])

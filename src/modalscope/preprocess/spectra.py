@@ -1,4 +1,4 @@
-"""Average cross spectral matrices over segments and runs.
+"""Compute spectra of records: cross spectral matrices averaged over segments and runs, and transforms of whole runs.
 
 A segment x_p (samples, channels) under a window w has the transform X_p(f) = sum_k w(k) x_p(k) exp(-j 2 pi f k / fs), and
 S(f) = 2 / (fs sum w^2) mean_p X_p X_p* is the one-sided power spectral density matrix, element (i, j) = E[X_i conj(X_j)].
@@ -13,6 +13,7 @@ import numpy as np
 import scipy
 from scipy import fft
 
+from modalscope.data.records import Signals
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_count
 from modalscope.numerics.errors import DataError, check_choice
 
@@ -20,10 +21,10 @@ from modalscope.numerics.errors import DataError, check_choice
 WINDOWS = ("none", "hann", "hamming", "flattop", "blackman", "blackmanharris", "tukey")
 
 #: Lines with less than this part of an input's largest power have no force, only rounding.
-_SILENT = 1e-20
+_SILENT_POWER = 1e-20
 
 #: Complex numbers transformed at a time (16 bytes each).
-_AT_ONCE = 2_000_000
+_MAX_NUMBERS = 2_000_000
 
 
 def check_window(window: str | None) -> str:
@@ -33,12 +34,6 @@ def check_window(window: str | None) -> str:
     return check_choice("window", window, WINDOWS)
 
 
-def window_samples(window: str, length: int) -> RealArray:
-    """Return the samples of a window by name, periodic as a spectrum needs it."""
-    name = check_window(window)
-    return np.asarray(scipy.signal.get_window("boxcar" if name == "none" else name, length))
-
-
 def segment_starts(samples: int, segment: int, overlap: float) -> list[int]:
     """Return the first samples of all whole segments of a run.
 
@@ -46,12 +41,11 @@ def segment_starts(samples: int, segment: int, overlap: float) -> list[int]:
     """
     check_count("segment", segment, least=2)
     if segment > samples:
-        raise DataError(
-            f"segments of {segment} samples were asked", f"a run has {samples}", f"Lower segment to at most {samples}."
-        )
+        change = f"Lower segment to at most {samples}."
+        raise DataError(f"segments of {segment} samples were asked", f"a run has {samples}", change)
     if not 0 <= overlap < 1:
         raise DataError(
-            f"overlap={overlap!r} was asked", "it is a part of a segment, 0 to below 1", "Give 0.5 for one half."
+            f"overlap={overlap!r} was asked", "it is a part of a segment, 0 to below 1", "Give 0.5 for half."
         )
     step = max(1, round(segment * (1 - overlap)))
     return list(range(0, samples - segment + 1, step))
@@ -71,8 +65,9 @@ class Segments(NamedTuple):
 
     @classmethod
     def of(cls, samples: int, length: int, overlap: float = 0.5, window: str = "hann") -> Segments:
-        """Return the whole segments of a run under a window by name; each shares a part `overlap` with the next."""
-        w = window_samples(window, length)
+        """Return the whole segments of a run under a (periodic) window by name; each shares a part `overlap` with the next."""
+        name = check_window(window)
+        w = np.asarray(scipy.signal.get_window("boxcar" if name == "none" else name, length))
         return cls(segment_starts(samples, length, overlap), w, w)
 
 
@@ -81,11 +76,6 @@ class Transform(NamedTuple):
 
     frequencies: RealArray
     apply: Callable[[Array], ComplexArray]
-
-
-def plain_transform(length: int, sampling_rate: float) -> Transform:
-    """Return the discrete Fourier transform of real segments, 0 Hz to half the sampling rate."""
-    return Transform(np.asarray(fft.rfftfreq(length, 1 / sampling_rate)), lambda x: np.asarray(fft.rfft(x, axis=1)))
 
 
 class CrossSpectra(NamedTuple):
@@ -110,12 +100,8 @@ class CrossSpectra(NamedTuple):
 
     def at_lines(self, lines: Array) -> CrossSpectra:
         """Return the spectra on some of the lines, given by a mask or by indices."""
-        return self._replace(
-            frequencies=self.frequencies[lines],
-            outputs=self.outputs[lines],
-            cross=self.cross[lines],
-            inputs=self.inputs[lines],
-        )
+        arrays = {name: getattr(self, name)[lines] for name in ("frequencies", "outputs", "cross", "inputs")}
+        return self._replace(**arrays)
 
 
 def effective_averages(window: RealArray, starts: list[int], runs: int) -> float:
@@ -136,7 +122,7 @@ def effective_averages(window: RealArray, starts: list[int], runs: int) -> float
 def silent_lines(spectra: CrossSpectra) -> Array:
     """Return (F,) whether an input has no power on a line but rounding."""
     power = np.einsum("fii->fi", spectra.inputs).real
-    return np.asarray(np.any(power <= _SILENT * power.max(axis=0), axis=1))
+    return np.asarray(np.any(power <= _SILENT_POWER * power.max(axis=0), axis=1))
 
 
 def _pieces(records: Array, segments: Segments, at_once: int) -> Iterator[Array]:
@@ -161,12 +147,14 @@ def cross_spectra(
     The records are real, or complex ones that were shifted in frequency (see `modalscope.preprocess.zoom`). The lines are those of the
     discrete Fourier transform by default. `whole` computes the whole matrix of the outputs instead of their powers.
     """
-    transform = plain_transform(segments.length, sampling_rate) if transform is None else transform
+    if transform is None:
+        lines_hz = fft.rfftfreq(segments.length, 1 / sampling_rate)
+        transform = Transform(lines_hz, lambda x: np.asarray(fft.rfft(x, axis=1)))
     inputs = np.zeros((*outputs.shape[:2], 0)) if inputs is None else inputs
     lines, l, m = transform.frequencies.size, outputs.shape[2], inputs.shape[2]
     Syy = np.zeros((lines, l, l) if whole else (lines, l), dtype=complex if whole else float)
     Syu, Suu = np.zeros((lines, l, m), dtype=complex), np.zeros((lines, m, m), dtype=complex)
-    at_once = max(1, _AT_ONCE // (segments.length * (l + m)))
+    at_once = max(1, _MAX_NUMBERS // (segments.length * (l + m)))
     pairs = zip(_pieces(outputs, segments, at_once), _pieces(inputs, segments, at_once), strict=True)
     for y, u in pairs:
         Y = transform.apply(y * segments.output_window[:, None]).transpose(1, 2, 0)  # (F, l, p)
@@ -177,7 +165,10 @@ def cross_spectra(
         Syy += Y @ np.conj(Y).transpose(0, 2, 1) if whole else np.sum(np.abs(Y) ** 2, axis=2)
     count = outputs.shape[0] * len(segments.starts)
     density = 2 / (sampling_rate * float(np.sum(segments.output_window**2)) * count)
-    scale = _one_sided(transform.frequencies, sampling_rate, np.iscomplexobj(outputs)) * density
+    scale = np.full(lines, density)
+    if not np.iscomplexobj(outputs):  # lines of real records include their negative frequencies, except at both ends
+        f = transform.frequencies
+        scale[(f == 0) | (np.abs(f - sampling_rate / 2) < 1e-9 * sampling_rate)] *= 0.5
     return CrossSpectra(
         frequencies=transform.frequencies,
         outputs=Syy * (scale[:, None, None] if whole else scale[:, None]),
@@ -188,9 +179,29 @@ def cross_spectra(
     )
 
 
-def _one_sided(frequencies: RealArray, sampling_rate: float, shifted: bool) -> RealArray:
-    """Return 1 for lines that include their negative frequencies, and 1/2 at 0 Hz and half the sampling rate."""
-    scale = np.ones(frequencies.size)
-    if not shifted:
-        scale[(frequencies == 0) | (np.abs(frequencies - sampling_rate / 2) < 1e-9 * sampling_rate)] = 0.5
-    return scale
+class Spectrum(NamedTuple):
+    """Transforms (R, lines, l) of the outputs of all runs, without straight lines and under a Hann window.
+
+    The squares of `lines` are powers, relative to a power of two near the largest sample, so that they do not overflow; `step` is their
+    distance in Hz, `power` that of all outputs, `rate` the sampling rate.
+    """
+
+    lines: ComplexArray
+    step: float
+    power: float
+    rate: float
+
+    @classmethod
+    def of(cls, signals: Signals) -> Spectrum:
+        """Compute the spectrum of a record."""
+        outputs, _ = signals.by_run()
+        largest = max(float(np.max(outputs, initial=0.0)), -float(np.min(outputs, initial=0.0)))
+        y = outputs / (np.ldexp(1.0, int(np.frexp(largest)[1]) - 1) if largest else 1.0)
+        t = np.arange(y.shape[1]) - (y.shape[1] - 1) / 2
+        slope = (t @ y) / max(float(t @ t), 1.0)
+        y -= y.mean(axis=1, keepdims=True)
+        y -= t[:, None] * slope[:, None, :]
+        power = float(np.einsum("rnl,rnl->", y, y)) / (len(y) * y.shape[1])
+        window = scipy.signal.get_window("hann", y.shape[1])
+        y *= (window * np.sqrt(2 / (y.shape[1] * float(window @ window))))[:, None]
+        return cls(np.asarray(fft.rfft(y, axis=1)), signals.sampling_rate / y.shape[1], power, signals.sampling_rate)

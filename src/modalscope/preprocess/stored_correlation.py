@@ -1,4 +1,4 @@
-"""Compute correlations of records in files: sums of lagged products over stretches, by an executor, saved as they grow."""
+"""Sum lagged products y(t + k) y_ref(t)' over chunks of a record, by short transforms; those of stored records by an executor."""
 
 from __future__ import annotations
 
@@ -18,24 +18,27 @@ from modalscope.numerics.executors import each, executor
 from modalscope.numerics.resources import allowed_memory, check_fits, fetched, namespace, one_thread
 from modalscope.numerics.sums import SavedSums
 
-# ------------------------------------------------------------------------------------------------------------ lag sums
-# Sums of products y(t + k) y_ref(t)' over chunks of a record, by short transforms; they add over chunks.
+#: Samples of a block over the lags, so that little of a transform is padding, and their minimum; a transform stays in the cache.
+_BLOCK_OVER_LAGS, _MIN_BLOCK = 4, 1024
 
-#: Times of a block over the lags, so that little of a transform is padding, and its least length; it stays in the cache.
-_TIMES_LAGS, _LEAST = 4, 1024
-
-#: Complex numbers in the cross spectra that are summed, and in the transforms of the blocks of one matrix product.
-_SUMMED, _TOGETHER = 8_000_000, 2_000_000
+#: Maximum number of complex numbers: in the cross spectra that are summed, and in the transforms of the blocks of one matrix product.
+_MAX_CROSS_SPECTRA, _MAX_TRANSFORMS = 8_000_000, 2_000_000
 
 #: Blocks that make a matrix product efficient, and numbers up to which more of them are taken.
-_ENOUGH, _SMALL = 12, 300_000
+_EFFICIENT_BLOCKS, _FEW_NUMBERS = 12, 300_000
 
 #: Cross spectra that are summed at a time: they stay in the cache.
-_IN_CACHE = 15_000
+_CACHED_CROSS_SPECTRA = 15_000
+
+#: Samples times channels that a task reads in turn, and in memory at a time: a task takes some seconds.
+_TASK_NUMBERS, _NUMBERS_IN_MEMORY = 64_000_000, 8_000_000
+
+#: Copies of a piece of the record, and of its sums, in memory at a time: as read, with a column of ones, and transformed.
+_COPIES = 6
 
 
 class LagSum:
-    """Sum over t of y(t + k) y_ref(t)', k = 0 ... lags, of the products that were added.
+    """Sum over t of y(t + k) y_ref(t)', k = 0 ... lags, of the products that were added; sums of chunks add up.
 
     Every block is padded with zeros, so that no product wraps around. The cross spectra of the blocks are summed and transformed back
     once, at the end where those of all references take little memory.
@@ -56,7 +59,7 @@ class LagSum:
     def __init__(self, channels: int, references: Sequence[int], lags: int, mean: RealArray | None = None) -> None:
         self.channels, self.references, self.lags = channels, tuple(references), lags
         self.mean = np.zeros(channels) if mean is None else mean
-        self._length = int(fft.next_fast_len(max(_TIMES_LAGS * lags, _LEAST) + lags, real=True))
+        self._length = int(fft.next_fast_len(max(_BLOCK_OVER_LAGS * lags, _MIN_BLOCK) + lags, real=True))
         self._block = self._length - lags
         self._sums: RealArray = np.zeros((lags + 1, channels, len(self.references)))
         self._cross: ComplexArray | None = None  # of all references, where it is small: transformed back at the end
@@ -65,14 +68,14 @@ class LagSum:
         """Add the products of the first `times` rows of a chunk (rows, l), by default all, with the rows up to `lags` later."""
         used = len(chunk) if times is None else times
         count, lines = len(self.references), self._length // 2 + 1
-        together = max(_SUMMED // (lines * self.channels), 1)
-        if together >= count:
+        step = max(_MAX_CROSS_SPECTRA // (lines * self.channels), 1)  # references at a time
+        if step >= count:
             if self._cross is None:
                 self._cross = np.zeros((lines, self.channels, count), dtype=complex)
             self._sum_spectra(self._cross, chunk, used, list(self.references))
             return
-        for first in range(0, count, together):
-            columns = list(self.references[first : first + together])
+        for first in range(0, count, step):
+            columns = list(self.references[first : first + step])
             cross = np.zeros((lines, self.channels, len(columns)), dtype=complex)
             self._sum_spectra(cross, chunk, used, columns)
             self._sums[:, :, first : first + len(columns)] += self._back(cross)
@@ -90,7 +93,7 @@ class LagSum:
             ahead, behind = fft.rfft(later, axis=1), fft.rfft(now, axis=1)
             np.conjugate(behind, out=behind)
             y, y_now = ahead.transpose(1, 2, 0), behind.swapaxes(0, 1)
-            step = max(_IN_CACHE // total[0].size, 1)
+            step = max(_CACHED_CROSS_SPECTRA // total[0].size, 1)
             for k in range(0, len(total), step):
                 total[k : k + step] += y[k : k + step] @ y_now[k : k + step]
 
@@ -98,17 +101,17 @@ class LagSum:
         """Yield blocks with the samples after them, (blocks, length, l), and the references of the blocks alone, padded with zeros."""
         starts = range(0, times, self._block)
         size = self._length * self.channels
-        together = max(_SMALL // size, min(_TOGETHER // size, _ENOUGH), 1)
-        later = np.zeros((min(together, len(starts)), self._length, self.channels))
+        step = max(_FEW_NUMBERS // size, min(_MAX_TRANSFORMS // size, _EFFICIENT_BLOCKS), 1)
+        later = np.zeros((min(step, len(starts)), self._length, self.channels))
         now = np.zeros((len(later), self._length, len(columns)))
-        for k in range(0, len(starts), together):
-            some = starts[k : k + together]
-            for i, start in enumerate(some):
+        for k in range(0, len(starts), step):
+            group = starts[k : k + step]
+            for i, start in enumerate(group):
                 rows, count = chunk[start : start + self._length], min(self._block, times - start)
                 np.subtract(rows, self.mean, out=later[i, : len(rows)])
                 np.take(later[i, :count], columns, axis=1, out=now[i, :count], mode="clip")  # without a copy
                 later[i, len(rows) :], now[i, count:] = 0, 0
-            yield later[: len(some)], now[: len(some)]
+            yield later[: len(group)], now[: len(group)]
 
     def merge(self, other: LagSum) -> None:
         """Add the sums of another."""
@@ -127,15 +130,6 @@ def _cross_spectra(later: Any, now: Any) -> ComplexArray:
     xp = namespace(later)
     ahead, behind = xp.fft.rfft(later, axis=1), xp.fft.rfft(now, axis=1)
     return fetched(xp.permute_dims(ahead, (1, 2, 0)) @ xp.conj(xp.permute_dims(behind, (1, 0, 2))))
-
-
-# ------------------------------------------------------------------------------------------------------ stored records
-
-#: Samples times channels that a task reads in turn, and in memory at a time: a task takes some seconds.
-_TASK, _IN_MEMORY = 64_000_000, 8_000_000
-
-#: Copies of a piece of the record, and of its sums, in memory at a time: as read, with a column of ones, and transformed.
-_COPIES = 6
 
 
 class Stretch(NamedTuple):
@@ -170,18 +164,18 @@ def lag_sums(record: StoredSignals, references: tuple[int, ...], lags: int, edge
         8.0 * np.prod(shape) * (1 + 2 / blocks) + 8.0 * _COPIES * channels * (lags + 1),
         "Lower lags, or give fewer references.",
     )
-    opening = record.part(0, min(record.samples, max(_IN_MEMORY // channels, 2)))
+    opening = record.part(0, min(record.samples, max(_NUMBERS_IN_MEMORY // channels, 2)))
     check_size(opening)
     offset = opening.outputs.mean(axis=0)
     # few samples at a time against the allowed memory, and many against the lags
-    most = min(_IN_MEMORY, allowed_memory() // (8 * _COPIES * 4))
+    most = min(_NUMBERS_IN_MEMORY, allowed_memory() // (8 * _COPIES * 4))
     chunk = max(int(most) // channels, 2 * lags, 2)
     work = partial(_sum_over, record, references, lags, offset, chunk)
     tasks = stretches(edges, channels)
     saved = SavedSums(executor().folder, f"{record.rows.identity} {key}", shape, len(tasks))
-    found = _centred(_all_sums(work, tasks, saved), record.samples)
-    _latest[record] = (key, found)
-    return found
+    sums = _centred(_all_sums(work, tasks, saved), record.samples)
+    _latest[record] = (key, sums)
+    return sums
 
 
 def stretches(edges: tuple[int, ...], channels: int) -> list[Stretch]:
@@ -194,7 +188,7 @@ def stretches(edges: tuple[int, ...], channels: int) -> list[Stretch]:
     """
     tasks: list[Stretch] = []
     for block, (start, stop) in enumerate(itertools.pairwise(edges)):
-        pieces = max(-(-(stop - start) * channels // _TASK), 1)
+        pieces = max(-(-(stop - start) * channels // _TASK_NUMBERS), 1)
         cuts = np.linspace(start, stop, pieces + 1).round().astype(int)
         tasks += [Stretch(len(tasks) + k, block, int(a), int(b)) for k, (a, b) in enumerate(itertools.pairwise(cuts))]
     return tasks

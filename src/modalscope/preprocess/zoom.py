@@ -1,4 +1,8 @@
-"""Compute the spectrum of a narrow band at fine resolution, by the chirp-z transform or by frequency shift and decimation."""
+"""Compute the spectrum of a narrow band at fine resolution, by the chirp-z transform or by frequency shift and decimation.
+
+The chirp transform is not that of SciPy, which does not reduce phases in integers: its error is 1e-10 for 16 000 samples, 1e-8 for two
+million.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +18,8 @@ from modalscope.preprocess.spectra import Transform
 
 ZOOMS = ("chirp-z", "decimation")
 
-#: Stop-band of the low-pass behind the frequency shift, dB.
-_STOP = 100.0
+#: Attenuation of the low-pass behind the frequency shift, dB.
+_STOP_BAND = 100.0
 
 
 def zoom_lines(band: tuple[float, float], length: int, sampling_rate: float, lines: int | None) -> RealArray:
@@ -25,21 +29,18 @@ def zoom_lines(band: tuple[float, float], length: int, sampling_rate: float, lin
     """
     low, high = float(band[0]), float(band[1])
     if not 0 <= low < high <= sampling_rate / 2:
+        have = f"the record contains 0 to {sampling_rate / 2:g} Hz"
         raise DataError(
-            f"a zoom into {low:g} to {high:g} Hz was asked",
-            f"the record holds 0 to {sampling_rate / 2:g} Hz",
-            "Give the lower end first, within that range.",
+            f"a zoom into {low:g} to {high:g} Hz was asked", have, "Give the lower end first, within these."
         )
     if lines is not None:
         return np.linspace(low, high, check_count("zoom_lines", lines, least=2))
     step = sampling_rate / length
     first, last = int(np.ceil(low / step - 1e-9)), int(np.floor(high / step + 1e-9))
     if last <= first:
-        raise DataError(
-            f"a zoom into {low:g} to {high:g} Hz was asked",
-            f"segments of {length} samples give one line every {step:g} Hz, fewer than two of them inside",
-            "Lengthen segment, widen the band, or give zoom_lines.",
-        )
+        have = f"segments of {length} samples give lines {step:g} Hz apart, fewer than two inside"
+        change = "Lengthen segment, widen the band, or give zoom_lines."
+        raise DataError(f"a zoom into {low:g} to {high:g} Hz was asked", have, change)
     return np.asarray(np.arange(first, last + 1) * step, dtype=float)
 
 
@@ -110,7 +111,7 @@ def heterodyne(
     middle = round(float(frequencies[0] + frequencies[-1]) / 2 / step)
     rate = sampling_rate / factor
     # the pass-band is the band; frequencies from rate - width / 2 on would alias into it
-    taps, beta = scipy.signal.kaiserord(_STOP, (rate - width) / (sampling_rate / 2))
+    taps, beta = scipy.signal.kaiserord(_STOP_BAND, (rate - width) / (sampling_rate / 2))
     low_pass = np.ones(1)
     if factor > 1:
         low_pass = scipy.signal.firwin(taps | 1, rate / 2, window=("kaiser", beta), fs=sampling_rate)

@@ -7,7 +7,7 @@ import pytest
 import scipy
 
 from modalscope.data import Signals
-from modalscope.preprocess.bands import Levels, levels_of
+from modalscope.preprocess.spectral_peaks import Levels, levels_of
 from tests.judging.ambient_records import random_structure
 
 

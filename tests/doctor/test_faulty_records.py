@@ -17,8 +17,8 @@ from modalscope.doctor.responses import odd_phases
 from modalscope.doctor.samples import jumps, lone_outputs, wraps
 from modalscope.preprocess.impacts import clipped_samples
 from modalscope.systems import chain5, over4
-from tests.preprocess import spoilt
-from tests.preprocess.spoilt import FAULTS, is_found, sound
+from tests.doctor import faulty_records
+from tests.doctor.faulty_records import FAULTS, is_found, sound
 from tests.studies import Study
 
 
@@ -43,7 +43,7 @@ def test_faults_that_move_a_mode_by_its_deviation_are_found(name: str, study: Ca
     fault = FAULTS[name]
     table = study(f"fault: {name}, strength {fault.strengths[2]:g}", "10 records, seeds 0 to 9")
     count = sum(is_found(fault, seed, fault.strengths[2]) for seed in range(10))
-    table.row("found, of 10", count, least=spoilt.FOUND.get(name, 10))
+    table.row("found, of 10", count, least=faulty_records.FOUND.get(name, 10))
     assert not table.missed
 
 
@@ -77,7 +77,7 @@ def test_coarse_steps_are_not_clipped() -> None:
 
 @pytest.mark.parametrize("samples", [-1.5, 0.4, 3.0])
 def test_a_delay_is_told_in_seconds_with_its_sign(samples: float) -> None:
-    record = spoilt.late(spoilt.ambient(0), samples, np.random.default_rng(0))
+    record = faulty_records.late(faulty_records.ambient(0), samples, np.random.default_rng(0))
     (found,) = delayed(record)
     assert found.channels == (record.output_dofs[1],)
     told = float(found.reason.split("s, ")[1].split()[0])
@@ -93,24 +93,24 @@ def test_what_dampers_do_is_no_delay() -> None:
 
 
 def test_a_force_among_the_outputs_is_found_and_named() -> None:
-    record = spoilt.exchanged(spoilt.shaken(3), 0.0, np.random.default_rng(0))
+    record = faulty_records.exchanged(faulty_records.shaken(3), 0.0, np.random.default_rng(0))
     (found,) = exchanged(record)
     assert record.output_dofs[1] in found.channels
-    assert exchanged(spoilt.shaken(3)) == []
+    assert exchanged(faulty_records.shaken(3)) == []
 
 
 def test_a_hit_whose_force_lost_its_top_is_told_by_its_outputs() -> None:
-    record = spoilt.overloaded(spoilt.hit(3), 0.9, np.random.default_rng(0))
+    record = faulty_records.overloaded(faulty_records.hit(3), 0.9, np.random.default_rng(0))
     (found,) = examine(record)
     assert found.kind == "overload"
     assert "hit 3: outputs are " in found.reason
-    assert examine(spoilt.hit(3)) == ()
+    assert examine(faulty_records.hit(3)) == ()
 
 
 def test_noise_of_half_a_channel_is_seen_in_what_nothing_else_tells() -> None:
-    record = spoilt.ambient(1)
+    record = faulty_records.ambient(1)
     assert examine(record) == ()
-    (found,) = examine(spoilt.noisy(record, 0.5, np.random.default_rng(0)))
+    (found,) = examine(faulty_records.noisy(record, 0.5, np.random.default_rng(0)))
     assert found.kind == "noisy"
     assert "follows from no other sample" in found.reason
 
@@ -163,7 +163,7 @@ def test_a_sample_is_weighed_against_all_others_as_the_inverse_covariance_does()
 
 
 def test_one_number_that_was_added_is_told_with_what_it_should_be() -> None:
-    record = spoilt.ambient(2)
+    record = faulty_records.ambient(2)
     y = np.array(record.outputs)
     y[7000, 1] += 2 * y[:, 1].std()
     (found,) = lone_outputs(replace(record, outputs=y))
@@ -177,12 +177,12 @@ def test_one_number_that_was_added_is_told_with_what_it_should_be() -> None:
 @pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration"])
 def test_sound_phases_are_not_odd(quantity: str) -> None:
     for noise in (0.001, 0.1, 0.5):
-        response = chain5().frequency_response(spoilt.LINES, quantity=quantity, noise=noise, seed=0)
+        response = chain5().frequency_response(faulty_records.LINES, quantity=quantity, noise=noise, seed=0)
         assert odd_phases(response) == []
 
 
 def test_a_finding_about_lines_outside_the_band_says_so() -> None:
-    response = spoilt.outlier(spoilt.lines(0), 100.0, np.random.default_rng(3))
+    response = faulty_records.outlier(faulty_records.lines(0), 100.0, np.random.default_rng(3))
     (found,) = [finding for finding in examine(response) if finding.kind == "lone lines"]
     lowest = min(found.frequencies)
     assert "no line of the band 0.2 to 0.25 Hz is concerned" in found.beside([(0.2, 0.25)]).reason

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.signal
 
 from modalscope.data import Signals
-from modalscope.preprocess.bands import NOISE, UNSEEN, levels_of, noise_notes
+from modalscope.preprocess.spectral_peaks import NOISE, UNSEEN, levels_of, noise_notes
 from tests.judging.ambient_records import random_structure
 
 
@@ -28,7 +28,7 @@ def test_noise_in_a_band_is_noise_there() -> None:
     note = noise_notes(levels_of(Signals(outputs=y, sampling_rate=100.0)), (5.0, 20.0))[0]
     assert note.kind == NOISE
     assert 5 <= note.numbers["lowest_hz"] < note.numbers["highest_hz"] <= 20
-    assert "nothing but noise in" in str(note)
+    assert "Only noise in" in str(note)
 
 
 def test_coloured_noise_is_not_white_and_nothing_stands_out() -> None:
