@@ -18,7 +18,7 @@ from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
-from modalscope.data.shown import Shown, counted, summary_of
+from modalscope.data.shown import Shown, counted, summary_of, text_table
 from modalscope.identification.pipeline import factor
 from modalscope.identification.prepare import Measured, pose
 from modalscope.identification.refine import refine
@@ -303,8 +303,7 @@ class Certificate(Shown):
             parts += [f"{self.damping_ratio[k][j]:.2f}" for k in ("bias", "ratio", "coverage")]
             verdict = "holds" if self.holds[j] else "does not hold"
             rows.append((str(j + 1), f"{f:.4f}", *parts, f"{self.found[j]} of {self.replicates[j]}", verdict))
-        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        return "\n".join("  ".join(cell.rjust(w) for cell, w in zip(row, widths, strict=True)) for row in rows)
+        return text_table(rows)
 
 
 def calibration(truth: ModalModel, found: RealArray) -> Calibration:

@@ -258,6 +258,7 @@ def table_of(found: Sequence[tuple[str, ModalModel]], reference: ModalModel | No
     """
     import numpy as np
 
+    from modalscope.data.shown import text_table
     from modalscope.modal.pairing import pair_modes
 
     first = next((modes for _, modes in found if len(modes)), None) if reference is None else reference
@@ -278,11 +279,8 @@ def table_of(found: Sequence[tuple[str, ModalModel]], reference: ModalModel | No
         own = [f"{f:.4f} Hz {100 * z:.3f} %" for f, z in zip(first.frequencies, first.damping_ratios, strict=True)]
         columns.insert(0, ["reference", *own])
     columns.insert(0, ["mode", *(str(i + 1) for i in range(len(first)))])
-    widths = [max(map(len, column)) for column in columns]
-    rows = ["  ".join(cell.rjust(w) for cell, w in zip(row, widths, strict=True)) for row in zip(*columns, strict=True)]
-    scatter = [_scatter(f[np.isfinite(f)]) for f in frequencies.T]
-    rows = [rows[0] + "   scatter of f", *(f"{row}   {text}" for row, text in zip(rows[1:], scatter, strict=True))]
-    return "\n".join([*rows, *others])
+    columns.append(["scatter of f", *(_scatter(f[np.isfinite(f)]) for f in frequencies.T)])
+    return "\n".join([text_table(zip(*columns, strict=True), left=(len(columns) - 1,)), *others])
 
 
 def _scatter(f: RealArray) -> str:

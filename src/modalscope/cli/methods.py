@@ -15,10 +15,9 @@ def add(commands: Commands) -> None:
 
 def run(_: argparse.Namespace) -> None:
     """Print the table of methods."""
+    from modalscope.data.shown import text_table
     from modalscope.identification.table import methods
 
     rows = [("name", "method", "domain", "realization", "report", "known as")]
     rows += [(m.common, m.name, m.domain, m.realization, m.section, "; ".join(m.known_as)) for m in methods()]
-    widths = [max(len(row[k]) for row in rows) for k in range(5)]
-    for row in rows:
-        print("  ".join([*(cell.ljust(w) for cell, w in zip(row, widths, strict=False)), row[5]]).rstrip())
+    print(text_table(rows, left=range(6)))

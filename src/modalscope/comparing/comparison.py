@@ -34,7 +34,7 @@ from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.setups import Setups, as_test
-from modalscope.data.shown import Shown, cells_of, summary_of
+from modalscope.data.shown import Shown, cells_of, summary_of, text_table
 from modalscope.identification.method import Method
 from modalscope.identification.options import AllOptions
 from modalscope.identification.prepare import Data, Measured, pose
@@ -195,7 +195,7 @@ class Comparison(Shown):
             for k, (g, t) in enumerate(zip(self.groups, self.trust, strict=True))
         ]
         lead = f"Consensus (+-: the truth within it in {100 * LEVEL:g} %, by the noise and by what methods disagree beyond it)"
-        return _aligned([head, *rows], lead) if rows else "No mode in common."
+        return f"{lead}\n{text_table([head, *rows], (0,))}" if rows else "No mode in common."
 
     def _methods_table(self) -> str:
         head = ["method", "modes", "fit error [%]", "seconds", ""]
@@ -208,7 +208,7 @@ class Comparison(Shown):
             if not explains_enough(r.fit_error):
                 note = f"EXPLAINS ONLY {100 * share_explained(r.fit_error):.0f} %" + (f"; {note}" if note else "")
             rows.append([r.label, str(len(r.modes)), f"{100 * r.fit_error:.2f}", f"{r.seconds:.1f}", note])
-        return _aligned([head, *rows], "Methods", left=(0, 4))
+        return f"Methods\n{text_table([head, *rows], (0, 4))}"
 
     def _each_tables(self) -> list[str]:
         """Return what every method says of every mode, as tables of a few modes: lines that wrap cannot be read."""
@@ -229,18 +229,8 @@ class Comparison(Shown):
             ]
             for name in names
         ]
-        return _aligned([head, *rows], "Every method" if modes[0] == 0 else "Every method, further modes")
-
-
-def _aligned(rows: list[list[str]], lead: str, left: tuple[int, ...] = (0,)) -> str:
-    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    lines = [
-        "  ".join(
-            cell.ljust(w) if k in left else cell.rjust(w) for k, (cell, w) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
-    return "\n".join([lead, *lines])
+        lead = "Every method" if modes[0] == 0 else "Every method, further modes"
+        return f"{lead}\n{text_table([head, *rows], (0,))}"
 
 
 @summary_of.register

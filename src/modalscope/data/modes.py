@@ -15,6 +15,7 @@ from modalscope.data.mode_fields import COLUMNS, ModeFields, mode_indices
 from modalscope.data.mode_table import cells_of_modes, known_columns
 from modalscope.data.response import CORRELATED, UNTOLD
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
+from modalscope.data.shown import text_table
 from modalscope.numerics.arguments import between, named
 from modalscope.numerics.checks import ComplexArray, RealArray, check_positive
 from modalscope.numerics.errors import DataError
@@ -362,9 +363,7 @@ class ModalModel(ModeFields):
 
     def table(self) -> str:
         """Return the modes as a text table: frequency, damping, spread over orders, indicators."""
-        rows = cells_of_modes(self)
-        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        return "\n".join("  ".join(cell.rjust(w) for cell, w in zip(row, widths, strict=True)) for row in rows)
+        return text_table(cells_of_modes(self))
 
     def to_dataframe(self) -> Any:
         """Return the table as a pandas DataFrame, in the columns of the files.

@@ -5,7 +5,7 @@ What users wrote is escaped; the pictures are lines of SVG, made of at most a fe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Iterable, Sequence
 from functools import singledispatch
 from html import escape
 from importlib import import_module
@@ -91,6 +91,23 @@ def counted(number: int, word: str) -> str:
     ('1 mode', '2 modes')
     """
     return f"{number} {word}" + ("" if number == 1 else "s")
+
+
+def text_table(rows: Iterable[Sequence[str]], left: Container[int] = ()) -> str:
+    """Return rows of cells as lines of text, columns aligned to the right; those counted in `left` to the left.
+
+    Examples
+    --------
+    >>> print(text_table([("mode", "f [Hz]"), ("1", "0.906")]))
+    mode  f [Hz]
+       1   0.906
+    """
+    columns = [
+        [cell.ljust(width) if k in left else cell.rjust(width) for cell in column]
+        for k, column in enumerate(zip(*rows, strict=True))
+        for width in [max(map(len, column))]
+    ]
+    return "\n".join("  ".join(row).rstrip() for row in zip(*columns, strict=True))
 
 
 def html_table(rows: Sequence[Sequence[str]]) -> str:

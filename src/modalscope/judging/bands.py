@@ -15,6 +15,7 @@ from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.functions.poles import frequencies_and_damping
 from modalscope.identification.stabilize import ORDERS_END
+from modalscope.judging.selection_problem import MAX_DAMPING_OF_RESONANCES
 from modalscope.modal.indicators import mac
 from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.arguments import named
@@ -124,9 +125,6 @@ _REACH, _OVERLAP = 10.0, 0.1
 #: A part has so many lines at least, two for every order that is tried by default, so that the data and not the lines end it.
 _FEWEST = 160
 
-#: With more damping than this a pole stands for what lies outside the band, not for a resonance in it.
-_DAMPED = 0.1
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Part:
@@ -196,7 +194,7 @@ def _resonances(diagram: StabilizationDiagram, low: float, high: float) -> tuple
     """Return frequencies and damping ratios of the lightly damped poles of the order that fits best, by frequency."""
     best = diagram.orders[int(np.argmin(diagram.fit_errors))]
     f, zeta = frequencies_and_damping(diagram.poles[(diagram.order_of_pole == best) & (diagram.poles.imag > 0)])
-    kept = (f > low) & (f < high) & (zeta > 0) & (zeta < _DAMPED)
+    kept = (f > low) & (f < high) & (zeta > 0) & (zeta < MAX_DAMPING_OF_RESONANCES)
     order = np.argsort(f[kept])
     return f[kept][order], zeta[kept][order]
 

@@ -15,7 +15,7 @@ from scipy.linalg.lapack import dpotrf, dtrtri
 from scipy.special import ndtri
 
 from modalscope.functions.poles import frequencies_and_damping, overlap
-from modalscope.judging.selection_problem import SelectionProblem
+from modalscope.judging.selection_problem import MAX_DAMPING_OF_RESONANCES, SelectionProblem
 from modalscope.likelihood.descent import Descent
 from modalscope.likelihood.matched import amplitudes_by_channel, apart, grid_of
 from modalscope.likelihood.reference_model import parts_of_level
@@ -299,9 +299,6 @@ _UNLIKE = 0.5
 #: sqrt(15) sqrt(5 / 16): the third order of a shift, see `beyond_shifts`.
 _THIRD = 2.165
 
-#: With more damping than this a peak of what is left may stand for modes outside the band.
-_DAMPED = 0.1
-
 
 def inverse(B: Array) -> Array:
     """Return the inverse of what symmetric matrices (..., n, n) know; of those that have nothing but rounding, zero."""
@@ -404,7 +401,7 @@ class Recount:
         """
         poles, (low, high) = self.descent.point.poles[which], self.selection.band
         f, zeta = frequencies_and_damping(poles)
-        may = np.flatnonzero((f >= low) & (f <= high) & (zeta < _DAMPED))
+        may = np.flatnonzero((f >= low) & (f <= high) & (zeta < MAX_DAMPING_OF_RESONANCES))
         gains = np.zeros(len(which))
         if may.size:
             gains[may] = np.sqrt(np.maximum(self.gains(which[may]), 0) / self.bar)
@@ -424,7 +421,8 @@ class Recount:
         problem, known = self.selection.problem, self.descent.point.poles
         grid = grid_of(problem.light)
         grid = grid[
-            (-grid.real < _DAMPED * np.abs(grid)) & (2 * self.selection.half_bandwidths_in_lines(grid) >= _PEAK)
+            (-grid.real < MAX_DAMPING_OF_RESONANCES * np.abs(grid))
+            & (2 * self.selection.half_bandwidths_in_lines(grid) >= _PEAK)
         ]
         grid = grid[~np.any(np.abs(grid[:, None] - known) < -known.real, axis=1)]
         residues, each = amplitudes_by_channel(problem.light, self.left, 2 / self.errors.variance, problem.rows, grid)

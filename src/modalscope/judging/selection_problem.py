@@ -11,6 +11,9 @@ from modalscope.likelihood.likelihood import Whitened
 from modalscope.likelihood.whitening import gain_factor_in_correlated_noise, gain_factor_under_window
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
+#: Damping ratio from which a pole may stand for modes outside the band rather than for a resonance in it.
+MAX_DAMPING_OF_RESONANCES = 0.1
+
 #: A pole farther outside the band (part of its edge) or more damped than this is no mode.
 _MAX_OUTSIDE, _MAX_DAMPING = 0.1, 0.9
 

@@ -17,7 +17,7 @@ from modalscope.functions.poles import frequencies_and_damping, overlap, poles_f
 from modalscope.identification.stabilize import usable_orders
 from modalscope.judging.evidence import LEAST_PERSISTENCE, Candidate, Evidence, Own, judge, peaks
 from modalscope.judging.joint_selection import Outcome, gains_in_residual, select_jointly
-from modalscope.judging.selection_problem import SelectionProblem
+from modalscope.judging.selection_problem import MAX_DAMPING_OF_RESONANCES, SelectionProblem
 from modalscope.judging.tracking import GAP, Poles, collinear, consensus, merge_splits, tracks
 from modalscope.likelihood.likelihood import whitened
 from modalscope.likelihood.reference_model import Floor, by_line, floor_of
@@ -86,9 +86,6 @@ def one_residue(response: Response, pole: complex, parts: ComplexArray, residues
 
 
 # ------------------------------------------------------------------------------------------------------------- verdict
-
-#: A mode with more damping than this must be shown by orders of the diagram: it may be an out-of-band mode.
-_DAMPED = 0.1
 
 #: A mode is sure when frequency and damping are known to this part of the half bandwidth and of the damping ratio, and values of
 #: the diagram stand for it within this part of a half bandwidth.
@@ -234,12 +231,14 @@ def _mode(
         few_orders = rarely_shown(int(best.members.size), len(trial.poles.orders))
         against.append(few_orders if rare else too_little(gain, trial.bar, coloured=True))
     apart, damped = (deviation * trial.gain[j] / gain for deviation in trial.left_open(j, host))
-    if zeta >= _DAMPED and not groups:
+    if zeta >= MAX_DAMPING_OF_RESONANCES and not groups:
         against.append(f"damped by {100 * zeta:.2g} %, which no orders show: it may stand for modes outside the band")
     if not (apart < _SURE and damped < _SURE):
         against.append(left_open(apart, damped))
     undecided: dict[str, Any] = (
-        {"late": True} if hidden and rare and len(against) == 1 and zeta < _DAMPED and _late(best, trial) else {}
+        {"late": True}
+        if hidden and rare and len(against) == 1 and zeta < MAX_DAMPING_OF_RESONANCES and _late(best, trial)
+        else {}
     )
     if several and not trial.selection.coloured:
         undecided = {"cluster": int(np.sum(host == j))}
