@@ -35,7 +35,7 @@ help:
 	@echo "make setup         .venv with everything in it"
 	@echo "make demo          modes of a measured beam, next to the published ones"
 	@echo "make page          the front end of modalscope app (needs Node 20 and npm)"
-	@echo "make test          lint, the quick tests and every example in a docstring (4 minutes)"
+	@echo "make test          lint, the quick tests and every example in a docstring (5 minutes on two cores; TESTS=tests/io: a part)"
 	@echo "make test-slow     the other tests (minutes)"
 	@echo "make coverage      both, and which lines they run (95 % of them at least)"
 	@echo "make versions      formats, data classes and methods with the earliest and the newest packages (minutes)"
@@ -106,15 +106,15 @@ changelog: setup
 # the code; what fails twice is.
 PYTEST = $(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m pytest -q -rR --reruns 1 -n $(WORKERS) --dist worksteal
 
-# The types are checked beside the tests, which leave a core idle at their start and end; what is wrong with them is said last.
+# TESTS="tests/io tests/data" runs a part. The types are checked beside the tests, which leave a core idle at their start and end; what is wrong with them is said last.
 test: style
 	@$(BIN)/mypy > .venv/types.txt 2>&1 & types=$$!; trap "kill $$types" INT TERM; \
-	$(PYTEST) $(if $(COVERAGE),--cov --cov-report= --cov-fail-under=0); tests=$$?; \
+	$(PYTEST) $(TESTS) $(if $(COVERAGE),--cov --cov-report= --cov-fail-under=0); tests=$$?; \
 	wait $$types; types=$$?; cat .venv/types.txt; exit $$((tests | types))
 
 # COVERAGE=1 after a `make test COVERAGE=1` counts the lines that both run, and wants 95 % of them.
 test-slow: setup
-	@$(PYTEST) -m 'slow and not study and not bench' $(if $(COVERAGE),--cov --cov-append --cov-report=term:skip-covered)
+	@$(PYTEST) $(TESTS) -m 'slow and not study and not bench' $(if $(COVERAGE),--cov --cov-append --cov-report=term:skip-covered)
 
 coverage:
 	@$(MAKE) --no-print-directory test COVERAGE=1

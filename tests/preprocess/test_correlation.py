@@ -147,3 +147,10 @@ def test_what_cannot_be_estimated_is_said(options, text):
 def test_blocks_that_are_too_many_are_refused():
     with pytest.raises(DataError, match="Lower blocks"):
         correlation_blocks(noise(100), lags=5, blocks=90)
+
+
+def test_blocks_have_at_every_lag_as_many_products_as_the_record() -> None:
+    record = noise()
+    found = correlation_blocks(record, lags=40, blocks=7)
+    assert np.array_equal(found.pairs.sum(axis=0), 500 - np.arange(41))
+    assert np.allclose(found.mean, by_definition(record.outputs, [0, 1, 2], 40), atol=1e-13)

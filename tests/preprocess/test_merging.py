@@ -58,6 +58,7 @@ def test_what_several_parts_hold_is_averaged_by_weight():
     assert np.allclose(merged.values, 2j)
     assert np.allclose(merged.variance, (9 * 1 + 1 * 3) / 16)
     assert np.allclose(merged.coherence, 0.8)
+    assert merged.averages == 1  # what holds for every channel
 
 
 def test_records_of_the_same_channels_become_runs():

@@ -167,3 +167,12 @@ def test_a_rate_in_the_header_says_what_times_count(tmp_path: Path) -> None:
     path = counted(tmp_path / "a.csv", times(), 1e3, "Sample rate:,200\ntime,a,b")
     assert read(path).sampling_rate == RATE
     assert read(counted(tmp_path / "b.csv", times(), 1e3), sampling_rate=RATE).sampling_rate == RATE
+
+
+@pytest.mark.parametrize("per_period", [12, 16, 24])
+def test_what_resampling_loses_falls_with_the_fourth_power_of_the_step(per_period: int) -> None:
+    """Between even samples of a sine the splines' error is known; the estimate from every other sample tends to it, from above."""
+    t = np.arange(2000.0)
+    twice, lost = resampled(t, np.sin(2 * np.pi * t / per_period)[:, None], 2.0)
+    between = twice[1::2, 0] - np.sin(2 * np.pi * (t[:-1] + 0.5) / per_period)
+    assert 1 < lost / (np.sqrt(2) * np.std(between[20:-20])) < 1.4
