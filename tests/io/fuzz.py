@@ -167,7 +167,7 @@ def walk_in_a_copy() -> None:
     """Walk through HDF5 files in a copy of this process: a Python of its own for each takes fifty times longer."""
     import h5py  # noqa: F401 - loaded once
 
-    from modalscope.io import hdf5_guard, hdf5_walk
+    from modalscope.io import hdf5, hdf5_walk
 
     def apart(path: Path, room: Any, streamed: str = "") -> list[str]:
         def answer(into: int) -> None:
@@ -177,13 +177,13 @@ def walk_in_a_copy() -> None:
             try:
                 hdf5_walk.walk(str(path), room.left, streamed)
             except hdf5_walk.Refused as refused:
-                found = [refused.found, refused.change]
+                found = [refused.fault, refused.remedy]
             os.write(into, json.dumps(found).encode())
 
         text = in_a_copy(answer)
         return json.loads(text) if text else ["the HDF5 library breaks off in it", "Copy it again."]
 
-    hdf5_guard._apart = apart
+    hdf5._apart = apart
 
 
 def in_a_copy(answer: Callable[[int], None]) -> bytes:

@@ -3,8 +3,8 @@
 from modalscope.io.contents import Finding, Survey
 from modalscope.io.formats import FORMATS, read, survey, write
 from modalscope.io.frames import from_frame
+from modalscope.io.geometry import geometry_from_tables
 from modalscope.io.limits import set_max_memory
-from modalscope.io.tables import geometry_from_tables
 
 __all__ = [
     "FORMATS",

@@ -19,7 +19,7 @@ import numpy as np
 
 from modalscope.data import DataError
 from modalscope.io.columns import COLUMN_OPTIONS, Column, Table, contents_from_table
-from modalscope.io.contents import Contents, Options
+from modalscope.io.contents import Contents, Options, needs, unreadable
 from modalscope.io.limits import Room, room
 from modalscope.io.text.dialect import encoding_of, lines_of
 from modalscope.numerics.checks import RealArray
@@ -88,16 +88,13 @@ def read(path: Path, options: Options) -> Contents:
     lines, space = _text(path)
     for pattern, what in _NO_RECORD.items():
         if any(re.search(pattern, line, re.IGNORECASE) for line in lines):
-            raise DataError(
-                f"a record from {path.name} was asked", f"it holds {what}", "Give the corrected accelerogram (.v2)."
-            )
+            fault = f"it holds {what}"
+            raise DataError(f"a record from {path.name} was asked", fault, "Give the corrected accelerogram (.v2).")
     channels = [channel for part in _parts(lines) for channel in _channels(path.name, part, space)]
     if not channels:
-        raise DataError(
-            f"reading {path.name} as an accelerogram was asked",
-            "no line announces a block of acceleration (... points of accel data, or ... acceleration pts)",
-            "Give a file of CSMIP or COSMOS format, or a table (.txt).",
-        )
+        fault = "no line announces a block of acceleration (... points of accel data, or ... acceleration pts)"
+        remedy = "Give a file of CSMIP or COSMOS format, or a table (.txt)."
+        raise unreadable(f"{path.name} as an accelerogram", fault, remedy)
     return _contents(path.name, channels, options)
 
 
@@ -112,19 +109,15 @@ def read_smc(path: Path, options: Options) -> Contents:
     lines, space = _text(path)
     kind = " ".join(lines[:1]).strip().lower()
     if "spectr" in kind:
-        raise DataError(
-            f"a record from {path.name} was asked", f"it holds {kind}, which are no record", "Give the accelerogram."
-        )
+        fault = f"it holds {kind}, which are no record"
+        raise DataError(f"a record from {path.name} was asked", fault, "Give the accelerogram.")
     integers = _fixed(path.name, lines[11:17], 10, 48, space)
     reals = _fixed(path.name, lines[17:27], 15, 50, space)
     unknown = integers[0]
     comments, count, rate = int(integers[15]), int(integers[16]), float(reals[1])
     if not (0 < rate < 1e6 and count > 0 and comments >= 0):
-        raise DataError(
-            f"reading {path.name} as an SMC file was asked",
-            f"its header says {count} samples at {rate:g} Hz",
-            "Copy the file again, or export it as a table (.txt).",
-        )
+        fault = f"its header says {count} samples at {rate:g} Hz"
+        raise unreadable(f"{path.name} as an SMC file", fault, "Copy the file again, or export it as a table (.txt).")
     values = _fixed(path.name, lines[27 + comments :], 10, count, space)
     vertical, horizontal = integers[12], integers[13]
     direction = "up" if vertical == 0 else "down" if vertical == 180 else ""
@@ -189,11 +182,8 @@ def _step(where: str, line: str, head: Lines, count: int) -> float:
                 step = reals[place - 1] * part if place <= len(reals) else 0.0
                 if step > 0 and abs(count * step - length) <= 1:  # the length is rounded to seconds
                     return step
-    raise DataError(
-        f"reading {where} needs the step between its samples",
-        "neither the line above them nor the real headers say one that fits their number",
-        "Export the channel as a table with times (.txt).",
-    )
+    fault = "neither the line above them nor the real headers say one that fits their number"
+    raise needs(where, "the step between its samples", fault, "Export the channel as a table with times (.txt).")
 
 
 def _numbers(lines: Lines, width: int, count: int) -> list[float]:
@@ -215,11 +205,9 @@ def _fixed(where: str, lines: Lines, width: int, count: int, space: Room) -> Rea
     space.take("its samples", 8 * count)
     found = _numbers(lines, width, count)
     if len(found) != count:
-        raise DataError(
-            f"reading {where} needs the {count} numbers that it announces",
-            f"{len(found)} stand in columns of {width} characters",
-            "Copy the file again: it is cut or was edited.",
-        )
+        fault = f"{len(found)} stand in columns of {width} characters"
+        remedy = "Copy the file again: it is cut or was edited."
+        raise needs(where, f"the {count} numbers that it announces", fault, remedy)
     return np.array(found)
 
 
@@ -227,11 +215,8 @@ def _contents(where: str, channels: Sequence[_Channel], options: Options) -> Con
     """Return the channels as one record, over the samples that all have: a recorder starts them together."""
     steps = {channel.step for channel in channels}
     if len(steps) > 1:
-        raise DataError(
-            f"reading {where} as one record was asked",
-            f"its channels have steps of {', '.join(f'{step:g}' for step in sorted(steps))} s",
-            "Give the channels of one step by files of their own.",
-        )
+        fault = f"its channels have steps of {', '.join(f'{step:g}' for step in sorted(steps))} s"
+        raise unreadable(f"{where} as one record", fault, "Give the channels of one step by files of their own.")
     count = min(channel.values.size for channel in channels)
     cut = sum(channel.values.size > count for channel in channels)
     left = sorted(

@@ -18,6 +18,7 @@ import numpy as np
 
 from modalscope.data.analysis import VERSION, Analysis, SourceFile
 from modalscope.io.arrays import joined
+from modalscope.io.contents import unreadable
 from modalscope.io.limits import room
 from modalscope.numerics.checks import Array
 from modalscope.numerics.errors import DataError
@@ -41,35 +42,29 @@ def read_analysis(path: Path) -> Analysis:
     except DataError:
         raise
     except OSError as error:
-        why = "there is no such file" if isinstance(error, FileNotFoundError) else error.strerror or str(error)
-        raise DataError(f"reading {str(path)!r} was asked", why, "Check the name and the folder.") from None
+        fault = "there is no such file" if isinstance(error, FileNotFoundError) else error.strerror or str(error)
+        raise unreadable(repr(str(path)), fault, "Check the name and the folder.") from None
     except (ValueError, RecursionError) as error:
-        raise DataError(f"reading {path} was asked", f"it is no JSON ({error})", "Name an .analysis.json.") from None
-    found = document.get("analysis") if isinstance(document, Mapping) else None
-    if not isinstance(found, Mapping):
-        raise DataError(
-            f"the analysis in {path.name} was asked",
-            'it has no "analysis": what it holds does not say how it was found',
-            "Name the data, an .analysis.json, or a result that `modalscope identify` wrote.",
-        )
-    return analysis_from(found)
+        raise unreadable(str(path), f"it is no JSON ({error})", "Name an .analysis.json.") from None
+    entries = document.get("analysis") if isinstance(document, Mapping) else None
+    if not isinstance(entries, Mapping):
+        fault = 'it has no "analysis": what it holds does not say how it was found'
+        remedy = "Name the data, an .analysis.json, or a result that `modalscope identify` wrote."
+        raise DataError(f"the analysis in {path.name} was asked", fault, remedy)
+    return analysis_from(entries)
 
 
 def analysis_to(document: Analysis) -> dict[str, Any]:
     """Return an analysis as JSON holds it."""
-    return {f.name: _plain(getattr(document, f.name)) for f in fields(document)}
+    return {f.name: _jsonable(getattr(document, f.name)) for f in fields(document)}
 
 
 def analysis_from(entries: Mapping[str, Any]) -> Analysis:
-    """Take back what `analysis_to` gave; fields of later layouts are refused with the layout, not dropped."""
-    known = {f.name for f in fields(Analysis)}
-    unknown = sorted(set(entries) - known)
+    """Return the analysis that `analysis_to` gave; fields of later layouts are refused with the layout, not dropped."""
+    unknown = sorted(set(entries) - {f.name for f in fields(Analysis)})
     if unknown:
-        raise DataError(
-            "an analysis was read",
-            f"it has {', '.join(unknown)}, which this version does not know",
-            "Use a later version.",
-        )
+        fault = f"it has {', '.join(unknown)}, which this version does not know"
+        raise DataError("an analysis was read", fault, "Use a later version.")
     try:
         # "refine" is missing where it was written before there was one
         given = {"refine": False, **{name: _back(value) for name, value in entries.items()}}
@@ -81,18 +76,18 @@ def analysis_from(entries: Mapping[str, Any]) -> Analysis:
         raise DataError("an analysis was read", f"its fields are damaged ({error})", "Write it again.") from None
 
 
-def _plain(value: Any) -> Any:
+def _jsonable(value: Any) -> Any:
     if isinstance(value, SourceFile):
-        return {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+        return {f.name: _jsonable(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, np.ndarray):
         parts = {"array": value.real.tolist()}
         return {**parts, "imag": value.imag.tolist()} if np.iscomplexobj(value) else parts
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): _jsonable(item) for key, item in value.items()}
     if isinstance(value, list | tuple | range):
-        return [_plain(item) for item in value]
+        return [_jsonable(item) for item in value]
     return value if isinstance(value, str | int | float | bool) or value is None else str(value)
 
 

@@ -37,7 +37,7 @@ from modalscope.data import (
 )
 from modalscope.data.candidates import Candidate, Harmonic
 from modalscope.data.channels import Groups, input_groups, run_groups
-from modalscope.io.contents import Plain
+from modalscope.io.contents import ArrayData, unreadable
 from modalscope.io.limits import room
 from modalscope.numerics.checks import Array, ComplexArray
 
@@ -99,7 +99,7 @@ def names_of(noun: type[Any]) -> set[str]:
     return own | {"output_units", "input_units", *GEOMETRY} | ({"quantity"} if noun is Signals else set())
 
 
-def to_arrays(thing: Plain) -> dict[str, Array]:
+def to_arrays(thing: ArrayData) -> dict[str, Array]:
     """Return data, modes or a geometry as named arrays; `contents_from_arrays` is the inverse."""
     if isinstance(thing, Geometry):
         return _geometry_arrays(thing)
@@ -198,19 +198,13 @@ def field_value(where: str, name: str, array: Array) -> Any:
     textual = array.dtype.kind in "US"
     if textual is not (name in (*_TEXT, *TEXTS, *JSON)) and array.size:
         wanted = "numbers" if textual else "text"
-        raise DataError(
-            f"{name} in {where} needs {wanted}",
-            f"its type is {array.dtype}",
-            f"Store {wanted} under that name, or rename the array.",
-        )
+        remedy = f"Store {wanted} under that name, or rename the array."
+        raise DataError(f"{name} in {where} needs {wanted}", f"its type is {array.dtype}", remedy)
     if textual and array.dtype.kind == "S":
         array = np.char.decode(array, "utf-8", "replace")
     if name in TEXTS and name != "processing" and array.dtype.kind == "U" and array.dtype.itemsize > 4 * _LONGEST:
-        raise DataError(
-            f"{name} in {where} needs labels",
-            f"the longest has {array.dtype.itemsize // 4} characters",
-            f"Shorten it to at most {_LONGEST}.",
-        )
+        fault = f"the longest has {array.dtype.itemsize // 4} characters"
+        raise DataError(f"{name} in {where} needs labels", fault, f"Shorten it to at most {_LONGEST}.")
     if name in TEXTS:
         texts = tuple(str(text) for text in np.atleast_1d(array).ravel())
         if name == "groups" and texts == ("",):
@@ -218,11 +212,8 @@ def field_value(where: str, name: str, array: Array) -> Any:
         return tuple(text or None for text in texts) if name == "quantities" else texts
     if name in (*_TEXT, *JSON, *_FLOATS, *_WHOLE, *_BOOLEAN):
         if array.size != 1:
-            raise DataError(
-                f"{name} in {where} needs one entry",
-                f"its shape is {array.shape}",
-                "Store a single value under that name.",
-            )
+            fault = f"its shape is {array.shape}"
+            raise DataError(f"{name} in {where} needs one entry", fault, "Store a single value under that name.")
         return _scalar(where, name, array.reshape(-1)[0].item())
     return array
 
@@ -233,11 +224,8 @@ def _scalar(where: str, name: str, value: Any) -> Any:
         try:
             return json.loads(value)
         except (ValueError, RecursionError) as error:
-            raise DataError(
-                f"{name} in {where} needs JSON text",
-                f"it does not read ({error})",
-                "Write the file again, or ignore that array.",
-            ) from None
+            remedy = "Write the file again, or ignore that array."
+            raise DataError(f"{name} in {where} needs JSON text", f"it does not read ({error})", remedy) from None
     if name in _WHOLE and isinstance(value, float) and value.is_integer():
         return int(value)
     return (value or None) if name == "quantity" else bool(value) if name in _BOOLEAN else value
@@ -249,7 +237,7 @@ def _scalar(where: str, name: str, value: Any) -> Any:
 
 def damaged(where: str, found: str) -> DataError:
     """Return the error about fields that no data object can be made of."""
-    return DataError(f"reading {where} was asked", f"its fields are damaged ({found})", "Write the file again.")
+    return unreadable(where, f"its fields are damaged ({found})", "Write the file again.")
 
 
 def geometry_of_arrays(where: str, values: dict[str, Any]) -> Geometry:
@@ -261,11 +249,8 @@ def geometry_of_arrays(where: str, values: dict[str, Any]) -> Geometry:
     """
     nodes = values.get("geometry_nodes")
     if nodes is None or values.get("geometry_coordinates") is None:
-        raise DataError(
-            "a geometry needs geometry_nodes and geometry_coordinates",
-            f"there are {', '.join(values)}",
-            "Add the missing array.",
-        )
+        fault = f"there are {', '.join(values)}"
+        raise DataError("a geometry needs geometry_nodes and geometry_coordinates", fault, "Add the missing array.")
     named: dict[str, Any] = {}
     for key in ("lines", "faces"):
         index = np.asarray(values.get(f"geometry_{key}", np.zeros((0, 2), int)))
@@ -276,11 +261,8 @@ def geometry_of_arrays(where: str, values: dict[str, Any]) -> Geometry:
             or index.max() >= len(nodes)
             or np.any(index != np.rint(index))
         ):
-            raise DataError(
-                f"geometry_{key} needs indices 0 to {len(nodes) - 1} into the nodes",
-                f"they reach from {index.min()} to {index.max()}",
-                "Count nodes from 0.",
-            )
+            asked = f"geometry_{key} needs indices 0 to {len(nodes) - 1} into the nodes"
+            raise DataError(asked, f"they reach from {index.min()} to {index.max()}", "Count nodes from 0.")
         named[key] = [[nodes[int(i)] for i in row] for row in index] or None
     motions = values.get("geometry_motions")
     try:

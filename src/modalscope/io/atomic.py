@@ -73,16 +73,12 @@ def check_target(path: str | Path, sources: Iterable[Path | None] = ()) -> Path:
             return target
         if not target.is_file():
             kind = "a folder" if target.is_dir() else "a pipe or a device"
-            raise DataError(
-                f"writing {str(path)!r} was asked", f"that is {kind}", "Name a file in a folder that is there."
-            )
+            fault = f"that is {kind}"
+            raise DataError(f"writing {str(path)!r} was asked", fault, "Name a file in a folder that is there.")
         for source in sources:
             if source is not None and source.exists() and target.samefile(source):
-                raise DataError(
-                    f"writing {str(path)!r} was asked",
-                    "the data came from that file, and a measurement is never overwritten",
-                    "Choose another name.",
-                )
+                fault = "the data came from that file, and a measurement is never overwritten"
+                raise DataError(f"writing {str(path)!r} was asked", fault, "Choose another name.")
         if not os.access(target, os.W_OK):
             raise DataError(f"writing {str(path)!r} was asked", "that file is write-protected", "Choose another name.")
     except OSError as error:
@@ -91,11 +87,9 @@ def check_target(path: str | Path, sources: Iterable[Path | None] = ()) -> Path:
 
 
 def _unwritable(path: str | Path, error: OSError) -> DataError:
-    return DataError(
-        f"writing {str(path)!r} was asked",
-        f"the system refuses: {(error.strerror or str(error)).lower()}",
-        "Choose a folder that exists and that you may write to, with room left.",
-    )
+    fault = f"the system refuses: {(error.strerror or str(error)).lower()}"
+    remedy = "Choose a folder that exists and that you may write to, with room left."
+    return DataError(f"writing {str(path)!r} was asked", fault, remedy)
 
 
 # --------------------------------------------------------------------------------------------------------------- marks
@@ -178,11 +172,8 @@ def check_texts(kind: str, thing: Any) -> None:
     for where, text in _texts(thing):
         odd = "\0" in text or any("\ud800" <= c <= "\udfff" for c in text)
         if odd or (where.startswith("indicators") and ("/" in text or not text.isprintable())):
-            raise DataError(
-                f"writing {where} {text!r} as {kind} was asked",
-                "that text has characters which files do not keep",
-                "Rename it.",
-            )
+            fault = "that text has characters which files do not keep"
+            raise DataError(f"writing {where} {text!r} as {kind} was asked", fault, "Rename it.")
 
 
 def _texts(thing: Any, where: str = "") -> Iterator[tuple[str, str]]:
@@ -216,9 +207,7 @@ def in_ascii(what: str, text: str, width: int) -> str:
         or plain != plain.strip()
         or plain.upper() == "NONE"
     ):
-        raise DataError(
-            f"the {what} {text!r} was to be written to a universal file",
-            f"it has {width} columns for ASCII characters there, with no blank at either end, and NONE means none",
-            "Shorten or rename it, or choose another format.",
-        )
+        fault = f"it has {width} columns for ASCII characters there, with no blank at either end, and NONE means none"
+        remedy = "Shorten or rename it, or choose another format."
+        raise DataError(f"the {what} {text!r} was to be written to a universal file", fault, remedy)
     return plain

@@ -1,13 +1,18 @@
-"""Define what a reader returns: the data object and an account of every part of the file."""
+"""Define what a reader returns, the data object and an account of every part of the file, and what it raises."""
 
 from __future__ import annotations
 
+import struct
+import tokenize
+import zipfile
+import zlib
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias
 
 from modalscope.data import (
     DataError,
@@ -23,13 +28,43 @@ from modalscope.data import (
     StoredSignals,
 )
 
-Plain: TypeAlias = FrequencyResponse | ImpulseResponse | Signals | ModalModel | Geometry | StateSpace
-Thing: TypeAlias = Plain | StoredSignals | StoredResponse | StabilizationDiagram
+ArrayData: TypeAlias = FrequencyResponse | ImpulseResponse | Signals | ModalModel | Geometry | StateSpace
+DataObject: TypeAlias = ArrayData | StoredSignals | StoredResponse | StabilizationDiagram
 Options: TypeAlias = Mapping[str, Any]
 
 
-#: More parts of one sort than this are told in one line.
-_TOGETHER = 4
+#: Parts of one kind that are listed one by one; more are one line. Also the reasons for parts left that a note gives.
+_MAX_LISTED = 4
+
+#: What readers and the packages under them raise on damaged files.
+DAMAGED = (
+    *(ValueError, KeyError, TypeError, IndexError, AttributeError, OSError, EOFError, RuntimeError, MemoryError),
+    *(ArithmeticError, AssertionError, SyntaxError, struct.error, zlib.error, zipfile.BadZipFile, tokenize.TokenError),
+)
+
+
+def unreadable(where: str, fault: str, remedy: str = "Export or copy it again.") -> DataError:
+    """Return the error of a file that is not read."""
+    return DataError(f"reading {where} was asked", fault, remedy)
+
+
+def needs(where: str, need: str, fault: str, remedy: str) -> DataError:
+    """Return the error of a file that lacks what reading needs."""
+    return DataError(f"reading {where} needs {need}", fault, remedy)
+
+
+@contextmanager
+def damage_as_error(
+    where: str, remedy: str = "Export or copy it again.", kinds: tuple[type[BaseException], ...] = DAMAGED
+) -> Iterator[None]:
+    """Turn what damaged files make a reader raise into a `DataError` that names the file."""
+    try:
+        yield
+    except (DataError, PermissionError, FileNotFoundError):
+        raise
+    except kinds as error:
+        words = f"{type(error).__name__}: {str(error)[:100]}"
+        raise unreadable(where, f"it is damaged or of another kind ({words})", remedy) from None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -66,13 +101,13 @@ class Finding:
 class Contents:
     """The data object that a file gives, what was found in it, what is missing and what else to know."""
 
-    thing: Thing
+    thing: DataObject
     findings: tuple[Finding, ...] = ()
     missing: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, slots=True)
 class Format:
     """One row of the table of formats.
 
@@ -81,8 +116,8 @@ class Format:
     """
 
     name: str
-    reader: Callable[[Path, Options], Contents] | None
-    writer: Callable[[Path, Any, Options], None] | None
+    reader: Callable[[Path, Options], Contents]
+    writer: Callable[[Path, Any, Options], None] | None = None
     read_options: tuple[str, ...] = ()
     write_options: tuple[str, ...] = ()
     folder: bool = False
@@ -110,7 +145,7 @@ class Survey:
     path: Path
     format: str
     result: str
-    thing: Thing
+    thing: DataObject
     found: tuple[Finding, ...]
     missing: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -122,14 +157,14 @@ class Survey:
 
     @property
     def told(self) -> tuple[Note, ...]:
-        """What of the file was left and is missing, and what to know of it, as one note; none where all was taken."""
+        """What of the file was not read, what is missing and what else to know, as one note; none where all was read."""
         reasons = Counter(finding.reason for finding in self.left).most_common()
-        said = [f"{count} of {len(self.found)} parts left: {reason}" for reason, count in reasons[:_TOGETHER]]
-        said += ["other parts left"] if len(reasons) > _TOGETHER else []
-        said += [f"missing: {text}" for text in self.missing]
-        said += self.notes
+        texts = [f"{count} of {len(self.found)} parts left: {reason}" for reason, count in reasons[:_MAX_LISTED]]
+        texts += ["other parts left"] if len(reasons) > _MAX_LISTED else []
+        texts += [f"missing: {text}" for text in self.missing]
+        texts += self.notes
         numbers = {"parts": len(self.found), "left": len(self.left)}
-        return (Note("file", numbers, f"{self.path.name}: {'; '.join(said)}"),) if said else ()
+        return (Note("file", numbers, f"{self.path.name}: {'; '.join(texts)}"),) if texts else ()
 
     def __str__(self) -> str:
         lines = [f"{self.path.name}: {self.format}", f"read gives {self.result}"]
@@ -139,50 +174,35 @@ class Survey:
         return "\n".join(lines)
 
 
-def _grouped(found: tuple[Finding, ...]) -> list[str]:
-    """Return a line a finding; runs of taken parts of one kind are told together."""
+def _grouped(findings: tuple[Finding, ...]) -> list[str]:
+    """Return a line a finding; runs of more than four parts of one kind that are read are one line."""
     lines = []
-    for (taken, kind), group in groupby(found, key=lambda finding: (finding.taken, finding.kind)):
+    for (taken, kind), group in groupby(findings, key=lambda finding: (finding.taken, finding.kind)):
         parts = list(group)
-        if taken and kind and len(parts) > _TOGETHER:
-            lines.append(
-                f"{parts[0].part} to {parts[-1].part}: {len(parts)} x {kind}, {parts[0].what} to {parts[-1].what}"
-            )
+        if taken and kind and len(parts) > _MAX_LISTED:
+            first, last = parts[0], parts[-1]
+            lines.append(f"{first.part} to {last.part}: {len(parts)} x {kind}, {first.what} to {last.what}")
         else:
-            lines += [str(finding) for finding in parts]
+            lines += map(str, parts)
     return lines
 
 
-# -------------------------------------------------------------------------------------------------------------- choice
-# Which of several tables in a file is meant: sheets of a workbook, groups of a recorder's file.
+def chosen(where: str, what: str, names: Iterable[str], tables: Sequence[str], options: Options) -> str:
+    """Return the name of the table to read, of several in one file.
 
-T = TypeVar("T")
+    `what`: what its tables are called: "sheets". `names`: of all of them. `tables`: of those that hold tables. `options`: `sheet`.
 
-
-def chosen(
-    where: str, what: str, there: Mapping[str, T] | Sequence[str], tables: Sequence[str], options: Options
-) -> str:
-    """Return the name of the table that is meant.
-
-    `what`: what its tables are called: "sheets". `there`: all names. `tables`: those that hold tables. `options`: `sheet`.
-
-    Raises `DataError`: no table of the name that was asked for, or several and none was: the message names the option that says which.
+    Raises `DataError`: no table of the name asked for, or several tables and no name.
     """
-    asked = options.get("sheet")
+    names, asked = list(names), options.get("sheet")
     if asked is not None:
-        if str(asked) not in there:
-            raise DataError(
-                f"--sheet {str(asked)[:60]!r} of {where} was asked",
-                f"its {what} are {', '.join(list(there)[:12])}",
-                "Name one of them.",
-            )
+        if str(asked) not in names:
+            fault = f"its {what} are {', '.join(names[:12])}"
+            raise DataError(f"--sheet {str(asked)[:60]!r} of {where} was asked", fault, "Name one of them.")
         return str(asked)
     if len(tables) > 1:
-        raise DataError(
-            f"reading {where} was asked",
-            f"several of its {what} hold tables: {', '.join(tables[:12])}",
-            "Name one: " + " or ".join(f'--sheet "{name}"' for name in tables[:3]),
-        )
-    if not there:
-        raise DataError(f"reading {where} was asked", f"it has no {what}", "Export it again.")
-    return tables[0] if tables else next(iter(there))
+        remedy = "Name one: " + " or ".join(f'--sheet "{name}"' for name in tables[:3])
+        raise unreadable(where, f"several of its {what} hold tables: {', '.join(tables[:12])}", remedy)
+    if not names:
+        raise unreadable(where, f"it has no {what}")
+    return tables[0] if tables else names[0]

@@ -33,7 +33,7 @@ from modalscope.io import text
 from modalscope.io.arrays import joined
 from modalscope.io.atomic import MARK
 from modalscope.io.columns.words import is_unit
-from modalscope.io.contents import Contents, Finding, Options, Thing
+from modalscope.io.contents import Contents, DataObject, Finding, Options, needs, unreadable
 from modalscope.io.limits import Room, room
 from modalscope.numerics.checks import Array, RealArray
 
@@ -66,7 +66,7 @@ def read(path: Path, options: Options) -> Contents:
     abscissa, values = table.numbers[:, 0], table.numbers[:, 1:]
     if first == "frequency_hz":
         rate = {"sampling_rate": _number(path, table, "sampling_rate")} if "sampling_rate" in table.notes else {}
-        thing: Thing = _frequency_response(path, labels, abscissa, values, given | rate)
+        thing: DataObject = _frequency_response(path, labels, abscissa, values, given | rate)
     elif first == "time_s" and labels and all(_side(label) for label in labels):
         thing = _records(path, table, labels, values)
     elif first == "time_s":
@@ -82,11 +82,8 @@ def read(path: Path, options: Options) -> Contents:
         )
     else:
         found = f"its first column is {table.header[0][:_SHOWN]!r}"
-        raise DataError(
-            f"reading {path.name} was asked",
-            found,
-            "Name it frequency_hz or time_s, and the others as the module modalscope.io.csv says.",
-        )
+        remedy = "Name it frequency_hz or time_s, and the others as the module modalscope.io.csv says."
+        raise unreadable(path.name, found, remedy)
     return Contents(thing=thing, findings=tuple(Finding(part="column", what=name) for name in table.header))
 
 
@@ -107,11 +104,8 @@ def _is_own(path: Path) -> bool:
 
 
 def _empty(path: Path) -> DataError:
-    return DataError(
-        f"reading {path.name} as CSV was asked",
-        "it has no header and rows",
-        "Write a header and one row a line or sample.",
-    )
+    fault = "it has no header and rows"
+    return unreadable(f"{path.name} as CSV", fault, "Write a header and one row a line or sample.")
 
 
 def _table(path: Path, space: Room) -> _Table:
@@ -129,24 +123,15 @@ def _table(path: Path, space: Room) -> _Table:
             reader = csv.reader(chain([first, second], rows), delimiter=delimiter, strict=True)
             header = [name.strip() for name in next(reader)]
             if {"frequency_hz", "damping_ratio"} <= set(header):
-                raise DataError(
-                    f"reading {path.name} was asked",
-                    "it is a table of modes, which is only written",
-                    "Read modes from .json, .npz, .h5 or .uff.",
-                )
+                fault = "it is a table of modes, which is only written"
+                raise unreadable(path.name, fault, "Read modes from .json, .npz, .h5 or .uff.")
             return _Table(notes, header, _cells(path, reader, len(header), space))
     except UnicodeDecodeError:
-        raise DataError(
-            f"reading {path.name} as CSV was asked",
-            "it is not text in UTF-8",
-            "Save it as UTF-8, or give it the suffix of what it is.",
-        ) from None
+        remedy = "Save it as UTF-8, or give it the suffix of what it is."
+        raise unreadable(f"{path.name} as CSV", "it is not text in UTF-8", remedy) from None
     except csv.Error as error:
-        raise DataError(
-            f"reading {path.name} as CSV was asked",
-            f"a quotation mark is left open, or stands where none may ({error})",
-            "Close it, or take it out.",
-        ) from None
+        fault = f"a quotation mark is left open, or stands where none may ({error})"
+        raise unreadable(f"{path.name} as CSV", fault, "Close it, or take it out.") from None
 
 
 def _rows(file: TextIO, notes: dict[str, str], space: Room) -> Iterator[str]:
@@ -171,11 +156,8 @@ def _cells(path: Path, body: Iterable[Sequence[str]], width: int, space: Room) -
         except ValueError:
             values = []
         if len(values) != width:
-            raise DataError(
-                f"reading {path.name} needs {width} numbers in every row",
-                f"row {k + 1} under the header is {[cell[:_SHOWN] for cell in row[:6]]}",
-                "Correct that row; decimals take a point.",
-            )
+            fault = f"row {k + 1} under the header is {[cell[:_SHOWN] for cell in row[:6]]}"
+            raise needs(path.name, f"{width} numbers in every row", fault, "Correct that row; decimals take a point.")
         space.take("its numbers", 8 * width)
         numbers.extend(values)
     return np.frombuffer(numbers).reshape(-1, width)
@@ -185,9 +167,8 @@ def _number(path: Path, table: _Table, name: str) -> float:
     try:
         return float(table.notes[name])
     except ValueError:
-        raise DataError(
-            f"{name} in {path.name} needs a number", f"it is {table.notes[name][:_SHOWN]!r}", "Correct the comment."
-        ) from None
+        fault = f"it is {table.notes[name][:_SHOWN]!r}"
+        raise DataError(f"{name} in {path.name} needs a number", fault, "Correct the comment.") from None
 
 
 def _whole(value: float) -> float:
@@ -200,11 +181,9 @@ def _rate(path: Path, table: _Table) -> float:
     time = table.numbers[:, 0]
     steps = np.diff(time)
     if steps.size == 0 or not np.isfinite(steps).all() or steps.min() <= 0 or np.ptp(steps) > _EVEN * steps.mean():
-        raise DataError(
-            f"reading {path.name} needs evenly sampled, increasing times",
-            f"the steps lie between {steps.min():g} and {steps.max():g} s" if steps.size else "there is one sample",
-            "Resample the record, or give `# sampling_rate: ...` in a comment.",
-        )
+        fault = f"the steps lie between {steps.min():g} and {steps.max():g} s" if steps.size else "there is one sample"
+        remedy = "Resample the record, or give `# sampling_rate: ...` in a comment."
+        raise needs(path.name, "evenly sampled, increasing times", fault, remedy)
     return float((time.size - 1) / (time[-1] - time[0]))
 
 
@@ -216,11 +195,8 @@ def _matrix(path: Path, labels: list[str], parts: set[str]) -> tuple[list[str], 
         match = _PAIR.match(label) if len(label) <= _LONGEST else None
         key = (match["part"] or "", match["out"], match["in"]) if match else None
         if match is None or key is None or key[0] not in parts or key in at:
-            raise DataError(
-                f"reading {path.name} needs columns such as {'real ' if 'real' in parts else ''}3:+Z / 1:+Z, each once",
-                f"there is {label[:_LONGEST]!r}",
-                "Rename that column.",
-            )
+            need = f"columns such as {'real ' if 'real' in parts else ''}3:+Z / 1:+Z, each once"
+            raise needs(path.name, need, f"there is {label[:_LONGEST]!r}", "Rename that column.")
         at[key] = column
         units["out"][match["out"]] = match["unit"] or ""
         units["in"][match["in"]] = match["unit_in"] or ""
@@ -228,11 +204,8 @@ def _matrix(path: Path, labels: list[str], parts: set[str]) -> tuple[list[str], 
     if len(at) != len(parts) * len(outputs) * len(inputs) or not at:
         pairs = product(sorted(parts), outputs, inputs)
         missing = islice((f"{p} {o} / {i}".strip() for p, o, i in pairs if (p, o, i) not in at), 5)
-        raise DataError(
-            f"reading {path.name} needs a column for every output and input",
-            f"missing: {', '.join(missing) or 'all'}",
-            "Add them, or leave out that channel.",
-        )
+        fault = f"missing: {', '.join(missing) or 'all'}"
+        raise needs(path.name, "a column for every output and input", fault, "Add them, or leave out that channel.")
     columns = {part: np.array([[at[part, o, i] for i in inputs] for o in outputs]) for part in parts}
     return outputs, inputs, columns, (list(units["out"].values()), list(units["in"].values()))
 
@@ -281,7 +254,7 @@ def _records(path: Path, table: _Table, labels: list[str], values: Array) -> Sig
 _PLAIN = re.compile(r"[\w :+.²³µ-]*|\w+/\w+²?")
 
 
-def write(path: Path, thing: Thing, options: Options) -> None:
+def write(path: Path, thing: DataObject, options: Options) -> None:
     """Write a response, a record of one run or a table of modes.
 
     Raises `DataError`: A direct term, several runs, or labels that a header of columns does not give back.
@@ -296,9 +269,8 @@ def write(path: Path, thing: Thing, options: Options) -> None:
     elif isinstance(thing, Signals):
         notes, table = _notes(thing, "sampling_rate") | _quantities(thing), _record_table(thing)
     else:
-        raise DataError(
-            f"writing {type(thing).__name__} as .csv was asked", "there is no such table", "Use .npz, .h5 or .uff."
-        )
+        fault = "there is no such table"
+        raise DataError(f"writing {type(thing).__name__} as .csv was asked", fault, "Use .npz, .h5 or .uff.")
     _check_header(path, thing, table[0])
     _put(path, notes, *table)
 
@@ -316,11 +288,8 @@ def _check_header(path: Path, thing: Signals | Response, header: Sequence[str]) 
     if not kept:
         labels = (*thing.output_dofs, *thing.input_dofs, *thing.units[0], *thing.units[1])
         odd = [repr(label) for label in dict.fromkeys(labels) if not _PLAIN.fullmatch(label)]
-        raise DataError(
-            f"writing the labels and units {', '.join(odd or map(repr, labels))} as .csv was asked",
-            "its header of columns would not give them back",
-            "Rename them, or use .npz or .h5.",
-        )
+        asked = f"writing the labels and units {', '.join(odd or map(repr, labels))} as .csv was asked"
+        raise DataError(asked, "its header of columns would not give them back", "Rename them, or use .npz or .h5.")
 
 
 def _put(path: Path, notes: dict[str, str] | None, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
@@ -351,11 +320,8 @@ def _pair(thing: Any, i: int, j: int) -> str:
 
 def _impulse_table(response: ImpulseResponse) -> tuple[list[str], list[list[float]]]:
     if response.feedthrough is not None:
-        raise DataError(
-            "writing an impulse response as .csv was asked",
-            "its direct term has no column there",
-            "Use .npz, .h5 or .uff.",
-        )
+        fault = "its direct term has no column there"
+        raise DataError("writing an impulse response as .csv was asked", fault, "Use .npz, .h5 or .uff.")
     _, outputs, inputs = response.values.shape
     header = ["time_s", *(_pair(response, i, j) for i in range(outputs) for j in range(inputs))]
     return header, np.column_stack([response.times, _flat(response.values)]).tolist()
@@ -371,11 +337,8 @@ def _frequency_table(frf: FrequencyResponse) -> tuple[list[str], list[list[float
 
 def _record_table(record: Signals) -> tuple[list[str], list[list[float]]]:
     if record.runs > 1:
-        raise DataError(
-            "writing records as .csv was asked",
-            f"there are {record.runs} runs, and a table holds one",
-            "Use .npz or .h5, or write each run alone.",
-        )
+        fault = f"there are {record.runs} runs, and a table holds one"
+        raise DataError("writing records as .csv was asked", fault, "Use .npz or .h5, or write each run alone.")
     outputs, inputs = record.by_run()
     sides = [("out", label, unit) for label, unit in zip(record.output_dofs, record.units[0], strict=True)]
     sides += [("in", label, unit) for label, unit in zip(record.input_dofs, record.units[1], strict=True)]

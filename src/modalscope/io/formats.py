@@ -20,69 +20,46 @@ from modalscope.data.analysis import Analysis
 from modalscope.data.channels import files_of
 from modalscope.data.results import Result
 from modalscope.data.shown import summary_of
-from modalscope.io import accelerograms, csv, excel, hdf5, json, mat, mesh, npz, recorders, text, uff, wav, zarr
+from modalscope.io import accelerograms, csv, geometry, hdf5, json, mat, npz, recorders, text, uff, zarr
 from modalscope.io.analysis import write_analysis
 from modalscope.io.atomic import check_texts, replacing
-from modalscope.io.contents import Contents, Format, Options, Survey, Thing
+from modalscope.io.contents import Contents, DataObject, Format, Options, Survey, unreadable
 from modalscope.io.from_arrays import ARRAY_OPTIONS, FIELD_OPTIONS, overridden
-from modalscope.io.points import told_of_channels, with_geometry
 from modalscope.io.stored import STORED_OPTIONS
 from modalscope.numerics.arguments import plainly
 from modalscope.numerics.checks import check_kind, check_path
 
-_UNIVERSAL = Format(
-    name="universal file",
-    reader=uff.read,
-    writer=uff.write,
-    read_options=uff.READ_OPTIONS,
-    write_options=uff.WRITE_OPTIONS,
-)
-_TEXT = Format(name="text table", reader=text.read, writer=None, read_options=text.TEXT_OPTIONS)
-_MDF = Format(name="MDF file", reader=recorders.read_mdf, writer=None, read_options=recorders.RECORDER_OPTIONS)
-_ACCELEROGRAM = Format(
-    name="accelerogram", reader=accelerograms.read, writer=None, read_options=accelerograms.ACCELEROGRAM_OPTIONS
-)
-_HDF5 = Format(name="HDF5", reader=hdf5.read, writer=hdf5.write, read_options=(*ARRAY_OPTIONS, *STORED_OPTIONS))
+_UNIVERSAL = Format("universal file", uff.read, uff.write, uff.READ_OPTIONS, uff.WRITE_OPTIONS)
+_TEXT = Format("text table", text.read, None, text.TEXT_OPTIONS)
+_MDF = Format("MDF file", recorders.read_mdf, None, recorders.RECORDER_OPTIONS)
+_ACCELEROGRAM = Format("accelerogram", accelerograms.read, None, accelerograms.ACCELEROGRAM_OPTIONS)
+_HDF5 = Format("HDF5", hdf5.read, hdf5.write, (*ARRAY_OPTIONS, *STORED_OPTIONS))
 
 #: Suffix -> format.
 FORMATS: dict[str, Format] = {
-    ".npz": Format(name="NumPy archive", reader=npz.read, writer=npz.write, read_options=ARRAY_OPTIONS),
-    ".uff": _UNIVERSAL,
-    ".unv": _UNIVERSAL,
-    ".json": Format(name="JSON", reader=json.read, writer=json.write, write_options=json.WRITE_OPTIONS),
-    ".csv": Format(name="CSV table", reader=csv.read, writer=csv.write, read_options=text.TEXT_OPTIONS),
-    ".txt": _TEXT,
-    ".asc": _TEXT,
-    ".tsv": _TEXT,
-    ".dat": _TEXT,
-    ".lvm": _TEXT,
-    **dict.fromkeys((".at2", ".vt2", ".dt2"), _TEXT),
+    ".npz": Format("NumPy archive", npz.read, npz.write, ARRAY_OPTIONS),
+    **dict.fromkeys((".uff", ".unv"), _UNIVERSAL),
+    ".json": Format("JSON", json.read, json.write, write_options=json.WRITE_OPTIONS),
+    ".csv": Format("CSV table", csv.read, csv.write, text.TEXT_OPTIONS),
+    **dict.fromkeys((".txt", ".asc", ".tsv", ".dat", ".lvm", ".at2", ".vt2", ".dt2"), _TEXT),
     **dict.fromkeys((".v1", ".v2", ".v3", ".v1c", ".v2c", ".cosmos"), _ACCELEROGRAM),
     ".smc": replace(_ACCELEROGRAM, reader=accelerograms.read_smc),
-    ".npy": Format(name="NumPy array", reader=npz.read_npy, writer=None, read_options=npz.NPY_OPTIONS),
-    ".parquet": Format(
-        name="Parquet table", reader=recorders.read_parquet, writer=None, read_options=recorders.RECORDER_OPTIONS
-    ),
-    ".nc": Format(
-        name="netCDF file", reader=recorders.read_netcdf, writer=None, read_options=recorders.RECORDER_OPTIONS
-    ),
-    ".tdms": Format(name="TDMS file", reader=recorders.read_tdms, writer=None, read_options=recorders.RECORDER_OPTIONS),
-    ".mf4": _MDF,
-    ".mdf": _MDF,
-    **dict.fromkeys(mesh.MESHES, Format(name="mesh", reader=mesh.read, writer=None)),
-    ".wav": Format(name="sound file", reader=wav.read, writer=None, read_options=wav.WAV_OPTIONS),
-    ".xlsx": Format(name="Excel workbook", reader=excel.read, writer=None, read_options=excel.EXCEL_OPTIONS),
-    ".mat": Format(name="MATLAB file", reader=mat.read, writer=mat.write, read_options=ARRAY_OPTIONS),
-    ".h5": _HDF5,
-    ".hdf5": _HDF5,
-    ".zarr": Format(
-        name="Zarr folder", reader=zarr.read, writer=None, read_options=(*ARRAY_OPTIONS, *STORED_OPTIONS), folder=True
-    ),
+    ".npy": Format("NumPy array", npz.read_npy, None, npz.NPY_OPTIONS),
+    ".parquet": Format("Parquet table", recorders.read_parquet, None, recorders.RECORDER_OPTIONS),
+    ".nc": Format("netCDF file", recorders.read_netcdf, None, recorders.RECORDER_OPTIONS),
+    ".tdms": Format("TDMS file", recorders.read_tdms, None, recorders.RECORDER_OPTIONS),
+    **dict.fromkeys((".mf4", ".mdf"), _MDF),
+    **dict.fromkeys(geometry.MESHES, Format("mesh", geometry.read_mesh)),
+    ".wav": Format("sound file", recorders.read_wav, None, recorders.WAV_OPTIONS),
+    ".xlsx": Format("Excel workbook", recorders.read_excel, None, recorders.EXCEL_OPTIONS),
+    ".mat": Format("MATLAB file", mat.read, mat.write, ARRAY_OPTIONS),
+    **dict.fromkeys((".h5", ".hdf5"), _HDF5),
+    ".zarr": Format("Zarr folder", zarr.read, None, (*ARRAY_OPTIONS, *STORED_OPTIONS), folder=True),
 }
 
 
 @plainly
-def read(path: str | Path, **options: Any) -> Thing:
+def read(path: str | Path, **options: Any) -> DataObject:
     """Read a measurement, modes or a stabilization diagram from a file; the format by suffix.
 
     Parameters
@@ -134,13 +111,13 @@ def read(path: str | Path, **options: Any) -> Thing:
 
 @plainly
 def survey(path: str | Path, **options: Any) -> Survey:
-    """Tell what a file holds: every part, taken or left and why, and what is missing.
+    """Describe what a file holds: every part, read or left and why, and what is missing.
 
     Parameters
     ----------
     path : path
     **options
-        Those of `read`, which returns exactly what is told here.
+        Those of `read`, which returns exactly what is described.
 
     Raises
     ------
@@ -164,32 +141,28 @@ def _contents(path: Path, options: Options) -> Contents:
     try:
         return _whole_contents(path, options)
     except OSError as error:
-        found = f"the system refuses: {(error.strerror or str(error)).lower()}"
-        raise DataError(f"reading {str(path)!r} was asked", found, "Check that you may read the file.") from None
+        fault = f"the system refuses: {(error.strerror or str(error)).lower()}"
+        raise unreadable(repr(str(path)), fault, "Check that you may read the file.") from None
 
 
 def _whole_contents(path: Path, options: Options) -> Contents:
     if path.is_dir() and not (path.suffix.lower() in FORMATS and FORMATS[path.suffix.lower()].folder):
-        raise DataError(f"reading {str(path)!r} was asked", "that is a folder", "Name a file in it.")
+        raise unreadable(repr(str(path)), "that is a folder", "Name a file in it.")
     row = format_of(path, "reading")
     if not path.exists():
-        raise DataError(f"reading {str(path)!r} was asked", "there is no such file", "Check the name and the folder.")
-    if row.reader is None:
-        raise DataError(
-            f"reading {path.name} was asked", f"a {row.name} is only written", "Give the file that it was made from."
-        )
+        raise unreadable(repr(str(path)), "there is no such file", "Check the name and the folder.")
     check_options(path, options, (*row.read_options, *FIELD_OPTIONS), "reading")
     if path.stat().st_size == 0:
-        raise DataError(f"reading {path.name} was asked", "the file is empty", "Copy or write it again.")
-    options, notes = with_geometry(options, _geometry_in)
+        raise unreadable(path.name, "the file is empty", "Copy or write it again.")
+    options, notes = geometry.with_geometry(options, _geometry_in)
     contents = row.reader(path, options)
     whole = replace(contents, thing=overridden(contents.thing, options, path), notes=(*contents.notes, *notes))
-    return told_of_channels(whole) if options.get("geometry") is not None else whole
+    return geometry.with_lost_channels(whole) if options.get("geometry") is not None else whole
 
 
-def _geometry_in(path: Path) -> Thing:
+def _geometry_in(path: Path) -> DataObject:
     """Return the geometry that a file holds, or data with their own."""
-    universal = path.suffix.lower() in (".uff", ".unv")
+    universal = FORMATS.get(path.suffix.lower()) is _UNIVERSAL
     return _contents(path, {"want": "geometry"} if universal else {}).thing
 
 
@@ -200,8 +173,8 @@ def format_of(path: Path, doing: str) -> Format:
     """
     row = FORMATS.get(path.suffix.lower())
     if row is None:
-        suffix = f"the suffix {path.suffix!r} is unknown" if path.suffix else "it has no suffix"
-        raise DataError(f"{doing} {str(path)!r} was asked", suffix, f"Use one of {', '.join(FORMATS)}.")
+        fault = f"the suffix {path.suffix!r} is unknown" if path.suffix else "it has no suffix"
+        raise DataError(f"{doing} {str(path)!r} was asked", fault, f"Use one of {', '.join(FORMATS)}.")
     return row
 
 
@@ -209,29 +182,16 @@ def check_options(path: Path, options: Options, known: tuple[str, ...], doing: s
     """Raise a `DataError` for an option that a format does not know."""
     unknown = sorted(set(options) - set(known))
     if unknown:
-        raise DataError(
-            f"{doing} {path.name} with {', '.join(unknown)} was asked",
-            f"its options are {', '.join(known) or 'none'}",
-            "Use one of these.",
-        )
+        asked = f"{doing} {path.name} with {', '.join(unknown)} was asked"
+        raise DataError(asked, f"its options are {', '.join(known) or 'none'}", "Use one of these.")
 
-
-# ------------------------------------------------------------------------------------------------------------- writing
-# Data, modes, diagrams and results into files: what a suffix can hold, and never over the file that the data came from.
 
 #: What can be written, and the suffixes that hold a diagram with its response.
 _WRITTEN = (
-    FrequencyResponse,
-    ImpulseResponse,
-    Signals,
-    ModalModel,
-    Geometry,
-    StateSpace,
-    StabilizationDiagram,
-    Analysis,
-    Result,
+    *(FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry, StateSpace),
+    *(StabilizationDiagram, Analysis, Result),
 )
-_DIAGRAMS = (".npz", ".json")
+_SUFFIXES_OF_DIAGRAMS = (".npz", ".json")
 
 
 @plainly
@@ -260,20 +220,22 @@ def write(path: str | Path, thing: Any, **options: Any) -> None:
     """
     file = check_path(path)
     check_kind("what is written", thing, _WRITTEN)
-    if isinstance(thing, Analysis):
-        _write_analysis(file, thing)
-        return
     sources = sources_of(thing)
+    if isinstance(thing, Analysis):
+        if file.suffix.lower() != ".json":
+            asked = f"writing an analysis as {file.suffix or file.name} was asked"
+            raise DataError(asked, "its document is JSON", "End the name in .analysis.json.")
+        with replacing(file, sources) as temporary:
+            write_analysis(temporary, thing)
+        return
     if isinstance(thing, Result):
         options = {**options, "result": thing} if file.suffix.lower() == ".json" else options
         thing = thing.modes
     row = format_of(file, "writing")
-    if isinstance(thing, StabilizationDiagram) and file.suffix.lower() not in _DIAGRAMS:
-        raise DataError(
-            f"writing a stabilization diagram as {file.suffix} was asked",
-            f"diagrams are written as {' or '.join(_DIAGRAMS)}",
-            "Choose one of these suffixes, or write the modes that select(diagram) gives.",
-        )
+    if isinstance(thing, StabilizationDiagram) and file.suffix.lower() not in _SUFFIXES_OF_DIAGRAMS:
+        fault = f"diagrams are written as {' or '.join(_SUFFIXES_OF_DIAGRAMS)}"
+        remedy = "Choose one of these suffixes, or write the modes that select(diagram) gives."
+        raise DataError(f"writing a stabilization diagram as {file.suffix} was asked", fault, remedy)
     if row.writer is None:
         raise DataError(f"writing {file.name} was asked", f"a {row.name} is only read", "Choose another suffix.")
     check_options(file, options, row.write_options, "writing")
@@ -285,17 +247,6 @@ def write(path: str | Path, thing: Any, **options: Any) -> None:
 def sources_of(thing: Any) -> tuple[Path, ...]:
     """Return the files that data, modes, a diagram, a result or its document came from, as far as they are known."""
     document = thing if isinstance(thing, Analysis) else getattr(thing, "analysis", None)
-    held = (thing, *(getattr(thing, name, None) for name in ("data", "response")))
-    named = (file.path for file in document.files) if isinstance(document, Analysis) else ()
-    return (*(path for each in held for path in files_of(each)), *(Path(path) for path in named if path))
-
-
-def _write_analysis(file: Path, document: Analysis) -> None:
-    if file.suffix.lower() != ".json":
-        raise DataError(
-            f"writing an analysis as {file.suffix or file.name} was asked",
-            "its document is JSON",
-            "End the name in .analysis.json.",
-        )
-    with replacing(file, sources_of(document)) as temporary:
-        write_analysis(temporary, document)
+    parts = (thing, *(getattr(thing, name, None) for name in ("data", "response")))
+    paths = (file.path for file in document.files) if isinstance(document, Analysis) else ()
+    return (*(path for part in parts for path in files_of(part)), *(Path(path) for path in paths if path))

@@ -10,7 +10,7 @@ import numpy as np
 from modalscope.data import DataError
 from modalscope.io.columns import Column, Table, contents_from_table
 from modalscope.io.columns.words import kind_of_unit, role_by_words, split_head
-from modalscope.io.contents import Thing
+from modalscope.io.contents import DataObject, unreadable
 from modalscope.io.from_arrays import overridden
 from modalscope.numerics.arguments import plainly
 from modalscope.numerics.checks import Array
@@ -47,9 +47,7 @@ def table_of_frame(frame: Any, where: str) -> Table:
         frame = frame.to_dataset(name=frame.name or "values")
     columns, roles = _of_dataset(frame, where) if kind in ("Dataset", "DataArray") else _of_frame(frame)
     if not columns:
-        raise DataError(
-            f"reading {where} was asked", "it has no columns of numbers", "Give measured values as columns."
-        )
+        raise unreadable(where, "it has no columns of numbers", "Give measured values as columns.")
     rates = [float(frame.attrs[name]) for name in _RATES if isinstance(frame.attrs.get(name), int | float | np.number)]
     return Table(
         where=where, columns=tuple(columns), rate=rates[0] if rates else None, rate_from="its attributes", roles=roles
@@ -82,11 +80,8 @@ def _of_dataset(data: Any, where: str) -> tuple[list[Column], dict[int, str]]:
     )
     axis = axis or max(shared, key=lambda dim: data.sizes[dim], default=None)
     if axis is None:
-        raise DataError(
-            f"reading {where} was asked",
-            f"its variables ({', '.join(map(str, list(data.data_vars)[:6]))}) have no dimension in common",
-            "Give the variables of one axis.",
-        )
+        fault = f"its variables ({', '.join(map(str, list(data.data_vars)[:6]))}) have no dimension in common"
+        raise unreadable(where, fault, "Give the variables of one axis.")
     columns: list[Column] = []
     roles: dict[int, str] = {}
     if axis in data.coords:
@@ -132,7 +127,7 @@ def _column(number: int, name: Any, unit: str, values: Array) -> Column:
 
 
 @plainly
-def from_frame(frame: Any, **options: Any) -> Thing:
+def from_frame(frame: Any, **options: Any) -> DataObject:
     """Return the data that a pandas DataFrame or Series, or an xarray Dataset or DataArray, holds.
 
     Names, units and the rate of the index are kept. Units stand in names (`Force [N]`), in `frame.attrs["units"]` (pandas, a mapping of
@@ -166,10 +161,8 @@ def from_frame(frame: Any, **options: Any) -> Thing:
     (100.0, ('Force',), (('m/s2',), ('N',)))
     """
     if not is_frame(frame):
-        raise DataError(
-            "data out of a DataFrame, Series, Dataset or DataArray were asked",
-            f"it is {type(frame).__name__}",
-            "Give such an object, a path to read, or make FrequencyResponse or Signals of arrays.",
-        )
+        fault = f"it is {type(frame).__name__}"
+        remedy = "Give such an object, a path to read, or make FrequencyResponse or Signals of arrays."
+        raise DataError("data out of a DataFrame, Series, Dataset or DataArray were asked", fault, remedy)
     contents = contents_from_table(table_of_frame(frame, type(frame).__name__), options)
     return overridden(contents.thing, options, None)

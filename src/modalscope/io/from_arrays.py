@@ -39,7 +39,7 @@ from modalscope.io.arrays import (
 )
 from modalscope.io.columns import contents_from_table
 from modalscope.io.columns.words import kind_of_unit
-from modalscope.io.contents import Contents, Finding, Options, Thing
+from modalscope.io.contents import Contents, DataObject, Finding, Options
 from modalscope.io.loose import Lists, lists_of, meaning_of, meant_by, stacked_runs
 from modalscope.numerics.checks import Array
 
@@ -202,11 +202,8 @@ def contents_from_arrays(
     known = {part for name in arrays for part in (meant_by(name) if members else (name,))}
     absent = sorted((set(rename) | set(ignore)) - known)
     if absent:
-        raise DataError(
-            f"rename or ignore of {', '.join(absent)} was asked",
-            f"{where} holds {listed(arrays)}",
-            "Name arrays that are there.",
-        )
+        fault = f"{where} holds {listed(arrays)}"
+        raise DataError(f"rename or ignore of {', '.join(absent)} was asked", fault, "Name arrays that are there.")
     left = {name for name in arrays if name in ignore or (members and meant_by(name) & set(ignore))}
     lists = lists_of(where, {name: array for name, array in arrays.items() if name not in left}) if members else None
     if lists is not None:
@@ -314,18 +311,16 @@ def _with_axes(held: dict[str, Array], noun: type[Any], axes: dict[str, Any]) ->
             or len(stored) != held[name].ndim
         ):
             shape = f"its shape is {held[name].shape}" if name in held else "there is no such array"
-            raise DataError(
-                f"axes={{{name!r}: {' '.join(stored)!r}}} was asked",
-                f"{shape}, and its axes may be {', '.join(wanted) or 'none'}",
-                "Name each axis of the stored array once, in its order.",
-            )
+            fault = f"{shape}, and its axes may be {', '.join(wanted) or 'none'}"
+            remedy = "Name each axis of the stored array once, in its order."
+            raise DataError(f"axes={{{name!r}: {' '.join(stored)!r}}} was asked", fault, remedy)
         array = np.transpose(held[name], [stored.index(axis) for axis in wanted if axis in stored])
         array = np.expand_dims(array, [i for i, axis in enumerate(wanted) if axis not in stored])
         held = held | {name: array[0] if wanted[0] == "runs" and "runs" not in stored else array}
     return held
 
 
-def _build(where: str, noun: type[Any], held: dict[str, Array], given: dict[str, Any]) -> Thing:
+def _build(where: str, noun: type[Any], held: dict[str, Array], given: dict[str, Any]) -> DataObject:
     before = {name.removeprefix(UNREFINED): array for name, array in held.items() if name.startswith(UNREFINED)}
     values: dict[str, Any] = {
         name: field_value(where, name, array) for name, array in held.items() if not name.startswith(UNREFINED)
@@ -349,7 +344,7 @@ def _build(where: str, noun: type[Any], held: dict[str, Array], given: dict[str,
         values["quantities"] = values.pop("quantity")
     _check_fields(where, noun, values, given)
     try:
-        thing: Thing = noun(**values)
+        thing: DataObject = noun(**values)
     except DataError:
         raise
     except (TypeError, KeyError, AttributeError, IndexError, OverflowError, ValueError) as error:
@@ -365,23 +360,19 @@ def _check_fields(where: str, noun: type[Any], values: dict[str, Any], given: di
     free = {"sampling_rate"} if noun is FrequencyResponse else set()
     missing = [name for name in needed if name not in values and name not in free]
     if missing:
-        raise DataError(
-            f"reading {where} as {noun.__name__} needs {', '.join(needed)}",
-            f"{', '.join(missing)} are missing",
-            "Add the array, or give it as an option.",
-        )
+        asked = f"reading {where} as {noun.__name__} needs {', '.join(needed)}"
+        raise DataError(asked, f"{', '.join(missing)} are missing", "Add the array, or give it as an option.")
     refused = sorted(set(given) - present - {"quantity"})
     if refused:
-        raise DataError(
-            f"the options {', '.join(refused)} were asked", f"a {noun.__name__} has no such field", "Leave them out."
-        )
+        fault = f"a {noun.__name__} has no such field"
+        raise DataError(f"the options {', '.join(refused)} were asked", fault, "Leave them out.")
 
 
 # ----------------------------------------------------------------------------------------------------------- overrides
 # Fields of data that the caller gives beside the file: they go before what it says.
 
 
-def _of_channels(thing: Thing, given: Mapping[str, str]) -> tuple[list[str], list[str]] | None:
+def _of_channels(thing: DataObject, given: Mapping[str, str]) -> tuple[list[str], list[str]] | None:
     """Return the units of all channels with those given by label, or for all outputs or inputs; None where nothing names a channel.
 
     Columns of tables have theirs already, by their number or name.
@@ -400,7 +391,7 @@ def _of_channels(thing: Thing, given: Mapping[str, str]) -> tuple[list[str], lis
     return (sides[0], sides[1]) if found else None
 
 
-def overridden(thing: Thing, options: Options, path: Path | None) -> Thing:
+def overridden(thing: DataObject, options: Options, path: Path | None) -> DataObject:
     """Return the data with the fields that the caller gave, which named arrays have used already, and where they came from."""
     given = {name: options[name] for name in FIELD_OPTIONS if options.get(name) is not None}
     if isinstance(given.get("units"), Mapping):
@@ -410,11 +401,8 @@ def overridden(thing: Thing, options: Options, path: Path | None) -> Thing:
         given["quantities"] = given.pop("quantity")
     refused = sorted(set(given) - {field.name for field in fields(thing)})
     if refused:
-        raise DataError(
-            f"the options {', '.join(refused)} were asked",
-            f"the file gives {summary_of(thing)}, which has no such field",
-            "Leave them out.",
-        )
+        fault = f"the file gives {summary_of(thing)}, which has no such field"
+        raise DataError(f"the options {', '.join(refused)} were asked", fault, "Leave them out.")
     if isinstance(thing, Channels):
         given |= {} if path is None else {"source_path": path.absolute()}
         if "input_dofs" in given and getattr(thing, "groups", None) == input_groups(thing.input_dofs):

@@ -3,31 +3,39 @@
 Layout: a complex array `values` is two datasets, `values_real` and `values_imag`; texts are variable-length UTF-8; single
 values are scalar datasets. The axes carry dimension scales (`line` = `frequencies`, `output`, `input`, `sample`, `run`,
 `mode`), which netCDF readers take for named dimensions. The root attribute `modalscope_layout` is 1. Arrays carry Fletcher's
-checksum, which HDF5 itself compares, and the whole file ends in a seal (`hdf5_guard`).
+checksum, which HDF5 itself compares, and the whole file ends in a seal, the SHA-256 of all before it, behind what HDF5 reads.
 """
 
 from __future__ import annotations
 
+import hashlib
+import json
+import os
+import subprocess
+import sys
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from modalscope.data import DataError, ImpulseResponse
+from modalscope.data import ImpulseResponse
+from modalscope.io import hdf5_walk
 from modalscope.io.arrays import joined, to_arrays
-from modalscope.io.contents import Contents, Options, Plain
+from modalscope.io.contents import ArrayData, Contents, Options, damage_as_error, unreadable
 from modalscope.io.from_arrays import contents_from_arrays
-from modalscope.io.hdf5_guard import check_hdf5, seal
-from modalscope.io.limits import Room, room
+from modalscope.io.limits import RAISE_THE_LIMIT, Room, room
 from modalscope.io.stored import Hdf5Rows, name_of_outputs, stays_stored, stored_contents
 from modalscope.numerics.checks import Array
 from modalscope.numerics.extras import optional_package
 
+_MARK = b"\nmodalscope sha256 "
+_DIGITS = 64
+#: Limits of a walk, seconds and bytes a second: of processor time, and of the clock, which other programs delay.
+_PROCESSOR_TIME, _CLOCK_TIME = (2, 50_000_000), (20, 10_000_000)
+#: Arrays in memory during a walk: one read, a chunk of it packed, and one inflated.
+_COPIES_IN_WALK = 3
 _LAYOUT = 1
-
-#: What h5py raises on damaged files.
-DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, MemoryError, OverflowError)
 
 _DIMENSIONS = {
     "frequencies": ("line",),
@@ -50,7 +58,7 @@ _DIMENSIONS = {
 }
 
 
-def write(path: Path, thing: Plain, options: Options) -> None:
+def write(path: Path, thing: ArrayData, options: Options) -> None:
     """Write a data object; binary, so that it is read back exactly."""
     h5py = optional_package(f"writing {path.suffix}", "h5py", "hdf5")
     axes: dict[str, tuple[str, ...]] = {}
@@ -83,7 +91,7 @@ def _store(file: Any, name: str, array: Array) -> None:
     file.create_dataset(name, data=array, fletcher32=bool(array.ndim and array.size))
 
 
-def _axes(thing: Plain, name: str, array: Array) -> tuple[str, ...]:
+def _axes(thing: ArrayData, name: str, array: Array) -> tuple[str, ...]:
     """Return the names of an array's axes; the first ones of a data object that may lack runs or inputs."""
     axes = _DIMENSIONS.get(name, ())
     if isinstance(thing, ImpulseResponse):
@@ -113,7 +121,7 @@ def read(path: Path, options: Options) -> Contents:
     streamed = name_of_outputs(options) if stays_stored(options, path.stat().st_size) else ""
     check_hdf5(path, space, streamed)
     rows: Hdf5Rows | None = None
-    try:
+    with damage_as_error(f"{path.name} as HDF5", "Copy or write the file again."):
         with h5py.File(path, "r") as file:
             if streamed in file:
                 rows = _rows(path, streamed, file[streamed])
@@ -124,24 +132,10 @@ def read(path: Path, options: Options) -> Contents:
             }
             if not all(isinstance(name, str) for name in arrays):
                 raise ValueError("a name in it is no text")
-    except DAMAGED as error:
-        if isinstance(error, DataError):
-            raise
-        raise DataError(
-            f"reading {path.name} as HDF5 was asked",
-            f"it is damaged or not HDF5 ({error})",
-            "Copy or write the file again.",
-        ) from None
-    for name in [name for name in arrays if name.endswith("_real") and name.removesuffix("_real") + "_imag" in arrays]:
-        base = name.removesuffix("_real")
-        try:
-            arrays[base] = joined(arrays.pop(name), arrays.pop(base + "_imag"))
-        except ValueError as error:
-            raise DataError(
-                f"{base} in {path.name} needs real and imaginary parts of one shape",
-                str(error),
-                "Write the file again.",
-            ) from None
+        for name in [name for name in arrays if name.endswith("_real")]:
+            base = name.removesuffix("_real")
+            if f"{base}_imag" in arrays:
+                arrays[base] = joined(arrays.pop(name), arrays.pop(f"{base}_imag"))
     if rows is not None:
         return stored_contents(path.name, rows, arrays, options)
     return contents_from_arrays(path.name, arrays, options)
@@ -165,3 +159,81 @@ def _values(name: str, item: Any, space: Room) -> Array:
         return np.asarray(item[()])
     texts = np.asarray(item.asstr()[()])
     return space.texts(name, [str(text) for text in texts.ravel()]).reshape(texts.shape)
+
+
+def seal(path: Path) -> None:
+    """Append the checksum of a file that is complete."""
+    with path.open("r+b") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+        file.seek(0, os.SEEK_END)
+        file.write(_MARK + digest.encode())
+
+
+def check_hdf5(path: Path, room: Room, streamed: str = "") -> None:
+    """Raise a `DataError` where a file is damaged, leads out of itself, or is larger than it may be.
+
+    A file whose seal holds is walked in this process; another one by a Python of its own first (`hdf5_walk`). The seal finds damage, not
+    malice: what leads out of a file is refused in both cases.
+
+    `room`: what its arrays may take. `streamed`: the dataset that is read stretch by stretch: its chunks are bounded, not its size.
+    """
+    try:
+        answer = (_here if _is_sealed(path) or not _python() else _apart)(path, room, streamed)
+    except UnicodeEncodeError:
+        answer = ["its name has characters that no text has", "Rename the file."]
+    if answer:
+        raise unreadable(f"{path.name} as HDF5", answer[0], answer[1] or RAISE_THE_LIMIT)
+
+
+def _is_sealed(path: Path) -> bool:
+    """Whether the file carries a seal that holds."""
+    size = path.stat().st_size - len(_MARK) - _DIGITS
+    if size < 0:
+        return False
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        file.seek(size)
+        mark, written = file.read(len(_MARK)), file.read(_DIGITS)
+        if mark != _MARK:
+            return False
+        file.seek(0)
+        while size > 0:
+            part = file.read(min(size, 1 << 20))
+            digest.update(part)
+            size -= len(part)
+    if digest.hexdigest().encode() != written:
+        fault = "its contents do not match its checksum: it is damaged"
+        raise unreadable(f"{path.name} as HDF5", fault, "Copy or write it again.")
+    return True
+
+
+def _python() -> str:
+    """Return the program that runs this Python; none where Python is a part of another program."""
+    program = sys.executable or ""
+    return program if Path(program).stem.lower().startswith(("python", "pypy")) else ""
+
+
+def _here(path: Path, room: Room, streamed: str = "") -> list[str]:
+    try:
+        hdf5_walk.walk(str(path), room.left, streamed)
+    except hdf5_walk.Refused as refused:
+        return [refused.fault, refused.remedy]
+    return []
+
+
+def _apart(path: Path, room: Room, streamed: str = "") -> list[str]:
+    """Walk in a Python of its own, which finds h5py where this one does and nothing else."""
+    seconds, clock = (first + room.size // rate for first, rate in (_PROCESSOR_TIME, _CLOCK_TIME))
+    numbers = (room.left, seconds, _COPIES_IN_WALK * room.left)
+    command = [_python(), "-P", "-S", "-B", hdf5_walk.__file__, str(path), *map(str, numbers), streamed]
+    folders = os.pathsep.join(folder for folder in sys.path if folder)
+    environment = os.environ | {"PYTHONPATH": folders, "OPENBLAS_NUM_THREADS": "1"}  # a thread is much memory
+    try:
+        done = subprocess.run(command, env=environment, capture_output=True, timeout=clock, check=False)
+    except subprocess.TimeoutExpired:
+        return [f"it is damaged: the HDF5 library did not end within {clock} s", "Copy or write it again."]
+    try:
+        return list(json.loads(done.stdout))
+    except ValueError:
+        fault = f"it is damaged: the HDF5 library fails or does not end (status {done.returncode})"
+        return [fault, "Copy or write it again."]

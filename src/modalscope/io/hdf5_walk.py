@@ -33,9 +33,9 @@ _DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeErr
 class Refused(Exception):
     """What is wrong with a file, and what to do about it."""
 
-    def __init__(self, found: str, change: str = "Copy or write the file again.") -> None:
-        self.found, self.change = found, change
-        super().__init__(found)
+    def __init__(self, fault: str, remedy: str = "Copy or write the file again.") -> None:
+        self.fault, self.remedy = fault, remedy
+        super().__init__(fault)
 
 
 @dataclass(slots=True)
@@ -222,7 +222,7 @@ def _main(path: str, left: int, seconds: int, memory: int, streamed: str) -> Non
     try:
         walk(path, left, streamed)
     except Refused as refused:
-        answer = [refused.found, refused.change]
+        answer = [refused.fault, refused.remedy]
     sys.stdout.write(json.dumps(answer))
 
 

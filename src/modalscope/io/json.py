@@ -20,7 +20,6 @@ A state-space model is {"modalscope": version, "state_space": {"A", "B", "C", "D
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +31,8 @@ from modalscope.data.mode_fields import COLUMNS
 from modalscope.data.results import Result
 from modalscope.functions.poles import poles_from
 from modalscope.io.analysis import analysis_to
-from modalscope.io.arrays import from_json_numbers, joined, to_arrays
-from modalscope.io.contents import Contents, Finding, Options
+from modalscope.io.arrays import joined, plain, to_arrays
+from modalscope.io.contents import Contents, Finding, Options, damage_as_error, unreadable
 from modalscope.io.diagrams import DIAGRAM, document_contents, write_document
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import room
@@ -47,11 +46,8 @@ _OF_DATA = ("quantity", "dt", "held_input", "scaling")
 _OF_CHANNELS = ("output_dofs", "input_dofs", "units", "processing")
 
 
-# ------------------------------------------------------------------------------------------------------------- writing
-
-
 def write(path: Path, modes: Any, options: Options) -> None:
-    """Write modes; `method`, `domain`, `orders` and a mapping `data` are added as they are given. Or a diagram, which has them itself."""
+    """Write modes with `method`, `domain`, `orders` and a mapping `data` as they are given; a state-space model; or a diagram."""
     if isinstance(modes, StabilizationDiagram):
         write_document(path, modes)
         return
@@ -60,11 +56,9 @@ def write(path: Path, modes: Any, options: Options) -> None:
         path.write_text(json.dumps({"modalscope": VERSION, "state_space": matrices}, indent=1) + "\n", encoding="utf-8")
         return
     if not isinstance(modes, ModalModel):
-        raise DataError(
-            f"writing {type(modes).__name__} as .json was asked",
-            "that layout holds modes, a state-space model or a stabilization diagram",
-            "Use .npz, .h5 or .uff for records and responses.",
-        )
+        fault = "that layout holds modes, a state-space model or a stabilization diagram"
+        remedy = "Use .npz, .h5 or .uff for records and responses."
+        raise DataError(f"writing {type(modes).__name__} as .json was asked", fault, remedy)
     options = {**_of_result(options.get("result")), **options}
     data = {name: getattr(modes, name) for name in (*_OF_DATA, *_OF_CHANNELS)}
     document = {
@@ -84,49 +78,40 @@ def write(path: Path, modes: Any, options: Options) -> None:
         "analysis": options.get("analysis"),
         "geometry": None if modes.geometry is None else _geometry_out(modes.geometry),
     }
-    path.write_text(
-        json.dumps(_null(document), indent=1, allow_nan=False, default=from_json_numbers) + "\n", encoding="utf-8"
-    )
+    path.write_text(json.dumps(plain(document), indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def _of_result(result: Result | None) -> dict[str, Any]:
-    """Return what a result says beside its modes: how they were found, its notes, and the document that gives them again."""
+    """Return what a result holds besides its modes: how they were identified, its notes, and the document that repeats it."""
     if result is None:
         return {}
-    found: dict[str, Any] = {
-        "notes": result.notes,
-        "analysis": analysis_to(result.analysis),
-        "route": result.analysis.route,
-    }
-    files = [Path(file.path).name for file in result.analysis.files if file.path]
+    analysis = result.analysis
+    entries: dict[str, Any] = {"notes": result.notes, "analysis": analysis_to(analysis), "route": analysis.route}
+    files = [Path(file.path).name for file in analysis.files if file.path]
     if files:
-        found["data"] = {"file": ", ".join(files)}
+        entries["data"] = {"file": ", ".join(files)}
     if result.diagrams:
         diagram = result.diagram
         route = diagram.settings.get("route")
-        found |= {} if route is None else {"route": route}
-        found |= {"method": diagram.method, "domain": diagram.domain, "orders": diagram.orders}
-    return found
+        entries |= {} if route is None else {"route": route}
+        entries |= {"method": diagram.method, "domain": diagram.domain, "orders": diagram.orders}
+    return entries
 
 
 def _mode(modes: ModalModel, j: int) -> dict[str, Any]:
+    pole, std, part = modes.poles[j], modes.shapes_std, modes.participation
+    shape = {"dof": list(modes.output_dofs), **_parts(modes.shapes[:, j]), "std": None if std is None else std[:, j]}
     return {
-        "frequency_hz": float(modes.frequencies[j]),
-        "damping_ratio": float(modes.damping_ratios[j]),
+        "frequency_hz": modes.frequencies[j],
+        "damping_ratio": modes.damping_ratios[j],
         "kind": modes.kinds[j],
-        **{key: None if (a := getattr(modes, name)) is None else float(a[j]) for key, name in COLUMNS.items()},
-        "indicators": {name: float(values[j]) for name, values in modes.indicators.items()},
+        **{key: None if (a := getattr(modes, name)) is None else a[j] for key, name in COLUMNS.items()},
+        "indicators": {name: values[j] for name, values in modes.indicators.items()},
         "reasons": dict(modes.reasons[j]) if modes.reasons else {},
-        "shape": {"dof": list(modes.output_dofs), **_parts(modes.shapes[:, j]), "std": _std(modes.shapes_std, j)},
-        "pole": {"real": float(modes.poles[j].real), "imag": float(modes.poles[j].imag)},
-        "participation": None
-        if modes.participation is None
-        else {"dof": list(modes.input_dofs), **_parts(modes.participation[j])},
+        "shape": shape,
+        "pole": {"real": pole.real, "imag": pole.imag},
+        "participation": None if part is None else {"dof": list(modes.input_dofs), **_parts(part[j])},
     }
-
-
-def _std(values: RealArray | None, j: int) -> list[float] | None:
-    return None if values is None else values[:, j].tolist()
 
 
 def _parts(values: ComplexArray) -> dict[str, list[float]]:
@@ -146,65 +131,30 @@ def _geometry_out(geometry: Geometry) -> dict[str, Any]:
     }
 
 
-def _null(value: Any) -> Any:
-    """Return the document with null where a number is not finite: JSON has no NaN."""
-    if isinstance(value, np.generic | np.ndarray):
-        value = value.tolist()
-    if isinstance(value, Mapping):
-        return {str(key): _null(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_null(item) for item in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
-
-
-# ------------------------------------------------------------------------------------------------------------- reading
-
-
 def read(path: Path, options: Options) -> Contents:
     """Read modes or a stabilization diagram back."""
     space = room(path.name, path.stat().st_size)
-    try:
+    with damage_as_error(f"{path.name} as JSON", "Write it with modalscope.", (ValueError, RecursionError)):
         text = path.read_text(encoding="utf-8")
         space.json("what it lists", text)
         document = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, DataError):
-            raise
-        raise DataError(
-            f"reading {path.name} as modes was asked", f"it is not JSON ({error})", "Write it with modalscope."
-        ) from None
-    if isinstance(document, dict) and DIAGRAM in document:
+    if not isinstance(document, dict):
+        document = {}
+    if DIAGRAM in document:
         return document_contents(path.name, document, space)
-    if isinstance(document, dict) and "modalscope" in document and isinstance(document.get("state_space"), dict):
-        return contents_from_arrays(path.name, _matrices(path, document["state_space"]), options)
-    if not isinstance(document, dict) or not isinstance(document.get("modes"), list) or "modalscope" not in document:
-        raise DataError(
-            f"reading {path.name} as modes was asked",
-            'it has no "modalscope" and "modes" entries',
-            "Give a modes.json that modalscope wrote.",
-        )
-    try:
+    damaged = (KeyError, TypeError, AttributeError, IndexError, OverflowError, ValueError)
+    if "modalscope" in document and isinstance(document.get("state_space"), dict):
+        with damage_as_error(path.name, "Write the file again.", damaged):
+            matrices = {name: np.asarray(a, dtype=float) for name, a in document["state_space"].items()}
+        return contents_from_arrays(path.name, matrices, options)
+    if not isinstance(document.get("modes"), list) or "modalscope" not in document:
+        fault = 'it has no "modalscope" and "modes" entries'
+        raise unreadable(f"{path.name} as modes", fault, "Give a modes.json that modalscope wrote.")
+    with damage_as_error(f"{path.name} as modes", "Write the file again.", damaged):
         modes = _modes(document)
-    except (KeyError, TypeError, AttributeError, IndexError, OverflowError) as error:
-        raise _spoilt(path, f"an entry is missing or of the wrong type ({type(error).__name__}: {error})") from None
-    except DataError:
-        raise
-    except ValueError as error:
-        raise _spoilt(path, str(error)) from None
     how = [f"{key} {document[key]}" for key in ("method", "domain", "orders") if document.get(key) is not None]
     finding = Finding(part="modes", what=f"{len(modes)} modes" + (f" ({', '.join(how)})" if how else ""))
     return Contents(thing=modes, findings=(finding,))
-
-
-def _matrices(path: Path, written: dict[str, Any]) -> dict[str, Array]:
-    try:
-        return {name: np.asarray(values, dtype=float) for name, values in written.items()}
-    except (TypeError, ValueError, OverflowError) as error:
-        raise _spoilt(path, f"its matrices are damaged ({error})") from None
-
-
-def _spoilt(path: Path, found: str) -> DataError:
-    return DataError(f"reading {path.name} as modes was asked", found, "Write the file again.")
 
 
 def _modes(document: dict[str, Any]) -> ModalModel:
@@ -230,30 +180,27 @@ def _modes(document: dict[str, Any]) -> ModalModel:
 def _model(rows: list[dict[str, Any]], data: dict[str, Any], **fields: Any) -> ModalModel:
     """Return modes from their rows, with fields that belong to all of them."""
     outputs = data.get("output_dofs") or (rows[0]["shape"]["dof"] if rows else [])
-    part: list[Any] = [row.get("participation") for row in rows]
+    participation: list[Any] = [row.get("participation") for row in rows]
     shapes = np.array([_complex(row["shape"]) for row in rows], dtype=complex).reshape(len(rows), len(outputs)).T
-    known = bool(rows) and all(entry is not None for entry in part)
+    complete = bool(rows) and all(entry is not None for entry in participation)
     std = [row["shape"].get("std") for row in rows]
     names = rows[0].get("indicators") or {} if rows else {}
+    units = data.get("units")
     columns: dict[str, Any] = {name: _column(rows, key) for key, name in COLUMNS.items()}
+    columns["units"] = None if units is None else (units[0], units[1] if complete else ())
     return ModalModel(
         poles=np.array([_pole(row) for row in rows], dtype=complex),
         shapes=shapes,
         shapes_std=np.array([_numbers(entry) for entry in std]).T if rows and all(std) else None,
-        participation=np.array([_complex(entry) for entry in part]) if known else None,
+        participation=np.array([_complex(entry) for entry in participation]) if complete else None,
         output_dofs=tuple(outputs),
-        input_dofs=tuple(data.get("input_dofs") or ()) if known else (),
-        units=_units(data.get("units"), known),
+        input_dofs=tuple(data.get("input_dofs") or ()) if complete else (),
         processing=tuple(data.get("processing") or ()),
         indicators={name: _numbers([row["indicators"][name] for row in rows]) for name in names},
         reasons=tuple(row.get("reasons") or {} for row in rows) if any(row.get("reasons") for row in rows) else (),
         **columns,
         **fields,
     )
-
-
-def _units(units: Any, known: bool) -> Any:
-    return None if units is None else (units[0], units[1] if known else ())
 
 
 def _complex(parts: dict[str, list[float]]) -> ComplexArray:

@@ -13,10 +13,15 @@ from typing import Any
 import numpy as np
 
 from modalscope.data import DataError
+from modalscope.io.contents import unreadable
 from modalscope.numerics.checks import Array
 from modalscope.numerics.resources import set_allowed_memory
 
-_LEAST, _TIMES = 500_000_000, 20
+#: What a user does who trusts a file.
+RAISE_THE_LIMIT = "If you trust the file, raise the limit: --max-memory, or modalscope.io.set_max_memory."
+
+#: Bytes that reading may take at least, and by size of the file.
+_MIN_BYTES, _BYTES_BY_SIZE = 500_000_000, 20
 #: Inflated, joined and locked arrays stand in memory beside each other.
 _COPIES = 4
 #: Bytes of a number, at least: what is read becomes double precision. Of a text: a Python object. Of a bracket and of an entry in JSON.
@@ -68,10 +73,10 @@ class Room:
     def take(self, what: str, count: int) -> None:
         """Use up so many bytes, or raise a `DataError` that names what asked for them."""
         if count > self.left:
-            raise DataError(
-                f"reading {self.where} was asked",
+            raise unreadable(
+                self.where,
                 f"{what} would take {_words(count)} of memory, and a file of {_words(self.size)} may take {_words(self.left)} more",
-                "If you trust the file, raise the limit: --max-memory, or modalscope.io.set_max_memory.",
+                RAISE_THE_LIMIT,
             )
         self.left -= count
 
@@ -89,17 +94,13 @@ class Room:
     def parts(self, what: str, count: int, most: int = MOST_PARTS) -> None:
         """Refuse more parts than anybody has."""
         if count > most and _max_memory is None:
-            raise DataError(
-                f"reading {self.where} was asked",
-                f"it has {count} {what}, and at most {most} are expected",
-                "If you trust the file, raise the limit: --max-memory, or modalscope.io.set_max_memory.",
-            )
+            raise unreadable(self.where, f"it has {count} {what}, and at most {most} are expected", RAISE_THE_LIMIT)
 
     def square(self, what: str, cells: int, held: int) -> None:
         """Refuse a matrix that is nearly empty: it grows with the square of what the file holds."""
         if cells > max(_SMALL, _EMPTY * held) and _max_memory is None:
-            raise DataError(
-                f"reading {self.where} was asked",
+            raise unreadable(
+                self.where,
                 f"{what} make a matrix of {cells} entries, of which the file holds {held}",
                 "Export the channels that belong together, or raise the limit: --max-memory, or modalscope.io.set_max_memory.",
             )
@@ -120,7 +121,7 @@ def room(where: str, size: int) -> Room:
     >>> room("a.npz", 1000).left
     125000000
     """
-    allowed = max(_LEAST, _TIMES * size) if _max_memory is None else _max_memory
+    allowed = max(_MIN_BYTES, _BYTES_BY_SIZE * size) if _max_memory is None else _max_memory
     return Room(where=where, size=size, left=allowed // _COPIES)
 
 

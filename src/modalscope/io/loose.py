@@ -16,7 +16,7 @@ from modalscope.data import DataError, Signals
 from modalscope.io.columns import Column, Table
 from modalscope.io.columns.axis import rises, sampling_of
 from modalscope.io.columns.words import role_by_words, split_head
-from modalscope.io.contents import Options
+from modalscope.io.contents import Options, unreadable
 from modalscope.numerics.checks import Array
 
 _RATES = {
@@ -149,11 +149,8 @@ def _first_axis(where: str, name: str, array: Array, count: int, transpose: bool
     bare = array.squeeze() if array.ndim > 1 else array
     places = [k for k, size in enumerate(bare.shape) if size == count]
     if not places:
-        raise DataError(
-            f"reading {where} was asked",
-            f"{name} has the shape {array.shape}, and none of its axes has the {count} entries of the others",
-            f"Leave it out: --ignore {name}",
-        )
+        fault = f"{name} has the shape {array.shape}, and none of its axes has the {count} entries of the others"
+        raise unreadable(where, fault, f"Leave it out: --ignore {name}")
     if len(places) > 1 and bare.ndim > 1:
         places = places[-1:] if transpose else places[:1]
     return np.moveaxis(bare, places[0], 0)
@@ -185,11 +182,8 @@ def _count(found: _Sorted, options: Options) -> int:
     longest = int(max(max(shape) for shape in shapes.values()))
     odd = [name for name, shape in shapes.items() if len(shape) > 1 and shape[0] != longest]
     if odd and not options.get("transpose"):
-        raise DataError(
-            f"reading {found.where} was asked",
-            f"{odd[0]} has the shape {found.data[odd[0]].shape}, which is more channels than samples",
-            "If samples stand along its last axis, say so: --transpose",
-        )
+        fault = f"{odd[0]} has the shape {found.data[odd[0]].shape}, which is more channels than samples"
+        raise unreadable(found.where, fault, "If samples stand along its last axis, say so: --transpose")
     return longest
 
 
@@ -234,11 +228,8 @@ def _runs(found: _Sorted, held: Mapping[str, Array], forces: list[str], options:
         if any(array.ndim == 3 for array in held.values())
         else f"; for channels: {_as_channels(found, held, forces)}"
     )
-    raise DataError(
-        f"reading {found.where} as records was asked",
-        f"in {shapes} an axis may count channels or hits",
-        f"For hits: {' '.join(words)}{channels}",
-    )
+    fault = f"in {shapes} an axis may count channels or hits"
+    raise unreadable(f"{found.where} as records", fault, f"For hits: {' '.join(words)}{channels}")
 
 
 def _as_channels(found: _Sorted, held: Mapping[str, Array], forces: list[str]) -> str:
@@ -352,11 +343,8 @@ def lists_of(where: str, arrays: Mapping[str, Array]) -> Lists | None:
             shared[name] = array
             continue
         if _MEMBER.match(found["rest"]):
-            raise DataError(
-                f"reading {where} was asked",
-                f"{found['of']} holds lists of lists ({name})",
-                f"Save its members as arrays, or leave it out: --ignore {found['of']}",
-            )
+            fault = f"{found['of']} holds lists of lists ({name})"
+            raise unreadable(where, fault, f"Save its members as arrays, or leave it out: --ignore {found['of']}")
         place = int(found["round"] or found["curly"])
         lists.setdefault(found["of"], {}).setdefault(place, {})[found["of"] + found["rest"]] = array
     if not lists:
@@ -374,11 +362,8 @@ def lists_of(where: str, arrays: Mapping[str, Array]) -> Lists | None:
         told = "; ".join(f"{of} {', '.join(map(str, found[:6]))}" for of, found in places.items())
         # what is no run by itself goes before what is
         odd = min(runs, key=lambda of: (_are_runs(list(lists[of].values())), len(places[of])))
-        raise DataError(
-            f"reading the runs of {where} was asked",
-            f"its lists have members at different places: {told}",
-            f"Leave one out: --ignore {odd}",
-        )
+        fault = f"its lists have members at different places: {told}"
+        raise DataError(f"reading the runs of {where} was asked", fault, f"Leave one out: --ignore {odd}")
     first = next(iter(places.values()))
     return Lists(runs=[shared | {k: a for of in runs for k, a in lists[of][p].items()} for p in first])
 
@@ -406,8 +391,8 @@ def _check_whole(where: str, of: str, members: Mapping[int, Mapping[str, Array]]
         lacking = sorted(name for name in fields if name not in member or not member[name].size)
         if lacking:
             name = member_name(of, place, "{}" if any(key.startswith(f"{of}{{") for key in arrays) else "()")
-            raise DataError(
-                f"reading {where} was asked",
+            raise unreadable(
+                where,
                 f"{name} has no {', '.join(lacking[:6])}, which other members have"
                 if lacking != [of]
                 else f"{name} is empty",
@@ -444,8 +429,8 @@ def _together(where: str, of: str, name: str, members: Mapping[int, Array]) -> A
     odd = [place for place, array in members.items() if array.size != usual]
     if odd:
         curly = name == of
-        raise DataError(
-            f"reading {where} was asked",
+        raise unreadable(
+            where,
             f"the members of {name} have {min(sizes)} to {max(sizes)} entries, most of them {usual}",
             "Cut them to one length, or leave out those of another: "
             + " ".join(f"--ignore '{member_name(of, place, '{}' if curly else '()')}'" for place in odd[:6]),
@@ -465,17 +450,13 @@ def _refuse_clocks(where: str, name: str, held: Sequence[Array]) -> None:
     kinds = {axis_kind(name, array) for array in held} if held[0].size > 1 else {""}
     ends = f"{name} begins with {_apart(held, 0)}, and ends with {_apart(held, -1)}"
     if kinds == {"time"}:
-        raise DataError(
-            asked, f"their times differ: {ends}", f"If the channels were measured at once, leave these out: {without}"
-        )
+        fault = f"their times differ: {ends}"
+        raise DataError(asked, fault, f"If the channels were measured at once, leave these out: {without}")
     if kinds == {"frequency"}:
         raise DataError(asked, f"their frequencies differ: {ends}", "Save them at the same frequencies.")
     if held[0].size == 1 and is_rate(name):
-        raise DataError(
-            asked,
-            f"their rates differ: {name} is {_apart(held, 0)}",
-            f"Resample them to one rate; if the numbers are wrong, leave them out: {without}",
-        )
+        fault = f"their rates differ: {name} is {_apart(held, 0)}"
+        raise DataError(asked, fault, f"Resample them to one rate; if the numbers are wrong, leave them out: {without}")
 
 
 def _apart(held: Sequence[Array], place: int) -> str:
@@ -491,26 +472,19 @@ def stacked_runs(where: str, runs: Sequence[object]) -> Signals:
     records = [run for run in runs if isinstance(run, Signals)]
     first = records[0] if records else None
     if first is None or len(records) < len(runs):
-        raise DataError(
-            f"reading the members of a list in {where} as runs was asked",
-            "not all of them are records",
-            "Save responses by themselves: lines, outputs, inputs.",
-        )
+        asked = f"reading the members of a list in {where} as runs was asked"
+        raise DataError(asked, "not all of them are records", "Save responses by themselves: lines, outputs, inputs.")
     lengths = {record.samples for record in records}
     if len(lengths) > 1:
-        raise DataError(
-            f"reading the {len(records)} runs of {where} was asked",
-            f"they have {min(lengths)} to {max(lengths)} samples",
-            f"Take of each what all have: --rows 1-{min(lengths)}",
-        )
+        fault = f"they have {min(lengths)} to {max(lengths)} samples"
+        remedy = f"Take of each what all have: --rows 1-{min(lengths)}"
+        raise DataError(f"reading the {len(records)} runs of {where} was asked", fault, remedy)
     kept = ("output_dofs", "input_dofs", "units", "sampling_rate", "quantities")
     odd = [name for name in kept if any(getattr(record, name) != getattr(first, name) for record in records)]
     if odd:
-        raise DataError(
-            f"reading the {len(records)} runs of {where} was asked",
-            f"they differ in {' and '.join(odd).replace('_', ' ')}",
-            "Save runs of the same channels at the same rate.",
-        )
+        fault = f"they differ in {' and '.join(odd).replace('_', ' ')}"
+        remedy = "Save runs of the same channels at the same rate."
+        raise DataError(f"reading the {len(records)} runs of {where} was asked", fault, remedy)
     inputs = [record.inputs for record in records if record.inputs is not None]
     return Signals(
         outputs=np.stack([record.outputs for record in records]),

@@ -1,8 +1,15 @@
 """Read and write MATLAB files, versions 5 to 7.3.
 
-Versions 5 to 7.2 are read by `mat5`, 7.3 (which is HDF5) by h5py; version 5 is written, by scipy. Fields of a structure are
-named with a dot, `test.H`, and `rename` takes these names. MATLAB drops trailing axes of length one and makes vectors of
-shape (1, n): both are put right for arrays whose number of axes the layout fixes.
+Versions 5 to 7.2 are read here element by element, 7.3 (which is HDF5) by h5py; version 5 is written, by scipy. scipy's reader trusts the
+sizes that a file states and can end the whole program on a damaged cell array (version 1.17 does). Here every size is checked before it
+is used, and compressed data are inflated within bounds (`limits`). Numeric arrays, text, cells and structures are read; sparse matrices,
+objects and functions are errors that name them.
+
+Fields of a structure are named with a dot, `test.H`, and `rename` takes these names. Members of cells and of arrays of structures have
+their place in their name (`runs{2}`, `test(2).acc`); `members` says what they are together. MATLAB drops trailing axes of length one and
+makes vectors of shape (1, n): both are restored for arrays whose number of axes the layout fixes.
+
+Source: MATLAB MAT-File Format, version 5 (The MathWorks).
 """
 
 from __future__ import annotations
@@ -11,6 +18,7 @@ import struct
 import zlib
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -21,39 +29,32 @@ from modalscope.data import DataError
 from modalscope.data.mode_fields import PER_MODE
 from modalscope.io.arrays import INDICATOR, UNREFINED, joined, to_arrays
 from modalscope.io.atomic import MARK
-from modalscope.io.contents import Contents, Options, Plain
+from modalscope.io.contents import ArrayData, Contents, Options, damage_as_error, unreadable
 from modalscope.io.from_arrays import contents_from_arrays
-from modalscope.io.hdf5 import DAMAGED
-from modalscope.io.hdf5_guard import check_hdf5
+from modalscope.io.hdf5 import check_hdf5
 from modalscope.io.limits import MOST_PARTS, Room, room
 from modalscope.io.loose import MEMBER, member_name
 from modalscope.numerics.checks import Array
 from modalscope.numerics.extras import optional_package
 
-# ---------------------------------------------------------------------------------------------------------------- mat5
-# MATLAB files of version 5 to 7, element by element.
-#
-# scipy's reader trusts the sizes that a file states and can end the whole program on a damaged cell array (version 1.17 does).
-# Here every size is checked before it is used, and what is packed is inflated within bounds (`limits`). Read are numeric
-# arrays, text, cells and structures; sparse matrices, objects and functions are errors that name them. Members of cells and of arrays of
-# structures have their place in their name (`runs{2}`, `test(2).acc`); `members` says what they are together.
-#
-# Source: MATLAB MAT-File Format, version 5 (The MathWorks).
-
-_HEADER = 128
+_BYTES_OF_HEADER, _BYTES_OF_DESCRIPTION = 128, 116
+_HDF5_SIGNATURE = b"MATLAB 7.3"
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _TEXTS = {2: "latin-1", 16: "utf-8", 17: "utf-16"}
 _MATRIX, _COMPRESSED = 14, 15
 _CELL, _STRUCTURE, _CHARACTERS, _FIRST_NUMBER, _LAST_NUMBER = 1, 2, 4, 6, 15
 _IS_COMPLEX = 0x0800
-_CLASSES = {3: "object", 5: "sparse", 16: "function", 17: "opaque (string or table)"}
-
+_UNREAD_CLASSES = {3: "object", 5: "sparse", 16: "function", 17: "opaque (string or table)"}
+#: Depth of cells and structures in each other, and characters of a name in MATLAB.
+_MAX_DEPTH, _MAX_LETTERS = 16, 63
+#: Arrays of the layout that are vectors, and those that have three axes.
+_VECTORS, _THREE_AXES = ("frequencies", "poles", *PER_MODE), ("values", "variance")
 
 Element = tuple[int, memoryview]
 
 
 class _Damaged(Exception):
-    """A size or a type that cannot be, told by the reader as a DataError."""
+    """A size or a type that is impossible; the reader raises it as a DataError."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,10 +64,6 @@ class _Reading:
     order: str
     room: Room
 
-    @property
-    def where(self) -> str:
-        return self.room.where
-
 
 def read_mat5(data: bytes, room: Room, ignore: Collection[str] = ()) -> dict[str, Array]:
     """Return the variables of a file; fields of structures are named with a dot, cells of text are text arrays.
@@ -75,24 +72,16 @@ def read_mat5(data: bytes, room: Room, ignore: Collection[str] = ()) -> dict[str
 
     Raises `DataError`: A damaged file, an older version, more than the room, or a variable of a class that is not read and not ignored.
     """
-    order = {b"IM": "<", b"MI": ">"}.get(data[126:_HEADER])
+    order = {b"IM": "<", b"MI": ">"}.get(data[126:_BYTES_OF_HEADER])
     if order is None:
-        raise DataError(
-            f"reading {room.where} as a MATLAB file was asked",
-            "it has no header of version 5 or later",
-            "Save it in MATLAB with -v7 or -v7.3.",
-        )
+        fault = "it has no header of version 5 or later"
+        raise unreadable(f"{room.where} as a MATLAB file", fault, "Save it in MATLAB with -v7 or -v7.3.")
     arrays: dict[str, Array] = {}
     file = _Reading(order, room)
-    try:
-        for kind, body in _elements(memoryview(data)[_HEADER:], file):
+    damaged = (_Damaged, zlib.error, struct.error, UnicodeDecodeError)
+    with damage_as_error(f"{room.where} as a MATLAB file", "Copy it again, or save it again with -v7.", damaged):
+        for kind, body in _elements(memoryview(data)[_BYTES_OF_HEADER:], file):
             arrays |= _variable(file, kind, body, ignore)
-    except (_Damaged, zlib.error, struct.error, UnicodeDecodeError) as error:
-        raise DataError(
-            f"reading {room.where} as a MATLAB file was asked",
-            f"it is damaged ({error})",
-            "Copy it again, or save it again with -v7.",
-        ) from None
     return arrays
 
 
@@ -152,18 +141,11 @@ def _matrix_head(body: memoryview, file: _Reading) -> tuple[int, tuple[int, ...]
     return flags, shape, str(parts[2][1], "latin-1"), parts[3:]
 
 
-def _size(shape: tuple[int, ...]) -> int:
-    size = 1
-    for n in shape:
-        size *= n
-    return size
-
-
 def _matrix(name: str, body: memoryview, file: _Reading, depth: int = 0) -> dict[str, Array]:
     if not body:
         return {name: np.zeros((0, 0))}
-    if depth > _DEEPEST:
-        raise _Damaged(f"arrays lie deeper than {_DEEPEST} in each other")
+    if depth > _MAX_DEPTH:
+        raise _Damaged(f"arrays lie deeper than {_MAX_DEPTH} in each other")
     flags, shape, _, parts = _matrix_head(body, file)
     kind = flags & 0xFF
     if _FIRST_NUMBER <= kind <= _LAST_NUMBER:
@@ -175,13 +157,10 @@ def _matrix(name: str, body: memoryview, file: _Reading, depth: int = 0) -> dict
         return _cell(name, parts, shape, file, depth)
     if kind == _STRUCTURE:
         return _structure(name, parts, shape, file, depth)
-    if kind not in _CLASSES:
+    if kind not in _UNREAD_CLASSES:
         raise _Damaged(f"a variable is of class {kind}")
-    raise DataError(
-        f"reading {name} in {file.where} was asked",
-        f"it is of MATLAB's class {_CLASSES[kind]}",
-        "Save plain arrays and labels as cells of text, or ignore it.",
-    )
+    remedy = f"Save plain arrays, and labels as cells of text, or leave it out: --ignore '{name}'"
+    raise unreadable(f"{name} in {file.room.where}", f"it is of class {_UNREAD_CLASSES[kind]}", remedy)
 
 
 def _numbers(name: str, parts: list[Element], shape: tuple[int, ...], file: _Reading) -> Array:
@@ -189,15 +168,15 @@ def _numbers(name: str, parts: list[Element], shape: tuple[int, ...], file: _Rea
         raise _Damaged("an array has no numbers")
     kind, data = parts[0]
     word = np.dtype(file.order + _NUMBERS[kind])
-    if len(data) != _size(shape) * word.itemsize:
+    if len(data) != prod(shape) * word.itemsize:
         raise _Damaged(f"an array of shape {shape} has {len(data)} bytes of numbers")
-    file.room.array(name, word, _size(shape))
+    file.room.array(name, word, prod(shape))
     values = np.frombuffer(data, word).reshape(shape, order="F")
     return values.astype(word.newbyteorder("="))
 
 
 def _characters(name: str, parts: list[Element], shape: tuple[int, ...], file: _Reading) -> Array:
-    if not _size(shape):
+    if not prod(shape):
         return np.array("")
     if not parts:
         raise _Damaged("a text has no characters")
@@ -208,7 +187,7 @@ def _characters(name: str, parts: list[Element], shape: tuple[int, ...], file: _
     else:
         text = str(data, _TEXTS.get(kind, "latin-1"))
         count = len(text)
-    if count != _size(shape) or len(shape) != 2:
+    if count != prod(shape) or len(shape) != 2:
         raise _Damaged(f"a text of shape {shape} has {count} characters")
     rows = [text[k :: shape[0]].rstrip() for k in range(shape[0])]
     return file.room.texts(name, rows) if shape[0] > 1 else np.array(text, dtype=np.str_)
@@ -216,7 +195,7 @@ def _characters(name: str, parts: list[Element], shape: tuple[int, ...], file: _
 
 def _cell(name: str, parts: list[Element], shape: tuple[int, ...], file: _Reading, depth: int) -> dict[str, Array]:
     """Return a cell array: one array of texts where it holds nothing else, else its members by their places."""
-    if len(parts) != _size(shape) or any(kind != _MATRIX for kind, _ in parts):
+    if len(parts) != prod(shape) or any(kind != _MATRIX for kind, _ in parts):
         raise _Damaged(f"a cell array of shape {shape} has {len(parts)} members")
     file.room.take(f"the members of {name}", MEMBER * len(parts))
     members = [_matrix(member_name(name, k), body, file, depth + 1) for k, (_, body) in enumerate(parts, 1)]
@@ -232,7 +211,7 @@ def _structure(name: str, parts: list[Element], shape: tuple[int, ...], file: _R
     if len(names) > width * len(parts):
         raise _Damaged(f"a structure of {len(parts) - 2} values has {len(names)} bytes of names")
     fields = [names[k : k + width].split(b"\0")[0].decode("latin-1") for k in range(0, len(names), max(width, 1))]
-    count = _size(shape)
+    count = prod(shape)
     if not fields or len(parts) != 2 + len(fields) * count or any(kind != _MATRIX for kind, _ in parts[2:]):
         raise _Damaged(f"{count} structures of {len(fields)} fields have {len(parts) - 2} values")
     arrays: dict[str, Array] = {} if count else {name: np.zeros((0, 0))}
@@ -244,32 +223,19 @@ def _structure(name: str, parts: list[Element], shape: tuple[int, ...], file: _R
     return arrays
 
 
-# ----------------------------------------------------------------------------------------------------------------- mat
-
-_VECTORS = ("frequencies", "poles", *PER_MODE)
-_THREE_AXES = ("values", "variance")
-_DESCRIPTION = 116
-_HDF5_SIGNATURE = b"MATLAB 7.3"
-#: Cells in structures in structures ...
-_DEEPEST = 16
-
-
-def write(path: Path, thing: Plain, options: Options) -> None:
+def write(path: Path, thing: ArrayData, options: Options) -> None:
     """Write a data object as variables of a version 5 file."""
     arrays: dict[str, Any] = {
         name: array.astype(object) if array.dtype.kind == "U" and array.ndim else array
         for name, array in to_arrays(thing).items()
     }
-    long = [name for name in arrays if len(name) > 63]
+    long = [name for name in arrays if len(name) > _MAX_LETTERS]
     if long:
-        raise DataError(
-            f"writing {path.suffix} was asked",
-            f"the name {long[0]!r} is longer than MATLAB's 63 characters",
-            "Use .npz or .h5.",
-        )
+        fault = f"the name {long[0]!r} is longer than MATLAB's {_MAX_LETTERS} characters"
+        raise DataError(f"writing {path.suffix} was asked", fault, "Use .npz or .h5.")
     sio.savemat(str(path), arrays, appendmat=False, long_field_names=True, oned_as="column")
     with path.open("r+b") as file:  # no date: the same data give the same file
-        file.write(f"MATLAB 5.0 MAT-file, written by {MARK}".ljust(_DESCRIPTION).encode())
+        file.write(f"MATLAB 5.0 MAT-file, written by {MARK}".ljust(_BYTES_OF_DESCRIPTION).encode())
 
 
 def read(path: Path, options: Options) -> Contents:
@@ -301,8 +267,8 @@ def _read_new(path: Path, space: Room, ignore: Collection[str]) -> dict[str, Arr
     seen: set[int] = set()
 
     def take(name: str, item: Any, depth: int = 0) -> None:
-        if depth > _DEEPEST:
-            raise ValueError(f"arrays lie deeper than {_DEEPEST} in each other")
+        if depth > _MAX_DEPTH:
+            raise ValueError(f"arrays lie deeper than {_MAX_DEPTH} in each other")
         if name in ignore:
             arrays[name] = np.array("not read")
         elif isinstance(item, h5py.Group):
@@ -315,25 +281,19 @@ def _read_new(path: Path, space: Room, ignore: Collection[str]) -> dict[str, Arr
         else:
             arrays[name] = _of_dataset(name, item, space)
 
-    try:
-        with h5py.File(path, "r") as file:
-            take("", file)
-    except DAMAGED as error:
-        if isinstance(error, DataError):
-            raise
-        raise DataError(
-            f"reading {path.name} as a MATLAB file was asked",
-            f"it is damaged ({error})",
-            "Save it again with -v7 or -v7.3.",
-        ) from None
+    with (
+        damage_as_error(f"{path.name} as a MATLAB file", "Save it again with -v7 or -v7.3."),
+        h5py.File(path, "r") as file,
+    ):
+        take("", file)
     return arrays
 
 
 def _members(name: str, item: Any, space: Room, seen: set[int]) -> list[tuple[str, Any]] | None:
-    """Return what a dataset refers to, by its places: members of a cell, or one field of an array of structures.
+    """Return the names and datasets that a dataset refers to: members of a cell, or one field of an array of structures.
 
-    None of cells of text, and where it holds values itself. Each is `seen` once: cells that stand in each other again and again are more
-    than the file holds.
+    None for cells of text, and for a dataset of values. `seen` holds the addresses of those visited: a cell that contains itself is
+    damage.
     """
     import h5py
 
@@ -344,16 +304,15 @@ def _members(name: str, item: Any, space: Room, seen: set[int]) -> list[tuple[st
         raise ValueError(f"{name} stands in several places")
     seen.add(place)
     space.take(f"the members of {name}", MEMBER * item.size)  # the same part may be referred to again and again
-    held = [item.file[reference] for reference in np.asarray(item[()]).ravel()]
+    members = [item.file[reference] for reference in np.asarray(item[()]).ravel()]
     of, _, field = name.rpartition(".")
     cell = _class_of(item) == "cell"
-    if cell and all(_holds_text(part) or part.attrs.get("MATLAB_empty", 0) for part in held):
+    if cell and all(_holds_text(part) or part.attrs.get("MATLAB_empty", 0) for part in members):
         return None
-    named = [
-        member_name(name, k) if cell or not of else f"{member_name(of, k, '()')}.{field}"
-        for k in range(1, len(held) + 1)
+    return [
+        (member_name(name, k) if cell or not of else f"{member_name(of, k, '()')}.{field}", part)
+        for k, part in enumerate(members, 1)
     ]
-    return list(zip(named, held, strict=True))
 
 
 def _of_dataset(name: str, item: Any, space: Room) -> Array:
@@ -371,14 +330,9 @@ def _of_dataset(name: str, item: Any, space: Room) -> Array:
     if values.dtype.names == ("real", "imag"):
         values = joined(values["real"], values["imag"])
     if values.dtype.kind not in "biufc":
-        found = (
-            f"it is of MATLAB's class {kind}" if "MATLAB_class" in item.attrs else "it holds what MATLAB does not write"
-        )
-        raise DataError(
-            f"reading {name} in {space.where} was asked",
-            found,
-            f"Save plain arrays, and labels as cells of text, or leave it out: --ignore '{name}'",
-        )
+        fault = f"it is of class {kind}" if "MATLAB_class" in item.attrs else "it holds what MATLAB does not write"
+        remedy = f"Save plain arrays, and labels as cells of text, or leave it out: --ignore '{name}'"
+        raise unreadable(f"{name} in {space.where}", fault, remedy)
     return values.T  # MATLAB stores columns first
 
 

@@ -17,7 +17,7 @@ from modalscope.data import DataError, StabilizationDiagram
 from modalscope.io.arrays import to_arrays
 from modalscope.io.atomic import MARK
 from modalscope.io.columns import COLUMN_OPTIONS, Column, Table, contents_from_table
-from modalscope.io.contents import Contents, Options, Plain
+from modalscope.io.contents import ArrayData, Contents, Options, needs, unreadable
 from modalscope.io.diagrams import DIAGRAM, diagram_arrays, diagram_contents
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import Room, room
@@ -62,8 +62,9 @@ def columns_of_array(where: str, array: Array, transpose: bool) -> Array:
     Raises `DataError`: more axes, none, or no numbers.
     """
     if array.dtype.kind not in "biufc" or array.ndim not in (1, 2) or not array.size:
-        raise DataError(
-            f"reading {where} needs numbers, samples in rows and channels in columns",
+        raise needs(
+            where,
+            "numbers, samples in rows and channels in columns",
             f"it is {array.dtype} of shape {array.shape}",
             "Save each run by itself, or all with names and axes: numpy.savez(..., outputs=..., inputs=..., sampling_rate=...), "
             "outputs of shape (runs, samples, channels).",
@@ -85,11 +86,8 @@ def _array(path: Path, space: Room) -> Array:
             )
             shape, _, dtype = head(file)
             if dtype.hasobject:
-                raise DataError(
-                    f"reading {path.name} was asked",
-                    "it holds pickled objects, which can run any program when they are loaded",
-                    "Store plain numbers.",
-                )
+                fault = "it holds pickled objects, which can run any program when they are loaded"
+                raise unreadable(path.name, fault, "Store plain numbers.")
             if min(shape, default=0) < 0 or file.tell() + prod(shape) * dtype.itemsize != space.size:
                 raise ValueError(f"its head says {shape}, and it has {space.size} bytes")
             space.array("its array", dtype, prod(shape))
@@ -98,11 +96,8 @@ def _array(path: Path, space: Room) -> Array:
     except (ValueError, EOFError, SyntaxError, OverflowError, TypeError, KeyError, MemoryError, TokenError) as error:
         if isinstance(error, DataError):
             raise
-        raise DataError(
-            f"reading {path.name} as a NumPy array was asked",
-            f"it is damaged or none ({error})",
-            "Write it again with numpy.save.",
-        ) from None
+        fault = f"it is damaged or none ({error})"
+        raise unreadable(f"{path.name} as a NumPy array", fault, "Write it again with numpy.save.") from None
 
 
 # ----------------------------------------------------------------------------------------------------------------- npz
@@ -128,11 +123,8 @@ _DAMAGED = (*_DAMAGE, zipfile.BadZipFile, zlib.error, struct.error, tokenize.Tok
 def read(path: Path, options: Options) -> Contents:
     """Read an archive (options of `contents_from_arrays`)."""
     if not zipfile.is_zipfile(path):
-        raise DataError(
-            f"reading {path.name} as a NumPy archive was asked",
-            "it is not one",
-            "Write it with numpy.savez, or give it the suffix of what it is.",
-        )
+        remedy = "Write it with numpy.savez, or give it the suffix of what it is."
+        raise unreadable(f"{path.name} as a NumPy archive", "it is not one", remedy)
     space = room(path.name, path.stat().st_size)
     try:
         arrays = _arrays(path, space)
@@ -181,11 +173,8 @@ def _check_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, space: Room
     name = member.filename.removesuffix(".npy")
     with archive.open(member) as stream:
         if stream.read(6) != b"\x93NUMPY":
-            raise DataError(
-                f"reading {space.where} as a NumPy archive was asked",
-                f"its member {member.filename} is not an array",
-                "Keep only .npy members in it.",
-            )
+            fault = f"its member {member.filename} is not an array"
+            raise unreadable(f"{space.where} as a NumPy archive", fault, "Keep only .npy members in it.")
         version = tuple(stream.read(2))
         read_head = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         shape, _, dtype = read_head(stream)
@@ -199,19 +188,13 @@ def _check_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, space: Room
 
 def _refuse(path: Path, error: Exception) -> DataError:
     if "pickle" in str(error):
-        return DataError(
-            f"reading {path.name} was asked",
-            "it holds pickled objects, which can run any program when they are loaded",
-            "Store plain arrays: numbers, and text as numpy.array([...], dtype=str).",
-        )
-    return DataError(
-        f"reading {path.name} was asked",
-        f"the archive is damaged ({type(error).__name__}: {error})",
-        "Copy or write the file again.",
-    )
+        fault = "it holds pickled objects, which can run any program when they are loaded"
+        return unreadable(path.name, fault, "Store plain arrays: numbers, and text as numpy.array([...], dtype=str).")
+    fault = f"the archive is damaged ({type(error).__name__}: {error})"
+    return unreadable(path.name, fault, "Copy or write the file again.")
 
 
-def write(path: Path, thing: Plain | StabilizationDiagram, options: Options) -> None:
+def write(path: Path, thing: ArrayData | StabilizationDiagram, options: Options) -> None:
     """Write a noun as named arrays; binary, so that it is read back exactly."""
     arrays: dict[str, Any] = diagram_arrays(thing) if isinstance(thing, StabilizationDiagram) else to_arrays(thing)
     with path.open("wb") as file:

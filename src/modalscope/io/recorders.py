@@ -1,61 +1,55 @@
-"""Read files of recorders through optional packages: TDMS, MDF 3 and 4, netCDF, Parquet.
+"""Read files of recorders and workbooks: TDMS, MDF 3 and 4, netCDF, Parquet and Excel by optional packages, and sound files.
 
-An adapter hands on columns, units and rate; what becomes of them is the same for all (`columns`). npTDMS and asammdf are under the LGPL.
+Each reader returns columns, units and rate; `columns` makes data of them. npTDMS and asammdf are under the LGPL.
 """
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Callable
+import warnings
+import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import date, datetime, time
+from itertools import islice
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
 
-from modalscope.data import DataError
 from modalscope.io.columns import COLUMN_OPTIONS, Column, Table, contents_from_table
-from modalscope.io.contents import Contents, Options, chosen
+from modalscope.io.contents import Contents, Options, chosen, damage_as_error, unreadable
 from modalscope.io.frames import table_of_frame
 from modalscope.io.limits import Room, room
+from modalscope.io.text import contents_of_lines
+from modalscope.io.text.cells import is_value
 from modalscope.numerics.extras import optional_package
 
 RECORDER_OPTIONS = (*COLUMN_OPTIONS, "sheet")
+EXCEL_OPTIONS = (*COLUMN_OPTIONS, "skip", "sheet")
+WAV_OPTIONS = ("columns", "ignore", "rows")
 
-#: What these packages raise on files that are damaged or of another kind.
-_DAMAGED = (
-    ValueError, KeyError, TypeError, IndexError, AttributeError, OSError, EOFError, RuntimeError, MemoryError, ArithmeticError,
-    AssertionError, struct.error, NotImplementedError,
-)  # fmt: skip
 _SIGNATURES = {
     ".nc": (b"CDF", b"\x89HDF"),
     ".parquet": (b"PAR1",),
     ".tdms": (b"TDSm",),
-    ".mf4": (b"MDF ",),
-    ".mdf": (b"MDF ",),
+    **dict.fromkeys((".mf4", ".mdf"), (b"MDF ",)),
 }
+#: A sheet is a table where at least so many of its first rows hold nothing but values.
+_ROWS_EXAMINED, _MIN_ROWS_OF_VALUES = 200, 3
+#: Warning filters belong to the whole process: one reader at a time changes and restores them.
+_FILTERS_OF_WARNINGS = Lock()
 
 
-def _guarded(
-    path: Path, package: str, extra: str, name: str, load: Callable[[Any, Room], Table], options: Options
-) -> Contents:
+def _guarded(path: Path, package: str, extra: str, name: str, load: Callable[[Any, Room], Table]) -> Table:
     """Return what a package reads, within the room, and its errors as a `DataError`."""
     module = optional_package(f"reading {path.suffix}", package, extra, name)
-    space = room(path.name, path.stat().st_size)
     with path.open("rb") as file:
         head = file.read(8)
-    try:
-        if not head.startswith(_SIGNATURES.get(path.suffix.lower(), (b"",))):
+    with damage_as_error(f"{path.name} with {name}", "Export it again, or as text (.csv)."):
+        if not head.startswith(_SIGNATURES[path.suffix.lower()]):
             raise ValueError("it does not begin as such a file does")
-        table = load(module, space)
-    except _DAMAGED as error:
-        if isinstance(error, DataError):
-            raise
-        raise DataError(
-            f"reading {path.name} with {name} was asked",
-            f"it is damaged or of another kind ({type(error).__name__}: {str(error)[:100]})",
-            "Export it again, or as text (.csv).",
-        ) from None
-    return contents_from_table(table, options)
+        return load(module, room(path.name, path.stat().st_size))
 
 
 def read_tdms(path: Path, options: Options) -> Contents:
@@ -69,23 +63,17 @@ def read_tdms(path: Path, options: Options) -> Contents:
             groups = {group.name: [c for c in group.channels() if len(c) > 1] for group in file.groups()}
             name = chosen(path.name, "groups", groups, [key for key, channels in groups.items() if channels], options)
             longest = max((len(channel) for channel in groups[name]), default=0)
-            taken = [channel for channel in groups[name] if len(channel) == longest]
-            left = [channel.name for channel in groups[name] if len(channel) != longest]
-            space.take("its channels", 8 * longest * len(taken))
-            steps = {float(c.properties["wf_increment"]) for c in taken if c.properties.get("wf_increment")}
-            columns = tuple(_of_tdms(k, channel) for k, channel in enumerate(taken, 1))
-        notes = (f"channels of other lengths were left: {', '.join(left[:6])}",) if left else ()
+            channels = [channel for channel in groups[name] if len(channel) == longest]
+            shorter = [channel.name for channel in groups[name] if len(channel) != longest]
+            space.take("its channels", 8 * longest * len(channels))
+            steps = {float(c.properties["wf_increment"]) for c in channels if c.properties.get("wf_increment")}
+            columns = tuple(_of_tdms(k, channel) for k, channel in enumerate(channels, 1))
+        notes = (f"channels of other lengths were left: {', '.join(shorter[:6])}",) if shorter else ()
         rate = 1 / steps.pop() if len(steps) == 1 else None
-        return Table(
-            where=path.name,
-            columns=columns,
-            rate=rate,
-            rate_from="wf_increment",
-            notes=notes,
-            layout=(("group", name),),
-        )
+        layout = (("group", name),)
+        return Table(where=path.name, columns=columns, rate=rate, rate_from="wf_increment", notes=notes, layout=layout)
 
-    return _guarded(path, "nptdms", "tdms", "npTDMS", load, options)
+    return contents_from_table(_guarded(path, "nptdms", "tdms", "npTDMS", load), options)
 
 
 def _of_tdms(number: int, channel: Any) -> Column:
@@ -121,7 +109,7 @@ def read_mdf(path: Path, options: Options) -> Contents:
         ]
         return Table(where=path.name, columns=tuple(columns), layout=(("group", name),))
 
-    return _guarded(path, "asammdf", "mdf", "asammdf", load, options)
+    return contents_from_table(_guarded(path, "asammdf", "mdf", "asammdf", load), options)
 
 
 def read_netcdf(path: Path, options: Options) -> Contents:
@@ -135,7 +123,7 @@ def read_netcdf(path: Path, options: Options) -> Contents:
             space.take("its variables", sum(16 * int(np.prod(data[name].shape)) for name in data.variables))
             return table_of_frame(data.load(), path.name)
 
-    return _guarded(path, "xarray", "netcdf", "xarray", load, options)
+    return contents_from_table(_guarded(path, "xarray", "netcdf", "xarray", load), options)
 
 
 def read_parquet(path: Path, options: Options) -> Contents:
@@ -145,8 +133,110 @@ def read_parquet(path: Path, options: Options) -> Contents:
     """
 
     def load(package: Any, space: Room) -> Table:
-        told = package.read_metadata(path)
-        space.take("its columns", 16 * told.num_rows * told.num_columns)
+        head = package.read_metadata(path)
+        space.take("its columns", 16 * head.num_rows * head.num_columns)
         return table_of_frame(optional_package("reading .parquet", "pandas", "parquet").read_parquet(path), path.name)
 
-    return _guarded(path, "pyarrow.parquet", "parquet", "pyarrow", load, options)
+    return contents_from_table(_guarded(path, "pyarrow.parquet", "parquet", "pyarrow", load), options)
+
+
+def read_excel(path: Path, options: Options) -> Contents:
+    """Read a sheet of a workbook (options `sheet`, and those of text tables).
+
+    Raises `DataError`: openpyxl is missing, no workbook, several sheets that are tables and no `sheet`, or what tables are refused for.
+    """
+    space = room(path.name, path.stat().st_size)
+    with _workbook(path, space) as book:
+        names = list(map(str, book.sheetnames))
+        tables = [name for name in names if hasattr(book[name], "iter_rows") and _is_table(book[name])]
+        name = chosen(path.name, "sheets", names, tables, options)
+        lines = _lines_of_sheet(book[name], int(options.get("skip") or 0))
+        others = [other for other in names if other != name]
+        notes = (f"sheet {name!r}; the others were left: {', '.join(others[:6])}",) if others else ()
+        return contents_of_lines(path.name, lines, ("\t", "."), space, options, notes)
+
+
+def rows_of_workbook(path: Path) -> list[tuple[int, str]]:
+    """Return the rows of the first sheet with their numbers, cells separated by tabs."""
+    with _workbook(path, room(path.name, path.stat().st_size)) as book:
+        return list(_lines_of_sheet(book[book.sheetnames[0]], 0))
+
+
+@contextmanager
+def _workbook(path: Path, space: Room) -> Iterator[Any]:
+    """Give an open workbook; what openpyxl raises on damaged ones becomes a `DataError`."""
+    package = optional_package(f"reading {path.suffix}", "openpyxl", "excel")
+    with damage_as_error(f"{path.name} as an Excel workbook", "Save it again as .xlsx, or as text (.csv)."):
+        if zipfile.is_zipfile(path):
+            with zipfile.ZipFile(path) as archive:  # a cell becomes an object as its text does
+                space.take("what is packed in it", sum(member.file_size for member in archive.infolist()))
+        book = package.load_workbook(path, read_only=True, data_only=True)
+        try:
+            yield book
+        finally:
+            book.close()
+
+
+def _is_table(sheet: Any) -> bool:
+    rows = (line.split("\t") for _, line in islice(_lines_of_sheet(sheet, 0), _ROWS_EXAMINED))
+    return sum(any(cell for cell in row) and all(map(is_value, row)) for row in rows) >= _MIN_ROWS_OF_VALUES
+
+
+def _lines_of_sheet(sheet: Any, skip: int) -> Iterator[tuple[int, str]]:
+    """Give number and text of the rows that are not empty, cells separated by tabs."""
+    for number, row in enumerate(sheet.iter_rows(values_only=True), 1):
+        text = "\t".join(map(_text_of_cell, row)).rstrip("\t")
+        if text and number > skip:
+            yield number, text
+
+
+def _text_of_cell(value: object) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool | int | float):
+        return repr(float(value))
+    return value.isoformat() if isinstance(value, datetime | date | time) else " ".join(str(value).split())
+
+
+def read_wav(path: Path, options: Options) -> Contents:
+    """Read a sound file; samples of 8, 16, 24 or 32 bits are divided by the full scale, those of floating point read as they are.
+
+    Raises `DataError`: a file that is compressed, cut off or empty.
+    """
+    from scipy.io import wavfile
+
+    space = room(path.name, path.stat().st_size)
+    space.take("its samples", 4 * space.size)  # a sample of two bytes becomes a number of eight
+    with (
+        damage_as_error(
+            f"{path.name} as a sound file", "Export it as uncompressed WAV (PCM or floating point), or as text."
+        ),
+        _FILTERS_OF_WARNINGS,
+        warnings.catch_warnings(),
+    ):
+        warnings.simplefilter("error", wavfile.WavFileWarning)
+        warnings.filterwarnings("ignore", "Chunk .*not understood", wavfile.WavFileWarning)
+        try:
+            rate, values = wavfile.read(path)
+        except (NameError, Warning) as error:  # where a part is missing scipy stops at a name that was never set
+            raise ValueError(str(error)) from None
+    if not rate or not values.size:
+        raise unreadable(path.name, "it has no samples or no rate", "Record or export it again.")
+    with np.errstate(invalid="ignore"):  # signalling NaN, which is refused later
+        samples = values.reshape(len(values), -1).astype(float)
+    scale = "samples are floating point, read as they are"
+    if values.dtype.kind == "u":
+        samples, scale = (samples - 128) / 128, "samples of 8 bits, less 128, divided by 128: full scale is 1"
+    elif values.dtype.kind == "i":
+        full = 2.0 ** (8 * values.dtype.itemsize - 1)
+        samples, scale = samples / full, f"samples of {values.dtype} divided by {full:g}: full scale is 1"
+    columns = (Column(number=k, name=f"ch{k}", values=np.ascontiguousarray(c)) for k, c in enumerate(samples.T, 1))
+    table = Table(
+        where=path.name,
+        columns=tuple(columns),
+        rate=float(rate),
+        rate_from="its header",
+        notes=(f"{scale}; multiply by the sensor's range to have its unit",),
+        layout=(("samples", f"{values.dtype} {len(values)}, {samples.shape[1]} channels"),),
+    )
+    return contents_from_table(table, options)

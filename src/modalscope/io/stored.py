@@ -11,7 +11,7 @@ import numpy as np
 
 from modalscope.data import DataError, ImpulseResponse, Signals, StoredResponse, StoredSignals
 from modalscope.data.stored import Rows
-from modalscope.io.contents import Contents, Finding, Options
+from modalscope.io.contents import Contents, Finding, Options, unreadable
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.numerics.checks import Array
 from modalscope.numerics.extras import optional_package
@@ -133,11 +133,8 @@ def _of_zarr(path: str, part: tuple[slice, ...], what: str) -> Array:
 
 
 def _unreadable(path: str, what: str, error: Exception) -> DataError:
-    return DataError(
-        f"reading {what} of {Path(path).name} was asked",
-        f"they do not read: the file is damaged or gone ({error})",
-        "Copy or write the file again.",
-    )
+    fault = f"they do not read: the file is damaged or gone ({error})"
+    return DataError(f"reading {what} of {Path(path).name} was asked", fault, "Copy or write the file again.")
 
 
 def stored_contents(where: str, rows: Rows, arrays: Mapping[str, Array], options: Options) -> Contents:
@@ -159,11 +156,9 @@ def stored_contents(where: str, rows: Rows, arrays: Mapping[str, Array], options
     left = [key for key in arrays if key not in beside and key not in ("time", *ignored)]
     renamed = dict(options.get("rename") or {})
     if any(renamed.get(key, key) == "inputs" for key in left):
-        raise DataError(
-            f"reading {where} stretch by stretch was asked",
-            "it holds inputs, and only records of outputs are read so",
-            "Leave them out, ignore=['inputs'], or allow it the memory: --max-memory.",
-        )
+        fault = "it holds inputs, and only records of outputs are read so"
+        remedy = "Leave them out, ignore=['inputs'], or allow it the memory: --max-memory."
+        raise unreadable(f"{where} stretch by stretch", fault, remedy)
     head: dict[str, Any] = {name: np.asarray(rows.read(0, 2))}
     found = contents_from_arrays(where, beside | head, with_times)
     thing = found.thing

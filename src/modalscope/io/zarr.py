@@ -19,7 +19,7 @@ from modalscope.data import DataError, ImpulseResponse, ModalModel as ModalModel
 from modalscope.data.channels import Channels
 from modalscope.data.modes import ModalModel
 from modalscope.io.arrays import names_of, to_arrays
-from modalscope.io.contents import Contents, Options
+from modalscope.io.contents import Contents, Options, unreadable
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import Room, room
 from modalscope.io.stored import ZarrOutputs, ZarrRows, name_of_outputs, stays_stored, stored_contents, stored_response
@@ -101,11 +101,8 @@ def read(path: Path, options: Options) -> Contents:
         small[name_of_outputs(options)] = _values(zarr, "outputs", outputs, space)
         return contents_from_arrays(path.name, small, options)
     if len(shape) != 2:
-        raise DataError(
-            f"reading {path.name} stretch by stretch was asked",
-            f"its outputs have the shape {shape}",
-            "Store one run, samples in rows and channels in columns.",
-        )
+        remedy = "Store one run, samples in rows and channels in columns."
+        raise unreadable(f"{path.name} stretch by stretch", f"its outputs have the shape {shape}", remedy)
     return stored_contents(path.name, ZarrRows(str(outputs), (shape[0], shape[1])), small, options)
 
 
@@ -215,4 +212,4 @@ def _values(zarr: Any, name: str, folder: Path, space: Room) -> Array:
 
 
 def _damaged(path: Path, found: str, change: str = "Copy or write it again.") -> DataError:
-    return DataError(f"reading {path.name} as Zarr was asked", found, change)
+    return unreadable(f"{path.name} as Zarr", found, change)

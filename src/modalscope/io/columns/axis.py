@@ -10,6 +10,7 @@ import numpy as np
 
 from modalscope.data import DataError
 from modalscope.io.columns.table import Column, Table, as_word
+from modalscope.io.contents import needs
 from modalscope.numerics.checks import Array, BoolArray, RealArray
 
 #: Times may lie off the even grid by this part of a step.
@@ -208,11 +209,9 @@ def with_rows(table: Table, asked: object) -> Table:
     found = _RANGE.match(str(asked)[:40])
     first, last = (int(found[1] or 1), int(found[2] or table.rows)) if found else (0, 0)
     if not 1 <= first < last <= table.rows:
-        raise DataError(
-            f"rows {str(asked)[:40]!r} of {table.where} were asked",
-            f"it has the rows 1 to {table.rows}" if found else "that is no range of rows",
-            f"Write the first and the last: --rows 1-{table.rows}",
-        )
+        fault = f"it has the rows 1 to {table.rows}" if found else "that is no range of rows"
+        remedy = f"Write the first and the last: --rows 1-{table.rows}"
+        raise DataError(f"rows {str(asked)[:40]!r} of {table.where} were asked", fault, remedy)
     columns = tuple(replace(column, values=column.values[first - 1 : last]) for column in table.columns)
     return replace(
         table,
@@ -237,8 +236,9 @@ def check_numbers(table: Table, columns: Sequence[Column]) -> None:
     first, last = longest_stretch(~np.any(holes, axis=0))
     ways = {"leave the column out": f"--ignore {as_word(column.label)}"} if len(columns) > 1 else {}
     ways |= {"take the longest stretch of whole rows": f"--rows {above + first}-{above + last}"} if last > first else {}
-    raise DataError(
-        f"reading {table.where} needs a finite number in every row",
+    raise needs(
+        table.where,
+        "a finite number in every row",
         f"{int(bad.sum())} of {bad.size} in {column} are empty or no numbers, the first in row {above + int(np.argmax(bad)) + 1}",
         " or ".join(["Fill these rows", *ways]) + (f": {', or '.join(ways.values())}" if ways else "."),
     )

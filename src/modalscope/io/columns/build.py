@@ -15,7 +15,7 @@ from modalscope.io.columns.lines import frequency_response, part_of, parts_by_na
 from modalscope.io.columns.records import free_decay, nothing_measured, records
 from modalscope.io.columns.table import Column, Table, as_word, span
 from modalscope.io.columns.words import Role, ignored_columns, named_columns, role_by_words, short_unit, spoken_roles
-from modalscope.io.contents import Contents, Finding, Options
+from modalscope.io.contents import Contents, Finding, Options, needs
 
 #: Options of every format that gives columns.
 COLUMN_OPTIONS = ("columns", "ignore", "transpose", "rows", "resample")
@@ -121,8 +121,9 @@ def _axis(
         )
         return rising, "time", [say]
     pairs = ",".join(f"real={a},imag={b}" for a, b in zip(rest[::2], rest[1::2], strict=False))
-    raise DataError(
-        f"reading {table.where} needs a column of time or frequency, told by its name or unit",
+    raise needs(
+        table.where,
+        "a column of time or frequency, told by its name or unit",
         f"{rising} rises evenly by {step:.6g} from {rising.values[0]:g}, which may be either",
         f'Say which: --columns "time={rising.number},out={span(rest)}"'
         + (f', or --columns "frequency={rising.number},{pairs}".' if pairs else "."),
@@ -149,11 +150,8 @@ def _even_step(column: Column) -> float:
 
 def _check_axis(table: Table, axis: Column | None, kind: str) -> None:
     if axis is not None and (axis.textual or np.iscomplexobj(axis.values)):
-        raise DataError(
-            f"reading {table.where} needs real numbers as {kind}",
-            f"{axis} holds {'text' if axis.textual else 'complex values'}",
-            f"Leave it out: --ignore {as_word(axis.label)}",
-        )
+        fault = f"{axis} holds {'text' if axis.textual else 'complex values'}"
+        raise needs(table.where, f"real numbers as {kind}", fault, f"Leave it out: --ignore {as_word(axis.label)}")
 
 
 def _layout(table: Table) -> list[Finding]:

@@ -129,11 +129,9 @@ def evened(
         return axis, channels, []
     clock = clock_of(times)
     if given is not None and given * clock.step > 1 + 1e-3:
-        raise DataError(
-            f"resampling {where} to {given:g} Hz was asked",
-            f"its samples follow each other {1 / clock.step:.6g} times a second",
-            "Give a lower rate: nothing stands between the samples.",
-        )
+        fault = f"its samples follow each other {1 / clock.step:.6g} times a second"
+        remedy = "Give a lower rate: nothing stands between the samples."
+        raise DataError(f"resampling {where} to {given:g} Hz was asked", fault, remedy)
     whole = np.ones(times.size - 1, bool)
     whole[[place - 1 for place, _ in clock.gaps]] = False
     first, last = longest_stretch(whole)

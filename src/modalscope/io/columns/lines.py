@@ -14,6 +14,7 @@ from modalscope.data.units import plain_unit
 from modalscope.io.arrays import joined
 from modalscope.io.columns.table import Column, Table, as_word, span
 from modalscope.io.columns.words import LONGEST, factor_to_base, is_spectrum, kind_of_unit
+from modalscope.io.contents import needs
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
 # --------------------------------------------------------------------------------------------------------------- parts
@@ -117,11 +118,9 @@ def joined_polar(where: str, magnitude: Array, phase: Array, unit: str, example:
     Raises `DataError`: A phase whose unit is not known.
     """
     if not unit:
-        raise DataError(
-            f"reading {where} needs the unit of its phases",
-            f"they lie within {np.abs(phase).max(initial=0.0):.3g} of zero, which may be degrees or radians",
-            f'Say which: --units "{example}=deg" or --units "{example}=rad".',
-        )
+        fault = f"they lie within {np.abs(phase).max(initial=0.0):.3g} of zero, which may be degrees or radians"
+        remedy = f'Say which: --units "{example}=deg" or --units "{example}=rad".'
+        raise needs(where, "the unit of its phases", fault, remedy)
     turned = np.exp(1j * (np.deg2rad(phase) if unit == "deg" else phase))
     return np.asarray(magnitude * turned, complex)
 
@@ -282,9 +281,7 @@ def _incomplete(
     )
     if spoken.get(parts[part].number) == part:
         change = f"Name as many columns {_OTHER[part]}= as {part}= in --columns, in the same order."
-    return DataError(
-        f"reading {table.where} needs complex values", f"{parts[part]} has no {_WORDS[_OTHER[part]]} beside it", change
-    )
+    return needs(table.where, "complex values", f"{parts[part]} has no {_WORDS[_OTHER[part]]} beside it", change)
 
 
 def _no_phases(table: Table, axis: Column, columns: Sequence[Column]) -> DataError:
@@ -300,8 +297,9 @@ def _no_phases(table: Table, axis: Column, columns: Sequence[Column]) -> DataErr
             if any(column.name for column in columns)
             else f"Say what they are: {said}."
         )
-    return DataError(
-        f"reading {table.where} needs complex values beside its frequencies",
+    return needs(
+        table.where,
+        "complex values beside its frequencies",
         f"{'column' if alone else 'columns'} {span(numbers)} {'is' if alone else 'are'} real "
         f"({', '.join(column.label for column in columns[:6])})",
         change,
@@ -313,11 +311,9 @@ def _matrix(table: Table, responses: Mapping[tuple[str, str], tuple[Array, str]]
     inputs = tuple(dict.fromkeys(into for _, into in responses))
     missing = [f"{o} / {i}" for o in outputs for i in inputs if (o, i) not in responses]
     if missing:
-        raise DataError(
-            f"reading {table.where} needs a response of every output to every input",
-            f"{', '.join(missing[:6])} {'is' if len(missing) == 1 else 'are'} missing",
-            "Export them, or leave the others of that channel out with --ignore.",
-        )
+        fault = f"{', '.join(missing[:6])} {'is' if len(missing) == 1 else 'are'} missing"
+        remedy = "Export them, or leave the others of that channel out with --ignore."
+        raise needs(table.where, "a response of every output to every input", fault, remedy)
     split = {pair: _unit_pair(unit) for pair, (_, unit) in responses.items()}
     units = (
         tuple(split[output, inputs[0]][0] for output in outputs),

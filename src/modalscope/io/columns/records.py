@@ -15,7 +15,7 @@ from modalscope.io.columns.axis import longest_even, parts_of_second, same_rate,
 from modalscope.io.columns.clock import evened
 from modalscope.io.columns.table import Column, Table, as_word, span
 from modalscope.io.columns.words import Role, factor_to_base, ignored_columns, is_spectrum, kind_of_unit, may_be_base
-from modalscope.io.contents import Options
+from modalscope.io.contents import Options, needs, unreadable
 from modalscope.numerics.checks import RealArray, check_positive
 
 #: The digits of times may leave so much of their rate open: frequencies would be as wrong.
@@ -38,15 +38,13 @@ def records(
         raise nothing_measured(table, axis, "time", options)
     wrong = [column for column in channels if np.iscomplexobj(column.values)]
     if wrong:
-        raise DataError(
-            f"reading {table.where} needs frequencies beside complex values",
-            f"{wrong[0]} is complex, and no column is of frequencies",
-            'Say which it is: --columns "frequency=1".',
-        )
+        fault = f"{wrong[0]} is complex, and no column is of frequencies"
+        remedy = 'Say which it is: --columns "frequency=1".'
+        raise needs(table.where, "frequencies beside complex values", fault, remedy)
     spectra = [column for column in channels if is_spectrum(column)] if options.get("columns") is None else []
     if spectra:
-        raise DataError(
-            f"reading {table.where} as a record was asked",
+        raise unreadable(
+            f"{table.where} as a record",
             f"{spectra[0]} is by its name a spectrum{' in dB' if _in_decibels(spectra[0]) else ''}: the phase between signals is gone",
             "Save the waveform that it was computed from, or frequency responses with real and imaginary parts; "
             f'if it is a record: --columns "out={spectra[0].number}"',
@@ -99,11 +97,8 @@ def nothing_measured(table: Table, axis: Column | None, kind: str, options: Opti
         change = f'If they are measured, say so: --columns "{time}out={span(others)}"{rate}'
     elif ignored:
         change = "Leave fewer columns out with --ignore."
-    return DataError(
-        f"reading {table.where} needs a column of measured values",
-        f"its columns are {', '.join(map(str, table.columns[:6])) or '(none)'}",
-        change,
-    )
+    fault = f"its columns are {', '.join(map(str, table.columns[:6])) or '(none)'}"
+    return needs(table.where, "a column of measured values", fault, change)
 
 
 def _in_decibels(column: Column) -> bool:
@@ -114,11 +109,8 @@ def _in_decibels(column: Column) -> bool:
 def _said(table: Table, rate: float | None) -> float:
     """Return the rate that a header or an option says where no column is of times."""
     if rate is None:
-        raise DataError(
-            f"reading {table.where} needs a sampling rate",
-            "no column is of times, and no header says a rate",
-            "Give it in samples per second: --sampling-rate HZ",
-        )
+        fault = "no column is of times, and no header says a rate"
+        raise needs(table.where, "a sampling rate", fault, "Give it in samples per second: --sampling-rate HZ")
     return rate
 
 
@@ -134,11 +126,9 @@ def free_decay(record: Signals, where: str) -> ImpulseResponse:
     `where`: the table, for messages.
     """
     if record.inputs is not None:
-        raise DataError(
-            f"reading {where} as a free decay was asked",
-            f"{', '.join(record.input_dofs)} would be a force, which acts on no free decay",
-            'Take rows after it has gone, and leave it out: --rows FIRST- --columns "time=1,decay=3-".',
-        )
+        fault = f"{', '.join(record.input_dofs)} would be a force, which acts on no free decay"
+        remedy = 'Take rows after it has gone, and leave it out: --rows FIRST- --columns "time=1,decay=3-".'
+        raise unreadable(f"{where} as a free decay", fault, remedy)
     return ImpulseResponse(
         values=record.outputs[:, :, None],
         sampling_rate=record.sampling_rate,
@@ -174,11 +164,9 @@ def _refuse_two_clocks(table: Table, axis: Column, others: Sequence[Column]) -> 
         except DataError:
             continue
         if not same_rate(first.rate, sampling.rate, first.doubt + sampling.doubt):
-            raise DataError(
-                f"reading {table.where} needs one column of times",
-                f"the times of {axis} say {first.rate:.6g} Hz, those of {other} {sampling.rate:.6g} Hz",
-                f"Leave out which is wrong: --ignore {as_word(axis.label)}, or --ignore {as_word(other.label)}",
-            )
+            fault = f"the times of {axis} say {first.rate:.6g} Hz, those of {other} {sampling.rate:.6g} Hz"
+            remedy = f"Leave out which is wrong: --ignore {as_word(axis.label)}, or --ignore {as_word(other.label)}"
+            raise needs(table.where, "one column of times", fault, remedy)
 
 
 def refuse_transposed(where: str, samples: int, channels: int, transposed: bool) -> None:
@@ -187,8 +175,8 @@ def refuse_transposed(where: str, samples: int, channels: int, transposed: bool)
     `transposed`: whether `--transpose` was given already.
     """
     if channels > samples:
-        raise DataError(
-            f"reading {where} as records was asked",
+        raise unreadable(
+            f"{where} as records",
             f"it has {channels} channels of {samples} samples, which is more channels than samples",
             "Leave --transpose out: channels stand in columns."
             if transposed
@@ -239,15 +227,17 @@ def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[
     try:
         sampling = sampling_of(times)
     except DataError as error:
-        raise DataError(
-            f"reading {table.where} needs evenly sampled times in {axis}",
+        raise needs(
+            table.where,
+            f"evenly sampled times in {axis}",
             error.found,
             "Resample the record, or leave its clock out where that alone is uneven, not the samples: --resample auto, or "
             f"{way_out} HZ{_even_rows(times, table.first_row - 1)}",
         ) from None
     if said is None and sampling.doubt > _OPEN * sampling.rate:
-        raise DataError(
-            f"reading {table.where} needs a sampling rate",
+        raise needs(
+            table.where,
+            "a sampling rate",
             f"the digits of the times in {axis} leave it open: {sampling.rate:.6g} Hz, give or take {sampling.doubt:.2g}",
             "Give it in samples per second: --sampling-rate HZ",
         )

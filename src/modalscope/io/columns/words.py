@@ -428,11 +428,9 @@ def ignored_columns(columns: Sequence[Column], asked: object) -> list[Column]:
 
 def _absent(columns: Sequence[Column], text: str, option: str) -> DataError:
     there = ", ".join(f"{column.number} {column.name}".strip() for column in columns[:12])
-    return DataError(
-        f"column {text[:60]!r} of --{option} was asked",
-        f"the columns are {there}{' ...' if len(columns) > 12 else ''}",
-        "Name columns by their number from 1, by a range such as 3-9, or by their name.",
-    )
+    fault = f"the columns are {there}{' ...' if len(columns) > 12 else ''}"
+    remedy = "Name columns by their number from 1, by a range such as 3-9, or by their name."
+    return DataError(f"column {text[:60]!r} of --{option} was asked", fault, remedy)
 
 
 def spoken_roles(columns: Sequence[Column], text: str) -> dict[int, str]:
@@ -456,15 +454,12 @@ def spoken_roles(columns: Sequence[Column], text: str) -> dict[int, str]:
         if sign and head.strip().lower() in ROLES:
             role, part = head.strip().lower(), rest
         if not role or not part.strip():
-            raise DataError(
-                f"--columns {text!r} was asked",
-                f"{part.strip()[:60]!r} is not of the form ROLE=COLUMNS",
-                f'Write for instance --columns "time=1,in=2,out=3-9"; the roles are {", ".join(ROLES)}.',
-            )
+            fault = f"{part.strip()[:60]!r} is not of the form ROLE=COLUMNS"
+            remedy = f'Write for instance --columns "time=1,in=2,out=3-9"; the roles are {", ".join(ROLES)}.'
+            raise DataError(f"--columns {text!r} was asked", fault, remedy)
         for column in named_columns(columns, [part], "columns"):
             if roles.get(column.number, role) != role:
-                raise DataError(
-                    f"--columns {text!r} was asked", f"{column} has two roles there", "Give each column one role."
-                )
+                fault = f"{column} has two roles there"
+                raise DataError(f"--columns {text!r} was asked", fault, "Give each column one role.")
             roles[column.number] = role
     return roles

@@ -7,7 +7,7 @@ from itertools import islice
 
 import numpy as np
 
-from modalscope.data import DataError
+from modalscope.io.contents import needs
 from modalscope.io.limits import Room
 from modalscope.io.text.cells import (
     Dialect,
@@ -152,13 +152,9 @@ def _check_foot(where: str, rest: list[tuple[int, str]], kinds: Sequence[str], d
         None,
     )
     if len(cells) != width or odd is None:
-        raise DataError(
-            f"reading {where} needs {width} cells in every row",
-            f"line {number} has {len(cells)}: {[cell[:_SHOWN] for cell in cells[:6]]}",
-            "Correct that line; lines above the table may be left out: --skip N",
-        )
-    raise DataError(
-        f"reading {where} needs a number in every cell of column {odd + 1}",
-        f"line {number} holds {cells[odd][:_SHOWN]!r} there",
-        f"Correct that cell, or leave the column out: --ignore {odd + 1}",
-    )
+        fault = f"line {number} has {len(cells)}: {[cell[:_SHOWN] for cell in cells[:6]]}"
+        remedy = "Correct that line; lines above the table may be left out: --skip N"
+        raise needs(where, f"{width} cells in every row", fault, remedy)
+    fault = f"line {number} holds {cells[odd][:_SHOWN]!r} there"
+    remedy = f"Correct that cell, or leave the column out: --ignore {odd + 1}"
+    raise needs(where, f"a number in every cell of column {odd + 1}", fault, remedy)

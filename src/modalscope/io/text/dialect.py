@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from modalscope.data import DataError
+from modalscope.io.contents import unreadable
 from modalscope.io.limits import Room
 from modalscope.io.text.cells import Dialect, is_complex, is_missing, is_number, is_value, split
 
@@ -34,11 +34,8 @@ def encoding_of(path: Path) -> str:
         if head.startswith(mark):
             return encoding
     if b"\0" in head:
-        raise DataError(
-            f"reading {path.name} as a text table was asked",
-            "it holds bytes that no text has",
-            "Give it the suffix of what it is, or export it as text.",
-        )
+        remedy = "Give it the suffix of what it is, or export it as text."
+        raise unreadable(f"{path.name} as a text table", "it holds bytes that no text has", remedy)
     try:
         codecs.getincrementaldecoder("utf-8")().decode(head)
     except UnicodeDecodeError:
@@ -149,11 +146,8 @@ def _commas(where: str, lines: Sequence[str], best: Dialect, decimal: str | None
     if one and (padded or decimal == ","):
         return Dialect(delimiter="")
     if one or padded:
-        raise DataError(
-            f"reading {where} was asked",
-            f"in {lines[held.index(True)].strip()[:60]!r} a comma may part columns or be the decimal sign",
-            'Say which: --decimal "," or --delimiter ","',
-        )
+        fault = f"in {lines[held.index(True)].strip()[:60]!r} a comma may part columns or be the decimal sign"
+        raise unreadable(where, fault, 'Say which: --decimal "," or --delimiter ","')
     return best
 
 
@@ -198,9 +192,6 @@ def decimal_sign(where: str, cells: Sequence[str], decimal: str | None = None) -
         return sign, thousands or (other if seen in (other, "both") else "")
     if seen == ",":
         example = next(cell for cell in cells if "," in cell)
-        raise DataError(
-            f"reading {where} was asked",
-            f"the comma in numbers such as {example[:20]!r} may be the decimal sign or part thousands",
-            'Say which: --decimal "," or --decimal "."',
-        )
+        fault = f"the comma in numbers such as {example[:20]!r} may be the decimal sign or part thousands"
+        raise unreadable(where, fault, 'Say which: --decimal "," or --decimal "."')
     return ".", thousands

@@ -13,9 +13,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from modalscope.data import DataError
 from modalscope.io.columns import Column, Table, contents_from_table
-from modalscope.io.contents import Contents, Options
+from modalscope.io.contents import Contents, Options, needs, unreadable
 from modalscope.io.limits import Room
 from modalscope.io.loose import stacked_runs
 from modalscope.numerics.checks import RealArray
@@ -68,11 +67,8 @@ def labview_contents(where: str, lines: Iterable[Line], space: Room, options: Op
     head, segments = _segments(where, lines, space)
     tables = [_table(where, head, segment) for segment in segments if segment.pieces]
     if not tables:
-        raise DataError(
-            f"reading {where} as a LabVIEW measurement file was asked",
-            "it holds no rows of numbers",
-            "Save the measurement again.",
-        )
+        fault = "it holds no rows of numbers"
+        raise unreadable(f"{where} as a LabVIEW measurement file", fault, "Save the measurement again.")
     joined = _joined(tables)
     found = [contents_from_table(table, options) for table in joined]
     if len(found) == 1:
@@ -138,11 +134,9 @@ def _flush(where: str, number: int, segment: _Segment, separator: str, space: Ro
     try:
         values = np.loadtxt(segment.waiting, delimiter=separator, usecols=range(first, width), comments=None, ndmin=2)
     except (ValueError, IndexError) as error:
-        raise DataError(
-            f"reading {where} needs {width - first} numbers in every row",
-            f"among the {len(segment.waiting)} rows before line {number or 'the end'}: {str(error)[:100]}",
-            "Correct that row, or save the measurement again.",
-        ) from None
+        fault = f"among the {len(segment.waiting)} rows before line {number or 'the end'}: {str(error)[:100]}"
+        remedy = "Correct that row, or save the measurement again."
+        raise needs(where, f"{width - first} numbers in every row", fault, remedy) from None
     segment.pieces.append(values)
     segment.waiting.clear()
 

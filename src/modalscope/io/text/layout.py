@@ -14,6 +14,7 @@ from modalscope.data.units import plain_unit
 from modalscope.io.columns.lines import part_of
 from modalscope.io.columns.table import Column
 from modalscope.io.columns.words import factor_to_base, is_unit, is_weak, kind_of_unit, role_by_words, split_head
+from modalscope.io.contents import needs
 from modalscope.io.text.cells import Dialect, is_missing, is_number, number_of, split
 from modalscope.io.text.dialect import DELIMITERS, value_rows
 
@@ -271,11 +272,8 @@ def rate_of_facts(where: str, facts: Sequence[tuple[int, str, str]], decimal: st
 
 
 def _several_rates(where: str, said: Sequence[str]) -> DataError:
-    return DataError(
-        f"reading {where} needs one sampling rate",
-        f"its header says several: {', '.join(map(repr, said))}",
-        "Say it: --sampling-rate HZ",
-    )
+    fault = f"its header says several: {', '.join(map(repr, said))}"
+    return needs(where, "one sampling rate", fault, "Say it: --sampling-rate HZ")
 
 
 def _number(text: str, decimal: str) -> float | None:

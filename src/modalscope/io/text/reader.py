@@ -17,7 +17,7 @@ import numpy as np
 from modalscope.data import DataError
 from modalscope.io.columns import COLUMN_OPTIONS, Column, Table, contents_from_table
 from modalscope.io.columns.words import ignored_columns
-from modalscope.io.contents import Contents, Options
+from modalscope.io.contents import Contents, Options, unreadable
 from modalscope.io.limits import Room, room
 from modalscope.io.text.body import kinds_of, read_body
 from modalscope.io.text.cells import Dialect, is_value, seconds_of, split, uncommented
@@ -122,9 +122,8 @@ def _signs(options: Options) -> tuple[str | None, str | None]:
     if delimiter is not None:
         delimiter = names.get(str(delimiter), delimiter)
         if not isinstance(delimiter, str) or len(delimiter) > 1:
-            raise DataError(
-                f"delimiter={delimiter!r} was asked", "it is not one sign", 'Give one sign, or "tab" or "space".'
-            )
+            fault = "it is not one sign"
+            raise DataError(f"delimiter={delimiter!r} was asked", fault, 'Give one sign, or "tab" or "space".')
     return delimiter, decimal
 
 
@@ -150,11 +149,8 @@ def _check_width(line: Line, space: Room, most: int) -> None:
     except DataError as error:
         if most > _COLUMNS:
             raise
-        raise DataError(
-            error.asked,
-            error.found,
-            f"If every row is a channel, exchange rows and columns: --transpose. {error.change}",
-        ) from None
+        remedy = f"If every row is a channel, exchange rows and columns: --transpose. {error.change}"
+        raise DataError(error.asked, error.found, remedy) from None
 
 
 def _transposed(lines: Iterator[Line], dialect: Dialect, space: Room) -> tuple[list[str], Dialect]:
@@ -179,13 +175,13 @@ def _no_body(where: str, bare: list[str], options: Options) -> DataError:
         rows = [split(line, Dialect(delimiter=sign)) for line in bare[:200]]
         named = [row for row in rows if len(row) > 2 and all(map(is_value, row[1:]))]
         if len(named) > 1 and max(map(len, named)) > len(named):
-            return DataError(
-                f"reading {where} was asked",
+            return unreadable(
+                where,
                 f"{len(named)} of its rows are a name and {len(named[0]) - 1} numbers, as if every row were a channel",
                 "Exchange rows and columns: --transpose",
             )
-    return DataError(
-        f"reading {where} as a table was asked",
+    return unreadable(
+        f"{where} as a table",
         f"no rows of numbers begin in the first {len(bare)} lines{f' below the {skip} skipped' if skip else ''} "
         f"(the first is {bare[0][:40] if bare else ''!r})",
         "Export the table as text with one row a sample or line; lines above it may be left out: --skip N",

@@ -13,11 +13,11 @@ from math import isfinite
 
 import numpy as np
 
-from modalscope.data import DataError, Signals
+from modalscope.data import Signals
 from modalscope.data.shown import counted
 from modalscope.data.units import in_si
 from modalscope.io.columns import Column, Table, contents_from_table
-from modalscope.io.contents import Contents, Options
+from modalscope.io.contents import Contents, Options, needs
 from modalscope.io.limits import Room
 
 Line = tuple[int, str]
@@ -160,8 +160,9 @@ def wrapped_contents(where: str, head: WrappedHead, body: Iterable[Line], space:
     """
     values = _values(where, head, body, space)
     if head.step is None and options.get("sampling_rate") is None:
-        raise DataError(
-            f"reading {where} needs a sampling rate",
+        raise needs(
+            where,
+            "a sampling rate",
             f"the head that counts {head.count} samples (NPTS) "
             + (f"says DT= {head.said}, which is no step" if head.said else "says no step (DT)"),
             "Give it in samples per second: --sampling-rate HZ",
@@ -186,17 +187,15 @@ def _values(where: str, head: WrappedHead, body: Iterable[Line], space: Room) ->
     for number, line in body:
         found = _numbers(line)
         if found is None:
-            raise DataError(
-                f"reading {where} needs nothing but numbers below its head",
-                f"line {number} holds {line.strip()[:20]!r}",
-                "Correct that line.",
-            )
+            fault = f"line {number} holds {line.strip()[:20]!r}"
+            raise needs(where, "nothing but numbers below its head", fault, "Correct that line.")
         space.take("its samples", _CELL * len(found))
         values += map(_number, found)
         above, lines = above if lines else number - 1, lines + 1
     if len(values) != head.count or not values:
-        raise DataError(
-            f"reading {where} needs the {head.count} samples that its head counts (NPTS)",
+        raise needs(
+            where,
+            f"the {head.count} samples that its head counts (NPTS)",
             f"{len(values)} stand in the {lines} lines below it",
             f"Correct the number, or copy the file again; if they are rows of a table, leave the head out: --skip {above}",
         )

@@ -76,9 +76,8 @@ def read_function(name: str, block: Block) -> Function:
     """
     where = f"{block.name} of {name}"
     if len(block.records) < HEADER_LINES:
-        raise DataError(
-            f"{where} needs {HEADER_LINES} records before its data", f"it has {len(block.records)}", DAMAGED
-        )
+        fault = f"it has {len(block.records)}"
+        raise DataError(f"{where} needs {HEADER_LINES} records before its data", fault, DAMAGED)
     dofs, shape = parse(DOFS, block.records[5], where), parse(FORM, block.records[6], where)
     abscissa, ordinate, denominator = (parse(AXIS, line, where) for line in block.records[7:10])
     _check_form(where, shape)
@@ -117,11 +116,8 @@ def _check_form(where: str, shape: dict[str, Any]) -> None:
         found = f"they are {kind}, {points} and {spacing}"
         raise DataError(f"{where} needs data type 2, 4, 5 or 6, at least one point, and spacing 0 or 1", found, DAMAGED)
     if spacing == 1 and points > 1 and shape["abscissa increment"] <= 0:
-        raise DataError(
-            f"{where} needs a positive abscissa increment",
-            f"it is {shape['abscissa increment']:g}",
-            "Export it again, or with uneven abscissa.",
-        )
+        asked = f"{where} needs a positive abscissa increment"
+        raise DataError(asked, f"it is {shape['abscissa increment']:g}", "Export it again, or with uneven abscissa.")
 
 
 def _even_abscissa(where: str, shape: dict[str, Any], texts: Sequence[str]) -> RealArray:
@@ -150,11 +146,9 @@ def _from_bytes(where: str, block: Block, shape: dict[str, Any]) -> tuple[RealAr
         with np.errstate(invalid="ignore", over="ignore"):
             largest = float(np.nanmax(np.abs(values[1].astype(complex))))
         right = "little-endian" if block.order == ">" else "big-endian"
-        raise DataError(
-            f"{where} is flagged {'big' if block.order == '>' else 'little'}-endian",
-            f"its values then reach {largest:.1e}; they are {right}",
-            "Export it again, or correct the byte order in its header (1 little, 2 big).",
-        )
+        fault = f"its values then reach {largest:.1e}; they are {right}"
+        remedy = "Export it again, or correct the byte order in its header (1 little, 2 big)."
+        raise DataError(f"{where} is flagged {'big' if block.order == '>' else 'little'}-endian", fault, remedy)
     _check_finite(where, *values)
     return values
 
@@ -207,9 +201,8 @@ def _from_text(where: str, lines: Sequence[bytes], shape: dict[str, Any]) -> tup
             if b"nan" in low or b"inf" in low
             else f"they hold the characters {whole.translate(None, _ALPHABET)[:10].decode('latin-1')!r}"
         )
-        raise DataError(
-            f"{where} needs finite numbers as data", found, "Repair that function, or leave it out of the export."
-        )
+        remedy = "Repair that function, or leave it out of the export."
+        raise DataError(f"{where} needs finite numbers as data", found, remedy)
     if len(whole) != points * sum(widths):
         held = len(whole) / sum(widths)
         raise DataError(

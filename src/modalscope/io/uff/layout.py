@@ -85,11 +85,8 @@ def form(record: Record, values: Mapping[str, Any]) -> str:
         text = text or (f"{float(values.get(name, 0.0)):.16E}" if kind == "e" else str(int(values.get(name, 0))))
         text = text.rjust(width)
         if len(text) > width:
-            raise DataError(
-                f"{name} = {values.get(name)} was to be written to a universal file",
-                f"it has {width} columns there",
-                "Choose a smaller number, or another format.",
-            )
+            asked = f"{name} = {values.get(name)} was to be written to a universal file"
+            raise DataError(asked, f"it has {width} columns there", "Choose a smaller number, or another format.")
         line += text
     return line
 
@@ -113,11 +110,8 @@ def thirteen(value: float) -> str:
 
 
 def _unreadable(where: str, name: str, wanted: str, text: str) -> DataError:
-    return DataError(
-        f"{where} needs {wanted} for {name}",
-        f"the columns hold {text.strip()!r}",
-        "The file is damaged there or not a universal file; export it again.",
-    )
+    remedy = "The file is damaged there or not a universal file; export it again."
+    return DataError(f"{where} needs {wanted} for {name}", f"the columns hold {text.strip()!r}", remedy)
 
 
 # ---------------------------------------------------------------------------------------------------------------- dofs
@@ -167,11 +161,9 @@ def dof_fields(label: str) -> tuple[str, int, int]:
         return "NONE", int(node), direction
     kept = node.isascii() and node.isprintable() and 0 < len(node) <= _ENTITY
     if not kept or label_from("", node, 0, direction) != label:
-        raise DataError(
-            f"the channel {label!r} was to be written to a universal file",
-            f"that has a node number or a name of up to {_ENTITY} ASCII characters",
-            "Give labels of node and direction, such as 3:+Z, as output_dofs and input_dofs.",
-        )
+        fault = f"that has a node number or a name of up to {_ENTITY} ASCII characters"
+        remedy = "Give labels of node and direction, such as 3:+Z, as output_dofs and input_dofs."
+        raise DataError(f"the channel {label!r} was to be written to a universal file", fault, remedy)
     return node, 0, direction
 
 

@@ -94,11 +94,9 @@ def by_pair(functions: Sequence[Function], out: Sorted, repeated: str | None) ->
         key = (function.output, function.input)
         before = pairs.get(key)
         if before is not None and repeated is None:
-            raise DataError(
-                f"one {function.words} for each pair of dofs was asked",
-                f"{key[0]} / {key[1]} was measured in {before.part} and again in {function.part}",
-                'Give repeated="first" or repeated="last", or leave one out of the export.',
-            )
+            fault = f"{key[0]} / {key[1]} was measured in {before.part} and again in {function.part}"
+            remedy = 'Give repeated="first" or repeated="last", or leave one out of the export.'
+            raise DataError(f"one {function.words} for each pair of dofs was asked", fault, remedy)
         if before is None or repeated == "last":
             pairs[key] = function
         lost = before if repeated == "last" else function if before is not None else None
@@ -268,9 +266,8 @@ def _rate_of(function: Function, out: Sorted) -> float | None:
 def _evenly(functions: Sequence[Function], out: Sorted, what: str) -> list[Function]:
     even = [function for function in functions if _rate_of(function, out) is not None]
     if not even:
-        raise DataError(
-            f"{what} were asked", f"{next(iter(out.left.values()))}", "Resample them evenly before they are exported."
-        )
+        fault = f"{next(iter(out.left.values()))}"
+        raise DataError(f"{what} were asked", fault, "Resample them evenly before they are exported.")
     return even
 
 
@@ -318,11 +315,8 @@ def _commonest(kinds: Counter[str]) -> str:
     first, *rest = kinds.most_common()
     if rest and rest[0][1] == first[1]:
         held = " and ".join(f"{count} {kind} responses" for kind, count in kinds.items())
-        raise DataError(
-            "impulse responses of one kind were asked",
-            f"the file holds {held}",
-            f'Choose one, read(..., kind="{first[0]}"), and read the other by itself.',
-        )
+        remedy = f'Choose one, read(..., kind="{first[0]}"), and read the other by itself.'
+        raise DataError("impulse responses of one kind were asked", f"the file holds {held}", remedy)
     return first[0]
 
 
@@ -348,11 +342,9 @@ def sort_records(functions: Sequence[Function], options: dict[str, Any], si: boo
     runs = {len(functions) for side in sides for functions in side.values()}
     if len(runs) != 1:
         counts = ", ".join([f"{label} {len(fs)}" for side in sides for label, fs in side.items()][:12])
-        raise DataError(
-            "records of whole runs were asked",
-            f"the channels come a different number of times: {counts}",
-            "Export every channel of every run, and nothing else.",
-        )
+        fault = f"the channels come a different number of times: {counts}"
+        remedy = "Export every channel of every run, and nothing else."
+        raise DataError("records of whole runs were asked", fault, remedy)
     count = runs.pop()
     first = [[fs[0] for fs in side.values()] for side in sides]
     out.thing = Signals(

@@ -89,11 +89,8 @@ def _read_nodes(parts: Parts, block: Block, where: str) -> str:
             displacement=head["displacement system"],
         )
         if found.setdefault(head["node"], node) != node:
-            raise DataError(
-                f"{where} needs one place for each node",
-                f"node {head['node']} stands there twice",
-                "Renumber the nodes.",
-            )
+            fault = f"node {head['node']} stands there twice"
+            raise DataError(f"{where} needs one place for each node", fault, "Renumber the nodes.")
         count += 1
     return f"{count} nodes"
 
@@ -132,11 +129,8 @@ def _read_elements(parts: Parts, block: Block, where: str) -> str:
                 raise _short(where)
             nodes += more
         if len(nodes) != head["number of nodes"] or not nodes:
-            raise DataError(
-                f"{where} needs {head['number of nodes']} nodes for element {head['element']}",
-                f"there are {len(nodes)}",
-                DAMAGED,
-            )
+            asked = f"{where} needs {head['number of nodes']} nodes for element {head['element']}"
+            raise DataError(asked, f"there are {len(nodes)}", DAMAGED)
         _add_element(parts, nodes)
         count += 1
     return f"{count} elements"
@@ -231,11 +225,9 @@ def _numbered(geometry: Geometry) -> list[int]:
         node for node in geometry.nodes if not (node.isdecimal() and str(int(node)) == node and 0 < int(node) < 10**10)
     ]
     if odd:
-        raise DataError(
-            "a geometry was to be written to a universal file",
-            f"its nodes {', '.join(odd[:5])} are not whole numbers",
-            "Number the nodes, or write .npz or .h5.",
-        )
+        fault = f"its nodes {', '.join(odd[:5])} are not whole numbers"
+        remedy = "Number the nodes, or write .npz or .h5."
+        raise DataError("a geometry was to be written to a universal file", fault, remedy)
     return [int(node) for node in geometry.nodes]
 
 

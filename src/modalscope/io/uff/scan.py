@@ -11,6 +11,7 @@ import re
 from dataclasses import dataclass
 
 from modalscope.data import DataError
+from modalscope.io.contents import unreadable
 from modalscope.io.limits import MOST_PARTS, Room, room
 from modalscope.io.uff.layout import Field, parse
 
@@ -95,24 +96,15 @@ def _foreign(name: str, line: bytes, blocks: list[Block]) -> DataError:
     text = line[:30].decode("latin-1")
     if not blocks:
         found = f"it begins with {text!r}, not with the delimiter '    -1'" if line else "it has no sets"
-        return DataError(
-            f"reading {name} as a universal file was asked",
-            found,
-            "Export it as a universal file, or give it the suffix of what it is.",
-        )
-    return DataError(
-        f"reading {name} was asked",
-        f"after set {len(blocks)} comes {text!r} where a set should begin",
-        "The file is cut off or damaged there; export it again.",
-    )
+        remedy = "Export it as a universal file, or give it the suffix of what it is."
+        return unreadable(f"{name} as a universal file", found, remedy)
+    fault = f"after set {len(blocks)} comes {text!r} where a set should begin"
+    return unreadable(name, fault, "The file is cut off or damaged there; export it again.")
 
 
 def _cut(name: str, place: int, what: str) -> DataError:
-    return DataError(
-        f"reading set {place} of {name} was asked",
-        what,
-        "The file is cut off or damaged there; export or copy it again.",
-    )
+    remedy = "The file is cut off or damaged there; export or copy it again."
+    return DataError(f"reading set {place} of {name} was asked", what, remedy)
 
 
 def _block(name: str, data: bytes, start: int, place: int, space: Room) -> tuple[Block, int]:
@@ -170,8 +162,8 @@ def _binary_block(name: str, data: bytes, head: bytes, position: int, place: int
             name, place, f"it counts {header['number of ASCII lines']} ASCII lines where dataset 58 has {HEADER_LINES}"
         )
     if header["byte order"] not in (_LITTLE, _BIG) or header["floating-point format"] != _IEEE:
-        raise DataError(
-            f"reading {where} was asked",
+        raise unreadable(
+            where,
             f"its byte order is {header['byte order']} and its floating-point format {header['floating-point format']}",
             "Export it with byte order 1 (little-endian) or 2 (big-endian) and format 2 (IEEE 754).",
         )

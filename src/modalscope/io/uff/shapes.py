@@ -97,17 +97,14 @@ def _pole(where: str, analysis: int, lines: Sequence[bytes], newer: bool) -> com
         if analysis == _NORMAL:
             frequency, damping = (first[1], first[4]) if newer else (first[0], first[2])
             if frequency < 0 or abs(damping) > 1:
-                raise DataError(
-                    f"{where} needs a frequency above 0 and a damping ratio within 1",
-                    f"they are {frequency:g} Hz and {damping:g}",
-                    "Correct the mode, or leave it out.",
-                )
+                fault = f"they are {frequency:g} Hz and {damping:g}"
+                remedy = "Correct the mode, or leave it out."
+                raise DataError(f"{where} needs a frequency above 0 and a damping ratio within 1", fault, remedy)
             return complex(poles_from(frequency, damping))
         real, imag = second[:2] if newer else first[:2]
     except (IndexError, ValueError):
-        raise DataError(
-            f"{where} needs the frequency or the eigenvalue of its mode", "the record is cut off", DAMAGED
-        ) from None
+        fault = "the record is cut off"
+        raise DataError(f"{where} needs the frequency or the eigenvalue of its mode", fault, DAMAGED) from None
     return complex(real, imag)
 
 
@@ -116,9 +113,8 @@ def _values(where: str, lines: Sequence[bytes], head: dict[str, int]) -> dict[tu
     cplx = head["data type"] in _COMPLEX_TYPES
     count = head["values a node"] * (2 if cplx else 1)
     if head["values a node"] != len(directions):
-        raise DataError(
-            f"{where} needs {len(directions)} values a node", f"its header counts {head['values a node']}", DAMAGED
-        )
+        fault = f"its header counts {head['values a node']}"
+        raise DataError(f"{where} needs {len(directions)} values a node", fault, DAMAGED)
     values: dict[tuple[int, int], complex] = {}
     rows = iter(lines)
     for line in rows:
@@ -185,27 +181,19 @@ def _places(modes: ModalModel) -> tuple[tuple[int, ...], list[tuple[int, int, fl
         if dof is None or not dof.node.isdecimal() or not 1 <= int(dof.node) < _NODES
     ]
     if odd:
-        raise DataError(
-            "mode shapes were to be written to a universal file",
-            f"the channels {', '.join(map(repr, odd[:5]))} are not node numbers with a direction",
-            "Give the data output_dofs such as 3:+Z, or write .json or .npz.",
-        )
+        fault = f"the channels {', '.join(map(repr, odd[:5]))} are not node numbers with a direction"
+        remedy = "Give the data output_dofs such as 3:+Z, or write .json or .npz."
+        raise DataError("mode shapes were to be written to a universal file", fault, remedy)
     found = [(int(dof.node), code_of_direction(dof.direction)) for dof in dofs if dof is not None]
     used = {abs(code) for _, code in found}
     if used & {0} and used != {0}:
-        raise DataError(
-            "mode shapes were to be written to a universal file",
-            "some channels are scalars and some have directions",
-            "Give all a direction.",
-        )
+        fault = "some channels are scalars and some have directions"
+        raise DataError("mode shapes were to be written to a universal file", fault, "Give all a direction.")
     codes = _LABELS[1] if used == {0} else _LABELS[2] if max(used) <= 3 else _LABELS[3]
     places = [(node, codes.index(abs(code)), -1.0 if code < 0 else 1.0) for node, code in found]
     if len({place[:2] for place in places}) < len(places):
-        raise DataError(
-            "mode shapes were to be written to a universal file",
-            "a node is measured twice along one axis",
-            "Leave out one of the two channels.",
-        )
+        asked = "mode shapes were to be written to a universal file"
+        raise DataError(asked, "a node is measured twice along one axis", "Leave out one of the two channels.")
     return codes, places, sorted({node for node, _ in found})
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from modalscope.data import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals, StateSpace
 from modalscope.data.analysis import VERSION
-from modalscope.io.contents import Options, Plain
+from modalscope.io.contents import ArrayData, Options
 from modalscope.io.uff.function import Function, write_function
 from modalscope.io.uff.layout import QUANTITY_CODES, one_set
 from modalscope.io.uff.nodes import write_lines, write_nodes
@@ -27,7 +27,7 @@ _SI = {"m", "m/s", "m/s2", "m/s^2", "N"}
 _ROUNDING = 8 * np.finfo(float).eps
 
 
-def write(path: Path, thing: Plain, options: Options) -> None:
+def write(path: Path, thing: ArrayData, options: Options) -> None:
     """Write a data object.
 
     `options`: `text` (False: binary double precision), `dataset` (55 or 2414 for modes), `nodes` (2411 or 15), `lines` (82 or 2412).
@@ -40,11 +40,8 @@ def write(path: Path, thing: Plain, options: Options) -> None:
     )
     data = _header()
     if isinstance(thing, StateSpace):
-        raise DataError(
-            f"writing StateSpace as {path.suffix} was asked",
-            "there is no such dataset",
-            "Use .npz, .mat, .h5 or .json.",
-        )
+        fault = "there is no such dataset"
+        raise DataError(f"writing StateSpace as {path.suffix} was asked", fault, "Use .npz, .mat, .h5 or .json.")
     geometry = thing if isinstance(thing, Geometry) else thing.geometry
     if not isinstance(thing, Geometry):
         data += _units(thing)
@@ -131,11 +128,8 @@ def _impulse(irf: ImpulseResponse) -> list[Function]:
     times, values = irf.times, irf.values
     if irf.feedthrough is not None:
         if irf.kind not in ("pulse", "correlation") or irf.first_sample:
-            raise DataError(
-                f"a {irf.kind} response was to be written to a universal file",
-                f"it has a direct term and begins {irf.first_sample} samples late, which has no place there",
-                "Write .npz or .h5.",
-            )
+            fault = f"it has a direct term and begins {irf.first_sample} samples late, which has no place there"
+            raise DataError(f"a {irf.kind} response was to be written to a universal file", fault, "Write .npz or .h5.")
         values, times = np.concatenate([irf.feedthrough[None], values]), np.arange(irf.samples + 1) / irf.sampling_rate
     kind = _CORRELATION if irf.kind == "correlation" else _TIME
     texts = (f"impulse response: {irf.kind}",)

@@ -1,0 +1,404 @@
+"""Read geometry from tables of points and lines, folders of such tables, and finite element meshes.
+
+| a table of points has | it is |
+|---|---|
+| `node, x, y, z` (by name, in any order), or four bare columns | nodes and their coordinates |
+| three bare columns | coordinates of the nodes 1, 2, ... |
+| `channel` and `direction` (`+Z`, `x`) besides | the node that moves with a channel, and in which direction |
+
+A table of lines has the names of two nodes a row, or of three or four around a face.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from modalscope.data import DataError, Geometry, parse_dof
+from modalscope.data.channels import Channels
+from modalscope.io.columns.words import split_head
+from modalscope.io.contents import DAMAGED, Contents, Finding, Options, damage_as_error, needs, unreadable
+from modalscope.io.limits import room
+from modalscope.io.recorders import rows_of_workbook
+from modalscope.io.text.cells import Dialect, is_number, number_of, split, uncommented
+from modalscope.io.text.dialect import dialect_of, encoding_of, lines_of
+from modalscope.numerics.checks import Array, RealArray, check_path
+from modalscope.numerics.extras import optional_package
+
+#: Suffixes of tables.
+TABLES = (".csv", ".txt", ".asc", ".tsv", ".dat", ".xlsx")
+
+#: Suffixes of meshes.
+MESHES = (".msh", ".vtk", ".vtu", ".inp", ".bdf", ".nas", ".fem", ".med", ".stl", ".obj", ".ply")
+
+_WORDS = {
+    "node": {
+        *["node", "nodes", "point", "points", "name", "id", "label", "no", "nr", "number", "knoten", "punkt", "pt"]
+    },
+    "channel": {*["channel", "sensor", "dof", "kanal", "ch"]},
+    "direction": {*["direction", "dir", "axis", "richtung", "orientation"]},
+}
+#: Rows of a table of points and characters of a cell, more than any test has.
+_MAX_POINTS, _MAX_CHARACTERS = 200_000, 200
+#: Characters of a cell in a folder of tables: in an array each cell takes the width of the longest.
+_MAX_WIDTH = 400
+#: Candidates for the neighbours of a point: the nearest so many.
+_CANDIDATES = 12
+#: Relative tolerance of equal distances on a measured grid.
+_EQUAL_DISTANCE = 1e-3
+#: Bytes that a node or a cell of a mesh becomes as names.
+_BYTES_OF_NODE = 400
+_EDGES = {
+    "tetra": ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
+    "pyramid": ((0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4)),
+    "wedge": ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
+    "hexahedron": ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
+}
+
+Motions = dict[str, list[tuple[str, tuple[float, ...]]]]
+
+
+def with_geometry(options: Options, load: Callable[[Path], Any]) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Return options whose `geometry` is a Geometry, read from its file where a path was given, and notes.
+
+    `options`: `geometry`: a Geometry, a path, or paths of points and lines. `load`: reads a file that is no table.
+
+    Raises `DataError`: a file that is missing, or holds no geometry.
+    """
+    given = options.get("geometry")
+    if given is None or isinstance(given, Geometry):
+        return dict(options), ()
+    paths = [given] if isinstance(given, str | Path) else list(given) if isinstance(given, list | tuple) else []
+    if not 1 <= len(paths) <= 2:
+        fault = "it is no Geometry, path, or pair of paths of points and lines"
+        remedy = 'Give geometry="points.csv" or geometry=("points.csv", "lines.csv").'
+        raise DataError(f"geometry={given!r} was asked", fault, remedy)
+    points, *lines = (check_path(path) for path in paths)
+    missing = next((path for path in (points, *lines) if not path.is_file()), None)
+    if missing is not None:
+        asked = f"the geometry in {missing.name} was asked"
+        raise DataError(asked, "there is no such file", "Check the name and the folder.")
+    if points.suffix.lower() in TABLES:
+        geometry: Any = geometry_of_tables(points, lines[0] if lines else None)
+    else:
+        data = load(points)
+        geometry = data if isinstance(data, Geometry) else getattr(data, "geometry", None)
+    if geometry is None:
+        asked = f"a geometry from {points.name} was asked"
+        raise DataError(asked, "it holds none", "Give a table of points: node,x,y,z, or another file.")
+    if geometry.lines.size or geometry.faces.size or len(geometry.nodes) < 2:
+        return {**options, "geometry": geometry}, ()
+    joined = [[geometry.nodes[a], geometry.nodes[b]] for a, b in neighbour_lines(geometry.coordinates)]
+    note = f"the geometry has no lines: {len(joined)} were drawn between neighbouring nodes (else: --lines lines.csv)"
+    return {**options, "geometry": replace(geometry, lines=joined)}, (note,)
+
+
+def with_lost_channels(contents: Contents) -> Contents:
+    """Return the contents with a note on channels that have no place in their geometry."""
+    data = contents.thing
+    if not isinstance(data, Channels) or data.geometry is None:
+        return contents
+    lost = [label for label in data.output_dofs if not data.geometry.motion_of(label)]
+    if not lost:
+        return contents
+    note = (
+        f"{len(lost)} of {len(data.output_dofs)} channels have no node and direction in the geometry: {', '.join(lost[:6])}; "
+        "name channels as 3:+Z, or add columns channel and direction to the table of points"
+    )
+    return replace(contents, notes=(*contents.notes, note))
+
+
+def neighbour_lines(points: RealArray) -> list[tuple[int, int]]:
+    """Return the edges (p, q) of the relative neighbourhood graph: no r has max(|p - r|, |q - r|) < |p - q|.
+
+    On a grid these are the sides of its cells, without diagonals; along a beam one point follows the other. The graph connects all
+    points whose neighbours are among the 12 nearest.
+
+    `points` (n, 3).
+
+    Notes
+    -----
+    G. T. Toussaint, Pattern Recognition 12 (1980).
+
+    Examples
+    --------
+    >>> neighbour_lines(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]))
+    [(0, 1), (0, 2), (1, 3), (2, 3)]
+    """
+    from scipy.spatial import cKDTree
+
+    count = len(points)
+    if count < 2:
+        return []
+    distances, nearest = map(np.asarray, cKDTree(points).query(points, k=min(_CANDIDATES + 1, count)))
+    pairs = set()
+    for p in range(count):
+        for distance, q in zip(distances[p], nearest[p], strict=True):
+            if q == p or not distance:
+                continue
+            closer = nearest[p][(distances[p] < distance * (1 - _EQUAL_DISTANCE)) & (nearest[p] != p)]
+            between = np.linalg.norm(points[closer] - points[q], axis=1) < distance * (1 - _EQUAL_DISTANCE)
+            if not between.any():
+                pairs.add((min(p, int(q)), max(p, int(q))))
+    return sorted(pairs)
+
+
+def geometry_of_tables(points: Path, lines: Path | None = None) -> Geometry:
+    """Return the geometry that a table of points, and where given one of lines, describes.
+
+    `points`, `lines`: see the tables at the head of this module.
+
+    Raises `DataError`: unknown columns, cells that are no numbers, missing nodes.
+    """
+    head, rows, dialect = _rows(points)
+    places = _places(points, head, len(rows[0]))
+    xyz = [[_number(points, row, places[axis], dialect) for axis in "xyz" if axis in places] for row in rows]
+    coordinates = np.array([[*row, *[0.0] * (3 - len(row))] for row in xyz])
+    names = [row[places["node"]] for row in rows] if "node" in places else [str(k) for k in range(1, len(rows) + 1)]
+    motions = _motions(points, rows, places, names)
+    nodes = dict(zip(names, coordinates, strict=True))  # a node that several channels move stands once
+    joined: dict[str, Any] = {} if lines is None else _lines_and_faces(lines)
+    return Geometry(nodes=tuple(nodes), coordinates=np.array(list(nodes.values())), motions=motions, **joined)  # type: ignore[arg-type]
+
+
+def _rows(path: Path) -> tuple[list[str], list[list[str]], Dialect]:
+    """Return the head of a table, empty where it has none, its rows, and how it is written."""
+    lines: Iterator[tuple[int, str]]
+    if path.suffix.lower() == ".xlsx":
+        lines = iter(rows_of_workbook(path))
+    else:
+        lines = lines_of(path, encoding_of(path), 0, room(path.name, path.stat().st_size))
+    texts = [uncommented(line) for _, line in islice(lines, _MAX_POINTS)]
+    dialect = _dialect(path, [text for text, comment in texts if not comment])
+    rows = [split(text, dialect) for text, _ in texts]
+    width = max((len(row) for row, (_, comment) in zip(rows, texts, strict=True) if not comment), default=0)
+    rows = [row for row in rows if len(row) == width]
+    headed = bool(rows) and not any(map(is_number, rows[0]))
+    body = rows[1:] if headed else rows
+    if not body or width < 2 or any(len(cell) > _MAX_CHARACTERS for row in body for cell in row):
+        fault = f"it has {len(body)} rows of {width} cells"
+        remedy = "Write one row a node (node, x, y, z) or a line (two nodes)."
+        raise unreadable(f"points or lines from {path.name}", fault, remedy)
+    return (rows[0] if headed else []), body, dialect
+
+
+def _dialect(path: Path, texts: Sequence[str]) -> Dialect:
+    """Return how a table is written; node names are text, so only the cells that are numbers are examined."""
+    delimiter = max(
+        ("\t", ";", ",", ""), key=lambda sign: sum(len(split(text, Dialect(delimiter=sign))) > 1 for text in texts)
+    )
+    cells = (split(text, Dialect(delimiter=delimiter)) for text in texts if text)
+    numbers = [delimiter.join(filter(is_number, row)) or "-" for row in cells]
+    decimal = dialect_of(path.name, numbers, delimiter or None, None).decimal if delimiter != "," else "."
+    return Dialect(delimiter=delimiter, decimal=decimal, quoted=any('"' in text for text in texts))
+
+
+def _places(path: Path, head: Sequence[str], width: int) -> dict[str, int]:
+    """Return the place of each column by its role."""
+    bare = {3: "xyz", 4: ("node", "x", "y", "z"), 2: "xy"}.get(width)
+    if not head and bare is not None:
+        return {name: k for k, name in enumerate(bare)}
+    places: dict[str, int] = {}
+    for k, cell in enumerate(head):
+        name = split_head(cell)[0].strip().lower()
+        for role, words in _WORDS.items():
+            if name in words:
+                places.setdefault(role, k)
+        if name[:1] in "xyz" and name[1:].strip("_ ") in ("", "coord", "coordinate", "pos", "mm", "m", "cm"):
+            places.setdefault(name[:1], k)
+    if "x" not in places:
+        need, fault = "columns x, y, z (and node)", f"its columns are {', '.join(head[:8]) or width}"
+        raise needs(f"points from {path.name}", need, fault, "Name them in the first row: node,x,y,z")
+    return places
+
+
+def _number(path: Path, row: Sequence[str], place: int, dialect: Dialect) -> float:
+    try:
+        return number_of(row[place], dialect)
+    except ValueError:
+        fault = f"a row is {[cell[:20] for cell in row[:6]]}"
+        raise needs(f"points from {path.name}", "numbers as coordinates", fault, "Correct that row.") from None
+
+
+def _motions(path: Path, rows: Sequence[Sequence[str]], places: dict[str, int], names: Sequence[str]) -> Motions:
+    """Return the motion of each channel that the table names."""
+    motions: Motions = {}
+    for row, node in zip(rows, names, strict=True) if "direction" in places else ():
+        direction = row[places["direction"]]
+        dof = parse_dof(f"1:{direction.strip().upper()}")
+        if dof is None or dof.vector is None:
+            raise unreadable(f"points from {path.name}", f"{direction[:20]!r} is no direction", "Write +X, -Y, z ...")
+        channel = row[places["channel"]] if "channel" in places else node
+        motions.setdefault(channel, []).append((node, dof.vector))
+    return motions
+
+
+def _lines_and_faces(path: Path) -> dict[str, Any]:
+    """Return lines and faces by the names of their nodes."""
+    rows = [[cell for cell in row if cell] for row in _rows(path)[1]]
+    wrong = next((row for row in rows if not 2 <= len(row) <= 4), None)
+    if wrong is not None:
+        need, fault = "two nodes a row, or three or four around a face", f"a row is {wrong[:6]}"
+        raise needs(f"lines from {path.name}", need, fault, "Leave other columns out.")
+    faces = [row for row in rows if len(row) > 2]
+    width = max(map(len, faces), default=3)
+    return {
+        "lines": [row for row in rows if len(row) == 2] or None,
+        "faces": [[*row, *[row[-1]] * (width - len(row))] for row in faces] or None,
+    }
+
+
+def geometry_from_tables(folder: str | Path, *, background: bool = True) -> Geometry:
+    """Return the geometry that a folder of text tables describes, with the motion of every channel.
+
+    Parameters
+    ----------
+    folder : path
+        Tables of operational modal analysis programs, cells separated by blanks or tabs: `pts_coord.txt` (header; point, x, y, z),
+        `sens_map.txt` (header; point, and for each of x, y, z the channel that moves it, 0 for none), `sens_sign.txt` (the same shape,
+        signs), and where present `sens_lines.txt` (pairs of point numbers to join). With `background` also `BG_nodes.txt` (x, y, z) and
+        `BG_lines.txt` (pairs of row numbers): the still outline of the structure, whose nodes are called B1, B2, ...
+    background : bool
+        Whether to take the outline.
+
+    Returns
+    -------
+    Geometry
+        Its `motions` hold the channels' own names, so that records need these as `output_dofs`.
+
+    Raises
+    ------
+    DataError
+        A table is missing, ragged or names points that are not there.
+    """
+    place = Path(folder)
+    points, coordinates = _named_cells(place / "pts_coord.txt")
+    if coordinates.shape[1] != 3:
+        fault = f"there are {coordinates.shape[1] + 1} columns"
+        raise _wrong(place / "pts_coord.txt", "point, x, y and z in every row", fault)
+    positions = _numbers(place / "pts_coord.txt", coordinates)
+    lines = [[points[i] for i in row] for row in _pairs(place / "sens_lines.txt", len(points))]
+    nodes = list(points)
+    if background and (place / "BG_nodes.txt").exists():
+        outline = _numbers(place / "BG_nodes.txt", np.array(_cells(place / "BG_nodes.txt"))).reshape(-1, 3)
+        nodes += [f"B{i + 1}" for i in range(len(outline))]
+        lines += [[f"B{i + 1}" for i in row] for row in _pairs(place / "BG_lines.txt", len(outline))]
+        positions = np.vstack([positions, outline])
+    motions = _motions_of_sensors(place, points)
+    return Geometry(nodes=nodes, coordinates=positions, lines=lines or None, motions=motions)  # type: ignore[arg-type]
+
+
+def _motions_of_sensors(place: Path, points: list[str]) -> Motions:
+    axes = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+    header = _cells(place / "sens_map.txt")[0][1:]
+    mapped, channels = _named_cells(place / "sens_map.txt")
+    signed, signs = _named_cells(place / "sens_sign.txt")
+    unknown = sorted(set(mapped) - set(points))
+    if unknown or signed != mapped or signs.shape != channels.shape or not set(header) <= set(axes):
+        need = "the points of pts_coord.txt, columns x, y, z, and sens_sign.txt of the same shape"
+        raise _wrong(place / "sens_map.txt", need, f"unknown points: {', '.join(unknown) or 'none'}")
+    factors = _numbers(place / "sens_sign.txt", signs)
+    motions: Motions = {}
+    for point, row, sign in zip(mapped, channels, factors, strict=True):
+        for axis, channel, factor in zip(header, row, sign, strict=True):
+            if channel != "0":
+                vector = tuple(float(factor) * part for part in axes[axis])
+                motions.setdefault(str(channel), []).append((point, vector))
+    return motions
+
+
+def _cells(path: Path) -> list[list[str]]:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise _wrong(path, "a text table", str(getattr(error, "strerror", None) or "it is not text").lower()) from None
+    rows = [line.split() for line in text.splitlines() if line.strip()]
+    if not rows or len({len(row) for row in rows}) != 1:
+        raise _wrong(path, "rows of equal length", f"their lengths are {sorted({len(row) for row in rows})[:6]}")
+    longest = max(len(cell) for row in rows for cell in row)
+    if longest > _MAX_WIDTH:
+        raise _wrong(path, f"cells of at most {_MAX_WIDTH} characters", f"the longest has {longest}")
+    return rows
+
+
+def _named_cells(path: Path) -> tuple[list[str], Array]:
+    rows = _cells(path)[1:]
+    return [row[0] for row in rows], np.array([row[1:] for row in rows], dtype=np.str_)
+
+
+def _numbers(path: Path, cells: Array) -> Array:
+    try:
+        return cells.astype(float)
+    except ValueError as error:
+        raise _wrong(path, "numbers", str(error)) from None
+
+
+def _pairs(path: Path, count: int) -> list[list[int]]:
+    """Return rows of two numbers from 1 to count as indices; none when there is no such table."""
+    if not path.exists():
+        return []
+    pairs = _numbers(path, np.array(_cells(path)))
+    if pairs.shape[1] != 2 or pairs.min() < 1 or pairs.max() > count or np.any(pairs != np.rint(pairs)):
+        fault = f"they lie between {pairs.min():g} and {pairs.max():g}"
+        raise _wrong(path, f"pairs of numbers from 1 to {count}", fault)
+    return [[int(a) - 1, int(b) - 1] for a, b in pairs]
+
+
+def _wrong(path: Path, need: str, fault: str) -> DataError:
+    return DataError(f"the table {path} needs {need}", fault, "Correct or add the table.")
+
+
+def read_mesh(path: Path, options: Options) -> Contents:
+    """Read a mesh; nodes are numbered from 1 in the order of the file, elements of higher order are read by their corners.
+
+    Raises `DataError`: meshio is missing, or does not read the file.
+    """
+    package = optional_package(f"reading a mesh ({path.suffix})", "meshio", "mesh")
+    space = room(path.name, path.stat().st_size)
+    damaged = (*DAMAGED, SystemExit, package.ReadError)
+    with damage_as_error(path.name, "Export it as .msh, .vtk, .bdf or .inp, or as a table of points.", damaged):
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            mesh = package.read(path)
+        points = np.asarray(mesh.points, float)
+        space.take("its nodes", _BYTES_OF_NODE * (len(points) + sum(len(block.data) for block in mesh.cells)))
+        geometry, omitted = _geometry_of_mesh(mesh, np.pad(points, ((0, 0), (0, 3 - points.shape[1]))))
+    findings = [
+        Finding(part=str(block.type), what=f"{len(block.data)} elements", taken=str(block.type) not in omitted)
+        for block in mesh.cells
+    ]
+    notes = (f"elements that are not drawn: {', '.join(sorted(omitted))}",) if omitted else ()
+    return Contents(thing=geometry, findings=(Finding(part="nodes", what=f"{len(points)}"), *findings), notes=notes)
+
+
+def _geometry_of_mesh(mesh: Any, points: Any) -> tuple[Geometry, set[str]]:
+    lines: list[tuple[int, int]] = []
+    faces: list[list[int]] = []
+    omitted: set[str] = set()
+    for block in mesh.cells:
+        kind = str(block.type).rstrip("0123456789")
+        rows = np.asarray(block.data, int).tolist()
+        if kind == "line":
+            lines += [(row[0], row[1]) for row in rows]
+        elif kind == "triangle":
+            faces += [[*row[:3], row[2]] for row in rows]
+        elif kind == "quad":
+            faces += [row[:4] for row in rows]
+        elif kind in _EDGES:
+            lines += [(row[a], row[b]) for row in rows for a, b in _EDGES[kind]]
+        elif kind != "vertex":
+            omitted.add(str(block.type))
+    unique = dict.fromkeys((min(pair), max(pair)) for pair in lines)
+    names = [str(k) for k in range(1, len(points) + 1)]
+    return Geometry(
+        nodes=tuple(names),
+        coordinates=points,
+        lines=[[names[a], names[b]] for a, b in unique] or None,  # type: ignore[arg-type]
+        faces=[[names[k] for k in face] for face in faces] or None,  # type: ignore[arg-type]
+    ), omitted
