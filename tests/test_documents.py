@@ -84,5 +84,5 @@ def test_what_makes_a_mode_weak_is_decided_in_the_file_that_contributors_are_sen
     noise = np.random.default_rng(1).standard_normal((2, *clean.values.shape)) * 0.01 * np.abs(clean.values).max()
     diagram = stabilize(replace(clean, values=clean.values + noise[0] + 1j * noise[1]), orders=range(2, 21, 2))
     strong, every = 1, len(select(diagram))
-    monkeypatch.setattr(import_module(file.replace("/", ".")), "_FALSE", 1e-300)
+    monkeypatch.setattr(import_module(file.replace("/", ".")), "_CHANCE_OF_ANY", 1e-300)
     assert strong <= len(select(diagram)) < every

@@ -10,7 +10,7 @@ from modalscope import systems
 from modalscope.blocks.factor import factorize
 from modalscope.blocks.projections import CanonicalProjection, canonical_projection
 from modalscope.data import Signals
-from modalscope.identification.table import find_method
+from modalscope.identification.method_names import find_method
 from modalscope.realizations.shift import shift
 from tests.support import built
 

@@ -12,7 +12,7 @@ from modalscope.comparing.kinship import Kinship
 from modalscope.comparing.run import MethodResult
 from modalscope.data.modes import ModalModel
 from modalscope.functions.poles import poles_from
-from modalscope.identification.table import find_method
+from modalscope.identification.method_names import find_method
 
 #: Methods of the time domain, by what they are called in a comparison.
 ERA, ALTERNATE, POLY, LEAST, PRCE = (

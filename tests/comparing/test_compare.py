@@ -15,9 +15,10 @@ from modalscope.comparing.kinship import SAME, kinship, pole_distance, subspace_
 from modalscope.comparing.run import MethodResult, plan
 from modalscope.data import DataError, FrequencyResponse, ImpulseResponse
 from modalscope.identification import sweep as cut
+from modalscope.identification.method_names import cell_label
 from modalscope.identification.pipeline import factored
 from modalscope.identification.stabilize import stabilize, swept
-from modalscope.identification.table import cell_label, methods
+from modalscope.identification.table import methods
 from modalscope.judging.select import select
 from modalscope.likelihood.deviations import deviations_of
 from modalscope.preprocess import estimate_correlation

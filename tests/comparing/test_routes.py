@@ -7,7 +7,7 @@ import pytest
 
 from modalscope.comparing.routes import route_causes
 from modalscope.comparing.run import MethodResult
-from modalscope.identification.table import find_method
+from modalscope.identification.method_names import find_method
 from tests.support import FIVE
 
 MODES = FIVE["chain5"]().modes()

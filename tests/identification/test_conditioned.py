@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.identification import routes
-from modalscope.identification.routes import bands_of_record, looked_through
+from modalscope.identification import ambient_records
+from modalscope.identification.ambient_records import bands_of_record, looked_through
 from modalscope.preprocess import decimate
 from modalscope.preprocess.harmonics import lines_in
 from tests.judging.ambient_records import random_structure
@@ -59,7 +59,7 @@ def test_data_that_are_no_ambient_records_have_no_bands() -> None:
 def test_a_record_is_looked_through_once_for_all_bands(monkeypatch: pytest.MonkeyPatch) -> None:
     """The same numbers to the last bit as from the record itself, without one of its channels, too."""
     looked = []
-    monkeypatch.setattr(routes, "lines_in", lambda seen: looked.append(seen) or lines_in(seen))
+    monkeypatch.setattr(ambient_records, "lines_in", lambda seen: looked.append(seen) or lines_in(seen))
     bands = ((0.5, 2.0), (2.0, 4.0))
     result = ms.analyze(RECORD, band=bands, exclude=[0])
     assert len(looked) == 1

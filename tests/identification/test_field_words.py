@@ -8,7 +8,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.data import DataError
-from modalscope.identification.table import POINTERS, find_method
+from modalscope.identification.method_names import POINTERS, find_method
 
 #: Name in the field, and the row that it is.
 ROWS = {

@@ -12,7 +12,7 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.results import StabilizationDiagram
 from modalscope.functions.poles import poles_from
-from modalscope.identification.stabilize import ORDERS_END
+from modalscope.identification.orders import ORDERS_END
 from modalscope.judging.bands import SPLIT, Part, cut_of, holds_too_little, joined_diagram, joined_modes
 from tests.judging.made import Pole, diagram_of
 

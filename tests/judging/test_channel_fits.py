@@ -41,8 +41,8 @@ def by_hand(
 def test_residues_of_all_channels_are_those_of_weighted_least_squares(
     held: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(channel_fits, "_HELD", held)
-    monkeypatch.setattr(channel_fits, "_TOGETHER", 1 << 10)
+    monkeypatch.setattr(channel_fits, "_MAX_STORED_NUMBERS", held)
+    monkeypatch.setattr(channel_fits, "_BLOCK_NUMBERS", 1 << 10)
     fits = ChannelFits(TERMS, FUNCTIONS, DATA, ERRORS)
     all_lines, lobe = np.ones(LINES), np.array([20, 21, 22])
     fewer = all_lines.copy()

@@ -249,7 +249,7 @@ def weighed(
 
 
 def last(count: int, tried: int = 20) -> range:
-    """The last of the orders, so that nothing comes and goes."""
+    """The last of the orders, so that nothing is intermittent."""
     return range(tried - count + 1, tried + 1)
 
 
@@ -268,7 +268,7 @@ def test_a_mode_is_found_at_five_orders_and_at_a_share_of_all(tried: int, least:
 def test_a_mode_persists_from_its_first_order_on() -> None:
     enough = round(LEAST_PERSISTENCE * 20)
     assert weighed(range(1, enough + 1)).against == ()
-    assert weighed(range(1, enough)).against == ("comes and goes: at 35 % of the orders since its first",)
+    assert weighed(range(1, enough)).against == ("intermittent: found at 35 % of the orders from its first one on",)
     # found at the last three of twenty it has not persisted for five orders yet
     assert weighed(last(3)).facts["persistence"] == pytest.approx(3 / LEAST_ORDERS)
     assert weighed([5, 20]).facts["persistence"] == pytest.approx(2 / 16)
@@ -280,7 +280,7 @@ def test_a_mode_stands_above_what_the_fit_leaves(samples: float) -> None:
     own = LEAST_SIGNAL * 0.5 / samples
     assert weighed(last(20), own=own, fit=0.5, samples=samples).against == ()
     below = weighed(last(20), own=own * (1 - NUDGE), fit=0.5, samples=samples)
-    assert below.against == ("within the noise: 6.0 standard deviations",)
+    assert below.against == ("signal-to-noise ratio 6.0: not significant",)
     assert below.facts["signal_to_noise"] == pytest.approx(LEAST_SIGNAL * (1 - NUDGE))
 
 
@@ -288,7 +288,7 @@ def test_of_correlations_the_signal_is_not_asked() -> None:
     assert weighed(last(20), own=1e-6, ambient=True).against == ()
 
 
-HIDDEN = ("weak, and no peak of the mode indicator",)
+HIDDEN = ("weak response and no CMIF peak at its frequency",)
 
 
 @pytest.mark.parametrize(
@@ -350,7 +350,7 @@ def test_of_few_orders_a_mode_that_is_known_well_need_not_be_at_all() -> None:
 def test_of_correlations_nothing_is_a_mode_that_the_record_leaves_open() -> None:
     assert weighed(last(20), ambient=True, left_open=UNCERTAIN - NUDGE).against == ()
     assert weighed(last(20), ambient=True, left_open=UNCERTAIN).against == (
-        "the record leaves it open by 0.7 of its bandwidth or damping",
+        "frequency or damping uncertain: standard deviation 0.7 of its half bandwidth or damping",
     )
     assert weighed(last(20), left_open=UNCERTAIN).against == ()
     assert weighed(last(20), ambient=True, left_open=0.4).facts["left_open"] == 0.4
@@ -359,7 +359,7 @@ def test_of_correlations_nothing_is_a_mode_that_the_record_leaves_open() -> None
 
 def test_everything_against_a_group_is_said() -> None:
     bad = weighed([1, 20], own=0.1, ratio=1.0, peak=0.0)
-    assert [words.split()[0] for words in bad.against] == ["found", "comes", "within", "weak,"]
+    assert [words.split()[0] for words in bad.against] == ["found", "intermittent:", "signal-to-noise", "weak"]
 
 
 def test_values_and_facts_are_medians_of_the_members() -> None:
@@ -392,19 +392,15 @@ FACTS = {"orders_found": 7, "orders_tried": 20, "first_order": 4, "last_order": 
 @pytest.mark.parametrize(
     ("share", "ratio", "words"),
     [
-        (LEAST_PEAK, 1.0, "makes up 33 % of the response at its frequency;"),
-        (
-            1.7,
-            LEAST_PROMINENCE,
-            "makes up 100 % of the response at its frequency and stands out of the mode indicator by a",
-        ),
-        (0.0, LEAST_PROMINENCE, "(4 to 18), stands out of the mode indicator by a factor 1.2;"),
-        (0.0, np.inf, "stands alone in the mode indicator;"),
+        (LEAST_PEAK, 1.0, "33 % of the response at its frequency;"),
+        (1.7, LEAST_PROMINENCE, "100 % of the response at its frequency; CMIF peak"),
+        (0.0, LEAST_PROMINENCE, "(4 to 18); CMIF peak 1.2 x its surroundings;"),
+        (0.0, np.inf, "; isolated CMIF peak;"),
         (LEAST_PEAK - NUDGE, LEAST_PROMINENCE - NUDGE, "weak at its frequency;"),
     ],
 )
 def test_the_sentence_says_where_a_mode_was_found_and_what_shows_it(share: float, ratio: float, words: str) -> None:
     said = sentence({**FACTS, "share_of_peak": share, "indicator_prominence": ratio}, 0.123)
-    assert said.startswith("found at 7 of 20 orders (4 to 18), ")
+    assert said.startswith("found at 7 of 20 orders (4 to 18); ")
     assert words in said
-    assert said.endswith("without it the fit error grows by 12 %")
+    assert said.endswith("; fit error grows by 12 % without it")

@@ -12,7 +12,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.data.results import StabilizationDiagram
-from modalscope.identification.stabilize import grown
+from modalscope.identification.orders import grown
 from tests.judging.made import Pole, diagram_of, response_of
 from tests.support import add_noise
 

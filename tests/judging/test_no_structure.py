@@ -78,4 +78,4 @@ def test_a_mode_beside_a_wandering_line_is_wider_than_its_wandering() -> None:
     close = [Candidate(np.zeros(0, int), 3.224, damping, {}, ()) for damping in (0.006, 0.004)]
     mode, part_of_line = with_objections_of_record(diagram, close)
     assert mode.against == ()
-    assert part_of_line.against == ("a harmonic of a machine: a line",)
+    assert part_of_line.against == ("harmonic of a rotating machine: a line",)

@@ -9,7 +9,7 @@ import pytest
 
 from modalscope import DataError
 from modalscope.data.results import StabilizationDiagram
-from modalscope.identification.stabilize import SLACK
+from modalscope.identification.orders import SLACK
 from modalscope.judging.evidence import Candidate, _none_twice
 from modalscope.judging.select import select
 from tests.judging.made import NUDGE, Pole, at_angle, diagram_of, poles_of, response_of
@@ -116,7 +116,7 @@ def test_of_exact_data_the_modes_are_the_poles_of_their_rank() -> None:
     exact = diagram_of(*made, response=RESPONSE, exact_rank=4)
     modes = select(exact)
     assert np.allclose(modes.poles, [ONE.pole, TWO.pole])
-    assert modes.reasons[0]["text"] == "the data have the exact rank 4, and this is one of its poles"
+    assert modes.reasons[0]["text"] == "noise-free data of exact rank 4: a pole of that order"
     assert (modes.reasons[0]["orders_found"], modes.reasons[0]["orders_tried"]) == (1, 1)
 
 
@@ -174,9 +174,9 @@ def test_a_mode_asked_for_is_given_whatever_speaks_against_it() -> None:
 def test_the_tolerance_is_a_part_of_the_frequency_asked(side: int) -> None:
     inside, outside = (8 / (1 + side * 0.01 * (1 + d)) for d in (-NUDGE, NUDGE))
     assert select(diagram(*BOTH), frequencies=[inside]).frequencies[0] == pytest.approx(8)
-    with pytest.raises(DataError, match=r"no pole stays within 1 % of it over the orders 2 to 40") as error:
+    with pytest.raises(DataError, match=r"no pole lies within 1 % of it at orders 2 to 40") as error:
         select(diagram(*BOTH), frequencies=[outside])
-    assert "The nearest that do are at 8, 14 Hz" in str(error.value)
+    assert "Select one of the nearest, 8, 14 Hz" in str(error.value)
     assert len(select(diagram(*BOTH), frequencies=[outside], tolerance=0.011)) == 1
 
 
@@ -190,7 +190,7 @@ def test_of_several_near_the_one_with_nothing_against_it_is_meant_then_the_one_a
 
 
 def test_two_frequencies_that_mean_one_mode_are_refused() -> None:
-    with pytest.raises(DataError, match="two of these mean the one at 8 Hz"):
+    with pytest.raises(DataError, match="two of them match the mode at 8 Hz"):
         select(diagram(*BOTH), frequencies=[8, 8.01])
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from modalscope.identification.stabilize import still_falls, sufficient_order, usable_orders
+from modalscope.identification.orders import still_falls, sufficient_order, usable_orders
 from tests.plot.examples import diagram
 
 ORDERS = (2, 4, 6, 10, 20, 30, 40, 60)

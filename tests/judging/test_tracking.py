@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope.judging.tracking import (
-    _WIDER,
+    _MAX_DECAY_RATIO,
     GAP,
     SAME_BANDWIDTH,
     SAME_DAMPING,
@@ -55,7 +55,7 @@ def test_what_acts_against_each_other_is_still_merged_to_a_pole_between() -> Non
 @pytest.mark.parametrize("strong", [1.0, 100.0])
 def test_what_is_many_times_as_wide_goes_with_a_mode_and_says_nothing_of_its_decay(strong: float) -> None:
     # with a hundredth of the energy a part of 20 times the width would move the damping by a fifth; residues still add up
-    for wider, kept in ((_WIDER - NUDGE, False), (_WIDER + NUDGE, True)):
+    for wider, kept in ((_MAX_DECAY_RATIO - NUDGE, False), (_MAX_DECAY_RATIO + NUDGE, True)):
         narrow = Pole(2, s=-1 + 100j, part=(strong, 0, 0))
         wide = Pole(2, s=complex(-wider, 101), part=(3.0, 0, 0))
         one = merge_splits(poles_of(narrow, wide))

@@ -10,7 +10,7 @@ import pytest
 
 from modalscope.data import FrequencyResponse
 from modalscope.functions.poles import poles_from
-from modalscope.identification.stabilize import ORDERS_END
+from modalscope.identification.orders import ORDERS_END
 from modalscope.judging import recount
 from modalscope.judging.evidence import Candidate, evidence_of
 from modalscope.judging.joint_selection import select_jointly
@@ -94,7 +94,7 @@ def test_a_mode_that_no_orders_agree_on_has_refined_values_and_deviations_of_its
     assert (last.members.size, last.facts["orders_found"]) == (0, 0)
     assert last.frequency == pytest.approx(18, rel=1e-4)
     assert 0 < last.own.frequency_std < 0.01
-    assert "no orders agree on it" not in str(last.facts)
+    assert "not in the diagram" not in str(last.facts)
 
 
 def test_values_further_off_than_a_part_of_the_bandwidth_do_not_stand_for_a_mode() -> None:
@@ -120,10 +120,7 @@ def test_a_group_that_no_mode_answers_to_is_told_with_what_it_would_explain() ->
     assert len(left) == 1
     assert left[0].frequency == pytest.approx(22)
     assert left[0].gain < left[0].facts["noise_gain"]
-    assert (
-        f"it explains {left[0].gain:.1f} standard deviations of the noise; noise alone may explain"
-        in left[0].against[0]
-    )
+    assert f"significance {left[0].gain:.1f} given the other modes; noise alone reaches" in left[0].against[0]
 
 
 def test_what_exceeds_white_noise_and_not_the_errors_of_the_data_is_told_so() -> None:
@@ -135,7 +132,7 @@ def test_what_exceeds_white_noise_and_not_the_errors_of_the_data_is_told_so() ->
     found = told(*ALL, *line, response=replace(known, values=values), coloured=True)
     left = next(c for c in found if abs(c.frequency - F[200]) < 0.01)
     assert left.gain > left.facts["noise_gain"]
-    assert "does not stand out of the errors of these data" in left.against[0]
+    assert "Errors are not white: more is required" in left.against[0]
 
 
 def test_what_data_leave_open_is_no_mode() -> None:
@@ -148,7 +145,7 @@ def test_what_data_leave_open_is_no_mode() -> None:
     sure = [c for c in modes(found) if abs(c.frequency - 22) < 1.5]
     assert bool(against) != bool(sure)
     for c in against:
-        assert "uncertain: standard deviation of" in c.against[0] or "beside the modes" in c.against[0]
+        assert "uncertain: frequency by" in c.against[0] or "given the other modes" in c.against[0]
 
 
 def test_of_coloured_data_a_mode_that_spans_many_lines_need_not_be_shown_by_orders() -> None:
@@ -156,7 +153,7 @@ def test_of_coloured_data_a_mode_that_spans_many_lines_need_not_be_shown_by_orde
     found = told(*(p for j in (0, 1, 2) for p in shown(j)), coloured=True)
     assert abs(modes(found)[-1].frequency - 18) < 0.1
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(recount, "_NARROWEST", 5.0)
+        patch.setattr(recount, "_MIN_BANDWIDTH_LINES", 5.0)
         found = told(*(p for j in (1, 2, 3) for p in shown(j)), coloured=True)
     assert modes(found)[0].frequency > 10
 
@@ -164,7 +161,7 @@ def test_of_coloured_data_a_mode_that_spans_many_lines_need_not_be_shown_by_orde
 @pytest.fixture
 def _narrow(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the mode at 9 Hz be too narrow to tell its width."""
-    monkeypatch.setattr(recount, "_NARROWEST", 5.0)
+    monkeypatch.setattr(recount, "_MIN_BANDWIDTH_LINES", 5.0)
 
 
 @pytest.mark.usefixtures("_narrow")
@@ -172,7 +169,7 @@ def test_of_coloured_data_a_mode_is_shown_at_a_quarter_of_the_orders() -> None:
     for count, listed in ((5, True), (4, False)):
         found = told(*(p for j in (1, 2, 3) for p in shown(j)), *shown(0, ORDERS[:count]), coloured=True)
         assert (abs(modes(found)[0].frequency - 9) < 0.1) is listed
-    assert "shown at 4 of 20 orders only" in next(c for c in found if c.against).against[0]
+    assert "found at 4 of 20 orders only" in next(c for c in found if c.against).against[0]
     # of white data gain alone decides
     assert len(modes(told(*(p for j in (1, 2, 3) for p in shown(j)), *shown(0, ORDERS[:4])))) == 4
 
@@ -198,7 +195,7 @@ def test_an_empty_list_says_why() -> None:
         return [str(note) for note in empty.notes if note.kind == "no mode"]
 
     assert "9.0001 Hz: found at 3 of 20 orders only" in why({}, [rare])[0]
-    assert "no decaying oscillations agree at three of the orders 2 to 40" in why({}, [])[0]
+    assert "no decaying oscillation is found at three of the orders 2 to 40" in why({}, [])[0]
     assert [n for n in modes_of(diagram, poles, [replace(rare, against=())], [rare]).notes if n.kind == "no mode"] == []
 
 
@@ -209,7 +206,7 @@ def test_a_mode_that_began_too_late_is_a_note_of_the_list() -> None:
     undecided = replace(candidates[0], facts=candidates[0].facts | {"late": True}, against=("shown at few orders",))
     listed = modes_of(diagram, poles_of(*made, orders=ORDERS), candidates[1:], [undecided])
     assert [str(n) for n in listed.notes if n.kind == ORDERS_END] == [
-        "only the last orders up to 40 show what the data need at 9.0001 Hz: give more orders, or bands one by one"
+        "Modes at 9.0001 Hz appear at the last orders only (up to 40): give more orders, or narrower bands"
     ]
     assert not [n for n in modes_of(diagram, poles_of(*made, orders=ORDERS), candidates).notes if n.kind == ORDERS_END]
 
@@ -253,10 +250,10 @@ def test_of_coloured_data_poles_that_act_as_one_are_parts_of_the_strongest() -> 
     # the second pole of a resonance that shifts: a third of a bandwidth off, with the same shape
     everything = verdicts(*shifting(1.008))
     assert len(modes(everything)) == 4
-    part = [c for c in everything if c.against and c.against[0].startswith("part of the mode at")]
+    part = [c for c in everything if c.against and c.against[0].startswith("duplicate of")]
     assert len(part) == 1
     host = modes(everything)[-1]
-    assert f"part of the mode at {host.frequency:.5g} Hz" in part[0].against[0]
+    assert f"duplicate of {host.frequency:.5g} Hz" in part[0].against[0]
     # the values of a mode with parts are those of the group at most orders
     assert host.members.size == len(ORDERS)
 
@@ -281,7 +278,7 @@ def test_of_coloured_data_what_noise_may_explain_is_no_mode_at_however_many_orde
     found = verdicts(replace(trial, found=replace(trial.found, gain=gain)), groups)
     weak = next(c for c in found if abs(c.frequency - 9) < 0.1)
     assert weak.members.size == len(ORDERS)
-    assert any("noise alone may explain" in why for why in weak.against) is not listed
+    assert any("noise alone reaches" in why for why in weak.against) is not listed
     assert all(not c.against for c in found if c.frequency > 10)
 
 
@@ -324,11 +321,11 @@ def test_select_lists_modes_of_white_data_with_what_it_left_out() -> None:
     assert found.gain is not None
     assert np.all(found.gain > 10)
     assert [round(c.frequency) for c in found.left_out] == [22]
-    assert found.left_out[0].remedy == "take=[22] reports it all the same"
+    assert found.left_out[0].remedy == "take=[22] reports it anyway"
     assert len(select(diagram, take=[22])) == 5
     less = select(diagram, refuse=[18])
     assert len(less) == 3
-    assert "refused by hand" in [c.reason for c in less.left_out]
+    assert "refused by the user" in [c.reason for c in less.left_out]
 
 
 def test_without_groups_spreads_and_indicators_are_unknown_and_deviations_are_those_of_the_fit() -> None:
@@ -346,4 +343,4 @@ def test_without_groups_spreads_and_indicators_are_unknown_and_deviations_are_th
     assert np.isnan(found.indicators["mpc"]).tolist() == [False] * 3 + [True]
     assert found.frequencies_std[:3].tolist() == [0.5] * 3
     assert found.frequencies_std[3] < 0.01
-    assert "no orders agree on it" in found.reasons[3]["text"]
+    assert "not in the diagram" in found.reasons[3]["text"]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from modalscope.identification.method import Method
-from modalscope.identification.table import find_method
+from modalscope.identification.method_names import find_method
 from tests.identification.bound import bound
 from tests.methods.bound_cases import DECIBEL, KINDS, Case, identified, random_case, rows_of, selected
 from tests.studies import Study

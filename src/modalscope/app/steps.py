@@ -13,7 +13,7 @@ from modalscope.data import DataError, ModalModel, Note, StabilizationDiagram
 from modalscope.data.analysis import Analysis
 from modalscope.data.results import Result
 from modalscope.doctor.examine import examine
-from modalscope.identification.table import cell_label
+from modalscope.identification.method_names import cell_label
 from modalscope.io.analysis import analysis_to
 from modalscope.judging.select import Weighed, chosen_of, weighed
 from modalscope.modal.rebuilt import explained

@@ -19,12 +19,12 @@ from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.shown import Shown, counted, summary_of, text_table
+from modalscope.identification.method_names import find_method
 from modalscope.identification.pipeline import factor
 from modalscope.identification.prepare import Measured, pose
 from modalscope.identification.refine import refine
 from modalscope.identification.stabilize import stabilized
 from modalscope.identification.sweep import Sweep
-from modalscope.identification.table import find_method
 from modalscope.judging.select import select
 from modalscope.likelihood.deviations import residual_variance, unexplained_energy
 from modalscope.likelihood.noise import SPLIT, Noise, noise_of

@@ -165,7 +165,7 @@ def _print_of_noise(result: Result) -> None:
 
 def _print_diagrams(result: Result) -> None:
     """Print how each band or setup was identified; what an earlier one noted, too, is not said again."""
-    from modalscope.identification.table import cell_label
+    from modalscope.identification.method_names import cell_label
     from modalscope.reporting.sections import bands_of
 
     apart, shown = result.analysis.apart, bands_of(result.modes, result.diagrams)

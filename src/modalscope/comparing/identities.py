@@ -15,9 +15,9 @@ import scipy.linalg as sla
 
 from modalscope.data.response import Response
 from modalscope.identification.method import DOMAINS, Method
+from modalscope.identification.method_names import find_method
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
-from modalscope.identification.table import find_method
 from modalscope.numerics.checks import Array
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import assign

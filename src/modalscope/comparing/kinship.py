@@ -11,7 +11,7 @@ import scipy.linalg as sla
 from modalscope.comparing.run import MethodResult
 from modalscope.data.modes import ModalModel
 from modalscope.identification.method import Method
-from modalscope.identification.stabilize import sufficient_order
+from modalscope.identification.orders import sufficient_order
 from modalscope.judging.evidence import oscillations
 from modalscope.judging.tracking import Poles
 from modalscope.numerics.checks import Array, ComplexArray, RealArray

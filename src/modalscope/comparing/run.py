@@ -20,13 +20,14 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.identification.method import DOMAINS, Built, Method, Problem
+from modalscope.identification.method_names import find_method
 from modalscope.identification.options import Options
 from modalscope.identification.orders import STATES, checked_orders
 from modalscope.identification.pipeline import Factored, built, factored
 from modalscope.identification.prepare import Measured, pose
 from modalscope.identification.stabilize import swept
 from modalscope.identification.sweep import Sweep, start
-from modalscope.identification.table import find_method, methods
+from modalscope.identification.table import methods
 from modalscope.judging.evidence import Gathered
 from modalscope.judging.select import chosen_of, weighed
 from modalscope.likelihood.covariance import PoleInfluence, covariances_of_poles, influence_on

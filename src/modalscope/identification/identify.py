@@ -14,11 +14,11 @@ from modalscope.data.response import Response
 from modalscope.data.shown import Shown, cells_of, summary_of
 from modalscope.data.statespace import StateSpace
 from modalscope.identification.method import Problem
+from modalscope.identification.method_names import cell_label
 from modalscope.identification.options import AllOptions, Options
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
 from modalscope.identification.sweep import Sweep
-from modalscope.identification.table import cell_label
 from modalscope.modal.eigenmodes import split_extraneous, state_space
 from modalscope.modal.rebuilt import fit_error_of
 from modalscope.numerics.arguments import named

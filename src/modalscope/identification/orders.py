@@ -1,44 +1,43 @@
-"""Choose model orders by what an order counts: states, blocks of states, or the degree of a matrix polynomial."""
+"""Choose model orders: which to try, by what an order counts (states, blocks, degrees), and which are sufficient."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
+
+import numpy as np
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.fraction import largest_degree
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
+from modalscope.data.results import StabilizationDiagram
 from modalscope.numerics.checks import check_count, check_each
 from modalscope.numerics.errors import DataError
 from modalscope.realizations.order import recommend_order
 
-#: Largest number of states tried by default, by where the response came from; impulse responses 60.
-_LARGEST = {"lines": 80, "records": 80, "correlation": 40}
+#: Largest number of states tried by default, by the origin of the response; impulse responses 60.
+_MAX_STATES = {"lines": 80, "records": 80, "correlation": 40}
 
-#: Canonical forms have a block for every block row: beyond about this many states their eigenvalues cost more than they tell.
-_COMPANION_STATES = 200
+#: Maximum number of states of a companion form in a comparison: eigenvalues cost its cube. The second value holds where every input has
+#: functions of its own.
+_MAX_COMPANION_STATES, _MAX_DRIVEN_STATES = 200, 80
 
-#: ... and where every input has functions of its own beyond this many.
-_DRIVEN_STATES = 80
-
-#: ... and of that many orders every second one will do.
-_COMPANION_ORDERS = 30
+#: Above this number of orders every second one is computed for companion forms.
+_MAX_COMPANION_ORDERS = 30
 
 
 def checked_orders(orders: Iterable[int]) -> list[int]:
-    """Return the orders asked, increasing and each once; none at all is an error."""
-    found = sorted({check_count("order", n) for n in check_each("orders", orders, "whole numbers")})
-    if not found:
+    """Return the distinct orders, increasing; an empty list is an error."""
+    increasing = sorted({check_count("order", n) for n in check_each("orders", orders, "whole numbers")})
+    if not increasing:
         raise DataError(
-            "at least one order was asked",
-            "the range of orders is empty",
-            "Give orders, for instance range(2, 61, 2) or 2:60:2.",
+            "orders were asked", "the range of orders is empty", "Give range(2, 61, 2) or 2:60:2, for instance."
         )
-    return found
+    return increasing
 
 
 Factored = Callable[[int], tuple[DataMatrix, Factors]]
@@ -46,7 +45,7 @@ Factored = Callable[[int], tuple[DataMatrix, Factors]]
 
 @dataclass(frozen=True)
 class Choice:
-    """One order chosen from the data, and why."""
+    """An order chosen from the data, with the reason as notes."""
 
     order: int
     notes: tuple[Note, ...] = ()
@@ -54,36 +53,36 @@ class Choice:
 
 @dataclass(frozen=True)
 class Reach:
-    """The orders that the factors can give, what was left out, and the exact rank where the data end."""
+    """The orders up to the rank of the factors, and notes on those left out."""
 
     orders: list[int]
     notes: tuple[Note, ...] = ()
 
 
 class OrderRule(ABC):
-    """What an order counts, and what follows from that."""
+    """What an order counts, and the choices that depend on it."""
 
     #: Whether a model has as many states as the truncation keeps.
     truncates = False
 
     @abstractmethod
     def ladder(self, measured: Response) -> list[int]:
-        """Return the orders to try when none are given."""
+        """Return the default orders."""
 
     @abstractmethod
     def choose(self, largest: int, factored: Factored) -> Choice:
-        """Return one order where none is asked, from what `factored` gives for the largest that is looked at."""
+        """Return one order by default, from the factors of the largest order considered."""
 
     def reach(self, factors: Factors, asked: list[int], automatic: bool) -> Reach:
-        """Return which of the orders there are."""
+        """Return which of the orders can be computed."""
         return Reach(asked)
 
     def states_each(self, response: Response) -> int:
-        """Return how many states one more order is."""
+        """Return the number of states of one order."""
         return 1
 
     def compared(self, asked: Sequence[int], response: Response) -> tuple[tuple[int, ...], dict[str, Any]]:
-        """Return orders, and sizes that are not the row's own, for a comparison at about `asked` states."""
+        """Return orders and block sizes for a comparison at about `asked` states."""
         return tuple(asked), {}
 
 
@@ -93,13 +92,12 @@ class _States(OrderRule):
     truncates = True
 
     def ladder(self, measured: Response) -> list[int]:
-        top = _LARGEST.get(measured.origin, 60)
+        top = _MAX_STATES.get(measured.origin, 60)
         return list(range(2, min(top, measured.room or top) + 1, 2))
 
     def choose(self, largest: int, factored: Factored) -> Choice:
-        """Return what stands out of the noise in the singular values."""
-        _, factors = factored(largest)
-        return self._advised(factors)
+        """Return the number of significant singular values."""
+        return self._advised(factored(largest)[1])
 
     def _advised(self, factors: Factors, blocks_of: int = 1, times: int = 1) -> Choice:
         advice = recommend_order(factors)
@@ -108,7 +106,7 @@ class _States(OrderRule):
         return Choice(order, (Note("order chosen", {"order": order}, text),))
 
     def reach(self, factors: Factors, asked: list[int], automatic: bool) -> Reach:
-        """Leave out what lies beyond the rank; where the rank is exact it is an order itself."""
+        """Drop orders above the rank; an exact rank is added as an order."""
         rank = factors.rank
         beyond = [n for n in asked if n > rank]
         notes: tuple[Note, ...] = ()
@@ -134,13 +132,13 @@ class _Companions(_States):
     truncates = False
 
     def compared(self, asked: Sequence[int], response: Response) -> tuple[tuple[int, ...], dict[str, Any]]:
-        """Keep companion matrices of lines to a size whose eigenvalues are worth their time."""
+        """Limit companion matrices of lines, whose eigenvalues cost the cube of their size."""
         if response.room is None:
             return tuple(asked), {}
         outputs = response.values.shape[1]
-        most = _COMPANION_STATES if response.separable else _DRIVEN_STATES
+        most = _MAX_COMPANION_STATES if response.separable else _MAX_DRIVEN_STATES
         degree = max(min(48, most // outputs), -(-asked[-1] // outputs) + 2)
-        few = asked if len(asked) <= _COMPANION_ORDERS else [n for n in asked if (asked[-1] - n) % 4 == 0]
+        few = asked if len(asked) <= _MAX_COMPANION_ORDERS else [n for n in asked if (asked[-1] - n) % 4 == 0]
         return tuple(few or asked), {"block_rows": degree}
 
 
@@ -150,7 +148,7 @@ class _Blocks(_States):
     truncates = False
 
     def choose(self, largest: int, factored: Factored) -> Choice:
-        """Leave room for the noise beside the modes: twice the states that stand out, in whole blocks."""
+        """Return twice the number of significant singular values, in whole blocks: half of the states fit noise."""
         matrix, factors = factored(largest)
         return self._advised(factors, blocks_of=factors.left.shape[0] // (matrix.block_rows + 1), times=2)
 
@@ -165,11 +163,11 @@ class _Blocks(_States):
 class _Degrees(OrderRule):
     """The order is the degree of matrix polynomials, of as many states as there are inputs."""
 
-    #: Degree when one is to be chosen: enough for the modes of a usual band, whatever is left over turns out unstable.
+    #: Default degree: enough for the modes of a usual band; superfluous poles are unstable.
     usual = 30
 
     def ladder(self, measured: Response) -> list[int]:
-        """Degrees up to 60, to 240 poles, and to what the lines of a band can tell apart."""
+        """Degrees up to 60, up to 240 poles, and up to what the lines of a band determine."""
         top = max(min(60, 240 // max(measured.values.shape[2], 1), largest_degree(measured)), 4)
         return list(range(2, top + 1, 2 if top > 40 else 1))
 
@@ -184,3 +182,71 @@ class _Degrees(OrderRule):
 
 
 STATES, COMPANIONS, BLOCKS, DEGREES = _States(), _Companions(), _Blocks(), _Degrees()
+
+
+#: An order is sufficient when its fit error is within this factor of the smallest one.
+SLACK = 1.2
+
+#: The fit error still falls when the last quarter of the orders lowers it by this fraction and it remains above this value: fits to
+#: noise lower it by less, or below.
+_MIN_FALL, _MIN_FIT_ERROR = 0.1, 0.15
+
+#: Usable orders above the sufficient one: as many again, and at least this many.
+_MIN_FURTHER_ORDERS = 20
+
+
+def sufficient_order(diagram: StabilizationDiagram) -> int:
+    """Return the first order whose fit error is within a fifth of the best."""
+    errors = diagram.fit_errors
+    return diagram.orders[int(np.argmax(errors <= SLACK * errors.min()))]
+
+
+def usable_orders(diagram: StabilizationDiagram) -> tuple[tuple[int, ...], float]:
+    """Return the orders up to twice (at least 20 above) the sufficient one, and the best fit error among them.
+
+    Higher orders fit noise only.
+    """
+    enough = sufficient_order(diagram)
+    orders = tuple(n for n in diagram.orders if n <= max(2 * enough, enough + _MIN_FURTHER_ORDERS))
+    return orders, float(diagram.fit_errors[: len(orders)].min())
+
+
+def still_falls(diagram: StabilizationDiagram) -> bool:
+    """Return whether the fit error still falls at the last orders, so that modes may be missing."""
+    errors, late = diagram.fit_errors, np.array(diagram.orders) > 0.75 * diagram.orders[-1]
+    if late.all():
+        return False
+    last = errors[late].min()
+    return bool(last > _MIN_FIT_ERROR and last < (1 - _MIN_FALL) * errors[~late].min())
+
+
+#: Kind of the notes that modes may be missing because the orders end too soon.
+ORDERS_END = "orders end"
+
+#: Default orders are doubled at most this many times, and are every second one up to this order.
+_MAX_DOUBLINGS, _MAX_FINE_ORDER = 2, 100
+
+
+def grown(found: StabilizationDiagram, again: Callable[[Iterable[int]], StabilizationDiagram]) -> StabilizationDiagram:
+    """Double the orders of a diagram while the fit error still falls, and note where they end first.
+
+    `found`: at the default orders. `again`: computes the diagram of other orders.
+    """
+    if found.response.ambient or not found.response.separable:
+        return found
+    for _ in range(_MAX_DOUBLINGS):
+        if not still_falls(found):
+            return found
+        top = 2 * found.orders[-1]
+        room = found.response.room
+        if room is not None and top > room:
+            break
+        step = 2 if top <= _MAX_FINE_ORDER else 4
+        found = again(range(step, top + 1, step))
+        text = f"orders extended to {top}: the fit error still fell at {top // 2}"
+        found = replace(found, notes=(*found.notes, Note("orders grew", {"largest": top}, text)))
+    if still_falls(found):
+        last = found.orders[-1]
+        text = f"The fit error still falls at order {last}: modes may be missing. Give more orders, or narrower bands"
+        found = replace(found, notes=(*found.notes, Note(ORDERS_END, {"largest": last}, text)))
+    return found

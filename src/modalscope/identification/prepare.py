@@ -1,4 +1,4 @@
-"""Prepare data for a method: records become responses, and options are checked against the row of the table."""
+"""Prepare data for a method: turn records into responses, and check options against the row of the table."""
 
 from __future__ import annotations
 
@@ -16,31 +16,26 @@ from modalscope.data.setups import Setups, as_test
 from modalscope.data.sizes import check_alive, check_size
 from modalscope.data.stored import StoredResponse, StoredSignals
 from modalscope.data.whitening import Whitening
-from modalscope.identification.method import Method, Problem, Takes
-from modalscope.identification.options import ROUTES, AllOptions, delays_of
-from modalscope.identification.routes import (
-    USUAL,
+from modalscope.identification.ambient_records import (
     Conditioned,
     SeenRecord,
-    by_route,
-    chosen_route,
     conditioned,
     conditioned_setups,
-    one_record,
     seen_record,
-    without_delays,
 )
+from modalscope.identification.method import Method, Problem, Takes
+from modalscope.identification.method_names import find_method
+from modalscope.identification.options import ROUTES, AllOptions, Options, delays_of
+from modalscope.identification.routes import USUAL, by_route, chosen_route, one_record, without_delays
 from modalscope.identification.sizes import setup_blocks
-from modalscope.identification.table import check_form, find_method, options_of
+from modalscope.identification.table import methods
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_band, check_kind
-from modalscope.numerics.errors import DataError, check_choice
+from modalscope.numerics.errors import DataError, check_choice, check_option_names
 from modalscope.preprocess.conditioning import slower_correlation
 from modalscope.preprocess.correlation import estimate_correlation, spanning_outputs
 from modalscope.preprocess.setups import joined_setups
 from modalscope.preprocess.spectral_peaks import whitening_of
-
-# ------------------------------------------------------------------------------------------------------------ measured
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -49,7 +44,7 @@ class Measured:
 
     `records`: without inputs, filtered to the band. `driven`: with inputs, without delays. `given`: the kind of data in words. `row`,
     `domain`: defaults for these data. `band`: Hz, as asked or automatic. `route`: from records with inputs. `delays`: samples by output.
-    `sizes`: default block sizes that suit the response. `whitening`: of ambient channels.
+    `sizes`: default block sizes of the response. `whitening`: of ambient channels.
     """
 
     response: Response
@@ -71,8 +66,6 @@ class Measured:
         """The records, where they are in memory."""
         return self.records if isinstance(self.records, Signals) else None
 
-
-# ------------------------------------------------------------------------------------------------------------- prepare
 
 Data = Signals | Records | Setups | Response
 
@@ -123,24 +116,24 @@ def measure(
     domain: str | None = None,
     delays: Mapping[str, int] | None = None,
 ) -> Measured:
-    """Return the response of the data in a band (Hz) without the excluded channels; records are turned into responses here.
+    """Return the response of the data in a band (Hz) without the excluded channels; records become responses here.
 
-    `route`: from records with inputs, see `modalscope.identification.routes`; an automatic one serves `method` and `domain`. `delays`:
-    samples by which outputs come late, see `modalscope.doctor.delays`.
+    `route`: from records with inputs, see `modalscope.identification.routes`; the automatic one serves `method` and `domain`. `delays`:
+    samples by which outputs are late, see `modalscope.doctor.delays`.
     """
     checked = None if band is None else check_band(band)
     asked = "auto" if route is None else check_choice("route", route, ROUTES)
     test = as_test(data) if isinstance(data, list | tuple) else data
     test = test if exclude is None or not hasattr(test, "select") else test.select(exclude=exclude)
-    found = _measured(test, checked, _Asked(asked, method, domain, None if delays is None else delays_of(delays)))
-    if asked not in ("auto", found.route) or (delays and found.route is None):
-        what = f"delays={delays!r}" if asked in ("auto", found.route) else f"route={asked!r}"
-        raise DataError(f"{what} was asked", f"the data are {found.given}, not records with inputs", "Leave it out.")
-    return replace(found, band=found.band if checked is None else checked, exclude=exclude)
+    measured = _measured(test, checked, _Asked(asked, method, domain, None if delays is None else delays_of(delays)))
+    if asked not in ("auto", measured.route) or (delays and measured.route is None):
+        what = f"delays={delays!r}" if asked in ("auto", measured.route) else f"route={asked!r}"
+        raise DataError(f"{what} was asked", f"the data are {measured.given}, not records with inputs", "Omit it.")
+    return replace(measured, band=measured.band if checked is None else checked, exclude=exclude)
 
 
 class _Asked(NamedTuple):
-    """What decides the way from records with inputs."""
+    """Arguments that decide the route from records with inputs."""
 
     route: str
     method: str | None
@@ -153,25 +146,22 @@ def _measured(data: Any, band: tuple[float, float] | None, asked: _Asked) -> Mea
     check_kind(
         "data", data, (FrequencyResponse, ImpulseResponse, Signals, StoredSignals, StoredResponse, Records, Setups)
     )
-    raise AssertionError("one of these has no way to a response")
+    raise AssertionError("one of these has no route to a response")
+
+
+#: Default row and domain by the origin of a response and whether its input was held; impulse responses "era", time.
+_USUAL = {("lines", False): ("alternate", "s"), ("lines", True): ("alternate", "z")}
 
 
 @_measured.register
 def _(data: Response, band: tuple[float, float] | None, asked: _Asked) -> Measured:
     check_size(data)
-    return Measured(data.in_band(band), None, type(data).__name__, *_usual(data))
-
-
-@_measured.register
-def _(data: ImpulseResponse, band: tuple[float, float] | None, asked: _Asked) -> Measured:
-    check_size(data)
-    slower = data if band is None else slower_correlation(data, band[1])
-    return Measured(slower, None, type(data).__name__, *_usual(data))
-
-
-def _usual(data: Response) -> tuple[str, str]:
-    """Return the row and the domain by default."""
-    return _USUAL.get((data.origin, data.held_input), ("era", "time"))
+    if not isinstance(data, ImpulseResponse):
+        data_in_band = data.in_band(band)
+    else:
+        data_in_band = data if band is None else slower_correlation(data, band[1])
+    usual = _USUAL.get((data.origin, data.held_input), ("era", "time"))
+    return Measured(data_in_band, None, type(data).__name__, *usual)
 
 
 @_measured.register
@@ -184,11 +174,20 @@ def _(data: Records, band: tuple[float, float] | None, asked: _Asked) -> Measure
     check_size(data)
     if data.input_dofs:
         route = chosen_route(data, asked.method, asked.domain, asked.route)
-        taken, delays, notes = without_delays(data, asked.delays)
-        way, (row, domain) = by_route(taken, route, band), USUAL[route]
-        notes = (*notes, *way.notes)
-        found = Measured(way.response, None, "records with inputs", row, domain, way.band, route=route, notes=notes)
-        return replace(found, driven=taken, delays=delays)
+        driven, delays, notes = without_delays(data, asked.delays)
+        way, (row, domain) = by_route(driven, route, band), USUAL[route]
+        return Measured(
+            way.response,
+            None,
+            "records with inputs",
+            row,
+            domain,
+            way.band,
+            route=route,
+            driven=driven,
+            delays=delays,
+            notes=(*notes, *way.notes),
+        )
     return _measured(seen_record(one_record(data, "correlations")), band, asked)
 
 
@@ -199,73 +198,66 @@ def _(data: StoredSignals, band: tuple[float, float] | None, asked: _Asked) -> M
 
 @_measured.register
 def _(data: SeenRecord, band: tuple[float, float] | None, asked: _Asked) -> Measured:
-    taken, seen = conditioned(data, band), data.excerpt
+    inside, excerpt = conditioned(data, band), data.excerpt
     if not isinstance(data.record, StoredSignals):
-        return _ambient(taken, seen, "records without inputs")
-    text = f"band and noise were judged on {seen.duration:.4g} s from the middle of {data.record.duration:.4g} s"
-    excerpt = (Note("excerpt", {"seconds": seen.duration}, text),) if seen.samples < data.record.samples else ()
-    inside = taken.records.settled() if isinstance(taken.records, StoredSignals) else taken.records
-    return _ambient(
-        taken._replace(records=inside, notes=(*excerpt, *taken.notes)), seen, "a stored record without inputs"
-    )
+        return _ambient(inside, excerpt, "records without inputs")
+    text = f"band and noise estimated from {excerpt.duration:.4g} s in the middle of {data.record.duration:.4g} s"
+    notes = (Note("excerpt", {"seconds": excerpt.duration}, text),) if excerpt.samples < data.record.samples else ()
+    records = inside.records.settled() if isinstance(inside.records, StoredSignals) else inside.records
+    inside = inside._replace(records=records, notes=(*notes, *inside.notes))
+    return _ambient(inside, excerpt, "a stored record without inputs")
 
 
-def _ambient(taken: Conditioned, seen: Signals, given: str) -> Measured:
+def _ambient(inside: Conditioned, excerpt: Signals, given: str) -> Measured:
     """Return the correlations of records without inputs, with references chosen before any band, the same for all bands."""
-    labels = taken.records.output_dofs
-    references = spanning_outputs(seen)
+    references, count = spanning_outputs(excerpt), len(inside.records.output_dofs)
     which = "all channels"
-    if len(references) < len(labels):
-        which = f"{len(references)} of {len(labels)} channels, which explain most of all others,"
+    if len(references) < count:
+        which = f"{len(references)} of {count} channels, which explain most of the others,"
     text = f"correlations with {which} as references were estimated from the records"
     note = Note("estimated", {"references": float(len(references))}, text)
     return Measured(
-        estimate_correlation(taken.records, references=references),
-        taken.records,
+        estimate_correlation(inside.records, references=references),
+        inside.records,
         given,
         "alternate",
         "time",
-        band=taken.band,
-        notes=(*taken.notes, note),
-        whitening=whitening_of(taken.records.excerpt(), references, taken.band),
+        band=inside.band,
+        notes=(*inside.notes, note),
+        whitening=whitening_of(inside.records.excerpt(), references, inside.band),
     )
 
 
 @_measured.register
 def _(data: StoredResponse, band: tuple[float, float] | None, asked: _Asked) -> Measured:
     few, note = combined(data)
-    found = _measured(few, band, asked)
-    return replace(found, given="stored responses", notes=(note, *found.notes))
+    measured = _measured(few, band, asked)
+    return replace(measured, given="stored responses", notes=(note, *measured.notes))
 
 
 @_measured.register
 def _(data: Setups, band: tuple[float, float] | None, asked: _Asked) -> Measured:
     check_size(data)
-    taken = conditioned_setups(data, band)
-    text = f"correlations of {len(data.parts)} setups were carried over to the references {', '.join(data.references)}"
+    inside = conditioned_setups(data, band)
+    text = f"correlations of {len(data.parts)} setups were merged through the references {', '.join(data.references)}"
     note = Note("estimated", {"setups": len(data.parts)}, text)
-    response = joined_setups(taken.setups)
+    response = joined_setups(inside.setups)
     return Measured(
         response,
         None,
         "ambient setups",
         "alternate",
         "time",
-        band=taken.band,
-        notes=(*taken.notes, note),
-        sizes=setup_blocks(response, taken.lowest),
+        band=inside.band,
+        notes=(*inside.notes, note),
+        sizes=setup_blocks(response, inside.lowest),
     )
 
 
-#: Row and domain that are taken when none is asked, by where a response came from and whether its input was held; impulse responses
-#: "era", time.
-_USUAL = {("lines", False): ("alternate", "s"), ("lines", True): ("alternate", "z")}
-
-
 def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem:
-    """Return the problem of one row on what was measured.
+    """Return the problem of one row on a measured response.
 
-    `options`: without band and excluded channels, which were applied.
+    `options`: without band and excluded channels, which are applied already.
     """
     response = measured.response
     refusal = row.refusal(response, measured.held is not None)
@@ -275,22 +267,13 @@ def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem
             f"{refusal.reason}: this is {measured.given}",
             refusal.change,
         )
-    check_form(row, options.get("form"))
-    own = {f.name for f in fields(row.options_type)}
-    suited = {name: size for name, size in measured.sizes.items() if name in own and options.get(name) is None}
-    chosen = options_of(
-        row,
-        {
-            "band": measured.band,
-            "exclude": measured.exclude,
-            "route": measured.route,
-            "delays": measured.delays,
-            **options,
-            **suited,
-        },
-    )
-    converted, note = _HAND_OVER[row.takes](response)
-    # the lines of a correlation stay: its rate suits the band, and powers of z are told apart by lines all around the circle
+    _check_form(row, options.get("form"))
+    names = {f.name for f in fields(row.options_type)}
+    sizes = {name: size for name, size in measured.sizes.items() if name in names and options.get(name) is None}
+    shared = {name: getattr(measured, name) for name in ("band", "exclude", "route", "delays")}
+    chosen = _options_of(row, {**shared, **options, **sizes})
+    converted, note = _CONVERTED[row.takes](response) if row.takes in _CONVERTED else (response, "")
+    # a correlation keeps all lines: its rate suits the band, and lines all around the circle determine powers of z
     if note and measured.band is not None and not response.ambient:
         converted = converted.in_band(measured.band)
     check_alive(converted)
@@ -306,22 +289,58 @@ def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem
     )
 
 
+def _options_of(row: Method, given: Mapping[str, Any]) -> Options:
+    """Return the options of a row; others are refused with the rows that have them. None stands for an option that is not given."""
+    chosen = {name: value for name, value in given.items() if value is not None}
+    for name, value in row.fixed.items():
+        if chosen.get(name, value) != value:
+            raise DataError(
+                f"{name}={chosen[name]!r} was asked of method {row}",
+                f"that row has {name}={value!r}",
+                "Omit the option, or choose another method.",
+            )
+    asked = {**row.fixed, **chosen}
+    check_option_names(str(row), asked, AllOptions.__annotations__)
+    for name in asked:
+        if name not in {f.name for f in fields(row.options_type)}:
+            rows = dict.fromkeys(str(m) for m in methods() if name in {f.name for f in fields(m.options_type)})
+            raise DataError(
+                f"option {name!r} was asked of method {row}",
+                row.options_type.why_not,
+                f"Omit it, or choose one of the methods that have it: {', '.join(rows)}.",
+            )
+    return row.options_type(**asked)
+
+
+def _check_form(row: Method, form: str | None) -> None:
+    """Raise `DataError` for a form that a row does not have."""
+    if form is None:
+        return
+    check_choice("form", form, ("observable", "controllable", "smaller"))
+    allowed = (*row.forms, "smaller") if len(row.forms) > 1 else row.forms
+    if form not in allowed:
+        raise DataError(
+            f"form={form!r} of method {row.name!r} in domain {row.domain!r} was asked",
+            f"it has only {' and '.join(allowed)}: its columns are not B, AB, ...",
+            f"Use form={allowed[0]!r}, or a method in the time domain.",
+        )
+
+
 def _of_row(measured: Measured, row: Method, options: Any) -> Whitening | None:
-    """Return the whitening of a row; none where single channels were asked of it, or rows of the record are the references' alone."""
-    asked = [*getattr(options, "general", {}).values(), getattr(options, "initial_values", None)]
+    """Return the whitening of a row; none for options of single channels, or where only references have a past."""
+    by_channel = [*getattr(options, "general", {}).values(), getattr(options, "initial_values", None)]
     whole = len(measured.response.input_dofs) == len(measured.response.output_dofs)
-    if any(value is not None for value in asked) or (row.of_past and (not whole or options.references is not None)):
+    if any(value is not None for value in by_channel) or (
+        row.of_past and (not whole or options.references is not None)
+    ):
         return None
     return measured.whitening
 
 
-#: What each kind of row is given.
-_HAND_OVER: dict[Takes, Any] = {
+#: Conversion of a response for the rows that do not accept any.
+_CONVERTED: dict[Takes, Any] = {
     Takes.SAMPLES: lambda response: response.as_samples(),
     Takes.LINES: lambda response: response.as_lines(),
     Takes.CONTINUOUS: lambda response: response.as_lines(),
-    Takes.RESPONSE: lambda response: (response, ""),
     Takes.PAST: lambda response: response.as_samples(),
-    Takes.RECORDS: lambda response: (response, ""),
-    Takes.DRIVEN: lambda response: (response, ""),
 }

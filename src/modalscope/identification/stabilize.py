@@ -1,4 +1,4 @@
-"""Compute the stabilization diagram: poles of all orders, their stability, and the order that suffices (`stabilize`)."""
+"""Compute the stabilization diagram: poles of all orders, and their stability from one order to the next (`stabilize`)."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from modalscope.data.record_residual import UNMEASURED
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.shown import counted
 from modalscope.functions.poles import frequencies_and_damping
+from modalscope.identification.ambient_records import looked_through
 from modalscope.identification.method import Problem
 from modalscope.identification.options import AllOptions
-from modalscope.identification.orders import checked_orders
+from modalscope.identification.orders import checked_orders, grown
 from modalscope.identification.pipeline import Pipeline
 from modalscope.identification.prepare import prepare
-from modalscope.identification.routes import looked_through
 from modalscope.identification.sweep import Cut, Sweep, over, problem_of, start
 from modalscope.modal.indicators import mac
 from modalscope.numerics.arguments import named
@@ -29,29 +29,23 @@ from modalscope.numerics.executors import working
 from modalscope.numerics.resources import one_thread
 from modalscope.preprocess.spectral_peaks import PEAK, peak_heights
 
-# ----------------------------------------------------------------------------------------------------------- stability
-# What is stable from one order to the next: poles whose frequency, damping and shape are those of one before.
-
-#: A pole is stable when one of the order before differs by less: relative frequency, relative damping, 1 - MAC.
+#: Maximum difference of a stable pole to one of the previous order: relative frequency, relative damping, 1 - MAC.
 TOLERANCES = {"frequency": 0.01, "damping": 0.05, "shape": 0.05}
 
 
 def limits_of(tolerances: Mapping[str, float] | None) -> dict[str, float]:
-    """Return the tolerances that were given, the usual ones for all others."""
+    """Return the given tolerances, completed by the defaults."""
     given = {} if tolerances is None else tolerances
     check_kind("tolerances", given, Mapping)
     limits = {**TOLERANCES, **{k: check_positive(k, v) for k, v in given.items()}}
     if set(limits) != set(TOLERANCES):
-        raise DataError(
-            f"tolerances for {', '.join(sorted(map(str, limits)))} were asked",
-            f"there are {', '.join(TOLERANCES)}",
-            "Correct the names.",
-        )
+        asked = f"tolerances for {', '.join(sorted(map(str, limits)))} were asked"
+        raise DataError(asked, f"there are {', '.join(TOLERANCES)}", "Correct the names.")
     return limits
 
 
 def stable_against(before: Cut, after: Cut, limits: Mapping[str, float] = TOLERANCES) -> Array:
-    """Return for each pole of `after` whether frequency, damping and shape are those of one pole of `before`, (3, k).
+    """Return for each pole of `after` whether frequency, damping and shape agree with one pole of `before`, (3, k).
 
     `limits`: tolerances of stability, all three.
     """
@@ -64,95 +58,15 @@ def stable_against(before: Cut, after: Cut, limits: Mapping[str, float] = TOLERA
         frequency = np.abs(f[:, None] - g) <= limits["frequency"] * np.minimum(f[:, None], g)
         damping = np.abs(zeta[:, None] - eta) <= limits["damping"] * np.maximum(np.abs(zeta[:, None]), np.abs(eta))
     shape = 1 - mac(after.modal.shapes[:, new], before.modal.shapes[:, old]) <= limits["shape"]
-    # damping and shape are compared with the poles of the same frequency only, and the best of them is taken
+    # damping and shape are compared among poles of the same frequency; the best of these counts
     score = frequency * (1 + damping + shape + (damping & shape))
     best, rows = np.argmax(score, axis=1), np.arange(new.size)
     return np.stack([frequency[rows, best], (frequency & damping)[rows, best], (frequency & shape)[rows, best]])
 
 
-# ---------------------------------------------------------------------------------------------------------- sufficient
-# Which orders of a stabilization diagram to read: from the first that explains the data, up to where only noise is left.
-
-#: An order explains the data when its fit error is within this factor of the best.
-SLACK = 1.2
-
-#: The fit still falls when the last quarter of the orders lowers the error by this part and more than this is unexplained: what
-#: noise and models that bend to it lower is less, or of data that are explained.
-_FALLS, _UNEXPLAINED = 0.1, 0.15
-
-#: Orders above the sufficient one that are still of use: as many again, and this many at least.
-_MORE = 20
-
-
-def sufficient_order(diagram: StabilizationDiagram) -> int:
-    """Return the first order whose fit error is within a fifth of the best."""
-    errors = np.asarray(diagram.fit_errors)
-    return int(diagram.orders[int(np.argmax(errors <= SLACK * errors.min()))])
-
-
-def usable_orders(diagram: StabilizationDiagram) -> tuple[tuple[int, ...], float]:
-    """Return the orders up to twice (at least 20 above) the sufficient one, and the best fit error among them.
-
-    Beyond there is only noise left to explain.
-    """
-    enough = sufficient_order(diagram)
-    used = np.asarray(diagram.orders) <= max(2 * enough, enough + _MORE)
-    orders = tuple(int(n) for n in np.asarray(diagram.orders)[used])
-    return orders, float(np.asarray(diagram.fit_errors)[used].min())
-
-
-def still_falls(diagram: StabilizationDiagram) -> bool:
-    """Return whether the fit error of the last orders falls as if modes were missing yet."""
-    orders, errors = np.asarray(diagram.orders), np.asarray(diagram.fit_errors)
-    late = orders > 0.75 * orders[-1]
-    if late.all():
-        return False
-    last = errors[late].min()
-    return bool(last > _UNEXPLAINED and last < (1 - _FALLS) * errors[~late].min())
-
-
-# -------------------------------------------------------------------------------------------------------------- growth
-# Orders that grow until the fit no longer falls, and what is said where they end first.
-
-#: The kind of notes that say that the orders end too soon.
-ORDERS_END = "orders end"
-
-#: Orders that are tried by default are doubled so many times at most, and are every second one up to this.
-_DOUBLED, _FINE = 2, 100
-
-
-def grown(found: StabilizationDiagram, again: Callable[[Iterable[int]], StabilizationDiagram]) -> StabilizationDiagram:
-    """Return the diagram of twice the orders while the fit error falls as if modes were missing, and say so where that ends first.
-
-    `found`: at the orders that are tried by default. `again`: makes the diagram of other orders.
-    """
-    if found.response.ambient or not found.response.separable:
-        return found
-    for _ in range(_DOUBLED):
-        if not still_falls(found):
-            return found
-        top = 2 * found.orders[-1]
-        room = found.response.room
-        if room is not None and top > room:
-            break
-        step = 2 if top <= _FINE else 4
-        found = again(range(step, top + 1, step))
-        text = f"orders grew to {top}: the fit error still fell at {top // 2}"
-        found = replace(found, notes=(*found.notes, Note("orders grew", {"largest": top}, text)))
-    if still_falls(found):
-        last = found.orders[-1]
-        text = (
-            f"the fit error still falls at order {last}, so that modes may be missing: give orders, or bands one by one"
-        )
-        found = replace(found, notes=(*found.notes, Note(ORDERS_END, {"largest": last}, text)))
-    return found
-
-
-# ----------------------------------------------------------------------------------------------------------- stabilize
-
 Progress = Callable[[int, int], None]
 
-#: Sees every cut as it comes, with the sweep that it comes from.
+#: Called with the sweep and every cut as it is computed.
 Watch = Callable[[Sweep, Cut], None]
 
 
@@ -219,27 +133,31 @@ def stabilize(
         return swept(made, given, limits_of(tolerances), progress, watch)
 
     def diagram(asked: Iterable[int] | None = orders, **way: Any) -> StabilizationDiagram:
-        problem = prepare(seen, method, domain, **{**options, **way})
-        given = problem.method.orders.ladder(problem.measured) if asked is None else checked_orders(asked)
-        shown: dict[str, Any] = {"progress": progress, "watch": watch}
-        found = stabilized(
-            problem, given, automatic=orders is None, tolerances=tolerances, deviations=deviations, **shown
+        problem = prepare(examined, method, domain, **{**options, **way})
+        ladder = problem.method.orders.ladder(problem.measured) if asked is None else checked_orders(asked)
+        first = stabilized(
+            problem,
+            ladder,
+            automatic=orders is None,
+            tolerances=tolerances,
+            progress=progress,
+            watch=watch,
+            deviations=deviations,
         )
         if orders is not None or asked is not None or not problem.method.orders.truncates:
-            return found
-        return grown(found, lambda more: diagram(more, **way))
+            return first
+        return grown(first, lambda more: diagram(more, **way))
 
     with working(client):
-        seen = looked_through(data, options.get("exclude"))
-        found = diagram()
-        left_open = method is None and domain is None and options.get("route") in (None, "auto")
-        return found if not left_open else by_instruments(found, diagram)
+        examined = looked_through(data, options.get("exclude"))
+        automatic = method is None and domain is None and options.get("route") in (None, "auto")
+        return by_instruments(diagram(), diagram) if automatic else diagram()
 
 
 def by_instruments(found: StabilizationDiagram, again: Callable[..., StabilizationDiagram]) -> StabilizationDiagram:
-    """Return the diagram with past inputs and outputs as instruments where `found` shows unmeasured forces; else, or without a way, that.
+    """Return the diagram with past inputs and outputs as instruments where `found` shows unmeasured forces, else `found`.
 
-    `again`: makes the diagram of a way, `route="subspace"`.
+    `again`: computes the diagram of a route, `route="subspace"`.
     """
     doubt = [note for note in found.notes if note.kind == UNMEASURED]
     if not doubt:
@@ -248,13 +166,13 @@ def by_instruments(found: StabilizationDiagram, again: Callable[..., Stabilizati
         other = again(route="subspace")
     except DataError:
         return replace(found, **withheld(found))
-    text = "so past inputs and outputs were taken as instruments: that cures forces that were not measured, not noise on the inputs"
+    text = "Past inputs and outputs are used as instruments: against unmeasured forces, not against noise on the inputs"
     rest = (note for note in other.notes if note.kind != UNMEASURED)
     return replace(other, notes=(*doubt, Note("route changed", {}, text), *rest), **withheld(other))
 
 
 def withheld(diagram: StabilizationDiagram) -> dict[str, Any]:
-    """Return what becomes of the deviations where damping is biased by what was not measured: they would not hold it."""
+    """Return the field of the diagram without standard deviations of damping, which unmeasured forces bias beyond them."""
     std = diagram.damping_ratios_std
     return {} if std is None else {"damping_ratios_std": np.full_like(std, np.nan)}
 
@@ -284,10 +202,7 @@ def swept(
     progress: Progress | None = None,
     watch: Watch | None = None,
 ) -> StabilizationDiagram:
-    """Return the diagram of what a sweep has still to come; the sweep stays there to cut out an order again.
-
-    `asked`: orders that were asked for.
-    """
+    """Return the diagram of the remaining orders of a sweep. `asked`: the orders that were requested."""
     limits, cuts = limits_of(tolerances), []
     for cut in found:
         cuts.append(cut)
@@ -296,20 +211,18 @@ def swept(
         if progress is not None:
             progress(len(found.orders) - len(found.remaining), len(found.orders))
     if not cuts:
-        raise DataError(
-            f"orders {asked[0]} to {asked[-1]} were asked", str(found.notes[-1]), "Choose other orders or block sizes."
-        )
-    return replace(
-        collected(found.pipeline, cuts, limits, (*found.notes, *found.notes_on(cuts))), asked_orders=tuple(asked)
-    )
+        orders = f"orders {asked[0]} to {asked[-1]} were asked"
+        raise DataError(orders, str(found.notes[-1]), "Choose other orders or block sizes.")
+    notes = (*found.notes, *found.notes_on(cuts))
+    return replace(collected(found.pipeline, cuts, limits, notes), asked_orders=tuple(asked))
 
 
 def collected(
     pipeline: Pipeline, cuts: Sequence[Cut], limits: Mapping[str, float], notes: Sequence[Note] = ()
 ) -> StabilizationDiagram:
-    """Return the diagram of the orders so far.
+    """Return the diagram of the given orders.
 
-    `cuts`: at least one, by increasing order. `limits`: tolerances of stability, all three. `notes`: what was left out.
+    `cuts`: at least one, by increasing order. `limits`: tolerances of stability, all three. `notes`: on orders left out.
     """
     stable = [np.zeros((3, cuts[0].reported.size), bool)]
     stable += [stable_against(before, after, limits) for before, after in pairwise(cuts)]
@@ -317,8 +230,8 @@ def collected(
     names = set.intersection(*(set(cut.indicators) for cut in cuts))
     factors, decay = pipeline.factors, complex(pipeline.matrix.judged.added_damping)
     outside = sum(cut.modal.poles.size - cut.reported.size for cut in cuts)
-    text = f"{counted(outside, 'pole')} outside the band or extraneous left out of the diagram"
-    left = [Note("poles left out", {"poles": outside}, text)] if outside else []
+    text = f"{counted(outside, 'pole')} outside the band, or extraneous, not in the diagram"
+    outsiders = [Note("poles left out", {"poles": outside}, text)] if outside else []
     whitening = pipeline.problem.whitening
     return StabilizationDiagram(
         response=pipeline.response,
@@ -342,7 +255,7 @@ def collected(
         exact_rank=factors.rank if _exact(pipeline, cuts[-1]) else None,
         tolerances=limits,
         settings=pipeline.settings,
-        notes=(*pipeline.notes, *notes, *left, *_doubts(pipeline, cuts, stable)),
+        notes=(*pipeline.notes, *notes, *outsiders, *_doubts(pipeline, cuts, stable)),
         dt=pipeline.matrix.dt,
         measured=pipeline.transformed,
         output_whitening=None if whitening is None else whitening.outputs,
@@ -351,7 +264,7 @@ def collected(
 
 
 def _peaks(pipeline: Pipeline, cuts: Sequence[Cut]) -> dict[str, RealArray]:
-    """Return how high the record's own lines peak at each pole, where there is a record without inputs."""
+    """Return the peak height of the record's spectra at each pole, where there is a record without inputs."""
     records = pipeline.problem.records
     if records is None:
         return {}
@@ -360,7 +273,7 @@ def _peaks(pipeline: Pipeline, cuts: Sequence[Cut]) -> dict[str, RealArray]:
 
 
 def _exact(pipeline: Pipeline, last: Cut) -> bool:
-    """Return whether the last order is the rank of data without noise: samples made of a band have none, and few rows of them look so."""
+    """Return whether the last order is the rank of noise-free data; samples transformed from a band never count as such."""
     factors, problem = pipeline.factors, pipeline.problem
     if pipeline.transformed is not None and not problem.method.exact_on(problem.measured):
         return False
@@ -368,11 +281,10 @@ def _exact(pipeline: Pipeline, last: Cut) -> bool:
 
 
 def _doubts(pipeline: Pipeline, cuts: Sequence[Cut], stable: Sequence[Array]) -> tuple[Note, ...]:
-    """Return what the best of the models shows about how the data were measured."""
-    best = min(range(len(cuts)), key=lambda k: cuts[k].misfit)
-    cut = cuts[best]
+    """Return notes on the measurement from the model that fits best."""
+    cut, flags = min(zip(cuts, stable, strict=True), key=lambda pair: pair[0].misfit)
     trusted = np.zeros(cut.modal.poles.size, bool)
-    trusted[cut.reported[stable[best].all(axis=0)]] = True
+    trusted[cut.reported[flags.all(axis=0)]] = True
     fit = cut.modal.fit
     return pipeline.response.doubts(cut.modal.poles, fit.shapes, fit.participation, fit.terms, trusted)
 

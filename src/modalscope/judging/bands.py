@@ -14,7 +14,7 @@ from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.functions.poles import frequencies_and_damping
-from modalscope.identification.stabilize import ORDERS_END
+from modalscope.identification.orders import ORDERS_END
 from modalscope.judging.selection_problem import MAX_DAMPING_OF_RESONANCES
 from modalscope.modal.indicators import mac
 from modalscope.modal.shapes import joint_residues
@@ -61,9 +61,9 @@ def merge_bands(
     bands = [check_band(band) for band in check_each("bands", bands, "a list of pairs in Hz")]
     if not results or len(results) != len(bands):
         raise DataError(
-            f"{len(results)} results of {len(bands)} bands were asked to be merged",
-            "there is not one band for each result",
-            "Give one band for each.",
+            "merge_bands: one band per result was asked",
+            f"there are {len(results)} results and {len(bands)} bands",
+            "Give one band for each result.",
         )
     _same_channels(results)
     inside: list[ModalModel] = [
@@ -104,8 +104,8 @@ def _same_channels(results: Sequence[ModalModel]) -> None:
     for other in results[1:]:
         if other.output_dofs != first.output_dofs or other.input_dofs != first.input_dofs:
             raise DataError(
-                "results of one set of channels were asked to be merged",
-                "their outputs or inputs differ",
+                "merge_bands: results of the same channels were asked",
+                "outputs or inputs differ",
                 "Select the same channels in every band.",
             )
 
@@ -119,11 +119,12 @@ Ends = tuple[tuple[float, float], tuple[float, float]]
 #: The kind of the note that says that a band was identified in parts.
 SPLIT = "band split"
 
-#: An edge spoils what lies within so many half bandwidths of it: parts overlap by that on either side of a cut, by this part at most.
-_REACH, _OVERLAP = 10.0, 0.1
+#: Parts overlap on either side of a cut by this many half bandwidths of the median damping ratio, where the edge of a band biases
+#: poles, and at most by this fraction of the frequency.
+_EDGE_HALF_BANDWIDTHS, _MAX_OVERLAP = 10.0, 0.1
 
-#: A part has so many lines at least, two for every order that is tried by default, so that the data and not the lines end it.
-_FEWEST = 160
+#: Minimum number of lines of a part: two for each order tried by default, so that the orders are not limited by the lines.
+_MIN_LINES = 160
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -181,11 +182,11 @@ def cut_of(part: Part) -> Cut | None:
     gap = (f[between + 1] - f[between]) / (width[between + 1] + width[between])
     k = int(between[np.argmax(gap)])
     cut = float((f[k] * width[k + 1] + f[k + 1] * width[k]) / (width[k] + width[k + 1]))
-    room = min(_REACH * float(np.median(zeta)), _OVERLAP)
+    room = min(_EDGE_HALF_BANDWIDTHS * float(np.median(zeta)), _MAX_OVERLAP)
     lower, upper = cut * (1 + room), cut / (1 + room)
     lines = response.grid
     counts = np.count_nonzero(lines <= lower), np.count_nonzero(lines >= upper)
-    if min(counts) < _FEWEST:
+    if min(counts) < _MIN_LINES:
         return None
     return Cut(cut, lower, upper)
 
@@ -278,5 +279,5 @@ def _fit_errors(parts: Sequence[Part], orders: Sequence[int]) -> RealArray:
 
 def _told(parts: Sequence[Part]) -> Note:
     where = ", ".join(f"{low:.5g} to {high:.5g} Hz" for low, high in (part.core for part in parts))
-    text = f"one ladder of orders does not hold the band: it was identified in {len(parts)} parts, {where}, and merged"
+    text = f"Too many modes for one range of orders: band identified in {len(parts)} parts, {where}, and merged"
     return Note(SPLIT, {"parts": len(parts)}, text)

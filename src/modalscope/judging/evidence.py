@@ -10,7 +10,7 @@ import numpy as np
 from modalscope.data.response import Response, output_scale
 from modalscope.data.results import StabilizationDiagram
 from modalscope.functions.poles import frequencies_and_damping, poles_from
-from modalscope.identification.stabilize import usable_orders
+from modalscope.identification.orders import usable_orders
 from modalscope.judging.tracking import GAP, Poles, consensus, join_broken, merge_splits, tracks
 from modalscope.likelihood.noise import typical_deviation
 from modalscope.modal.indicators import cmif, mac, prominence
@@ -18,28 +18,29 @@ from modalscope.modal.rebuilt import of_diagram, peak_sizes
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.preprocess.spectral_peaks import PEAK
 
-#: A mode is found at this many orders at least, and at this share of all that are used.
+#: Minimum number of orders with the mode, and minimum share of all orders used.
 LEAST_ORDERS, LEAST_SHARE = 5, 0.15
-#: From its first order on it is found at this share of the orders.
+#: Minimum share of the orders from the first one with the mode on.
 LEAST_PERSISTENCE = 0.4
-#: Its own contribution stands this far above what the fit leaves, in standard deviations of an estimated residue.
+#: Minimum signal-to-noise ratio of the contribution of a mode, in standard deviations of its residue.
 LEAST_SIGNAL = 6.0
-#: Its own term makes up this much of the whole response at its frequency ...
+#: Minimum share of the mode in the response at its frequency ...
 LEAST_PEAK = 1 / 3
-#: ... or it stands out of a mode indicator curve by this ratio.
+#: ... or minimum ratio of its CMIF peak to the surroundings.
 LEAST_PROMINENCE = 1.2
-#: Correlations carry estimation errors that every order fits as well as the modes: there the indicator must show the mode
-#: more clearly and the mode must have some part in the peak, unless it is the whole response and found at half of the orders.
+#: For correlations, whose estimation errors every order fits as well as the modes: minimum ratio of the peak jointly with a minimum
+#: share, or this share alone at half of the orders.
 LEAST_PROMINENCE_AMBIENT, LEAST_PEAK_AMBIENT, WHOLE_PEAK = 1.5, 0.1, 0.9
-#: ... or its frequency is known to this part of its half bandwidth and its damping ratio to this part, at this share of the orders and
-#: up to the last ones. Then it need not be found at five: few orders that are tried may end soon after the first that can hold it.
+#: Alternative criterion: standard deviations of frequency (half bandwidths) and damping (relative) below CERTAIN, found at
+#: CERTAIN_SHARE of the orders, the last ones included. Five orders are then not required: few orders may end soon after the first
+#: sufficient one.
 CERTAIN, CERTAIN_SHARE = 0.3, 0.25
-#: Of correlations nothing is a mode that is known to this part only: what noise leaves by chance is not known better.
+#: For correlations, maximum of these standard deviations: poles of noise exceed it ...
 UNCERTAIN = 0.7
-#: ... unless the record's own lines have a peak there this many times as high as chance allows: that is not noise.
+#: ... unless the spectra of the record have a peak there this many times as high as the test's threshold.
 CLEAR = 2.0
-#: Share of a group's members whose deviation is given, for that of the group to be known.
-_KNOWN = 0.5
+#: Minimum share of the members with a standard deviation, for the group to have one.
+_MIN_SHARE_WITH_DEVIATION = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,13 +172,15 @@ def judge(
     if not certain and group.size < max(min(LEAST_ORDERS, len(orders)), LEAST_SHARE * len(orders)):
         against.append(f"found at {group.size} of {len(orders)} orders only")
     if persistence < LEAST_PERSISTENCE:
-        against.append(f"comes and goes: at {100 * persistence:.0f} % of the orders since its first")
+        against.append(f"intermittent: found at {100 * persistence:.0f} % of the orders from its first one on")
     if not evidence.ambient and signal < LEAST_SIGNAL:
-        against.append(f"within the noise: {signal:.1f} standard deviations")
+        against.append(f"signal-to-noise ratio {signal:.1f}: not significant")
     if not certain and not _visible(stands_out, share, found, evidence.ambient):
-        against.append("weak, and no peak of the mode indicator")
+        against.append("weak response and no CMIF peak at its frequency")
     if evidence.ambient and left_open >= UNCERTAIN and not CLEAR <= height < np.inf:
-        against.append(f"the record leaves it open by {left_open:.2g} of its bandwidth or damping")
+        against.append(
+            f"frequency or damping uncertain: standard deviation {left_open:.2g} of its half bandwidth or damping"
+        )
     facts = {
         "orders_found": int(group.size),
         "orders_tried": len(orders),
@@ -204,37 +207,26 @@ def _visible(stands_out: float, share: float, found: float, ambient: bool) -> bo
 
 def sentence(facts: dict[str, Any], loss: float) -> str:
     """Say in words why a mode is reported."""
-    seen = []
+    signs = []
     if facts["share_of_peak"] >= LEAST_PEAK:
-        seen.append(f"makes up {100 * min(facts['share_of_peak'], 1.0):.0f} % of the response at its frequency")
+        signs.append(f"{100 * min(facts['share_of_peak'], 1.0):.0f} % of the response at its frequency")
     if facts["indicator_prominence"] >= LEAST_PROMINENCE:
         ratio = facts["indicator_prominence"]
-        seen.append(
-            f"stands out of the mode indicator by a factor {ratio:.3g}"
-            if np.isfinite(ratio)
-            else "stands alone in the mode indicator"
-        )
-    told = [_found(facts), " and ".join(seen) or "weak at its frequency"]
+        signs.append(f"CMIF peak {ratio:.3g} x its surroundings" if np.isfinite(ratio) else "isolated CMIF peak")
+    reasons = [_orders_of(facts), *(signs or ["weak at its frequency"])]
     if "gain" in facts:
-        told.insert(
-            0,
-            f"explains {_three_digits(facts['gain'])} standard deviations of the noise ({facts['noise_gain']:.2g} could be noise)",
-        )
+        gain = float(f"{facts['gain']:.3g}")
+        reasons.insert(0, f"significance {gain:.10g}; noise alone reaches {facts['noise_gain']:.2g}")
     if "cluster" in facts:
-        told.append(f"stands for a cluster of {facts['cluster']} poles that the data do not part")
+        reasons.append(f"represents {facts['cluster']} poles too close to separate")
     if "rests_on" in facts:
-        told.append(f"seen from {facts['rests_on']} alone")
-    return f"{', '.join(told)}; without it the fit error grows by {100 * loss:.2g} %"
+        reasons.append(f"significant for input {facts['rests_on']} only")
+    return f"{'; '.join(reasons)}; fit error grows by {100 * loss:.2g} % without it"
 
 
-def _three_digits(value: float) -> str:
-    """Return a number with three digits that count, large ones without an exponent: 5090 and not 5.09e+03."""
-    return f"{float(f'{value:.3g}'):.10g}"
-
-
-def _found(facts: dict[str, Any]) -> str:
+def _orders_of(facts: dict[str, Any]) -> str:
     if not facts["orders_found"]:
-        return "found in what the others leave, while no orders agree on it: its values are refined ones"
+        return "found in the residual of the other modes, not in the diagram; values are refined"
     where = f"({facts['first_order']} to {facts['last_order']})"
     return f"found at {facts['orders_found']} of {facts['orders_tried']} orders {where}"
 
@@ -242,14 +234,14 @@ def _found(facts: dict[str, Any]) -> str:
 # ------------------------------------------------------------------------------------------------------------- counted
 # Modes by counting orders: where the errors of the data have no likelihood that modes could maximize.
 
-#: Two modes within a half bandwidth are one above this MAC.
+#: Minimum MAC of two modes within a half bandwidth that are one.
 SAME_SHAPE = 0.9
 
-#: What is not among the modes is told of where its frequency is known to this part of a half bandwidth and its damping to this part.
-_TOLD = 0.3
+#: A late group is reported below these standard deviations of frequency (half bandwidths) and damping (relative) ...
+_MAX_LATE_DEVIATION = 0.3
 
-#: And at this part of all orders: poles of noise stay at fewer.
-_MOST_ORDERS = 0.5
+#: ... and at this share of all orders or more: poles of noise stay below.
+_MIN_LATE_SHARE = 0.5
 
 
 def counted(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> tuple[Poles, list[Candidate]]:
@@ -281,16 +273,16 @@ def _late(
     `explaining` are the last of these orders and its fit error.
     """
     (last, fit), peak = explaining, peaks(diagram, every, evidence)
-    least = max(LEAST_ORDERS, _MOST_ORDERS * len(every.orders))
+    least = max(LEAST_ORDERS, _MIN_LATE_SHARE * len(every.orders))
     late: list[Candidate] = []
     told = [c for c in found if not c.against or c.members.size >= LEAST_SHARE * len(every.orders)]
     for group in sorted((consensus(every, t) for t in tracks(every)), key=lambda g: -g.size):
-        if group.size < least or not _left_open(diagram, every, group) < _TOLD:
+        if group.size < least or not _left_open(diagram, every, group) < _MAX_LATE_DEVIATION:
             continue
         f, zeta = float(np.median(every.frequency[group])), float(np.median(every.damping[group]))
         if any(abs(f - c.frequency) < f * zeta + c.frequency * c.damping for c in [*told, *late]):
             continue
-        text = f"weak: {group.size} of {len(every.orders)} orders show it, and those up to {last}, which explain the data, hardly any"
+        text = f"weak: found at {group.size} of {len(every.orders)} orders, but hardly at those sufficient for the data (up to {last})"
         late.append(replace(judge(every, group, peak, fit, evidence), against=(text,)))
     return late
 
@@ -324,7 +316,7 @@ def _height(diagram: StabilizationDiagram, poles: Poles, group: Array) -> float:
 
 def _of_most(values: RealArray) -> float:
     """Return the typical deviation of a group; NaN where it is withheld at most of its members: the others are those that split."""
-    return typical_deviation(values) if np.isfinite(values).mean() >= _KNOWN else float("nan")
+    return typical_deviation(values) if np.isfinite(values).mean() >= _MIN_SHARE_WITH_DEVIATION else float("nan")
 
 
 def _none_twice(poles: Poles, candidates: list[Candidate]) -> list[Candidate]:
@@ -336,7 +328,7 @@ def _none_twice(poles: Poles, candidates: list[Candidate]) -> list[Candidate]:
         if host is None:
             kept.append(c)
         else:
-            others.append(replace(c, against=(f"part of the mode at {host.frequency:.5g} Hz, found at more orders",)))
+            others.append(replace(c, against=(f"duplicate of {host.frequency:.5g} Hz, which is found at more orders",)))
     return kept + others
 
 

@@ -149,15 +149,15 @@ def pruned(fitted: Fitted, least: RealArray) -> Array:
 
 # ------------------------------------------------------------------------------------------------------------- joint selection
 
-#: Where white noise is in doubt, each round leaves at most this part of the excess over white noise. From so many values on, peaks are
-#: asked that before they are refined with the others.
-_WHITER, _LARGE = 0.7, 20_000
+#: Where white noise is in doubt, each round must reduce the excess over white noise to this fraction. Above this number of values peaks
+#: are tested for it before the joint refinement.
+_MAX_EXCESS_RATIO, _MANY_VALUES = 0.7, 20_000
 
-#: Two poles replace one, so many half bandwidths to either side of it.
-_SPLIT = 0.5
+#: Two poles replace one at this distance to either side, in half bandwidths.
+_SPLIT_HALF_BANDWIDTHS = 0.5
 
-#: Rounds of searching the residual, and poles added in each.
-_ROUNDS, _PEAKS = 8, 6
+#: Maximum number of searches of the residual, and of poles added in each.
+_MAX_ROUNDS, _PEAKS_PER_ROUND = 8, 6
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -224,19 +224,19 @@ def select_jointly(
 def _completed(state: State, excess: float | None) -> State | None:
     """Add the strongest peaks of the residual, round by round; return None where it must become white and does not."""
     tried = state.poles
-    for _ in range(_ROUNDS):
+    for _ in range(_MAX_ROUNDS):
         more, named = _with_peaks(state, tried)
         if not len(named):
             break
-        large = state.selection.problem.freedom > _LARGE
-        if excess is not None and large and _excess(state, named) > max(1.0, _WHITER * excess):
+        large = state.selection.problem.freedom > _MANY_VALUES
+        if excess is not None and large and _excess(state, named) > max(1.0, _MAX_EXCESS_RATIO * excess):
             return None
         before = len(state.poles)
         state = converged(state.selection, state.variance, *more)
         tried = np.concatenate([tried, named, state.poles])
         if excess is not None:
             left = _excess(state)
-            if left > max(1.0, _WHITER * excess):
+            if left > max(1.0, _MAX_EXCESS_RATIO * excess):
                 return None
             excess = left if left > 1 else None
         if len(state.poles) <= before:
@@ -251,8 +251,8 @@ def _completed_in_coloured_errors(state: State) -> tuple[State, Recount]:
     """
     recount = recount_of(state.selection, state.descent)
     rounds = np.zeros(len(state.poles), dtype=int)  # in which each pole was added, zero for those of the diagram
-    for this in range(1, _ROUNDS + 1):
-        poles, sides = recount.peaks(_PEAKS)
+    for this in range(1, _MAX_ROUNDS + 1):
+        poles, sides = recount.peaks(_PEAKS_PER_ROUND)
         candidates = np.append(state.poles, poles), np.vstack([state.sides, sides])
         trial = _with_significant_peaks(state, candidates, np.append(rounds, np.full(len(poles), this)), this)
         if trial is None:
@@ -322,7 +322,7 @@ def _with_peaks(state: State, tried: ComplexArray) -> tuple[tuple[ComplexArray, 
     known = np.concatenate([state.poles, tried])
     left = residual(point, state.descent.fitted)
     least = state.selection.bar / 2 * state.variance
-    peaks = strongest_peaks(problem.light, left, problem.rows, known, least, _PEAKS)
+    peaks = strongest_peaks(problem.light, left, problem.rows, known, least, _PEAKS_PER_ROUND)
     named = np.array([peak.pole for peak in peaks], dtype=complex)
     sides = np.array([peak.participation for peak in peaks], dtype=complex).reshape(-1, point.sides.shape[1])
     return (np.append(state.poles, named), np.vstack([state.sides, sides])), named
@@ -348,8 +348,8 @@ def _split_where_needed(state: State) -> State:
 
 
 def _two_for(state: State, j: int) -> tuple[ComplexArray, ComplexArray]:
-    """Return poles and sides with two, `_SPLIT` of a half bandwidth to either side, for pole j."""
-    apart = -1j * _SPLIT * state.poles[j].real
+    """Return poles and sides with two, `_SPLIT_HALF_BANDWIDTHS` of a half bandwidth to either side, for pole j."""
+    apart = -1j * _SPLIT_HALF_BANDWIDTHS * state.poles[j].real
     poles = np.append(state.poles, state.poles[j] - apart)
     poles[j] += apart
     return poles, np.vstack([state.sides, state.sides[[j]]])

@@ -18,11 +18,11 @@ from modalscope.preprocess.spectral_peaks import NOISE, UNSEEN
 #: The kind of the note that says that errors of a response may pass for modes.
 CORRELATED = "correlated errors"
 
-#: A pole belongs to a line within so many of its spreads and this part of its frequency more.
-_SPREADS, _MORE = 3.0, 0.002
+#: A pole belongs to a rotating-machine line within this many standard deviations of the line plus this fraction of its frequency.
+_LINE_SPREADS, _LINE_FREQUENCY_SHARE = 3.0, 0.002
 
-#: Half bandwidth of a line that wanders, in its spreads: half the width of a normal distribution at half its height, sqrt(2 ln 2).
-_HALF = 1.18
+#: Half width of a normal distribution at half its height, sqrt(2 ln 2) standard deviations: the half bandwidth of a line that wanders.
+_HALF_WIDTH_OF_NORMAL = 1.18
 
 
 def harmonics_of_diagram(diagram: StabilizationDiagram) -> tuple[Harmonic, ...]:
@@ -49,9 +49,9 @@ def with_objections_of_record(diagram: StabilizationDiagram, candidates: Sequenc
     unseen = next((note for note in diagram.notes if note.kind == UNSEEN), None)
     judged = []
     for c in candidates:
-        against = [f"a harmonic of a machine: {line.text}" for line in lines if _is_line(c, line)]
+        against = [f"harmonic of a rotating machine: {line.text}" for line in lines if _is_line(c, line)]
         if c.facts.get("peak_height", np.inf) < 1:
-            against.append("no peak of the record's spectra in any combination of the channels")
+            against.append("no peak in the spectra of any combination of channels")
         if alone is not None:
             against.append(alone.text)
         elif unseen is not None and not c.facts.get("left_open", np.inf) < CERTAIN:
@@ -64,9 +64,11 @@ def _is_line(c: Candidate, line: Note) -> bool:
     """Whether poles lie on a line, and are no more damped than its wandering explains or not known at all: a peak there is the line's."""
     f = line.numbers["frequency_hz"]
     spread = line.numbers["spread_hz"]
-    near = abs(c.frequency - f) < _SPREADS * spread + _MORE * f
+    near = abs(c.frequency - f) < _LINE_SPREADS * spread + _LINE_FREQUENCY_SHARE * f
     open_there = c.facts.get("left_open", 0.0) >= UNCERTAIN
-    return near and (open_there or c.damping * c.frequency < max(_HALF * spread, _MORE * f))
+    return near and (
+        open_there or c.damping * c.frequency < max(_HALF_WIDTH_OF_NORMAL * spread, _LINE_FREQUENCY_SHARE * f)
+    )
 
 
 def with_note_on_errors(modes: ModalModel, diagram: StabilizationDiagram) -> ModalModel:
@@ -82,8 +84,8 @@ def with_note_on_errors(modes: ModalModel, diagram: StabilizationDiagram) -> Mod
     if weighed or response.ambient or response.grid is not None or diagram.exact_rank is not None or not len(modes):
         return modes
     text = (
-        "the errors of these samples are correlated, so that no mode could be weighed against them: weak ones, and those that no "
-        "peak of the response shows, may be errors; identify the record itself where there is one"
+        "Errors of these samples are correlated: no mode was tested for significance, and weak modes may be errors. "
+        "Identify the record itself if you have it"
     )
     return modes.noted((Note(CORRELATED, {}, text),))
 
@@ -97,7 +99,7 @@ def with_note_on_empty(modes: ModalModel, diagram: StabilizationDiagram) -> Moda
     left = modes.left_out
     why = (
         "; ".join(f"{c.frequency:.4g} Hz ({c.reason})" for c in left[:3])
-        or f"no poles of the orders {diagram.orders[0]} to {diagram.orders[-1]} agree on one"
+        or f"no poles agree between orders {diagram.orders[0]} and {diagram.orders[-1]}"
     )
-    text = alone[0].text if alone else f"no mode is reported: {why}"
+    text = alone[0].text if alone else f"No mode: {why}"
     return modes.noted((Note("no modes", {"left_out": float(len(left))}, text),))

@@ -14,7 +14,7 @@ from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.functions.poles import poles_from
-from modalscope.identification.stabilize import ORDERS_END
+from modalscope.identification.orders import ORDERS_END
 from modalscope.judging.evidence import LEAST_ORDERS, LEAST_SHARE, Candidate, sentence
 from modalscope.judging.tracking import Poles
 from modalscope.likelihood.noise import KIND, typical_deviation, withheld
@@ -82,9 +82,7 @@ def _undecided(diagram: StabilizationDiagram, candidates: Sequence[Candidate]) -
     if not late:
         return ()
     where, last = ", ".join(f"{f:.5g} Hz" for f in late), diagram.orders[-1]
-    text = (
-        f"only the last orders up to {last} show what the data need at {where}: give more orders, or bands one by one"
-    )
+    text = f"Modes at {where} appear at the last orders only (up to {last}): give more orders, or narrower bands"
     return (Note(ORDERS_END, {"largest": last, "late": len(late)}, text),)
 
 
@@ -95,11 +93,11 @@ def _none(diagram: StabilizationDiagram, chosen: Sequence[Candidate], left: Sequ
     orders = f"orders {diagram.orders[0]} to {diagram.orders[-1]}"
     if left:
         strongest = max(left, key=lambda c: c.members.size)
-        text = f"no mode: of {len(left)} candidates the one at most orders, {strongest.frequency:.5g} Hz: {'; '.join(strongest.against)}"
+        text = f"No mode among {len(left)} candidates; the one at most orders, {strongest.frequency:.5g} Hz: {'; '.join(strongest.against)}"
     elif len(diagram.poles):
-        text = f"no mode: no decaying oscillations agree at three of the {orders}; try more orders"
+        text = f"No mode: no decaying oscillation is found at three of the {orders}. Try more orders"
     else:
-        text = f"no mode: the {orders} have no pole in the band"
+        text = f"No mode: the {orders} have no pole in the band"
     return (Note("no mode", {"candidates": len(left)}, text),)
 
 
@@ -114,8 +112,8 @@ def left_out(diagram: StabilizationDiagram, candidates: Sequence[Candidate], *, 
             frequency=c.frequency,
             damping_ratio=c.damping,
             gain=c.gain,
-            reason="; ".join(c.against) or "refused by hand",
-            remedy=f"take=[{c.frequency:.6g}] reports it all the same" if c.against else "Do not refuse it.",
+            reason="; ".join(c.against) or "refused by the user",
+            remedy=f"take=[{c.frequency:.6g}] reports it anyway" if c.against else "Do not refuse it.",
         )
         for c in candidates
         if c.own is not None or c.members.size >= least
@@ -184,11 +182,11 @@ def _reasons(model: ModalModel, response: Response, facts: list[dict[str, Any]])
 # ----------------------------------------------------------------------------------------------------------- reference
 # Modes paired with those of another program or test: which are the same, and by how much they differ, in deviations too.
 
-#: Costs more than any pair: no partner.
-_ALONE = 1e3
+#: Cost of a pair that is not allowed; allowed ones stay below 3.
+_COST_OF_NO_PARTNER = 1e3
 
-#: Something against a candidate counts like shapes that are this much unlike.
-_AGAINST = 0.5
+#: Cost of a rejected candidate, in units of 1 - MAC.
+_COST_OF_REASON = 0.5
 
 
 def paired_with(
@@ -208,9 +206,9 @@ def paired_with(
     room = np.maximum(tolerance * f[:, None], np.maximum((f * zeta)[:, None], g * eta))
     apart = np.abs(f[:, None] - g) / room
     unlike = 1 - _likeness(reference, candidates, poles)
-    cost = apart + unlike + _AGAINST * np.array([bool(c.against) for c in candidates])
-    cost = np.where(apart <= 1, cost, _ALONE)
-    return [(candidates[j], int(i)) for i, j in zip(*assign(cost), strict=True) if cost[i, j] < _ALONE]
+    cost = apart + unlike + _COST_OF_REASON * np.array([bool(c.against) for c in candidates])
+    cost = np.where(apart <= 1, cost, _COST_OF_NO_PARTNER)
+    return [(candidates[j], int(i)) for i, j in zip(*assign(cost), strict=True) if cost[i, j] < _COST_OF_NO_PARTNER]
 
 
 def _likeness(reference: ModalModel, candidates: list[Candidate], poles: Poles) -> RealArray:
@@ -250,7 +248,7 @@ def compared_with(modes: ModalModel, reference: ModalModel, which: Array) -> Mod
     if not missing.size:
         return replace(modes, reasons=reasons)
     where = ", ".join(f"{reference.frequencies[k]:.5g} Hz" for k in missing)
-    note = Note("reference", {"missing": float(missing.size)}, f"modes of the reference without a partner: {where}")
+    note = Note("reference", {"missing": float(missing.size)}, f"Reference modes not found: {where}")
     return replace(modes, reasons=reasons).noted(note)
 
 

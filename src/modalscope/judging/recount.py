@@ -32,14 +32,14 @@ from modalscope.numerics.checks import Array, ComplexArray, RealArray
 # either has in common some lines apart. Noise is often white; errors of calibration, leakage or
 # nonlinearity are smooth and large where the response is, so that each has its own correlation.
 
-#: Lines over which the level of all channels together may depart from that of the rule for one.
-_LEVELLED = 41
+#: Lines over which the common level of all channels is smoothed.
+_LEVEL_LINES = 41
 
-#: Lags of a correlation at most, and the deviations below which the mean of so many ahead has ended.
-_LAGS, _ENDED, _AHEAD = 200, 2.0, 8
+#: Maximum lag of a correlation. It ends where the mean of this many lags ahead is below this many standard deviations.
+_MAX_LAGS, _END_DEVIATIONS, _END_LAGS = 200, 2.0, 8
 
-#: Variance of a product of two unlike errors, relative to that of either and of a correlation before it is known.
-_PRODUCT = 0.5
+#: Variance of a product of two different errors, relative to that of the square of one and to the prior variance of a correlation.
+_VARIANCE_OF_PRODUCT = 0.5
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -90,7 +90,7 @@ def errors_of(left: ComplexArray, data: ComplexArray, even: RealArray, unknown: 
     noise, own = parts_of_level(power.reshape(len(left), -1), even, size.reshape(len(left), -1))
     variance = (noise + own).reshape(power.shape)
     share = own.reshape(power.shape) / variance
-    variance *= smoothed(np.mean(power / variance, axis=(1, 2)), _LEVELLED)[:, None, None]
+    variance *= smoothed(np.mean(power / variance, axis=(1, 2)), _LEVEL_LINES)[:, None, None]
     A, K = _correlations((left / np.sqrt(variance)).reshape(len(left), -1), share.reshape(len(left), -1))
     rows = 2 * len(left)
     return ColouredErrors(variance * (rows / max(rows - unknown, 1)), share, A, K)
@@ -102,26 +102,26 @@ def _correlations(u: ComplexArray, share: RealArray) -> tuple[RealArray, RealArr
     products = np.stack([_at_lags(q * u), _at_lags(s * u)], axis=1)
     qq, ss, qs = _at_lags(q**2), _at_lags(s**2), _at_lags(q * s)
     gram = np.stack([np.stack([qq, qs], axis=1), np.stack([qs, ss], axis=1)], axis=1)
-    spread = np.linalg.inv(gram + _PRODUCT * np.eye(2))
+    spread = np.linalg.inv(gram + _VARIANCE_OF_PRODUCT * np.eye(2))
     both = np.clip(np.einsum("kij,kj->ki", spread, products), -1, 1)
-    known = np.sqrt(_PRODUCT * np.einsum("kii->ki", spread))
+    known = np.sqrt(_VARIANCE_OF_PRODUCT * np.einsum("kii->ki", spread))
     even, own = (_ended(both[:, i], known[:, i]) for i in range(2))
     return even, own
 
 
 def _ended(r: RealArray, known: RealArray) -> RealArray:
     """Return correlations up to where the mean of those ahead is no more than their scatter."""
-    if len(r) < _AHEAD:
+    if len(r) < _END_LAGS:
         return r
-    ahead = np.convolve(r, np.ones(_AHEAD) / _AHEAD, mode="valid")
-    least = _ENDED * known[: len(ahead)] / np.sqrt(_AHEAD)
+    ahead = np.convolve(r, np.ones(_END_LAGS) / _END_LAGS, mode="valid")
+    least = _END_DEVIATIONS * known[: len(ahead)] / np.sqrt(_END_LAGS)
     ended = np.flatnonzero(ahead < least)
     return r[: ended[0]] if ended.size else r
 
 
 def _at_lags(u: Array) -> RealArray:
     """Return sum Re u_k conj u_k+i of columns (F, c) for i = 1, 2, ..."""
-    lags = min(_LAGS, len(u))
+    lags = min(_MAX_LAGS, len(u))
     size = sfft.next_fast_len(len(u) + lags)
     spectra = sfft.fft(u.T, size) if np.iscomplexobj(u) else sfft.rfft(u.T, size)
     parts = spectra.view(np.float64)
@@ -156,14 +156,14 @@ def _form(correlation: RealArray, rows: ComplexArray, factors: RealArray) -> Rea
 #
 # Channels differ by their weights alone, so that the M of all of them are one product of weights with products of columns, line by line.
 
-#: Numbers in the matrices M of channels that are held, and in columns of channels that are made at a time.
-_HELD, _TOGETHER = 1 << 23, 1 << 18
+#: Maximum count of numbers in the stored matrices M of all channels, and in the columns of channels computed at a time.
+_MAX_STORED_NUMBERS, _BLOCK_NUMBERS = 1 << 23, 1 << 18
 
-#: Columns of length one that stand so far out of the span of those before them have an inverse by Cholesky's factor.
-_WELL_APART = 1e-5
+#: Minimum pivot of unit columns for an inverse by Cholesky; below it the pseudo-inverse is used.
+_MIN_PIVOT = 1e-5
 
-#: Squares of columns below this part of the largest are those of rounding.
-_NOTHING = float(np.finfo(float).eps) ** 2
+#: Squares of columns below this fraction of the largest are rounding.
+_ROUNDING_OF_SQUARES = float(np.finfo(float).eps) ** 2
 
 
 class ChannelFits:
@@ -196,7 +196,7 @@ class ChannelFits:
         a, B = np.empty((channels, len(which), 2)), np.empty((channels, told, 2, 2))
         parts = _side_by_side(columns)
         weighted = (weights * self._data.reshape(-1, *weights.shape)).reshape(self._data.shape)
-        step = max(_TOGETHER // (columns.shape[1] * max(2 * told, 1)), 1)
+        step = max(_BLOCK_NUMBERS // (columns.shape[1] * max(2 * told, 1)), 1)
         for some in (slice(first, first + step) for first in range(0, channels, step)):
             # rows are those of a symmetric matrix
             back = self._inverses(some, without, beside)[:, own]
@@ -227,7 +227,7 @@ class ChannelFits:
 
     def _normals(self, some: slice) -> tuple[RealArray, RealArray]:
         """Return M and M^-1 of channels, those of all held while they are few numbers."""
-        whole = self._data.shape[1] * len(self._columns) ** 2 <= _HELD
+        whole = self._data.shape[1] * len(self._columns) ** 2 <= _MAX_STORED_NUMBERS
         if not whole or self._known is None:
             M = _products(self._columns, self._columns, self._weights if whole else self._weights[:, some])
             found = M, _inverses(M)
@@ -266,11 +266,11 @@ def _inverse(M: RealArray) -> RealArray:
     Columns that are nothing but rounding are left at zero: one function of a pole on the real axis has no length.
     """
     square = np.diag(M)
-    size = np.sqrt(np.where(square > _NOTHING * square.max(initial=0.0), square, np.inf))
+    size = np.sqrt(np.where(square > _ROUNDING_OF_SQUARES * square.max(initial=0.0), square, np.inf))
     scale = np.outer(size, size)
     even = M / scale
     L, failed = dpotrf(even, lower=True)
-    if not failed and np.diag(L).min() > _WELL_APART:
+    if not failed and np.diag(L).min() > _MIN_PIVOT:
         root = dtrtri(L, lower=True)[0]
         return np.asarray(root.T @ root / scale)
     return np.asarray(np.linalg.pinv(even, hermitian=True) / scale)
@@ -278,26 +278,26 @@ def _inverse(M: RealArray) -> RealArray:
 
 # ------------------------------------------------------------------------------------------------------------- recount
 
-#: Factor in variance to which errors of channels are known: the threshold is multiplied by it.
-_SURE = 1.5
+#: Relative uncertainty of the estimated error variances: the threshold is multiplied by it.
+_UNCERTAINTY_OF_VARIANCE = 1.5
 
-#: A coherent line under Hann's window lies within so many lines of its frequency, and leaks less than a thirtieth beyond.
-_LOBE = 2.0
+#: Half width of the main lobe of a Hann window, in lines; a sinusoid leaks less than a thirtieth of its amplitude beyond.
+_LOBE_LINES = 2.0
 
-#: What is narrower than this part of a line at half its power is none: a line leaks like that where no window was. Peaks are a line wide.
-_NARROWEST, _PEAK = 0.25, 1.0
+#: Minimum half-power bandwidth, in lines, of a mode (an unwindowed sinusoid looks narrower) and of a peak of the residual.
+_MIN_BANDWIDTH_LINES, _MIN_PEAK_LINES = 0.25, 1.0
 
-#: The lobe is 1.44 lines wide at half its power; what is twice as wide and more lies beyond it.
-_WIDE = 3.0
+#: Modes wider than this many lines are not tested for being a sinusoid: the lobe is 1.44 lines wide at half its power.
+_LOBE_TEST_LINES = 3.0
 
-#: What the lines beyond the lobe say of a mode is that by this part at least; chance has one case of a thousand.
-_AGREED, _CHANCE = 0.5, 1e-3
+#: Minimum agreement of the residues outside the lobe with those of all lines, and the false-alarm probability of a sinusoid.
+_MIN_AGREEMENT, _CHANCE_OF_AGREEMENT = 0.5, 1e-3
 
-#: Shapes of less than this MAC are not those of one resonance that shifts.
-_UNLIKE = 0.5
+#: Minimum MAC of shapes, or of participations, of a mode and its shoulder.
+_MIN_SHOULDER_MAC = 0.5
 
-#: sqrt(15) sqrt(5 / 16): the third order of a shift, see `beyond_shifts`.
-_THIRD = 2.165
+#: sqrt(15) sqrt(5 / 16): third order of a frequency shift, see `beyond_shifts`.
+_THIRD_ORDER_OF_SHIFT = 2.165
 
 
 def inverse(B: Array) -> Array:
@@ -323,7 +323,7 @@ class Recount:
     @property
     def bar(self) -> float:
         """What errors may explain with free residues, in variances, including their uncertainty."""
-        return _SURE * free_bound(self.left[0].size, len(self.left))
+        return _UNCERTAINTY_OF_VARIANCE * free_bound(self.left[0].size, len(self.left))
 
     @cached_property
     def fits(self) -> ChannelFits:
@@ -350,13 +350,16 @@ class Recount:
         half, lines = self.selection.half_bandwidths_in_lines(poles), self.selection.problem.light.grid
         assert lines is not None
         at = np.interp(poles.imag / (2 * np.pi), lines, np.arange(lines.size))
-        told = 2 * half >= _NARROWEST
-        for k in np.flatnonzero(told & (2 * half < _WIDE)):
-            lobe = np.flatnonzero(np.abs(np.arange(lines.size) - at[k]) <= _LOBE)
+        told = 2 * half >= _MIN_BANDWIDTH_LINES
+        for k in np.flatnonzero(told & (2 * half < _LOBE_TEST_LINES)):
+            lobe = np.flatnonzero(np.abs(np.arange(lines.size) - at[k]) <= _LOBE_LINES)
             a, (r, B) = self.fits.residues(which[[k]])[0], self.fits.residues(which[[k]], without=lobe)
             towards = (np.linalg.pinv(B[:, 0], hermitian=True) @ a[:, 0, :, None])[..., 0]
             agreed, whole = float(np.sum(towards * r[:, 0])), float(np.sum(towards * a[:, 0]))
-            told[k] = agreed >= _AGREED * whole and agreed**2 > _SURE * ndtri(_CHANCE) ** 2 * whole
+            told[k] = (
+                agreed >= _MIN_AGREEMENT * whole
+                and agreed**2 > _UNCERTAINTY_OF_VARIANCE * ndtri(_CHANCE_OF_AGREEMENT) ** 2 * whole
+            )
         return told
 
     def hosts(self, which: Array) -> Array:
@@ -368,7 +371,7 @@ class Recount:
         shapes, participation = self.selection.problem.scaled_back(self.descent.point, self.descent.fitted)
         near = overlap(s[which], s)
         stronger = size[None, :] > size[which, None]
-        alike = np.maximum(mac(shapes), mac(participation.T))[which] > _UNLIKE
+        alike = np.maximum(mac(shapes), mac(participation.T))[which] > _MIN_SHOULDER_MAC
         return np.asarray(near & stronger & alike)
 
     def beyond_shifts(self, one: int, hosts: Array) -> float:
@@ -392,7 +395,7 @@ class Recount:
         sizes, shifts = (np.sum(level * np.sum(part**2, axis=2), axis=0) for part in (a[:, 1 : b + 1], a[:, b + 1 :]))
         strength, shifts = np.maximum(strength, 0), np.maximum(shifts, 0)  # sums of squares, but for rounding
         apart = np.sqrt(shifts / np.where(sizes > 0, sizes, np.inf)) / -poles.real
-        return float(np.sqrt(strength[0]) - np.sum(_THIRD * apart**3 * np.sqrt(strength[1:])))
+        return float(np.sqrt(strength[0]) - np.sum(_THIRD_ORDER_OF_SHIFT * apart**3 * np.sqrt(strength[1:])))
 
     def relative_gains(self, which: Array) -> RealArray:
         """Return the significance of modes over what errors may explain, (k,): significant above one.
@@ -422,7 +425,7 @@ class Recount:
         grid = grid_of(problem.light)
         grid = grid[
             (-grid.real < MAX_DAMPING_OF_RESONANCES * np.abs(grid))
-            & (2 * self.selection.half_bandwidths_in_lines(grid) >= _PEAK)
+            & (2 * self.selection.half_bandwidths_in_lines(grid) >= _MIN_PEAK_LINES)
         ]
         grid = grid[~np.any(np.abs(grid[:, None] - known) < -known.real, axis=1)]
         residues, each = amplitudes_by_channel(problem.light, self.left, 2 / self.errors.variance, problem.rows, grid)

@@ -151,8 +151,8 @@ def _check_one_way(wanted: list[float] | None, changes: list[float], reference: 
     """Refuse two ways at once of saying which modes are reported."""
     if wanted is not None and changes:
         raise DataError(
-            "modes to take or refuse were given beside frequencies",
-            "frequencies alone say which modes are reported",
+            "select(frequencies=...) with take or refuse was asked",
+            "frequencies already states the whole list",
             "Give frequencies, or take and refuse.",
         )
     if reference is None:
@@ -160,8 +160,8 @@ def _check_one_way(wanted: list[float] | None, changes: list[float], reference: 
     check_kind("reference", reference, ModalModel)
     if wanted is not None or changes:
         raise DataError(
-            "modes by hand were given beside a reference",
-            "the reference alone says which modes are reported",
+            "select(reference=...) with frequencies, take or refuse was asked",
+            "the reference already states the whole list",
             "Give the reference, or frequencies.",
         )
 
@@ -176,7 +176,7 @@ def _like(reference: ModalModel, diagram: StabilizationDiagram, found: Weighed, 
     pairs = sorted(paired_with(asked, candidates, poles, tolerance), key=lambda pair: pair[0].frequency)
     chosen = [c for c, _ in pairs]
     others = (c for c in candidates if not any(c is k for k in chosen))
-    left = [c if c.against else replace(c, against=("a mode that the reference does not have",)) for c in others]
+    left = [c if c.against else replace(c, against=("not a mode of the reference",)) for c in others]
     modes = _of_channels(modes_of(diagram, poles, chosen, sorted(left, key=lambda c: c.frequency)), measured)
     return compared_with(modes, reference, np.array([k for _, k in pairs], dtype=int))
 
@@ -203,9 +203,7 @@ def _wanted(name: str, frequencies: Iterable[float]) -> list[float]:
     """Return the frequencies asked by hand; none at all is an error, not an empty result."""
     wanted = [check_positive(f"each of {name}", f) for f in check_each(name, frequencies, "numbers in Hz")]
     if not wanted:
-        raise DataError(
-            "modes at given frequencies were asked", "the list is empty", "Give frequencies in Hz, or leave them out."
-        )
+        raise DataError(f"{name} in Hz was asked", "the list is empty", "Give frequencies in Hz, or omit the argument.")
     return wanted
 
 
@@ -215,7 +213,7 @@ def _exact(diagram: StabilizationDiagram, poles: Poles) -> list[Candidate]:
     facts = {
         "orders_found": 1,
         "orders_tried": 1,
-        "text": f"the data have the exact rank {diagram.exact_rank}, and this is one of its poles",
+        "text": f"noise-free data of exact rank {diagram.exact_rank}: a pole of that order",
     }
     return [Candidate(np.array([i]), float(poles.frequency[i]), float(poles.damping[i]), facts, ()) for i in members]
 
@@ -233,8 +231,8 @@ def _by_hand(
         if any(best is c for c in chosen):
             raise DataError(
                 f"different modes at {', '.join(f'{v:g}' for v in wanted)} Hz were asked",
-                f"two of these mean the one at {best.frequency:.6g} Hz",
-                "Leave one out, or lower the tolerance.",
+                f"two of them match the mode at {best.frequency:.6g} Hz",
+                "Drop one, or lower the tolerance.",
             )
         chosen.append(best)
     return chosen
@@ -247,19 +245,13 @@ def _none_there(candidates: list[Candidate], f: float, tolerance: float, diagram
     if removed and any(abs(line.frequency - f) <= tolerance * f for line in harmonics_of_diagram(diagram)):
         return DataError(
             asked,
-            "a line of a machine stands there, which was taken off the record",
-            "To have it among the modes keep lines: stabilize(estimate_correlation(record)), and ask for it there.",
+            "a rotating-machine line at that frequency was removed from the record",
+            "Keep lines with stabilize(estimate_correlation(record)), and select it there.",
         )
     near = [f"{c.frequency:.4g}" for c in sorted(candidates, key=lambda c: abs(c.frequency - f))[:3]]
-    found = (
-        f"no pole stays within {100 * tolerance:g} % of it over the orders {diagram.orders[0]} to {diagram.orders[-1]}"
-    )
+    found = f"no pole lies within {100 * tolerance:g} % of it at orders {diagram.orders[0]} to {diagram.orders[-1]}"
     if not near:
-        return DataError(
-            asked, found, "No other frequency has one that is not reported: try other orders or another method."
-        )
+        return DataError(asked, found, "Try other orders or another method: all candidates are reported already.")
     return DataError(
-        asked,
-        found,
-        f"The nearest that do are at {', '.join(near)} Hz; ask for one of these, or try other orders or another method.",
+        asked, found, f"Select one of the nearest, {', '.join(near)} Hz, or try other orders or another method."
     )

@@ -19,8 +19,8 @@ from modalscope.numerics.statistics import assign
 # ------------------------------------------------------------------------------------------------------------ likeness
 # Which poles act as one mode.
 
-#: Poles that overlap are one mode above this MAC, and those of single channels nearer than this part of both half bandwidths.
-ONE_SHAPE, _CLOSE = 0.9, 0.25
+#: Minimum MAC of overlapping poles that are one mode; poles of single channels are one within this fraction of both half bandwidths.
+ONE_SHAPE, _MERGE_HALF_BANDWIDTHS = 0.9, 0.25
 
 
 def collinear(poles: ComplexArray, shapes: ComplexArray, participation: ComplexArray) -> Array:
@@ -32,36 +32,36 @@ def collinear(poles: ComplexArray, shapes: ComplexArray, participation: ComplexA
     apart = np.abs(w[:, None] - w) / (half[:, None] + half)
     one = (apart < 1) & (mac(shapes) > ONE_SHAPE)
     if 1 in (len(shapes), participation.shape[1]):
-        one |= apart < _CLOSE
+        one |= apart < _MERGE_HALF_BANDWIDTHS
     return np.asarray(one)
 
 
 # ------------------------------------------------------------------------------------------------------------ tracking
 
-#: Two poles of one order count as one mode that was split in two when they are this alike.
+#: Minimum MAC of two poles of one order that are one mode split in two.
 SPLIT = 0.9
 
-#: Poles that lie further apart than so many times the sum of their deviations are no one pole.
-_APART = 3.0
+#: Poles further apart than this many times the sum of their standard deviations are different modes.
+_MIN_DISTANCE_DEVIATIONS = 3.0
 
-#: Parts of a resonance that shifts by its own width are up to three times as wide as each other. What is so many times as wide is no
-#: part of it but background of the same shape: it goes with the mode and says nothing of its decay, which it would outweigh.
-_WIDER = 5.0
+#: A pole with this many times the decay rate is merged without changing the decay rate: background of the same shape. Parts of a
+#: resonance that drifts by its own bandwidth differ by a factor of up to three.
+_MAX_DECAY_RATIO = 5.0
 
-#: Two poles of different orders agree: frequency within this fraction, and within this share of the half bandwidth ...
+#: Poles of different orders agree within this relative frequency difference, this fraction of the half bandwidth ...
 SAME_FREQUENCY, SAME_BANDWIDTH = 0.005, 0.25
-#: ... damping within this fraction, and MAC above this.
+#: ... this relative damping difference, and above this MAC.
 SAME_DAMPING, SAME_SHAPE = 0.25, 0.95
 
-#: A track may miss this many orders and go on.
+#: Maximum number of consecutive orders that a track may miss.
 GAP = 3
 
-#: Poles that cannot be the same mode.
-_NEVER = 1e6
+#: Cost of poles that cannot be one mode.
+_COST_OF_NO_PAIR = 1e6
 
 
-#: What poles have one of each.
-_FLAT = ("order", "pole", "shape", "participation", "own", "index")
+#: Fields of `Poles` with one entry a pole.
+_FIELDS_PER_POLE = ("order", "pole", "shape", "participation", "own", "index")
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,11 +97,13 @@ class Poles:
 
     def take(self, index: Array) -> Poles:
         """Return some of the poles."""
-        return replace(self, **{name: getattr(self, name)[index] for name in _FLAT})
+        return replace(self, **{name: getattr(self, name)[index] for name in _FIELDS_PER_POLE})
 
     def beside(self, others: Poles) -> Poles:
         """Return these poles and behind them others of the same orders."""
-        return Poles(self.orders, *(np.concatenate([getattr(p, name) for p in (self, others)]) for name in _FLAT))
+        return Poles(
+            self.orders, *(np.concatenate([getattr(p, name) for p in (self, others)]) for name in _FIELDS_PER_POLE)
+        )
 
 
 def merge_splits(poles: Poles, deviation: RealArray | None = None) -> Poles:
@@ -120,7 +122,7 @@ def merge_splits(poles: Poles, deviation: RealArray | None = None) -> Poles:
     `deviation`: rad/s: how well the data tell every pole of the diagram, by its index; NaN where that is not known.
     """
     kept = [_merged(poles.take(np.flatnonzero(poles.order == order)), deviation) for order in poles.orders]
-    return Poles(poles.orders, *(np.concatenate([getattr(k, name) for k in kept]) for name in _FLAT))
+    return Poles(poles.orders, *(np.concatenate([getattr(k, name) for k in kept]) for name in _FIELDS_PER_POLE))
 
 
 def _merged(poles: Poles, deviation: RealArray | None) -> Poles:
@@ -155,9 +157,11 @@ def _likeness(poles: Poles) -> RealArray:
 
 
 def _told_apart(poles: Poles, deviation: RealArray) -> Array:
-    """Return which pairs have unlike shapes and lie further apart than `_APART` times what both may be off, (p, p)."""
+    """Return which pairs have unlike shapes and lie further apart than `_MIN_DISTANCE_DEVIATIONS` times what both may be off, (p, p)."""
     off = deviation[:, None] + deviation
-    apart = np.abs(poles.pole[:, None] - poles.pole) > _APART * off  # never where a deviation is not known
+    apart = (
+        np.abs(poles.pole[:, None] - poles.pole) > _MIN_DISTANCE_DEVIATIONS * off
+    )  # never where a deviation is not known
     return np.asarray(apart & (mac(poles.shape.T) < SPLIT))
 
 
@@ -167,7 +171,7 @@ def _merge_two(poles: Poles, a: int, b: int) -> Poles:
     # energies are positive weights: the mean lies between the two and never extrapolates
     energy = [np.linalg.norm(r) ** 2 / abs(poles.pole[i].real) for r, i in ((first, a), (second, b))]
     decay = np.abs(poles.pole.real[[a, b]])
-    if decay.max() > _WIDER * decay.min():
+    if decay.max() > _MAX_DECAY_RATIO * decay.min():
         energy[int(np.argmin(energy))] = 0.0
     pole = (energy[0] * poles.pole[a] + energy[1] * poles.pole[b]) / sum(energy)
     U, s, Vt = np.linalg.svd(first + second, full_matrices=False)
@@ -203,7 +207,7 @@ def _compare(poles: Poles, new: Array, old: Array) -> tuple[Array, RealArray]:
     )
     near = (apart < np.clip(2 * wide, 0.001, 0.02)) & (alike > 0.5)
     cost = apart / np.clip(wide, 0.0005, 0.02) + damped + 4 * (1 - alike)
-    return agree, np.where(near, cost, _NEVER)
+    return agree, np.where(near, cost, _COST_OF_NO_PAIR)
 
 
 def tracks(poles: Poles) -> list[Array]:
@@ -218,9 +222,9 @@ def tracks(poles: Poles) -> list[Array]:
             last = np.array([t[-1] for t in live])
             _, cost = _compare(poles, new, last)
             missed = np.array([place[order] - place[int(n)] - 1 for n in poles.order[last]])
-            cost = np.where(cost < _NEVER, cost + 0.5 * missed, cost)
+            cost = np.where(cost < _COST_OF_NO_PAIR, cost + 0.5 * missed, cost)
             for a, b in zip(*assign(cost), strict=True):
-                if cost[a, b] < _NEVER:
+                if cost[a, b] < _COST_OF_NO_PAIR:
                     live[b].append(int(new[a]))
                     taken.add(int(a))
         found += [[int(i)] for a, i in enumerate(new) if a not in taken]

@@ -14,7 +14,7 @@ import numpy as np
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.functions.poles import frequencies_and_damping, overlap, poles_from
-from modalscope.identification.stabilize import usable_orders
+from modalscope.identification.orders import usable_orders
 from modalscope.judging.evidence import LEAST_PERSISTENCE, Candidate, Evidence, Own, judge, peaks
 from modalscope.judging.joint_selection import Outcome, gains_in_residual, select_jointly
 from modalscope.judging.selection_problem import MAX_DAMPING_OF_RESONANCES, SelectionProblem
@@ -30,20 +30,22 @@ from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 # ---------------------------------------------------------------------------------------------------------- objections
 # Reasons against a mode, in words.
 
-#: Deviations above this (half bandwidths, damping ratios) carry no information.
-_ANYWHERE = 10.0
+#: Standard deviations above this (half bandwidths, damping ratios) are not stated: they carry no information.
+_MAX_STATED_DEVIATION = 10.0
 
 
 def left_open(apart: float, damped: float) -> str:
     """Say how uncertain a mode is, in half-power half bandwidths and relative to its damping."""
-    if not (apart < _ANYWHERE and damped < _ANYWHERE):
-        return "frequency or damping undetermined: standard deviation of many half-power half bandwidths, or of many times the damping"
-    return f"uncertain: standard deviation of {apart:.2g} half-power half bandwidths in frequency, of {100 * damped:.2g} % in damping"
+    if not (apart < _MAX_STATED_DEVIATION and damped < _MAX_STATED_DEVIATION):
+        return "frequency or damping undetermined by the data"
+    return (
+        f"uncertain: frequency by {apart:.2g} half bandwidths, damping by {100 * damped:.2g} % (one standard deviation)"
+    )
 
 
 def rarely_shown(found: int, tried: int) -> str:
     """Say that few orders show a mode that does not exceed coloured errors."""
-    return f"shown at {found} of {tried} orders only, in data whose errors are no white noise"
+    return f"found at {found} of {tried} orders only, and errors are not white"
 
 
 def too_little(gain: float, bar: float, *, coloured: bool) -> str:
@@ -51,12 +53,8 @@ def too_little(gain: float, bar: float, *, coloured: bool) -> str:
 
     `gain`, `bar`: what it explains and what noise may, in standard deviations. `coloured`: errors were treated as coloured.
     """
-    text = (
-        f"beside the modes it explains {gain:.1f} standard deviations of the noise; noise alone may explain {bar:.1f}"
-    )
-    if gain > bar and coloured:
-        text += ", and more than that is needed here: it does not stand out of the errors of these data, which are no white noise"
-    return text
+    text = f"significance {gain:.1f} given the other modes; noise alone reaches {bar:.1f}"
+    return text + ". Errors are not white: more is required" if gain > bar and coloured else text
 
 
 # --------------------------------------------------------------------------------------------------------- one residue
@@ -87,18 +85,18 @@ def one_residue(response: Response, pole: complex, parts: ComplexArray, residues
 
 # ------------------------------------------------------------------------------------------------------------- verdict
 
-#: A mode is sure when frequency and damping are known to this part of the half bandwidth and of the damping ratio, and values of
-#: the diagram stand for it within this part of a half bandwidth.
-_SURE = 0.3
+#: Maximum standard deviation of frequency (half bandwidths) and damping (relative) of a mode, and maximum distance of a cluster from
+#: its refined pole (half bandwidths).
+_MAX_DEVIATION = 0.3
 
-#: Of coloured data, where a resonance that shifts draws a refinement away, within this part.
-_SHIFTED = 0.5
+#: Maximum distance of a cluster under coloured errors, where a drifting resonance biases the refinement, in half bandwidths.
+_MAX_DISTANCE_COLOURED = 0.5
 
-#: A group shows a mode when it lies within a half bandwidth, its damping within this part and its shape above this MAC.
-_DAMPING, _SHAPE = 0.5, 0.8
+#: A cluster shows a mode within a half bandwidth, this relative damping difference, and above this MAC.
+_MAX_DAMPING_DIFFERENCE, _MIN_MAC = 0.5, 0.8
 
-#: Of coloured data a mode is shown at this part of the orders.
-_SHARE = 0.25
+#: Minimum share of the orders that show a mode under coloured errors.
+_MIN_SHARE_OF_ORDERS = 0.25
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -151,7 +149,9 @@ class SelectionResult:
     def open(self) -> Array:
         """Which poles are uncertain, each taken alone."""
         f, zeta = frequencies_and_damping(self.refined_poles)
-        known = (self.found.frequency_std < _SURE * f * zeta) & (self.found.damping_std < _SURE * zeta)
+        known = (self.found.frequency_std < _MAX_DEVIATION * f * zeta) & (
+            self.found.damping_std < _MAX_DEVIATION * zeta
+        )
         return np.asarray(~known)
 
     def left_open(self, j: int, host: IntArray) -> tuple[float, float]:
@@ -186,7 +186,7 @@ def verdicts(trial: SelectionResult, groups: list[Array]) -> list[Candidate]:
         int(j): [c for c, mode in zip(known, shown, strict=True) if mode == j]
         for j in np.flatnonzero(host == np.arange(len(host)))
     }
-    least = _SHARE * len(trial.poles.orders)
+    least = _MIN_SHARE_OF_ORDERS * len(trial.poles.orders)
     few = {j: max((c.members.size for c in each), default=0) < least for j, each in mine.items()}
     weak = (trial.gain < trial.bar) & (trial.found.recount is not None)
     doubted = [j for j in mine if few[j] or weak[j]] if trial.selection.coloured else []
@@ -206,7 +206,7 @@ def _shown_by(trial: SelectionResult, groups: list[Array]) -> list[int]:
         g, eta = np.median(trial.poles.frequency[group]), np.median(trial.poles.damping[group])
         alike = np.median(mac(shapes, trial.poles.shape[group].T), axis=1) if len(modes) else np.zeros(0)
         apart = np.abs(f - g) / np.maximum(f * zeta, g * eta)
-        near = (apart < 1) & (np.abs(zeta - eta) < _DAMPING * np.maximum(zeta, eta)) & (alike > _SHAPE)
+        near = (apart < 1) & (np.abs(zeta - eta) < _MAX_DAMPING_DIFFERENCE * np.maximum(zeta, eta)) & (alike > _MIN_MAC)
         cost = np.where(near, apart + 1 - alike, np.inf)
         shown.append(int(np.argmin(cost)) if np.any(near) else -1)
     return shown
@@ -217,7 +217,7 @@ def _mode(
 ) -> Candidate:
     """Return a mode with its gain, and the reasons against it: uncertain values, or too few orders."""
     several = bool(np.any(np.delete(host, j) == j))
-    reach = _SHIFTED if trial.selection.coloured else _SURE
+    reach = _MAX_DISTANCE_COLOURED if trial.selection.coloured else _MAX_DEVIATION
     near = groups if several else [c for c in groups if _close(c, complex(trial.refined_poles[j]), reach)]
     best = max(near, key=lambda c: c.members.size) if near else _by_itself(trial, j, fit)
     f, zeta = (float(v) for v in frequencies_and_damping(trial.refined_poles[j]))
@@ -226,14 +226,14 @@ def _mode(
     gain = max(trial.gain[j], again * trial.bar if rare and again is not None and not hidden else 0.0)
     against = []
     if not low <= f <= high:
-        against.append(f"lies outside the band, at {f:.5g} Hz")
+        against.append(f"outside the band, at {f:.5g} Hz")
     if hidden:
         few_orders = rarely_shown(int(best.members.size), len(trial.poles.orders))
         against.append(few_orders if rare else too_little(gain, trial.bar, coloured=True))
     apart, damped = (deviation * trial.gain[j] / gain for deviation in trial.left_open(j, host))
     if zeta >= MAX_DAMPING_OF_RESONANCES and not groups:
-        against.append(f"damped by {100 * zeta:.2g} %, which no orders show: it may stand for modes outside the band")
-    if not (apart < _SURE and damped < _SURE):
+        against.append(f"damping {100 * zeta:.2g} %, not found in the diagram: may represent modes outside the band")
+    if not (apart < _MAX_DEVIATION and damped < _MAX_DEVIATION):
         against.append(left_open(apart, damped))
     undecided: dict[str, Any] = (
         {"late": True}
@@ -290,8 +290,8 @@ def _by_itself(trial: SelectionResult, j: int, fit: float) -> Candidate:
 
 def _part(trial: SelectionResult, j: int, host: Candidate, fit: float) -> Candidate:
     """Return a pole that is part of a stronger mode, or cannot be separated from it."""
-    shifts = "part of the mode at {:.5g} Hz: a resonance that shifts while it is measured needs several poles"
-    close = "one of a cluster with the mode at {:.5g} Hz: the data need both and cannot separate them"
+    shifts = "duplicate of {:.5g} Hz (frequency drifted during the measurement)"
+    close = "too close to {:.5g} Hz to separate; counted in its cluster"
     against = ((shifts if trial.selection.coloured else close).format(host.frequency),)
     part = _by_itself(trial, j, fit)
     return _with_gain(trial, replace(part, against=against, residue=trial.residue(part, np.array([j]))), trial.gain[j])
@@ -306,7 +306,9 @@ def _left(trial: SelectionResult, groups: list[Candidate]) -> list[Candidate]:
     """Return the groups that correspond to no mode, each once, with what they explain of the residual."""
     each: list[Candidate] = []
     for c in sorted(groups, key=lambda c: -c.members.size):
-        if not any(abs(c.frequency - k.frequency) < _SURE * k.frequency * max(k.damping, c.damping) for k in each):
+        if not any(
+            abs(c.frequency - k.frequency) < _MAX_DEVIATION * k.frequency * max(k.damping, c.damping) for k in each
+        ):
             each.append(c)
     if not each:
         return []
@@ -322,14 +324,14 @@ def _left(trial: SelectionResult, groups: list[Candidate]) -> list[Candidate]:
 # -------------------------------------------------------------------------------------------------------------- likely
 # Selection by likelihood: poles of the diagram are candidates of `select_jointly`; its outcome is assigned to groups of the diagram.
 
-#: A group of poles has so many orders, where there are as many.
-_LEAST_ORDERS = 3
+#: Minimum number of orders of a cluster of poles, where there are as many.
+_MIN_GROUP_ORDERS = 3
 
-#: Candidates lie further apart than this part of a half bandwidth, unless their shapes differ by this MAC; so many at most.
-_APART, _ALIKE, _MOST = 0.3, 0.95, 60
+#: Minimum distance of starting poles in half bandwidths, unless their MAC is below this; maximum number of them.
+_START_HALF_BANDWIDTHS, _SAME_START_MAC, _MAX_STARTS = 0.3, 0.95, 60
 
-#: Above this ratio of noise to data, fast least squares are accurate enough.
-_LOUD = 1e-4
+#: Above this ratio of noise to data, fast least squares (without orthogonalization) are accurate enough.
+_MIN_NOISE_RATIO = 1e-4
 
 
 def has_likelihood(diagram: StabilizationDiagram) -> bool:
@@ -387,13 +389,13 @@ def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> t
 def _groups(poles: Poles) -> list[Array]:
     """Return the poles that agree over orders, as many as a group needs."""
     agree = (consensus(poles, track) for track in tracks(poles))
-    return [group for group in agree if group.size >= min(_LEAST_ORDERS, len(poles.orders))]
+    return [group for group in agree if group.size >= min(_MIN_GROUP_ORDERS, len(poles.orders))]
 
 
 def _problem_of(response: Response, floor: Floor, steady: ComplexArray) -> SelectionProblem:
     """Pose the selection: divide the data by their noise; poles that do not oscillate are free in every channel."""
     levels = floor.levels
-    swift = bool(np.mean(floor.left**2) > _LOUD**2 * np.mean(np.abs(response.values) ** 2))
+    swift = bool(np.mean(floor.left**2) > _MIN_NOISE_RATIO**2 * np.mean(np.abs(response.values) ** 2))
     problem = whitened(
         response, steady, response.outside_powers, floor.rows, levels.outputs, levels.inputs, swift=swift
     )
@@ -418,7 +420,9 @@ def _starts(poles: Poles, groups: list[Array]) -> IntArray:
         middle = int(group[np.argmin(np.abs(s - np.median(s.real) - 1j * np.median(s.imag)))])
         near = np.abs(poles.pole[starts] - poles.pole[middle])
         half = np.maximum(-poles.pole[starts].real, -poles.pole[middle].real)
-        same = (near < _APART * half) & (mac(poles.shape[starts].T, poles.shape[[middle]].T)[:, 0] > _ALIKE)
+        same = (near < _START_HALF_BANDWIDTHS * half) & (
+            mac(poles.shape[starts].T, poles.shape[[middle]].T)[:, 0] > _SAME_START_MAC
+        )
         if not np.any(same):
             starts.append(middle)
-    return np.array(starts[:_MOST], dtype=int)
+    return np.array(starts[:_MAX_STARTS], dtype=int)

@@ -27,14 +27,14 @@ from modalscope.numerics.checks import ComplexArray, RealArray
 #
 # Source: P. Whittle, Arkiv foer Matematik 2, 1953.
 
-#: Cells a half bandwidth, at the distance of a half bandwidth; elsewhere they grow with the distance to the nearest pole.
-_CELLS = 6.0
+#: Cells a half bandwidth, at the distance of a half bandwidth; their width grows with the distance to the nearest pole.
+_CELLS_PER_HALF_BANDWIDTH = 6.0
 
-#: Powers of the background over the band.
-_POWERS = 3
+#: Number of powers of frequency of the background over the band.
+_BACKGROUND_POWERS = 3
 
-#: Initial background: this quantile of every channel's spectrum.
-_QUIET = 0.1
+#: Initial background: this quantile of the spectrum of every channel.
+_BACKGROUND_QUANTILE = 0.1
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -67,7 +67,9 @@ class Cells:
     def powers(self) -> RealArray:
         """1, x and x^2 of the background, (3, c)."""
         low, high = self.frequencies[[0, -1]]
-        return np.asarray((2 * (self.frequencies - low) / max(high - low, 1e-300) - 1) ** np.arange(_POWERS)[:, None])
+        return np.asarray(
+            (2 * (self.frequencies - low) / max(high - low, 1e-300) - 1) ** np.arange(_BACKGROUND_POWERS)[:, None]
+        )
 
 
 class Driven(NamedTuple):
@@ -118,7 +120,7 @@ def cells_of(record: Signals, poles: ComplexArray, band: tuple[float, float]) ->
     starts = [first]
     while starts[-1] < last:
         near = float(np.min(np.hypot(x[starts[-1]] - centre, half)))
-        starts.append(starts[-1] + max(int(near / _CELLS * count / record.sampling_rate), 1))
+        starts.append(starts[-1] + max(int(near / _CELLS_PER_HALF_BANDWIDTH * count / record.sampling_rate), 1))
     at = np.array(starts[:-1]) - first
     inside, own = lines[first : starts[-1]], x[first : starts[-1]]
     counts = np.diff(np.append(at, len(own))).astype(float)
@@ -130,7 +132,7 @@ def cells_of(record: Signals, poles: ComplexArray, band: tuple[float, float]) ->
 
 def unknowns(modes: int, outputs: int) -> int:
     """Return how many real unknowns a record has with so many modes: poles, shapes, drives and background."""
-    return 2 * modes + 4 * modes * outputs + _POWERS * outputs**2
+    return 2 * modes + 4 * modes * outputs + _BACKGROUND_POWERS * outputs**2
 
 
 def begun(cells: Cells, poles: ComplexArray) -> Driven:
@@ -146,8 +148,8 @@ def begun(cells: Cells, poles: ComplexArray) -> Driven:
         shapes[:, j] = vectors[:, -1]
         size = values[-1] / np.average(peaks[near, j], weights=cells.counts[near])
         drives[j] = 0.5 * size * vectors[:, -1].conj()
-    background = np.zeros((_POWERS, outputs, outputs), complex)
-    background[0] = np.diag(np.quantile(np.einsum("caa->ca", cells.values).real, _QUIET, axis=0))
+    background = np.zeros((_BACKGROUND_POWERS, outputs, outputs), complex)
+    background[0] = np.diag(np.quantile(np.einsum("caa->ca", cells.values).real, _BACKGROUND_QUANTILE, axis=0))
     return Driven(shapes, drives, background)
 
 
@@ -217,9 +219,9 @@ def moved(own: Driven, step: RealArray) -> Driven:
     l, n = own.shapes.shape
     sides = step[: 4 * n * l].reshape(2, n, l, 2)
     change = sides[..., 0] + 1j * sides[..., 1]
-    smooth = step[4 * n * l :].reshape(_POWERS, l * l)
+    smooth = step[4 * n * l :].reshape(_BACKGROUND_POWERS, l * l)
     upper = [(a, b) for a in range(l) for b in range(a, l)]
-    half = np.zeros((_POWERS, l, l), complex)
+    half = np.zeros((_BACKGROUND_POWERS, l, l), complex)
     for k, (a, b) in enumerate(upper):
         half[:, a, b] += smooth[:, k]
     for k, (a, b) in enumerate([(a, b) for a, b in upper if a != b], len(upper)):
@@ -230,19 +232,19 @@ def moved(own: Driven, step: RealArray) -> Driven:
 
 # ------------------------------------------------------------------------------------------------------------- scoring
 
-#: Steps of scoring at most, first steps of each record alone with fixed poles, and the fall of -log p that ends them.
-_STEPS, _ALONE, _DONE = 20, 6, 1e-3
+#: Maximum number of scoring steps, of first steps of each record with fixed poles, and the decrease of -log p a record that ends them.
+_MAX_STEPS, _STEPS_WITH_FIXED_POLES, _MIN_FALL = 20, 6, 1e-3
 
-#: Initial damping, its factors after a whole step and after none, and its limit.
-_FIRST, _EASE, _STIFFEN, _STUCK = 1e-2, 1 / 6, 8.0, 1e6
+#: Levenberg-Marquardt damping: initial value, factors after a full step and after a failed one, and limit.
+_INITIAL_DAMPING, _DAMPING_DECREASE, _DAMPING_INCREASE, _MAX_DAMPING = 1e-2, 1 / 6, 8.0, 1e6
 
 #: Converged when the squared step, in standard deviations of the poles, is below this.
-_CONVERGED = 0.01
+_MAX_SQUARED_STEP = 0.01
 
-#: Halvings of a step at most: S may not be positive definite beyond some part of it.
-_HALVED = 10
+#: Maximum number of halvings of a step: S must remain positive definite.
+_MAX_HALVINGS = 10
 
-#: Of the information: shape and drive share a factor, of which nothing is known.
+#: Relative ridge on the information: shape and drive share an undetermined factor.
 _RIDGE = 1e-9
 
 
@@ -289,7 +291,9 @@ def scored(records: Sequence[Cells], poles: ComplexArray) -> Scored:
     informations, scores = np.array([e.information for e in last]), np.array([e.score for e in last])
     score = scores.sum(axis=0)
     left = score @ np.linalg.lstsq(informations.sum(axis=0), score, rcond=None)[0]
-    return Scored(found, informations, scores, float(np.mean([each.misfit for each in built])), bool(left < _CONVERGED))
+    return Scored(
+        found, informations, scores, float(np.mean([each.misfit for each in built])), bool(left < _MAX_SQUARED_STEP)
+    )
 
 
 def covariance(found: Scored) -> RealArray:
@@ -301,21 +305,21 @@ def _descended(
     records: Sequence[Cells], poles: ComplexArray, parts: list[Driven], *, fixed: bool
 ) -> tuple[ComplexArray, list[Driven]]:
     """Return poles and parts at the end of scoring, with poles fixed if asked."""
-    cost, damping = _total(records, poles, parts), _FIRST
-    for _ in range(_ALONE if fixed else _STEPS):
+    cost, damping = _total(records, poles, parts), _INITIAL_DAMPING
+    for _ in range(_STEPS_WITH_FIXED_POLES if fixed else _MAX_STEPS):
         built = [equations(cells, poles, own) for cells, own in zip(records, parts, strict=True)]
         while True:
             each = [_eliminated(one, len(poles), damping) for one in built]
             whole = np.zeros(2 * len(poles)) if fixed else _step(each, damping)
             part, there, tried, new = _halved(records, poles, parts, each, whole, cost)
-            if new < cost or damping > _STUCK:
+            if new < cost or damping > _MAX_DAMPING:
                 break
-            damping *= _STIFFEN
+            damping *= _DAMPING_INCREASE
         if not new < cost:
             break
-        done = cost - new < _DONE * len(records)
+        done = cost - new < _MIN_FALL * len(records)
         poles, parts, cost = there, tried, new
-        damping *= _EASE if part == 1 else 1
+        damping *= _DAMPING_DECREASE if part == 1 else 1
         if done:
             break
     return poles, parts
@@ -330,7 +334,7 @@ def _halved(
     cost: float,
 ) -> tuple[float, ComplexArray, list[Driven], float]:
     """Return the largest part of a step, of its halves, that lowers -log p, where it leads, and -log p there."""
-    for part in 0.5 ** np.arange(_HALVED):
+    for part in 0.5 ** np.arange(_MAX_HALVINGS):
         step = part * whole
         there = poles + step[::2] + 1j * step[1::2]
         tried = [moved(own, part * (one.own - one.follows @ whole)) for own, one in zip(parts, each, strict=True)]

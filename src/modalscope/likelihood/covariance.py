@@ -13,8 +13,8 @@ from modalscope.blocks.triple import Eigen, Triple
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.realizations.realization import Realization
 
-#: A direction is determined by one part alone where the others keep less than this share of the information.
-_ALONE = 1e-6
+#: A direction is determined by one part alone where the others have less than this share of the information.
+_MIN_SHARE_OF_INFORMATION = 1e-6
 
 
 def deviations_of_poles(poles: Array, blocks: Array) -> tuple[RealArray, RealArray]:
@@ -89,7 +89,7 @@ def _freed(score: RealArray, information: RealArray, inverse: RealArray) -> Real
     """Return (I - H C)^-1 S of a part; zero along directions that it alone determines."""
     size = np.sqrt(np.maximum(np.diag(inverse), 1e-300))
     left = np.eye(len(score)) - information * size * size[:, None] @ (inverse / size / size[:, None])
-    return np.asarray((np.linalg.pinv(left, rcond=_ALONE) @ (score * size)) / size)
+    return np.asarray((np.linalg.pinv(left, rcond=_MIN_SHARE_OF_INFORMATION) @ (score * size)) / size)
 
 
 def shape_deviations(shape: ComplexArray, alone: RealArray, moved: ComplexArray, covariance: RealArray) -> RealArray:
@@ -111,14 +111,14 @@ def shape_deviations(shape: ComplexArray, alone: RealArray, moved: ComplexArray,
 # ----------------------------------------------------------------------------------------------------------- influence
 # The gradient of continuous poles by the response, for any row of the table.
 
-#: Relative step by which the map to continuous poles is differenced: it is analytic, along the ray of the pole.
-_STEP = 1e-6
+#: Relative step of the finite difference of the map to continuous poles, along the ray of the pole: the map is analytic.
+_RELATIVE_STEP = 1e-6
 
 
 def slope_to_s(matrix: DataMatrix, values: ComplexArray) -> ComplexArray:
     """Return ds/dx of the map from the plane of a data matrix to rad/s, (k,)."""
-    ahead, behind = (matrix.to_s(values * (1 + sign * _STEP)) for sign in (1, -1))
-    return np.asarray((ahead - behind) / (2 * _STEP * values))
+    ahead, behind = (matrix.to_s(values * (1 + sign * _RELATIVE_STEP)) for sign in (1, -1))
+    return np.asarray((ahead - behind) / (2 * _RELATIVE_STEP * values))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -191,21 +191,22 @@ def correlated(columns: ComplexArray, grid: RealArray, window: float) -> Complex
 
 # ------------------------------------------------------------------------------------------------------------- descent
 
-#: Longest step of a pole, in its distance to the axes: beyond that the linear model may be wrong.
-_LONGEST = 0.9
+#: Maximum step of a pole relative to its distance to the axes: beyond it the linear model may be wrong.
+_MAX_STEP = 0.9
 
 #: Relative residual at rounding.
 _ROUNDING = 1e-14
 
-#: A decisive misfit farther than so many predicted reductions is out of reach.
-_HOPED = 300.0
+#: A decisive misfit further away than this many predicted reductions is out of reach.
+_MAX_PROMISES = 300.0
 
-#: Columns of J of length one that stand so far out of the span of those before them: their products have digits enough.
-_WELL_APART = 1e-4
+#: Minimum pivot of the unit columns of J for normal equations.
+_MIN_PIVOT = 1e-4
 
-#: Initial, least and largest damping; its least factor after a good step, and its growing factor after a failed one.
-_FIRST, _LEAST, _MOST = 1e-3, 1e-15, 1e10
-_LESS, _MORE = 1 / 3, 2.0
+#: Levenberg-Marquardt damping: initial, least and largest value; least factor after a good step, and first factor after a failed one
+#: (Nielsen 1999).
+_INITIAL_DAMPING, _MIN_DAMPING, _MAX_DAMPING = 1e-3, 1e-15, 1e10
+_MIN_DECREASE, _INCREASE = 1 / 3, 2.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -247,26 +248,26 @@ def descend(
     point = problem.at(poles, sides)
     fitted = point.fitted()
     cost, size = point.cost(fitted), float(np.vdot(problem.data, problem.data))
-    damping, kept = _FIRST, np.arange(len(poles))
+    damping, kept = _INITIAL_DAMPING, np.arange(len(poles))
     for iteration in range(most):
         if progress is not None:
             progress(iteration, most)
         step = _Step(*normal(point, fitted))
-        decided = decisive is not None and not decisive <= cost <= decisive + _HOPED * step.promised
+        decided = decisive is not None and not decisive <= cost <= decisive + _MAX_PROMISES * step.promised
         if decided or step.promised <= tolerance * cost or cost <= _ROUNDING**2 * size:
             return Descent(point, fitted, cost, True, "", iteration, kept)
-        more = _MORE
+        more = _INCREASE
         while True:
             moved = _held(step.damped(damping), point, problem.light.sampling_rate)
             trial = problem.at(*point.moved(moved))
             found = trial.fitted()
             lower = trial.cost(found)
             if lower < cost:
-                damping = max(damping * _lessening(cost - lower, step.fall(moved)), _LEAST)
+                damping = max(damping * _lessening(cost - lower, step.fall(moved)), _MIN_DAMPING)
                 point, fitted, cost = trial, found, lower
                 break
-            damping, more = damping * more, more * _MORE
-            if damping > _MOST:
+            damping, more = damping * more, more * _INCREASE
+            if damping > _MAX_DAMPING:
                 steep = step.promised > 1e-8 * cost
                 why = "no step lowers the misfit" if steep else ""
                 return Descent(point, fitted, cost, not steep, why, iteration, kept)
@@ -274,7 +275,7 @@ def descend(
         if remain is not None and not np.all(remain):
             point = problem.at(point.poles[remain], point.sides[remain])
             fitted = point.fitted()
-            cost, damping, kept = point.cost(fitted), _FIRST, kept[remain]
+            cost, damping, kept = point.cost(fitted), _INITIAL_DAMPING, kept[remain]
     return Descent(point, fitted, cost, False, f"{most} iterations were not enough", most, kept)
 
 
@@ -288,7 +289,7 @@ class _Step:
         self.scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
         self.whole, self.slope = information / np.outer(self.scale, self.scale), slope / self.scale
         triangle, failed = dpotrf(self.whole, lower=True)
-        self.apart = not failed and bool(np.diag(triangle).min(initial=1.0) > _WELL_APART)
+        self.apart = not failed and bool(np.diag(triangle).min(initial=1.0) > _MIN_PIVOT)
         if self.apart:
             there = sla.solve_triangular(triangle, self.slope, lower=True, check_finite=False)
             self.promised = float(there @ there)
@@ -316,7 +317,7 @@ class _Step:
 def _lessening(fall: float, promised: float) -> float:
     """Return Nielsen's factor of the damping after a step: one at half the predicted reduction, two at none."""
     held = min(fall / promised, 1.0) if promised > 0 else 1.0
-    return max(_LESS, 1 - (2 * held - 1) ** 3)
+    return max(_MIN_DECREASE, 1 - (2 * held - 1) ** 3)
 
 
 def _held(step: ComplexArray, point: Point, rate: float | None) -> ComplexArray:
@@ -326,7 +327,7 @@ def _held(step: ComplexArray, point: Point, rate: float | None) -> ComplexArray:
     room = np.minimum(-poles.real, poles.imag)
     if rate is not None:
         room = np.minimum(room, np.maximum(np.pi * rate - poles.imag, 1e-3 * room))
-    step[:, 0] *= np.minimum(1, _LONGEST * room / np.maximum(np.abs(step[:, 0]), 1e-300))
+    step[:, 0] *= np.minimum(1, _MAX_STEP * room / np.maximum(np.abs(step[:, 0]), 1e-300))
     turned = np.linalg.norm(step[:, 1:], axis=1)
     step[:, 1:] *= np.minimum(1, 0.5 / np.maximum(turned, 1e-300))[:, None]
     return step

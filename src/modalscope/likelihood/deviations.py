@@ -41,18 +41,18 @@ def residual_variance(energy: Array, free: float, is_complex: bool) -> RealArray
 
 # ---------------------------------------------------------------------------------------------------------- deviations
 
-#: Lines that one stands for at most: a power of two.
-_MOST = 8
+#: Maximum number of lines that one represents: a power of two.
+_MAX_LINES_PER_POINT = 8
 
-#: A line may stand for so many that their span is this share of the distance to the nearest pole ...
-_NEAR = 3
+#: One line represents several where their span is this fraction (one in so many) of the distance to the nearest pole ...
+_POLE_DISTANCES = 3
 
-#: ... and that so many of them lie within every half wave of the polynomials of the rows.
-_WAVE = 8
+#: ... and this many of them lie within every half wave of the polynomials of the rows.
+_LINES_PER_HALF_WAVE = 8
 
 
-#: Poles times samples times channels of a side that are taken together: more of them need memory that is given back each time.
-_TOGETHER = 100_000
+#: Maximum product of poles, samples and channels computed at a time: larger temporary arrays are slower.
+_BLOCK_NUMBERS = 100_000
 
 
 class Deviations(NamedTuple):
@@ -106,7 +106,7 @@ def _groups(some: Sequence[_Some], response: Response) -> list[list[_Some]]:
     for one in some:
         more = one[0].which.size * each
         size = size + more if response.grid is None else np.inf
-        if size > _TOGETHER:
+        if size > _BLOCK_NUMBERS:
             groups, size = [*groups, []], more
         groups[-1].append(one)
     return groups
@@ -163,10 +163,14 @@ def lines_for_all(response: Response, poles: Array, degree: int) -> Lines | None
         )
     step, count = np.gradient(grid), grid.size
     nearest = np.min(np.abs(2j * np.pi * grid[:, None] - poles), axis=1, initial=np.inf) / (2 * np.pi)
-    spanned = nearest / (_NEAR * step)
+    spanned = nearest / (_POLE_DISTANCES * step)
     each, left = np.ones(count), np.ones(count, bool)
-    most = min(_MOST, count // (_WAVE * max(degree, 1)))
-    for size in (_MOST >> k for k in range(_MOST.bit_length() - 1) if _MOST >> k <= most):
+    most = min(_MAX_LINES_PER_POINT, count // (_LINES_PER_HALF_WAVE * max(degree, 1)))
+    for size in (
+        _MAX_LINES_PER_POINT >> k
+        for k in range(_MAX_LINES_PER_POINT.bit_length() - 1)
+        if _MAX_LINES_PER_POINT >> k <= most
+    ):
         blocks = count // size
         free = (left & (spanned >= size))[: blocks * size].reshape(blocks, size).all(axis=1)
         starts = np.flatnonzero(free) * size

@@ -21,14 +21,14 @@ from modalscope.likelihood.matched import Peak, strongest_driven
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.orthonormal import scaled_span, triangle_of
 
-#: Numbers in the columns of the rows that are taken at a time: 2 MB.
-_NUMBERS = 1 << 18
+#: Count of numbers in the columns of the rows that are computed at a time: 2 MB.
+_BLOCK_NUMBERS = 1 << 18
 
-#: Length that a column keeps beside those before it where a Gram matrix is enough: what is left of the data decides the last steps.
-_OWN = 1e-3
+#: Minimum length of a unit column after projection on those before it, for a Gram matrix to be accurate enough.
+_MIN_COLUMN_REMAINDER = 1e-3
 
-#: Singular values below this part of the largest are rounding.
-_RANK = 1e-11
+#: Singular values below this fraction of the largest are rounding.
+_ROUNDING = 1e-11
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -64,7 +64,7 @@ class DrivenWhitened(Whitened):
             for rows, columns in self.columns_of(poles, sides, slopes=slopes):
                 yield np.hstack([self.terms[rows], columns, flat[rows]])
 
-        R = triangle_of(chunks, t + width + flat.shape[1], _OWN)
+        R = triangle_of(chunks, t + width + flat.shape[1], _MIN_COLUMN_REMAINDER)
         own = R[t : t + width, t : t + width]
         beyond = np.sum(R[t + width :, t + width :] ** 2, axis=0)
         Z, taken = R[t : t + width, t + width :], R[:t, :t].T @ R[:t, t : t + width]
@@ -78,7 +78,7 @@ class DrivenWhitened(Whitened):
         n, p = sides.shape
         where, chain, count = self.light.in_plane(poles), self.light.chain(poles), len(self.lines.points)
         width = 2 * n * (1 + p if slopes else 1)
-        step = max(_NUMBERS // (2 * width), 1)
+        step = max(_BLOCK_NUMBERS // (2 * width), 1)
         for start in range(0, count, step):
             s = slice(start, min(start + step, count))
             lines = DrivenLines(self.lines.points[s], self.lines.drives[s], self.lines.inputs)
@@ -111,7 +111,7 @@ class DrivenPoint(Point):
         taken, R = self.basis
         assert R is not None
         size = np.maximum(np.linalg.norm(R, axis=0), 1e-300)
-        weights = sla.lstsq(R / size, coefficients, cond=_RANK, check_finite=False)[0] / size[:, None]
+        weights = sla.lstsq(R / size, coefficients, cond=_ROUNDING, check_finite=False)[0] / size[:, None]
         problem, slopes = self.problem, self.derived.shape[1] > 0
         assert isinstance(problem, DrivenWhitened)
         found = np.empty((len(problem.rows), coefficients.shape[1]))
@@ -148,7 +148,7 @@ def whitened_records(
     terms = scaled_span(terms)
     flat /= rows[:, None]
     flat /= outputs
-    seen, step = terms.T @ flat, max(_NUMBERS // flat.shape[1], 1)
+    seen, step = terms.T @ flat, max(_BLOCK_NUMBERS // flat.shape[1], 1)
     for first in range(0, len(flat), step):  # of long records each copy is large
         flat[first : first + step] -= terms[first : first + step] @ seen
     lines = records.lines

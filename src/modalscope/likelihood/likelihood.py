@@ -23,11 +23,11 @@ from modalscope.likelihood.matched import Peak, strongest_peaks
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.orthonormal import scaled_span, spanning
 
-#: Singular values below this part of the largest are rounding: exactly repeated poles leave nothing of their own.
-_RANK = 1e-11
+#: Singular values below this fraction of the largest are rounding, as of exactly repeated poles.
+_ROUNDING = 1e-11
 
-#: Columns are made without the terms first where one keeps less than this part of its square beside them: digits would be lost.
-_OWN = 1e-2
+#: Orthogonalize against the terms first if they hold more than 99 % of the energy of a column: cancellation.
+_MIN_REMAINDER = 1e-2
 
 #: Orthogonal columns P W as (P, W), or P alone: a step does not need their product.
 _Span = tuple[RealArray, RealArray | None]
@@ -139,7 +139,7 @@ def _by_products(
     gram, seen = columns.T @ columns, terms.T @ columns
     whole = np.diag(gram).copy()
     gram -= seen.T @ seen
-    if np.any(np.diag(gram) < _OWN * whole):
+    if np.any(np.diag(gram) < _MIN_REMAINDER * whole):
         columns = _less_terms(columns, terms)
         gram = columns.T @ columns
     W, R = spanning(gram)
@@ -246,7 +246,7 @@ class Point:
         psi = np.stack([columns.real, -columns.imag], axis=2).reshape(len(columns), 2 * n)  # Re(x g b), Re(j y g b)
         size = np.maximum(np.linalg.norm(psi, axis=0), 1e-300)
         U, d, Vt = sla.svd(psi / size, full_matrices=False, check_finite=False)
-        rank = int(np.count_nonzero(d > _RANK * d[0])) if d.size else 0
+        rank = int(np.count_nonzero(d > _ROUNDING * d[0])) if d.size else 0
         U, back = U[:, :rank], Vt[:rank].T / d[:rank] / size[:, None]
         target = self.data.transpose(0, 2, 1).reshape(-1, q)
         part = U.T @ target

@@ -13,24 +13,24 @@ from modalscope.functions.poles import QUANTITIES
 from modalscope.numerics.checks import BoolArray, ComplexArray, IntArray, RealArray
 from modalscope.preprocess.spectra import Spectrum
 
-#: A shape is estimated from the lines within so many half bandwidths; the noise beside it from those between these.
-_REACH, _BESIDE = 6.0, (1.5, 5.0)
+#: A shape is estimated from the lines within this many half bandwidths; the noise from those in this range of half bandwidths.
+_SHAPE_HALF_BANDWIDTHS, _NOISE_HALF_BANDWIDTHS = 6.0, (1.5, 5.0)
 
-#: A shape is left as it was where all other modes have less than this part of its own power at its frequency: forces that are
-#: correlated, which the model has not, would change it more.
-_OVERLAID = 0.2
+#: A shape is kept where all other modes together have less than this fraction of its power at its frequency: correlated forces, which
+#: the model lacks, would change it more.
+_MIN_OVERLAP = 0.2
 
 #: Rounds over all modes, and steps of expectation and maximization for each.
-_ROUNDS, _STEPS = 2, 10
+_ROUNDS, _STEPS_PER_MODE = 2, 10
 
-#: Lines of a mode that are used at most, evenly spread, and at least.
-_MOST, _FEWEST = 1000, 8
+#: Maximum number of lines of a mode, evenly spread, and minimum.
+_MAX_LINES, _MIN_LINES = 1000, 8
 
-#: Noise of a channel relative to its level beside the mode, at least: channels may depend on each other.
-_LEAST_NOISE = 1e-8
+#: Minimum noise of a channel relative to its level next to the mode: channels may be linearly dependent.
+_MIN_NOISE = 1e-8
 
-#: Power of a mode at the start, at least, as a part of what its lines have in its shape.
-_LEAST_POWER = 0.05
+#: Minimum initial power of a mode, relative to the power of its lines in its shape.
+_MIN_POWER = 0.05
 
 
 class _Lines(NamedTuple):
@@ -98,7 +98,7 @@ def _with_power(lines: _Lines, modes: ModalModel, shapes: ComplexArray) -> RealA
             continue
         v = 1 / np.einsum("a,fab,b->f", real[:, j], near.inverse, real[:, j])
         power = np.mean(np.abs(v * (near.weighted @ real[:, j])) ** 2, axis=0)
-        excess = max(float(np.sum(power - v)), _LEAST_POWER * float(np.sum(power)))
+        excess = max(float(np.sum(power - v)), _MIN_POWER * float(np.sum(power)))
         found[:, j] = real[:, j] * np.sqrt(excess / max(float(np.sum(lines.powers[j, near.own])), 1e-300))
     return np.asarray(found)
 
@@ -109,14 +109,14 @@ def _overlaid(lines: _Lines, modes: ModalModel, shapes: RealArray) -> BoolArray:
     at = np.clip(np.searchsorted(lines.frequencies, modes.frequencies), 0, len(lines.frequencies) - 1)
     there = power[:, None] * lines.powers[:, at]
     own = np.diag(there).copy()
-    return np.asarray(there.sum(axis=0) - own >= _OVERLAID * own)
+    return np.asarray(there.sum(axis=0) - own >= _MIN_OVERLAP * own)
 
 
 def _within(lines: _Lines, f: float, near: float, far: float) -> IntArray:
     """Return the lines between two distances of a frequency on both sides, evenly spread where they are many."""
     away = np.abs(lines.frequencies - f)
     found = np.flatnonzero((away <= far) & (away >= near))
-    return found[:: -(-found.size // _MOST)] if found.size else found
+    return found[:: -(-found.size // _MAX_LINES)] if found.size else found
 
 
 class _Near(NamedTuple):
@@ -131,8 +131,11 @@ def _near(lines: _Lines, modes: ModalModel, shapes: RealArray, j: int) -> _Near 
     """Return the lines of a mode given all others; None where they are too few."""
     f, outputs = float(modes.frequencies[j]), len(shapes)
     half = max(f * float(modes.damping_ratios[j]), 2 * float(lines.frequencies[1] - lines.frequencies[0]))
-    own, beside = _within(lines, f, 0.0, _REACH * half), _within(lines, f, _BESIDE[0] * half, _BESIDE[1] * half)
-    if len(lines.Y) * min(own.size, beside.size) < max(_FEWEST, 2 * outputs):
+    own, beside = (
+        _within(lines, f, 0.0, _SHAPE_HALF_BANDWIDTHS * half),
+        _within(lines, f, _NOISE_HALF_BANDWIDTHS[0] * half, _NOISE_HALF_BANDWIDTHS[1] * half),
+    )
+    if len(lines.Y) * min(own.size, beside.size) < max(_MIN_LINES, 2 * outputs):
         return None
     inverse = _inverse_of_others(lines, shapes, j, own, _noise(lines.Y[:, beside].reshape(-1, outputs)))
     return _Near(own, inverse, np.einsum("fab,rfb->rfa", inverse, lines.Y[:, own]))
@@ -144,7 +147,7 @@ def _estimated(lines: _Lines, modes: ModalModel, shapes: RealArray, j: int) -> R
     if near is None or not np.any(phi):
         return phi
     runs, P = len(lines.Y), lines.powers[j, near.own]
-    for _ in range(_STEPS):
+    for _ in range(_STEPS_PER_MODE):
         v = 1 / np.einsum("a,fab,b->f", phi, near.inverse, phi)
         share = P / (P + v)
         m = share * v * (near.weighted @ phi)
@@ -159,7 +162,7 @@ def _noise(Y: ComplexArray) -> RealArray:
     S = (Y.T @ Y.conj()).real / len(Y)
     level = np.maximum(np.diag(S), 1e-300)
     smallest = float(np.linalg.eigvalsh(S / np.sqrt(np.outer(level, level)))[0])
-    return np.asarray(level * max(smallest, _LEAST_NOISE))
+    return np.asarray(level * max(smallest, _MIN_NOISE))
 
 
 def _inverse_of_others(lines: _Lines, shapes: RealArray, j: int, own: IntArray, noise: RealArray) -> RealArray:

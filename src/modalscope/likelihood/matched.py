@@ -51,20 +51,21 @@ def line_filters(frequencies: RealArray, rate: float | None, poles: Array) -> tu
 
 # ------------------------------------------------------------------------------------------------------------- matched
 
-#: Damping ratios of the grid: neighbours lose less than a tenth of the gain between them.
-_RATIOS = (0.001, 0.003, 0.007, 0.015, 0.03, 0.06)
+#: Damping ratios of the grid: a mode between two of them loses less than a tenth of its likelihood ratio.
+_DAMPING_RATIOS = (0.001, 0.003, 0.007, 0.015, 0.03, 0.06)
 
-#: Peaks that are found together lie so many sums of their half bandwidths apart: nearer ones may be one.
-_APART = 4.0
+#: Minimum distance of peaks found together, in sums of their half bandwidths: nearer ones may be one.
+_MIN_PEAK_DISTANCE = 4.0
 
-#: Poles whose lines are cut out together, lines so many half bandwidths to either side: beyond lie 2 % of the whole; so many at least.
-_TOGETHER, REACH, _FEW = 32, 30.0, 8
+#: Poles whose lines are taken together; lines within this many half bandwidths, beyond which lie 2 % of the whole; minimum number of
+#: lines.
+_POLES_TOGETHER, REACH, _MIN_LINES = 32, 30.0, 8
 
-#: Samples to this part of the first, far below rounding, tell nothing: rows are divided by no less than 1e-7 of each other.
-_FADED = 1e-25
+#: Samples below this level relative to the first are ignored; rows are divided by levels of at least 1e-7 of each other.
+_MIN_RELATIVE_SAMPLE = 1e-25
 
-#: Numbers held at a time, and numbers of a function of some poles: what lies in between stays in the cache.
-_HELD, _AT_A_TIME = 1 << 23, 48_000
+#: Maximum count of numbers stored at a time, and of a function of some poles, so that it stays in the cache.
+_MAX_STORED_NUMBERS, _CACHE_NUMBERS = 1 << 23, 48_000
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -113,7 +114,7 @@ def apart(grid: ComplexArray, gain: RealArray, least: float, most: int) -> list[
     gain, found = gain.copy(), list[int]()
     while len(found) < most and gain.size and gain[best := int(np.argmax(gain))] >= max(least, 1e-300):
         found.append(best)
-        gain[np.abs(grid - grid[best]) < _APART * np.abs(grid.real + grid[best].real)] = 0
+        gain[np.abs(grid - grid[best]) < _MIN_PEAK_DISTANCE * np.abs(grid.real + grid[best].real)] = 0
     return found
 
 
@@ -164,10 +165,10 @@ def _side_by_side(
     Neighbours of one damping share their lines; r are real and imaginary parts, or samples alone.
     """
     order = np.argsort(-poles.real / np.abs(poles), kind="stable")
-    few = min(_TOGETHER, max(1, _HELD // (2 * count)))
+    few = min(_POLES_TOGETHER, max(1, _MAX_STORED_NUMBERS // (2 * count)))
     for near in (order[first : first + few] for first in range(0, poles.size, few)):
         used = _near(response, poles[near], count)
-        step = max(_AT_A_TIME // (used.stop - used.start), 1)
+        step = max(_CACHE_NUMBERS // (used.stop - used.start), 1)
         for some in (near[first : first + step] for first in range(0, near.size, step)):
             yield some, used, *_filters(response, poles[some], used)
 
@@ -193,11 +194,11 @@ def _near(response: Response, poles: Array, rows: int) -> slice:
     lines, f, half = response.grid, np.abs(poles.imag) / (2 * np.pi), REACH * np.max(-poles.real) / (2 * np.pi)
     if lines is None:
         rate, slowest = response.sampling_rate, float(np.min(-poles.real))
-        last = rows if rate is None or slowest <= 0 else np.log(_FADED) / -slowest * rate
-        return slice(0, int(min(max(last, _FEW), rows)))
-    half = max(half, _FEW * line_step(response))
+        last = rows if rate is None or slowest <= 0 else np.log(_MIN_RELATIVE_SAMPLE) / -slowest * rate
+        return slice(0, int(min(max(last, _MIN_LINES), rows)))
+    half = max(half, _MIN_LINES * line_step(response))
     low, high = np.searchsorted(lines, [f.min() - half, f.max() + half])
-    return slice(min(low, max(lines.size - _FEW, 0)), max(high, min(_FEW, lines.size)))
+    return slice(min(low, max(lines.size - _MIN_LINES, 0)), max(high, min(_MIN_LINES, lines.size)))
 
 
 def grid_of(response: Response) -> ComplexArray:
@@ -206,7 +207,7 @@ def grid_of(response: Response) -> ComplexArray:
     low = max(low, high / 1000)
     lines = response.grid if response.grid is not None else np.linspace(low, high, max(response.count // 2, 2))
     found = []
-    for ratio in _RATIOS:
+    for ratio in _DAMPING_RATIOS:
         even = low * (1 + ratio) ** np.arange(int(np.log(high / low) / np.log1p(ratio)) + 1)
         places = even if even.size < lines.size else lines[lines > 0]
         found.append(poles_from(places, np.full(places.size, ratio)))
@@ -219,11 +220,11 @@ def grid_of(response: Response) -> ComplexArray:
 # With a_i = d_i / (x - p) for every drive i and E the residual, H = a^H a = L L^H and g = a^H E: a mode of shape c under b lowers
 # the squared misfit by the square of the largest singular value of L^-1 g, and b and c are its vectors.
 
-#: Poles whose lines are cut out together; so many lines at least; numbers held at a time.
-_POLES_TOGETHER, _FEW_IN_RECORDS, _HELD_IN_RECORDS = 32, 16, 1 << 22
+#: Poles whose lines of records are taken together, minimum number of these lines, and numbers stored at a time.
+_RECORD_POLES_TOGETHER, _MIN_RECORD_LINES, _MAX_RECORD_NUMBERS = 32, 16, 1 << 22
 
-#: Directions of the drives that are this weak beside the strongest on the lines of a pole are none.
-_WEAK = 1e-6
+#: Drive directions below this fraction of the strongest on the lines of a pole are ignored.
+_MIN_DRIVE_SHARE = 1e-6
 
 
 class _Seen(NamedTuple):
@@ -271,7 +272,7 @@ def _matched(
     """Yield poles and their (B, B^H g), B B^H the inverse of H: (k, D, D) and (k, D, l)."""
     D, l = seen.drives.shape[1], seen.left.shape[1]
     order = np.argsort(-grid.real / np.abs(grid), kind="stable")
-    few = min(_POLES_TOGETHER, max(1, _HELD_IN_RECORDS // (len(seen.points) * max(D, 1))))
+    few = min(_RECORD_POLES_TOGETHER, max(1, _MAX_RECORD_NUMBERS // (len(seen.points) * max(D, 1))))
     for start in range(0, grid.size, few):
         poles = grid[order[start : start + few]]
         s = _near_in_records(seen.frequencies, poles)
@@ -280,7 +281,7 @@ def _matched(
         H = (np.abs(filters) ** 2 @ (d.conj()[:, :, None] * d[:, None, :]).reshape(len(d), -1)).reshape(-1, D, D)
         g = np.stack([(filters.conj() * drive.conj()) @ E for drive in d.T], axis=1).reshape(-1, D, l)
         weights, V = np.linalg.eigh(H)
-        kept = weights > _WEAK * weights[:, -1:]
+        kept = weights > _MIN_DRIVE_SHARE * weights[:, -1:]
         B = V * np.where(kept, 1 / np.sqrt(np.where(kept, weights, 1)), 0)[:, None, :]
         yield poles, (B, B.conj().transpose(0, 2, 1) @ g)
 
@@ -289,4 +290,4 @@ def _near_in_records(frequencies: RealArray, poles: ComplexArray) -> slice:
     """Return the lines that poles show on."""
     f, half = np.abs(poles.imag) / (2 * np.pi), REACH * np.max(-poles.real) / (2 * np.pi)
     low, high = np.searchsorted(frequencies, [f.min() - half, f.max() + half])
-    return slice(max(min(low, frequencies.size - _FEW_IN_RECORDS), 0), max(high, low + _FEW_IN_RECORDS))
+    return slice(max(min(low, frequencies.size - _MIN_RECORD_LINES), 0), max(high, low + _MIN_RECORD_LINES))

@@ -28,8 +28,8 @@ from modalscope.preprocess.frf import LEAKING
 # --------------------------------------------------------------------------------------------------------------- drawn
 # Noise drawn at random for replicates: with the correlation of lines under a window, or with the spectrum of what a model leaves.
 
-#: Neighbours on either side whose spectrum stands for that of a line.
-_NEAR = 20
+#: Neighbours on either side whose spectrum is used for that of a line.
+_NEIGHBOUR_LINES = 20
 
 
 def correlated(shape: tuple[int, ...], correlation: Array, rng: np.random.Generator) -> ComplexArray:
@@ -56,8 +56,10 @@ def coloured(left: Array, rng: np.random.Generator) -> ComplexArray:
     """
     count = len(left)
     total = np.zeros(left.shape, dtype=complex)
-    for j in range(-_NEAR, _NEAR + 1):
-        weights = (rng.standard_normal(count) + 1j * rng.standard_normal(count)) / np.sqrt(2 * (2 * _NEAR + 1))
+    for j in range(-_NEIGHBOUR_LINES, _NEIGHBOUR_LINES + 1):
+        weights = (rng.standard_normal(count) + 1j * rng.standard_normal(count)) / np.sqrt(
+            2 * (2 * _NEIGHBOUR_LINES + 1)
+        )
         index = np.abs(np.arange(count) + j)
         index = np.minimum(np.where(index >= count, 2 * (count - 1) - index, index), count - 1)
         total += weights[:, None, None] * left[np.maximum(index, 0)]
@@ -69,14 +71,14 @@ def coloured(left: Array, rng: np.random.Generator) -> ComplexArray:
 #: The kind of every note on deviations.
 KIND = "deviations"
 
-#: Fewer parts say too little of their scatter.
-_FEWEST = 5
+#: Minimum number of segments for their scatter.
+_MIN_SEGMENTS = 5
 
-#: Lines that a mode's bandwidth 2 zeta f must span where leakage is in the data, so that its damping is not biased by it.
-_LEAST_LINES = 4.0
+#: Minimum bandwidth 2 zeta f, in lines, for a standard deviation of damping in spite of leakage.
+_MIN_BANDWIDTH_LINES = 4.0
 
-#: Numbers that the deviations of a record's parts may have together.
-_LARGEST = 100_000_000
+#: Maximum count of numbers in the deviations of all segments.
+_MAX_NUMBERS = 100_000_000
 
 
 class Noise(ABC):
@@ -134,8 +136,8 @@ class White(Noise):
         text = f"standard deviations from {self.source}"
         if self.resolution:
             text += (
-                f"; leakage, lines {self.resolution:.4g} Hz apart: no deviation is given for the damping of modes whose bandwidth "
-                f"2 zeta f is below {_LEAST_LINES:g} lines"
+                f"; none for damping of modes narrower than {_MIN_BANDWIDTH_LINES:g} lines "
+                f"(2 zeta f, lines {self.resolution:.4g} Hz apart): leakage widens them"
             )
         return Note(KIND, {"resolution_hz": self.resolution} if self.resolution else {}, text)
 
@@ -145,7 +147,7 @@ class White(Noise):
 
     def damping_is_told(self, poles: ComplexArray) -> BoolArray:
         """Return which poles have a bandwidth that leakage does not widen."""
-        return np.asarray(np.abs(np.real(poles)) / np.pi >= _LEAST_LINES * self.resolution)
+        return np.asarray(np.abs(np.real(poles)) / np.pi >= _MIN_BANDWIDTH_LINES * self.resolution)
 
     def drawn(self, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
         """Return noise of this variance, circular on lines: as a window makes it, with the spectrum that is known, or white."""
@@ -169,10 +171,7 @@ class Residual(Noise):
     @property
     def note(self) -> Note:
         """Where the deviations come from, and what they are not."""
-        text = (
-            "standard deviations from the residual of the model, taken as white noise; "
-            "what differs between inputs, runs or setups is not in them"
-        )
+        text = "standard deviations from the residual, taken as white noise; differences between inputs, runs or setups are not included"
         return Note(KIND, {}, text)
 
     def beside(self, residual: RealArray, left: Array | None = None) -> Noise:
@@ -205,8 +204,8 @@ class Parts(Noise):
         """Where the deviations come from."""
         count = len(self.deviations)
         text = (
-            f"standard deviations from {count} parts of the record of {self.duration:.4g} s; none is given for modes "
-            "that decay more slowly than a part lasts"
+            f"standard deviations from the scatter of {count} segments of {self.duration:.4g} s; none for modes "
+            "whose decay time exceeds a segment"
         )
         return Note(KIND, {"parts": count, "degrees_of_freedom": count - 1}, text)
 
@@ -237,7 +236,7 @@ class Unknown(Noise):
     @property
     def note(self) -> Note:
         """Why deviations are withheld."""
-        return Note(KIND, {"withheld": 1.0, **self.numbers}, f"standard deviations are withheld: {self.why}")
+        return Note(KIND, {"withheld": 1.0, **self.numbers}, f"no standard deviations: {self.why}")
 
     def moments(self, influence: PoleInfluence, other: PoleInfluence | None = None) -> Moments:
         """Return NaN."""
@@ -246,7 +245,7 @@ class Unknown(Noise):
 
     def drawn(self, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
         """Raise: nothing is known of it."""
-        raise DataError("a certificate was asked", f"nothing is known of the noise: {self.why}", self.cure)
+        raise DataError("a certificate was asked", f"the noise is unknown: {self.why}", self.cure)
 
 
 def noise_of(
@@ -263,8 +262,8 @@ def noise_of(
         return _of_parts(response, records, whitening)
     if response.of_correlations:
         return Unknown(
-            "the errors of half spectra are correlated from line to line and with each other, as those of correlations are",
-            "Take a method of samples on the record, such as method='alternate', domain='time'.",
+            "errors of half spectra are correlated between lines and channels",
+            "Identify the record in the time domain, such as method='alternate', domain='time'.",
         )
     is_complex, fading = bool(np.iscomplexobj(response.values)), faded_noise(response)
     leaks = any(LEAKING in step for step in response.processing)
@@ -283,16 +282,16 @@ def noise_of(
 def _of_parts(response: Response, records: Signals | StoredSignals | None, whitening: Whitening | None) -> Noise:
     """Return D_k = (R_k - R) pairs_k / sum pairs sqrt(K / (K - 1)) over the lags of the correlation."""
     if records is None:
-        why = "the errors of a correlation are themselves correlated, and its records are not there"
-        return Unknown(why, "Give the record that it was made from.")
+        why = "errors of a correlation are correlated, and its record is missing"
+        return Unknown(why, "Give the record of the correlation.")
     lags = response.count
     size = BLOCKS * response.values[0].size * (lags + 1)
-    if size > _LARGEST:
-        why = f"{BLOCKS} parts of the record would take {size} numbers"
-        return Unknown(why, "Take fewer channels or references.", {"numbers": float(size)})
+    if size > _MAX_NUMBERS:
+        why = f"{BLOCKS} segments of the record need {size} numbers in memory"
+        return Unknown(why, "Select fewer channels or references.", {"numbers": float(size)})
     most = records.runs * (records.samples // (lags + 2))
-    if most < _FEWEST:
-        why = f"the record has {most} parts as long as the {lags} lags used, and {_FEWEST} are needed"
+    if most < _MIN_SEGMENTS:
+        why = f"the record has {most} segments of {lags} lags, fewer than {_MIN_SEGMENTS}"
         return Unknown(why, "Give a longer record.")
     blocks = correlation_blocks(records, references=response.input_dofs, lags=lags, blocks=min(BLOCKS, most))
     count = len(blocks.sums)
@@ -306,7 +305,7 @@ def _of_parts(response: Response, records: Signals | StoredSignals | None, white
 # ------------------------------------------------------------------------------------------------------------ of modes
 # Deviations of modes that were found at several orders.
 
-#: Members whose deviation is above so many times that of the smallest quarter are split, or of an order that fits badly.
+#: Members with a standard deviation above this many times the lower quartile belong to split poles or to an insufficient order.
 SPLIT = 2.0
 
 
@@ -334,5 +333,5 @@ def withheld(modes: ModalModel) -> tuple[Note, ...]:
             continue
         names = ", ".join(f"{f:.5g}" for f in modes.frequencies[np.isnan(values)])
         count = float(np.count_nonzero(np.isnan(values)))
-        notes.append(Note(KIND, {"withheld": count}, f"no deviation of the {what} is given at {names} Hz"))
+        notes.append(Note(KIND, {"withheld": count}, f"no standard deviation of the {what} at {names} Hz"))
     return tuple(notes)

@@ -21,25 +21,25 @@ from modalscope.likelihood.whitening import (
 )
 from modalscope.numerics.checks import Array, RealArray
 
-#: Columns of the reference model are no more than this part of the rows.
-_COLUMNS = 0.5
+#: Maximum number of columns of the reference model relative to the rows.
+_MAX_COLUMN_SHARE = 0.5
 
-#: One in so many rows of noise is left at least.
-_LEFT = 8.0
+#: Minimum residual degrees of freedom: rows / 8.
+_ROWS_PER_FREEDOM = 8.0
 
-#: Lines over which the level of a coloured residual is smoothed, and the correlation of neighbours; which is white below so many
-#: deviations, and lengthens the noise by this factor at most.
-_LEVELLED, _CORRELATED, _WHITE, _LONGEST = 41, 81, 2.0, 99.0
+#: Lines over which the level of a coloured residual is smoothed, and the correlation of neighbours; the residual is white below this
+#: many standard deviations; maximum factor in the variance by correlation.
+_LEVEL_LINES, _CORRELATION_LINES, _WHITE_DEVIATIONS, _MAX_CORRELATED_LINES = 41, 81, 2.0, 99.0
 
-#: Rounds in which the weights of a level settle, and courses of noise and response that are one to rounding.
-_LEVEL_ROUNDS, _ONE_COURSE = 10, 1e-13
+#: Rounds of reweighting a level, and relative determinant below which the courses of noise and response are parallel.
+_LEVEL_ROUNDS, _MIN_DETERMINANT = 10, 1e-13
 
-#: A rate of fading counts above so many deviations, and no noise falls below this part of where it started; rounds until rows settle
-#: to this.
-_SEEN, _STORED, _ROUNDS, _SETTLED = 5.0, 1e-7, 4, 0.05
+#: Minimum significance of a decay rate of the noise, in standard deviations; lowest noise level relative to the first sample; maximum
+#: number of rounds until rows converge to this relative tolerance.
+_MIN_DECAY_DEVIATIONS, _MIN_RELATIVE_LEVEL, _MAX_ROUNDS, _ROW_TOLERANCE = 5.0, 1e-7, 4, 0.05
 
-#: Noise is no less than rounding, relative to the data.
-_ROUNDING = 1e-13
+#: Minimum noise relative to the data: rounding.
+_MIN_RELATIVE_NOISE = 1e-13
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -76,11 +76,11 @@ def floor_of(response: Response, poles: Array) -> Floor:
     floor = _floor(response, basis, taken, np.ones(len(basis.data)) if told is None else told)
     if response.grid is not None:
         return floor
-    for _ in range(_ROUNDS):
+    for _ in range(_MAX_ROUNDS):
         if floor.colour.coloured:
             break
         by_row = _faded(floor)
-        if np.allclose(by_row, floor.rows, rtol=_SETTLED):
+        if np.allclose(by_row, floor.rows, rtol=_ROW_TOLERANCE):
             break
         floor = _floor(response, basis, taken, by_row)
     return floor
@@ -96,8 +96,8 @@ def _floor(
     Q = np.asarray(sla.qr(columns[:, size > 0] / size[size > 0], mode="economic", check_finite=False)[0])
     flat = basis.data.reshape(rows, -1) / by_row[:, None]
     left = (flat - Q @ (Q.T @ flat)).reshape(basis.data.shape)
-    least = _ROUNDING * np.sqrt(np.mean(flat**2))
-    sigma = np.maximum(np.sqrt(np.sum(left**2, axis=0) / max(rows - taken, rows / _LEFT, 1)), least)
+    least = _MIN_RELATIVE_NOISE * np.sqrt(np.mean(flat**2))
+    sigma = np.maximum(np.sqrt(np.sum(left**2, axis=0) / max(rows - taken, rows / _ROWS_PER_FREEDOM, 1)), least)
     levels = known or levels_of(sigma)
     variance = float(np.mean((sigma / np.outer(levels.outputs, levels.inputs)) ** 2))
     # a model that is too rich follows the noise of samples while its poles last, and not later: there the level tells nothing
@@ -136,8 +136,8 @@ def _faded(floor: Floor) -> RealArray:
         weights = np.exp(exponent - exponent.max())
         return float(weights @ k)
 
-    steepest = -np.log(_STORED) / len(size)
-    least = _SEEN / np.sqrt(2 * e[0].size * np.sum(k**2))
+    steepest = -np.log(_MIN_RELATIVE_LEVEL) / len(size)
+    least = _MIN_DECAY_DEVIATIONS / np.sqrt(2 * e[0].size * np.sum(k**2))
     if late(least) >= 0:
         return np.ones(len(size))
     a = steepest if late(steepest) < 0 else float(brentq(late, least, steepest))
@@ -161,15 +161,15 @@ def by_line(floor: Floor, count: int) -> Floor:
     size = np.mean((data / channels).reshape(e.shape) ** 2, axis=(0, 2))
     power = np.mean(e**2, axis=(0, 2))
     level = level_of(power, np.ones(count), size)
-    level = level * smoothed(power / level, _LEVELLED)
-    around = smoothed(power, _CORRELATED)
+    level = level * smoothed(power / level, _LEVEL_LINES)
+    around = smoothed(power, _CORRELATION_LINES)
     neighbours = np.append(np.mean(e[:, 1:] * e[:, :-1], axis=(0, 2)), 0)
-    rho = smoothed(neighbours, _CORRELATED) / around
-    rho = np.where(rho > _WHITE / np.sqrt(len(e) * l * m * _CORRELATED), rho, 0)
-    tau = (1 + rho) / np.maximum(1 - rho, 2 / (_LONGEST + 1))
-    own = np.tile(np.sqrt(level * np.minimum(tau, _LONGEST)), len(e))
+    rho = smoothed(neighbours, _CORRELATION_LINES) / around
+    rho = np.where(rho > _WHITE_DEVIATIONS / np.sqrt(len(e) * l * m * _CORRELATION_LINES), rho, 0)
+    tau = (1 + rho) / np.maximum(1 - rho, 2 / (_MAX_CORRELATED_LINES + 1))
+    own = np.tile(np.sqrt(level * np.minimum(tau, _MAX_CORRELATED_LINES)), len(e))
     levelled = float(np.mean(e**2 / level[:, None]))
-    longest = (_LONGEST - 1) / (_LONGEST + 1)
+    longest = (_MAX_CORRELATED_LINES - 1) / (_MAX_CORRELATED_LINES + 1)
     return replace(
         floor, rows=floor.rows * own, variance=floor.variance * levelled, correlation=np.clip(rho, 0, longest)
     )
@@ -217,7 +217,7 @@ def _neither_negative(
     """Return a, b >= 0 that lower a^2 ee + 2 a b es + b^2 ss - 2 a pe - 2 b ps most, all sums of products that are not negative."""
     alone = pe / np.maximum(ee, 1e-300), ps / np.maximum(ss, 1e-300)
     rest = ee * ss - es**2
-    apart = rest > _ONE_COURSE * ee * ss
+    apart = rest > _MIN_DETERMINANT * ee * ss
     rest = np.where(apart, rest, 1.0)
     a, b = (ss * pe - es * ps) / rest, (ee * ps - es * pe) / rest
     first = np.where(apart, b <= 0, alone[0] * pe >= alone[1] * ps)
@@ -228,5 +228,5 @@ def _neither_negative(
 def _few(response: Response, poles: Array) -> Array:
     """Leave out poles that grow, and the most damped of too many."""
     decaying = poles[poles.real < 0]
-    most = max(int(_COLUMNS * response.count * (2 if response.grid is not None else 1)) // 2, 1)
+    most = max(int(_MAX_COLUMN_SHARE * response.count * (2 if response.grid is not None else 1)) // 2, 1)
     return np.asarray(decaying[np.argsort(-decaying.real / np.abs(decaying), kind="stable")[:most]])

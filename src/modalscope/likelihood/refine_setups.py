@@ -20,17 +20,17 @@ from modalscope.numerics.checks import BoolArray, ComplexArray, RealArray
 from modalscope.numerics.resources import one_thread
 from modalscope.preprocess.harmonics import find_lines
 
-#: The lines reach so far beyond the first and the last mode: a part of the frequency, and half bandwidths.
-_BEYOND, _HALVES = 0.15, 10.0
+#: Lines extend beyond the first and the last mode by this fraction of the frequency, and by this many half bandwidths.
+_MARGIN, _MARGIN_HALF_BANDWIDTHS = 0.15, 10.0
 
-#: Rotating-machine lines are left out with this part of their frequency on either side, and so many of their spreads: what leaks from them.
-_HUM, _SPREADS = 0.01, 3.0
+#: Rotating-machine lines are excluded with this fraction of their frequency on either side, and this many standard deviations: leakage.
+_LINE_MARGIN, _LINE_SPREADS = 0.01, 3.0
 
-#: Products of one step of all setups that are worth it, and how much larger than told residuals may be without a word.
-_PRODUCTS, _ROUGH = 2e11, 1.2
+#: Maximum count of products in one step of all setups; residual variance relative to the expected one above which a note is given.
+_MAX_PRODUCTS, _MAX_QUIET_MISFIT = 2e11, 1.2
 
-#: Lines that scatter so many times as much are not those of these modes.
-_WRONG = 2.0
+#: Residual variance relative to the expected one above which other modes must be present.
+_MAX_MISFIT = 2.0
 
 
 @one_thread
@@ -56,19 +56,17 @@ def refine_setups(setups: Setups, modes: ModalModel, *, apart: bool = False) -> 
     work = sum(
         len(each.counts) * (4 * unknowns(len(modes), len(each.values[0])) * len(each.values[0])) ** 2 for each in cells
     )
-    if work > _PRODUCTS:
+    if work > _MAX_PRODUCTS:
         return _kept(
-            modes, f"{len(modes)} modes in so many channels take {work / _PRODUCTS:.2g} times as long as is worth it"
+            modes,
+            f"{len(modes)} modes in these channels exceed the limit on computing time by a factor {work / _MAX_PRODUCTS:.2g}",
         )
     found = (
         _means([scored([each], modes.poles) for each in cells], modes.poles) if apart else scored(cells, modes.poles)
     )
     away = astray(modes.poles, found.poles)
-    if found.misfit > _WRONG:
-        return _kept(
-            modes,
-            f"lines scatter {found.misfit:.2g} times as much as these modes say: there is more, a machine or other modes",
-        )
+    if found.misfit > _MAX_MISFIT:
+        return _kept(modes, f"residual {found.misfit:.2g} x its expected variance: other modes or machines are present")
     if not found.converged or np.any(away):
         where = ", ".join(f"{f:.5g} Hz" for f in modes.frequencies[away])
         return _kept(modes, f"the optimum lies far from {where}" if where else "no optimum was reached")
@@ -78,7 +76,7 @@ def refine_setups(setups: Setups, modes: ModalModel, *, apart: bool = False) -> 
 def _cells(setups: Setups, poles: ComplexArray) -> list[Cells]:
     """Return the lines of all setups from below the first mode to above the last."""
     f, half = poles.imag / (2 * np.pi), np.abs(poles.real) / (2 * np.pi)
-    reach = np.maximum(_BEYOND * f, _HALVES * half)
+    reach = np.maximum(_MARGIN * f, _MARGIN_HALF_BANDWIDTHS * half)
     band = (float(np.min(f - reach)), float(min(np.max(f + reach), 0.49 * setups.sampling_rate)))
     return [_without_lines(cells_of(part, poles, band), part) for part in setups.parts]
 
@@ -87,7 +85,7 @@ def _without_lines(cells: Cells, record: Signals) -> Cells:
     """Return cells without rotating-machine lines."""
     kept = np.ones(cells.frequencies.size, dtype=bool)
     for line in find_lines(record, (float(cells.frequencies[0]), float(cells.frequencies[-1]))):
-        kept &= np.abs(cells.frequencies - line.frequency) > _HUM * line.frequency + _SPREADS * line.spread
+        kept &= np.abs(cells.frequencies - line.frequency) > _LINE_MARGIN * line.frequency + _LINE_SPREADS * line.spread
     if kept.all():
         return cells
     return replace(cells, values=cells.values[kept], frequencies=cells.frequencies[kept], counts=cells.counts[kept])
@@ -123,11 +121,11 @@ def _wrapped(setups: Setups, modes: ModalModel, found: Scored) -> ModalModel:
     C, first = covariance(found), 2 * np.arange(len(modes))
     f, zeta = deviations_of_poles(found.poles, pole_blocks(C, first))
     notes = [note for note in modes.notes if note.kind != KIND]
-    text = "deviations are those of the lines' own scatter, by Whittle's likelihood of every setup"
+    text = "standard deviations from Whittle's likelihood of every setup"
     notes.append(Note(KIND, {"misfit": found.misfit}, text))
-    if found.misfit > _ROUGH:
+    if found.misfit > _MAX_QUIET_MISFIT:
         text = (
-            f"lines scatter {found.misfit:.2g} times as much as these modes say: there is more; deviations are widened"
+            f"Residual {found.misfit:.2g} x its expected variance: other modes may be present; intervals were widened"
         )
         notes.append(Note("more than modes", {"misfit": found.misfit}, text))
     repeated: tuple[RealArray | None, RealArray | None] = (
@@ -160,4 +158,4 @@ def _between(setups: Setups, found: Scored) -> RealArray | None:
 
 
 def _kept(modes: ModalModel, why: str) -> ModalModel:
-    return modes.noted(Note("not refined", {}, f"values are not refined: {why}"))
+    return modes.noted(Note("not refined", {}, f"Not refined: {why}"))

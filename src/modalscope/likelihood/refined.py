@@ -20,14 +20,14 @@ from modalscope.likelihood.whitening import Colour
 from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.checks import BoolArray, ComplexArray
 
-#: Poles closer than this many deviations of their difference share what is known of them.
-_APART = 3
+#: Poles closer than this many standard deviations of their difference share their information.
+_MIN_DISTANCE_DEVIATIONS = 3
 
-#: Kinds of notes that an earlier refinement may have left, and that this one says of its own values.
-_SAID_ANEW = (KIND, UNTOLD, "held", "moved far", "coloured residual", "noise and model only", "repeated")
+#: Kinds of notes of an earlier refinement that this one replaces.
+_REPLACED_KINDS = (KIND, UNTOLD, "held", "moved far", "coloured residual", "noise and model only", "repeated")
 
-#: Decay rates beyond which an optimum is not the one near a mode, which lies within a fraction of one.
-_ASTRAY = 1.0
+#: Maximum move of a pole in decay rates: an optimum beyond it is that of another mode.
+_MAX_MOVE = 1.0
 
 
 def refined(
@@ -37,7 +37,7 @@ def refined(
     response = task.response
     if lost:
         listed = ", ".join(f"{each.frequency:.5g} Hz" for each in lost)
-        notes = [*notes, Note("nothing of its own", {"modes": len(lost)}, f"left out, no more than noise: {listed}")]
+        notes = [*notes, Note("nothing of its own", {"modes": len(lost)}, f"Not significant, left out: {listed}")]
     if settled is None:
         return replace(before, left_out=(*before.left_out, *lost), unrefined=before, converged=True).noted(notes)
     point, fitted = settled.descent.point, settled.descent.fitted
@@ -62,7 +62,7 @@ def refined(
         gain=np.sqrt(settled.gain / 2),
         left_out=(*before.left_out, *lost),
         converged=settled.descent.converged,
-        notes=(*(note for note in before.notes if note.kind not in _SAID_ANEW), *response.untold),
+        notes=(*(note for note in before.notes if note.kind not in _REPLACED_KINDS), *response.untold),
         **{**dict.fromkeys(DIRECT), **fit},
     )
     scaled = replace(model.normalized(_scale(before)), unrefined=before)
@@ -70,17 +70,17 @@ def refined(
     return scaled.take(order).noted([*notes, *_told(settled.colour, spread, groups, poles)])
 
 
-#: What scaled shapes are said to be scaled to -> how that is asked; others get length one.
-_SCALES = {"unit modal mass": "mass", "largest component": "max"}
+#: Beginning of the stated scaling -> argument of `normalized`; others get unit length.
+_SCALE_OF_TEXT = {"unit modal mass": "mass", "largest component": "max"}
 
 
 def _scale(before: ModalModel) -> str:
-    return next((scale for words, scale in _SCALES.items() if before.scaling.startswith(words)), "unit")
+    return next((scale for words, scale in _SCALE_OF_TEXT.items() if before.scaling.startswith(words)), "unit")
 
 
 def astray(before: ComplexArray, after: ComplexArray) -> BoolArray:
     """Return which poles moved by more than their decay rate: the optimum that they reached is that of others."""
-    return np.asarray(np.abs(after - before) > _ASTRAY * np.abs(before.real))
+    return np.asarray(np.abs(after - before) > _MAX_MOVE * np.abs(before.real))
 
 
 def _moved_far(before: ComplexArray, poles: ComplexArray) -> list[Note]:
@@ -90,7 +90,7 @@ def _moved_far(before: ComplexArray, poles: ComplexArray) -> list[Note]:
         return []
     (old, _), (new, _) = frequencies_and_damping(before[far]), frequencies_and_damping(poles[far])
     moves = ", ".join(f"{a:.5g} to {b:.5g} Hz" for a, b in zip(old, new, strict=True))
-    text = f"moved by more than their decay rate: {moves}; the data hold more than these modes. Give all of them: `analyze` does"
+    text = f"Moved by more than their decay rate: {moves}. Modes are missing from the list: use `analyze` to find all"
     return [Note("moved far", {"modes": int(far.sum())}, text)]
 
 
@@ -99,20 +99,22 @@ def _told(seen: Colour, spread: Spread, groups: Groups, poles: ComplexArray) -> 
     notes = []
     if seen.coloured:
         text = (
-            f"the residual is coloured (neighbours correlate by {seen.correlation:.2g}): deviations are widened "
-            "by the scatter of its blocks; model error may exceed them"
+            f"Residual is not white (lag-1 correlation {seen.correlation:.2g}); intervals were widened, "
+            "model error may still exceed them"
         )
         notes.append(Note("coloured residual", {"correlation": seen.correlation, "uneven": seen.uneven}, text))
     if spread.frequency_between is None:
         count = 0 if groups is None else len(set(groups))
-        why = "no groups are known" if not count else f"{count} groups are too few, {LEAST_GROUPS} are needed"
-        text = f"deviations hold noise and model only: {why}, so that it is not known how far the test would repeat"
+        why = "single run" if not count else f"{count} groups, {LEAST_GROUPS} are needed"
+        text = f"Intervals cover noise and model error only; repeatability unknown ({why})"
         notes.append(Note("noise and model only", {"groups": count}, text))
     f = frequencies_and_damping(poles)[0]
     distance = np.abs(f[:, None] - f) + np.diag(np.full(f.size, np.inf))
-    near = np.argwhere(np.triu(distance < _APART * np.hypot(spread.frequency[:, None], spread.frequency)))
+    near = np.argwhere(
+        np.triu(distance < _MIN_DISTANCE_DEVIATIONS * np.hypot(spread.frequency[:, None], spread.frequency))
+    )
     if near.size:
         pairs = ", ".join(f"{f[i]:.5g} and {f[j]:.5g} Hz" for i, j in near)
-        text = f"closer than {_APART} deviations, so that only their mean and common subspace are sure: {pairs}"
+        text = f"Closer than {_MIN_DISTANCE_DEVIATIONS} standard deviations: only mean and common subspace are determined: {pairs}"
         notes.append(Note("repeated", {"pairs": len(near)}, text))
     return notes

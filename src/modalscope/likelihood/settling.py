@@ -38,19 +38,19 @@ from modalscope.numerics.errors import DataError
 #
 # Source: A. Gopal and L. N. Trefethen, SIAM J. Numer. Anal. 57, 2019.
 
-#: Each pole lies so many times nearer to its end of the band than the one before, the nearest so many lines off: nearer ones would be
-#: modes at the end.
-_NEARER, _LINES = 2.0, 8.0
+#: Ratio of the distances of successive out-of-band poles to their end of the band, and distance of the nearest in lines: nearer ones
+#: would be modes.
+_DISTANCE_RATIO, _MIN_DISTANCE_LINES = 2.0, 8.0
 
 
 def out_of_band_poles(response: Response) -> ComplexArray:
     """Return poles on either side of the band of lines (n,) in rad/s, at 45 degrees off each end; none for samples and few lines."""
-    if response.grid is None or len(response.grid) < 2 * _LINES:
+    if response.grid is None or len(response.grid) < 2 * _MIN_DISTANCE_LINES:
         return np.zeros(0, dtype=complex)
     low, high = 2 * np.pi * np.array(response.span)
-    farthest, nearest = high - low, 2 * np.pi * _LINES * line_step(response)
-    count = int(np.log(farthest / nearest) / np.log(_NEARER)) + 1
-    away = farthest / _NEARER ** np.arange(count) / np.sqrt(2)
+    farthest, nearest = high - low, 2 * np.pi * _MIN_DISTANCE_LINES * line_step(response)
+    count = int(np.log(farthest / nearest) / np.log(_DISTANCE_RATIO)) + 1
+    away = farthest / _DISTANCE_RATIO ** np.arange(count) / np.sqrt(2)
     below, above = 1j * low - (1 + 1j) * away, 1j * high - (1 - 1j) * away
     top = np.inf if response.sampling_rate is None else np.pi * response.sampling_rate
     poles = np.concatenate([below[below.imag > 0], above[above.imag < top]]) + response.added_damping
@@ -60,11 +60,11 @@ def out_of_band_poles(response: Response) -> ComplexArray:
 # -------------------------------------------------------------------------------------------------------------- beside
 # Significant poles that are no modes take part in the fit, so that the modes need not compensate for them.
 
-#: A pole within so many decay rates of a mode may be part of it, and would take from it.
-_PART = 3.0
+#: A pole within this many decay rates of a mode may be part of it.
+_SEPARATION_DECAY_RATES = 3.0
 
-#: One pole of noise in a thousand sets.
-_FALSE = 1e-3
+#: Chance of any false pole in a data set of noise.
+_CHANCE_OF_ANY = 1e-3
 
 
 def needed_beside(response: Response, modes: Array, candidates: Array) -> ComplexArray:
@@ -77,7 +77,7 @@ def needed_beside(response: Response, modes: Array, candidates: Array) -> Comple
     `modes` (n,): rad/s. `candidates` (k,): rad/s; those that grow, and those near a mode, are left out.
     """
     added = response.added_damping
-    far = np.abs(candidates[:, None] - modes) > _PART * np.abs(modes.real)
+    far = np.abs(candidates[:, None] - modes) > _SEPARATION_DECAY_RATES * np.abs(modes.real)
     poles = candidates[(candidates.real < added) & far.all(axis=1)]
     basis = response.whole_basis(np.concatenate([modes, poles]) - added, response.refined_powers)
     data = basis.data / np.maximum(output_scale(response), 1e-300)[:, None]
@@ -91,7 +91,7 @@ def needed_beside(response: Response, modes: Array, candidates: Array) -> Comple
     flat = data.reshape(rows, channels)
     Z = Q.T @ flat
     variance = float(np.sum((flat - Q @ Z) ** 2)) / free
-    least = variance * chi_squared_bound(width * channels, np.log(rows / 2 / _FALSE))
+    least = variance * chi_squared_bound(width * channels, np.log(rows / 2 / _CHANCE_OF_ANY))
     before = basis.terms.shape[1] + width * len(modes)
     kept = np.arange(poles.size)
     while kept.size:
@@ -121,11 +121,11 @@ def _gains(columns: RealArray, data: RealArray, width: int) -> RealArray:
 
 # ------------------------------------------------------------------------------------------------------------ settling
 
-#: Rounds at most, and the relative change of any deviation at which they end.
-_ROUNDS, _SETTLED = 30, 1e-7
+#: Maximum number of rounds, and the relative change of any noise level at which they end.
+_MAX_ROUNDS, _LEVEL_TOLERANCE = 30, 1e-7
 
 
-#: Powers that are added to the terms at a time.
+#: Number of powers added to the terms at a time.
 _FURTHER_POWERS = 3
 
 
@@ -231,7 +231,7 @@ def settle(
 def _optimum(task: Task, start: _Start, most: int) -> Settled:
     """Return the optimum with the terms of a task."""
     found: _Start | Settled = start
-    later = _ROUNDS
+    later = _MAX_ROUNDS
     while not isinstance(found, Settled):
         later -= 1
         found = _round(task, found, most, last=not later)
@@ -244,7 +244,7 @@ def _needed_powers(task: Task, settled: Settled) -> tuple[int, ...]:
     Further powers are added while they lower the squared misfit by more than noise lets them, `chi_squared_bound` of their unknowns.
     """
     point, powers, cost = settled.descent.point, task.powers, settled.descent.cost
-    terms, t = point.problem.terms.shape[1], -np.log(_FALSE)
+    terms, t = point.problem.terms.shape[1], -np.log(_CHANCE_OF_ANY)
     while len(powers) + _FURTHER_POWERS <= task.response.max_powers:
         more = tuple(range(len(powers) + _FURTHER_POWERS))
         problem = _divided(task.response, replace(task, powers=more), settled.levels)
@@ -273,7 +273,7 @@ def _round(task: Task, start: _Start, most: int, *, last: bool) -> _Start | Sett
     seen = colour(residual(point, fitted), task.response.count, unknown, window=window)
     left = np.sqrt(point.left_by_channel(fitted) / len(task.rows))
     following = levels_of(left * np.outer(levels.outputs, levels.inputs))
-    done = task.known or seen.coloured or not descent.converged or following.change(levels) < _SETTLED
+    done = task.known or seen.coloured or not descent.converged or following.change(levels) < _LEVEL_TOLERANCE
     if not (done or last):
         return _Start(point.poles, *problem.scaled_back(point, fitted), following)
     noise = window_noise(point, fitted, task.response)
@@ -310,8 +310,8 @@ def _check_freedom(task: Task, problem: Whitened, modes: int) -> None:
     l, m = task.channels
     if problem.freedom <= 2 * modes * (l + m):
         raise DataError(
-            f"{modes} modes of {l} outputs and {m} inputs were to be refined, {2 * modes * (l + m)} unknowns",
-            f"there are {max(problem.freedom, 0)} real values beside the residual terms",
+            f"refinement of {modes} modes, {l} outputs and {m} inputs has {2 * modes * (l + m)} unknowns",
+            f"the data have {max(problem.freedom, 0)} real values besides the residual terms",
             "Give more lines or samples, or fewer modes.",
         )
 

@@ -9,23 +9,24 @@ import numpy as np
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import DataError
 
-#: Quieter channels than this part of the loudest residual are brought to it: what is fitted to rounding must not decide alone.
-_QUIETEST = 1e-7
+#: Minimum level of a channel relative to the loudest residual: a channel fitted to rounding must not decide alone.
+_MIN_RELATIVE_LEVEL = 1e-7
 
-#: Neighbours over which the level of the residual is smoothed before it is called uneven.
-_SMOOTHED = 41
+#: Neighbours over which the level of the residual is smoothed before the test for evenness.
+_SMOOTHING_LINES = 41
 
-#: Lines over which a variance that scatters is averaged: as wide as the narrowest resonance, and as far as noise stays the same.
-_NEAR, _FAR = 3, 21
+#: Lines over which a scattered variance is averaged: as wide as the narrowest resonance, and as far as noise is stationary.
+_NEAR_LINES, _FAR_LINES = 3, 21
 
-#: White noise exceeds these in less than one of a thousand sets: standard deviations of the correlation, and of the smoothed level.
-_CORRELATED, _UNEVEN = 5.0, 3.0
+#: Thresholds of the test for white noise, exceeded by one of a thousand sets: standard deviations of the correlation, and of the
+#: smoothed level.
+_CORRELATION_DEVIATIONS, _LEVEL_DEVIATIONS = 5.0, 3.0
 
-#: Lines further off are taken as not correlated.
-_LAGS = 400
+#: Lines further apart are taken as uncorrelated.
+_MAX_LAGS = 400
 
-#: One false mode in a thousand sets of noise.
-_FALSE = 1e-3
+#: Chance of any false mode in a data set of noise.
+_CHANCE_OF_ANY = 1e-3
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -49,7 +50,7 @@ def levels_of(deviations: RealArray) -> Levels:
 
     `deviations` (l, m).
     """
-    d = np.maximum(deviations, max(_QUIETEST * float(deviations.max(initial=0.0)), 1e-290))
+    d = np.maximum(deviations, max(_MIN_RELATIVE_LEVEL * float(deviations.max(initial=0.0)), 1e-290))
     log = np.log(d)
     return Levels(np.exp(log.mean(axis=1)), np.exp(log.mean(axis=0) - log.mean()))
 
@@ -61,9 +62,9 @@ def row_deviations(rows: int, weights: Array | None) -> RealArray:
     w = np.asarray(weights, dtype=float)
     if w.ndim != 1 or w.size == 0 or rows % w.size or not (np.all(np.isfinite(w)) and np.all(w > 0)):
         raise DataError(
-            "weights need one positive number a line or sample",
-            f"they have shape {w.shape}, and the data {rows} real rows",
-            "Give 1 / standard deviation of each.",
+            "refine(weights=...) with one positive number a line or sample was asked",
+            f"weights have shape {w.shape}, the data {rows} real rows",
+            "Give 1 / standard deviation of each line or sample.",
         )
     return np.tile(1 / w, rows // w.size)
 
@@ -78,7 +79,7 @@ def from_variance(variance: RealArray, rows: int, *, scattered: bool = False) ->
     known = variance[variance > 0]
     log = np.log(np.maximum(variance, known.min() if known.size else 1.0)) / 2
     level = log.mean(axis=(1, 2))
-    by_row = np.exp(np.maximum(smoothed(level, _NEAR), smoothed(level, _FAR)) if scattered else level)
+    by_row = np.exp(np.maximum(smoothed(level, _NEAR_LINES), smoothed(level, _FAR_LINES)) if scattered else level)
     each = log - np.log(by_row)[:, None, None]
     parts = rows // len(variance)
     return np.tile(by_row, parts), levels_of(np.exp(each.mean(axis=0)) / np.sqrt(parts))
@@ -123,15 +124,15 @@ def colour(left: RealArray, count: int, unknown: float, *, level: bool = True, w
     rho = float(np.einsum("rkc,rkc,c->", e[:, 1:], e[:, :-1], quiet)) / neighbours if count > 1 else 0.0
     deviation = 1 / np.sqrt(max(neighbours, 1))
     uneven = 0.0
-    if count >= 4 * _SMOOTHED:
+    if count >= 4 * _SMOOTHING_LINES:
         squares = np.einsum("rkc,rkc,c->k", e, e, quiet) / (e.shape[0] * e.shape[2])
-        smooth = np.convolve(squares, np.ones(_SMOOTHED) / _SMOOTHED, mode="valid")
+        smooth = np.convolve(squares, np.ones(_SMOOTHING_LINES) / _SMOOTHING_LINES, mode="valid")
         # the square of a standard normal number scatters by sqrt 2
-        uneven = float(np.std(np.log(smooth)) * np.sqrt(_SMOOTHED * e.shape[0] * e.shape[2] / 2))
+        uneven = float(np.std(np.log(smooth)) * np.sqrt(_SMOOTHING_LINES * e.shape[0] * e.shape[2] / 2))
     expected = window**2 / (window**2 + np.pi**2)
     together = np.sqrt(window / np.tanh(window)) if window > 0 else 1.0
-    correlated = abs(rho - expected) / (_CORRELATED * deviation * together + unknown / len(left))
-    excess = max(correlated, uneven / _UNEVEN / together if level else 0.0)
+    correlated = abs(rho - expected) / (_CORRELATION_DEVIATIONS * deviation * together + unknown / len(left))
+    excess = max(correlated, uneven / _LEVEL_DEVIATIONS / together if level else 0.0)
     return Colour(rho, uneven, float(excess))
 
 
@@ -154,7 +155,7 @@ def gain_factor_in_correlated_noise(correlation: RealArray, half: RealArray) -> 
 
     `correlation`, `half` (n,).
     """
-    own = lag_factor(correlation[:, None] ** np.arange(1, _LAGS), half)
+    own = lag_factor(correlation[:, None] ** np.arange(1, _MAX_LAGS), half)
     return np.asarray((1 + correlation) / (1 - correlation) / own)
 
 
@@ -188,7 +189,7 @@ def free_bound(channels: int, rows: int) -> float:
 
     `rows`: real values a channel; half as many positions.
     """
-    return chi_squared_bound(2 * channels, np.log(max(rows / 2, 2.0) / _FALSE))
+    return chi_squared_bound(2 * channels, np.log(max(rows / 2, 2.0) / _CHANCE_OF_ANY))
 
 
 def chi_squared_bound(unknowns: int, t: float) -> float:
@@ -208,4 +209,4 @@ def search_bound(outputs: int, inputs: int, rows: int) -> float:
     `outputs`, `inputs`: channels. `rows`: real values a channel.
     """
     positions = max(rows / 2, 2.0)
-    return float(2 * (np.sqrt(outputs) + np.sqrt(inputs) + np.sqrt(np.log(positions / _FALSE))) ** 2)
+    return float(2 * (np.sqrt(outputs) + np.sqrt(inputs) + np.sqrt(np.log(positions / _CHANCE_OF_ANY))) ** 2)

@@ -18,7 +18,7 @@ from modalscope.data.response import Response
 from modalscope.data.results import Result
 from modalscope.doctor import Finding
 from modalscope.identification.identify import Identification
-from modalscope.identification.table import cell_label
+from modalscope.identification.method_names import cell_label
 from modalscope.io.atomic import replacing
 from modalscope.io.formats import sources_of
 from modalscope.judging.select import select

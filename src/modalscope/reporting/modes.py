@@ -11,7 +11,7 @@ from modalscope.checking.certificate import Certificate
 from modalscope.data import ModalModel, StabilizationDiagram
 from modalscope.data.mode_table import told
 from modalscope.data.response import Response
-from modalscope.identification.table import cell_label
+from modalscope.identification.method_names import cell_label
 from modalscope.modal.rebuilt import explained, explains_enough
 from modalscope.plot.web.poles import Fit, asked_ends
 from modalscope.reporting.figures import certificate_svg, intervals_svg

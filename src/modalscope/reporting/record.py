@@ -17,7 +17,7 @@ from modalscope.data.response import Response, root_mean_squares
 from modalscope.data.results import Result, Settings
 from modalscope.doctor import Finding, examine
 from modalscope.identification.identify import Identification
-from modalscope.identification.table import cell_label
+from modalscope.identification.method_names import cell_label
 from modalscope.numerics.checks import Array
 from modalscope.reporting.html import Section, heading, list_some, listing, paragraph, script, table, value
 

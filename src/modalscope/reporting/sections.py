@@ -10,7 +10,7 @@ import numpy as np
 from modalscope.data import ModalModel, StabilizationDiagram
 from modalscope.data.response import Response
 from modalscope.identification.identify import Identification
-from modalscope.identification.table import cell_label
+from modalscope.identification.method_names import cell_label
 from modalscope.modal.rebuilt import explained, explains_enough
 from modalscope.numerics.checks import Array
 from modalscope.plot.web.poles import Fit, band_of, fit_of, inside

@@ -19,9 +19,10 @@ from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.setups import Setups, setups_of
+from modalscope.identification.ambient_records import bands_of_record, bands_of_setups, looked_through
+from modalscope.identification.orders import usable_orders
 from modalscope.identification.refine import in_place, refine
-from modalscope.identification.routes import bands_of_record, bands_of_setups, looked_through
-from modalscope.identification.stabilize import Watch, stabilize, usable_orders
+from modalscope.identification.stabilize import Watch, stabilize
 from modalscope.judging.bands import Part, cut_of, evened, holds_too_little, joined_diagram, joined_modes, merge_bands
 from modalscope.judging.select import select
 from modalscope.likelihood.refine_setups import refine_setups

@@ -10,7 +10,7 @@ import numpy as np
 
 from modalscope.data import DataError, ModalModel, StabilizationDiagram
 from modalscope.data.results import Result
-from modalscope.identification.table import cell_label
+from modalscope.identification.method_names import cell_label
 from modalscope.judging.select import select
 from modalscope.modal.rebuilt import explained
 from modalscope.numerics.arguments import named

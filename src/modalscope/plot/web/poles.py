@@ -11,9 +11,9 @@ from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, Modal
 from modalscope.data.response import Response
 from modalscope.data.shown import summary_of
 from modalscope.functions.poles import frequencies_and_damping
+from modalscope.identification.method_names import cell_label
 from modalscope.identification.stabilize import stable_against
 from modalscope.identification.sweep import Cut, Sweep
-from modalscope.identification.table import cell_label
 from modalscope.io.arrays import plain
 from modalscope.modal.rebuilt import fit_error, fit_error_heard, heard_lines, rebuilt
 from modalscope.numerics.checks import Array

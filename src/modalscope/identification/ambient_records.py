@@ -1,0 +1,157 @@
+"""Filter and decimate ambient records and setups to a band, by default that of their spectra.
+
+Only here are records filtered and decimated without being asked. The chosen band is the `band` of the settings: the same band, asked
+for, gives the same numbers to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from modalscope.data.notes import Note
+from modalscope.data.records import Records, Signals, as_records
+from modalscope.data.setups import Setups
+from modalscope.data.sizes import check_size
+from modalscope.data.stored import StoredSignals
+from modalscope.identification.routes import one_record
+from modalscope.identification.sizes import SETUP_ROWS
+from modalscope.preprocess.bands import AutomaticBands, at_lower_rate, automatic_bands
+from modalscope.preprocess.conditioning import straightened
+from modalscope.preprocess.harmonics import Line, harmonic_notes, lines_in
+from modalscope.preprocess.harmonics_removed import without_lines
+from modalscope.preprocess.spectra import Spectrum
+from modalscope.preprocess.spectral_peaks import Levels, levels_in, noise_notes, uncorrelated
+
+Band = tuple[float, float]
+
+#: Minimum share of a straight line in the power of a channel of a setup, to be drift: less is chance.
+_MIN_DRIFT_SHARE = 1e-3
+
+
+class Conditioned(NamedTuple):
+    """A record filtered to a band (Hz, None for the whole record) and decimated, for correlations."""
+
+    records: Signals | StoredSignals
+    band: Band | None
+    notes: tuple[Note, ...]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SeenRecord:
+    """A record without inputs with its spectrum levels, bands and harmonics, found once for all bands and orders.
+
+    Verbs take it in place of its record. `excerpt`: what was examined, all of a record in memory. `lines`: harmonics.
+    """
+
+    record: Signals | StoredSignals
+    excerpt: Signals
+    levels: Levels
+    own: AutomaticBands
+    lines: tuple[Line, ...]
+
+
+def seen_record(record: Signals | StoredSignals) -> SeenRecord:
+    """Examine the spectrum of a record without inputs, of a stored record that of an excerpt; straight lines are taken out first."""
+    straight = straightened(record)
+    excerpt = straight.excerpt()
+    spectrum = Spectrum.of(excerpt)
+    levels = levels_in(spectrum).with_combinations(levels_in(uncorrelated(spectrum)))
+    return SeenRecord(straight, excerpt, levels, automatic_bands(levels, record.sampling_rate), lines_in(spectrum))
+
+
+def looked_through(data: Any, exclude: Any = None) -> Any:
+    """Return a record without inputs as a `SeenRecord` without the excluded channels; all other data as they are."""
+    if not isinstance(data, Signals | StoredSignals | Records) or data.input_dofs:
+        return data
+    kept = data if exclude is None else data.select(exclude=exclude)
+    if isinstance(kept, StoredSignals):
+        return seen_record(kept)
+    records = as_records(kept)
+    check_size(records)
+    return seen_record(one_record(records, "correlations"))
+
+
+def conditioned(seen: SeenRecord, band: Band | None) -> Conditioned:
+    """Return a record without inputs in a band (Hz), by default the automatic one."""
+    record: Any = seen.record
+    bands, lines = seen.own, seen.lines
+    choice = (bands.note((bands.whole,)),) if band is None and bands.whole is not None else ()
+    chosen = bands.whole if band is None else band
+    inside = record if chosen is None else at_lower_rate(record, chosen[1], bands.drift)
+    clean, removal = _without_lines(inside, lines)
+    return Conditioned(clean, chosen, (*choice, *noise_notes(seen.levels, chosen), *harmonic_notes(lines), *removal))
+
+
+def _without_lines(record: Signals | StoredSignals, lines: Sequence[Line]) -> tuple[Any, tuple[Note, ...]]:
+    """Return a record without harmonics, which mask modes next to them, and a note; a stored record keeps them."""
+    if not lines:
+        return record, ()
+    if isinstance(record, StoredSignals):
+        text = "Harmonics stay in a stored record: modes next to them may be missed. Load the record to remove them"
+        return record, (Note("lines kept", {"lines": float(len(lines))}, text),)
+    text = "Harmonics were removed before identification; estimate_correlation(record) keeps them"
+    clean = without_lines(record, ((line.frequency, line.spread) for line in lines))
+    return clean, () if clean is record else (Note("lines removed", {"lines": float(len(lines))}, text),)
+
+
+def bands_of_record(data: Any) -> tuple[tuple[Band, ...], tuple[Note, ...]]:
+    """Return the bands that the spectrum of a `SeenRecord` falls into and a note; none of other data."""
+    if not isinstance(data, SeenRecord) or len(data.own.parts) < 2:
+        return (), ()
+    return data.own.parts, (data.own.note(data.own.parts),)
+
+
+def bands_of_setups(setups: Setups) -> tuple[tuple[Band, ...], tuple[Note, ...]]:
+    """Return the bands that the spectra of setups fall into and a note; none where one band is enough.
+
+    One band is enough where the block rows of the joined setups span half a period of the lowest frequency: several bands fit the modes
+    of one without those of the others, which biases shapes.
+    """
+    own = _own(setups)
+    rows = max(SETUP_ROWS // len(setups.output_dofs), 10)
+    if len(own.parts) < 2 or rows / setups.sampling_rate >= 0.5 / own.parts[0][0]:
+        return (), ()
+    return own.parts, (own.note(own.parts),)
+
+
+class ConditionedSetups(NamedTuple):
+    """Setups in a band (Hz, None for all); `lowest`: Hz, the lowest frequency with a peak above the noise, if any."""
+
+    setups: Setups
+    band: Band | None
+    lowest: float | None
+    notes: tuple[Note, ...]
+
+
+def conditioned_setups(setups: Setups, band: Band | None) -> ConditionedSetups:
+    """Return setups decimated to a band and without drift; by default the band in which any of them has peaks."""
+    setups = replace(setups, parts=tuple(map(_without_drift, setups.parts)))
+    own = _own(setups)
+    chosen = own.whole if band is None else band
+    lowest = None if own.span is None else max(own.span[0], 0.0 if band is None else band[0])
+    if chosen is None:
+        return ConditionedSetups(setups, None, lowest, ())
+    parts = tuple(at_lower_rate(part, chosen[1], own.drift) for part in setups.parts)
+    return ConditionedSetups(
+        replace(setups, parts=parts), chosen, lowest, (own.note((chosen,)),) if band is None else ()
+    )
+
+
+def _without_drift(part: Signals) -> Signals:
+    """Return a setup without straight lines where one has a thousandth of the power of its channel."""
+    straight: Signals = straightened(part)
+    whole, remainder = (np.var(record.outputs, axis=-2) for record in (part, straight))
+    return straight if np.any(whole - remainder > _MIN_DRIFT_SHARE * whole) else part
+
+
+def _own(setups: Setups) -> AutomaticBands:
+    """Return the bands of the outputs of all setups side by side, over the samples that all have."""
+    count = min(setups.samples)
+    spectra = [Spectrum.of(replace(part, outputs=part.outputs[..., :count, :])) for part in setups.parts]
+    first, *others = map(levels_in, spectra)
+    levels = first.with_channels(others).with_combinations(*(levels_in(uncorrelated(spectrum)) for spectrum in spectra))
+    return automatic_bands(levels, setups.sampling_rate)

@@ -1,0 +1,116 @@
+"""Find rows of the table by their names in the literature, and answer names of methods that are no row of it."""
+
+from __future__ import annotations
+
+import re
+from difflib import get_close_matches
+from typing import Any
+
+from modalscope.identification.method import DOMAINS, Method, plain
+from modalscope.identification.table import methods
+from modalscope.numerics.errors import DataError, check_choice
+
+_FDD = (
+    "Singular values of spectra and their peaks are modalscope.preprocess.decomposition(record).peaks() (the command psd); "
+    "for damping use ssi-cov."
+)
+_ML = "Modes are refined to the maximum of the likelihood by modalscope.refine(data, modes); analyze does it by itself."
+_ERA_DC = "Use method='era' with column_compression=H0, the Hankel matrix itself: it then works on correlations."
+_FRACTION = "The matrix fraction on orthogonal polynomials is polyreference in s; with few states alternate in s is better conditioned."
+_SINGLE = (
+    "Fits of one resonance at a time are not offered: give the band around it, band=(f1, f2), and any row of the table."
+)
+_RECORDS = "Records with inputs: use n4sid, or no method at all (records on their own lines); without inputs ssi-cov or ssi-data."
+_DWELL = "Appropriated forces and their indicator are modalscope.tuned_dwell(response)."
+
+#: Names of the field in small letters with blanks between, several of one answer divided by commas, and what to use instead.
+_ANSWERS = {
+    "era dc": _ERA_DC,
+    "next": "Estimate correlations, modalscope.estimate_correlation(record), and use method='era'; the default is ssi-cov.",
+    "okid, okid era, era okid": "Estimate Markov parameters, modalscope.estimate_markov(record), and identify them by era; or omit method.",
+    "ssi": "Say which: ssi-cov (correlations), ssi-data (records projected on their past) or ssi-cva (the same, canonical variates).",
+    "ssi pc": "Weighted principal components are not offered: use ssi-data (unweighted) or ssi-cva (canonical variates).",
+    "polymax plus": f"Use polymax, then the likelihood. {_ML}",
+    "fdpi": "Use method='polyreference', domain='s': direct parameter identification, also called dpi.",
+    "rfp, grfp": _FRACTION,
+    "rfp z": "Use method='lscf': the matrix fraction in z.",
+    "lsfd": "Residues of known poles are modalscope.fit_residues(response, modes); identify fits them by itself.",
+    "fdd, efdd, fsdd, cfdd, peak picking, pp, bfdd": _FDD,
+    "cmif, mif, mmif": "An indicator, not a method: modalscope.plot.indicator(response) draws it, select uses it by itself.",
+    "mle, mlmm, ml, maximum likelihood": _ML,
+    "bayesian fft": f"Not offered. {_ML}",
+    "matrix pencil": "Use method='esprit' (the row alternate): the pencil of a Hankel matrix and its shift.",
+    "half power, circle fit, sdof, smac": _SINGLE,
+    "subspace": "Say which: n4sid (records with inputs), ssi-data (without), fd-subspace (frequency responses).",
+    "arx, armax, arma, pem, omax": _RECORDS,
+    "std": "Sparse time domain is an algorithm for Ibrahim's method: use method='itd'.",
+    "mritd": "Use method='itd' with several decays as inputs.",
+    "normal mode, phase resonance, force appropriation": _DWELL,
+    "oma": "Ambient records need no special call: identify, stabilize and analyze accept them, ssi-cov by default.",
+    "ema": "Frequency responses need no special call: identify, stabilize and analyze accept them.",
+}
+
+#: Name -> answer.
+POINTERS = {name: answer for names, answer in _ANSWERS.items() for name in names.split(", ")}
+
+
+def cell_label(name: str, domain: str) -> str:
+    """Return the common name of a cell with its name in the table; an unknown name with its domain.
+
+    Examples
+    --------
+    >>> cell_label("alternate", "time"), cell_label("lscf", "z")
+    ('SSI-cov (alternate)', 'PolyMAX (lscf, z)')
+    """
+    return next((m.label for m in methods() if (m.name, m.domain) == (name, domain)), f"{name} ({domain})")
+
+
+def find_method(name: str, domain: str | None, default_domain: str, route: str | None = None) -> Method:
+    """Return the cell of a name and a domain; by default the domain of the data, or the first of the row.
+
+    `name`: a row of the table, or a name from the literature ("ssi-cov", "polymax", "itd"), in any case, with hyphens, underscores or
+    blanks. `default_domain`: domain of the data. `route`: restricts to the rows that this route from records with inputs serves.
+
+    Raises `DataError`: an unknown name, or a cell that does not exist.
+    """
+    wanted = plain(name) if isinstance(name, str) else ""
+    rows = [m for m in methods() if plain(m.name) == wanted]
+    rows = rows or [m for m in methods() if wanted in {plain(alias) for alias in m.aliases}]
+    if not rows:
+        raise _unknown(name)
+    cells: dict[str, Method] = {}
+    for m in rows:
+        if route is None or not m.route or m.served_by(route):
+            cells.setdefault(m.domain, m)
+    if not cells:
+        routes = dict.fromkeys(m.route for m in rows if m.route)
+        raise DataError(
+            f"method {name!r} by route={route!r} was asked",
+            f"records with inputs reach it by route {' or '.join(map(repr, routes)) or 'none'}",
+            "Omit route, or choose another method.",
+        )
+    if domain is None:
+        return cells.get(default_domain) or next(iter(cells.values()))
+    check_choice("domain", domain, DOMAINS)
+    if domain not in cells:
+        raise DataError(
+            f"method {name!r} in domain {domain!r} was asked",
+            f"it has only {', '.join(cells)}",
+            "Choose one of these domains.",
+        )
+    return cells[domain]
+
+
+def _unknown(name: Any) -> DataError:
+    rows = list(dict.fromkeys(m.name for m in methods()))
+    pointer = POINTERS.get(" ".join(re.split(r"[-_/ ]+", str(name).strip().lower())))
+    if pointer is not None:
+        return DataError(f"method={name!r} was asked", "it is no row of the table", pointer)
+    words = {plain(word): word for m in methods() for word in (m.name, *m.aliases)}
+    near = get_close_matches(plain(str(name)), words, n=1)
+    hint = f"Did you mean {words[near[0]]!r}? " if near else ""
+    return DataError(
+        f"method={name!r} was asked",
+        f"there are {', '.join(rows)}, and their names in the literature (see methods())",
+        f"{hint}Choose one of these.",
+    )
