@@ -46,7 +46,7 @@ help:
 	@echo "make lint          ruff, mypy, floors"
 	@echo "make format        let ruff write what it can"
 	@echo "make architecture  draw the floors of pyproject.toml into the documents"
-	@echo "make changelog     join the fragments of changelog.d under the version"
+	@echo "make changelog     join the fragments of changelog.d into CHANGELOG.md"
 	@echo "make docs          the documentation site in build/docs, every example in it run"
 	@echo "make bench         time and memory, against other programs in environments of their own (minutes)"
 	@echo "make torch         PyTorch, for large products on a graphics card"

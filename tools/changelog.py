@@ -1,17 +1,15 @@
-"""Join the fragments of changelog.d into CHANGELOG.md, under the version of the project.
+"""Join the fragments of changelog.d into CHANGELOG.md, under what is not released yet.
 
-`python -m tools.changelog` (or `make changelog`) makes each fragment a bullet of the version's section, opens that section where
+`python -m tools.changelog` (or `make changelog`) makes each fragment a bullet of that section, to be sorted by subject, opens it where
 it is not there yet, and removes the fragments. One fragment is one change, in one or two sentences for those who use it; with a file
 for each, changes that are made side by side do not meet in one place.
 """
 
 from __future__ import annotations
 
-import datetime
 import itertools
 import re
 import textwrap
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -60,19 +58,17 @@ def joined(changelog: str, version: str, day: str, texts: Mapping[Path, str]) ->
         if changelog.startswith(heading, start):
             section = "\n".join([changelog[start:end].rstrip(), *bullets])
             return "\n\n".join(part for part in (changelog[:start] + section, changelog[end:].rstrip()) if part) + "\n"
-    section = "\n".join([f"{heading} - {day}", "", *bullets])
+    section = "\n".join([f"{heading} - {day}" if day else heading, "", *bullets])
     return "\n\n".join([changelog[: starts[0]].rstrip(), section, changelog[starts[0] :].rstrip()]).rstrip() + "\n"
 
 
 def main() -> None:
     """Write the changelog and remove the fragments that it now holds."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     path, texts = ROOT / "CHANGELOG.md", fragments(ROOT / "changelog.d")
-    day = datetime.date.today().isoformat()
-    path.write_text(joined(path.read_text(encoding="utf-8"), project["version"], day, texts), encoding="utf-8")
+    path.write_text(joined(path.read_text(encoding="utf-8"), "Unreleased", "", texts), encoding="utf-8")
     for fragment in texts:
         fragment.unlink()
-    print(f"{len(texts)} changes written under {project['version']}")
+    print(f"{len(texts)} changes written under Unreleased")
 
 
 if __name__ == "__main__":
