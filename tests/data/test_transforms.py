@@ -128,7 +128,7 @@ def test_transforms_that_cannot_be_made_say_why(call, message: str) -> None:  # 
 def test_a_sampled_response_on_lines_that_do_not_divide_the_rate_has_no_inverse() -> None:
     f = 0.3 * np.arange(1, 100)
     response = FIVE["chain5"]().state_space(dt=0.01).frequency_response(f)
-    with pytest.raises(DataError, match=r"100 Hz holds 333.333 steps of 0.3 Hz"):
+    with pytest.raises(DataError, match=r"100 Hz is 333.333 times the line spacing of 0.3 Hz"):
         response.to_impulse_response()
 
 

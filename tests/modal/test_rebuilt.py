@@ -47,7 +47,7 @@ def test_pieces_give_the_fit_error_of_the_whole() -> None:
         patched.setattr(
             "modalscope.data.responses.HELD", 7 * noisy.values[0].size
         )  # pieces of sixteen samples, the fewest
-        pieces = list(noisy.beside(model))
+        pieces = list(noisy.with_model(model))
     assert len(pieces) == 19
     found, by_channel = fit_error_of(pieces)
     assert found == pytest.approx(whole, rel=1e-12)

@@ -124,7 +124,7 @@ def combinations(response: Response, count: int, seed: int = 0) -> Combinations:
     rows = _InMemory(response.values)
     found = found_combinations(rows, count, seed)
     values = rows.as_response(found.columns)
-    wanted = response.known_variance is not None or getattr(response, "feedthrough", None) is not None
+    wanted = response.variance is not None or getattr(response, "feedthrough", None) is not None
     few = labelled(response, values, found.U / found.scale[:, None] if wanted else None, len(found.columns))
     return Combinations(few, found.U, found.scale, found.discarded)
 
@@ -214,7 +214,7 @@ def labelled(response: Some, values: Array, back: RealArray | None, count: int) 
     for name in ("variance", "coherence"):
         if getattr(response, name, None) is not None:
             changed[name] = None
-    variance = response.known_variance
+    variance = response.variance
     if variance is not None and back is not None:
         changed["variance"] = np.einsum("or,kom->krm", back**2, variance, optimize=True)
     known = getattr(response, "feedthrough", None)

@@ -300,7 +300,7 @@ class DataMatrix(ABC):
 
     def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> Iterator[tuple[Array, Array]]:
         """Data and model where the model was fitted: (measured, rebuilt), some lines or samples after the other."""
-        yield from self.judged.beside(model)
+        yield from self.judged.with_model(model)
 
     # --------------------------------------------------------------------------------------------------------- indicators
     def row_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:

@@ -598,7 +598,7 @@ class RecordLines(PolynomialRows):
     def warnings(self) -> tuple[str, ...]:
         """Inputs that are linearly dependent."""
         short = [part.given - part.rank for part in self.parts]
-        told = [str(note) for note in self.judged.untold]
+        told = [str(note) for note in self.judged.inseparable_inputs]
         if any(short):
             told.append(
                 f"{sum(short)} of {sum(part.given for part in self.parts)} rows of inputs and ends depend on the others and were left out: "

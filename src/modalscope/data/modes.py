@@ -13,7 +13,7 @@ from scipy.special import ndtri, stdtrit
 from modalscope.data.channels import derivatives_between
 from modalscope.data.mode_fields import COLUMNS, ModeFields, mode_indices
 from modalscope.data.mode_table import cells_of_modes, known_columns
-from modalscope.data.response import CORRELATED, UNTOLD
+from modalscope.data.response import CORRELATED, INSEPARABLE
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.shown import text_table
 from modalscope.numerics.arguments import between, named
@@ -47,7 +47,7 @@ def _mass_factor(modes: ModalModel) -> tuple[ComplexArray, str]:
             "Measure again with known masses added, and give both to scale_by_mass.",
         )
     common = [dof for dof in modes.output_dofs if dof in modes.input_dofs]
-    untold = {dof for note in modes.notes if note.kind == UNTOLD for dof in note.numbers}
+    untold = {dof for note in modes.notes if note.kind == INSEPARABLE for dof in note.numbers}
     if common and untold.issuperset(common):
         raise DataError(
             "shapes of unit modal mass were asked",

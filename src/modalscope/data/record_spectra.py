@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -14,11 +14,12 @@ from modalscope.data.mode_fields import ModeFields
 from modalscope.data.notes import Note
 from modalscope.data.quadruple import Quadruple
 from modalscope.data.record_residual import excess, excess_notes, pole_notes
-from modalscope.data.response import UNTOLD, NoResponse, output_scale
+from modalscope.data.response import INSEPARABLE, Conversion, Response, output_scale
 from modalscope.data.responses import FrequencyResponse, lines_inside
 from modalscope.functions.driven_basis import DrivenBasis, DrivenLines, Run, driven_basis
 from modalscope.functions.poles import to_discrete
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, freeze, locked
+from modalscope.numerics.errors import DataError
 
 # --------------------------------------------------------------------------------------------------------- line choice
 # Which lines of long records are enough: for judging, some of all and those of the peaks; for refining, those near the modes.
@@ -212,14 +213,7 @@ def untold_notes(lines: RecordSpectra) -> tuple[Note, ...]:
         f"inputs {', '.join(untold)} are zero or depend on each other: what they give together is known, "
         "how it is shared among them is not (participation is the shortest that fits, of inputs brought to one size)"
     )
-    return (Note(UNTOLD, untold, text),) if untold else ()
-
-
-def shortest_participation(lines: RecordSpectra, participation: Array) -> ComplexArray:
-    """Return the shortest participation (n, m) of the inputs that gives the same on all lines, inputs brought to one size."""
-    size, alone = _silent(lines)
-    level = participation * size
-    return np.asarray((level - (level @ alone.T) @ alone) / size)
+    return (Note(INSEPARABLE, untold, text),) if untold else ()
 
 
 def _silent(lines: RecordSpectra) -> tuple[RealArray, RealArray]:
@@ -286,7 +280,7 @@ _NUMBERS, _LEAST_LINES = 1 << 19, 8192
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
-class RecordSpectra(NoResponse):
+class RecordSpectra(Response):
     """Transforms of the outputs on the lines of all runs, one run after the other, beside those of the inputs.
 
     A model gives Y = D U + sum_j c_j (l_j' U + w_j x) / (x - s_j) + conj: nothing is estimated, and a run may begin and end anywhere.
@@ -306,6 +300,9 @@ class RecordSpectra(NoResponse):
     source: RecordSpectra | None = None
     level: RealArray | None = None
     line_scale: RealArray | None = None
+    origin: ClassVar[str] = "records"
+    separable: ClassVar[bool] = False
+    columns: ClassVar[tuple[str, ...]] = ("all inputs",)
 
     def __post_init__(self) -> None:
         given = (name for name in ("level", "line_scale") if getattr(self, name) is not None)
@@ -324,11 +321,6 @@ class RecordSpectra(NoResponse):
     def grid(self) -> RealArray:
         """The lines of all runs, Hz, increasing."""
         return np.unique(self.frequencies)
-
-    @property
-    def held_input(self) -> bool:
-        """Whether the inputs were held between samples."""
-        return self.sampling_rate is not None
 
     @property
     def points(self) -> ComplexArray:
@@ -431,8 +423,10 @@ class RecordSpectra(NoResponse):
         relative = np.asarray(1j * self.frequencies / self.span[1])
         return self.lines.basis(self.in_plane(poles), self.values, relative, powers)
 
-    def left_of(self, poles: Array, shapes: Array, participation: Array, powers: tuple[int, ...] = (0,)) -> RealArray:
-        """Return the data without what modes give; see `Response.left_of`."""
+    def residual_of(
+        self, poles: Array, shapes: Array, participation: Array, powers: tuple[int, ...] = (0,)
+    ) -> RealArray:
+        """Return the data without what modes give; see `Response.residual_of`."""
         nothing = np.zeros((1, self.values.shape[1], self.drive.shape[1]))
         return left_rows(self, self.modelled(poles, shapes, participation, nothing))
 
@@ -443,7 +437,7 @@ class RecordSpectra(NoResponse):
         return max(each), sum(each)
 
     @property
-    def room(self) -> int:
+    def max_states(self) -> int:
         """Largest number of states worth a try: half of the columns that are left at the least degree."""
         return max((2 * self.count - (_LEAST_DEGREE + 1) * self.eliminated[1]) // 2, 2)
 
@@ -478,13 +472,15 @@ class RecordSpectra(NoResponse):
         found = excess(self.frequencies, power, self.values[:, :, 0], poles[trusted], 1 / max(self.durations))
         return (*excess_notes(found), *pole_notes(self.in_plane(poles), self.sampling_rate, max(self.durations)))
 
-    def told_of(self, participation: Array) -> ComplexArray:
-        """Return the shortest participation of the inputs that gives the same; see `Response.told_of`."""
-        return shortest_participation(self, participation)
+    def shortest_participation(self, participation: Array) -> ComplexArray:
+        """Return the shortest participation of the inputs that gives the same; see `Response.shortest_participation`."""
+        size, alone = _silent(self)
+        scaled = participation * size
+        return np.asarray((scaled - (scaled @ alone.T) @ alone) / size)
 
     @property
-    def untold(self) -> tuple[Note, ...]:
-        """A note on inputs that are zero or depend on each other; see `ResponseFacts.untold`."""
+    def inseparable_inputs(self) -> tuple[Note, ...]:
+        """A note on inputs that are zero or depend on each other; see `Response.inseparable_inputs`."""
         return untold_notes(self)
 
     def picture(self) -> FrequencyResponse:
@@ -500,6 +496,22 @@ class RecordSpectra(NoResponse):
     def driven(self, poles: Array, participation: Array) -> RealArray:
         """Return the root mean square of what drives each pole on the lines near its frequency, (n,); see `Response.driven`."""
         return drive_of_poles(self, poles, participation)
+
+    def functions(self, poles: Array, *, slopes: bool = False, lines: slice = slice(None)) -> RealArray:
+        """Raise: in records every pole is driven by all inputs together."""
+        raise DataError(
+            "functions of poles alone were asked",
+            "in records every pole is driven by all inputs together",
+            "Use those of a frequency response.",
+        )
+
+    def as_samples(self) -> Conversion:
+        """Raise: records are no response; see `estimate_markov`."""
+        raise DataError("samples of a response were asked", "the data are records on lines", "Use route='markov'.")
+
+    def as_lines(self) -> Conversion:
+        """Raise: records are no response; see `estimate_frf`."""
+        raise DataError("frequency responses were asked", "the data are records on lines", "Use route='frf'.")
 
     def in_band(self, band: tuple[float, float] | None) -> RecordSpectra:
         """Return the lines in a band."""

@@ -1,4 +1,4 @@
-"""Define the interface of a response, on lines or on samples, to identification."""
+"""Define what every measured response, on lines or on samples, offers to identification and selection."""
 
 from __future__ import annotations
 
@@ -16,21 +16,24 @@ from modalscope.data.quadruple import Quadruple
 from modalscope.data.units import Convertible
 from modalscope.functions.pole_basis import ModalBasis
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
-from modalscope.numerics.errors import DataError
 
-# ------------------------------------------------------------------------------------------------------ response facts
-# What a response is: its values, and the facts that stages ask for without computing anything.
-
-#: What the processing of correlations says, and of half spectra.
+#: How steps of `processing` name correlations, and half spectra.
 CORRELATED, HALF = "correlated", "half spectra"
 
-#: The kind of a note on inputs whose shares in what they give together are not known, by label.
-UNTOLD = "inputs not told apart"
+#: The kind of a note on inputs that the data cannot separate; its numbers stand by their labels.
+INSEPARABLE = "inputs not told apart"
+
+
+class Conversion(NamedTuple):
+    """A response as samples or as lines, and how it was converted (empty where it was not)."""
+
+    response: Response
+    note: str
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
-class ResponseFacts(Channels, Convertible):
-    """A measured response, (lines or samples, outputs, inputs), and what is known of it before anything is computed; see `Response`.
+class Response(Channels, Convertible):
+    """A measured response, (lines or samples, outputs, inputs); how lines and samples differ is a method here.
 
     Parameters
     ----------
@@ -54,11 +57,51 @@ class ResponseFacts(Channels, Convertible):
     @property
     @abstractmethod
     def origin(self) -> str:
-        """Where the values came from: "lines", or the kind of an impulse response."""
+        """Where the values came from: "lines", "records", or the kind of an impulse response."""
+
+    @property
+    @abstractmethod
+    def span(self) -> tuple[float, float]:
+        """Lowest and highest frequency that the data can show, Hz."""
+
+    @property
+    def grid(self) -> RealArray | None:
+        """The lines in Hz; None of samples, which have no resolution of their own."""
+        return None
+
+    @property
+    def count(self) -> int:
+        """Number of lines or samples."""
+        return int(self.values.shape[0])
+
+    @property
+    def max_states(self) -> int | None:
+        """Largest number of states worth a try; None where the samples alone do not say."""
+        return None
+
+    @property
+    def held_input(self) -> bool:
+        """Whether the response is that of a sampled system under a held input, H(z) = D + sum phi l' / (z - exp(s dt))."""
+        return self.sampling_rate is not None
+
+    @property
+    def steps_late(self) -> int:
+        """Sampling intervals from the impulse to the first sample; 0 for lines."""
+        return 0
+
+    @property
+    def exact_samples(self) -> bool:
+        """Whether the response as samples loses nothing."""
+        return False
+
+    @property
+    def exact_lines(self) -> bool:
+        """Whether the response as lines loses nothing."""
+        return False
 
     @property
     def ambient(self) -> bool:
-        """Whether the response was estimated from outputs alone, so that its columns are references and it carries estimation errors."""
+        """Whether the response was estimated from outputs alone: its columns are references and it carries estimation errors."""
         return self.origin == "correlation"
 
     @property
@@ -67,19 +110,9 @@ class ResponseFacts(Channels, Convertible):
         return any(HALF in step for step in self.processing)
 
     @property
-    def untold(self) -> tuple[Note, ...]:
-        """A note on inputs whose shares in what they give together the data do not tell; its numbers stand by their labels."""
+    def inseparable_inputs(self) -> tuple[Note, ...]:
+        """A note on inputs that the data cannot separate."""
         return ()
-
-    @property
-    def known_variance(self) -> RealArray | None:
-        """Variance E|error|^2 of every value, where the data carry one."""
-        return getattr(self, "variance", None)
-
-    @property
-    def known_level(self) -> RealArray | None:
-        """What every output is divided by to be level with the others by its noise, (l,), where that is known."""
-        return getattr(self, "level", None)
 
     @property
     def coherence(self) -> RealArray | None:
@@ -88,12 +121,17 @@ class ResponseFacts(Channels, Convertible):
 
     @property
     def variance(self) -> RealArray | None:
-        """Variance of the values; None where it was not estimated."""
+        """Variance E|error|^2 of every value; None where it was not estimated."""
         return None
 
     @property
     def averages(self) -> int | None:
-        """Averages behind the values; None where they are not known."""
+        """Averages behind the values, from which the variance was estimated; None where they are not known."""
+        return None
+
+    @property
+    def level(self) -> RealArray | None:
+        """Noise level of every output, (l,); None where it was not estimated."""
         return None
 
     @property
@@ -102,107 +140,44 @@ class ResponseFacts(Channels, Convertible):
         return None
 
     @property
-    def scattered_variance(self) -> bool:
-        """Whether that variance is itself an estimate from a number of averages, line by line."""
-        return getattr(self, "averages", None) is not None
-
-    @property
-    def count(self) -> int:
-        """Number of lines or samples."""
-        return int(self.values.shape[0])
-
-    @property
-    def room(self) -> int | None:
-        """Largest number of states worth a try; None where the samples alone do not tell."""
-        return None
-
-    @property
-    @abstractmethod
-    def span(self) -> tuple[float, float]:
-        """Lowest and highest frequency that the data can show, Hz."""
-
-    @property
-    @abstractmethod
-    def grid(self) -> RealArray | None:
-        """The lines in Hz; None of samples, which have no resolution of their own."""
-
-    @property
-    @abstractmethod
-    def held_input(self) -> bool:
-        """Whether the response is that of a sampled system under a held input, H(z) = D + sum phi l' / (z - exp(s dt))."""
-
-    @property
-    @abstractmethod
-    def steps_late(self) -> int:
-        """Sampling intervals from the impulse to the first sample; 0 for lines."""
-
-    @property
     def parts(self) -> tuple[int, str]:
         """How many parts have labels of groups, and what a part is, in words."""
         return int(self.values.shape[2]), "an input"
 
     @property
     def drives(self) -> int:
-        """How many numbers say what drives a pole: one an input."""
+        """Length of the participation of a pole: one number an input."""
         return len(self.input_dofs)
 
     @property
-    @abstractmethod
-    def outside_powers(self) -> tuple[int, ...]:
-        """Powers of j w that a fit should carry beside the modes, for the modes outside the band; (0,) is the direct term alone."""
-
-    @property
-    def refined_powers(self) -> tuple[int, ...]:
-        """Powers that a refinement carries beside the modes, at first; see `max_powers`."""
-        return self.outside_powers
-
-    @property
-    def max_powers(self) -> int:
-        """How many powers a refinement may carry where the residual needs them."""
-        return len(self.refined_powers)
-
-    @property
     def separable(self) -> bool:
-        """Whether what a pole contributes is the same function for all inputs."""
+        """Whether the contribution of a pole is the same function for all inputs."""
         return True
 
     @property
     def column_word(self) -> str:
-        """What the field calls a column of the values: an input, or a reference of ambient data."""
+        """Term for a column of the values: an input, or a reference of ambient data."""
         return "reference" if self.ambient else "input"
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """What the last axis of the values is: the inputs."""
+        """Labels of the last axis of the values: the inputs."""
         return self.input_dofs
 
     @property
-    @abstractmethod
-    def exact_samples(self) -> bool:
-        """Whether the response as samples loses nothing."""
+    def outside_powers(self) -> tuple[int, ...]:
+        """Powers of j w of the residual terms, for the modes outside the band; (0,) is the direct term alone."""
+        return (0,)
 
     @property
-    @abstractmethod
-    def exact_lines(self) -> bool:
-        """Whether the response as lines loses nothing."""
+    def refined_powers(self) -> tuple[int, ...]:
+        """Powers with which a refinement starts; see `max_powers`."""
+        return self.outside_powers
 
-
-# ------------------------------------------------------------------------------------------------------------ response
-
-
-class Conversion(NamedTuple):
-    """A response as samples or as lines, and how it was converted (empty where it was not)."""
-
-    response: Response
-    note: str
-
-
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
-class Response(ResponseFacts):
-    """A measured response: what both kinds, lines and samples, offer to whoever identifies or judges; see `ResponseFacts` for its fields.
-
-    Nobody has to ask which kind it is: what differs is a method here.
-    """
+    @property
+    def max_powers(self) -> int:
+        """How many powers a refinement may use where the residual needs them."""
+        return len(self.refined_powers)
 
     @abstractmethod
     def basis(self, poles: Array, powers: tuple[int, ...] = (0,), weights: Array | None = None) -> ModalBasis:
@@ -253,7 +228,9 @@ class Response(ResponseFacts):
         """
         return self.basis(poles, powers)
 
-    def left_of(self, poles: Array, shapes: Array, participation: Array, powers: tuple[int, ...] = (0,)) -> RealArray:
+    def residual_of(
+        self, poles: Array, shapes: Array, participation: Array, powers: tuple[int, ...] = (0,)
+    ) -> RealArray:
         """Return the data without what modes give, on the rows of `whole_basis`, (K, l, m); terms stay in it.
 
         Parameters
@@ -289,7 +266,7 @@ class Response(ResponseFacts):
         """
         return np.asarray(participation[:, : len(self.input_dofs)])
 
-    def told_of(self, participation: Array) -> ComplexArray:
+    def shortest_participation(self, participation: Array) -> ComplexArray:
         """Return what the data tell of the participation of the inputs, (n, m): what inputs do not excite is left at zero.
 
         Parameters
@@ -416,7 +393,7 @@ class Response(ResponseFacts):
         """
         return self.rebuilt_by(model).values
 
-    def beside(self, model: Quadruple) -> Iterator[tuple[Array, Array]]:
+    def with_model(self, model: Quadruple) -> Iterator[tuple[Array, Array]]:
         """Yield measured values and those of a model, some lines or samples after the other.
 
         Parameters
@@ -440,13 +417,9 @@ class Response(ResponseFacts):
         return {**self.labelled(), "processing": (), "quantity": self.quantity}
 
 
-# ------------------------------------------------------------------------------------------------------- output levels
-# What brings the outputs of a response to one level: their noise, or their size.
-
-
 def output_scale(response: Response) -> RealArray:
     """Return what brings outputs to one level, (l,): their noise where it is known, as least squares ask, else their root mean squares."""
-    return root_mean_squares(response) if response.known_level is None else response.known_level
+    return root_mean_squares(response) if response.level is None else response.level
 
 
 def root_mean_squares(response: Response) -> RealArray:
@@ -458,67 +431,3 @@ def root_mean_squares(response: Response) -> RealArray:
 def _real_parts(values: Array) -> RealArray:
     """Return (K, l, m) numbers as real ones, (K, l, m) or (K, l, 2 m), without a copy where they lie in one piece."""
     return np.ascontiguousarray(values).view(np.float64).reshape(*values.shape[:2], -1)
-
-
-# --------------------------------------------------------------------------------------------------------- no response
-# Outputs beside what drove them: data that are judged like responses and are none.
-
-
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
-class NoResponse(Response):
-    """What records on lines refuse, and why: nothing was divided by the inputs, which act together."""
-
-    @property
-    def origin(self) -> str:
-        """Records."""
-        return "records"
-
-    @property
-    def steps_late(self) -> int:
-        """Lines begin at the impulse itself: 0."""
-        return 0
-
-    def functions(self, poles: Array, *, slopes: bool = False, lines: slice = slice(None)) -> RealArray:
-        """Records have no functions that are the same for all inputs."""
-        raise DataError(
-            "functions of poles alone were asked",
-            "in records every pole is driven by all inputs together",
-            "Use those of a frequency response.",
-        )
-
-    @property
-    def outside_powers(self) -> tuple[int, ...]:
-        """The direct term alone."""
-        return (0,)
-
-    @property
-    def separable(self) -> bool:
-        """False: all inputs act together."""
-        return False
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """What the last axis of the values is: all inputs act together."""
-        return ("all inputs",)
-
-    @property
-    def exact_samples(self) -> bool:
-        """False: records are no samples of a response."""
-        return False
-
-    @property
-    def exact_lines(self) -> bool:
-        """False: records are no lines of a response."""
-        return False
-
-    def as_samples(self) -> Conversion:
-        """Records are no response; see `estimate_markov`."""
-        raise self._no_response("samples of a response", "route='markov'")
-
-    def as_lines(self) -> Conversion:
-        """Records are no response; see `estimate_frf`."""
-        raise self._no_response("frequency responses", "route='frf'")
-
-    @staticmethod
-    def _no_response(what: str, change: str) -> DataError:
-        return DataError(f"{what} were asked", "the data are records on lines", f"Use {change}.")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,11 +50,8 @@ from modalscope.numerics.checks import (
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.linear_systems import HELD, markov_parameters
 
-# ------------------------------------------------------------------------------------------------------------- impulse
-# Impulse responses: sequences of Markov parameters Y(k) = C A^k B.
-
-#: Samples of a model that are made together at least: C is read as often as there are such steps.
-_STEP = 16
+#: Samples of a model that are computed together at least: C is read once for each such step.
+_MIN_SAMPLES_PER_STEP = 16
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
@@ -96,6 +93,7 @@ class ImpulseResponse(Response):
     quantity: str | None = None
     added_damping: float = 0.0
     groups: Groups = AUTO
+    exact_samples: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         values = real_array("values", self.values, "(samples, outputs, inputs)", 3)
@@ -140,11 +138,6 @@ class ImpulseResponse(Response):
         return 0.0, self.sampling_rate / 2
 
     @property
-    def grid(self) -> None:
-        """None: samples have no resolution of their own."""
-        return
-
-    @property
     def held_input(self) -> bool:
         """Whether this is a pulse response."""
         return self.kind == "pulse"
@@ -157,11 +150,6 @@ class ImpulseResponse(Response):
     def basis(self, poles: Array, powers: tuple[int, ...] = (0,), weights: Array | None = None) -> ModalBasis:
         """Return what poles can contribute to the samples; samples have neither terms nor weights. See `Response.basis`."""
         return sample_basis(self.sampling_rate, self.first_sample, self.values, poles)
-
-    @property
-    def outside_powers(self) -> tuple[int, ...]:
-        """Samples have a direct term alone, and it is known or not."""
-        return (0,)
 
     def named_terms(self, terms: RealArray, powers: tuple[int, ...]) -> dict[str, RealArray | None]:
         """Return the known direct term; see `Response.named_terms`."""
@@ -181,16 +169,6 @@ class ImpulseResponse(Response):
     def energy(self, decay: Array) -> RealArray:
         """Return about fs / decay, the sum over samples of |2 Re exp(s t)|^2, over no more than the samples there are."""
         return np.minimum(self.sampling_rate / np.asarray(decay), 2 * self.samples)
-
-    @property
-    def exact_samples(self) -> bool:
-        """True: these are the samples."""
-        return True
-
-    @property
-    def exact_lines(self) -> bool:
-        """False: a transform takes what follows the last sample for zero."""
-        return False
 
     def as_samples(self) -> Conversion:
         """Return the samples themselves."""
@@ -225,10 +203,10 @@ class ImpulseResponse(Response):
         """Return the Markov parameters of a model at these samples; see `Response.values_of`."""
         return model.markov_parameters(self.samples)
 
-    def beside(self, model: Quadruple) -> Iterator[tuple[Array, Array]]:
-        """Yield samples and those of a model, never all of many outputs together; see `Response.beside`."""
+    def with_model(self, model: Quadruple) -> Iterator[tuple[Array, Array]]:
+        """Yield samples and those of a model, never all of many outputs together; see `Response.with_model`."""
         _, l, m = self.values.shape
-        step, state = max(_STEP, HELD // (4 * l * m)), model.B
+        step, state = max(_MIN_SAMPLES_PER_STEP, HELD // (4 * l * m)), model.B
         for first in range(0, self.samples, step):
             measured = self.values[first : first + step]
             yield measured, markov_parameters(model.A, state, model.C, len(measured))
@@ -300,21 +278,11 @@ class ImpulseResponse(Response):
         }
 
 
-# ----------------------------------------------------------------------------------------------------------- frequency
-
-# --------------------------------------------------------------------------------------------------------- line checks
-# What the lines of a frequency response must be, and what stands beside their values.
-
-
 def check_lines(lines: RealArray, values: ComplexArray) -> None:
-    """Refuse no lines, another number of them than values, lines that are negative or do not increase, and magnitudes."""
+    """Refuse no lines, another number of them than values, negative or not increasing lines, and magnitudes."""
     shape = values.shape
     if 0 in shape or lines.size == 0:
-        raise DataError(
-            "a frequency response needs at least one line and channel",
-            f"its shape is {shape}",
-            "Measure at least one line.",
-        )
+        raise DataError("a response needs at least one line and channel", f"its shape is {shape}", "Measure one line.")
     if lines.size != shape[0]:
         raise DataError(
             f"frequencies needs one entry for each of the {shape[0]} lines of values, shape {shape}",
@@ -323,9 +291,7 @@ def check_lines(lines: RealArray, values: ComplexArray) -> None:
         )
     if lines[0] < 0:
         raise DataError(
-            "frequencies needs lines at or above 0 Hz",
-            f"the first is {lines[0]:g} Hz",
-            "Leave the negative half of the spectrum out.",
+            "frequencies needs lines at or above 0 Hz", f"the first is {lines[0]:g} Hz", "Leave negative lines out."
         )
     falling = np.flatnonzero(np.diff(lines) <= 0)
     if falling.size:
@@ -335,11 +301,7 @@ def check_lines(lines: RealArray, values: ComplexArray) -> None:
             f"line {k + 1} ({lines[k + 1]:g} Hz) does not lie above line {k} ({lines[k]:g} Hz)",
             "Sort the lines together with their values and drop the repeated ones.",
         )
-    _check_complex(values, lines)
-
-
-def _check_complex(values: ComplexArray, lines: RealArray) -> None:
-    """Refuse magnitudes; a single line may be real by chance, and an undamped model's real response changes sign."""
+    # a single line may be real by chance, and an undamped model's real response changes sign
     if lines.size > 1 and not values.imag.any() and values.real.any() and values.real.min() >= 0:
         raise DataError(
             "values needs complex frequency responses",
@@ -348,8 +310,8 @@ def _check_complex(values: ComplexArray, lines: RealArray) -> None:
         )
 
 
-def check_beside(name: str, array: Array | None, shape: tuple[int, ...]) -> RealArray | None:
-    """Return the coherence or the variance that stands beside values of a shape, checked; None when there is none."""
+def check_statistic(name: str, array: Array | None, shape: tuple[int, ...]) -> RealArray | None:
+    """Return the coherence or the variance of values of a shape, checked; None where there is none."""
     if array is None:
         return None
     checked = real_array(name, array, "(lines, outputs) or (lines, outputs, inputs)", (2, 3))
@@ -357,7 +319,7 @@ def check_beside(name: str, array: Array | None, shape: tuple[int, ...]) -> Real
         raise DataError(
             f"{name} needs the shape of values, {shape}",
             f"it has {checked.shape}",
-            "Give one entry for each line and channel.",
+            "Give one entry a line and channel.",
         )
     low, high = float(checked.min()), float(checked.max())
     if low < -1e-9 or (name == "coherence" and high > 1 + 1e-6):
@@ -394,88 +356,8 @@ def lines_inside(lines: RealArray, band: tuple[float, float]) -> IntArray:
     return inside
 
 
-# ----------------------------------------------------------------------------------------------------- line transforms
-# Frequency responses in another quantity, and as samples.
-
-
-def in_quantity(response: FrequencyResponse, wanted: str) -> FrequencyResponse:
-    """Return a response in another quantity (see `FrequencyResponse.as_quantity`)."""
-    power = derivatives_between(response.quantity, wanted)
-    if power < 0 and response.frequencies[0] == 0:
-        raise DataError(
-            f"the {response.quantity} as {wanted} was asked",
-            "its first line lies at 0 Hz, where that divides by zero",
-            "Leave that line out with band().",
-        )
-    factor = (2j * np.pi * response.frequencies) ** power
-    variance = None if response.variance is None else response.variance * np.abs(factor[:, None, None]) ** 2
-    note = f"{response.quantity} turned into {wanted} in the frequency domain"
-    units = response.units if power == 0 else (("",) * len(response.output_dofs), response.units[1])
-    return replace(
-        response,
-        values=response.values * factor[:, None, None],
-        variance=variance,
-        quantity=wanted,
-        units=units,
-        processing=(*response.processing, note),
-    )
-
-
-def inverse_transform(response: FrequencyResponse) -> ImpulseResponse:
-    """Return the inverse Fourier transform of the lines (see `FrequencyResponse.to_impulse_response`)."""
-    spectrum, step = _from_zero(response)
-    held = response.sampling_rate is not None
-    length = 2 * (spectrum.shape[0] - 1)
-    rate = length * step
-    if response.sampling_rate is not None:
-        rate = response.sampling_rate
-        length = round(rate / step)
-        if abs(rate / step - length) > 1e-3:
-            raise DataError(
-                "the inverse transform of a sampled response needs lines that divide the sampling rate",
-                f"{rate:g} Hz holds {rate / step:.6g} steps of {step:g} Hz",
-                "Use a frequency-domain method (domain='z'), which takes any lines.",
-            )
-    samples = np.fft.irfft(spectrum, n=length, axis=0)
-    note = (
-        f"inverse transform of {response.lines} lines, {response.frequencies[0]:g} to {response.frequencies[-1]:g} Hz"
-    )
-    return ImpulseResponse(
-        values=samples[1:] if held else samples[1:] * rate,
-        feedthrough=samples[0],
-        sampling_rate=rate,
-        kind="pulse" if held else "dirac",
-        first_sample=0 if held else 1,
-        quantity=response.quantity,
-        added_damping=response.added_damping,
-        groups=response.groups,
-        **response.labelled(),
-    ).processed(note)
-
-
-def _from_zero(response: FrequencyResponse) -> tuple[ComplexArray, float]:
-    """Return values on all multiples of the lines' spacing from 0 Hz, zero below the band, and that spacing in Hz."""
-    if response.lines < 2:
-        raise DataError("an inverse transform needs a band of lines", "there is one line", "Measure more lines.")
-    step = (response.frequencies[-1] - response.frequencies[0]) / (response.lines - 1)
-    bins = response.frequencies / step
-    whole = np.rint(bins).astype(int)
-    if np.max(np.abs(bins - whole)) > 1e-3 or np.any(np.diff(whole) != 1):
-        steps = np.diff(response.frequencies)
-        raise DataError(
-            "an inverse transform needs equally spaced lines on multiples of their spacing",
-            f"they start at {response.frequencies[0]:g} Hz with steps from {steps.min():g} to {steps.max():g} Hz",
-            "Use a frequency-domain method (domain='s' or 'z'), which takes any lines.",
-        )
-    spectrum = np.zeros((whole[-1] + 1, *response.values.shape[1:]), dtype=complex)
-    spectrum[whole] = response.values
-    return spectrum, float(step)
-
-
-# ----------------------------------------------------------------------------------------------------------- frequency
-
-#: Up to so many lines residuals explain the modes themselves.
-_FEW_LINES = 8
+#: With no more lines than this, residual terms would explain the modes themselves.
+_MAX_LINES_WITHOUT_RESIDUALS = 8
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
@@ -528,6 +410,8 @@ class FrequencyResponse(Response):
     averages: int | None = None
     added_damping: float = 0.0
     groups: Groups = AUTO
+    origin: ClassVar[str] = "lines"
+    exact_lines: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         values = complex_array("values", self.values, "(lines, outputs, inputs)", 3)
@@ -539,8 +423,8 @@ class FrequencyResponse(Response):
             frequencies=lines,
             quantity=check_quantity(self.quantity),
             sampling_rate=check_rate(self.sampling_rate, lines),
-            coherence=check_beside("coherence", self.coherence, values.shape),
-            variance=check_beside("variance", self.variance, values.shape),
+            coherence=check_statistic("coherence", self.coherence, values.shape),
+            variance=check_statistic("variance", self.variance, values.shape),
             averages=None if self.averages is None else check_count("averages", self.averages),
             added_damping=check_number("added_damping", self.added_damping),
         )
@@ -553,12 +437,7 @@ class FrequencyResponse(Response):
         return int(self.frequencies.size)
 
     @property
-    def origin(self) -> str:
-        """Lines."""
-        return "lines"
-
-    @property
-    def room(self) -> int:
+    def max_states(self) -> int:
         """Half of the columns of real and imaginary parts."""
         return max(self.lines * int(self.values.shape[2]), 2)
 
@@ -571,16 +450,6 @@ class FrequencyResponse(Response):
     def grid(self) -> RealArray:
         """The lines, Hz."""
         return self.frequencies
-
-    @property
-    def held_input(self) -> bool:
-        """Whether this is the response of a sampled system."""
-        return self.sampling_rate is not None
-
-    @property
-    def steps_late(self) -> int:
-        """Lines begin at the impulse itself: 0."""
-        return 0
 
     def basis(self, poles: Array, powers: tuple[int, ...] = (0,), weights: Array | None = None) -> ModalBasis:
         """Return what poles can contribute on the lines; see `Response.basis`.
@@ -602,7 +471,7 @@ class FrequencyResponse(Response):
     @property
     def outside_powers(self) -> tuple[int, ...]:
         """Mass line of the modes below, (j w)^(p-2), and stiffness line of those above, (j w)^p; a sampled system has a direct term."""
-        residuals = self.sampling_rate is None and self.frequencies[0] > 0 and self.lines > _FEW_LINES
+        residuals = self.sampling_rate is None and self.frequencies[0] > 0 and self.lines > _MAX_LINES_WITHOUT_RESIDUALS
         return residual_powers(self.quantity, residuals)
 
     def named_terms(self, terms: RealArray, powers: tuple[int, ...]) -> dict[str, RealArray | None]:
@@ -630,11 +499,6 @@ class FrequencyResponse(Response):
         """Whether the lines are those of a sampled system from zero to half its rate."""
         rate, (low, high) = self.sampling_rate, self.span
         return rate is not None and low == 0 and bool(np.isclose(high, rate / 2))
-
-    @property
-    def exact_lines(self) -> bool:
-        """True: these are the lines."""
-        return True
 
     def as_samples(self) -> Conversion:
         """Return the inverse transform, see `exact_samples`."""
@@ -714,7 +578,21 @@ class FrequencyResponse(Response):
         DataError
             The quantity is not known, or a line at 0 Hz would be divided by zero.
         """
-        return in_quantity(self, wanted)
+        power = derivatives_between(self.quantity, wanted)
+        if power < 0 and self.frequencies[0] == 0:
+            raise DataError(
+                f"the {self.quantity} as {wanted} was asked",
+                "its first line lies at 0 Hz, where that divides by zero",
+                "Leave that line out with band().",
+            )
+        factor = ((2j * np.pi * self.frequencies) ** power)[:, None, None]
+        return replace(
+            self,
+            values=self.values * factor,
+            variance=None if self.variance is None else self.variance * np.abs(factor) ** 2,
+            quantity=wanted,
+            units=self.units if power == 0 else (("",) * len(self.output_dofs), self.units[1]),
+        ).processed(f"{self.quantity} turned into {wanted} in the frequency domain")
 
     def to_impulse_response(self) -> ImpulseResponse:
         """Return the inverse Fourier transform of the lines: samples at twice the highest frequency.
@@ -727,7 +605,49 @@ class FrequencyResponse(Response):
         DataError
             Lines that are not equally spaced, or that do not lie on multiples of their spacing.
         """
-        return inverse_transform(self)
+        spectrum, step = self._from_zero()
+        length, held = 2 * (len(spectrum) - 1), self.sampling_rate is not None
+        rate = length * step
+        if self.sampling_rate is not None:
+            rate = self.sampling_rate
+            length = round(rate / step)
+            if abs(rate / step - length) > 1e-3:
+                raise DataError(
+                    "the inverse transform of a sampled response needs lines that divide the sampling rate",
+                    f"{rate:g} Hz is {rate / step:.6g} times the line spacing of {step:g} Hz",
+                    "Use a frequency-domain method (domain='z'), which takes any lines.",
+                )
+        samples = np.fft.irfft(spectrum, n=length, axis=0)
+        low, high = self.span
+        return ImpulseResponse(
+            values=samples[1:] if held else samples[1:] * rate,
+            feedthrough=samples[0],
+            sampling_rate=rate,
+            kind="pulse" if held else "dirac",
+            first_sample=0 if held else 1,
+            quantity=self.quantity,
+            added_damping=self.added_damping,
+            groups=self.groups,
+            **self.labelled(),
+        ).processed(f"inverse transform of {self.lines} lines, {low:g} to {high:g} Hz")
+
+    def _from_zero(self) -> tuple[ComplexArray, float]:
+        """Return values on all multiples of the line spacing from 0 Hz, zero below the band, and that spacing in Hz."""
+        if self.lines < 2:
+            raise DataError("an inverse transform needs a band of lines", "there is one line", "Measure more lines.")
+        low, high = self.span
+        step = (high - low) / (self.lines - 1)
+        bins = np.rint(self.frequencies / step).astype(int)
+        if np.max(np.abs(self.frequencies / step - bins)) > 1e-3 or np.any(np.diff(bins) != 1):
+            steps = np.diff(self.frequencies)
+            raise DataError(
+                "an inverse transform needs equally spaced lines on multiples of their spacing",
+                f"they start at {low:g} Hz with steps from {steps.min():g} to {steps.max():g} Hz",
+                "Use a frequency-domain method (domain='s' or 'z'), which takes any lines.",
+            )
+        spectrum = np.zeros((bins[-1] + 1, *self.values.shape[1:]), dtype=complex)
+        spectrum[bins] = self.values
+        return spectrum, step
 
     def _scaled(self, outputs: RealArray, inputs: RealArray) -> dict[str, Any]:
         by = self._factors(outputs, inputs)

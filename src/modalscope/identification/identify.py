@@ -206,7 +206,7 @@ def assemble(
         domain=pipeline.method.domain,
         order=cut.order,
         state_space=model,
-        modes=cut.modes.take(kept).noted(pipeline.response.untold),
+        modes=cut.modes.take(kept).noted(pipeline.response.inseparable_inputs),
         extraneous=cut.modes.take(rest),
         singular_values=pipeline.factors.spectrum,
         fit_error=error,

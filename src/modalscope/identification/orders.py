@@ -93,7 +93,7 @@ class _States(OrderRule):
 
     def ladder(self, measured: Response) -> list[int]:
         top = _MAX_STATES.get(measured.origin, 60)
-        return list(range(2, min(top, measured.room or top) + 1, 2))
+        return list(range(2, min(top, measured.max_states or top) + 1, 2))
 
     def choose(self, largest: int, factored: Factored) -> Choice:
         """Return the number of significant singular values."""
@@ -133,7 +133,7 @@ class _Companions(_States):
 
     def compared(self, asked: Sequence[int], response: Response) -> tuple[tuple[int, ...], dict[str, Any]]:
         """Limit companion matrices of lines, whose eigenvalues cost the cube of their size."""
-        if response.room is None:
+        if response.max_states is None:
             return tuple(asked), {}
         outputs = response.values.shape[1]
         most = _MAX_COMPANION_STATES if response.separable else _MAX_DRIVEN_STATES
@@ -238,7 +238,7 @@ def grown(found: StabilizationDiagram, again: Callable[[Iterable[int]], Stabiliz
         if not still_falls(found):
             return found
         top = 2 * found.orders[-1]
-        room = found.response.room
+        room = found.response.max_states
         if room is not None and top > room:
             break
         step = 2 if top <= _MAX_FINE_ORDER else 4

@@ -100,7 +100,7 @@ def _added_modes(
     return ModalModel(
         poles=poles + task.response.added_damping,
         shapes=shapes,
-        participation=task.response.told_of(task.response.of_inputs(participation)),
+        participation=task.response.shortest_participation(task.response.of_inputs(participation)),
         quantity=modes.quantity,
         indicators=dict.fromkeys(modes.indicators, unknown),
         reasons=tuple({"text": text} for _ in poles) if modes.reasons else (),

@@ -51,7 +51,13 @@ def modes_of(
     facts = [{**c.facts, **spread} for c, spread in zip(chosen, spreads, strict=True)]
     reasons = _reasons(model, response, facts)
     told = [note for note in diagram.notes if note.kind == KIND]
-    notes = (*told, *response.untold, *withheld(model), *_undecided(diagram, left), *_none(diagram, chosen, left))
+    notes = (
+        *told,
+        *response.inseparable_inputs,
+        *withheld(model),
+        *_undecided(diagram, left),
+        *_none(diagram, chosen, left),
+    )
     return replace(model, reasons=reasons, notes=notes).normalized("unit")
 
 

@@ -69,7 +69,7 @@ def floor_of(response: Response, poles: Array) -> Floor:
     few = _few(response, poles)
     basis = response.basis(few, response.outside_powers)
     taken = _taken(response, few, basis.columns.shape[1])
-    variance, scattered = response.known_variance, response.scattered_variance
+    variance, scattered = response.variance, response.averages is not None
     if variance is not None:
         return _floor(response, basis, taken, *from_variance(variance, len(basis.data), scattered=scattered))
     told = fading(response)

@@ -11,7 +11,7 @@ from modalscope.data.channels import Groups
 from modalscope.data.mode_fields import DIRECT
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
-from modalscope.data.response import UNTOLD
+from modalscope.data.response import INSEPARABLE
 from modalscope.functions.poles import frequencies_and_damping
 from modalscope.likelihood.noise import KIND
 from modalscope.likelihood.settling import Settled, Task
@@ -24,7 +24,7 @@ from modalscope.numerics.checks import BoolArray, ComplexArray
 _MIN_DISTANCE_DEVIATIONS = 3
 
 #: Kinds of notes of an earlier refinement that this one replaces.
-_REPLACED_KINDS = (KIND, UNTOLD, "held", "moved far", "coloured residual", "noise and model only", "repeated")
+_REPLACED_KINDS = (KIND, INSEPARABLE, "held", "moved far", "coloured residual", "noise and model only", "repeated")
 
 #: Maximum move of a pole in decay rates: an optimum beyond it is that of another mode.
 _MAX_MOVE = 1.0
@@ -51,7 +51,7 @@ def refined(
         before,
         poles=poles,
         shapes=shapes,
-        participation=response.told_of(fit.pop("participation")),
+        participation=response.shortest_participation(fit.pop("participation")),
         dt=dt,
         held_input=response.held_input,
         frequencies_std=spread.frequency,
@@ -62,7 +62,7 @@ def refined(
         gain=np.sqrt(settled.gain / 2),
         left_out=(*before.left_out, *lost),
         converged=settled.descent.converged,
-        notes=(*(note for note in before.notes if note.kind not in _REPLACED_KINDS), *response.untold),
+        notes=(*(note for note in before.notes if note.kind not in _REPLACED_KINDS), *response.inseparable_inputs),
         **{**dict.fromkeys(DIRECT), **fit},
     )
     scaled = replace(model.normalized(_scale(before)), unrefined=before)

@@ -161,9 +161,9 @@ def task_of(
     """
     powers = response.refined_powers
     rows = response.count * (1 + bool(np.iscomplexobj(response.values)))
-    variance = response.known_variance
+    variance = response.variance
     if weights is None and variance is not None:
-        by_row, known = from_variance(variance, rows, scattered=response.scattered_variance)
+        by_row, known = from_variance(variance, rows, scattered=response.averages is not None)
         return Task(response, fixed, powers, by_row, known, progress)
     faded = fading(response) if weights is None else None
     by_row = row_deviations(rows, weights) if faded is None else faded

@@ -51,7 +51,7 @@ def heard_lines(response: Response) -> Array:
     16
     """
     every = np.ones(len(response.values), dtype=bool)
-    variance = response.known_variance
+    variance = response.variance
     if variance is None or not np.iscomplexobj(response.values):
         return every
     power = np.abs(response.values) ** 2

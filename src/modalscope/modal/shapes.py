@@ -59,7 +59,7 @@ def joint_residues(
     own = poles - response.added_damping
     basis = response.basis(own, powers) if rows is None else _divided(response.whole_basis(own, powers), rows)
     if held is not None:
-        left = response.left_of(held[0] - response.added_damping, *held[1:], powers)
+        left = response.residual_of(held[0] - response.added_damping, *held[1:], powers)
         basis = replace(basis, data=left, whole=None)
     basis = basis.compressed()
     participation, terms = basis.fit_participation(shapes)
