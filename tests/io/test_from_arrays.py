@@ -14,7 +14,7 @@ def test_unknown_arrays_are_named_with_the_way_out(tmp_path):
     error = refused("the arrays y, freq are unknown", mio.read, tmp_path / "a.npz")
     assert "rename={'y': 'outputs', 'freq': 'frequencies'}" in error.change
     np.savez(tmp_path / "b.npz", outputs=np.ones((4, 2)), sampling_rate=10.0, notes="x")
-    refused("the arrays notes are unknown beside those of Signals", mio.read, tmp_path / "b.npz")
+    refused("the arrays notes are unknown besides those of Signals", mio.read, tmp_path / "b.npz")
     assert mio.read(tmp_path / "b.npz", ignore="notes").samples == 4
     np.savez(tmp_path / "c.npz", outputs=np.ones((4, 2)))
     refused("sampling_rate are missing", mio.read, tmp_path / "c.npz")

@@ -9,7 +9,7 @@ import pytest
 from scipy.io import savemat
 
 import modalscope as ms
-from modalscope.io.loose import lists_of
+from modalscope.io.members import lists_of
 from tests.io.ordinary import HITS, RATE, cells, structures
 
 

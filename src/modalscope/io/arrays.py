@@ -36,21 +36,18 @@ from modalscope.data import (
     StateSpace,
 )
 from modalscope.data.candidates import Candidate, Harmonic
-from modalscope.data.channels import Groups, input_groups, run_groups
-from modalscope.io.contents import ArrayData, unreadable
+from modalscope.data.channels import input_groups, run_groups
+from modalscope.io.contents import ArrayData, damage_as_error
 from modalscope.io.limits import room
 from modalscope.numerics.checks import Array, ComplexArray
 
+#: Fields that are text arrays.
 TEXTS = (
-    "output_dofs",
-    "input_dofs",
-    "processing",
-    "quantities",
-    "output_units",
-    "input_units",
-    "geometry_nodes",
+    *("output_dofs", "input_dofs", "processing", "quantities", "output_units", "input_units", "geometry_nodes"),
     "groups",
 )
+#: What data classes raise on damaged fields.
+FIELD_FAULTS = (TypeError, KeyError, AttributeError, IndexError, OverflowError, ValueError)
 INDICATOR = "indicator_"
 
 #: What the names of the arrays of modes before their refinement start with.
@@ -60,43 +57,48 @@ UNREFINED = "unrefined_"
 JSON = ("reasons", "notes", "left_out", "harmonics", "geometry_motions")
 GEOMETRY = ("geometry_nodes", "geometry_coordinates", "geometry_lines", "geometry_faces", "geometry_motions")
 
+_TEXT = ("quantity", "kind", "scaling")
+_FLOATS = ("sampling_rate", "added_damping", "dt")
+_WHOLE = ("averages", "first_sample")
+_BOOLEAN = ("held_input", "converged")
+
+#: Characters of a label, at most.
+_MAX_LETTERS = 1000
+
 #: Axes of the arrays that people store in another order.
 AXES: dict[type[Any], dict[str, tuple[str, ...]]] = {
-    FrequencyResponse: {
-        "values": ("lines", "outputs", "inputs"),
-        "coherence": ("lines", "outputs", "inputs"),
-        "variance": ("lines", "outputs", "inputs"),
-    },
+    FrequencyResponse: dict.fromkeys(("values", "coherence", "variance"), ("lines", "outputs", "inputs")),
     ImpulseResponse: {"values": ("samples", "outputs", "inputs")},
     Signals: {"outputs": ("runs", "samples", "outputs"), "inputs": ("runs", "samples", "inputs")},
     ModalModel: {"shapes": ("outputs", "modes"), "participation": ("modes", "inputs")},
 }
 
 
-def noun_of(names: Iterable[str]) -> type[Any] | None:
+def class_of(names: Iterable[str]) -> type[Any] | None:
     """Return the data object that arrays of these names make; None when they make none."""
-    held = set(names)
-    for key, noun in (
-        ("frequencies", FrequencyResponse),
-        ("poles", ModalModel),
-        ("outputs", Signals),
-        ("values", ImpulseResponse),
+    names = set(names)
+    for needed, data_class in (
+        ({"frequencies"}, FrequencyResponse),
+        ({"poles"}, ModalModel),
+        ({"outputs"}, Signals),
+        ({"values"}, ImpulseResponse),
+        ({"A", "B", "C"}, StateSpace),
+        ({"geometry_nodes", "geometry_coordinates"}, Geometry),
     ):
-        if key in held:
-            return noun
-    if {"A", "B", "C"} <= held:
-        return StateSpace
-    return Geometry if {"geometry_nodes", "geometry_coordinates"} <= held else None
+        if needed <= names:
+            return data_class
+    return None
 
 
-def names_of(noun: type[Any]) -> set[str]:
+def names_of(data_class: type[Any]) -> set[str]:
     """Return the names of the arrays that a data object may have."""
-    if noun is Geometry:
+    if data_class is Geometry:
         return set(GEOMETRY)
-    if noun is StateSpace:
-        return {field.name for field in fields(noun)}
-    own = {field.name for field in fields(noun)} - {"units", "geometry", "indicators", "source_path", "unrefined"}
-    return own | {"output_units", "input_units", *GEOMETRY} | ({"quantity"} if noun is Signals else set())
+    if data_class is StateSpace:
+        return {field.name for field in fields(data_class)}
+    names = {field.name for field in fields(data_class)} | {"output_units", "input_units", *GEOMETRY}
+    names -= {"units", "geometry", "indicators", "source_path", "unrefined"}
+    return names | {"quantity"} if data_class is Signals else names
 
 
 def to_arrays(thing: ArrayData) -> dict[str, Array]:
@@ -118,18 +120,14 @@ def to_arrays(thing: ArrayData) -> dict[str, Array]:
             arrays |= {name: np.asarray(json.dumps(value, default=from_json_numbers))} if value else {}
         elif name == "unrefined":
             arrays |= {} if value is None else {UNREFINED + key: array for key, array in to_arrays(value).items()}
-        elif name == "groups":
-            arrays |= {} if value == _default_groups(thing) else {name: _texts(value or [""])}
+        elif name == "groups" and not isinstance(thing, StateSpace):
+            default = run_groups(thing.runs) if isinstance(thing, Signals) else input_groups(thing.input_dofs)
+            arrays |= {} if value == default else {name: _texts(value or [""])}
         elif name in TEXTS:
             arrays[name] = _texts("" if text is None else text for text in value)
         elif value is not None:
             arrays[name] = np.asarray(value)
     return {name: array for name, array in arrays.items() if array.size or name in ("shapes", "poles")}
-
-
-def _default_groups(thing: Any) -> Groups:
-    """Return the groups that data have without a word about them: a file holds no more than was said."""
-    return run_groups(thing.runs) if isinstance(thing, Signals) else input_groups(thing.input_dofs)
 
 
 def _texts(values: Iterable[str]) -> Array:
@@ -181,20 +179,8 @@ def plain(value: Any) -> Any:
     return value if isinstance(value, str | int | bool) or value is None else str(value)
 
 
-# -------------------------------------------------------------------------------------------------------- field values
-# Values of a noun's fields from the arrays of a file: text, texts, a number, JSON or the array itself, each checked.
-
-_TEXT = ("quantity", "kind", "scaling")
-_FLOATS = ("sampling_rate", "added_damping", "dt")
-_WHOLE = ("averages", "first_sample")
-_BOOLEAN = ("held_input", "converged")
-
-#: Characters of a label, at most.
-_LONGEST = 1000
-
-
 def field_value(where: str, name: str, array: Array) -> Any:
-    """Return the array as the noun's field wants it: text, texts, a number, JSON or the array itself."""
+    """Return the array as its field takes it: text, texts, a number, JSON or the array itself."""
     textual = array.dtype.kind in "US"
     if textual is not (name in (*_TEXT, *TEXTS, *JSON)) and array.size:
         wanted = "numbers" if textual else "text"
@@ -202,9 +188,9 @@ def field_value(where: str, name: str, array: Array) -> Any:
         raise DataError(f"{name} in {where} needs {wanted}", f"its type is {array.dtype}", remedy)
     if textual and array.dtype.kind == "S":
         array = np.char.decode(array, "utf-8", "replace")
-    if name in TEXTS and name != "processing" and array.dtype.kind == "U" and array.dtype.itemsize > 4 * _LONGEST:
+    if name in TEXTS and name != "processing" and array.dtype.kind == "U" and array.dtype.itemsize > 4 * _MAX_LETTERS:
         fault = f"the longest has {array.dtype.itemsize // 4} characters"
-        raise DataError(f"{name} in {where} needs labels", fault, f"Shorten it to at most {_LONGEST}.")
+        raise DataError(f"{name} in {where} needs labels", fault, f"Shorten it to at most {_MAX_LETTERS}.")
     if name in TEXTS:
         texts = tuple(str(text) for text in np.atleast_1d(array).ravel())
         if name == "groups" and texts == ("",):
@@ -231,15 +217,6 @@ def _scalar(where: str, name: str, value: Any) -> Any:
     return (value or None) if name == "quantity" else bool(value) if name in _BOOLEAN else value
 
 
-# ----------------------------------------------------------------------------------------------------- geometry arrays
-# A geometry out of named arrays: nodes, coordinates, and lines and faces as indices into the nodes.
-
-
-def damaged(where: str, found: str) -> DataError:
-    """Return the error about fields that no data object can be made of."""
-    return unreadable(where, f"its fields are damaged ({found})", "Write the file again.")
-
-
 def geometry_of_arrays(where: str, values: dict[str, Any]) -> Geometry:
     """Return the geometry of arrays by their names in the layout.
 
@@ -264,10 +241,6 @@ def geometry_of_arrays(where: str, values: dict[str, Any]) -> Geometry:
             asked = f"geometry_{key} needs indices 0 to {len(nodes) - 1} into the nodes"
             raise DataError(asked, f"they reach from {index.min()} to {index.max()}", "Count nodes from 0.")
         named[key] = [[nodes[int(i)] for i in row] for row in index] or None
-    motions = values.get("geometry_motions")
-    try:
-        return Geometry(nodes=nodes, coordinates=values["geometry_coordinates"], motions=motions or {}, **named)
-    except DataError:
-        raise
-    except (TypeError, AttributeError, OverflowError, ValueError) as error:
-        raise damaged(where, f"geometry: {error}") from None
+    with damage_as_error(f"the geometry in {where}", "Write the file again.", FIELD_FAULTS):
+        motions = values.get("geometry_motions") or {}
+        return Geometry(nodes=nodes, coordinates=values["geometry_coordinates"], motions=motions, **named)

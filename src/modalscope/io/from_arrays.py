@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
 from difflib import get_close_matches
 from itertools import islice
@@ -28,151 +27,28 @@ from modalscope.data.geometry import label_of
 from modalscope.data.shown import counted, summary_of
 from modalscope.io.arrays import (
     AXES,
+    FIELD_FAULTS,
     GEOMETRY,
     INDICATOR,
     UNREFINED,
-    damaged,
+    class_of,
     field_value,
     geometry_of_arrays,
     names_of,
-    noun_of,
 )
 from modalscope.io.columns import contents_from_table
-from modalscope.io.columns.words import kind_of_unit
-from modalscope.io.contents import Contents, DataObject, Finding, Options
-from modalscope.io.loose import Lists, lists_of, meaning_of, meant_by, stacked_runs
+from modalscope.io.contents import Contents, DataObject, Finding, Options, damage_as_error, needs
+from modalscope.io.loose import meaning_of, with_vectors
+from modalscope.io.members import Lists, lists_of, names_selecting, stacked_runs
 from modalscope.numerics.checks import Array
-
-# --------------------------------------------------------------------------------------------------------------- hints
-# What to say about arrays whose names are not known: the nearest that are.
-
-#: So many names of arrays are told in a message.
-_NAMED = 12
-
-#: Names that others use; only for the hint of an error message.
-_OTHERS = {
-    "fs": "sampling_rate", "rate": "sampling_rate", "f": "frequencies", "freq": "frequencies", "freqs": "frequencies",
-    "frequency": "frequencies", "h": "values", "frf": "values", "y": "outputs", "acc": "outputs", "data": "outputs",
-    "u": "inputs", "force": "inputs", "phi": "shapes",
-}  # fmt: skip
-
-
-def listed(names: Iterable[str]) -> str:
-    """Return the first of the names: a file may have thousands."""
-    first = list(islice(names, _NAMED + 1))
-    return ", ".join([*first[:_NAMED], *(["..."] if len(first) > _NAMED else [])]) or "(none)"
-
-
-def unknown_arrays(where: str, names: list[str], noun: type[Any] | None) -> DataError:
-    """Return the error about arrays that make no data object, or are none of its fields.
-
-    `names`: of the arrays. `noun`: the data object that the others make.
-    """
-    known: list[str] = (
-        sorted(names_of(noun))
-        if noun
-        else ["frequencies", "values", "sampling_rate", "outputs", "inputs", "poles", "shapes"]
-    )
-    hints = {}
-    for name in names[:_NAMED]:
-        near = _OTHERS.get(name.lower()) or next(iter(get_close_matches(name, known, n=1)), None)
-        if near in known:
-            hints[name] = near
-    rename = f"rename={hints or {names[0] if names else 'y': 'outputs'}}"
-    return DataError(
-        f"reading {where} needs `frequencies` and `values`, `sampling_rate` with `outputs` (and `inputs`) "
-        "or with `values`, or `poles` and `shapes`",
-        f"the arrays {listed(names)} are unknown" + (f" beside those of {noun.__name__}" if noun else ""),
-        f"Rename them, read(..., {rename}), or leave them out, read(..., ignore={names[:3]}).",
-    )
-
-
-# ---------------------------------------------------------------------------------------------------------- increments
-# Axes that analysers write as a start, an increment and a number: `x_values` beside `y_values`, as Testlab exports structures.
-
-_INCREMENT = re.compile(r"(?P<of>(?:.*\.)?)x_values\.increment\Z")
-
-
-def with_vectors(arrays: Mapping[str, Array]) -> dict[str, Array]:
-    """Return arrays with the vector x(k) = start + k increment, k < number, in the place of the scalars that give it.
-
-    It is of frequencies where `y_values` are complex or the unit says so, else of times. Equal vectors of several signals are one.
-    Arrays without such scalars are returned as they are.
-
-    Examples
-    --------
-    >>> held = {"Signal.x_values.increment": np.array([[0.5]]), "Signal.y_values.values": np.zeros((3, 2))}
-    >>> {name: array.tolist() for name, array in with_vectors(held).items() if name.endswith("time")}
-    {'Signal.x_values.time': [0.0, 0.5, 1.0]}
-    """
-    held = dict(arrays)
-    vectors: list[Array] = []
-    for name in arrays:
-        found = _INCREMENT.match(name)
-        vector = None if found is None else _vector(found["of"], arrays)
-        if found is None or vector is None:
-            continue
-        for part in [part for part in held if part.startswith(f"{found['of']}x_values.")]:
-            del held[part]
-        if not any(np.array_equal(vector, other) for other in vectors):
-            held[f"{found['of']}x_values.{_kind(found['of'], arrays)}"] = vector
-            vectors.append(vector)
-    return held
-
-
-def _vector(of: str, arrays: Mapping[str, Array]) -> Array | None:
-    """Return the axis; None where a scalar is none, or the number is not that of the values beside it."""
-    values = _values(of, arrays)
-    step, start = _scalar(arrays.get(f"{of}x_values.increment")), _scalar(arrays.get(f"{of}x_values.start_value"))
-    number = _scalar(arrays.get(f"{of}x_values.number_of_values"))
-    if values is None or step is None or step <= 0:
-        return None
-    count = max(values.shape) if number is None else int(number)
-    if count not in values.shape:
-        return None
-    return (start or 0.0) + step * np.arange(count)
-
-
-def _values(of: str, arrays: Mapping[str, Array]) -> Array | None:
-    """Return the first numbers of the values beside an axis."""
-    named = (array for name, array in arrays.items() if name.startswith(f"{of}y_values"))
-    return next((array for array in named if array.dtype.kind in "biufc" and array.size > 1), None)
-
-
-def _scalar(array: Array | None) -> float | None:
-    """Return a finite number; None for anything else."""
-    if array is None or array.size != 1 or array.dtype.kind not in "biuf" or not np.isfinite(array).all():
-        return None
-    return float(array.reshape(-1)[0])
-
-
-def _kind(of: str, arrays: Mapping[str, Array]) -> str:
-    values = _values(of, arrays)
-    told = [
-        str(array) for name, array in arrays.items() if name.startswith(f"{of}x_values.quantity") and not array.ndim
-    ]
-    lines = (values is not None and np.iscomplexobj(values)) or any(kind_of_unit(text) == "frequency" for text in told)
-    return "frequency" if lines else "time"
-
-
-# --------------------------------------------------------------------------------------------------------- from arrays
 
 #: Options of the formats that hold named arrays.
 ARRAY_OPTIONS = ("rename", "axes", "ignore", "columns", "transpose", "rows", "resample")
 
-#: Fields of a noun that may be given, or overridden, while it is read from any format.
+#: Fields of a data object that may be given, or overridden, while it is read from any format.
 FIELD_OPTIONS = (
-    "quantity",
-    "quantities",
-    "sampling_rate",
-    "kind",
-    "output_dofs",
-    "input_dofs",
-    "units",
-    "geometry",
-    "averages",
-    "added_damping",
-    "groups",
+    *("quantity", "quantities", "sampling_rate", "kind", "output_dofs", "input_dofs", "units", "geometry", "averages"),
+    *("added_damping", "groups"),
 )
 
 #: The arrays without which there is no such data object.
@@ -185,40 +61,56 @@ _NEEDED: dict[type[Any], set[str]] = {
     Geometry: set(),
 }
 
+#: Names of arrays in a message.
+_MAX_NAMES = 12
+
+#: Names that other programs use, for the hint of an error message.
+_FOREIGN_NAMES = {
+    **dict.fromkeys(("fs", "rate"), "sampling_rate"),
+    **dict.fromkeys(("f", "freq", "freqs", "frequency"), "frequencies"),
+    **dict.fromkeys(("h", "frf"), "values"),
+    **dict.fromkeys(("y", "acc", "data"), "outputs"),
+    **dict.fromkeys(("u", "force"), "inputs"),
+    "phi": "shapes",
+}
+
 
 def contents_from_arrays(
     where: str, arrays: Mapping[str, Array], options: Options, *, members: bool = False
 ) -> Contents:
-    """Make the noun that named arrays describe.
+    """Make the data object that named arrays describe.
 
     `arrays`: name -> array, as they stand in the file. `options`: `rename` (name in the file -> name of the layout), `axes` (name of the
     layout -> the axes as they stand in the file, such as "inputs outputs lines"; an axis that is not named has length 1), `ignore` (names
     to leave), and any of `FIELD_OPTIONS`. `members`: whether names such as `runs{2}` and `test(2).acc` are those of members of lists
-    (`modalscope.io.loose`).
+    (`modalscope.io.members`).
 
-    Raises `DataError`: unknown arrays, none that make a noun, text where numbers belong, or whatever the noun refuses.
+    Raises `DataError`: unknown arrays, none that make a data object, text where numbers belong, or whatever the data class refuses.
     """
-    rename, ignore = dict(options.get("rename") or {}), _as_names(options.get("ignore"))
-    known = {part for name in arrays for part in (meant_by(name) if members else (name,))}
-    absent = sorted((set(rename) | set(ignore)) - known)
+    rename, ignore = dict(options.get("rename") or {}), options.get("ignore") or ()
+    ignore = {ignore} if isinstance(ignore, str) else set(ignore)
+    names = {name: names_selecting(name) if members else {name} for name in arrays}
+    absent = sorted((set(rename) | ignore) - set().union(*names.values()))
     if absent:
-        fault = f"{where} holds {listed(arrays)}"
+        fault = f"{where} holds {_listed(arrays)}"
         raise DataError(f"rename or ignore of {', '.join(absent)} was asked", fault, "Name arrays that are there.")
-    left = {name for name in arrays if name in ignore or (members and meant_by(name) & set(ignore))}
-    lists = lists_of(where, {name: array for name, array in arrays.items() if name not in left}) if members else None
+    taken = {name: array for name, array in arrays.items() if not names[name] & ignore}
+    findings = [Finding(part=name, what=_shape(array)) for name, array in taken.items()]
+    findings += [
+        Finding(part=name, what=_shape(arrays[name]), taken=False, reason="ignore names it")
+        for name in sorted(arrays.keys() - taken.keys())
+    ]
+    lists = lists_of(where, taken) if members else None
     if lists is not None:
-        return _without_lists(where, lists, arrays, left, options)
-    held = {rename.get(name, name): array for name, array in arrays.items() if name not in left}
-    given = _fields(options)
-    noun = noun_of(held)
-    known = set() if noun is None else names_of(noun)
-    unknown = [name for name in held if name not in known and not _of_modes(noun, name)]
-    if noun is None or unknown:
-        return _by_evidence(where, held, unknown, noun, options)
+        return _without_lists(where, lists, findings, options)
+    taken = {rename.get(name, name): array for name, array in taken.items()}
+    data_class = class_of(taken)
+    unknown = [name for name in taken if not _is_field(data_class, name)]
+    if data_class is None or unknown:
+        return _by_evidence(where, taken, unknown, data_class, options)
     _refuse_rows(where, options)
-    held = _with_axes(held, noun, dict(options.get("axes") or {}))
-    thing = _build(where, noun, held, given)
-    return Contents(thing=thing, findings=_told(arrays, left))
+    taken = _with_axes(taken, data_class, dict(options.get("axes") or {}))
+    return Contents(thing=_build(where, data_class, taken, _fields(options)), findings=tuple(findings))
 
 
 def _refuse_rows(where: str, options: Options) -> None:
@@ -226,176 +118,170 @@ def _refuse_rows(where: str, options: Options) -> None:
         raise DataError(f"rows of {where} were asked", "it is no table", "Cut its arrays before they are saved.")
 
 
-def _told(arrays: Mapping[str, Array], left: Collection[str]) -> tuple[Finding, ...]:
-    """Return a finding an array; those that were ignored say so."""
-    taken = [Finding(part=name, what=_what(array)) for name, array in arrays.items() if name not in left]
-    ignored = [Finding(part=k, what=_what(arrays[k]), taken=False, reason="ignore names it") for k in sorted(left)]
-    return (*taken, *ignored)
-
-
-def _without_lists(
-    where: str, lists: Lists, arrays: Mapping[str, Array], left: Collection[str], options: Options
-) -> Contents:
-    """Make what arrays are among which there were lists: one object of all, or the runs of a record, each read by itself."""
+def _without_lists(where: str, lists: Lists, findings: list[Finding], options: Options) -> Contents:
+    """Return one data object of all arrays, or the runs of a record, each read by itself."""
     further = {**options, "ignore": None}
-    told = _told(arrays, left)
     if not lists.runs:
-        found = contents_from_arrays(where, lists.arrays, further)
-        return replace(found, findings=(*found.findings, *(part for part in told if not part.taken)))
+        contents = contents_from_arrays(where, lists.arrays, further)
+        ignored = (finding for finding in findings if not finding.taken)
+        return replace(contents, findings=(*contents.findings, *ignored))
     runs = [contents_from_arrays(where, run, further) for run in lists.runs]
     thing = stacked_runs(where, [run.thing for run in runs])
     notes = (f"{counted(len(runs), 'run')}, one a member of its lists", *(note for run in runs for note in run.notes))
-    return Contents(thing=thing, findings=told, notes=tuple(dict.fromkeys(notes)))
+    return Contents(thing=thing, findings=tuple(findings), notes=tuple(dict.fromkeys(notes)))
 
 
 def _fields(options: Options) -> dict[str, Any]:
-    """Return the fields that were given; units of single channels are told apart by their labels, once these are known."""
+    """Return the fields that were given, without units of single channels: these need the labels."""
     given = {name: options[name] for name in FIELD_OPTIONS if options.get(name) is not None}
     return {name: value for name, value in given.items() if not (name == "units" and isinstance(value, Mapping))}
 
 
 def _by_evidence(
-    where: str, held: dict[str, Array], unknown: list[str], noun: type[Any] | None, options: Options
+    where: str, arrays: dict[str, Array], unknown: list[str], data_class: type[Any] | None, options: Options
 ) -> Contents:
-    """Make what arrays of other names are by their names and shapes, or raise where these say nothing."""
-    whole = noun is not None and _NEEDED[noun] <= {
-        *held,
-        *(name for name in FIELD_OPTIONS if options.get(name) is not None),
-    }
-    if not whole:
-        held = with_vectors(held)
-    meant = None if whole or options.get("axes") else meaning_of(where, held, options)
+    """Return the data that arrays of other names hold by names and shapes, or raise where these say nothing."""
+    given = {name for name in FIELD_OPTIONS if options.get(name) is not None}
+    complete = data_class is not None and _NEEDED[data_class] <= {*arrays, *given}
+    if not complete:
+        arrays = with_vectors(arrays)
+    meant = None if complete or options.get("axes") else meaning_of(where, arrays, options)
     if meant is None:
-        raise unknown_arrays(where, unknown or list(held), noun)
+        raise _unknown_arrays(where, unknown or list(arrays), data_class)
     if meant.table is not None:
-        found = contents_from_table(meant.table, {**options, "ignore": None})
-        return replace(found, notes=(*meant.notes, *found.notes))
+        contents = contents_from_table(meant.table, {**options, "ignore": None})
+        return replace(contents, notes=(*meant.notes, *contents.notes))
     _refuse_rows(where, options)
-    arrays = dict(meant.arrays or {})
-    given = _fields(options)
-    thing = _build(where, noun_of(arrays) or Signals, arrays, given)
-    findings = [
-        Finding(
-            part=name, what=_what(array), taken=name not in meant.left, reason="nothing takes it" * (name in meant.left)
-        )
-        for name, array in held.items()
-    ]
+    layout = dict(meant.arrays or {})
+    thing = _build(where, class_of(layout) or Signals, layout, _fields(options))
+    findings = (
+        Finding(part=name, what=_shape(array), taken=name not in meant.left, reason="unused" * (name in meant.left))
+        for name, array in arrays.items()
+    )
     return Contents(thing=thing, findings=tuple(findings), notes=meant.notes)
 
 
-def _of_modes(noun: type[Any] | None, name: str) -> bool:
-    """Whether modes may have an array of this name: indicators, and what the modes were before their refinement."""
-    if noun is not ModalModel:
-        return False
-    return name.removeprefix(UNREFINED) in names_of(noun) or name.removeprefix(UNREFINED).startswith(INDICATOR)
+def _listed(names: Iterable[str]) -> str:
+    """Return the first of the names: a file may have thousands."""
+    first = list(islice(names, _MAX_NAMES + 1))
+    return ", ".join([*first[:_MAX_NAMES], *(["..."] if len(first) > _MAX_NAMES else [])]) or "(none)"
 
 
-def _as_names(names: Any) -> list[str]:
-    return [names] if isinstance(names, str) else list(names or ())
+def _unknown_arrays(where: str, names: list[str], data_class: type[Any] | None) -> DataError:
+    """Return the error of arrays that make no data object, or are none of its fields."""
+    usual = ("frequencies", "values", "sampling_rate", "outputs", "inputs", "poles", "shapes")
+    known = sorted(names_of(data_class)) if data_class else usual
+    hints = {}
+    for name in names[:_MAX_NAMES]:
+        near = _FOREIGN_NAMES.get(name.lower()) or next(iter(get_close_matches(name, known, n=1)), None)
+        if near in known:
+            hints[name] = near
+    return needs(
+        where,
+        "`frequencies` and `values`, `sampling_rate` with `outputs` (and `inputs`) or `values`, or `poles` and `shapes`",
+        f"the arrays {_listed(names)} are unknown" + (f" besides those of {data_class.__name__}" if data_class else ""),
+        f"Rename them, read(..., rename={hints or {names[0] if names else 'y': 'outputs'}}), "
+        f"or leave them out, read(..., ignore={names[:3]}).",
+    )
 
 
-def _what(array: Array) -> str:
+def _is_field(data_class: type[Any] | None, name: str) -> bool:
+    """Whether a data class has an array of this name; modes also have indicators, and arrays before refinement."""
+    if data_class is ModalModel:
+        name = name.removeprefix(UNREFINED)
+    return data_class is not None and (
+        name in names_of(data_class) or (data_class is ModalModel and name.startswith(INDICATOR))
+    )
+
+
+def _shape(array: Array) -> str:
     return f"{array.dtype} {'x'.join(map(str, array.shape))}" if array.ndim else f"{array.dtype} {array}"
 
 
-def _with_axes(held: dict[str, Array], noun: type[Any], axes: dict[str, Any]) -> dict[str, Array]:
-    """Return the arrays with their axes in the order of the noun."""
-    expected: dict[str, tuple[str, ...]] = AXES.get(noun, {})
+def _with_axes(arrays: dict[str, Array], data_class: type[Any], axes: dict[str, Any]) -> dict[str, Array]:
+    """Return the arrays with their axes in the order of the data class."""
+    arrays = dict(arrays)
     for name, order in axes.items():
         stored = tuple(order.split()) if isinstance(order, str) else tuple(order)
-        wanted = expected.get(name, ())
-        if (
-            name not in held
-            or len(set(stored)) != len(stored)
-            or not set(stored) <= set(wanted)
-            or len(stored) != held[name].ndim
-        ):
-            shape = f"its shape is {held[name].shape}" if name in held else "there is no such array"
+        wanted = AXES.get(data_class, {}).get(name, ())
+        ndim = arrays[name].ndim if name in arrays else -1
+        if len(set(stored)) != len(stored) or not set(stored) <= set(wanted) or len(stored) != ndim:
+            shape = f"its shape is {arrays[name].shape}" if name in arrays else "there is no such array"
             fault = f"{shape}, and its axes may be {', '.join(wanted) or 'none'}"
             remedy = "Name each axis of the stored array once, in its order."
             raise DataError(f"axes={{{name!r}: {' '.join(stored)!r}}} was asked", fault, remedy)
-        array = np.transpose(held[name], [stored.index(axis) for axis in wanted if axis in stored])
+        array = np.transpose(arrays[name], [stored.index(axis) for axis in wanted if axis in stored])
         array = np.expand_dims(array, [i for i, axis in enumerate(wanted) if axis not in stored])
-        held = held | {name: array[0] if wanted[0] == "runs" and "runs" not in stored else array}
-    return held
+        arrays[name] = array[0] if wanted[0] == "runs" and "runs" not in stored else array
+    return arrays
 
 
-def _build(where: str, noun: type[Any], held: dict[str, Array], given: dict[str, Any]) -> DataObject:
-    before = {name.removeprefix(UNREFINED): array for name, array in held.items() if name.startswith(UNREFINED)}
+def _build(where: str, data_class: type[Any], arrays: dict[str, Array], given: dict[str, Any]) -> DataObject:
+    before = {name.removeprefix(UNREFINED): array for name, array in arrays.items() if name.startswith(UNREFINED)}
     values: dict[str, Any] = {
-        name: field_value(where, name, array) for name, array in held.items() if not name.startswith(UNREFINED)
+        name: field_value(where, name, array) for name, array in arrays.items() if not name.startswith(UNREFINED)
     }
-    if noun is Geometry:
+    if data_class is Geometry:
         return geometry_of_arrays(where, values)
-    if noun is StateSpace:
-        _check_fields(where, noun, values, given)
+    if data_class is StateSpace:
+        _check_fields(where, data_class, values, given)
         return StateSpace(**values)
-    units = (values.pop("output_units", None), values.pop("input_units", None))
+    values["units"] = (values.pop("output_units", None), values.pop("input_units", None))
     geometry = {name: values.pop(name) for name in GEOMETRY if name in values}
     indicators = {name.removeprefix(INDICATOR): values.pop(name) for name in list(values) if name.startswith(INDICATOR)}
-    values |= (
-        {"units": units}
-        | ({"geometry": geometry_of_arrays(where, geometry)} if geometry else {})
-        | ({"indicators": indicators} if indicators else {})
-        | ({"unrefined": _build(where, noun, before, {})} if before else {})
-        | given
-    )
-    if noun is Signals and "quantity" in values:
+    if geometry:
+        values["geometry"] = geometry_of_arrays(where, geometry)
+    if indicators:
+        values["indicators"] = indicators
+    if before:
+        values["unrefined"] = _build(where, data_class, before, {})
+    values |= given
+    if data_class is Signals and "quantity" in values:
         values["quantities"] = values.pop("quantity")
-    _check_fields(where, noun, values, given)
-    try:
-        thing: DataObject = noun(**values)
-    except DataError:
-        raise
-    except (TypeError, KeyError, AttributeError, IndexError, OverflowError, ValueError) as error:
-        # JSON text in it may hold anything
-        raise damaged(where, f"{type(error).__name__}: {error}") from None
+    _check_fields(where, data_class, values, given)
+    # texts of JSON may hold anything
+    with damage_as_error(where, "Write the file again.", FIELD_FAULTS):
+        thing: DataObject = data_class(**values)
     return thing
 
 
-def _check_fields(where: str, noun: type[Any], values: dict[str, Any], given: dict[str, Any]) -> None:
-    """Raise where a field that the noun needs is missing, or one was asked for that it does not have."""
-    present = {f.name for f in fields(noun)}
+def _check_fields(where: str, data_class: type[Any], values: dict[str, Any], given: dict[str, Any]) -> None:
+    """Raise where a field that the data class needs is missing, or one was asked for that it does not have."""
+    present = {f.name for f in fields(data_class)}
     needed = sorted(present & {"values", "frequencies", "sampling_rate", "outputs", "poles", "shapes"})
-    free = {"sampling_rate"} if noun is FrequencyResponse else set()
+    free = {"sampling_rate"} if data_class is FrequencyResponse else set()
     missing = [name for name in needed if name not in values and name not in free]
     if missing:
-        asked = f"reading {where} as {noun.__name__} needs {', '.join(needed)}"
+        asked = f"reading {where} as {data_class.__name__} needs {', '.join(needed)}"
         raise DataError(asked, f"{', '.join(missing)} are missing", "Add the array, or give it as an option.")
     refused = sorted(set(given) - present - {"quantity"})
     if refused:
-        fault = f"a {noun.__name__} has no such field"
+        fault = f"a {data_class.__name__} has no such field"
         raise DataError(f"the options {', '.join(refused)} were asked", fault, "Leave them out.")
 
 
-# ----------------------------------------------------------------------------------------------------------- overrides
-# Fields of data that the caller gives beside the file: they go before what it says.
-
-
-def _of_channels(thing: DataObject, given: Mapping[str, str]) -> tuple[list[str], list[str]] | None:
-    """Return the units of all channels with those given by label, or for all outputs or inputs; None where nothing names a channel.
+def _units_by_label(thing: DataObject, given: Mapping[str, str]) -> tuple[list[str], list[str]] | None:
+    """Return the units of all channels with those given by label, or for all outputs or inputs; None where no channel is named.
 
     Columns of tables have theirs already, by their number or name.
     """
     if not isinstance(thing, Channels):
         return None
-    sides = [list(units) for units in thing.units]
-    found = False
+    sides = (list(thing.units[0]), list(thing.units[1]))
+    changed = False
     for name, unit in given.items():
         for word, side, dofs in zip(("outputs", "inputs"), sides, (thing.output_dofs, thing.input_dofs), strict=True):
-            places = (
-                range(len(dofs)) if name == word else [i for i, dof in enumerate(dofs) if dof in (name, label_of(name))]
-            )
-            for i in places:
-                side[i], found = unit, True
-    return (sides[0], sides[1]) if found else None
+            for i, dof in enumerate(dofs):
+                if name == word or dof in (name, label_of(name)):
+                    side[i], changed = unit, True
+    return sides if changed else None
 
 
 def overridden(thing: DataObject, options: Options, path: Path | None) -> DataObject:
-    """Return the data with the fields that the caller gave, which named arrays have used already, and where they came from."""
+    """Return the data with the fields that the caller gave, which replace those of the file, and their source."""
     given = {name: options[name] for name in FIELD_OPTIONS if options.get(name) is not None}
     if isinstance(given.get("units"), Mapping):
-        units = _of_channels(thing, given.pop("units"))
+        units = _units_by_label(thing, given.pop("units"))
         given |= {} if units is None else {"units": units}
     if isinstance(thing, Signals | StoredSignals) and "quantity" in given:
         given["quantities"] = given.pop("quantity")

@@ -33,7 +33,7 @@ from modalscope.io.contents import ArrayData, Contents, Options, damage_as_error
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.hdf5 import check_hdf5
 from modalscope.io.limits import MOST_PARTS, Room, room
-from modalscope.io.loose import MEMBER, member_name
+from modalscope.io.members import BYTES_OF_MEMBER, member_name
 from modalscope.numerics.checks import Array
 from modalscope.numerics.extras import optional_package
 
@@ -197,7 +197,7 @@ def _cell(name: str, parts: list[Element], shape: tuple[int, ...], file: _Readin
     """Return a cell array: one array of texts where it holds nothing else, else its members by their places."""
     if len(parts) != prod(shape) or any(kind != _MATRIX for kind, _ in parts):
         raise _Damaged(f"a cell array of shape {shape} has {len(parts)} members")
-    file.room.take(f"the members of {name}", MEMBER * len(parts))
+    file.room.take(f"the members of {name}", BYTES_OF_MEMBER * len(parts))
     members = [_matrix(member_name(name, k), body, file, depth + 1) for k, (_, body) in enumerate(parts, 1)]
     bare = [member.get(member_name(name, k)) if len(member) == 1 else None for k, member in enumerate(members, 1)]
     if all(item is not None and (not item.size or (item.dtype.kind == "U" and item.size == 1)) for item in bare):
@@ -215,7 +215,7 @@ def _structure(name: str, parts: list[Element], shape: tuple[int, ...], file: _R
     if not fields or len(parts) != 2 + len(fields) * count or any(kind != _MATRIX for kind, _ in parts[2:]):
         raise _Damaged(f"{count} structures of {len(fields)} fields have {len(parts) - 2} values")
     arrays: dict[str, Array] = {} if count else {name: np.zeros((0, 0))}
-    file.room.take(f"the members of {name}", MEMBER * (len(parts) - 2))
+    file.room.take(f"the members of {name}", BYTES_OF_MEMBER * (len(parts) - 2))
     for k, (_, body) in enumerate(parts[2:]):
         place, field = divmod(k, len(fields))
         owner = name if count == 1 else member_name(name, place + 1, "()")
@@ -303,7 +303,9 @@ def _members(name: str, item: Any, space: Room, seen: set[int]) -> list[tuple[st
     if place in seen:
         raise ValueError(f"{name} stands in several places")
     seen.add(place)
-    space.take(f"the members of {name}", MEMBER * item.size)  # the same part may be referred to again and again
+    space.take(
+        f"the members of {name}", BYTES_OF_MEMBER * item.size
+    )  # the same part may be referred to again and again
     members = [item.file[reference] for reference in np.asarray(item[()]).ravel()]
     of, _, field = name.rpartition(".")
     cell = _class_of(item) == "cell"

@@ -16,7 +16,7 @@ import numpy as np
 from modalscope.io.columns import Column, Table, contents_from_table
 from modalscope.io.contents import Contents, Options, needs, unreadable
 from modalscope.io.limits import Room
-from modalscope.io.loose import stacked_runs
+from modalscope.io.members import stacked_runs
 from modalscope.numerics.checks import RealArray
 
 Line = tuple[int, str]
