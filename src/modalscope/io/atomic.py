@@ -1,4 +1,18 @@
-"""Write files to a temporary name and move them into place; refuse texts that a format cannot hold."""
+"""Write files: to a temporary name and then into place, with the program's mark, and without texts that no format holds.
+
+The command line replaces files that carry the mark unasked, and no other:
+
+| suffix | where the mark stands |
+|---|---|
+| .uff, .unv | the header, dataset 151, names the program |
+| .csv | the first line is a comment; a table of modes is known by its columns |
+| .npz | the comment of the archive |
+| .mat | the description at the head of the file |
+| .h5, .hdf5 | an attribute of the root group |
+| .json | the first entry |
+| .html, .htm | the generator in the head of the page |
+| .png, .svg, .pdf | the program in the description of the picture |
+"""
 
 from __future__ import annotations
 
@@ -18,8 +32,35 @@ from modalscope.data.analysis import VERSION
 #: Temporary files that are being written: what ends the process without an exception takes them away itself.
 PENDING: set[Path] = set()
 
-#: Letters of the target's name that its temporary file keeps: names may be as long as the system lets them.
-_LETTERS = 40
+#: Letters of the target's name in that of its temporary file: the system bounds names.
+_LETTERS_KEPT = 40
+
+#: What is written into a file.
+MARK = f"modalscope {VERSION}"
+
+#: Bytes at the beginning of a file, or at its end, that hold the mark.
+_BYTES_OF_HEAD = 8192
+_BYTES_OF_TAIL = {".npz": 256, ".pdf": 8192}
+
+_UNIVERSAL = rb"\A    -1\s+151\s(?s:.){0,400}?^modalscope \d"
+_HDF5 = rb"\A\x89HDF\r\n\x1a\n(?s:.)*?modalscope_layout"
+_HTML = rb'\A<!DOCTYPE html>(?s:.){0,400}?<meta name="generator" content="[^"]*modalscope \d'
+
+_MARKS = {
+    ".uff": _UNIVERSAL,
+    ".unv": _UNIVERSAL,
+    ".csv": rb"\A(# written by: modalscope \d|mode,frequency_hz,damping_ratio,)",
+    ".npz": rb"modalscope \d[^\n]*\Z",
+    ".mat": rb"\AMATLAB [^\n]{0,110}modalscope \d",
+    ".h5": _HDF5,
+    ".hdf5": _HDF5,
+    ".json": rb'\A\{\s*"modalscope":',
+    ".html": _HTML,
+    ".htm": _HTML,
+    ".png": rb"\A\x89PNG(?s:.){0,200}?tEXtSoftware\x00modalscope \d",
+    ".svg": rb"<dc:title>modalscope \d",
+    ".pdf": rb"/Creator \(modalscope \d",
+}
 
 
 @contextmanager
@@ -45,7 +86,7 @@ def replacing(path: str | Path, sources: Iterable[Path | None] = ()) -> Iterator
     'seven'
     """
     target = check_target(path, sources)
-    temporary = target.with_name(f".{target.stem[:_LETTERS]}-{token_hex(4)}{target.suffix}")
+    temporary = target.with_name(f".{target.stem[:_LETTERS_KEPT]}-{token_hex(4)}{target.suffix}")
     PENDING.add(temporary)
     try:
         rights = stat.S_IMODE(target.stat().st_mode) if target.exists() else None
@@ -92,48 +133,6 @@ def _unwritable(path: str | Path, error: OSError) -> DataError:
     return DataError(f"writing {str(path)!r} was asked", fault, remedy)
 
 
-# --------------------------------------------------------------------------------------------------------------- marks
-# The mark that every file written here carries: the command line replaces such a file unasked, and no other.
-#
-# | suffix | where the mark stands |
-# |---|---|
-# | .uff, .unv | the header, dataset 151, names the program |
-# | .csv | the first line is a comment; a table of modes is known by its columns |
-# | .npz | the comment of the archive |
-# | .mat | the description at the head of the file |
-# | .h5, .hdf5 | an attribute of the root group |
-# | .json | the first entry |
-# | .html, .htm | the generator in the head of the page |
-# | .png, .svg, .pdf | the program in the description of the picture |
-
-#: What is written into a file.
-MARK = f"modalscope {VERSION}"
-
-#: The mark stands within so many bytes of the beginning, or of the end.
-_HEAD = 8192
-_TAIL = {".npz": 256, ".pdf": 8192}
-
-_UNIVERSAL = rb"\A    -1\s+151\s(?s:.){0,400}?^modalscope \d"
-_HDF5 = rb"\A\x89HDF\r\n\x1a\n(?s:.)*?modalscope_layout"
-_HTML = rb'\A<!DOCTYPE html>(?s:.){0,400}?<meta name="generator" content="[^"]*modalscope \d'
-
-_MARKS = {
-    ".uff": _UNIVERSAL,
-    ".unv": _UNIVERSAL,
-    ".csv": rb"\A(# written by: modalscope \d|mode,frequency_hz,damping_ratio,)",
-    ".npz": rb"modalscope \d[^\n]*\Z",
-    ".mat": rb"\AMATLAB [^\n]{0,110}modalscope \d",
-    ".h5": _HDF5,
-    ".hdf5": _HDF5,
-    ".json": rb'\A\{\s*"modalscope":',
-    ".html": _HTML,
-    ".htm": _HTML,
-    ".png": rb"\A\x89PNG(?s:.){0,200}?tEXtSoftware\x00modalscope \d",
-    ".svg": rb"<dc:title>modalscope \d",
-    ".pdf": rb"/Creator \(modalscope \d",
-}
-
-
 def is_ours(path: Path) -> bool:
     """Whether a file carries the mark of its format.
 
@@ -148,18 +147,11 @@ def is_ours(path: Path) -> bool:
     if mark is None:
         return False
     with path.open("rb") as file:
-        head = file.read(_HEAD)
-        tail = _TAIL.get(path.suffix.lower(), 0)
+        head = file.read(_BYTES_OF_HEAD)
+        tail = _BYTES_OF_TAIL.get(path.suffix.lower(), 0)
         file.seek(max(path.stat().st_size - tail, 0))
         text = head + file.read(tail)
     return re.search(mark, text, re.MULTILINE) is not None
-
-
-# --------------------------------------------------------------------------------------------------------------- texts
-# Texts on their way into files: what no format keeps is refused by name, never changed in silence.
-
-#: Signs of units, and what stands for them where there is ASCII alone.
-_SIGNS = str.maketrans({"µ": "u", "μ": "u", "²": "2", "³": "3", "·": "*", "×": "x", "°": "deg", "Ω": "Ohm", "–": "-"})
 
 
 def check_texts(kind: str, thing: Any) -> None:
@@ -187,27 +179,6 @@ def _texts(thing: Any, where: str = "") -> Iterator[tuple[str, str]]:
         for item in thing:
             yield from _texts(item, where)
     elif is_dataclass(thing):
-        for each in fields(thing):
-            if each.name not in ("notes", "reasons", "left_out", "harmonics"):
-                yield from _texts(getattr(thing, each.name), each.name)
-
-
-def in_ascii(what: str, text: str, width: int) -> str:
-    """Return text as a field of a universal file holds it, signs of units by their letters; what does not fit is refused.
-
-    Examples
-    --------
-    >>> in_ascii("unit", "µm/s²", 20)
-    'um/s2'
-    """
-    plain = text.translate(_SIGNS)
-    if (
-        not (plain.isascii() and (plain.isprintable()))
-        or len(plain) > width
-        or plain != plain.strip()
-        or plain.upper() == "NONE"
-    ):
-        fault = f"it has {width} columns for ASCII characters there, with no blank at either end, and NONE means none"
-        remedy = "Shorten or rename it, or choose another format."
-        raise DataError(f"the {what} {text!r} was to be written to a universal file", fault, remedy)
-    return plain
+        for field in fields(thing):
+            if field.name not in ("notes", "reasons", "left_out", "harmonics"):
+                yield from _texts(getattr(thing, field.name), field.name)

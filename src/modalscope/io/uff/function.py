@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.data import DataError
-from modalscope.io.atomic import in_ascii
-from modalscope.io.uff.layout import DAMAGED, Field, dof_fields, form, label_from, parse
+from modalscope.io.uff.layout import DAMAGED, Field, dof_fields, form, in_ascii, label_from, parse
 from modalscope.io.uff.scan import BINARY, FORM, HEADER_LINES, Block
 from modalscope.numerics.checks import Array, RealArray
 
@@ -34,9 +33,13 @@ AXIS = (
 )  # fmt: skip
 TEXT = (Field("text", 80, "a"),)
 
+#: What to do about values that are not finite.
+_REPAIR = "Repair that function, or leave it out of the export."
+
 _ALPHABET = b"0123456789+-.EeDd \t"
 _EXACT = re.compile(r"abscissa (\S+) to (\S+)")
-_SINGLE, _DOUBLE = 13, 20
+#: Columns of numbers in single and in double precision, and of a unit.
+_SINGLE, _DOUBLE, _COLUMNS_OF_UNIT = 13, 20, 20
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -81,11 +84,10 @@ def read_function(name: str, block: Block) -> Function:
     dofs, shape = parse(DOFS, block.records[5], where), parse(FORM, block.records[6], where)
     abscissa, ordinate, denominator = (parse(AXIS, line, where) for line in block.records[7:10])
     _check_form(where, shape)
-    x, values = (
-        _from_bytes(where, block, shape)
-        if block.payload is not None
-        else _from_text(where, block.records[HEADER_LINES:], shape)
-    )
+    if block.payload is None:
+        x, values = _from_text(where, block.records[HEADER_LINES:], shape)
+    else:
+        x, values = _from_bytes(where, block, shape)
     texts = tuple(line.decode("latin-1").strip() for line in block.records[:5])
     return Function(
         kind=dofs["function type"],
@@ -113,8 +115,8 @@ def _named(text: str) -> str:
 def _check_form(where: str, shape: dict[str, Any]) -> None:
     kind, points, spacing = shape["ordinate data type"], shape["number of points"], shape["abscissa spacing"]
     if kind not in (2, 4, 5, 6) or points < 1 or spacing not in (0, 1):
-        found = f"they are {kind}, {points} and {spacing}"
-        raise DataError(f"{where} needs data type 2, 4, 5 or 6, at least one point, and spacing 0 or 1", found, DAMAGED)
+        fault = f"they are {kind}, {points} and {spacing}"
+        raise DataError(f"{where} needs data type 2, 4, 5 or 6, at least one point, and spacing 0 or 1", fault, DAMAGED)
     if spacing == 1 and points > 1 and shape["abscissa increment"] <= 0:
         asked = f"{where} needs a positive abscissa increment"
         raise DataError(asked, f"it is {shape['abscissa increment']:g}", "Export it again, or with uneven abscissa.")
@@ -180,10 +182,8 @@ def _plausible(x: RealArray | None, values: Array) -> bool:
 def _check_finite(where: str, x: RealArray | None, values: Array) -> None:
     bad = ~np.isfinite(values) | (False if x is None else ~np.isfinite(x))
     if bad.any():
-        found = (
-            f"{int(bad.sum())} of {bad.size} points are NaN or infinite, the first at point {int(np.argmax(bad)) + 1}"
-        )
-        raise DataError(f"{where} needs finite values", found, "Repair that function, or leave it out of the export.")
+        fault = f"{bad.sum()} of {bad.size} points are NaN or infinite, the first at point {np.argmax(bad) + 1}"
+        raise DataError(f"{where} needs finite values", fault, _REPAIR)
 
 
 def _from_text(where: str, lines: Sequence[bytes], shape: dict[str, Any]) -> tuple[RealArray | None, Array]:
@@ -191,25 +191,17 @@ def _from_text(where: str, lines: Sequence[bytes], shape: dict[str, Any]) -> tup
     width = _SINGLE if shape["ordinate data type"] in (2, 5) else _DOUBLE
     uneven = shape["abscissa spacing"] == 0
     widths = [_SINGLE] * uneven + [width] * parts
-    rows = [stripped for line in lines if (stripped := line.rstrip())]
-    whole = b"".join(rows)
+    whole = b"".join(line.rstrip() for line in lines)
     points = shape["number of points"]
-    if whole.translate(None, _ALPHABET):
-        low = whole.lower()
-        found = (
-            "they hold NaN or infinity"
-            if b"nan" in low or b"inf" in low
-            else f"they hold the characters {whole.translate(None, _ALPHABET)[:10].decode('latin-1')!r}"
-        )
-        remedy = "Repair that function, or leave it out of the export."
-        raise DataError(f"{where} needs finite numbers as data", found, remedy)
+    if odd := whole.translate(None, _ALPHABET):
+        infinite = any(word in whole.lower() for word in (b"nan", b"inf"))
+        fault = "NaN or infinity" if infinite else f"the characters {odd[:10].decode('latin-1')!r}"
+        raise DataError(f"{where} needs finite numbers as data", f"they hold {fault}", _REPAIR)
     if len(whole) != points * sum(widths):
-        held = len(whole) / sum(widths)
-        raise DataError(
-            f"{where} needs the {points} points of its header, in columns of {' and '.join(map(str, dict.fromkeys(widths)))}",
-            f"it holds {held:.4g}",
-            "The file is cut off or damaged there; export it again.",
-        )
+        columns_of_values = " and ".join(map(str, dict.fromkeys(widths)))
+        asked = f"{where} needs the {points} points of its header, in columns of {columns_of_values}"
+        remedy = "The file is cut off or damaged there; export it again."
+        raise DataError(asked, f"it holds {len(whole) / sum(widths):.4g}", remedy)
     table = np.frombuffer(whole.upper().replace(b"D", b"E"), dtype=[(f"f{i}", f"S{w}") for i, w in enumerate(widths)])
     try:
         columns = [table[field].astype(float) for field in table.dtype.names or ()]
@@ -220,13 +212,6 @@ def _from_text(where: str, lines: Sequence[bytes], shape: dict[str, Any]) -> tup
     values = _joined(y)
     _check_finite(where, x, values)
     return x, values
-
-
-# ----------------------------------------------------------------------------------------------------- function writer
-# Dataset 58 out: a function at a nodal dof in double precision, binary or text.
-
-#: Characters of a unit.
-_UNIT = 20
 
 
 def write_function(function: Function, *, text: bool = False) -> bytes:
@@ -243,19 +228,9 @@ def write_function(function: Function, *, text: bool = False) -> bytes:
         return b"    -1\n    58\n" + (records + body).encode("ascii") + b"    -1\n"
     table = y if even else np.column_stack([function.x, y])
     payload = np.ascontiguousarray(table, dtype="<f8").tobytes()
+    counts = {"number of ASCII lines": HEADER_LINES, "number of bytes": len(payload)}
     # the flag stands right behind the number
-    head = (
-        f"{58:6d}b"
-        + form(
-            BINARY,
-            {
-                "byte order": 1,
-                "floating-point format": 2,
-                "number of ASCII lines": HEADER_LINES,
-                "number of bytes": len(payload),
-            },
-        )[7:]
-    )
+    head = f"{58:6d}b" + form(BINARY, {"byte order": 1, "floating-point format": 2, **counts})[7:]
     return b"    -1\n" + (head + "\n" + records).encode("ascii") + payload + b"    -1\n"
 
 
@@ -274,8 +249,12 @@ def _header(function: Function, shape: tuple[int, int, int, float, float], ends:
     lines.append(form(FORM, dict(zip(names, shape, strict=True))))
     units = {17: "s", 18: "Hz"}
     lines.append(form(AXIS, {"data type": function.abscissa_type, "unit": units.get(function.abscissa_type)}))
-    lines.append(form(AXIS, {"data type": function.quantity, "unit": in_ascii("unit", function.unit, _UNIT)}))
-    lines.append(form(AXIS, {"data type": function.denominator, "unit": in_ascii("unit", function.unit_in, _UNIT)}))
+    lines.append(
+        form(AXIS, {"data type": function.quantity, "unit": in_ascii("unit", function.unit, _COLUMNS_OF_UNIT)})
+    )
+    lines.append(
+        form(AXIS, {"data type": function.denominator, "unit": in_ascii("unit", function.unit_in, _COLUMNS_OF_UNIT)})
+    )
     lines.append(form(AXIS, {}))
     return "\n".join(lines) + "\n"
 
@@ -285,5 +264,5 @@ def _text_body(y: RealArray, x: RealArray | None) -> str:
         flat = [f"{value:20.11E}" for value in y.ravel()]
         return "".join("".join(flat[k : k + 4]) + "\n" for k in range(0, len(flat), 4))
     rows = [f"{point:13.5E}" + "".join(f"{value:20.11E}" for value in row) for point, row in zip(x, y, strict=True)]
-    together = 2 if y.shape[1] == 1 else 1
-    return "".join("".join(rows[k : k + together]) + "\n" for k in range(0, len(rows), together))
+    points_of_line = 2 if y.shape[1] == 1 else 1
+    return "".join("".join(rows[k : k + points_of_line]) + "\n" for k in range(0, len(rows), points_of_line))

@@ -81,11 +81,14 @@ def form(record: Record, values: Mapping[str, Any]) -> str:
             text = " " * (width not in (20, 80)) + (str(values.get(name) or "") or "NONE")
             line += text[:width].ljust(width)
             continue
-        text = thirteen(float(values.get(name, 0.0))) if kind == "e" and width == 13 else ""
-        text = text or (f"{float(values.get(name, 0.0)):.16E}" if kind == "e" else str(int(values.get(name, 0))))
+        value = float(values.get(name, 0.0))
+        if kind == "e":
+            text = thirteen(value) if width == 13 else f"{value:.16E}"
+        else:
+            text = str(int(values.get(name, 0)))
         text = text.rjust(width)
         if len(text) > width:
-            asked = f"{name} = {values.get(name)} was to be written to a universal file"
+            asked = f"writing {name} = {values.get(name)} to a universal file was asked"
             raise DataError(asked, f"it has {width} columns there", "Choose a smaller number, or another format.")
         line += text
     return line
@@ -105,8 +108,7 @@ def thirteen(value: float) -> str:
     (' 1.0002000200', '-2.500000E-07')
     """
     texts = [f"{value: .{digits}f}" for digits in range(11)] + [f"{value: .{digits}E}" for digits in (5, 6)]
-    fitting = [text for text in texts if len(text) <= 13]
-    return min(reversed(fitting), key=lambda text: abs(float(text) - value))
+    return min((text for text in reversed(texts) if len(text) <= 13), key=lambda text: abs(float(text) - value))
 
 
 def _unreadable(where: str, name: str, wanted: str, text: str) -> DataError:
@@ -114,25 +116,13 @@ def _unreadable(where: str, name: str, wanted: str, text: str) -> DataError:
     return DataError(f"{where} needs {wanted} for {name}", f"the columns hold {text.strip()!r}", remedy)
 
 
-# ---------------------------------------------------------------------------------------------------------------- dofs
-# Labels of channels as nodes, directions and entity names; the codes of quantities.
-
-DIRECTIONS = {
-    0: "S",
-    1: "+X",
-    -1: "-X",
-    2: "+Y",
-    -2: "-Y",
-    3: "+Z",
-    -3: "-Z",
-    4: "+RX",
-    -4: "-RX",
-    5: "+RY",
-    -5: "-RY",
-    6: "+RZ",
-    -6: "-RZ",
+#: Codes of directions.
+DIRECTIONS = {0: "S"} | {
+    sign * (k + 1): f"{'+' if sign > 0 else '-'}{axis}"
+    for k, axis in enumerate(("X", "Y", "Z", "RX", "RY", "RZ"))
+    for sign in (1, -1)
 }
-_CODES = {name: code for code, name in DIRECTIONS.items()}
+CODES = {name: code for code, name in DIRECTIONS.items()}
 
 #: Specific data types: what an ordinate is.
 QUANTITY_OF = {8: "displacement", 11: "velocity", 12: "acceleration"}
@@ -140,7 +130,11 @@ QUANTITY_CODES: dict[str | None, int] = {None: 0, **{name: code for code, name i
 #: Reaction force and excitation force.
 FORCES = (9, 13)
 
-_ENTITY = 10
+#: Characters of an entity's name.
+_MAX_LETTERS = 10
+
+#: Signs of units, and what stands for them where there is ASCII alone.
+_SIGNS = str.maketrans({"µ": "u", "μ": "u", "²": "2", "³": "3", "·": "*", "×": "x", "°": "deg", "Ω": "Ohm", "–": "-"})
 
 
 def label_from(where: str, entity: str, node: int, direction: int) -> str:
@@ -156,20 +150,15 @@ def label_from(where: str, entity: str, node: int, direction: int) -> str:
 def dof_fields(label: str) -> tuple[str, int, int]:
     """Return entity name, node and direction code of a label; `label_from` is the inverse."""
     dof = parse_dof(label)
-    node, direction = (label, 0) if dof is None else (dof.node, _CODES.get(dof.direction, 0))
+    node, direction = (label, 0) if dof is None else (dof.node, CODES.get(dof.direction, 0))
     if dof is not None and node.isdecimal() and int(node) < 10**10 and str(int(node)) == node:
         return "NONE", int(node), direction
-    kept = node.isascii() and node.isprintable() and 0 < len(node) <= _ENTITY
+    kept = node.isascii() and node.isprintable() and 0 < len(node) <= _MAX_LETTERS
     if not kept or label_from("", node, 0, direction) != label:
-        fault = f"that has a node number or a name of up to {_ENTITY} ASCII characters"
+        fault = f"that has a node number or a name of up to {_MAX_LETTERS} ASCII characters"
         remedy = "Give labels of node and direction, such as 3:+Z, as output_dofs and input_dofs."
-        raise DataError(f"the channel {label!r} was to be written to a universal file", fault, remedy)
+        raise DataError(f"writing the channel {label!r} to a universal file was asked", fault, remedy)
     return node, 0, direction
-
-
-def code_of_direction(direction: str) -> int:
-    """Return the code of a direction such as +X."""
-    return _CODES[direction]
 
 
 def sort_key(label: str) -> tuple[int, int, str, int, int]:
@@ -177,7 +166,28 @@ def sort_key(label: str) -> tuple[int, int, str, int, int]:
     dof = parse_dof(label)
     if dof is None:
         return (1, 0, label, 0, 0)
-    code = _CODES.get(dof.direction, 0)
+    code = CODES.get(dof.direction, 0)
     if dof.node.isdecimal():
         return (0, int(dof.node), "", abs(code), code < 0)
     return (1, 0, dof.node, abs(code), code < 0)
+
+
+def in_ascii(what: str, text: str, width: int) -> str:
+    """Return text as a field of a universal file holds it, signs of units by their letters; what does not fit is refused.
+
+    Examples
+    --------
+    >>> in_ascii("unit", "µm/s²", 20)
+    'um/s2'
+    """
+    plain = text.translate(_SIGNS)
+    if (
+        not (plain.isascii() and plain.isprintable())
+        or len(plain) > width
+        or plain != plain.strip()
+        or plain.upper() == "NONE"
+    ):
+        fault = f"it has {width} columns for ASCII characters there, with no blank at either end, and NONE means none"
+        remedy = "Shorten or rename it, or choose another format."
+        raise DataError(f"writing the {what} {text!r} to a universal file was asked", fault, remedy)
+    return plain

@@ -18,10 +18,13 @@ from modalscope.numerics.checks import Array, RealArray
 
 #: Abscissas agree when they differ by less than this part of a step: text files print few digits.
 SAME = 1e-3
-#: Subsets of the shorter side are tried one by one up to this many channels.
-_EXHAUSTIVE = 12
-#: No measurement has more abscissas than this.
-_MOST_AXES = 200
+#: Channels of the shorter side up to which all subsets are tried.
+_MAX_EXHAUSTIVE = 12
+#: Abscissas in a file, more than any measurement has.
+_MAX_AXES = 200
+#: Types of functions.
+_TIME, _FRF, _COHERENCE, _MULTIPLE = 1, 4, 6, 26
+_CORRELATIONS, _FILTER = (7, 8), 25
 
 #: Units of SI by specific data type.
 SI_UNITS = {8: "m", 9: "N", 11: "m/s", 12: "m/s2", 13: "N"}
@@ -50,40 +53,34 @@ def same_axis(a: Function, b: Function) -> bool:
     return bool(np.max(np.abs(a.x - b.x)) <= SAME * abs(step))
 
 
-def axis_words(function: Function) -> str:
-    """Return the abscissa in words."""
-    return f"{function.x.size} points from {function.x[0]:g} to {function.x[-1]:g}"
+def _other_axis(function: Function) -> str:
+    return f"another abscissa, {function.x.size} points from {function.x[0]:g} to {function.x[-1]:g}"
 
 
 def largest_group(
     functions: Sequence[Function], out: Sorted, quantity: str | None, by_quantity: bool
 ) -> list[Function]:
     """Return the functions on the commonest abscissa (and of one quantity); the first group wins a tie."""
+
+    def measures(group: list[Function]) -> str | None:
+        return QUANTITY_OF.get(group[0].quantity) if by_quantity else None
+
     groups: list[list[Function]] = []
     for function in functions:
-        kind = QUANTITY_OF.get(function.quantity)
         for group in groups:
-            if same_axis(group[0], function) and (not by_quantity or QUANTITY_OF.get(group[0].quantity) == kind):
+            if same_axis(group[0], function) and measures(group) == measures([function]):
                 group.append(function)
                 break
         else:
             groups.append([function])
-            out.room.parts("different abscissas", len(groups), _MOST_AXES)
-    wanted = [
-        group
-        for group in groups
-        if by_quantity and quantity is not None and QUANTITY_OF.get(group[0].quantity) == quantity
-    ]
+            out.room.parts("different abscissas", len(groups), _MAX_AXES)
+    wanted = [group for group in groups if quantity is not None and measures(group) == quantity]
     best = max(wanted or groups, key=len)
-    for group in groups:
-        for function in group if group is not best else ():
-            axis = not same_axis(function, best[0])
-            kind = QUANTITY_OF.get(function.quantity, "an unknown quantity")
-            out.left[function.place] = (
-                f"another abscissa, {axis_words(function)}"
-                if axis
-                else f"{kind} where the others are {QUANTITY_OF.get(best[0].quantity, 'of unknown quantity')}"
-            )
+    usual = QUANTITY_OF.get(best[0].quantity, "of unknown quantity")
+    for function in (function for group in groups if group is not best for function in group):
+        kind = QUANTITY_OF.get(function.quantity, "an unknown quantity")
+        same = same_axis(function, best[0])
+        out.left[function.place] = f"{kind} where the others are {usual}" if same else _other_axis(function)
     return best
 
 
@@ -99,11 +96,9 @@ def by_pair(functions: Sequence[Function], out: Sorted, repeated: str | None) ->
             raise DataError(f"one {function.words} for each pair of dofs was asked", fault, remedy)
         if before is None or repeated == "last":
             pairs[key] = function
-        lost = before if repeated == "last" else function if before is not None else None
-        if lost is not None:
-            out.left[lost.place] = (
-                f'{key[0]} / {key[1]} was measured more than once and repeated="{repeated}" was asked'
-            )
+        if before is not None:
+            lost, asked = before if repeated == "last" else function, f'repeated="{repeated}" was asked'
+            out.left[lost.place] = f"{key[0]} / {key[1]} was measured more than once and {asked}"
     return pairs
 
 
@@ -117,9 +112,9 @@ def complete_block(pairs: dict[Pair, Function], out: Sorted) -> tuple[list[str],
         return outputs, inputs
     rows, columns = _largest_block(there)
     kept_out, kept_in = [outputs[k] for k in rows], [inputs[k] for k in columns]
-    gone = [f"{outputs[a]} / {inputs[b]}" for a, b in np.argwhere(~there)]
-    named = ", ".join(gone[:6]) + (" ..." if len(gone) > 6 else "")
-    out.missing.append(f"{len(gone)} of {there.size} pairs of the {len(outputs)} x {len(inputs)} matrix: {named}")
+    missing = [f"{outputs[a]} / {inputs[b]}" for a, b in np.argwhere(~there)]
+    named = ", ".join(missing[:6]) + (" ..." if len(missing) > 6 else "")
+    out.missing.append(f"{len(missing)} of {there.size} pairs of the {len(outputs)} x {len(inputs)} matrix: {named}")
     out.notes.append(f"the largest complete block, {len(kept_out)} outputs x {len(kept_in)} inputs, was taken")
     for (o, i), function in pairs.items():
         if o not in kept_out or i not in kept_in:
@@ -132,7 +127,7 @@ def _largest_block(there: Array) -> tuple[list[int], list[int]]:
 
     Exact when one side has at most twelve; else by dropping the emptiest row or column until nothing is missing.
     """
-    if min(there.shape) > _EXHAUSTIVE:
+    if min(there.shape) > _MAX_EXHAUSTIVE:
         return _without_gaps(~there)
     wide = there if there.shape[1] <= there.shape[0] else there.T
     best: tuple[int, list[int], list[int]] = (0, [], [])
@@ -174,13 +169,6 @@ def matrix(pairs: dict[Pair, Function], outputs: Sequence[str], inputs: Sequence
     return {"values": values, "output_dofs": tuple(outputs), "input_dofs": tuple(inputs), "units": pair}
 
 
-# ---------------------------------------------------------------------------------------------------------------- sort
-# From many functions to one data object: which are taken, which are left, and why.
-
-_TIME, _FRF, _COHERENCE, _MULTIPLE = 1, 4, 6, 26
-_CORRELATIONS, _FILTER = (7, 8), 25
-
-
 def kind_of(function: Function) -> str:
     """Return which data object a function can be part of: frequency response, impulse response, records, coherence or none."""
     if function.kind == _FRF:
@@ -190,9 +178,6 @@ def kind_of(function: Function) -> str:
     if function.kind == _TIME:
         return "records"
     return "coherence" if function.kind in (_COHERENCE, _MULTIPLE) else ""
-
-
-# ------------------------------------------------------------------------------------------------------------ the data objects
 
 
 def sort_frequency(
@@ -222,7 +207,7 @@ def _coherence(
         if np.iscomplexobj(function.values) and function.values.imag.any():
             out.left[function.place] = "a coherence is real"
         elif not same_axis(function, like):
-            out.left[function.place] = f"another abscissa, {axis_words(function)}"
+            out.left[function.place] = _other_axis(function)
         else:
             fitting[function.output, function.input] = function
     if not fitting:
@@ -232,12 +217,8 @@ def _coherence(
         array = np.stack([np.stack([fitting[o, i].values.real for i in inputs], axis=-1) for o in outputs], axis=1)
     else:
         alone = {o: f for (o, _), f in fitting.items()}
-        single = (
-            len(alone) == len(fitting)
-            and all(o in alone for o in outputs)
-            and (len(inputs) == 1 or all(f.kind == _MULTIPLE for f in alone.values()))
-        )
-        if not single:
+        multiple = len(inputs) == 1 or all(f.kind == _MULTIPLE for f in alone.values())
+        if len(alone) != len(fitting) or not all(o in alone for o in outputs) or not multiple:
             there = sum((o, i) in fitting for o in outputs for i in inputs)
             out.missing.append(f"coherence of every pair: {there} of {len(outputs) * len(inputs)} are there")
             out.left |= {f.place: "the coherence is not complete" for f in fitting.values()}
@@ -246,10 +227,8 @@ def _coherence(
         array = np.stack([alone[o].values.real for o in outputs], axis=-1)
     out.left |= {f.place: "no response was taken for this pair" for key, f in fitting.items() if key not in used}
     if array.min() < 0 or array.max() > 1 + 1e-6:
-        out.left |= {
-            fitting[key].place: f"a coherence lies between 0 and 1, this from {array.min():g} to {array.max():g}"
-            for key in used
-        }
+        reason = f"a coherence lies between 0 and 1, this from {array.min():g} to {array.max():g}"
+        out.left |= {fitting[key].place: reason for key in used}
         return None
     return array
 
@@ -266,7 +245,7 @@ def _rate_of(function: Function, out: Sorted) -> float | None:
 def _evenly(functions: Sequence[Function], out: Sorted, what: str) -> list[Function]:
     even = [function for function in functions if _rate_of(function, out) is not None]
     if not even:
-        fault = f"{next(iter(out.left.values()))}"
+        fault = next(iter(out.left.values()))
         raise DataError(f"{what} were asked", fault, "Resample them evenly before they are exported.")
     return even
 
@@ -281,12 +260,9 @@ def sort_impulse(functions: Sequence[Function], options: dict[str, Any], si: boo
     kind = options.get("kind") or _commonest(kinds)
     # a kind that is asked for and not there is what the functions are meant to be
     chosen = [f for f in functions if kind not in kinds or _impulse_kind(f) == kind]
-    kept = {f.place for f in chosen}
-    out.left |= {
-        f.place: f'it is a {_impulse_kind(f)} response where {kind} responses are taken; kind="{_impulse_kind(f)}" takes it'
-        for f in functions
-        if f.place not in kept
-    }
+    for other in functions:
+        if kind in kinds and (found := _impulse_kind(other)) != kind:
+            out.left[other.place] = f'it is a {found} response; expected {kind}: kind="{found}" reads it'
     group = largest_group(_evenly(chosen, out, "impulse responses"), out, options.get("quantity"), by_quantity=True)
     pairs = by_pair(group, out, options.get("repeated"))
     outputs, inputs = complete_block(pairs, out)
@@ -311,21 +287,20 @@ def sort_impulse(functions: Sequence[Function], options: dict[str, Any], si: boo
 
 
 def _commonest(kinds: Counter[str]) -> str:
-    """Return the kind that most functions are of, or raise when two are as common: neither is what was meant before the other."""
+    """Return the kind of most functions, or raise when two are equally common."""
     first, *rest = kinds.most_common()
     if rest and rest[0][1] == first[1]:
-        held = " and ".join(f"{count} {kind} responses" for kind, count in kinds.items())
+        counts = " and ".join(f"{count} {kind} responses" for kind, count in kinds.items())
         remedy = f'Choose one, read(..., kind="{first[0]}"), and read the other by itself.'
-        raise DataError("impulse responses of one kind were asked", f"the file holds {held}", remedy)
+        raise DataError("impulse responses of one kind were asked", f"the file holds {counts}", remedy)
     return first[0]
 
 
 def _impulse_kind(function: Function) -> str:
-    named = [
-        text.removeprefix("impulse response: ") for text in function.texts if text.startswith("impulse response: ")
-    ]
-    if named and named[0] in ("pulse", "dirac", "free decay", "correlation"):
-        return named[0]
+    prefix = "impulse response: "
+    named = next((text.removeprefix(prefix) for text in function.texts if text.startswith(prefix)), "")
+    if named in ("pulse", "dirac", "free decay", "correlation"):
+        return named
     return "correlation" if function.kind in _CORRELATIONS else "dirac"
 
 

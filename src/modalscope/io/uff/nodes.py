@@ -14,24 +14,18 @@ from modalscope.io.uff.layout import DAMAGED, Field, form, number, one_set, pars
 from modalscope.io.uff.scan import Block
 from modalscope.numerics.checks import RealArray
 
-_HEAD = (
-    Field("node", 10, "i"),
-    Field("definition system", 10, "i"),
-    Field("displacement system", 10, "i"),
-    Field("color", 10, "i"),
+_HEAD = tuple(Field(name, 10, "i") for name in ("node", "definition system", "displacement system", "color"))
+_XYZ = tuple(Field(axis, 13, "e") for axis in "xyz")
+_XYZ_LONG = tuple(Field(axis, 25, "e") for axis in "xyz")
+_TRACE = tuple(Field(name, 10, "i") for name in ("trace line", "number of nodes", "color"))
+_ELEMENT = tuple(
+    Field(name, 10, "i")
+    for name in ("element", "descriptor", "physical table", "material table", "color", "number of nodes")
 )
-_XYZ = (Field("x", 13, "e"), Field("y", 13, "e"), Field("z", 13, "e"))
-_XYZ_LONG = (Field("x", 25, "e"), Field("y", 25, "e"), Field("z", 25, "e"))
-_TRACE = (Field("trace line", 10, "i"), Field("number of nodes", 10, "i"), Field("color", 10, "i"))
-_ELEMENT = (
-    Field("element", 10, "i"), Field("descriptor", 10, "i"), Field("physical table", 10, "i"), Field("material table", 10, "i"),
-    Field("color", 10, "i"), Field("number of nodes", 10, "i"),
-)  # fmt: skip
-_SYSTEM = (Field("system", 10, "i"), Field("type", 10, "i"), Field("color", 10, "i"))
+_SYSTEM = tuple(Field(name, 10, "i") for name in ("system", "type", "color"))
 
-_RODS = (11, 21, 22, 23, 24)
-_CARTESIAN = 0
-_A_LINE = 8
+#: Descriptors of rods and beams, which have a record of their own; the type of Cartesian coordinate systems; nodes in a line of a set 82.
+_RODS, _CARTESIAN, _NODES_OF_LINE = (11, 21, 22, 23, 24), 0, 8
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -49,9 +43,6 @@ class Parts:
     lines: list[tuple[int, int]] = field(default_factory=list)
     faces: list[tuple[int, ...]] = field(default_factory=list)
     systems: dict[int, tuple[int, RealArray]] = field(default_factory=dict)
-
-
-# ------------------------------------------------------------------------------------------------------------- reading
 
 
 def add_block(parts: Parts, block: Block, name: str) -> str:
@@ -74,22 +65,19 @@ def _short(where: str) -> DataError:
 
 
 def _read_nodes(parts: Parts, block: Block, where: str) -> str:
-    found = parts.nodes.setdefault(block.dataset, {})
+    nodes = parts.nodes.setdefault(block.dataset, {})
     rows = iter(block.records)
     count = 0
     for line in rows:
         head = parse(_HEAD, line, where)
         rest = line[40:] if block.dataset == 15 else next(rows)
-        if len(rest.strip().split()) < 1:
+        if not rest.strip():
             raise _short(where)
-        place = parse(_XYZ if block.dataset == 15 else _XYZ_LONG, rest, where)
-        node = _Node(
-            xyz=(place["x"], place["y"], place["z"]),
-            definition=head["definition system"],
-            displacement=head["displacement system"],
-        )
-        if found.setdefault(head["node"], node) != node:
-            fault = f"node {head['node']} stands there twice"
+        xyz = parse(_XYZ if block.dataset == 15 else _XYZ_LONG, rest, where)
+        place = (xyz["x"], xyz["y"], xyz["z"])
+        node = _Node(xyz=place, definition=head["definition system"], displacement=head["displacement system"])
+        if nodes.setdefault(head["node"], node) != node:
+            fault = f"node {head['node']} occurs twice"
             raise DataError(f"{where} needs one place for each node", fault, "Renumber the nodes.")
         count += 1
     return f"{count} nodes"
@@ -105,11 +93,12 @@ def _read_trace(parts: Parts, block: Block, where: str) -> str:
     head = parse(_TRACE, next(rows), where)
     next(rows)  # identification line
     path = [node for line in rows for node in _numbers(line, where)]
-    if len(path) != head["number of nodes"]:
-        found = f"it holds {len(path)}"
-        # some programs leave repeated zeros out of the count
-        if len([n for k, n in enumerate(path) if k == 0 or n != path[k - 1]]) != head["number of nodes"]:
-            raise DataError(f"{where} needs the {head['number of nodes']} nodes of its header", found, DAMAGED)
+    # some programs leave repeated zeros out of the count
+    unrepeated = [node for k, node in enumerate(path) if k == 0 or node != path[k - 1]]
+    if head["number of nodes"] not in (len(path), len(unrepeated)):
+        raise DataError(
+            f"{where} needs the {head['number of nodes']} nodes of its header", f"it has {len(path)}", DAMAGED
+        )
     pairs = [(a, b) for a, b in pairwise(path) if a > 0 and b > 0 and a != b]
     parts.lines += pairs
     return f"a trace line of {len(pairs)} lines"
@@ -131,19 +120,15 @@ def _read_elements(parts: Parts, block: Block, where: str) -> str:
         if len(nodes) != head["number of nodes"] or not nodes:
             asked = f"{where} needs {head['number of nodes']} nodes for element {head['element']}"
             raise DataError(asked, f"there are {len(nodes)}", DAMAGED)
-        _add_element(parts, nodes)
+        # triangles and quadrilaterals are faces, larger elements the edge around their nodes
+        if len(nodes) == 2:
+            parts.lines.append((nodes[0], nodes[1]))
+        elif len(nodes) in (3, 4):
+            parts.faces.append(tuple(nodes))
+        elif len(nodes) > 4:
+            parts.lines += list(zip(nodes, [*nodes[1:], nodes[0]], strict=True))
         count += 1
     return f"{count} elements"
-
-
-def _add_element(parts: Parts, nodes: list[int]) -> None:
-    """Keep rods as lines and triangles and quadrilaterals as faces; larger elements by the edge around their nodes."""
-    if len(nodes) == 2:
-        parts.lines.append((nodes[0], nodes[1]))
-    elif len(nodes) in (3, 4):
-        parts.faces.append(tuple(nodes))
-    elif len(nodes) > 4:
-        parts.lines += list(zip(nodes, [*nodes[1:], nodes[0]], strict=True))
 
 
 def _read_systems(parts: Parts, block: Block, where: str) -> str:
@@ -152,18 +137,13 @@ def _read_systems(parts: Parts, block: Block, where: str) -> str:
     for line in rows:
         head = parse(_SYSTEM, line, where)
         next(rows)  # its name
-        matrix = [[number(where, "the transformation matrix", text) for text in _columns(next(rows))] for _ in range(4)]
+        rows_of_matrix = (next(rows).decode("latin-1") for _ in range(4))
+        matrix = [
+            [number(where, "the transformation matrix", r[k : k + 25]) for k in (0, 25, 50)] for r in rows_of_matrix
+        ]
         parts.systems[head["system"]] = (head["type"], np.array(matrix))
         count += 1
     return f"{count} coordinate systems"
-
-
-def _columns(line: bytes) -> list[str]:
-    text = line.decode("latin-1")
-    return [text[k : k + 25] for k in (0, 25, 50)]
-
-
-# ---------------------------------------------------------------------------------------------------- putting together
 
 
 def geometry_of(parts: Parts, labels: Iterable[str] = ()) -> tuple[Geometry | None, list[str]]:
@@ -181,16 +161,16 @@ def geometry_of(parts: Parts, labels: Iterable[str] = ()) -> tuple[Geometry | No
     if not nodes:
         return None, notes
     if len(parts.nodes) > 1:
-        notes.append("nodes stand there as datasets 15 and 2411; those of 2411 were taken")
+        notes.append("nodes are given by datasets 15 and 2411; those of 2411 were read")
     curved = [n for n, node in nodes.items() if parts.systems.get(node.definition, (_CARTESIAN, None))[0] != _CARTESIAN]
     if curved:
-        return None, [f"the geometry was left: nodes {curved[:5]} are given in a cylindrical or spherical system"]
+        return None, [f"geometry not read: nodes {curved[:5]} are given in a cylindrical or spherical system"]
     xyz = np.array([_global(parts, node) for node in nodes.values()])
     lines = [pair for pair in parts.lines if set(pair) <= set(nodes)]
     faces = [face for face in parts.faces if set(face) <= set(nodes)]
     gone = len(parts.lines) - len(lines) + len(parts.faces) - len(faces)
     if gone:
-        notes.append(f"{gone} lines or faces were left out: they join nodes that are not there")
+        notes.append(f"{gone} lines or faces were left out: their nodes are missing")
     unique = list(dict.fromkeys(tuple(sorted(pair)) for pair in lines))
     width = max((len(face) for face in faces), default=3)
     even = [[*face, *[face[-1]] * (width - len(face))] for face in faces]
@@ -217,17 +197,12 @@ def _motions(parts: Parts, nodes: dict[int, _Node], labels: Iterable[str]) -> di
     return motions
 
 
-# ------------------------------------------------------------------------------------------------------------- writing
-
-
 def _numbered(geometry: Geometry) -> list[int]:
-    odd = [
-        node for node in geometry.nodes if not (node.isdecimal() and str(int(node)) == node and 0 < int(node) < 10**10)
-    ]
+    odd = [n for n in geometry.nodes if not (n.isdecimal() and str(int(n)) == n and 0 < int(n) < 10**10)]
     if odd:
         fault = f"its nodes {', '.join(odd[:5])} are not whole numbers"
-        remedy = "Number the nodes, or write .npz or .h5."
-        raise DataError("a geometry was to be written to a universal file", fault, remedy)
+        asked = "writing a geometry to a universal file was asked"
+        raise DataError(asked, fault, "Number the nodes, or write .npz or .h5.")
     return [int(node) for node in geometry.nodes]
 
 
@@ -235,11 +210,9 @@ def write_nodes(geometry: Geometry, dataset: int) -> bytes:
     """Return the nodes as dataset 2411 (16 digits) or 15 (6 digits)."""
     lines = []
     for node, xyz in zip(_numbered(geometry), geometry.coordinates, strict=True):
-        head = form(_HEAD, {"node": node})
-        place = dict(zip("xyz", (float(v) for v in xyz), strict=True))
-        lines += (
-            [head + "".join(f"{v:13.5E}" for v in place.values())] if dataset == 15 else [head, form(_XYZ_LONG, place)]
-        )
+        head, place = form(_HEAD, {"node": node}), dict(zip("xyz", xyz.tolist(), strict=True))
+        short = "".join(f"{v:13.5E}" for v in place.values())
+        lines += [head + short] if dataset == 15 else [head, form(_XYZ_LONG, place)]
     return one_set(dataset, lines)
 
 
@@ -248,11 +221,8 @@ def write_lines(geometry: Geometry, dataset: int) -> bytes:
     names = _numbered(geometry)
     lines = [(names[a], names[b]) for a, b in geometry.lines]
     faces = [[names[i] for i in dict.fromkeys(row)] for row in geometry.faces.tolist()]
-    data = (
-        b"".join(_trace(k, lines[start : start + 80]) for k, start in enumerate(range(0, len(lines), 80), 1))
-        if dataset == 82
-        else b""
-    )
+    traces = range(0, len(lines), 80) if dataset == 82 else ()
+    data = b"".join(_trace(k, lines[start : start + 80]) for k, start in enumerate(traces, 1))
     elements = _elements([] if dataset == 82 else lines, faces)
     return data + (one_set(2412, elements) if elements else b"")
 
@@ -260,7 +230,8 @@ def write_lines(geometry: Geometry, dataset: int) -> bytes:
 def _trace(place: int, pairs: Sequence[tuple[int, int]]) -> bytes:
     path = [node for pair in pairs for node in (*pair, 0)][:-1]
     lines = [form(_TRACE, {"trace line": place, "number of nodes": len(path)}), "NONE".ljust(80)]
-    lines += ["".join(f"{node:10d}" for node in path[k : k + _A_LINE]) for k in range(0, len(path), _A_LINE)]
+    cells = [f"{node:10d}" for node in path]
+    lines += ["".join(cells[k : k + _NODES_OF_LINE]) for k in range(0, len(cells), _NODES_OF_LINE)]
     return one_set(82, lines)
 
 
@@ -268,18 +239,8 @@ def _elements(lines: Sequence[tuple[int, int]], faces: Sequence[Sequence[int]]) 
     rows: list[str] = []
     for place, nodes in enumerate([*lines, *faces], 1):
         descriptor = {2: 11, 3: 41, 4: 44}[len(nodes)]
-        rows.append(
-            form(
-                _ELEMENT,
-                {
-                    "element": place,
-                    "descriptor": descriptor,
-                    "physical table": 1,
-                    "material table": 1,
-                    "number of nodes": len(nodes),
-                },
-            )
-        )
-        rows += ["".join(f"{0:10d}" for _ in range(3))] if len(nodes) == 2 else []
+        head = {"element": place, "descriptor": descriptor, "physical table": 1, "material table": 1}
+        rows.append(form(_ELEMENT, head | {"number of nodes": len(nodes)}))
+        rows += [f"{0:10d}" * 3] if len(nodes) == 2 else []
         rows.append("".join(f"{node:10d}" for node in nodes))
     return rows

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from modalscope.data import DataError
-from modalscope.io.contents import Contents, Finding, Options
+from modalscope.io.contents import Contents, Finding, Options, unreadable
 from modalscope.io.limits import Room, room
 from modalscope.io.uff.function import Function, read_function
 from modalscope.io.uff.layout import DAMAGED, Field, number, parse
@@ -71,9 +71,8 @@ def read(path: Path, options: Options) -> Contents:
                 sets.left[place] = "it makes no geometry without nodes"
             else:
                 sets.taken.add(place)
-    return Contents(
-        thing=thing, findings=_findings(sets), missing=tuple(result.missing), notes=tuple(dict.fromkeys(notes))
-    )
+    notes, missing = list(dict.fromkeys(notes)), tuple(result.missing)
+    return Contents(thing=thing, findings=_findings(sets), missing=missing, notes=tuple(notes))
 
 
 def _add(sets: _Sets, name: str, block: Block) -> None:
@@ -100,7 +99,7 @@ def _add(sets: _Sets, name: str, block: Block) -> None:
             sets.taken.add(place)
         except DataError as error:
             sets.words[place], sets.left[place] = "units", f"they do not read ({error.found})"
-            sets.notes.append("units are not known; values are as they stand in the file")
+            sets.notes.append("units are unknown; values are as in the file")
     elif block.dataset == 151:
         sets.words[place] = "header"
         sets.taken.add(place)
@@ -118,22 +117,14 @@ def _units(sets: _Sets, block: Block, name: str) -> str:
     sets.si = units["code"] == _SI or factors == [1.0, 1.0]
     if not sets.si:
         factor = f"1 m = {factors[0]:g}, 1 N = {factors[1]:g} of them"
-        sets.notes.append(
-            f"units are {units['description'] or 'user-defined'} ({factor}); values are as they stand in the file"
-        )
+        sets.notes.append(f"units are {units['description'] or 'user-defined'} ({factor}); values are as in the file")
     return f"units {units['description']}".strip()
 
 
 def _best(sets: _Sets) -> str:
-    kinds = {kind_of(function) for function in sets.functions}
-    for want in _WANTS:
-        if (
-            want in kinds
-            or (want == "modes" and sets.shapes)
-            or (want == "geometry" and any(sets.geometry.nodes.values()))
-        ):
-            return want
-    return "frequency response"
+    kinds = set(map(kind_of, sets.functions)) | ({"modes"} if sets.shapes else set())
+    kinds |= {"geometry"} if any(sets.geometry.nodes.values()) else set()
+    return next((want for want in _WANTS if want in kinds), "frequency response")
 
 
 def _take(sets: _Sets, name: str, want: str, options: dict[str, Any]) -> Sorted:
@@ -174,15 +165,14 @@ def _take_geometry(sets: _Sets, name: str) -> Sorted:
 
 
 def _take_modes(sets: _Sets, name: str) -> Sorted:
-    """Take the modes of one dataset: 55 and 2414 in one file say the same twice."""
+    """Take the modes of one dataset: 55 and 2414 in one file are the same modes."""
     if not sets.shapes:
         raise _nothing(sets, name, "modes")
     counts = {dataset: sum(shape.dataset == dataset for _, shape in sets.shapes) for dataset in _SHAPES}
     dataset = max(_SHAPES, key=lambda number: counts[number])
     chosen = [(place, shape) for place, shape in sets.shapes if shape.dataset == dataset]
-    sets.left |= {
-        place: f"modes were taken from dataset {dataset}" for place, shape in sets.shapes if shape.dataset != dataset
-    }
+    reason = f"modes were read from dataset {dataset}"
+    sets.left |= {place: reason for place, shape in sets.shapes if shape.dataset != dataset}
     modes, notes = modes_of([shape for _, shape in chosen], sets.room)
     sets.taken |= {place for place, _ in chosen}
     _leave_the_rest(sets)
@@ -199,14 +189,11 @@ def _leave_the_rest(sets: _Sets) -> None:
 
 
 def _nothing(sets: _Sets, name: str, want: str) -> DataError:
-    held = ", ".join(f"{sets.names[place]}: {words}" for place, words in list(sets.words.items())[:6])
-    return DataError(
-        f"reading {'a ' if want not in ('records', 'modes') else ''}{want} from {name} was asked",
-        f"of its {len(sets.names)} sets none is one ({held}{' ...' if len(sets.words) > 6 else ''})",
-        "Export frequency responses, records or modes (datasets 58, 55 or 2414)."
-        if want == "frequency response"
-        else "Ask for what it holds.",
-    )
+    words = ", ".join(f"{sets.names[place]}: {words}" for place, words in list(sets.words.items())[:6])
+    fault = f"of its {len(sets.names)} sets none is one ({words}{' ...' if len(sets.words) > 6 else ''})"
+    usual = "Export frequency responses, records or modes (datasets 58, 55 or 2414)."
+    article = "a " if want not in ("records", "modes") else ""
+    return unreadable(f"{article}{want} from {name}", fault, usual if want == _WANTS[0] else "Ask for what it holds.")
 
 
 def _findings(sets: _Sets) -> tuple[Finding, ...]:

@@ -38,11 +38,12 @@ _NUMBER = re.compile(rb" *\d+\Z")
 _BLANK_LINES = re.compile(rb"(?:[ \t\r\f\v]*\n)*+")
 #: Blanks, and the sign of the end of old files.
 _BLANK = b" \t\r\n\x1a"
-#: So many lines of text may stand between sets, and so long.
-_COMMENTS, _LONGEST_COMMENT = 50, 200
-_A_WORD = re.compile(rb"[A-Za-z\xc0-\xff]{3}")
-#: A set has some hundred bytes; a line of text becomes an object of at least so many.
-_A_SET, _A_LINE = 200, 50
+#: Lines of text between sets, and characters of one, at most.
+_MAX_COMMENTS, _MAX_CHARACTERS = 50, 200
+_LETTERS = re.compile(rb"[A-Za-z\xc0-\xff]{3}")
+#: Bytes in the file for each set, and in memory for each line, at least.
+_BYTES_OF_SET, _BYTES_OF_LINE = 200, 50
+#: Parts of a value and bytes of a part, by ordinate data type; codes of byte orders and of IEEE numbers.
 _WORDS = {2: (1, 4), 4: (1, 8), 5: (2, 4), 6: (2, 8)}
 _LITTLE, _BIG, _IEEE = 1, 2, 2
 
@@ -85,7 +86,7 @@ def scan(name: str, data: bytes, space: Room | None = None) -> list[Block]:
             raise _foreign(name, line, blocks)
         block, position = _block(name, data, position, len(blocks) + 1, space)
         blocks.append(block)
-        space.parts("sets", len(blocks), max(MOST_PARTS // 10, len(data) // _A_SET))
+        space.parts("sets", len(blocks), max(MOST_PARTS // 10, len(data) // _BYTES_OF_SET))
         line, position = _past_comments(data, position)
     if not blocks:
         raise _foreign(name, b"", blocks)
@@ -94,17 +95,17 @@ def scan(name: str, data: bytes, space: Room | None = None) -> list[Block]:
 
 def _foreign(name: str, line: bytes, blocks: list[Block]) -> DataError:
     text = line[:30].decode("latin-1")
-    if not blocks:
-        found = f"it begins with {text!r}, not with the delimiter '    -1'" if line else "it has no sets"
-        remedy = "Export it as a universal file, or give it the suffix of what it is."
-        return unreadable(f"{name} as a universal file", found, remedy)
-    fault = f"after set {len(blocks)} comes {text!r} where a set should begin"
-    return unreadable(name, fault, "The file is cut off or damaged there; export it again.")
+    if blocks:
+        fault = f"after set {len(blocks)} comes {text!r} where a set should begin"
+        return unreadable(name, fault, "The file is cut off or damaged there; export it again.")
+    fault = f"it begins with {text!r}, not with the delimiter '    -1'" if line else "it has no sets"
+    remedy = "Export it as a universal file, or give it the suffix of what it is."
+    return unreadable(f"{name} as a universal file", fault, remedy)
 
 
-def _cut(name: str, place: int, what: str) -> DataError:
+def _cut(name: str, place: int, fault: str) -> DataError:
     remedy = "The file is cut off or damaged there; export or copy it again."
-    return DataError(f"reading set {place} of {name} was asked", what, remedy)
+    return unreadable(f"set {place} of {name}", fault, remedy)
 
 
 def _block(name: str, data: bytes, start: int, place: int, space: Room) -> tuple[Block, int]:
@@ -118,10 +119,10 @@ def _block(name: str, data: bytes, start: int, place: int, space: Room) -> tuple
     if closing is None:
         raise _cut(name, place, "it is not closed by a delimiter '    -1' before the file ends")
     body = data[position : closing.start()]
-    space.take("its lines", _A_LINE * body.count(b"\n"))
+    space.take("its lines", _BYTES_OF_LINE * body.count(b"\n"))
     records = tuple(line.rstrip(b"\r") for line in body.split(b"\n")[:-1])
-    said = f"behind the number of set {place} stands {rest.decode('latin-1')[:40]!r}" if rest else ""
-    return Block(place=place, dataset=int(head[:6]), records=records, note=said), min(closing.end() + 1, len(data))
+    note = f"text after the number of set {place}: {rest.decode('latin-1')[:40]!r}" if rest else ""
+    return Block(place=place, dataset=int(head[:6]), records=records, note=note), min(closing.end() + 1, len(data))
 
 
 def _line(data: bytes, start: int) -> tuple[bytes, int]:
@@ -130,65 +131,57 @@ def _line(data: bytes, start: int) -> tuple[bytes, int]:
     return data[start:end].rstrip(b"\r"), min(end + 1, len(data))
 
 
-def _next_line(data: bytes, start: int) -> tuple[bytes, int]:
-    """Return the next line that is not blank, or a blank one at the end of the file."""
-    blank = _BLANK_LINES.match(data, start)
-    return _line(data, blank.end() if blank else start)
-
-
 def _past_comments(data: bytes, start: int) -> tuple[bytes, int]:
-    """Return the next line that is not blank behind lines of text that a delimiter follows, or that end the file."""
-    first = line, position = _next_line(data, start)
-    for _ in range(_COMMENTS):
+    """Return the next line that is not blank, after comments: lines of text before a delimiter or the end of the file."""
+
+    def next_line(start: int) -> tuple[bytes, int]:
+        blank = _BLANK_LINES.match(data, start)
+        return _line(data, blank.end() if blank else start)
+
+    first = line, position = next_line(start)
+    for _ in range(_MAX_COMMENTS):
         if line.rstrip() == b"    -1" or not line.strip(_BLANK):
             return (line, position) if start or line.strip(_BLANK) else first
         if not _is_text(line):
             break
-        line, position = _next_line(data, position)
+        line, position = next_line(position)
     return first
 
 
 def _is_text(line: bytes) -> bool:
     """Whether a line is a comment: printable, with a word in it, and no row of numbers."""
     text = line.decode("latin-1").strip()
-    return len(text) <= _LONGEST_COMMENT and text.isprintable() and _A_WORD.search(line) is not None
+    return len(text) <= _MAX_CHARACTERS and text.isprintable() and _LETTERS.search(line) is not None
 
 
 def _binary_block(name: str, data: bytes, head: bytes, position: int, place: int) -> tuple[Block, int]:
     where = f"set {place} (dataset 58b) of {name}"
     header = parse(BINARY, head, where)
     if header["number of ASCII lines"] != HEADER_LINES:
-        raise _cut(
-            name, place, f"it counts {header['number of ASCII lines']} ASCII lines where dataset 58 has {HEADER_LINES}"
-        )
-    if header["byte order"] not in (_LITTLE, _BIG) or header["floating-point format"] != _IEEE:
-        raise unreadable(
-            where,
-            f"its byte order is {header['byte order']} and its floating-point format {header['floating-point format']}",
-            "Export it with byte order 1 (little-endian) or 2 (big-endian) and format 2 (IEEE 754).",
-        )
+        fault = f"it counts {header['number of ASCII lines']} ASCII lines where dataset 58 has {HEADER_LINES}"
+        raise _cut(name, place, fault)
+    order, number_format = header["byte order"], header["floating-point format"]
+    if order not in (_LITTLE, _BIG) or number_format != _IEEE:
+        remedy = "Export it with byte order 1 (little-endian) or 2 (big-endian) and format 2 (IEEE 754)."
+        raise unreadable(where, f"its byte order is {order} and its floating-point format {number_format}", remedy)
     records = []
     for _ in range(HEADER_LINES):
         line, position = _line(data, position)
         records.append(line)
-    length, abscissa_bytes, note = _payload_length(
-        name, place, parse(FORM, records[6], where), header["number of bytes"]
-    )
+    form = parse(FORM, records[6], where)
+    length, abscissa_bytes, note = _payload_length(name, place, form, header["number of bytes"])
     end = position + length
     after = _AFTER_PAYLOAD.match(data, end)
     if end > len(data) or after is None:
-        found = (
-            f"{max(0, len(data) - position)} bytes are left in the file"
-            if end > len(data)
-            else "no delimiter follows them"
-        )
-        raise _cut(name, place, f"its header counts {length} bytes of data, and {found}")
+        short = f"{max(0, len(data) - position)} bytes are left in the file"
+        fault = short if end > len(data) else "no delimiter follows them"
+        raise _cut(name, place, f"its header counts {length} bytes of data, and {fault}")
     block = Block(
         place=place,
         dataset=58,
         records=tuple(records),
         payload=data[position:end],
-        order="<" if header["byte order"] == _LITTLE else ">",
+        order="<" if order == _LITTLE else ">",
         abscissa_bytes=abscissa_bytes,
         note=note,
     )
@@ -198,24 +191,16 @@ def _binary_block(name: str, data: bytes, head: bytes, position: int, place: int
 def _payload_length(name: str, place: int, form: dict[str, int], counted: int) -> tuple[int, int, str]:
     """Return the bytes of the payload, the bytes of an abscissa value and a note, from record 7 and the byte count."""
     points = form["number of points"]
-    if form["ordinate data type"] not in _WORDS or points < 1 or form["abscissa spacing"] not in (0, 1):
-        raise _cut(
-            name,
-            place,
-            f"its record 7 asks for data type {form['ordinate data type']}, {points} points and spacing {form['abscissa spacing']}",
-        )
-    parts, size = _WORDS[form["ordinate data type"]]
+    kind, spacing = form["ordinate data type"], form["abscissa spacing"]
+    if kind not in _WORDS or points < 1 or spacing not in (0, 1):
+        raise _cut(name, place, f"its record 7 asks for data type {kind}, {points} points and spacing {spacing}")
+    parts, size = _WORDS[kind]
     # the standard stores an uneven abscissa in single precision, most programs in that of the ordinate
-    abscissas = (0,) if form["abscissa spacing"] else (size, 4)
+    abscissas = (0,) if spacing else (size, 4)
     for abscissa in abscissas:
         if counted == points * (parts * size + abscissa):
             return counted, abscissa, ""
+    length = points * (parts * size + abscissas[0])
     if counted == points * size:
-        length = points * (parts * size + abscissas[0])
-        note = "headers of binary sets count one value a point, as some programs write them; all bytes of the points are there"
-        return length, abscissas[0], note
-    raise _cut(
-        name,
-        place,
-        f"its header counts {counted} bytes, and its {points} points need {points * (parts * size + abscissas[0])}",
-    )
+        return length, abscissas[0], "the header of a binary set counts complex values as single ones; read in full"
+    raise _cut(name, place, f"its header counts {counted} bytes, and its {points} points need {length}")

@@ -12,13 +12,13 @@ from modalscope.data import DataError, ModalModel, parse_dof
 from modalscope.functions.poles import poles_from
 from modalscope.io.limits import Room
 from modalscope.io.uff.layout import (
+    CODES,
     DAMAGED,
     DIRECTIONS,
     QUANTITY_CODES,
     QUANTITY_OF,
     Field,
     Record,
-    code_of_direction,
     form,
     number,
     one_set,
@@ -37,10 +37,8 @@ _DEFINITION = (
 _NORMAL, _COMPLEX, _COMPLEX_SECOND = 2, 3, 7
 _LABELS = {1: (0,), 2: (1, 2, 3), 3: (1, 2, 3, 4, 5, 6)}
 _REAL_TYPES, _COMPLEX_TYPES = (2, 4), (5, 6)
-_WIDTH = 13
-#: Nodes have ten columns.
-_NODES = 10**10
-_A_LINE = 6
+#: Columns of a value, and values in a line; the first node number that needs more than ten columns.
+_COLUMNS, _VALUES_OF_LINE, _TOO_LARGE = 13, 6, 10**10
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -52,9 +50,6 @@ class Shape:
     quantity: str | None
     dataset: int
     part: str
-
-
-# ------------------------------------------------------------------------------------------------------------- reading
 
 
 def read_shape(name: str, block: Block) -> Shape | str:
@@ -77,18 +72,14 @@ def read_shape(name: str, block: Block) -> Shape | str:
         return f"analysis type {head['analysis type']} is not a mode"
     if head["data characteristic"] not in _LABELS or head["data type"] not in (*_REAL_TYPES, *_COMPLEX_TYPES):
         return f"data characteristic {head['data characteristic']} of type {head['data type']} is not a shape"
-    pole = _pole(
-        where, head["analysis type"], block.records[start + 3 :] if newer else block.records[start + 2 :], newer
-    )
-    values = _values(where, block.records[body:], head)
-    return Shape(
-        pole=pole, values=values, quantity=QUANTITY_OF.get(head["quantity"]), dataset=block.dataset, part=block.name
-    )
+    pole = _pole(where, head["analysis type"], block.records[start + 3 if newer else start + 2 :], newer)
+    values, quantity = _values(where, block.records[body:], head), QUANTITY_OF.get(head["quantity"])
+    return Shape(pole=pole, values=values, quantity=quantity, dataset=block.dataset, part=block.name)
 
 
 def _reals(where: str, line: bytes) -> list[float]:
     text = line.decode("latin-1").rstrip()
-    return [number(where, "the data", text[k : k + _WIDTH]) for k in range(0, len(text), _WIDTH)]
+    return [number(where, "the data", text[k : k + _COLUMNS]) for k in range(0, len(text), _COLUMNS)]
 
 
 def _pole(where: str, analysis: int, lines: Sequence[bytes], newer: bool) -> complex:
@@ -125,7 +116,7 @@ def _values(where: str, lines: Sequence[bytes], head: dict[str, int]) -> dict[tu
         if len(data) != count or (node, directions[0]) in values:
             raise DataError(f"{where} needs {count} numbers once for node {node}", f"it has {len(data)}", DAMAGED)
         parts = (
-            [complex(*pair) for pair in zip(data[::2], data[1::2], strict=True)] if cplx else [complex(v) for v in data]
+            [complex(*pair) for pair in zip(data[::2], data[1::2], strict=True)] if cplx else list(map(complex, data))
         )
         values |= {(node, code): value for code, value in zip(directions, parts, strict=True)}
     return values
@@ -135,28 +126,23 @@ def modes_of(shapes: Sequence[Shape], space: Room) -> tuple[ModalModel, list[str
     """Return the modes of several sets; a direction that no mode moves anywhere in the file is taken as not measured."""
     notes = []
     dofs = list(dict.fromkeys(dof for shape in shapes for dof in shape.values))
-    held = sum(len(shape.values) for shape in shapes)
-    space.square(f"{len(shapes)} modes at {len(dofs)} dofs", len(shapes) * len(dofs), held)
+    count = sum(len(shape.values) for shape in shapes)
+    space.square(f"{len(shapes)} modes at {len(dofs)} dofs", len(shapes) * len(dofs), count)
     moved = [dof for dof in dofs if any(shape.values.get(dof, 0) != 0 for shape in shapes)] or dofs
     if len(moved) < len(dofs):
         notes.append(f"{len(dofs) - len(moved)} directions are zero in every mode and were left out as not measured")
-    pairs = sorted(
-        ((f"{node}:{DIRECTIONS[code]}", (node, code)) for node, code in moved), key=lambda pair: sort_key(pair[0])
-    )
+    labels = {f"{node}:{DIRECTIONS[code]}": (node, code) for node, code in moved}
+    labels = {label: labels[label] for label in sorted(labels, key=sort_key)}
     quantities = {shape.quantity for shape in shapes}
+    table = [[shape.values.get(dof, 0) for shape in shapes] for dof in labels.values()]
     modes = ModalModel(
         poles=np.array([shape.pole for shape in shapes]),
-        shapes=np.array([[shape.values.get(dof, 0) for shape in shapes] for _, dof in pairs], dtype=complex).reshape(
-            len(pairs), len(shapes)
-        ),
-        output_dofs=tuple(label for label, _ in pairs),
+        shapes=np.array(table, dtype=complex).reshape(len(labels), len(shapes)),
+        output_dofs=tuple(labels),
         quantity=quantities.pop() if len(quantities) == 1 else None,
         scaling="as in the file",
     )
     return modes, notes
-
-
-# ------------------------------------------------------------------------------------------------------------- writing
 
 
 def write_shapes(modes: ModalModel, dataset: int) -> bytes:
@@ -174,27 +160,26 @@ def write_shapes(modes: ModalModel, dataset: int) -> bytes:
 
 def _places(modes: ModalModel) -> tuple[tuple[int, ...], list[tuple[int, int, float]], list[int]]:
     """Return the direction codes of a set, and for every channel its node, its column and its sign."""
-    dofs = [parse_dof(label) for label in modes.output_dofs]
-    odd = [
-        label
-        for label, dof in zip(modes.output_dofs, dofs, strict=True)
-        if dof is None or not dof.node.isdecimal() or not 1 <= int(dof.node) < _NODES
-    ]
+    asked = "writing mode shapes to a universal file was asked"
+    nodes, codes_of_dofs, odd = [], [], []
+    for label in modes.output_dofs:
+        dof = parse_dof(label)
+        if dof is None or not dof.node.isdecimal() or not 1 <= int(dof.node) < _TOO_LARGE:
+            odd.append(repr(label))
+        else:
+            nodes.append(int(dof.node))
+            codes_of_dofs.append(CODES[dof.direction])
     if odd:
-        fault = f"the channels {', '.join(map(repr, odd[:5]))} are not node numbers with a direction"
-        remedy = "Give the data output_dofs such as 3:+Z, or write .json or .npz."
-        raise DataError("mode shapes were to be written to a universal file", fault, remedy)
-    found = [(int(dof.node), code_of_direction(dof.direction)) for dof in dofs if dof is not None]
-    used = {abs(code) for _, code in found}
-    if used & {0} and used != {0}:
-        fault = "some channels are scalars and some have directions"
-        raise DataError("mode shapes were to be written to a universal file", fault, "Give all a direction.")
+        fault = f"the channels {', '.join(odd[:5])} are not node numbers with a direction"
+        raise DataError(asked, fault, "Give the data output_dofs such as 3:+Z, or write .json or .npz.")
+    used = set(map(abs, codes_of_dofs))
+    if 0 in used and used != {0}:
+        raise DataError(asked, "some channels are scalars and some have directions", "Give all a direction.")
     codes = _LABELS[1] if used == {0} else _LABELS[2] if max(used) <= 3 else _LABELS[3]
-    places = [(node, codes.index(abs(code)), -1.0 if code < 0 else 1.0) for node, code in found]
+    places = [(n, codes.index(abs(c)), -1.0 if c < 0 else 1.0) for n, c in zip(nodes, codes_of_dofs, strict=True)]
     if len({place[:2] for place in places}) < len(places):
-        asked = "mode shapes were to be written to a universal file"
         raise DataError(asked, "a node is measured twice along one axis", "Leave out one of the two channels.")
-    return codes, places, sorted({node for node, _ in found})
+    return codes, places, sorted(set(nodes))
 
 
 def _one(
@@ -211,13 +196,8 @@ def _one(
         "model type": 1, "analysis type": _NORMAL if real else _COMPLEX, "data characteristic": {1: 1, 3: 2, 6: 3}[len(codes)],
         "quantity": QUANTITY_CODES[modes.quantity], "data type": 2 if real else 5, "values a node": len(codes),
     }  # fmt: skip
-    texts = [
-        "modalscope",
-        f"mode {j + 1}: {f:.6g} Hz, damping ratio {zeta:.6g}",
-        "NONE",
-        f"shapes {modes.scaling}",
-        _deviations(modes, j),
-    ]
+    title = f"mode {j + 1}: {f:.6g} Hz, damping ratio {zeta:.6g}"
+    texts = ["modalscope", title, "NONE", f"shapes {modes.scaling}", _deviations(modes, j)]
     lines = [form(_TEXT, {"text": text}) for text in texts] + [form(_DEFINITION, head)]
     if dataset == 2414:
         integers = ["".join(f"{v:10d}" for v in (0, 0, 0, 0, 0, j + 1, 0, 0)), f"{0:10d}{0:10d}"]
@@ -229,18 +209,18 @@ def _one(
         lines.append(_row([f, 0, zeta, 0] if real else [pole.real, pole.imag, 0, 0, 0, 0]))
     for node, row in zip(nodes, table, strict=True):
         flat = row.real if real else row.view(float)
-        lines += [f"{node:10d}", *(_row(flat[k : k + _A_LINE]) for k in range(0, flat.size, _A_LINE))]
+        lines += [f"{node:10d}", *(_row(flat[k : k + _VALUES_OF_LINE]) for k in range(0, flat.size, _VALUES_OF_LINE))]
     return one_set(dataset, lines)
 
 
 def _deviations(modes: ModalModel, j: int) -> str:
     """Return the deviations of frequency and damping ratio as a line of text; NONE where none is known."""
-    said = []
+    texts = []
     for name in ("std", "repeatability"):
         f, zeta = (getattr(modes, f"{of}_{name}") for of in ("frequencies", "damping_ratios"))
         if f is not None and zeta is not None and np.isfinite(f[j]):
-            said.append(f"{name} {f[j]:.3g} Hz, {zeta[j]:.3g}")
-    return "; ".join(said) or "NONE"
+            texts.append(f"{name} {f[j]:.3g} Hz, {zeta[j]:.3g}")
+    return "; ".join(texts) or "NONE"
 
 
 def _row(values: Any) -> str:

@@ -61,15 +61,8 @@ def _choice(options: Options, name: str, choices: tuple[int, int]) -> int:
 
 def _header() -> bytes:
     """Dataset 151. No date: the same data give the same file."""
-    texts = [
-        "NONE",
-        "NONE",
-        f"modalscope {VERSION}",
-        f"{'NONE':<10}{'NONE':<10}{0:10d}{0:10d}{0:10d}",
-        f"{'NONE':<10}{'NONE':<10}",
-        f"modalscope {VERSION}",
-        f"{'NONE':<10}{'NONE':<10}",
-    ]
+    program, undated = f"modalscope {VERSION}", f"{'NONE':<10}{'NONE':<10}"
+    texts = ("NONE", "NONE", program, f"{undated}{0:10d}{0:10d}{0:10d}", undated, program, undated)
     return one_set(151, (text.ljust(80) for text in texts))
 
 
@@ -113,10 +106,8 @@ def _frequency(frf: FrequencyResponse) -> list[Function]:
             for i, j, f in _pairs(frf)
         ]
     elif gamma is not None:
-        functions += [
-            Function(kind=_MULTIPLE, output=dof, input="", values=gamma[:, i], **common)
-            for i, dof in enumerate(frf.output_dofs)
-        ]
+        multiple = zip(frf.output_dofs, gamma.T, strict=True)
+        functions += [Function(kind=_MULTIPLE, output=dof, input="", values=g, **common) for dof, g in multiple]
     return _placed(functions)
 
 
@@ -129,7 +120,8 @@ def _impulse(irf: ImpulseResponse) -> list[Function]:
     if irf.feedthrough is not None:
         if irf.kind not in ("pulse", "correlation") or irf.first_sample:
             fault = f"it has a direct term and begins {irf.first_sample} samples late, which has no place there"
-            raise DataError(f"a {irf.kind} response was to be written to a universal file", fault, "Write .npz or .h5.")
+            asked = f"writing a {irf.kind} response to a universal file was asked"
+            raise DataError(asked, fault, "Write .npz or .h5.")
         values, times = np.concatenate([irf.feedthrough[None], values]), np.arange(irf.samples + 1) / irf.sampling_rate
     kind = _CORRELATION if irf.kind == "correlation" else _TIME
     texts = (f"impulse response: {irf.kind}",)
@@ -143,21 +135,13 @@ def _records(record: Signals) -> list[Function]:
     common: dict[str, Any] = {"kind": _TIME, "input": "", "x": times, "abscissa_type": _TIME_AXIS}
     functions = []
     for run in range(record.runs):
-        for i, dof in enumerate(record.output_dofs):
-            functions.append(
-                Function(
-                    output=dof,
-                    values=outputs[run, :, i],
-                    quantity=QUANTITY_CODES[record.quantities[i]],
-                    unit=record.units[0][i],
-                    **common,
-                )
-            )
-        for j, dof in enumerate(record.input_dofs if inputs is not None else ()):
-            if inputs is not None:
-                functions.append(
-                    Function(output=dof, values=inputs[run, :, j], quantity=_FORCE, unit=record.units[1][j], **common)
-                )
+        for dof, values, quantity, unit in zip(
+            record.output_dofs, outputs[run].T, record.quantities, record.units[0], strict=True
+        ):
+            code = QUANTITY_CODES[quantity]
+            functions.append(Function(output=dof, values=values, quantity=code, unit=unit, **common))
+        forces = () if inputs is None else zip(record.input_dofs, inputs[run].T, record.units[1], strict=True)
+        functions += [Function(output=dof, values=u, quantity=_FORCE, unit=unit, **common) for dof, u, unit in forces]
     return _placed(functions)
 
 
