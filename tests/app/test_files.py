@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from modalscope.app.files import Shelf
+from modalscope.app.files import FileStore
 from modalscope.data import DataError
 from tests.support import refused
 
 
 @pytest.fixture
-def shelf(tmp_path: Path) -> Shelf:
+def shelf(tmp_path: Path) -> FileStore:
     inside = tmp_path / "inside"
     (inside / "deeper").mkdir(parents=True)
     (inside / "a.uff").write_text("x")
@@ -23,10 +23,10 @@ def shelf(tmp_path: Path) -> Shelf:
     (inside / "notes.docx").write_text("x")
     (tmp_path / "secret.csv").write_text("x")
     (inside / "link.csv").symlink_to(tmp_path / "secret.csv")
-    return Shelf(inside, tmp_path / "place")
+    return FileStore(inside, tmp_path / "place")
 
 
-def test_data_of_the_folder_are_listed(shelf: Shelf) -> None:
+def test_data_of_the_folder_are_listed(shelf: FileStore) -> None:
     assert {entry["name"] for entry in shelf.listed()} == {"a.uff", "deeper/b.csv", "link.csv"}
     assert shelf.resolve("deeper/b.csv").name == "b.csv"
 
@@ -43,12 +43,12 @@ def test_data_of_the_folder_are_listed(shelf: Shelf) -> None:
         "upload:/etc/passwd",
     ],
 )
-def test_what_leads_outside_is_refused(shelf: Shelf, name: str) -> None:
+def test_what_leads_outside_is_refused(shelf: FileStore, name: str) -> None:
     refused("outside", shelf.resolve, name)
 
 
 @pytest.mark.parametrize("name", ["none.uff", "deeper", "upload:none/x"])
-def test_what_is_not_there_is_said(shelf: Shelf, name: str) -> None:
+def test_what_is_not_there_is_said(shelf: FileStore, name: str) -> None:
     refused("no such file", shelf.resolve, name)
 
 
@@ -59,13 +59,13 @@ async def pieces(*parts: bytes, broken: bool = False) -> AsyncIterator[bytes]:
         raise ConnectionError
 
 
-def test_an_upload_is_a_file_by_its_own_name(shelf: Shelf) -> None:
+def test_an_upload_is_a_file_by_its_own_name(shelf: FileStore) -> None:
     name = asyncio.run(shelf.take("../../x.csv", pieces(b"1", b"2"), 10))
     assert shelf.resolve(name).read_bytes() == b"12"
     assert shelf.resolve(name).name == "x.csv"
 
 
-def test_one_too_large_or_broken_off_leaves_nothing(shelf: Shelf) -> None:
+def test_one_too_large_or_broken_off_leaves_nothing(shelf: FileStore) -> None:
     with pytest.raises(DataError, match="more than"):
         asyncio.run(shelf.take("x.csv", pieces(b"123", b"456"), 5))
     with pytest.raises(ConnectionError):

@@ -14,7 +14,7 @@ import pytest
 import modalscope as ms
 from modalscope.app.steps import Stages, result_head
 from modalscope.app.tasks import TASKS, compared_view
-from modalscope.app.worker import told
+from modalscope.app.worker import error_parts
 from modalscope.data import DataError
 from modalscope.data.analysis import Analysis
 from modalscope.workflow.sources import source_of_file
@@ -167,4 +167,4 @@ def test_a_comparison_is_rows_methods_and_pictures() -> None:
     "error", [DataError("a", "b", "c"), MemoryError(), OSError(2, "No such file"), ZeroDivisionError("x")]
 )
 def test_every_error_is_told_in_three_parts(error: Exception) -> None:
-    assert all(told(error)[part] for part in ("asked", "found", "change"))
+    assert all(error_parts(error)[part] for part in ("asked", "found", "change"))

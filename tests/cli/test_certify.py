@@ -32,7 +32,7 @@ def test_a_file_is_certified_and_its_modes_are_written_with_intervals_that_hold(
     written = json.loads(target.read_text())
     # the analysis that the result carries gives it again, and certifies to the same numbers
     assert main(["certify", str(target), "--replicates", "10"]) == 0
-    assert capsys.readouterr().out.split("with the intervals")[0] == out.split("with the intervals")[0]
+    assert capsys.readouterr().out.split("with corrected intervals")[0] == out.split("with corrected intervals")[0]
     assert main(["identify", str(loud(tmp_path)), *CHOICES[:-2], "-o", str(target)]) == 0
     first = [mode["damping_ratio_std"] for mode in json.loads(target.read_text())["modes"]]
     wider = [mode["damping_ratio_std"] for mode in written["modes"]]

@@ -13,7 +13,7 @@ from modalscope.cli import info, main
 @pytest.mark.parametrize(
     ("error", "status", "line"),
     [
-        (MemoryError(), 2, "modalscope: the memory of this machine does not suffice; give fewer orders, channels, lines"),
+        (MemoryError(), 2, "modalscope: out of memory; use fewer orders, channels, lines"),
         (OSError(errno.ENOSPC, "No space left on device"), 2, "modalscope: the system refuses: no space left on device\n"),
         (KeyboardInterrupt(), 130, "modalscope: stopped; no file was written\n"),
         (BrokenPipeError(), 0, ""),

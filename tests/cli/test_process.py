@@ -141,7 +141,7 @@ def test_a_signal_is_one_line_and_no_temporary_file(tmp_path: Path, test_file: P
     program = [sys.executable, "-c", SLOW_DISK]
     status, told = stopped(["convert", str(test_file), str(target)], number, writing, program)
     assert status == 128 + number
-    assert told == "modalscope: stopped; an output file is complete or what it was before\n"
+    assert told == "modalscope: stopped; every output file is complete or unchanged\n"
     assert {path.name for path in tmp_path.iterdir()} == {test_file.name}
 
 
@@ -173,8 +173,8 @@ def test_ctrl_c_says_that_kept_sums_are_gone_on_from(tmp_path: Path) -> None:
     status, told = stopped(["identify", str(record), "-q", "--resume", str(sums)], signal.SIGINT, kept, program)
     assert status == 128 + signal.SIGINT
     assert told == (
-        "modalscope: stopped; an output file is complete or what it was before; "
-        "the same command goes on from the sums kept so far\n"
+        "modalscope: stopped; every output file is complete or unchanged; "
+        "the same command resumes from the saved sums\n"
     )
     assert len(list(sums.iterdir())) == 1
 

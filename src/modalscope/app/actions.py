@@ -1,4 +1,4 @@
-"""Change the document of an analysis by one action of the page: a function for each action, from document to document."""
+"""Define the actions of the page: each is a function from the document of an analysis to the next."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from modalscope.numerics.checks import check_number, check_positive
 #: The fields that `set` changes.
 _SETTABLE = ("bands", "exclude", "route", "method", "domain", "orders", "options", "refine", "remarks")
 
-#: Two frequencies within this part mean the same choice.
-_SAME = 1e-6
+#: Maximum relative difference of two frequencies that denote the same mode.
+_SAME_FREQUENCY = 1e-6
 
-#: The parts of a document that its diagrams depend on.
-_DIAGRAMS = ("files", "bands", "exclude", "route", "method", "domain", "orders", "options")
+#: The fields of a document that its diagrams depend on.
+_DIAGRAM_FIELDS = ("files", "bands", "exclude", "route", "method", "domain", "orders", "options")
 
 
 def diagrams_key(document: Analysis) -> str:
-    """Return the part of a document that its diagrams depend on, as text."""
-    whole = analysis_to(document)
-    return json.dumps([whole[name] for name in _DIAGRAMS], sort_keys=True)
+    """Return the fields of a document that its diagrams depend on, as text."""
+    fields = analysis_to(document)
+    return json.dumps([fields[name] for name in _DIAGRAM_FIELDS], sort_keys=True)
 
 
 def acted(document: Analysis, action: str, given: Mapping[str, Any]) -> Analysis:
     """Return the document after an action.
 
-    `action`: one of `ACTIONS`. `given`: what it needs.
+    `action`: one of `ACTIONS`. `given`: its arguments.
 
-    Raises `DataError`: an unknown action, or what it was given cannot be.
+    Raises `DataError`: an unknown action, or invalid arguments.
 
     Examples
     --------
@@ -41,24 +41,23 @@ def acted(document: Analysis, action: str, given: Mapping[str, Any]) -> Analysis
     (12.5,)
     """
     if action not in ACTIONS:
-        raise DataError(f"{action!r} was asked", f"there are {', '.join(ACTIONS)}", "Do one of these.")
+        raise DataError(f"{action!r} was asked", f"the actions are {', '.join(ACTIONS)}", "Choose one of these.")
     try:
         return ACTIONS[action](document, **given)
     except DataError:
         raise
     except (TypeError, ValueError, AttributeError) as error:
-        raise DataError(f"{action} was asked", f"what it was given is wrong ({error})", "Correct it.") from None
+        raise DataError(f"{action} was asked", f"its arguments are invalid ({error})", "Correct them.") from None
 
 
 def change(document: Analysis, **new: Any) -> Analysis:
-    """Set fields; choices by worker outside of new bands go."""
+    """Set fields; choices by hand outside of new bands are dropped."""
     unknown = sorted(set(new) - set(_SETTABLE))
     if unknown:
-        known = ", ".join(_SETTABLE)
-        raise DataError(f"{', '.join(unknown)} was to be set", f"the page sets {known}", "Set one of these.")
-    for name in ("method", "domain"):
-        new = {**new, name: new[name] or None} if name in new else new
-    new = {name: tuple(map(tuple, value)) if name == "bands" else value for name, value in new.items()}
+        settable = f"the page sets {', '.join(_SETTABLE)}"
+        raise DataError(f"setting {', '.join(unknown)} was asked", settable, "Set one of these.")
+    new |= {name: new[name] or None for name in ("method", "domain") if name in new}
+    new |= {"bands": tuple(map(tuple, new["bands"]))} if "bands" in new else {}
     changed = replace(document, **new)
     if changed.bands == document.bands or not changed.bands:
         return changed
@@ -70,7 +69,7 @@ def change(document: Analysis, **new: Any) -> Analysis:
 
 
 def take(document: Analysis, frequency: float) -> Analysis:
-    """Report a mode beside the automatic ones; one that was refused is not refused any more."""
+    """Add a mode to the automatic ones, or withdraw its refusal."""
     f = check_positive("frequency", frequency)
     if _near(f, document.refused):
         return replace(document, refused=_without(f, document.refused))
@@ -78,7 +77,7 @@ def take(document: Analysis, frequency: float) -> Analysis:
 
 
 def refuse(document: Analysis, frequency: float) -> Analysis:
-    """Do not report an automatic mode; one that was taken is not taken any more."""
+    """Remove an automatic mode, or withdraw its addition."""
     f = check_positive("frequency", frequency)
     if _near(f, document.taken):
         return replace(document, taken=_without(f, document.taken))
@@ -86,26 +85,26 @@ def refuse(document: Analysis, frequency: float) -> Analysis:
 
 
 def automatic(document: Analysis) -> Analysis:
-    """Leave the choice to the program again."""
+    """Return to the automatic selection."""
     return replace(document, taken=(), refused=(), frequencies=None)
 
 
 def name(document: Analysis, frequency: float, name: str) -> Analysis:
-    """Give a mode a name; an empty one takes it away."""
+    """Name a mode; an empty name removes it."""
     f = check_number("frequency", frequency)
     others = {key: text for key, text in document.names.items() if not named_near({key: "x"}, f)}
     return replace(document, names={**others, f"{f:.6g}": str(name)} if name else others)
 
 
 def geometry(document: Analysis, files: tuple[str, ...]) -> Analysis:
-    """Read the data with a geometry: a file of points, and one of lines where there are any."""
+    """Read the data with a geometry: a file of points, and optionally one of lines."""
     return _read_with(document, geometry=(tuple(files) if len(files) > 1 else files[0]) if files else None)
 
 
 def reading(
     document: Analysis, columns: str | None = None, rows: str | None = None, sampling_rate: float | None = None
 ) -> Analysis:
-    """Read a table with its columns named, such as "time=1,in=2,out=3-7", some of its rows, and records at a rate; None leaves it open."""
+    """Read a table with roles of its columns, such as "time=1,in=2,out=3-7", some of its rows, and a sampling rate; None: automatic."""
     rate = None if sampling_rate is None else check_positive("sampling_rate", sampling_rate)
     texts = {name: None if text is None else str(text) for name, text in (("columns", columns), ("rows", rows))}
     return _read_with(document, **texts, sampling_rate=rate)
@@ -125,10 +124,10 @@ def _near(frequency: float, listed: tuple[float, ...]) -> bool:
 
 
 def _without(frequency: float, listed: tuple[float, ...]) -> tuple[float, ...]:
-    return tuple(f for f in listed if abs(f - frequency) > _SAME * frequency)
+    return tuple(f for f in listed if abs(f - frequency) > _SAME_FREQUENCY * frequency)
 
 
-#: Every action by its word.
+#: The actions by name.
 ACTIONS: dict[str, Callable[..., Analysis]] = {
     "set": change,
     "take": take,

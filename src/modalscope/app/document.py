@@ -1,4 +1,4 @@
-"""Keep the open documents: their steps with undo, the process that computes each, and the windows that show it."""
+"""Manage an open document: its history with undo, the process that computes it, and the windows that show it."""
 
 from __future__ import annotations
 
@@ -14,19 +14,14 @@ from modalscope.data import DataError
 from modalscope.data.analysis import Analysis
 from modalscope.io.analysis import analysis_to
 
-# ------------------------------------------------------------------------------------------------------------- windows
-# The browser windows that look on a document.
-
-#: Messages that a window may be behind; then it is told to look again at all of it.
-_BEHIND = 1000
-
-_MISSED = {"type": "missed"}
+#: Messages that wait for a window at most; one that falls behind is asked to reload the document.
+_MAX_QUEUE = 1000
 
 Window = asyncio.Queue[dict[str, Any]]
 
 
 class Windows:
-    """All windows on one document; what one changes, all are told."""
+    """The browser windows of one document; all receive every change."""
 
     def __init__(self) -> None:
         self._open: set[Window] = set()
@@ -34,40 +29,34 @@ class Windows:
     def __len__(self) -> int:
         return len(self._open)
 
-    def look(self, most: int) -> Window:
-        """Return what a new window is told from now on.
-
-        `most`: windows at a time.
-        """
+    def add(self, most: int) -> Window:
+        """Return the message queue of a new window, if there are fewer than `most`."""
         if len(self._open) >= most:
-            raise DataError("another window was opened", f"{len(self._open)} look on already", "Close some.")
-        window: Window = asyncio.Queue(maxsize=_BEHIND)
+            raise DataError("another window was asked", f"{len(self._open)} are open", "Close some.")
+        window: Window = asyncio.Queue(maxsize=_MAX_QUEUE)
         self._open.add(window)
         return window
 
-    def look_away(self, window: Window) -> None:
-        """Tell a window nothing more."""
+    def remove(self, window: Window) -> None:
+        """Remove a window."""
         self._open.discard(window)
 
-    def tell(self, message: dict[str, Any]) -> None:
-        """Tell every window; one that does not keep up is told to look again."""
+    def send(self, message: dict[str, Any]) -> None:
+        """Send a message to every window; one whose queue is full is asked to reload."""
         for window in self._open:
             if window.full():
                 while not window.empty():
                     window.get_nowait()
-                window.put_nowait(_MISSED)
+                window.put_nowait({"type": "missed"})
             window.put_nowait(message)
-
-
-# ---------------------------------------------------------------------------------------------------------------- opened
 
 
 @dataclass(eq=False)
 class OpenDocument:
     """One open document.
 
-    `key`: its name in addresses. `name`: what it is called. `history`: every step. `place`: which step counts now. `edition`: counts
-    every change: a window that saw another one is told so. `blobs`: what was found last.
+    `key`: its name in addresses. `name`: its title. `history`: all steps. `place`: the current step. `edition`: number of changes, which
+    detects an outdated window. `blobs`: the latest results.
     """
 
     key: str
@@ -96,18 +85,14 @@ class OpenDocument:
         """The document as it is now."""
         return self.history[self.place]
 
-    # -------------------------------------------------------------------------------------------------- the document
     def act(self, action: str, given: dict[str, Any], edition: int | None) -> None:
-        """Do something to the document, and compute what follows from it.
+        """Apply an action to the document, and compute the result.
 
-        `action`: one of `actions.ACTIONS`, "undo", "redo" or "again". `edition`: what the window saw.
+        `action`: one of `actions.ACTIONS`, "undo", "redo" or "again". `edition`: that of the window.
         """
         if edition is not None and edition != self.edition:
-            raise DataError(
-                "a change was asked",
-                "the document was changed in another window meanwhile",
-                "Look at it as it is now, and do it again if it is still wanted.",
-            )
+            changed = "the document was changed in another window"
+            raise DataError("a change was asked", changed, "Check its present state and repeat the change if needed.")
         if action == "undo":
             self.place = max(self.place - 1, 0)
         elif action == "redo":
@@ -120,10 +105,10 @@ class OpenDocument:
             self.place = len(self.history) - 1
         self.edition += 1
         self.start()
-        self.windows.tell(self.state())
+        self.windows.send(self.state())
 
     def state(self) -> dict[str, Any]:
-        """Return all that a window needs to know."""
+        """Return the state that a window shows."""
         return {
             "type": "document",
             "key": self.key,
@@ -137,24 +122,24 @@ class OpenDocument:
             "failed": self.failed,
         }
 
-    # ------------------------------------------------------------------------------------------------------ the work
     def start(self) -> None:
-        """Compute the document as it is now; a sweep that it makes useless is stopped."""
-        document, key = self.document, diagrams_key(self.document)
+        """Compute the document; stop a sweep whose diagrams are outdated."""
+        key = diagrams_key(self.document)
         self.failed = None
         self.job += 1
         if self._worker is None and not self._hire():
             self.stage = {"stage": "waiting"}
             return
         assert self._worker is not None
-        useless = self._busy and self._swept != key
+        outdated = self._busy and self._swept != key
         self._busy, self._swept = True, key
         self.stage = {"stage": "waiting"}
-        self._worker.send("work", self.job, analysis_to(document), self._kept.get(key))
-        self._expect(self.limits.patience if useless else self.limits.seconds, self._replace if useless else self._late)
+        self._worker.send("work", self.job, analysis_to(self.document), self._kept.get(key))
+        limits = self.limits
+        self._expect(limits.patience if outdated else limits.seconds, self._replace if outdated else self._late)
 
     def cancel(self) -> None:
-        """Stop what is computed or waits for it: between two orders, or by ending the process."""
+        """Stop the computation: between two orders, or by ending the process."""
         if self.pool.leave(self):
             self._stop_hard()
         if self._worker is None or not (self._busy or self._asked):
@@ -165,35 +150,34 @@ class OpenDocument:
 
     def _late(self) -> None:
         self._stop_hard()
-        found = f"it took more than {self.limits.seconds / 3600:g} hours"
-        self._fail("the analysis was computed", found, "Choose a band, or fewer orders.")
+        reason = f"it took more than {self.limits.seconds / 3600:g} hours"
+        self._fail(reason, "Choose a band, or fewer orders.")
 
     def _stop_hard(self) -> None:
         self._dismiss()
         self._on_stopped()
+        stopped = {"asked": "an answer was asked", "found": "the computation was stopped", "change": "Ask again."}
         for number in list(self._asked):
-            self._answer(
-                number, (False, {"asked": "this was asked", "found": "it was stopped", "change": "Ask again."})
-            )
+            self._answer(number, (False, stopped))
 
     def _on_stopped(self, _: None = None) -> None:
         self._free()
         self.stage = {"stage": "stopped"}
-        self.windows.tell({"type": "stage", **self.stage})
+        self.windows.send({"type": "stage", **self.stage})
 
     def _free(self) -> None:
-        """Have nothing to compute any more; others may need the process."""
+        """Mark the process as idle, so that other documents may use it."""
         self._busy = False
         self._expect(None)
         self.pool.next()
 
     def _replace(self) -> None:
-        """Start the newest job in another process: the one that has it did not stop in time."""
+        """Start the latest job in another process: the present one did not stop in time."""
         self._dismiss()
         self.start()
 
     def _hire(self) -> bool:
-        """Whether there is a process; where there is none yet the pool starts this document when there is."""
+        """Request a process and return whether there is one; else the pool starts this document later."""
         self._worker = self.pool.take(self)
         if self._worker is not None:
             self._worker.assign(self._hear)
@@ -208,26 +192,25 @@ class OpenDocument:
 
     @property
     def resting(self) -> bool:
-        """Whether its process has nothing to do."""
+        """Whether its process is idle."""
         return self._worker is not None and not self._busy and not self._asked
 
     def rest(self) -> None:
-        """Give the process back; what it found stays."""
+        """End the process and keep its results."""
         self._dismiss()
         self._expect(None)
 
     def close(self) -> None:
-        """End all, and tell the windows."""
+        """End the process and close the windows."""
         self.pool.leave(self)
         self.rest()
-        self.windows.tell({"type": "closed"})
+        self.windows.send({"type": "closed"})
 
     def _expect(self, seconds: float | None, then: Any = None) -> None:
         if self._timer is not None:
             self._timer.cancel()
         self._timer = None if seconds is None else asyncio.get_running_loop().call_later(seconds, then)
 
-    # --------------------------------------------------------------------------------------------- what the work says
     def _hear(self, kind: str, number: int, payload: Any) -> None:
         if kind == "answer":
             self._answer(number, payload)
@@ -236,7 +219,7 @@ class OpenDocument:
         elif kind == "keep":
             self._keep(*payload)
         elif number == self.job:
-            if kind in ("stage", "cut") and self._busy:  # a job that has begun has all its time
+            if kind in ("stage", "cut") and self._busy:  # the time limit starts with the job
                 self._expect(self.limits.seconds, self._late)
             getattr(self, f"_on_{kind}")(payload)
 
@@ -244,44 +227,43 @@ class OpenDocument:
         self.stage = payload
         if payload["stage"] == "factoring":
             self.cuts = []
-        self.windows.tell({"type": "stage", **payload})
+        self.windows.send({"type": "stage", **payload})
 
     def _on_cut(self, payload: dict[str, Any]) -> None:
         if payload["again"]:
             self.cuts = []
         self.cuts.append(payload)
         self.stage = {"stage": "sweeping", "done": payload["done"], "total": payload["total"]}
-        self.windows.tell({"type": "cut", **payload})
+        self.windows.send({"type": "cut", **payload})
 
     def _on_blob(self, payload: tuple[str, bytes]) -> None:
         name, blob = payload
         self._count += 1
         self.blobs[name] = (self._count, blob)
-        self.windows.tell({"type": "blob", "name": name, "number": self._count})
+        self.windows.send({"type": "blob", "name": name, "number": self._count})
 
     def _on_asked(self, payload: dict[str, Any]) -> None:
-        self.windows.tell({"type": "asked", **payload})
+        self.windows.send({"type": "asked", **payload})
 
     def _on_done(self, _: None) -> None:
         self._free()
         self.stage = {"stage": "done"}
-        self.windows.tell({"type": "stage", **self.stage})
+        self.windows.send({"type": "stage", **self.stage})
 
     def _on_failed(self, payload: dict[str, Any]) -> None:
         self._free()
         self.stage, self.failed = {"stage": "failed"}, payload
-        self.windows.tell({"type": "failed", **payload})
+        self.windows.send({"type": "failed", **payload})
 
-    def _fail(self, asked: str, found: str, change: str) -> None:
-        self._on_failed({"asked": asked, "found": found, "change": change})
+    def _fail(self, reason: str, remedy: str) -> None:
+        self._on_failed({"asked": "the analysis was computed", "found": reason, "change": remedy})
 
     def _ended(self, code: int | None) -> None:
-        """Say why a process ended by itself; the document stays, and the next change starts another."""
+        """Report that the process ended by itself; the next change of the document starts another."""
         self._dismiss()
-        why = f"signal {-code}" if code is not None and code < 0 else f"exit status {code}"
-        found = f"its process ended ({why}): often the memory of the machine did not suffice"
-        change = "Nothing that was chosen is lost. Say: again, or choose a band, fewer orders or channels."
-        self._fail("the analysis was computed", found, change)
+        status = f"signal {-code}" if code is not None and code < 0 else f"exit status {code}"
+        reason = f"its process ended ({status}), probably out of memory"
+        self._fail(reason, "All choices are kept. Press again, or choose a band, fewer orders or channels.")
         for number in list(self._asked):
             self._answer(number, (False, self.failed))
 
@@ -292,7 +274,7 @@ class OpenDocument:
             self._kept.popitem(last=False)
 
     async def ask(self, what: str, **given: Any) -> Any:
-        """Return what a finished analysis answers; it is computed first where that is still to be done.
+        """Return the answer of a finished analysis, which is computed first if needed.
 
         `what`: one of `tasks.TASKS`.
         """
@@ -305,12 +287,12 @@ class OpenDocument:
         else:
             self._worker.send(*command)
         try:
-            good, found = await answer
+            good, result = await answer
         finally:
             self._asked.pop(number, None)
         if not good:
-            raise DataError(found["asked"], found["found"], found["change"], found.get("text"))
-        return found
+            raise DataError(result["asked"], result["found"], result["change"], result.get("text"))
+        return result
 
     def _answer(self, number: int, payload: Any) -> None:
         _, answer = self._asked.pop(number, (None, None))

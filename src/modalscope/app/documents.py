@@ -1,4 +1,4 @@
-"""Store all documents of the server, on disk from one start to the next."""
+"""Store all documents of the server on disk, from one session to the next."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from secrets import token_hex
 from typing import Any
 
 from modalscope.app.document import OpenDocument
-from modalscope.app.files import Shelf
+from modalscope.app.files import FileStore
 from modalscope.app.guard import Limits
 from modalscope.app.processes import ProcessPool
 from modalscope.data import DataError
@@ -22,22 +22,22 @@ from modalscope.io.atomic import replacing
 
 _DOCUMENT = ".analysis.json"
 
-#: Steps of a history that are written.
-_WRITTEN = 100
+#: Steps of the history that are written before and after the current one.
+_MAX_WRITTEN_STEPS = 100
 
 
 class DocumentStore:
-    """Opens, finds and keeps documents."""
+    """Open, find and save documents."""
 
-    def __init__(self, shelf: Shelf, limits: Limits) -> None:
-        self.shelf, self.limits = shelf, limits
+    def __init__(self, files: FileStore, limits: Limits) -> None:
+        self.files, self.limits = files, limits
         self.pool = ProcessPool(limits.workers, limits.spare)
         self._open: dict[str, OpenDocument] = {}
-        self._place = shelf.place / "documents"
+        self._place = files.place / "documents"
         self._place.mkdir(parents=True, exist_ok=True, mode=0o700)
 
     def listed(self) -> list[dict[str, Any]]:
-        """Return the documents that are kept, the latest first."""
+        """Return the saved documents, the latest first."""
         files = sorted(self._place.glob("*.json"), key=lambda path: -path.stat().st_mtime)
         return [entry for path in files[: self.limits.documents] for entry in self._entry(path)]
 
@@ -47,12 +47,12 @@ class DocumentStore:
             yield {"key": path.stem, "name": str(kept["name"]), "steps": len(kept["history"])}
 
     def find(self, key: str) -> OpenDocument:
-        """Return a document, from the disk where it is not open."""
+        """Return a document; one that is not open is read from disk."""
         if key in self._open:
             return self._open[key]
         path = self._place / f"{key}.json"
         if not key.isalnum() or not path.is_file():
-            raise DataError(f"document {key[:40]!r} was asked", "there is none of that name", "Open its file again.")
+            raise DataError(f"document {key[:40]!r} was asked", "it does not exist", "Open its file again.")
         try:
             kept = json.loads(path.read_text(encoding="utf-8"))
             history = [analysis_from(entries) for entries in kept["history"]]
@@ -66,37 +66,38 @@ class DocumentStore:
         return opened
 
     async def open(self, names: list[str]) -> OpenDocument:
-        """Open files of the listing, uploads, or a document: several files are parts of one test."""
+        """Open listed files, uploads, or a document; several files are parts of one test."""
         if not names:
-            raise DataError("a file was to be opened", "none was named", "Choose one of the list, or drop one here.")
-        paths = [self.shelf.resolve(name) for name in names]
+            raise DataError(
+                "opening a file was asked", "none was named", "Choose a listed file, or drop one on the page."
+            )
+        paths = [self.files.resolve(name) for name in names]
         if len(paths) == 1 and paths[0].name.lower().endswith(_DOCUMENT):
             document = self._of_paths(read_analysis(paths[0]), paths[0].parent)
         else:
             document = Analysis(files=tuple([await asyncio.to_thread(hashed, path) for path in paths]))
         if len(self._open) >= self.limits.documents:
-            raise DataError("another document was opened", f"{len(self._open)} are open", "Close some.")
+            raise DataError("another document was asked", f"{len(self._open)} are open", "Close some.")
         opened = self._placed(token_hex(8), ", ".join(path.name for path in paths)[:200], [document])
         self.keep(opened)
         return opened
 
-    def _of_paths(self, document: Analysis, beside: Path) -> Analysis:
-        """Return a document whose files lie where they did, or beside it now; nothing outside of the folder is read."""
-        found = []
+    def _of_paths(self, document: Analysis, folder: Path) -> Analysis:
+        """Return a document with the paths of its files: as stored, or in the folder of the document."""
+        files = []
         for file in document.files:
-            there = Path(file.path)
-            place = there if self._may_see(there) else beside / there.name
-            if not file.path or not place.is_file() or not self._may_see(place):
+            stored = Path(file.path)
+            path = stored if self._may_read(stored) else folder / stored.name
+            if not file.path or not path.is_file() or not self._may_read(path):
+                missing = f"its data, {stored.name or 'arrays'}, are no file in the folder"
                 raise DataError(
-                    "a document was opened",
-                    f"its data, {there.name or 'arrays'}, are no file in the folder that was given",
-                    "Put the file beside the document.",
+                    "opening a document was asked", missing, "Put the file into the folder of the document."
                 )
-            found.append(replace(file, path=str(place)))
-        return replace(document, files=tuple(found))
+            files.append(replace(file, path=str(path)))
+        return replace(document, files=tuple(files))
 
-    def _may_see(self, path: Path) -> bool:
-        tops = [top for top in (self.shelf.folder, self.shelf.place) if top is not None]
+    def _may_read(self, path: Path) -> bool:
+        tops = [top for top in (self.files.folder, self.files.place) if top is not None]
         return any(path.resolve().is_relative_to(top) for top in tops)
 
     def _placed(self, key: str, name: str, history: list[Analysis]) -> OpenDocument:
@@ -105,9 +106,9 @@ class DocumentStore:
         return opened
 
     def keep(self, opened: OpenDocument) -> None:
-        """Write a document to the disk."""
-        first = max(0, opened.place - _WRITTEN)
-        history = opened.history[first : opened.place + _WRITTEN]
+        """Write a document to disk."""
+        first = max(0, opened.place - _MAX_WRITTEN_STEPS)
+        history = opened.history[first : opened.place + _MAX_WRITTEN_STEPS]
         kept = {
             "modalscope": VERSION,
             "name": opened.name,
@@ -118,7 +119,7 @@ class DocumentStore:
             temporary.write_text(json.dumps(kept), encoding="utf-8")
 
     def close(self, key: str) -> None:
-        """Close a document and forget it."""
+        """Close a document and delete it."""
         opened = self._open.pop(key, None)
         if opened is not None:
             opened.close()
@@ -126,10 +127,10 @@ class DocumentStore:
             (self._place / f"{key}.json").unlink(missing_ok=True)
 
     def end(self) -> None:
-        """End all processes; documents stay on the disk."""
+        """End all processes; documents stay on disk."""
         for opened in self._open.values():
             opened.rest()
-            opened.windows.tell({"type": "ended"})
+            opened.windows.send({"type": "ended"})
         self.pool.close()
 
 

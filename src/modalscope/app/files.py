@@ -11,40 +11,36 @@ from secrets import token_hex
 
 from modalscope.data import DataError
 
-# ------------------------------------------------------------------------------------------------------------- formats
-# What can be exported.
-
-#: The suffix, and what is told of it.
+#: Formats of the export: suffix -> description.
 FORMATS = {
-    ".json": "modes with everything that is known of them, and the analysis",
+    ".json": "modes with all results, and the analysis",
     ".csv": "a table of the modes",
     ".uff": "universal file, dataset 55",
     ".unv": "universal file, dataset 55",
     ".npz": "NumPy arrays",
     ".mat": "MATLAB arrays",
     ".h5": "HDF5 arrays",
-    ".html": "the report: one file, pictures and all",
-    ".analysis.json": "the document: every choice, to do it again",
+    ".html": "the report, one file with its pictures",
+    ".analysis.json": "the document: every choice, to repeat the analysis",
 }
 
+#: Suffixes of the listed files: data and documents.
+_LISTED_SUFFIXES = (
+    *(".uff", ".unv", ".npz", ".mat", ".h5", ".hdf5", ".csv", ".txt", ".asc", ".tsv", ".dat", ".lvm", ".xlsx"),
+    *(".npy", ".wav", ".tdms", ".mf4", ".nc", ".parquet", ".analysis.json"),
+)
 
-# --------------------------------------------------------------------------------------------------------------- files
+#: Maximum number of listed files, and maximum depth of folders below the given one.
+_MAX_LISTED, _MAX_DEPTH = 500, 3
 
-#: Suffixes of data that the folder's listing shows, and of documents.
-_SHOWN = (".uff", ".unv", ".npz", ".mat", ".h5", ".hdf5", ".csv", ".txt", ".asc", ".tsv", ".dat", ".lvm", ".xlsx")
-_MORE = (".npy", ".wav", ".tdms", ".mf4", ".nc", ".parquet", ".analysis.json")
-
-#: Files listed at most, and folders below the given one that are looked into.
-_LISTED, _DEEP = 500, 3
-
-#: An upload is named by this and its place.
+#: Prefix of the names of uploads.
 _UPLOAD = "upload:"
 
 
-class Shelf:
-    """The folder that was given, and a place of our own for uploads and documents.
+class FileStore:
+    """The files that the page may open: those of one folder, and uploads.
 
-    `folder`: nothing outside of it is listed or opened. `place`: where uploads and documents are kept.
+    `folder`: nothing outside of it is listed or opened. `place`: folder of uploads and documents.
     """
 
     def __init__(self, folder: Path | None, place: Path) -> None:
@@ -55,24 +51,24 @@ class Shelf:
 
     def listed(self) -> list[dict[str, object]]:
         """Return the files of the folder that can be opened."""
-        return [] if self.folder is None else list(self._walk(self.folder))[:_LISTED]
+        return [] if self.folder is None else list(self._walk(self.folder))[:_MAX_LISTED]
 
     def _walk(self, top: Path) -> Iterator[dict[str, object]]:
         for where, folders, names in os.walk(top):
             here = Path(where)
             folders[:] = sorted(
-                f for f in folders if not f.startswith(".") and len((here / f).relative_to(top).parts) <= _DEEP
+                f for f in folders if not f.startswith(".") and len((here / f).relative_to(top).parts) <= _MAX_DEPTH
             )
             for name in sorted(names):
-                if name.lower().endswith((*_SHOWN, *_MORE)) and not name.startswith("."):
+                if name.lower().endswith(_LISTED_SUFFIXES) and not name.startswith("."):
                     with suppress(OSError):
                         size = (here / name).stat().st_size
                         yield {"name": (here / name).relative_to(top).as_posix(), "size": size}
 
     def resolve(self, name: str) -> Path:
-        """Return the file of a name from the listing or an upload; nothing outside of these.
+        """Return the path of a listed file or an upload.
 
-        Raises `DataError`: A path that leads elsewhere, or no such file.
+        Raises `DataError`: a path outside of the folder, or no such file.
         """
         top, inner = (self._uploads, name.removeprefix(_UPLOAD)) if name.startswith(_UPLOAD) else (self.folder, name)
         if top is None or "\0" in inner:
@@ -81,17 +77,19 @@ class Shelf:
         if not path.is_relative_to(top):
             raise self._outside(name)
         if not path.is_file():
-            raise DataError(f"{name!r} was asked", "there is no such file", "Choose one of the list.")
+            raise DataError(f"{name!r} was asked", "there is no such file", "Choose a listed file.")
         return path
 
     def _outside(self, name: str) -> DataError:
-        where = "no folder was given" if self.folder is None else "that is outside of the folder that was given"
-        return DataError(f"{name!r} was asked", where, "Start `modalscope app --folder` there, or drop the file here.")
+        where = "no folder was given" if self.folder is None else "it is outside of the folder"
+        return DataError(
+            f"{name!r} was asked", where, "Start `modalscope app --folder` there, or drop the file on the page."
+        )
 
     async def take(self, name: str, chunks: AsyncIterator[bytes], most: int) -> str:
-        """Write an upload as it comes and return what it goes by; one too large or broken off leaves nothing behind.
+        """Write an upload chunk by chunk and return its name; one that is too large or interrupted is removed.
 
-        `most`: bytes.
+        `most`: maximum size in bytes.
         """
         folder = self._uploads / token_hex(8)
         folder.mkdir(mode=0o700)
@@ -111,16 +109,13 @@ class Shelf:
 
 
 def too_large(name: str, most: int) -> DataError:
-    """Return the error of a file that is too large.
-
-    `most`: bytes.
-    """
-    found = f"it has more than {most / 1e6:g} MB"
-    return DataError(f"{name} was dropped", found, "Put it into a folder and start `modalscope app --folder` there.")
+    """Return the error of an upload of more than `most` bytes."""
+    remedy = "Move it to a folder and start `modalscope app --folder` there."
+    return DataError(f"uploading {name} was asked", f"it has more than {most / 1e6:g} MB", remedy)
 
 
 def _plain(name: str) -> str:
-    """Return a name that is nothing but the name of a file.
+    """Return the name of a file without folders and special characters.
 
     Examples
     --------

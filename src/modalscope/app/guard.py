@@ -9,18 +9,15 @@ from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs
 
-# -------------------------------------------------------------------------------------------------------------- limits
-# What a page may take: sizes, counts and times.
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
     """Limits of one server.
 
-    `upload`: bytes of one uploaded file. `body`: bytes of any other request. `documents`: documents that are open at a time. `workers`:
-    processes at a time; the one that waited longest is ended for another. `spare`: whether a process waits, warm, for the next document.
-    `history`: steps that can be undone. `kept`: bytes of finished stages that a document keeps. `patience`: seconds from a cancel to the
-    end of the process. `seconds`: the longest job. `listeners`: windows on one document.
+    `upload`: bytes of an uploaded file. `body`: bytes of any other request. `documents`: open documents. `workers`: processes; the one
+    idle longest is ended for another. `spare`: whether a started process waits for the next document. `history`: steps that can be
+    undone. `kept`: bytes of finished stages that a document caches. `patience`: seconds from a cancellation to the end of the process.
+    `seconds`: the longest job. `listeners`: windows of one document.
     """
 
     upload: int = 2 << 30
@@ -35,8 +32,6 @@ class Limits:
     listeners: int = 64
 
 
-# --------------------------------------------------------------------------------------------------------------- guard
-
 Scope = dict[str, Any]
 Receive = Callable[[], Awaitable[Any]]
 Send = Callable[[Any], Awaitable[None]]
@@ -47,7 +42,7 @@ _POLICY = (
     "font-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 
-#: What every answer carries: nothing from elsewhere is loaded, nothing is guessed, kept or told on.
+#: Headers of every response: no foreign resource, no type sniffing, no caching, no referrer.
 HEADERS = {
     "content-security-policy": _POLICY,
     "x-content-type-options": "nosniff",
@@ -61,13 +56,12 @@ HEADERS = {
 
 
 class Guard:
-    """Refuses every request that does not come from the page of the person who started the server.
+    """Reject every request that does not come from the page of the user who started the server.
 
-    The address that is printed holds a token. Who shows it gets a cookie, which the browser sends to this server alone and never for a
-    page of somebody else. The name that was asked for (Host) must be the server's own, else a foreign name that points here could read
-    what is served; what changes something must say that it comes from the page (Origin).
+    The printed address contains a token; it is exchanged for a cookie that the browser sends to this server only (SameSite). Host must
+    be a name of the server, against DNS rebinding. A request that changes something must state the page as its Origin.
 
-    `names`: values of Host that are the server's own, in lower case. `cookie`: name of the cookie.
+    `names`: accepted values of Host, in lower case. `cookie`: name of the cookie.
     """
 
     def __init__(self, app: App, token: str, names: Iterable[str], cookie: str) -> None:
@@ -83,30 +77,29 @@ class Guard:
         if scope["type"] != "http":
             return
         headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
-        wrong = self._foreign(scope, headers)
-        if wrong:
-            await _refuse(send, 403, wrong)
+        reason = self._reason_to_reject(scope, headers)
+        if reason:
+            await _reject(send, 403, reason)
             return
         query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
         shown = query.get("token", [""])[0]
         enters = scope["path"] == "/" and secrets.compare_digest(shown.encode(), self._token.encode())
         if not enters and not self._known(headers.get("cookie", "")):
-            await _refuse(send, 401, "Open the address that `modalscope app` printed: it holds the token.")
+            await _reject(send, 401, "Open the address printed by `modalscope app`: it contains the token.")
             return
         await self._app(scope, receive, self._sending(send, enters))
 
-    def _foreign(self, scope: Scope, headers: dict[str, str]) -> str:
-        """Return what is foreign about a request; nothing where it is ours."""
+    def _reason_to_reject(self, scope: Scope, headers: dict[str, str]) -> str:
+        """Return the reason to reject a request, or an empty text."""
         if headers.get("host", "").lower() not in self._names:
-            return "This server does not go by that name."
+            return "The host name is not that of this server."
         origin = headers.get("origin")
-        own = {f"http://{name}" for name in self._names}
-        if origin is not None and origin.lower() not in own:
-            return "This request comes from another page."
+        if origin is not None and origin.lower() not in {f"http://{name}" for name in self._names}:
+            return "The request comes from another page."
         if scope["method"] not in ("GET", "HEAD") and origin is None:
-            return "This request does not say which page it comes from."
+            return "The request does not state its origin."
         if headers.get("sec-fetch-site", "none") not in ("same-origin", "none") and scope["path"] != "/":
-            return "This request comes from another page."
+            return "The request comes from another page."
         return ""
 
     def _known(self, cookies: str) -> bool:
@@ -115,11 +108,11 @@ class Guard:
             jar.load(cookies)
         except CookieError:
             return False
-        found = jar.get(self._cookie)
-        return found is not None and secrets.compare_digest(found.value.encode(), self._secret.encode())
+        cookie = jar.get(self._cookie)
+        return cookie is not None and secrets.compare_digest(cookie.value.encode(), self._secret.encode())
 
     def _sending(self, send: Send, enters: bool) -> Send:
-        """Return what sends an answer with our headers, and with the cookie to who entered by the token."""
+        """Return a send that adds the headers, and the cookie if the request showed the token."""
 
         async def sending(message: Any) -> None:
             if message["type"] == "http.response.start":
@@ -134,8 +127,8 @@ class Guard:
         return sending
 
 
-async def _refuse(send: Send, status: int, words: str) -> None:
-    body = f"{words}\n".encode()
+async def _reject(send: Send, status: int, reason: str) -> None:
+    body = f"{reason}\n".encode()
     headers = {**HEADERS, "content-type": "text/plain; charset=utf-8", "content-length": str(len(body))}
     listed = [(name.encode(), value.encode()) for name, value in headers.items()]
     await send({"type": "http.response.start", "status": status, "headers": listed})

@@ -1,4 +1,4 @@
-"""Run worker processes: one for each open document, and a warm one for the next."""
+"""Run worker processes: one for each open document, and a started one for the next."""
 
 from __future__ import annotations
 
@@ -10,28 +10,20 @@ from multiprocessing.connection import Connection
 from threading import Thread
 from typing import Any, Protocol
 
-# --------------------------------------------------------------------------------------------------------------- child
-# Where a process of its own begins: what computes is loaded there, not in the server.
-
 
 def main(pipe: Connection) -> None:
-    """Load all that computes, and serve the pipe."""
+    """Serve the pipe in the worker process; only there the numerical libraries are loaded."""
     from modalscope.app.worker import main as serve
 
     serve(pipe)
 
 
-# ---------------------------------------------------------------------------------------------------------------- pool
-
-#: Takes what a process sends: (kind, job or number of a question, payload); "ended" with the exit code is the last.
+#: Receives the messages of a process: (kind, number of the job or question, payload); the last is "ended" with the exit code.
 Hear = Callable[[str, int, Any], None]
 
 
 class WorkerProcess:
-    """One process and the pipe to it; what it sends is heard in the server's loop.
-
-    `loop`: of the server.
-    """
+    """One process and the pipe to it; its messages arrive in the event loop of the server."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         context = multiprocessing.get_context("spawn")
@@ -47,59 +39,59 @@ class WorkerProcess:
     _hear: Hear | None
 
     def assign(self, hear: Hear) -> None:
-        """Let somebody hear what the process sends."""
+        """Set the receiver of the messages."""
         self._hear = hear
         while self._early:
             hear(*self._early.pop(0))
 
     def send(self, *command: Any) -> None:
-        """Send a command; a process that has ended says so by itself."""
+        """Send a command; a process that has ended reports that itself."""
         with suppress(OSError, ValueError):
             self._pipe.send(command)
 
     def end(self) -> None:
-        """End the process; nothing of it is heard any more."""
+        """End the process and ignore its messages."""
         self._hear, self._ended = None, True
         self.process.kill()
         with suppress(OSError):
             self._pipe.close()
 
     def _listen(self, pipe: Connection) -> None:
-        with suppress(EOFError, OSError, TypeError):  # TypeError: the pipe was closed while it was read
+        with suppress(EOFError, OSError, TypeError):  # TypeError: the pipe was closed during a read
             while True:
                 self._call(pipe.recv())
         self.process.join()
         self._call(("ended", 0, self.process.exitcode))
 
-    def _call(self, told: tuple[str, int, Any]) -> None:
+    def _call(self, message: tuple[str, int, Any]) -> None:
         with suppress(RuntimeError):  # the loop is closed
-            self._loop.call_soon_threadsafe(self._heard, told)
+            self._loop.call_soon_threadsafe(self._receive, message)
 
-    def _heard(self, told: tuple[str, int, Any]) -> None:
+    def _receive(self, message: tuple[str, int, Any]) -> None:
         if self._hear is not None:
-            self._hear(*told)
+            self._hear(*message)
         elif not self._ended:
-            self._early.append(told)
+            self._early.append(message)
 
 
 class Owner(Protocol):
-    """Whose process it is."""
+    """The owner of a process, a document."""
 
     @property
     def resting(self) -> bool:
-        """Whether its process waits for work."""
+        """Whether its process is idle."""
 
     def rest(self) -> None:
-        """End its process until it has work again."""
+        """End its process until the next job."""
 
     def start(self) -> None:
-        """Give it a process."""
+        """Start its job."""
 
 
 class ProcessPool:
-    """All processes of a server: where there are as many as may be one that rests is ended, and else the next owner waits its turn.
+    """All processes of a server: at their maximum number an idle one is ended for the next owner, else that owner waits.
 
-    `spare`: whether one waits, warm, for the next document.
+    `spare`: whether a started process waits for the next document.
     """
 
     def __init__(self, most: int, spare: bool = True) -> None:
@@ -109,12 +101,12 @@ class ProcessPool:
         self._waiting: list[Owner] = []
 
     def warm_up(self) -> None:
-        """Start a process that waits, if none does."""
+        """Start a spare process, if there is none."""
         if self._warm is None and self._spare:
             self._warm = WorkerProcess(asyncio.get_running_loop())
 
     def take(self, owner: Owner) -> WorkerProcess | None:
-        """Return a process, and let the next warm up; None where all have work: the owner is started when one has done with it."""
+        """Return a process and start the next spare; None if all are busy: the owner is started when one becomes idle."""
         self.leave(owner)
         if not self._room():
             self._waiting.append(owner)
@@ -125,14 +117,14 @@ class ProcessPool:
         return worker
 
     def leave(self, owner: Owner) -> bool:
-        """Wait no longer; say whether it waited."""
+        """Remove an owner from the queue, and return whether it waited."""
         waited = owner in self._waiting
         if waited:
             self._waiting.remove(owner)
         return waited
 
     def _room(self) -> bool:
-        """Whether another process may be; the first that rests is ended for it."""
+        """Return whether another process may start; the first idle one is ended for it."""
         if len(self._owners) >= self._most:
             resting = next((owner for owner in self._owners.values() if owner.resting), None)
             if resting is not None:
@@ -140,8 +132,8 @@ class ProcessPool:
         return len(self._owners) < self._most
 
     def next(self) -> None:
-        """Start who waits, as soon as what goes on is done."""
-        with suppress(RuntimeError):  # the loop is closed: nobody waits
+        """Start the first owner that waits, after the current callback."""
+        with suppress(RuntimeError):  # the loop is closed
             asyncio.get_running_loop().call_soon(self._next)
 
     def _next(self) -> None:
@@ -155,7 +147,7 @@ class ProcessPool:
         self.next()
 
     def close(self) -> None:
-        """End them all."""
+        """End all processes."""
         for worker in (*self._owners, *([self._warm] if self._warm else [])):
             worker.end()
         self._owners, self._warm, self._waiting = {}, None, []

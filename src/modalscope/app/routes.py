@@ -1,4 +1,4 @@
-"""Answer the requests of the page: a function for each address."""
+"""Answer the requests of the page, one function per address."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from modalscope.io.arrays import plain
 
 Handler = Callable[[Request], Awaitable[Response]]
 
-#: Seconds between signs of life to a window that nothing is told.
-_SIGN = 15.0
+#: Seconds between keep-alive messages of an event stream.
+_KEEP_ALIVE_SECONDS = 15.0
 
 
 def _answered(handler: Handler) -> Handler:
-    """Answer a DataError with its three parts, and 409 or 400."""
+    """Return the handler with DataErrors answered as their three parts and status 409 or 400."""
 
     async def answer(request: Request) -> Response:
         try:
             return await handler(request)
         except DataError as error:
-            told = {"asked": error.asked, "found": error.found, "change": error.change, "text": str(error)}
-            return JSONResponse(told, status_code=409 if "another window" in error.found else 400)
+            parts = {"asked": error.asked, "found": error.found, "change": error.change, "text": str(error)}
+            return JSONResponse(parts, status_code=409 if "another window" in error.found else 400)
         except ClientDisconnect:
             return Response(status_code=400)
 
@@ -53,7 +53,7 @@ def _opened(request: Request) -> OpenDocument:
 
 
 async def _body(request: Request) -> dict[str, Any]:
-    """Return what a request says as JSON, if it is not too much of it."""
+    """Return the JSON object of a request."""
     most, parts, size = _store(request).limits.body, [], 0
     async for chunk in request.stream():
         size += len(chunk)
@@ -61,57 +61,56 @@ async def _body(request: Request) -> dict[str, Any]:
             raise too_large("a request", most)
         parts.append(chunk)
     try:
-        found = json.loads(b"".join(parts) or b"{}")
+        body = json.loads(b"".join(parts) or b"{}")
     except (ValueError, RecursionError):
-        found = None
-    if not isinstance(found, dict):
+        body = None
+    if not isinstance(body, dict):
         raise DataError("a request was sent", "it is no JSON object", "Use the page.")
-    return found
+    return body
 
 
 async def start(request: Request) -> Response:
-    """What there is to begin with: files, documents, methods and formats."""
+    """Return the files, documents, methods and formats."""
     store = _store(request)
-    folder = store.shelf.folder
+    folder = store.files.folder
     rows = [{"name": m.name, "domain": m.domain, "label": m.label, "route": m.route} for m in methods()]
-    first = request.app.state.first
     return JSONResponse(
         {
             "version": VERSION,
             "folder": None if folder is None else folder.name,
-            "files": await asyncio.to_thread(store.shelf.listed),
+            "files": await asyncio.to_thread(store.files.listed),
             "documents": store.listed(),
             "methods": rows,
             "formats": FORMATS,
             "upload": store.limits.upload,
-            "first": first,
+            "first": request.app.state.first,
         }
     )
 
 
 async def upload(request: Request) -> Response:
-    """Take a file as it comes."""
+    """Store an uploaded file."""
     store = _store(request)
     name, most = request.query_params.get("name", "file"), store.limits.upload
     length = request.headers.get("content-length", "0")
     if length.isdigit() and int(length) > most:
         raise too_large(name, most)
-    return JSONResponse({"file": await store.shelf.take(name, request.stream(), most)})
+    return JSONResponse({"file": await store.files.take(name, request.stream(), most)})
 
 
 async def open_files(request: Request) -> Response:
-    """Open files as a document, and begin."""
+    """Open files as a document, and start its analysis."""
     store, body = _store(request), await _body(request)
     names = body.get("files")
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise DataError("files were to be opened", "their names are no texts", "Use the page.")
+        raise DataError("opening files was asked", "the names are no texts", "Use the page.")
     opened = await store.open(names)
     opened.start()
     return JSONResponse(opened.state())
 
 
 async def state(request: Request) -> Response:
-    """All that a window needs to know of a document; one that nobody computed yet is begun."""
+    """Return the state of a document; start its analysis if it was not started."""
     opened = _opened(request)
     if opened.stage["stage"] == "idle":
         opened.start()
@@ -119,44 +118,43 @@ async def state(request: Request) -> Response:
 
 
 async def act(request: Request) -> Response:
-    """Do something to the document."""
+    """Apply an action to the document."""
     opened, body = _opened(request), await _body(request)
     given, edition = body.get("given", {}), body.get("edition")
     if not isinstance(given, dict) or not isinstance(body.get("action"), str):
-        raise DataError("an action was asked", "it is not named, or what it needs is no object", "Use the page.")
+        raise DataError("an action was asked", "its name or its arguments are missing", "Use the page.")
     if body["action"] == "geometry":
-        given = {"files": [str(_store(request).shelf.resolve(str(name))) for name in given.get("files", ())]}
+        given = {"files": [str(_store(request).files.resolve(str(name))) for name in given.get("files", ())]}
     opened.act(body["action"], given, edition if isinstance(edition, int) else None)
     _store(request).keep(opened)
     return JSONResponse(opened.state())
 
 
 async def cancel(request: Request) -> Response:
-    """Stop what is computed."""
+    """Stop the computation."""
     _opened(request).cancel()
     return JSONResponse({})
 
 
 async def close(request: Request) -> Response:
-    """Close and forget a document."""
+    """Close and delete a document."""
     _store(request).close(request.path_params["key"])
     return JSONResponse({})
 
 
 async def blob(request: Request) -> Response:
-    """Arrays that were found last."""
-    found = _opened(request).blobs.get(request.path_params["name"])
-    if found is None:
+    """Return the latest blob of a name."""
+    number, data = _opened(request).blobs.get(request.path_params["name"], (0, None))
+    if data is None:
         return Response(status_code=404)
-    return Response(found[1], media_type="application/octet-stream", headers={"x-number": str(found[0])})
+    return Response(data, media_type="application/octet-stream", headers={"x-number": str(number)})
 
 
 async def channel(request: Request) -> Response:
-    """One channel, measured and rebuilt."""
+    """Return one channel, measured and rebuilt."""
     output, column = (_number(request, name) for name in ("output", "input"))
-    return Response(
-        await _opened(request).ask("channel", output=output, column=column), media_type="application/octet-stream"
-    )
+    data = await _opened(request).ask("channel", output=output, column=column)
+    return Response(data, media_type="application/octet-stream")
 
 
 def _number(request: Request, name: str) -> int:
@@ -167,15 +165,15 @@ def _number(request: Request, name: str) -> int:
 
 
 async def compare(request: Request) -> Response:
-    """Every method on the same data."""
+    """Return the comparison of all methods on the data."""
     return JSONResponse(plain(await _opened(request).ask("compare")))
 
 
 async def export(request: Request) -> Response:
-    """The result in one format, as a file to keep."""
+    """Return the result as a file in one format."""
     opened, suffix = _opened(request), f".{request.path_params['suffix']}"
     if suffix not in FORMATS:
-        raise DataError(f"{suffix[:20]} was asked", f"there are {', '.join(FORMATS)}", "Choose one of these.")
+        raise DataError(f"{suffix[:20]} was asked", f"the formats are {', '.join(FORMATS)}", "Choose one of these.")
     stem = Path(opened.document.files[0].path).stem or "modes"
     folder = Path(mkdtemp(prefix="modalscope-"))
     target = folder / f"{stem}{suffix}"
@@ -188,36 +186,36 @@ async def export(request: Request) -> Response:
 
 
 def _cleared(path: Path) -> None:
-    """Take a file and its folder away."""
+    """Delete a file and its folder."""
     path.unlink(missing_ok=True)
     path.parent.rmdir()
 
 
 async def events(request: Request) -> Response:
-    """All that happens to a document, as it happens."""
+    """Stream the events of a document."""
     opened = _opened(request)
-    window = opened.windows.look(opened.limits.listeners)
+    window = opened.windows.add(opened.limits.listeners)
 
     async def stream() -> AsyncIterator[str]:
         try:
             yield f"data: {json.dumps(opened.state())}\n\n"
             while True:
                 try:
-                    message = await asyncio.wait_for(window.get(), _SIGN)
+                    message = await asyncio.wait_for(window.get(), _KEEP_ALIVE_SECONDS)
                 except TimeoutError:
-                    yield ": still here\n\n"
+                    yield ": keep-alive\n\n"
                     continue
                 yield f"data: {json.dumps(plain(message))}\n\n"
                 if message["type"] in ("closed", "ended"):
                     return
         finally:
-            opened.windows.look_away(window)
+            opened.windows.remove(window)
 
     return StreamingResponse(stream(), media_type="text/event-stream")
 
 
 def routes() -> list[Route]:
-    """Return all addresses below /api."""
+    """Return the routes below /api."""
     at = "/api/documents/{key}"
     listed: list[tuple[str, Handler, str]] = [
         ("/api/start", start, "GET"),

@@ -18,7 +18,7 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from modalscope.app.documents import DocumentStore
-from modalscope.app.files import Shelf
+from modalscope.app.files import FileStore
 from modalscope.app.guard import Guard, Limits
 from modalscope.app.routes import routes
 from modalscope.data import DataError
@@ -31,7 +31,7 @@ STATIC = Path(__file__).parent / "static"
 class Page:
     """A server that is ready to run.
 
-    `socket`: bound already: nobody else can take the port. `address`: with the token. `store`: its documents.
+    `socket`: bound to the port. `address`: with the token. `store`: its documents.
     """
 
     app: Any
@@ -40,24 +40,17 @@ class Page:
     store: DocumentStore
 
 
-def built() -> None:
-    """Raise where the front end is not there.
-
-    Raises `DataError`: A checkout in which nobody has built it.
-    """
+def check_front_end() -> None:
+    """Raise `DataError` in a checkout without a built front end."""
     if not (STATIC / "index.html").is_file():
-        raise DataError(
-            "the page was asked",
-            "its front end is not built: this is a checkout, not an installed package",
-            "Say: make page (it needs Node 20 and npm), or: pip install 'modalscope[app]'.",
-        )
+        remedy = "Run: make page (needs Node 20 and npm), or: pip install 'modalscope[app]'."
+        raise DataError("the page was asked", "this checkout has no built front end", remedy)
 
 
-def place_of_ours() -> Path:
-    """Return where uploads and documents are kept: MODALSCOPE_PAGE, or the system's place for such things."""
-    given = os.environ.get("MODALSCOPE_PAGE")
-    if given:
-        return Path(given)
+def _state_folder() -> Path:
+    """Return the folder of uploads and documents: MODALSCOPE_PAGE, or that of the system's application state."""
+    if folder := os.environ.get("MODALSCOPE_PAGE"):
+        return Path(folder)
     base = os.environ.get("LOCALAPPDATA") or os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
     return Path(base) / "modalscope" / "page"
 
@@ -73,58 +66,52 @@ def page(
 ) -> Page:
     """Return the server, bound to its port.
 
-    `first`: files in the folder to open at once. `folder`: the only place that files are read from. `host`, `port`: loopback by default,
-    and any port that is free. `place`: where uploads and documents are kept.
+    `first`: files in the folder to open at once. `folder`: the only folder that files are read from. `host`, `port`: by default loopback
+    and any free port. `place`: folder of uploads and documents.
     """
     bound = _bound(host, port)
     port = bound.getsockname()[1]
-    store = DocumentStore(Shelf(folder, place or place_of_ours()), limits or Limits())
+    store = DocumentStore(FileStore(folder, place or _state_folder()), limits or Limits())
 
     @asynccontextmanager
     async def life(_: Starlette) -> AsyncIterator[None]:
         store.pool.warm_up()
         yield
 
-    served = [Route("/", _index), *routes(), Mount("/static", StaticFiles(directory=STATIC, check_dir=False))]
+    async def index(_: Request) -> Response:
+        return FileResponse(STATIC / "index.html", media_type="text/html")
+
+    served = [Route("/", index), *routes(), Mount("/static", StaticFiles(directory=STATIC, check_dir=False))]
     app = Starlette(routes=served, lifespan=life)
     app.state.store, app.state.first = store, first or []
     token = secrets.token_urlsafe(24)
-    names = {f"{name}:{port}" for name in (host, *(("127.0.0.1", "localhost") if _is_loopback(host) else ()))}
+    loopback = host == "localhost" or host.startswith("127.")
+    names = {f"{name}:{port}" for name in (host, *(("127.0.0.1", "localhost") if loopback else ()))}
     guard = Guard(app, token, {name.lower() for name in names}, f"modalscope-{port}")
     return Page(guard, bound, f"http://{host}:{port}/?token={token}", store)
-
-
-async def _index(_: Request) -> Response:
-    return FileResponse(STATIC / "index.html", media_type="text/html")
-
-
-def _is_loopback(host: str) -> bool:
-    return host == "localhost" or host.startswith("127.")
 
 
 def _bound(host: str, port: int) -> socket.socket:
     made = socket.socket()
     try:
-        if os.name == "posix":  # elsewhere it would let two programs share a port
+        if os.name == "posix":  # on Windows it would let two programs share a port
             made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         made.bind((host, port))
-        made.listen()  # a browser that is faster than the server waits, and is not refused
+        made.listen()  # a browser that connects before the server is up waits
     except (OSError, OverflowError) as error:
         made.close()
-        what = getattr(error, "strerror", None) or str(error)
-        raise DataError(
-            f"port {port} of {host} was asked", f"the system refuses: {what.lower()}", "Choose another with --port."
-        ) from None
+        reason = f"the system refuses: {(getattr(error, 'strerror', None) or str(error)).lower()}"
+        raise DataError(f"port {port} of {host} was asked", reason, "Choose another with --port.") from None
     return made
 
 
 def server_of(made: Page) -> Any:
-    """Return what runs a page: `run([made.socket])` serves until `should_exit` is set."""
+    """Return the server of a page: `run([made.socket])` serves until `should_exit` is set."""
     import uvicorn
 
     class Server(uvicorn.Server):
         async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-            made.store.end()  # the windows let go, and nothing waits for them
+            made.store.end()  # closes the event streams, which would delay the shutdown
             await super().shutdown(sockets)
 
     settings = uvicorn.Config(made.app, log_level="warning", access_log=False, timeout_graceful_shutdown=2, ws="none")

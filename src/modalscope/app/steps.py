@@ -1,4 +1,4 @@
-"""Compute the stages of an analysis (data, diagrams, candidates, modes) and keep each until a choice that it depends on changes."""
+"""Compute the stages of an analysis (data, diagrams, candidates, modes); each is cached until a choice that it depends on changes."""
 
 from __future__ import annotations
 
@@ -25,12 +25,9 @@ from modalscope.workflow.bands import Look, looked_at, modes_chosen
 from modalscope.workflow.replay import check_same
 from modalscope.workflow.sources import opened
 
-# ---------------------------------------------------------------------------------------------------------------- head
-# What is told of a result beside its modes.
-
 
 def result_head(result: Result) -> dict[str, Any]:
-    """Return what is told of a result beside its modes."""
+    """Return the description of a result: method, settings, notes, findings, script and fit error."""
     first = result.diagrams[0]
     head: dict[str, Any] = {
         "label": cell_label(first.method, first.domain),
@@ -42,38 +39,33 @@ def result_head(result: Result) -> dict[str, Any]:
         "columns": list(first.response.columns),
     }
     if len(result.modes) and not result.analysis.apart:
-        left = fit_of_bands(result.modes, result.diagrams)
-        if left is not None:
-            head |= {"fit_error": left[0], "explained": explained(left[0])}
+        fit = fit_of_bands(result.modes, result.diagrams)
+        if fit is not None:
+            head |= {"fit_error": fit[0], "explained": explained(fit[0])}
     return head
 
 
-# --------------------------------------------------------------------------------------------------------------- steps
-
-Tell = Callable[..., None]
-
-
 class Stages:
-    """One analysis in the process that computes it: `run` gives the result of a document, from what is kept of the one before.
+    """The stages of one analysis in its worker process: `run` computes the result of a document from the cached stages.
 
-    `tell`: called with (kind, payload) for all that is worth showing.
+    `tell`: called with (kind, payload) for every message to the page.
     """
 
-    def __init__(self, tell: Tell) -> None:
+    def __init__(self, tell: Callable[..., None]) -> None:
         self._tell = tell
         self._of_data = self._of_diagrams = ""
         self.data: Any = None
-        self._told: tuple[Note, ...] = ()
+        self._notes: tuple[Note, ...] = ()
         self._findings: tuple[Any, ...] | None = None
         self._looks: list[Look] = []
         self._weighed: dict[int, Weighed] = {}
         self.result: Result | None = None
 
     def run(self, document: Analysis, kept: bytes | None, check: Callable[[], None]) -> None:
-        """Compute what a document says, and tell it stage by stage.
+        """Compute the result of a document, and report it stage by stage.
 
-        `kept`: diagrams that another process finished, for the same part of the document. `check`: asked between two orders and two
-        stages; raises where something newer waits.
+        `kept`: diagrams of another process for the same fields of the document. `check`: called between two orders and two stages; raises
+        if a newer job waits.
         """
         self.result = None
         self._read(document)
@@ -83,7 +75,7 @@ class Stages:
         self._tell("stage", {"stage": "selecting"})
         self._early(document)
         check()
-        result = concluded(self.data, document, self._looks, self._told, self._choose, self._examined)
+        result = concluded(self.data, document, self._looks, self._notes, self._choose, self._examined)
         self.result = result
         self._tell("blob", ("modes", modes_blob(result.modes, document.names, result_head(result))))
 
@@ -94,9 +86,9 @@ class Stages:
         self._tell("stage", {"stage": "reading"})
         self._of_data, self._findings = "", None
         paths: list[Any] = [file.path for file in document.files]
-        data, sources, told = opened(paths[0] if len(paths) == 1 else paths, document.reading)
+        data, sources, notes = opened(paths[0] if len(paths) == 1 else paths, document.reading)
         check_same(document.files, sources, data)
-        self.data, self._told, self._of_data = data, told, key
+        self.data, self._notes, self._of_data = data, notes, key
         self._tell("blob", ("overview", overview_blob(data)))
 
     def _identify(self, document: Analysis, kept: bytes | None, check: Callable[[], None]) -> None:
@@ -119,7 +111,7 @@ class Stages:
         return [look.diagram for look in self._looks]
 
     def _watch(self, check: Callable[[], None]) -> Callable[[Any, Any], None]:
-        """Return what tells the cuts of every sweep as they come."""
+        """Return a function that reports the cuts of every sweep."""
         last: dict[str, Any] = {"sweep": None, "cut": None}
 
         def watch(sweep: Any, cut: Any) -> None:
@@ -135,16 +127,16 @@ class Stages:
     def _choose(
         self, diagram: StabilizationDiagram, frequencies: Any = None, take: Any = (), refuse: Any = ()
     ) -> ModalModel:
-        """Stand in for `select`: candidates are weighed once a diagram."""
+        """Select modes as `select` does, with the candidates of each diagram weighed once."""
         if id(diagram) not in self._weighed:
             self._weighed[id(diagram)] = weighed(diagram)
         return chosen_of(diagram, self._weighed[id(diagram)], frequencies, take, refuse)
 
     def _early(self, document: Analysis) -> None:
-        """Tell the modes as they were chosen, where refining them is still to come."""
+        """Report the selected modes before they are refined."""
         if document.refine:
-            found = modes_chosen(self.data, replace(document, refine=False), self._looks, self._choose)
-            self._tell("blob", ("modes", modes_blob(replace(found, notes=()), document.names, {"early": True})))
+            modes = modes_chosen(self.data, replace(document, refine=False), self._looks, self._choose)
+            self._tell("blob", ("modes", modes_blob(replace(modes, notes=()), document.names, {"early": True})))
             self._tell("stage", {"stage": "refining"})
 
     def _examined(self, data: Any) -> tuple[Any, ...]:
@@ -157,11 +149,8 @@ class Stages:
         return channel_blob(self._diagrams, self.finished().modes, output, column)
 
     def finished(self) -> Result:
-        """Return the result; one that is not there is an error."""
+        """Return the result, or raise if there is none."""
         if self.result is None:
-            raise DataError(
-                "the result of this analysis was asked",
-                "there is none: it was stopped, or could not be done",
-                "Change what its message names, or say: again.",
-            )
+            reason = "the analysis was stopped or failed"
+            raise DataError("the result of this analysis was asked", reason, "Follow its message, or press again.")
         return self.result

@@ -10,7 +10,7 @@ from modalscope.app.files import FORMATS
 from modalscope.data import DataError
 from modalscope.io import write
 
-if TYPE_CHECKING:  # what is asked for rarely is loaded then
+if TYPE_CHECKING:
     from modalscope.app.steps import Stages
     from modalscope.comparing import Comparison
 
@@ -23,13 +23,10 @@ def channel(stages: Stages, progress: Progress, output: int, column: int) -> byt
 
 
 def export(stages: Stages, progress: Progress, suffix: str, target: str) -> Path:
-    """Write the result in one format, as the command line does.
-
-    `suffix`: one of `FORMATS`. `target`: the file to write.
-    """
+    """Write the result in one of `FORMATS`, as the command line does, to the file `target`."""
     result, path = stages.finished(), Path(target)
     if suffix not in FORMATS:
-        raise DataError(f"{suffix} was asked", f"there are {', '.join(FORMATS)}", "Choose one of these.")
+        raise DataError(f"{suffix} was asked", f"the formats are {', '.join(FORMATS)}", "Choose one of these.")
     if suffix == ".html":
         from modalscope.reporting import report
 
@@ -39,34 +36,23 @@ def export(stages: Stages, progress: Progress, suffix: str, target: str) -> Path
 
 
 def compared(stages: Stages, progress: Progress, methods: list[str] | None = None) -> dict[str, Any]:
-    """Return every method on the same data: the verdict, the modes that they agree on, and pictures of where they differ."""
+    """Return the comparison of all methods: verdict, consensus modes, and pictures of the differences."""
     from modalscope.comparing import compare
 
     document = stages.finished().analysis
-    found = compare(
-        stages.data,
-        methods or "all",
-        orders=document.orders,
-        band=_whole(document.bands),
-        exclude=document.exclude or None,
-        route=document.route,
-        progress=progress,
-    )
-    return compared_view(found)
+    choices: dict[str, Any] = {"orders": document.orders, "exclude": document.exclude or None, "route": document.route}
+    if document.bands:  # methods are compared on one band
+        choices["band"] = min(low for low, _ in document.bands), max(high for _, high in document.bands)
+    return compared_view(compare(stages.data, methods or "all", progress=progress, **choices))
 
 
-def _whole(bands: tuple[tuple[float, float], ...]) -> tuple[float, float] | None:
-    """Return from where to where bands reach: methods are compared on one."""
-    return (min(low for low, _ in bands), max(high for _, high in bands)) if bands else None
-
-
-def compared_view(found: Comparison) -> dict[str, Any]:
+def compared_view(comparison: Comparison) -> dict[str, Any]:
     """Return a comparison as the page shows it."""
     from modalscope import plot
     from modalscope.comparing import CAUSES
     from modalscope.reporting.figures import draw
 
-    ran = sum(r.modes is not None for r in found.results)
+    ran = sum(r.modes is not None for r in comparison.results)
     rows = [
         {
             "frequency": group.frequency,
@@ -76,7 +62,7 @@ def compared_view(found: Comparison) -> dict[str, Any]:
             "trust": trust.grade,
             "why": trust.why,
         }
-        for group, trust in zip(found.groups, found.trust, strict=True)
+        for group, trust in zip(comparison.groups, comparison.trust, strict=True)
     ]
     methods = [
         {
@@ -85,18 +71,18 @@ def compared_view(found: Comparison) -> dict[str, Any]:
             "fit": r.fit_error,
             "failure": r.failure or "",
         }
-        for r in found.results
+        for r in comparison.results
     ]
     pictures = {}
-    if len(found.kinship.names) > 1:
-        pictures["map"] = draw((8.0, 5.0), lambda f: plot.method_map(found, f.add_subplot())).decode()
-    if found.groups:
+    if len(comparison.kinship.names) > 1:
+        pictures["map"] = draw((8.0, 5.0), lambda f: plot.method_map(comparison, f.add_subplot())).decode()
+    if comparison.groups:
         pictures["deviations"] = draw(
-            (8.0, 5.4), lambda f: plot.deviations(found, tuple(f.subplots(2, 1, sharex=True)))
+            (8.0, 5.4), lambda f: plot.deviations(comparison, tuple(f.subplots(2, 1, sharex=True)))
         ).decode()
-    causes = {cause.name: CAUSES[cause.name] for d in found.disagreements for cause in d.causes}
-    return {"verdict": found.verdict, "rows": rows, "methods": methods, "pictures": pictures, "causes": causes}
+    causes = {cause.name: CAUSES[cause.name] for d in comparison.disagreements for cause in d.causes}
+    return {"verdict": comparison.verdict, "rows": rows, "methods": methods, "pictures": pictures, "causes": causes}
 
 
-#: What may be asked, by its word.
+#: The questions of the page by name.
 TASKS: dict[str, Callable[..., Any]] = {"channel": channel, "export": export, "compare": compared}

@@ -14,9 +14,9 @@ _STOPPED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; 0 when it is done, 2 with one line on stderr for wrong use or unusable data.
+    """Run one command; return 0, or 2 with one line on stderr for wrong use or unusable data.
 
-    Without arguments those of the process are taken, whose signals and streams are then ours, too.
+    Without arguments those of the process are used, and its signals and streams are set up.
     """
     if arguments is None:
         take_over()
@@ -24,20 +24,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         _run(words)
     except ValueError as error:
-        from modalscope.data import DataError  # a ValueError: an answer to a question alone does not load it
+        from modalscope.data import DataError  # a ValueError; --help does not load it
 
         if not isinstance(error, DataError):
             raise
         complain(error)
         return EXIT_WRONG
-    except BrokenPipeError:  # the reader of our output has enough, `| head` for instance; files were written before
+    except BrokenPipeError:  # the reader has gone, as with `| head`; files are already written
         hang_up()
     except OSError as error:
         hang_up()
         complain(f"the system refuses: {(error.strerror or str(error)).lower()}")
         return EXIT_WRONG
     except MemoryError:
-        complain("the memory of this machine does not suffice; give fewer orders, channels, lines or samples")
+        complain("out of memory; use fewer orders, channels, lines or samples")
         return EXIT_WRONG
     except KeyboardInterrupt:
         complain("stopped; no file was written")
@@ -46,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(words: Sequence[str]) -> None:
-    """Do what the words say; what was printed has left the process when this returns."""
+    """Run the command; its output is flushed when this returns."""
     import argparse
     import shlex
 

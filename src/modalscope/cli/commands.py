@@ -26,8 +26,8 @@ from modalscope.cli import (
 )
 from modalscope.cli.parser import Parser, add_common
 
-#: The commands in the order of the help. Each is a module with `add`, what can be written, and `run`, what is done; `run`
-#: imports what it needs itself, so that the help of all costs the import of none.
+#: The commands in the order of the help. Each is a module: the first line of its docstring is the help, all of it the description,
+#: `add` adds its arguments and `run` runs it. `run` imports what it needs, so that the help loads no numerical library.
 COMMANDS = (
     identify,
     app,
@@ -58,14 +58,17 @@ def names() -> tuple[str, ...]:
 
 def build_parser() -> Parser:
     """Return the parser; each command carries the function that runs it."""
-    parser = Parser(prog="modalscope", description="Measured responses of a structure to its modes.")
-    parser.add_argument("--version", action="version", version=__version__, help="print the version and stop")
+    parser = Parser(prog="modalscope", description="Modal identification: from measured data to modes of a structure.")
+    parser.add_argument("--version", action="version", version=__version__, help="print the version and exit")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND")
-    for command in COMMANDS:
-        command.add(commands)
-    for each in commands.choices.values():
-        add_common(each)
-    *most, last = commands.choices
+    for name, command in zip(names(), COMMANDS, strict=True):
+        text = (command.__doc__ or name).strip()
+        title = text.partition("\n")[0].rstrip(".")
+        added = commands.add_parser(name, help=title[0].lower() + title[1:], description=text)
+        added.set_defaults(run=command.run)
+        command.add(added)
+        add_common(added)
+    *most, last = names()
     needed = f"a command is needed: {', '.join(most)} or {last} (see --help)"
     parser.set_defaults(parser=parser, run=lambda _: parser.error(needed))
     return parser

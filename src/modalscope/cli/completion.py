@@ -1,29 +1,23 @@
-"""modalscope completion: commands, options and files completed by the shell."""
+"""Print the script that lets a shell complete commands, options and files.
+
+For bash: modalscope completion bash > ~/.local/share/bash-completion/completions/modalscope
+"""
 
 from __future__ import annotations
 
 import argparse
 
-from modalscope.cli.parser import Commands
+from modalscope.cli.parser import Parser
 from modalscope.cli.process import say
 
-SHELLS = ("bash", "zsh", "fish", "tcsh")
 
-
-def add(commands: Commands) -> None:
-    """Add the command to the list."""
-    parser = commands.add_parser(
-        "completion",
-        help="print what makes a shell complete commands, options and files",
-        description="Print what makes a shell complete commands, options and files. For bash: "
-        "modalscope completion bash > ~/.local/share/bash-completion/completions/modalscope",
-    )
-    parser.add_argument("shell", choices=SHELLS, help=f"{', '.join(SHELLS[:-1])} or {SHELLS[-1]}")
-    parser.set_defaults(run=run)
+def add(parser: Parser) -> None:
+    """Add the arguments."""
+    parser.add_argument("shell", choices=("bash", "zsh", "fish", "tcsh"), help="bash, zsh, fish or tcsh")
 
 
 def run(options: argparse.Namespace) -> None:
-    """Print the completion of all commands for one shell."""
+    """Print the completion script of one shell."""
     from modalscope.numerics.extras import optional_package
 
     shtab = optional_package("shell completion", "shtab", "completion")

@@ -1,22 +1,20 @@
-"""modalscope convert: one format to another."""
+"""Convert a file to another format."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from modalscope.cli.parser import Commands, add_force, add_reading
+from modalscope.cli.parser import Parser, add_force, add_reading
 from modalscope.cli.process import remark, say
 
 
-def add(commands: Commands) -> None:
-    """Add the command to the list."""
-    parser = commands.add_parser("convert", help="read one format, write another")
-    parser.add_argument("input", type=Path)
-    parser.add_argument("output", type=Path)
+def add(parser: Parser) -> None:
+    """Add the arguments."""
+    parser.add_argument("input", type=Path, help="file to read")
+    parser.add_argument("output", type=Path, help="file to write; its suffix is the format")
     add_reading(parser)
     add_force(parser)
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -25,8 +23,7 @@ def run(options: argparse.Namespace) -> None:
     from modalscope.cli.reading import read_data
 
     check_output(options.output, (options.input,), options.force)
-    data, told = read_data(options, options.input)
+    data, notes = read_data(options, options.input)
     written = write_data(options.output, data)
-    for note in told:
-        remark(note)
+    remark(*notes)
     say(written)

@@ -1,4 +1,7 @@
-"""Run `modalscope identify`: the modes in a file, in the files of one test, or in each of many files."""
+"""Identify the modes in a file, automatically.
+
+Several files are the parts of one test; with --each, every file is a test of its own.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modalscope.cli.parser import Commands, add_cell, add_choices, add_files, add_outputs, add_workers
+from modalscope.cli.parser import Parser, add_choices, add_files, add_method, add_orders, add_outputs, add_workers
 from modalscope.cli.process import complain, explain, remark, say
 
 if TYPE_CHECKING:
@@ -17,68 +20,47 @@ if TYPE_CHECKING:
     from modalscope.numerics.checks import RealArray
 
 
-def add(commands: Commands) -> None:
-    """Add the command to the list."""
-    parser = commands.add_parser(
-        "identify", help="find the modes in a file", description="Find the modes in a file, automatically."
-    )
+def add(parser: Parser) -> None:
+    """Add the arguments."""
     add_files(parser)
-    add_cell(parser)
+    add_method(parser)
+    add_orders(parser)
     add_choices(parser, bands=True)
-    parser.add_argument(
-        "--frequencies", nargs="+", type=float, metavar="HZ", help="report the modes at these frequencies"
-    )
-    parser.add_argument("--take", nargs="+", type=float, metavar="HZ", help="report these modes, too")
-    parser.add_argument("--refuse", nargs="+", type=float, metavar="HZ", help="do not report these modes")
-    parser.add_argument(
-        "--no-refine",
-        dest="refine",
-        action="store_false",
-        help="report the values of the diagram, not those of the maximum of the likelihood",
-    )
-    parser.add_argument("--all", action="store_true", help="print what was left out, too, and why")
-    parser.add_argument(
-        "--each",
-        action="store_true",
-        help="every file is a test of its own: one table, modes paired with those of the first file",
-    )
-    parser.add_argument(
-        "--reference",
-        type=Path,
-        metavar="MODES",
-        help="with --each: a file of modes to pair with, instead of the first file's",
-    )
-    parser.add_argument(
-        "--apart",
-        action="store_true",
-        help="setups of one test are identified one by one and their modes merged, instead of their records",
-    )
+    add = parser.add_argument
+    add("--frequencies", nargs="+", type=float, metavar="HZ", help="report the modes at these frequencies only")
+    add("--take", nargs="+", type=float, metavar="HZ", help="also report the modes at these frequencies")
+    add("--refuse", nargs="+", type=float, metavar="HZ", help="do not report the modes at these frequencies")
+    add("--no-refine", dest="refine", action="store_false", help="no maximum likelihood refinement")
+    add("--all", action="store_true", help="also print the candidates left out, with reasons")
+    add("--each", action="store_true", help="every file is a test: one table, modes paired with those of the first")
+    add("--reference", type=Path, metavar="MODES", help="with --each: file of modes to pair with")
+    add("--apart", action="store_true", help="identify the setups one by one and merge their modes, not their records")
     add_workers(parser)
     add_outputs(parser, "write .json, .csv, .uff or an .html report")
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> None:
-    """Find the modes in a file, write them where that is asked, and print them: a closed pipe loses no file."""
+    """Identify the modes, write the outputs, then print the modes: a closed pipe loses no file."""
     from modalscope.cli.output import check_outputs, is_page, write_outputs
+    from modalscope.data import DataError
 
     if options.each:
-        run_each(options)
+        _run_each(options)
         return
     check_outputs(options, options.files)
-    if options.apart and any(is_page(path) for path in options.outputs):
-        _refuse_page_of("setups identified apart")
-    result = found_in(options, options.files)
-    written = write_outputs(options, result, ", ".join(map(str, options.files)))
+    if options.apart and any(map(is_page, options.outputs)):
+        asked = "one report on setups identified apart was asked"
+        raise DataError(asked, "a report covers one measurement", "Write .json or .csv, or one report per setup.")
+    result = result_of(options, options.files)
+    written = write_outputs(options, result)
     _print(result, everything=options.all)
-    for line in written:
-        say(line)
+    say(*written)
 
 
-def found_in(options: argparse.Namespace, files: list[Any]) -> Result:
-    """Return the result of the choices on the command line for the files of one test."""
+def result_of(options: argparse.Namespace, files: list[Path]) -> Result:
+    """Return the result of the files of one test with the choices of the command line."""
     from modalscope.cli.process import progress
-    from modalscope.cli.reading import parse_delays, parse_orders, reading_options
+    from modalscope.cli.reading import choices, parse_orders, reading_options
     from modalscope.cli.workers import workers_of
     from modalscope.workflow.analyze import analyze
     from modalscope.workflow.replay import replay
@@ -87,127 +69,88 @@ def found_in(options: argparse.Namespace, files: list[Any]) -> Result:
         with progress("identifying") as show:
             return replay(files[0], progress=show)
     bands = [tuple(band) for band in options.band or ()]
-    given: dict[str, Any] = {"band": bands[0] if len(bands) == 1 else bands or None, "exclude": options.exclude}
-    given |= {"route": options.route, "delays": parse_delays(options.delays)}
+    given: dict[str, Any] = choices(options) | {"band": bands[0] if len(bands) == 1 else bands or None}
+    given |= {name: getattr(options, name) for name in ("method", "domain", "frequencies", "refine", "apart")}
     with workers_of(options), progress("identifying") as show:
         return analyze(
             files[0] if len(files) == 1 else files,
-            method=options.method,
-            domain=options.domain,
             orders=parse_orders(options.orders),
-            frequencies=options.frequencies,
             take=options.take or (),
             refuse=options.refuse or (),
-            refine=options.refine,
-            apart=options.apart,
             reading=[reading_options(options, path) for path in files],
             progress=show,
             **given,
         )
 
 
-def _refuse_page_of(what: str) -> None:
-    from modalscope.data import DataError
-
-    raise DataError(
-        f"one report on {what} was asked",
-        "a report is on one measurement",
-        "Write .json or .csv, or one report for each.",
-    )
-
-
 def _print(result: Result, *, everything: bool = False) -> None:
-    """Print how the modes were found, what was noted, and the modes; of all bands together what a report says of them."""
+    """Print the method, the notes and the modes, with the sentences of the report on all bands together."""
     from modalscope.plot.web.poles import fit_of_bands
     from modalscope.reporting.modes import verdict_of
 
-    for note in result.notes:
-        if note.kind in ("file", "places", "base", "units", "units not known", "bands chosen"):
-            remark(note)
+    kinds = ("file", "places", "base", "units", "units not known", "bands chosen")
+    remark(*(note for note in result.notes if note.kind in kinds))
     _print_diagrams(result)
     known = len(result.modes) > 0 and not result.analysis.apart
     fit = fit_of_bands(result.modes, result.diagrams) if known else None
     verdict = verdict_of(result.modes, result.diagrams[0].response, fit)
-    for text in verdict.taken:
-        remark(text)
+    remark(*verdict.taken)
     if result.findings:
-        remark("quality:")
-        for finding in result.findings:
-            remark(f"  {finding}")
-    if not len(result.modes):
-        why = [str(note) for note in result.modes.notes if note.kind == "no mode"]
-        say(next(iter(why), "no mode stands out of the data"))
-        _print_of_noise(result)
-        _print_left_out(result, everything)
-        return
-    parts = "setups identified apart" if result.analysis.apart else "bands merged"
-    several = f"{len(result.diagrams)} {parts}\n\n" if len(result.diagrams) > 1 else ""
-    say(f"\n{several}{result.modes.table()}")
-    shown = {note for diagram in result.diagrams for note in diagram.notes}
-    for note in result.modes.notes:
-        if note not in shown:
-            remark(f"  {note}")
-    say("")
-    for text in (*verdict.explained, *verdict.warnings):
-        say(text)
-    _print_of_noise(result)
+        remark("quality:", *(f"  {finding}" for finding in result.findings))
+    if len(result.modes):
+        parts = "setups identified apart" if result.analysis.apart else "bands merged"
+        several = f"{len(result.diagrams)} {parts}\n\n" if len(result.diagrams) > 1 else ""
+        say(f"\n{several}{result.modes.table()}")
+        printed = {note for diagram in result.diagrams for note in diagram.notes}
+        remark(*(f"  {note}" for note in result.modes.notes if note not in printed))
+        say("")
+        for text in (*verdict.explained, *verdict.warnings):
+            say(text)
+    else:
+        reasons = [str(note) for note in result.modes.notes if note.kind == "no mode"]
+        say(next(iter(reasons), "no significant mode"))
+    remark(*(f"  {note}" for note in result.notes if note.kind == "lines of noise"))
     _print_left_out(result, everything)
-    for index, reasons in enumerate(result.modes.reasons):
-        explain(f"mode {index + 1}: {reasons}")
-
-
-def _print_of_noise(result: Result) -> None:
-    """Print which lines hold noise alone."""
-    for note in result.notes:
-        if note.kind == "lines of noise":
-            remark(f"  {note}")
+    explain(*(f"mode {index + 1}: {reasons}" for index, reasons in enumerate(result.modes.reasons)))
 
 
 def _print_diagrams(result: Result) -> None:
-    """Print how each band or setup was identified; what an earlier one noted, too, is not said again."""
+    """Print method, orders and notes of each band or setup; a note is printed once."""
     from modalscope.identification.method_names import cell_label
     from modalscope.reporting.sections import bands_of
 
-    apart, shown = result.analysis.apart, bands_of(result.modes, result.diagrams)
-    told: set[Note] = set()
-    for each in shown:
-        diagram = each.diagram
-        which = f"setup {each.number}: " if apart else f"{each.words}: " if len(shown) > 1 else ""
-        remark(
-            f"{which}{cell_label(diagram.method, diagram.domain)}, orders {diagram.orders[0]} to {diagram.orders[-1]}"
-        )
-        for note in diagram.notes if not (apart and told) else ():
-            if note not in told:
-                remark(f"  {note}")
-        told |= set(diagram.notes)
+    apart, bands = result.analysis.apart, bands_of(result.modes, result.diagrams)
+    printed: set[Note] = set()
+    for band in bands:
+        diagram = band.diagram
+        which = f"setup {band.number}: " if apart else f"{band.words}: " if len(bands) > 1 else ""
+        orders = f"orders {diagram.orders[0]} to {diagram.orders[-1]}"
+        remark(f"{which}{cell_label(diagram.method, diagram.domain)}, {orders}")
+        if not (apart and printed):
+            remark(*(f"  {note}" for note in diagram.notes if note not in printed))
+        printed |= set(diagram.notes)
         explain("  " + ", ".join(f"{name}={value!r}" for name, value in diagram.settings.items()))
 
 
 def _print_left_out(result: Result, everything: bool) -> None:
-    """Print the candidates that are no modes, with the reasons; without `--all` how many there are."""
-    left = result.modes.left_out
-    if not left:
-        return
-    if not everything:
-        from modalscope.data.shown import counted
+    """Print the candidates that were left out, with the reasons; without `--all` their number."""
+    from modalscope.data.shown import counted
 
-        remark(f"{counted(len(left), 'candidate')} left out; --all says which, and why")
-        return
-    say("\nleft out:")
-    for each in left:
-        gain = "" if each.gain != each.gain else f" ({each.gain:.1f} deviations)"
-        say(f"  {each}{gain}. {each.remedy}")
+    candidates = result.modes.left_out
+    if candidates and not everything:
+        remark(f"{counted(len(candidates), 'candidate')} left out; --all lists them with reasons")
+    elif candidates:
+        say("\nleft out:")
+        for candidate in candidates:
+            significance = "" if candidate.gain != candidate.gain else f" (significance {candidate.gain:.1f})"
+            say(f"  {candidate}{significance}. {candidate.remedy}")
 
 
-# --------------------------------------------------------------------------------------------------------------- batch
-# modalscope identify --each: many tests of one structure, and one table of their modes.
-
-
-def run_each(options: argparse.Namespace) -> None:
-    """Identify every file by itself; print the modes of all, paired with those of the first that has any.
+def _run_each(options: argparse.Namespace) -> None:
+    """Identify every file by itself, and print the modes of all, paired with those of the first that has any.
 
     An output names the files to write: `-o results.json` gives results_NAME.json for every NAME. A file that cannot be used is
-    named, and the others are done all the same.
+    reported, and the others are identified.
     """
     from modalscope.cli.output import check_output
     from modalscope.cli.reading import read_modes
@@ -219,39 +162,36 @@ def run_each(options: argparse.Namespace) -> None:
         path: [out.with_name(f"{out.stem}_{path.stem}{out.suffix}") for out in options.outputs]
         for path in options.files
     }
-    written = [place for each in places.values() for place in each]
-    for place in written:
-        check_output(place, options.files, options.force)
-        if written.count(place) > 1:
-            raise DataError(
-                f"a file for each of {len(places)} tests was asked",
-                f"{place.name} would be that of several",
-                "Give the tests names of their own, or identify them one by one.",
-            )
-    found: list[tuple[str, ModalModel]] = []
+    targets = [place for group in places.values() for place in group]
+    for target in targets:
+        check_output(target, options.files, options.force)
+        if targets.count(target) > 1:
+            asked, clash = "a file per test was asked", f"{target.name} would be that of several"
+            raise DataError(asked, clash, "Give the files distinct names, or identify them one by one.")
+    tests: list[tuple[str, ModalModel]] = []
     failed = []
     for path in options.files:
         try:
-            result = found_in(options, [path])
+            result = result_of(options, [path])
         except DataError as error:
             complain(f"{path}: {error}")
-            failed.append(path)
+            failed.append(path.name)
             continue
         for place in places[path]:
             write(place, result)
             remark(f"written: {place}")
-        found.append((path.name, result.modes))
-    if found:
-        say(table_of(found, reference))
+        tests.append((path.name, result.modes))
+    if tests:
+        say(_table(tests, reference))
     if failed:
-        raise DataError(
+        asked, failures = (
             f"modes in {len(options.files)} files were asked",
-            f"{len(failed)} of them cannot be used: {', '.join(path.name for path in failed)}",
-            "What is wrong with each stands above.",
+            f"{len(failed)} failed: {', '.join(failed)}",
         )
+        raise DataError(asked, failures, "The messages above give the reasons.")
 
 
-def table_of(found: Sequence[tuple[str, ModalModel]], reference: ModalModel | None = None) -> str:
+def _table(tests: Sequence[tuple[str, ModalModel]], reference: ModalModel | None) -> str:
     """Return frequencies and damping ratios of several tests, a column a test, a row a mode of the reference.
 
     `reference`: by default the first test that has modes.
@@ -261,26 +201,25 @@ def table_of(found: Sequence[tuple[str, ModalModel]], reference: ModalModel | No
     from modalscope.data.shown import text_table
     from modalscope.modal.pairing import pair_modes
 
-    first = next((modes for _, modes in found if len(modes)), None) if reference is None else reference
+    first = next((modes for _, modes in tests if len(modes)), None) if reference is None else reference
     if first is None:
-        return "no mode stands out of any file"
-    columns, others = [], []
-    frequencies = np.full((len(found), len(first)), np.nan)
-    for k, (name, modes) in enumerate(found):
+        return "no significant mode in any file"
+    columns, others = [["mode", *(str(i + 1) for i in range(len(first)))]], []
+    if reference is not None:
+        columns.append(["reference", *map(_values, first.frequencies, first.damping_ratios)])
+    frequencies = np.full((len(tests), len(first)), np.nan)
+    for k, (name, modes) in enumerate(tests):
         cells = [name, *["-"] * len(first)]
         pairs = pair_modes(first, modes)
         for i, j in zip(pairs.first, pairs.second, strict=True):
-            cells[i + 1] = f"{modes.frequencies[j]:.4f} Hz {100 * modes.damping_ratios[j]:.3f} %"
+            cells[i + 1] = _values(modes.frequencies[j], modes.damping_ratios[j])
         frequencies[k, pairs.first] = modes.frequencies[pairs.second]
         columns.append(cells)
         alone = ", ".join(f"{f:.4f} Hz" for f in modes.frequencies[pairs.alone[1]])
         others += [f"only in {name}: {alone}"] if alone else []
-    if reference is not None:
-        own = [f"{f:.4f} Hz {100 * z:.3f} %" for f, z in zip(first.frequencies, first.damping_ratios, strict=True)]
-        columns.insert(0, ["reference", *own])
-    columns.insert(0, ["mode", *(str(i + 1) for i in range(len(first)))])
     columns.append(["scatter of f", *(_scatter(f[np.isfinite(f)]) for f in frequencies.T)])
-    return "\n".join([text_table(zip(*columns, strict=True), left=(len(columns) - 1,)), *others])
+    return "
+".join([text_table(zip(*columns, strict=True), left=(len(columns) - 1,)), *others])
 
 
 def _scatter(f: RealArray) -> str:

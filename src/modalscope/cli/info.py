@@ -1,40 +1,35 @@
-"""modalscope info: what a file holds."""
+"""Print the contents of a file, how they are interpreted, and their quality."""
 
 from __future__ import annotations
 
 import argparse
 
-from modalscope.cli.parser import Commands, add_file
+from modalscope.cli.parser import Parser, add_file
 from modalscope.cli.process import say
 
 
-def add(commands: Commands) -> None:
-    """Add the command to the list."""
-    parser = commands.add_parser("info", help="tell what a file holds, what is taken and how good it is")
+def add(parser: Parser) -> None:
+    """Add the arguments."""
     add_file(parser)
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> None:
-    """Print what a file holds, what was taken and left, and what is wrong with the data."""
+    """Print the contents of a file, what was read and skipped, and the findings about the data."""
     from modalscope.cli.reading import reading_options
     from modalscope.data import Geometry, ModalModel, StabilizationDiagram, StateSpace
     from modalscope.data.units import si_form
     from modalscope.doctor import examine
     from modalscope.io import survey
 
-    told = survey(options.file, **reading_options(options, options.file))
-    say(told)
-    data = told.thing
+    contents = survey(options.file, **reading_options(options, options.file))
+    say(contents)
+    data = contents.thing
     if isinstance(data, ModalModel):
         say(data.table())
         return
-    if isinstance(data, Geometry | StateSpace | StabilizationDiagram):  # nothing was measured
+    if isinstance(data, Geometry | StateSpace | StabilizationDiagram):  # not measured
         return
     measured, units = si_form(data)
-    for note in units:
-        say(f"units: {note}")
     findings = examine(measured)
-    say("quality: nothing to report" if not findings else "quality:")
-    for finding in findings:
-        say(f"  {finding}")
+    say(*(f"units: {note}" for note in units), "quality:" if findings else "quality: no data problem found")
+    say(*(f"  {finding}" for finding in findings))

@@ -1,16 +1,14 @@
-"""modalscope methods: the table."""
+"""Print the table of methods."""
 
 from __future__ import annotations
 
 import argparse
 
-from modalscope.cli.parser import Commands
+from modalscope.cli.parser import Parser
 
 
-def add(commands: Commands) -> None:
-    """Add the command to the list."""
-    parser = commands.add_parser("methods", help="print the table of methods")
-    parser.set_defaults(run=run)
+def add(parser: Parser) -> None:
+    """Add no argument."""
 
 
 def run(_: argparse.Namespace) -> None:

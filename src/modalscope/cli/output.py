@@ -1,4 +1,4 @@
-"""Write results to the files that were asked for, or as JSON to stdout."""
+"""Write results to the output files, or as JSON to stdout."""
 
 from __future__ import annotations
 
@@ -19,91 +19,86 @@ if TYPE_CHECKING:
 
     from modalscope.checking.certificate import Certificate
 
+#: Suffixes of reports, data, pictures and results.
 _PAGES = (".html", ".htm")
-
-#: Suffixes of data, and of pictures.
 DATA = (".uff", ".unv", ".npz", ".mat", ".h5", ".hdf5", ".csv")
 PICTURES = (".png", ".svg", ".pdf")
-
-_KNOWN = (".json", ".csv", ".uff", ".unv", *_PAGES, ".npz", ".h5", ".hdf5", ".mat")
+_RESULTS = (".json", ".csv", ".uff", ".unv", *_PAGES, ".npz", ".h5", ".hdf5", ".mat")
 
 
 def is_page(path: Path) -> bool:
-    """Whether a report is written there, not modes alone."""
+    """Whether the file is a report."""
     return path.suffix.lower() in _PAGES
 
 
-def check_outputs(options: argparse.Namespace, sources: Iterable[Path], known: tuple[str, ...] = _KNOWN) -> None:
-    """Refuse names that cannot be written before the work is done, not after it; without an output there is nothing to write."""
+def check_outputs(options: argparse.Namespace, sources: Iterable[Path], known: tuple[str, ...] = _RESULTS) -> None:
+    """Raise for output names that cannot be written, before the work is done."""
     for path in options.outputs:
         if str(path) != STDOUT:
             check_output(path, sources, options.force, known)
         elif ".json" not in known:
-            raise DataError("JSON on stdout was asked", f"this is written as {', '.join(known)}", "Name a file.")
+            raise DataError("JSON on stdout was asked", f"the formats are {', '.join(known)}", "Name a file.")
 
 
-def check_output(path: Path, sources: Iterable[Path], force: bool, known: tuple[str, ...] = _KNOWN) -> None:
-    """Refuse a name that cannot be written: a source is never overwritten, a file that modalscope did not write only with --force."""
+def check_output(path: Path, sources: Iterable[Path], force: bool, known: tuple[str, ...] = _RESULTS) -> None:
+    """Raise for a name that cannot be written: never overwrite a source, and only with --force a file of another program."""
+    asked = f"writing {str(path)!r} was asked"
     if path.suffix.lower() not in known:
-        raise DataError(
-            f"writing {path.name} was asked", f"this is written as {', '.join(known)}", "Choose one of these suffixes."
-        )
+        raise DataError(asked, f"the formats are {', '.join(known)}", "Choose one of these suffixes.")
     target = check_target(path, tuple(sources))
     if not target.parent.is_dir():
-        what = f"there is no folder {target.parent}"
-        raise DataError(f"writing {str(path)!r} was asked", what, "Name a file in a folder that is there.")
+        raise DataError(asked, f"there is no folder {target.parent}", "Name a file in an existing folder.")
     if not force and target.exists() and target.stat().st_size and not is_ours(target):
         raise DataError(
-            f"writing {str(path)!r} was asked",
-            "that file is there, and modalscope did not write it",
-            "Choose another name, or say --force.",
+            asked, "the file exists and modalscope did not write it", "Choose another name, or use --force."
         )
 
 
 def write_outputs(
-    options: argparse.Namespace, found: Any, source: str, certificate: Certificate | None = None, **beside: Any
+    options: argparse.Namespace, result: Any, certificate: Certificate | None = None, **fields: Any
 ) -> list[str]:
-    """Write what was found to every output and return what is to be said of each; JSON for stdout is printed when all files are there.
+    """Write a result to every output file, print JSON for stdout, and return a message per file.
 
-    `options`: `outputs`, and the `command_line` that a report repeats. `source`: where the data came from. `certificate`: shown in a
-    report. `**beside`: written into JSON beside modes.
+    `options`: `files`, `outputs`, and the `command_line` of the report. `certificate`: for the report. `**fields`: written into JSON
+    with the modes.
     """
-    told = []
+    source, messages = ", ".join(map(str, options.files)), []
+    fields = {"data": {"file": Path(source).name}, **fields}
     for path in (path for path in options.outputs if str(path) != STDOUT):
         if is_page(path):
             from modalscope.reporting import report
 
-            report(found, path, source=source, command=options.command_line, certificate=certificate)
-            told.append(f"written: {path}")
+            report(result, path, source=source, command=options.command_line, certificate=certificate)
+            messages.append(f"written: {path}")
         else:
-            told.append(_write(path, found, source, beside))
+            messages.append(_write(path, result, fields))
     if STDOUT in map(str, options.outputs):
-        print(_document(found, source, beside))
-    return told
+        print(_document(result, fields))
+    return messages
 
 
-def _document(found: Any, source: str, beside: dict[str, Any]) -> str:
-    """Return what a JSON file would hold."""
+def _document(result: Any, fields: dict[str, Any]) -> str:
+    """Return the text of the JSON file."""
     handle, name = mkstemp(suffix=".json")
     os.close(handle)
     place = Path(name)
     PENDING.add(place)
     try:
-        _write(place, found, source, beside)
+        _write(place, result, fields)
         return place.read_text(encoding="utf-8")
     finally:
         place.unlink()
         PENDING.discard(place)
 
 
-def needed(options: argparse.Namespace, example: str) -> None:
-    """Raise where a command that has nothing to say without a file was given none."""
+def require_output(options: argparse.Namespace, example: str) -> None:
+    """Raise if a command that only writes files has no output."""
     if not options.outputs:
-        raise DataError("a file to write is needed", "there is no -o", f"Add for instance -o {example}.")
+        raise DataError("this command writes a file", "no -o was given", f"Add for instance -o {example}.")
 
 
 def write_picture(path: Path, axes: Axes) -> str:
-    """Write a picture with the mark of the program, and return what is to be said of it."""
+    """Write a picture with the mark of the program, and return the message."""
     from matplotlib.figure import Figure
 
     figure = axes.figure
@@ -115,28 +110,26 @@ def write_picture(path: Path, axes: Axes) -> str:
 
 
 def write_data(path: Path, data: Any) -> str:
-    """Write data and return what is to be said of the file."""
+    """Write data and return the message."""
     from modalscope.data.shown import summary_of
     from modalscope.io import write
 
     write(path, data)
-    return f"written: {path}, {summary_of(data)}{left_out(path, data)}"
+    return f"written: {path}, {summary_of(data)}{_loss(path, data)}"
 
 
-def _write(path: Path, found: Any, source: str, beside: dict[str, Any]) -> str:
-    """Write modes, in JSON with the analysis or what was found beside them."""
+def _write(path: Path, result: Any, fields: dict[str, Any]) -> str:
+    """Write a result or its modes, in JSON with the fields, and return the message."""
     from modalscope.io import write
 
-    modes = getattr(found, "modes", found)
-    if isinstance(found, Result) or path.suffix.lower() != ".json":
-        write(path, found if isinstance(found, Result) else modes)
-    else:
-        write(path, modes, **{"data": {"file": Path(source).name}, **beside})
-    return f"written: {path}{left_out(path, modes)}"
+    modes = getattr(result, "modes", result)
+    more = fields if path.suffix.lower() == ".json" and not isinstance(result, Result) else {}
+    write(path, result if isinstance(result, Result) else modes, **more)
+    return f"written: {path}{_loss(path, modes)}"
 
 
-def left_out(path: Path, thing: Any) -> str:
-    """Say what a format cannot hold of modes; nothing for other things and formats."""
-    if not isinstance(thing, ModalModel) or path.suffix.lower() not in (".uff", ".unv"):
+def _loss(path: Path, data: Any) -> str:
+    """Return what a universal file does not store of modes."""
+    if not isinstance(data, ModalModel) or path.suffix.lower() not in (".uff", ".unv"):
         return ""
-    return "\nuniversal files hold poles and shapes: participation, spreads, indicators and reasons are left out (.json keeps them)"
+    return "\nuniversal files store poles and shapes only: participation, spreads, indicators and reasons are left out (use .json)"

@@ -1,32 +1,29 @@
-"""modalscope plan: what a diagram will take before it starts."""
+"""Estimate the cost of a stabilization diagram: matrix, factorization, time and memory.
+
+Nothing of the size of the data matrix is computed.
+"""
 
 from __future__ import annotations
 
 import argparse
 
-from modalscope.cli.parser import Commands, add_cell, add_choices, add_files
+from modalscope.cli.parser import Parser, add_choices, add_files, add_method, add_orders
 from modalscope.cli.process import say
 
 
-def add(commands: Commands) -> None:
-    """Add the command to the list."""
-    parser = commands.add_parser(
-        "plan",
-        help="tell what a diagram will take: the matrix, how it is factored, time and memory",
-        description="Tell what the stabilization diagram of a file will take before it starts: nothing of its size is made.",
-    )
+def add(parser: Parser) -> None:
+    """Add the arguments."""
     add_files(parser)
-    add_cell(parser)
+    add_method(parser)
+    add_orders(parser)
     add_choices(parser)
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> None:
-    """Print the matrix, the ways of factoring it with time and memory, and which is taken."""
-    from modalscope.cli.reading import parse_delays, parse_orders, read_test
+    """Print the matrix, the factorizations with time and memory, and which one is used."""
+    from modalscope.cli.reading import choices, parse_orders, read_test
     from modalscope.identification.plan import plan
 
     data, _ = read_test(options)
-    way = {"band": options.band, "route": options.route, "exclude": options.exclude}
-    way["delays"] = parse_delays(options.delays)
-    say(str(plan(data, method=options.method, domain=options.domain, orders=parse_orders(options.orders), **way)))
+    orders = parse_orders(options.orders)
+    say(plan(data, method=options.method, domain=options.domain, orders=orders, **choices(options)))

@@ -1,4 +1,7 @@
-"""modalscope plot: a picture of what a file holds."""
+"""Draw the contents of a file: responses, spectra, mode shapes, a stabilization diagram.
+
+A response is drawn with the modes of another file over it, records by their spectra, modes by the shape of one of them.
+"""
 
 from __future__ import annotations
 
@@ -6,65 +9,52 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modalscope.cli.parser import Commands, add_band, add_file, add_outputs
+from modalscope.cli.parser import Parser, add_band, add_file, add_outputs
 from modalscope.cli.process import remark, say
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-def add(commands: Commands) -> None:
-    """Add the command to the list."""
-    parser = commands.add_parser(
-        "plot",
-        help="draw what a file holds: responses, spectra, mode shapes, a stabilization diagram",
-        description="Draw what a file holds: a response with the modes of another file over it, spectra of records, the shape of one "
-        "mode, or a stabilization diagram.",
-    )
+def add(parser: Parser) -> None:
+    """Add the arguments."""
     add_file(parser)
     parser.add_argument("--modes", type=Path, metavar="FILE", help="modes to draw over a response or a diagram")
     add_band(parser)
-    parser.add_argument("--mode", type=int, default=1, metavar="K", help="which mode's shape, counted from one (1)")
-    parser.add_argument("--channel", metavar="DOF", help="output to draw; by default the strongest")
-    parser.add_argument("--input", metavar="DOF", help="input to draw; by default the strongest")
+    parser.add_argument("--mode", type=int, default=1, metavar="K", help="number of the mode, from one (default: 1)")
+    parser.add_argument("--channel", metavar="DOF", help="output to draw (default: the strongest)")
+    parser.add_argument("--input", metavar="DOF", help="input to draw (default: the strongest)")
     add_outputs(parser, "write .png, .svg or .pdf")
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> None:
-    """Draw what a file holds."""
-    from modalscope.cli.output import PICTURES, check_outputs, needed, write_picture
+    """Draw the contents of a file."""
+    from modalscope.cli.output import PICTURES, check_outputs, require_output, write_picture
     from modalscope.cli.reading import read_data, read_modes
 
-    needed(options, "picture.png")
-    sources = [path for path in (options.file, options.modes) if path is not None]
-    check_outputs(options, sources, PICTURES)
-    thing, told = read_data(options, options.file)
-    over = None if options.modes is None else read_modes(options, options.modes)
-    written = [write_picture(path, _picture(thing, over, options)) for path in options.outputs]
-    for note in told:
-        remark(note)
-    for line in written:
-        say(line)
+    require_output(options, "picture.png")
+    check_outputs(options, [path for path in (options.file, options.modes) if path is not None], PICTURES)
+    data, notes = read_data(options, options.file)
+    modes = None if options.modes is None else read_modes(options, options.modes)
+    written = [write_picture(path, _picture(data, modes, options)) for path in options.outputs]
+    remark(*notes)
+    say(*written)
 
 
-def _picture(thing: Any, over: Any, options: argparse.Namespace) -> Axes:
+def _picture(data: Any, modes: Any, options: argparse.Namespace) -> Axes:
     from modalscope import plot
     from modalscope.data import DataError, ModalModel, Signals, StabilizationDiagram
     from modalscope.data.response import Response
     from modalscope.preprocess import decomposition
 
-    if isinstance(thing, ModalModel):
-        return plot.shape(thing, options.mode - 1)
-    if isinstance(thing, StabilizationDiagram):
-        return plot.stabilization(thing, over)
-    if isinstance(thing, Response):
+    if isinstance(data, ModalModel):
+        return plot.shape(data, options.mode - 1)
+    if isinstance(data, StabilizationDiagram):
+        return plot.stabilization(data, modes)
+    if isinstance(data, Response):
         band = None if options.band is None else tuple(options.band)
-        return plot.response(thing.in_band(band), over, options.channel, options.input)
-    if isinstance(thing, Signals):
-        return plot.spectra(decomposition(thing))
-    raise DataError(
-        f"a picture of {options.file} was asked",
-        f"it holds {type(thing).__name__}",
-        "Give responses, records, modes or a stabilization diagram.",
-    )
+        return plot.response(data.in_band(band), modes, options.channel, options.input)
+    if isinstance(data, Signals):
+        return plot.spectra(decomposition(data))
+    asked, contents = f"a picture of {options.file} was asked", f"it holds {type(data).__name__}"
+    raise DataError(asked, contents, "Give responses, records, modes or a stabilization diagram.")

@@ -19,34 +19,33 @@ EXIT_WRONG = 2
 
 _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 
-_STOPPED = b"modalscope: stopped; an output file is complete or what it was before"
+_STOPPED = b"modalscope: stopped; every output file is complete or unchanged"
 
-#: Said where partial sums were kept, which happens every ten seconds.
-_GOES_ON = b"; the same command goes on from the sums kept so far"
+#: Added if partial sums were saved, which happens every ten seconds.
+_GOES_ON = b"; the same command resumes from the saved sums"
 
 
 def take_over() -> None:
-    """Prepare the process of the command line: characters that a terminal lacks are escaped, and signals end it cleanly.
+    """Set up the process of the command line: escape characters that the terminal lacks, and stop cleanly on signals.
 
-    The handler ends the process itself, without an exception that some library could take for one of its own. What was ignored
-    before, as by nohup, stays ignored.
+    The handler ends the process itself: a library could catch an exception. Signals that are ignored, as under nohup, stay ignored.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
-    for number in _numbers():
+    for number in _signals():
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _stop)
 
 
-def _numbers() -> list[signal.Signals]:
-    """Return the signals that this system has."""
+def _signals() -> list[signal.Signals]:
+    """Return the handled signals that this system has."""
     return [getattr(signal, name) for name in _SIGNALS if hasattr(signal, name)]
 
 
 def _stop(number: int, frame: FrameType | None) -> NoReturn:
-    """Take half-written files away, say one line, and end with the status that shells expect."""
-    for other in _numbers():
+    """Remove half-written files, print one line, and exit with the status that shells expect."""
+    for other in _signals():
         signal.signal(other, signal.SIG_IGN)
     writers = [sys.modules.get(f"modalscope.{name}") for name in ("io.atomic", "numerics.sums")]
     for path in [path for writer in writers for path in tuple(getattr(writer, "PENDING", ()))]:
@@ -59,16 +58,16 @@ def _stop(number: int, frame: FrameType | None) -> NoReturn:
 
 
 class Voice:
-    """How much the command says, and where: the result, side remarks, and how it was found.
+    """Verbosity and destination of messages.
 
     Attributes
     ----------
     quiet : bool
-        Side remarks and progress are left out.
+        Print no remarks and no progress.
     verbose : bool
-        What was chosen, with which values, is said, too.
+        Also print the settings that were chosen.
     aside : bool
-        Stdout is for a document: all else goes to stderr.
+        Stdout is for a document: messages go to stderr.
     """
 
     quiet: bool = False
@@ -79,27 +78,28 @@ class Voice:
 VOICE = Voice()
 
 
-def say(text: object) -> None:
-    """Print a result; what is no sign of its own, such as the codes that move a terminal's cursor, is escaped."""
+def say(*texts: object) -> None:
+    """Print results, one below the other; control characters, such as codes that move the cursor, are escaped."""
     from modalscope.numerics.errors import printable
 
-    print(printable(str(text)), file=sys.stderr if VOICE.aside else sys.stdout)
+    for text in texts:
+        print(printable(str(text)), file=sys.stderr if VOICE.aside else sys.stdout)
 
 
-def remark(text: object) -> None:
-    """Print what is to be known beside the result, unless quiet was asked."""
+def remark(*texts: object) -> None:
+    """Print remarks on the result, unless --quiet was given."""
     if not VOICE.quiet:
-        say(text)
+        say(*texts)
 
 
-def explain(text: object) -> None:
-    """Print how the result was found, where that was asked."""
+def explain(*texts: object) -> None:
+    """Print the settings behind the result, if --verbose was given."""
     if VOICE.verbose:
-        say(text)
+        say(*texts)
 
 
 def complain(text: object) -> None:
-    """Print one line on stderr, if there is one."""
+    """Print one line on stderr, if the process has one."""
     from modalscope.numerics.errors import shortened
 
     if sys.stderr is not None:
@@ -108,19 +108,15 @@ def complain(text: object) -> None:
 
 
 def hang_up() -> None:
-    """Send what is still to be printed nowhere: nobody reads it, and Python would complain of that when it ends."""
+    """Discard the remaining output: its reader has gone, and Python would report that at its end."""
     if sys.stdout is sys.__stdout__ and sys.stdout is not None:
         with suppress(OSError, ValueError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-# ------------------------------------------------------------------------------------------------------------ progress
-# Progress on stderr, for a person who waits.
-
-
 @contextmanager
 def progress(what: str, unit: str = "order") -> Iterator[Callable[[int, int], None]]:
-    """Show a bar while the block runs: `show(done, total)`; nothing when stderr is not a terminal a person looks at."""
+    """Show a progress bar while the block runs, `show(done, total)`; none if stderr is no terminal."""
     from tqdm import tqdm
 
     with tqdm(desc=what, unit=unit, file=sys.stderr, leave=False, disable=VOICE.quiet or None) as bar:

@@ -1,4 +1,4 @@
-"""Interpret the files, ranges and reading options of the command line."""
+"""Interpret the files, reading options and choices of the command line."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from modalscope.data import DataError, ModalModel, Note
 from modalscope.data.shown import summary_of
 from modalscope.io import set_max_memory, survey
 
-#: Options of reading that are handed on as they are.
-_AS_GIVEN = (
+#: Options of `modalscope.io.read` that the command line has under the same names.
+_READ_OPTIONS = (
     "sampling_rate",
     "columns",
     "ignore",
@@ -28,38 +28,40 @@ _AS_GIVEN = (
 
 
 def read_data(options: argparse.Namespace, path: Path) -> tuple[Any, tuple[Note, ...]]:
-    """Read a file with the options given on the command line; say what of it was left out."""
-    found = survey(path, **reading_options(options, path))
-    return found.thing, found.told
+    """Read a file with the options of the command line; return its data and the notes."""
+    contents = survey(path, **reading_options(options, path))
+    return contents.thing, contents.told
 
 
 def read_test(options: argparse.Namespace) -> tuple[Any, tuple[Note, ...]]:
-    """Read the files of one test, responses or records; say what of them was left out."""
+    """Read the files of one test, responses or records; return its data and the notes."""
     from modalscope.workflow.sources import opened
 
-    data, _, told = opened(options.files, [reading_options(options, path) for path in options.files])
-    return data, told
+    data, _, notes = opened(options.files, [reading_options(options, path) for path in options.files])
+    return data, notes
 
 
 def read_modes(options: argparse.Namespace, path: Path) -> ModalModel:
-    """Read a file of modes."""
-    modes, told = read_data(options, path)
-    for note in told:
-        remark(note)
+    """Read a file of modes, and print its notes."""
+    modes, notes = read_data(options, path)
+    remark(*notes)
     if not isinstance(modes, ModalModel):
-        raise DataError(
-            f"modes in {path} were asked",
-            f"the file holds {summary_of(modes)}",
-            "Give a file of modes, or find them first: modalscope identify.",
-        )
+        asked, contents = f"modes in {path} were asked", f"the file holds {summary_of(modes)}"
+        raise DataError(asked, contents, "Give a file of modes, or identify them: modalscope identify.")
     return modes
 
 
+def choices(options: argparse.Namespace) -> dict[str, Any]:
+    """Return band, route, delays and excluded channels as keyword arguments of the identification."""
+    band = None if options.band is None else tuple(options.band)
+    return {"band": band, "route": options.route, "delays": parse_delays(options.delays), "exclude": options.exclude}
+
+
 def reading_options(options: argparse.Namespace, path: Path) -> dict[str, Any]:
-    """Return the options of `modalscope.io.read` for one of the files; what it may take of the memory is set for the process."""
+    """Return the options of `modalscope.io.read` for one of the files, and set the memory limit of the process."""
     set_max_memory(options.max_memory)
     given: dict[str, Any] = {"quantity": options.quantity} if options.quantity else {}
-    given |= {name: value for name in _AS_GIVEN if (value := getattr(options, name)) not in (None, False)}
+    given |= {name: value for name in _READ_OPTIONS if (value := getattr(options, name)) not in (None, False)}
     if options.geometry:
         given["geometry"] = [options.geometry, options.lines] if options.lines else options.geometry
     if options.units:
@@ -77,12 +79,14 @@ def reading_options(options: argparse.Namespace, path: Path) -> dict[str, Any]:
 
 
 def _labels(name: str, items: list[str], files: list[Path], path: Path) -> list[str]:
-    """Return the labels of the channels of one file: those for all, or its own item."""
+    """Return the channel labels of one file: the single item, or that of the file."""
     if len(items) not in (1, len(files)):
-        raise DataError(
+        asked, counts = (
             f"--{name.replace('_', '-')} {' '.join(items)} was asked",
-            f"there are {len(items)} items and {len(files)} files",
-            "Give one item for all files, or one for each; labels of one file have commas between them.",
+            f"{len(items)} items for {len(files)} files",
+        )
+        raise DataError(
+            asked, f"these are {counts}", "Give one item for all files or one per file, labels separated by commas."
         )
     return items[0 if len(items) == 1 else files.index(path)].split(",")
 
@@ -91,16 +95,13 @@ def _pairs(name: str, items: list[str], example: str) -> dict[str, str]:
     pairs = [item.partition("=") for item in items]
     for item, (old, sign, new) in zip(items, pairs, strict=True):
         if not (old and sign and new):
-            raise DataError(
-                f"--{name} {item} was asked",
-                "it is not of the form NAME=VALUE",
-                f"Write for instance --{name} {example}.",
-            )
+            asked, form = f"--{name} {item} was asked", "its form is NAME=VALUE"
+            raise DataError(asked, form, f"Write for instance --{name} {example}.")
     return {old: new.replace(",", " ") for old, _, new in pairs}
 
 
 def parse_orders(text: str | None) -> range | None:
-    """Read `2:60:2`, `2:60` or `40`; both ends belong to the range.
+    """Return the range `2:60:2`, `2:60` or `40`, both ends included.
 
     Examples
     --------
@@ -115,16 +116,13 @@ def parse_orders(text: str | None) -> range | None:
         parts = []
     first, last, step = {1: (*parts, *parts, 1), 2: (*parts, 1), 3: tuple(parts)}.get(len(parts), (0, 0, 0))
     if not (1 <= first <= last and step >= 1):
-        raise DataError(
-            f"orders {text!r} were asked",
-            "they are not of the form FIRST:LAST:STEP, FIRST at least 1",
-            "Write for instance --orders 2:60:2.",
-        )
+        form = "their form is FIRST:LAST:STEP, FIRST at least 1"
+        raise DataError(f"orders {text!r} were asked", form, "Write for instance --orders 2:60:2.")
     return range(first, last + 1, step)
 
 
 def parse_delays(words: Sequence[str] | None) -> dict[str, int] | None:
-    """Read `y3=12 y4=12`, or `none`, which takes no delay out.
+    """Return the delays `y3=12 y4=12` in samples; `none` removes no delay.
 
     Examples
     --------
@@ -137,9 +135,6 @@ def parse_delays(words: Sequence[str] | None) -> dict[str, int] | None:
         return {}
     parts = [word.rpartition("=") for word in words]
     if not all(dof and samples.isdecimal() for dof, _, samples in parts):
-        raise DataError(
-            f"delays {' '.join(words)!r} were asked",
-            "they are not of the form DOF=SAMPLES, a whole number of samples",
-            "Write for instance --delays y3=12 y4=12, or --delays none.",
-        )
+        asked, form = f"delays {' '.join(words)!r} were asked", "their form is DOF=SAMPLES, in whole samples"
+        raise DataError(asked, form, "Write for instance --delays y3=12 y4=12, or --delays none.")
     return {dof: int(samples) for dof, _, samples in parts}

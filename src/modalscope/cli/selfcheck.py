@@ -1,33 +1,25 @@
-"""modalscope selfcheck: whether this installation gives published numbers again."""
+"""Recompute published tables with this installation, value by value."""
 
 from __future__ import annotations
 
 import argparse
 
-from modalscope.cli.parser import Commands
+from modalscope.cli.parser import Parser
 
 
-def add(commands: Commands) -> None:
-    """Add the command to the list."""
-    parser = commands.add_parser(
-        "selfcheck",
-        help="recompute published tables with this installation",
-        description="Recompute the published tables that come with the package, value by value.",
-    )
-    parser.set_defaults(run=run)
+def add(parser: Parser) -> None:
+    """Add no argument."""
 
 
 def run(options: argparse.Namespace) -> None:
-    """Print every published value beside the computed one; what differs is an error."""
+    """Print every published value with the computed one; a difference is an error."""
     from modalscope.checking.selfcheck import selfcheck
     from modalscope.data import DataError
 
-    found = selfcheck()
-    print(found.table())
-    wrong = [value for value in found.values if not value.same]
+    check = selfcheck()
+    print(check.table())
+    wrong = [value for value in check.values if not value.same]
     if wrong:
-        raise DataError(
-            f"{len(found.values)} published values were recomputed",
-            f"{len(wrong)} differ, the first in {wrong[0].table}: {wrong[0].computed:.8g}, not {wrong[0].published:g}",
-            "Check the versions of numpy and scipy, and report it.",
-        )
+        first = f"the first in {wrong[0].table}: {wrong[0].computed:.8g}, not {wrong[0].published:g}"
+        asked, differences = f"{len(check.values)} published values were recomputed", f"{len(wrong)} differ, {first}"
+        raise DataError(asked, differences, "Check the versions of numpy and scipy, and report the difference.")

@@ -1,4 +1,4 @@
-"""Choose who sums over stored records: this process, other processes, or the workers of a Dask scheduler."""
+"""Choose the executor of sums over stored records: this process, other processes, or the workers of a Dask scheduler."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from modalscope.cli.process import complain, progress
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.executors import working
 
-#: Dask's workers give memory back at once, and are given it again for the next transform: these keep it. And every process of Dask looks at
-#: itself many times a second, which beside tasks of seconds tells nothing and takes a tenth of a second of a processor each second.
+#: By default Dask's workers return freed memory at once and request it again for the next transform; with these they keep it. Its monitors
+#: run less often: at tasks of seconds the default intervals cost a tenth of a processor per process.
 LOCAL_SETTINGS = {
     **{f"distributed.nanny.pre-spawn-environ.MALLOC_{name}_THRESHOLD_": 1_000_000_000 for name in ("TRIM", "MMAP")},
     "distributed.worker.profile.enabled": False,
@@ -21,48 +21,50 @@ LOCAL_SETTINGS = {
     "distributed.worker.memory.monitor-interval": "2s",
 }
 
-#: What begins the address of processes of this machine, and seconds that a scheduler has to answer.
-_LOCAL, _SECONDS = "local", 20
+#: Prefix of the address of processes on this machine.
+_LOCAL_ADDRESS = "local"
+
+#: Seconds that a scheduler has to answer.
+_CONNECT_SECONDS = 20
 
 
 @contextmanager
 def workers_of(options: argparse.Namespace) -> Iterator[None]:
-    """Let the workers named on the command line share the work while the block runs; partial sums are kept where that is asked.
+    """Use the executor of the command line while the block runs, and save partial sums if asked.
 
-    `options`: with `scheduler` and `resume`, where the command takes them.
+    `options`: with `scheduler` and `resume`, if the command has them.
     """
     address, save = getattr(options, "scheduler", None), getattr(options, "resume", None)
-    with ExitStack() as held:
-        client = None if address is None else _client(address, held)
-        show = held.enter_context(progress("summing", "stretch"))
-        held.enter_context(working(client, progress=show, save=save))
+    with ExitStack() as stack:
+        client = None if address is None else _client(address, stack)
+        show = stack.enter_context(progress("summing", "stretch"))
+        stack.enter_context(working(client, progress=show, save=save))
         yield
 
 
-def _client(address: str, held: ExitStack) -> Any:
-    """Return a client of a scheduler, which is closed at the end, and so are processes that were started for it."""
+def _client(address: str, stack: ExitStack) -> Any:
+    """Return a client of a scheduler; the stack closes it and the processes that were started for it."""
     from modalscope.numerics.extras import optional_package
 
     distributed = optional_package("--scheduler", "distributed", "cluster")
-    if address.split(":")[0] == _LOCAL:
-        count = address.removeprefix(_LOCAL).removeprefix(":")
+    if address.split(":")[0] == _LOCAL_ADDRESS:
+        count = address.removeprefix(_LOCAL_ADDRESS).removeprefix(":")
         if count and not (count.isdecimal() and int(count)):
             raise _wrong(address, f"{count!r} is no number of processes")
         workers = {"n_workers": int(count)} if count else {}
-        held.enter_context(optional_package("--scheduler", "dask", "cluster").config.set(LOCAL_SETTINGS))
-        address = held.enter_context(
+        stack.enter_context(optional_package("--scheduler", "dask", "cluster").config.set(LOCAL_SETTINGS))
+        address = stack.enter_context(
             distributed.LocalCluster(**workers, threads_per_worker=1, dashboard_address=None, silence_logs=40)
         )
     try:
-        client = held.enter_context(distributed.Client(address, timeout=_SECONDS))
+        client = stack.enter_context(distributed.Client(address, timeout=_CONNECT_SECONDS))
         if not client.nthreads():
-            complain(f"no worker has joined {address} yet; waiting for one: dask worker {address}")
+            complain(f"{address} has no worker yet; waiting for one: dask worker {address}")
         return client
     except (OSError, ValueError, TypeError) as error:
         raise _wrong(address, f"no scheduler answers there ({type(error).__name__}: {error})") from None
 
 
-def _wrong(address: str, found: str) -> DataError:
-    return DataError(
-        f"--scheduler {address} was asked", found, "Give the address that `dask scheduler` prints, or local:4."
-    )
+def _wrong(address: str, reason: str) -> DataError:
+    remedy = "Give the address that `dask scheduler` prints, or local:4."
+    return DataError(f"--scheduler {address} was asked", reason, remedy)
