@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 import modalscope as ms
-from modalscope.plot.web.poles import fit_of_bands
+from modalscope.plot.web.fits import fit_of_bands
 from tools.jobs import JOBS, Missing, Told, face, job, measured, numbers
 
 __all__ = ["FILES", "JOBS", "Missing", "listed"]

@@ -1,4 +1,4 @@
-// What is asked of the server. An error has the three parts of a DataError: asked, found, change.
+// Requests to the server. An error has the three parts of a DataError: asked, found, change.
 import { unpack } from "./blob.js";
 
 export class Refused extends Error {
@@ -16,7 +16,7 @@ async function ask(path, options = {}) {
   try {
     answer = await fetch(path, { credentials: "same-origin", ...options });
   } catch {
-    throw new Refused({ asked: "the server was asked", found: "it does not answer", change: "Start it again: modalscope app. Documents are kept." }, 0);
+    throw new Refused({ asked: "a request was sent", found: "the server does not answer", change: "Start it again: modalscope app. Documents are kept." }, 0);
   }
   if (answer.ok) return answer;
   const text = await answer.text();
@@ -24,7 +24,7 @@ async function ask(path, options = {}) {
   try {
     parts = JSON.parse(text);
   } catch {
-    parts = { asked: "the server was asked", found: text.trim() || `it answered ${answer.status}`, change: answer.status === 401 ? "Open the address that it printed." : "Try again." };
+    parts = { asked: "a request was sent", found: text.trim() || `the server answered ${answer.status}`, change: answer.status === 401 ? "Open the address that it printed." : "Try again." };
   }
   throw new Refused(parts, answer.status);
 }
@@ -47,7 +47,7 @@ export function upload(file, progress) {
       if (request.status === 200) resolve(parts.file);
       else reject(new Refused(parts, request.status));
     };
-    request.onerror = () => reject(new Refused({ asked: `${file.name} was dropped`, found: "the server did not take it", change: "Is it too large, or has the server ended?" }, 0));
+    request.onerror = () => reject(new Refused({ asked: `uploading ${file.name} was asked`, found: "the server rejected it", change: "Check its size, and whether the server is running." }, 0));
     request.responseType = "json";
     request.send(file);
   });

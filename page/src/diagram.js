@@ -4,7 +4,7 @@ import { axis, decibels, fitted, uPlot, wheelZoom } from "./chart.js";
 import { colour, fill, h, hertz, number, rgb, soon } from "./dom.js";
 import { makePixels, packed, stamped } from "./pixels.js";
 
-/** Kinds as modalscope.app.views numbers them. */
+/** Kinds as modalscope.plot.web.poles numbers them. */
 export const KINDS = [
   { letter: "o", words: "new", colour: "pole-new" },
   { letter: "f", words: "frequency", colour: "pole-f" },
@@ -32,7 +32,7 @@ export const ends = (bands) => [Math.min(...bands.map((b) => b[0])), Math.max(..
  */
 export function makeDiagram(place, acts = {}) {
   const tip = h("div.tip", { hidden: true, role: "tooltip" });
-  const holder = h("div.plot", { tabIndex: 0, role: "application", "aria-label": "Stabilization diagram: arrow keys walk over poles, Enter takes or refuses" });
+  const holder = h("div.plot", { tabIndex: 0, role: "application", "aria-label": "Stabilization diagram: arrow keys select poles, Enter takes or refuses" });
   place.append(holder, tip);
   /** @type {Poles} */
   let poles = { frequency: [], damping: [], order: [], kind: [] };

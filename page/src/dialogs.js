@@ -15,7 +15,7 @@ export function dialog(title, inside, kind = "") {
 
 /** @param {any} parts  asked, found, change */
 export function errorBox(parts) {
-  return h("div.error", { role: "alert" }, h("b", {}, cap(parts.asked ?? "That was asked"), ", but ", parts.found ?? parts.text ?? "", "."), h("span", {}, ` ${parts.change ?? ""}`));
+  return h("div.error", { role: "alert" }, h("b", {}, cap(parts.asked ?? "A request was sent"), ", but ", parts.found ?? parts.text ?? "", "."), h("span", {}, ` ${parts.change ?? ""}`));
 }
 
 /** @param {string} text */
@@ -30,10 +30,10 @@ export function namedToLeave(change) {
 /** @param {any[]} findings @param {any[]} notes @param {(channel: string) => void} exclude */
 export function showFindings(findings, notes, exclude) {
   const listed = findings.map((f) =>
-    h("li", {}, h("b", {}, `${f.kind}: ${f.channels.join(", ")}`), h("p", {}, `${cap(f.reason)}. ${f.change}`), (/leave|exclude/.test(f.change) ? f.channels : []).map((/** @type {string} */ c) => h("button.small", { onclick: () => (exclude(c), shown.element.close()) }, `leave ${c} out`))),
+    h("li", {}, h("b", {}, `${f.kind}: ${f.channels.join(", ")}`), h("p", {}, `${cap(f.reason)}. ${f.change}`), (/leave|exclude|drop/i.test(f.change) ? f.channels : []).map((/** @type {string} */ c) => h("button.small", { onclick: () => (exclude(c), shown.element.close()) }, `exclude ${c}`))),
   );
-  const shown = dialog("What was seen in the data", [
-    listed.length ? h("ul.findings", {}, listed) : h("p", {}, "Nothing is wrong with these data, as far as can be seen."),
+  const shown = dialog("Findings about the data", [
+    listed.length ? h("ul.findings", {}, listed) : h("p", {}, "No data problem found."),
     notes.length ? h("h3", {}, "Notes") : null,
     h("ul.notes", {}, notes.filter((n) => !n.kind.startsWith("data:")).map((n) => h("li", {}, n.text))),
   ]);
@@ -52,11 +52,11 @@ export function showComparison(found) {
   const methods = found.methods.map((/** @type {any} */ m) => h("tr", {}, h("td", {}, m.label), h("td.num", {}, m.modes ?? "–"), h("td.num", {}, m.fit === null ? "–" : number(100 * m.fit, 3)), h("td.words", {}, m.failure)));
   const picture = (/** @type {string} */ name, /** @type {string} */ words) => (found.pictures[name] ? h("figure", {}, h("img", { alt: words, src: `data:image/svg+xml;utf8,${encodeURIComponent(found.pictures[name])}` }), h("figcaption", {}, words)) : null);
   dialog(
-    "Every method on these data",
+    "All methods on these data",
     [
       found.verdict.split("\n").map((/** @type {string} */ line) => h("p", {}, line)),
-      h("div.scroll", {}, h("table", {}, heads("#", ["f [Hz]", "ζ [%]", "between [Hz]"], "found by", "trust", "why"), h("tbody", {}, rows))),
-      h("div.pictures", {}, picture("map", "Map of methods: near means alike"), picture("deviations", "Every method against the consensus")),
+      h("div.scroll", {}, h("table", {}, heads("#", ["f [Hz]", "ζ [%]", "between [Hz]"], "identified by", "trust", "reason"), h("tbody", {}, rows))),
+      h("div.pictures", {}, picture("map", "Map of methods by the distance of their poles"), picture("deviations", "Deviation of each method from the consensus")),
       h("div.scroll", {}, h("table", {}, heads("method", ["modes", "fit error [%]"], "remark"), h("tbody", {}, methods))),
       Object.entries(found.causes).map(([name, cure]) => h("p", {}, h("b", {}, `${cap(name)}: `), String(cure))),
     ],
@@ -71,11 +71,11 @@ export function editGeometry(outputs, give) {
   const lines = h("textarea", { rows: 12, spellcheck: false, "aria-label": "Lines: pairs of nodes", value: nodes.slice(1).map((n, i) => `${nodes[i]},${n}`).join("\n") });
   const file = h("input", { type: "file", accept: ".csv,.txt,.uff,.unv,.msh,.vtk,.inp,.bdf,.stl,.obj", "aria-label": "A file of points, or a mesh" });
   const csv = (/** @type {string} */ name, /** @type {string} */ text) => new File([`${text.trim()}\n`], name, { type: "text/csv" });
-  const done = h("button.primary", { onclick: use }, "Use it");
-  const shown = dialog("Where the sensors are", [
-    h("p", {}, "One point a line: the node of a channel and its coordinates. Channels are named after their node and direction, such as 3:+Z. Lines join two nodes."),
+  const done = h("button.primary", { onclick: use }, "Apply");
+  const shown = dialog("Sensor positions", [
+    h("p", {}, "One point per line: the node of a channel and its coordinates. Channels are named by node and direction, such as 3:+Z. Lines join two nodes."),
     h("div.pictures", {}, h("label", {}, "Points", points), h("label", {}, "Lines", lines)),
-    h("p", {}, "Or a file: a table node,x,y,z, a universal file, a mesh. ", file),
+    h("p", {}, "Or from a file: a table node,x,y,z, a universal file, a mesh. ", file),
     h("footer", {}, done),
   ]);
   function use() {
@@ -88,7 +88,7 @@ export function editGeometry(outputs, give) {
 /** @param {string} script */
 export function showScript(script) {
   const copy = h("button", { onclick: () => navigator.clipboard.writeText(script).then(() => fill(copy, "copied")) }, "copy");
-  dialog("The script that gives the same modes", [h("pre", { tabIndex: 0 }, script), h("footer", {}, copy)]);
+  dialog("Script that repeats the analysis", [h("pre", { tabIndex: 0 }, script), h("footer", {}, copy)]);
 }
 
 /** @param {string[][]} keys */

@@ -15,30 +15,30 @@ import { makeShape } from "./shape.js";
 import { makeWelcome } from "./welcome.js";
 
 const KEYS = [
-  ["↑ ↓", "the mode before, the mode after (j, k too)"],
+  ["↑ ↓", "previous / next mode (k, j)"],
   ["x", "refuse the mode"],
   ["n", "name the mode"],
-  ["a", "leave the choice to the program"],
-  ["space", "shape: play or stand still"],
+  ["a", "return to the automatic selection"],
+  ["space", "shape: play or pause"],
   ["1 2 3 4 5", "shape: 3D, top, front, side, all four"],
-  ["[ ]", "curve: the output before, the one after"],
-  ["z", "diagram: the whole band"],
+  ["[ ]", "response: previous / next output"],
+  ["z", "diagram: full range"],
   ["l", "diagram: letters or marks"],
   ["i", "diagram: indicator in dB or linear"],
-  ["p", "diagram: walk over poles by arrows, Enter takes or refuses"],
+  ["p", "diagram: select poles by arrow keys, Enter takes or refuses"],
   ["Ctrl+Z Ctrl+Y", "undo, redo"],
   ["s", "save the document"],
   ["e", "export"],
   ["r", "report"],
-  ["c", "compare every method"],
-  ["Esc", "stop what is computed"],
+  ["c", "compare all methods"],
+  ["Esc", "stop the computation"],
   ["d", "light or dark"],
-  ["?", "these keys"],
+  ["?", "show the keys"],
 ];
 
 const WORDS = {
-  idle: "", waiting: "waiting for a process", reading: "reading the file", factoring: "factoring", sweeping: "order by order", selecting: "choosing modes",
-  refining: "refining values", done: "", failed: "", stopped: "stopped; nothing that was chosen is lost",
+  idle: "", waiting: "waiting for a process", reading: "reading the file", factoring: "factoring the data matrix", sweeping: "orders computed", selecting: "selecting modes",
+  refining: "refining values", done: "", failed: "", stopped: "stopped; all choices are kept",
 };
 
 const root = /** @type {HTMLElement} */ (document.getElementById("page"));
@@ -93,14 +93,14 @@ function makeWork(begin, state) {
   };
   const settings = makeSettings(places.settings, { set: (fields) => act("set", fields), order: (order) => diagram.setOrder(order), automatic: () => act("automatic"), read: (options) => act("reading", options) }, begin.methods);
   const box = h("div.diagram-box");
-  places.diagram.append(h("div.bar", {}, h("h2", {}, "Stabilization"), legend, h("span.space"), h("button.small", { onclick: () => diagram.toggleLetters(), title: "Letters or marks (l)" }, "o f d v s"), h("button.small", { onclick: () => diagram.toggleLinear(), title: "Indicator in dB or linear (i)" }, "dB"), h("button.small", { onclick: () => diagram.whole(), title: "The whole band (z)" }, "whole")), box);
+  places.diagram.append(h("div.bar", {}, h("h2", {}, "Stabilization"), legend, h("span.space"), h("button.small", { onclick: () => diagram.toggleLetters(), title: "Letters or marks (l)" }, "o f d v s"), h("button.small", { onclick: () => diagram.toggleLinear(), title: "Indicator in dB or linear (i)" }, "dB"), h("button.small", { onclick: () => diagram.whole(), title: "Full range (z)" }, "full range")), box);
   fill(legend, [["pole-s", "stable"], ["pole-d", "damping"], ["pole-v", "shape"], ["pole-f", "frequency"], ["pole-new", "new"]].map(([c, words]) => h("span", {}, h(`i.key.${c}`), words)));
   const diagram = makeDiagram(box, { take: (i) => take(diagram.poles.frequency[i]), refuse, select });
   const strip = makeOverview(places.strip, (band) => act("set", { bands: band ? [band.map((f) => Number(f.toPrecision(6)))] : [] }));
   const modes = makeModes(places.modes, { select, refuse, take, rename: (i, name) => act("name", { frequency: shown()[i].frequency, name }) });
   const shape = makeShape(places.shape, { geometry: () => found && editGeometry(found.outputs, geometry) });
   const response = makeResponse(places.response, async (output, column) => (found ? api.channel(now.key, output, column) : null));
-  places.matrix.prepend(h("div.bar", {}, h("h2", {}, "MAC")));
+  places.matrix.prepend(h("div.bar", {}, h("h2", {}, "AutoMAC")));
   const matrix = makeMatrix(places.matrix, select);
 
   /** Modes as they are shown: those found, without what was refused since, with what was taken since. */
@@ -193,7 +193,7 @@ function makeWork(begin, state) {
     const box_ = errorBox(parts);
     const byHand = now.document.taken.length + now.document.refused.length;
     const out = namedToLeave(parts.change ?? "");
-    box_.append(h("span.does", {}, out.length ? h("button.small", { onclick: () => act("set", { exclude: [...now.document.exclude, ...out] }) }, `leave ${out.join(", ")} out`) : null, byHand ? h("button.small", { onclick: () => act("automatic") }, "leave the choice to the program") : null, now.undo ? h("button.small", { onclick: () => act("undo") }, "undo") : null, h("button.small", { onclick: () => act("again") }, "again")));
+    box_.append(h("span.does", {}, out.length ? h("button.small", { onclick: () => act("set", { exclude: [...now.document.exclude, ...out] }) }, `exclude ${out.join(", ")}`) : null, byHand ? h("button.small", { onclick: () => act("automatic") }, "automatic selection") : null, now.undo ? h("button.small", { onclick: () => act("undo") }, "undo") : null, h("button.small", { onclick: () => act("again") }, "again")));
     return box_;
   }
 
@@ -252,7 +252,7 @@ function makeWork(begin, state) {
     diagram.setCurves({ lines: blob.lines, levels: rows(blob) }, now.document.bands.length === 1 ? now.document.bands[0] : ends(blob.bands));
     diagram.setPoles(blob, Math.max(...blob.orders, 2));
     settings.setTop(Math.max(...blob.orders, 2));
-    settings.setUsed(now.document.method ? "" : `taken: ${blob.label}`);
+    settings.setUsed(now.document.method ? "" : `automatic: ${blob.label}`);
     drawModes();
   }
 
@@ -282,7 +282,7 @@ function makeWork(begin, state) {
     const bad = (found.findings ?? []).length;
     if (!blob.early) {
       findings.classList.toggle("bad", bad > 0);
-      fill(findings, bad ? `${bad} finding${bad > 1 ? "s" : ""}` : "data look well");
+      fill(findings, bad ? `${bad} finding${bad > 1 ? "s" : ""}` : "no data problem found");
     }
     settings.setChannels(found.outputs);
     shape.set(found, Math.max(0, found.modes.indexOf(listed[chosen])));
@@ -325,7 +325,7 @@ function makeWork(begin, state) {
   }
 
   async function compare() {
-    const wait = dialog("Every method on these data", [h("p", { role: "status" }, "Identifying by every method of the table…"), h("div.progress", {}, h("div.progress-bar")), h("footer", {}, h("button", { onclick: () => api.cancel(now.key) }, "stop"))]);
+    const wait = dialog("All methods on these data", [h("p", { role: "status" }, "Running all methods…"), h("div.progress", {}, h("div.progress-bar")), h("footer", {}, h("button", { onclick: () => api.cancel(now.key) }, "stop"))]);
     asked = (/** @type {any} */ m) => (/** @type {HTMLElement} */ (wait.body.querySelector(".progress-bar")).style.width = `${(100 * m.done) / m.total}%`);
     try {
       const answer = await api.compare(now.key);

@@ -1,9 +1,9 @@
-// The MAC of all modes with each other.
+// The AutoMAC of the modes.
 import { colour, h, onTheme, soon } from "./dom.js";
 
 /** @param {HTMLElement} place @param {(mode: number) => void} select */
 export function makeMatrix(place, select) {
-  const canvas = h("canvas", { role: "img", "aria-label": "MAC of the modes with each other" });
+  const canvas = h("canvas", { role: "img", "aria-label": "AutoMAC of the modes" });
   const words = h("div.muted.matrix-words");
   const holder = h("div.plot", {}, canvas);
   place.append(holder, words);

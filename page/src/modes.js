@@ -26,7 +26,7 @@ export function makeModes(place, acts) {
       h("td", {}, h("button.link", { "aria-label": `mode ${i + 1}`, onclick: () => acts.select(i) }, i + 1)),
       h("td.num", {}, h("b", {}, hertz(mode.frequency, highest)), h("small", {}, plusMinus(mode.frequency_interval)), mode.name ? h("em", {}, mode.name) : null),
       h("td.num", {}, digits(100 * mode.damping), h("small", {}, plusMinus(mode.damping_ratio_interval, 100))),
-      h("td.num", {}, mode.pending ? h("span.muted", { title: "The pole's own values; refined ones follow" }, "…") : mode.mpc === undefined || mode.mpc === null ? "–" : mode.mpc.toFixed(2)),
+      h("td.num", {}, mode.pending ? h("span.muted", { title: "Values of the pole; refinement pending" }, "…") : mode.mpc === undefined || mode.mpc === null ? "–" : mode.mpc.toFixed(2)),
     ];
     if (acts.refuse)
       cells.push(
@@ -67,9 +67,9 @@ export function makeModes(place, acts) {
     const mode = modes[chosen];
     if (!mode) return fill(why);
     const told = Object.entries(mode.indicators ?? {}).map(([name, value]) => `${name.replace(/_/g, " ")} ${number(value, 3)}`);
-    if (mode.gain !== undefined && mode.gain !== null) told.unshift(`gain ${number(mode.gain, 3)} deviations`);
+    if (mode.gain !== undefined && mode.gain !== null) told.unshift(`significance ${number(mode.gain, 3)}`);
     const before = mode.frequency_before ? `before refinement ${number(mode.frequency_before, 6)} Hz, ${number(100 * mode.damping_before, 3)} %` : "";
-    return fill(why, h("p", {}, h("b", {}, mode.name ? `Mode ${chosen + 1}, ${mode.name}: ` : `Mode ${chosen + 1}: `), mode.text || (mode.pending ? "taken by hand; its own values until they are refined" : "")), h("p.muted", {}, [before, ...told].filter(Boolean).join(" · ")));
+    return fill(why, h("p", {}, h("b", {}, mode.name ? `Mode ${chosen + 1}, ${mode.name}: ` : `Mode ${chosen + 1}: `), mode.text || (mode.pending ? "taken by hand; refinement pending" : "")), h("p.muted", {}, [before, ...told].filter(Boolean).join(" · ")));
   }
 
   return {
@@ -80,7 +80,7 @@ export function makeModes(place, acts) {
       fill(heading, "Modes", modes.length ? h("span.count", {}, modes.length) : null);
       fill(body, modes.map((mode, i) => row(mode, i, highest)));
       explain();
-      const refused = given.refused.map((f) => h("li", {}, h("b.struck", {}, `${number(f, 6)} Hz`), " refused by hand ", acts.take ? h("button.small", { onclick: () => acts.take(f) }, "take back") : null));
+      const refused = given.refused.map((f) => h("li", {}, h("b.struck", {}, `${number(f, 6)} Hz`), " refused by hand ", acts.take ? h("button.small", { onclick: () => acts.take(f) }, "restore") : null));
       const out = given.leftOut.map((c) =>
         h("li", {}, h("div", {}, h("b", {}, `${number(c.frequency_hz, 5)} Hz`), h("span.muted", {}, ` ${number(100 * c.damping_ratio, 3)} %`), acts.take ? h("button.small", { "aria-label": `take the candidate at ${number(c.frequency_hz, 5)} Hz`, onclick: () => acts.take(c.frequency_hz) }, icon(ICONS.plus), "take") : null), h("p.muted", {}, c.reason)),
       );
@@ -88,7 +88,7 @@ export function makeModes(place, acts) {
         left,
         given.words ? h(`p.explained${given.loud ? ".loud" : ""}`, {}, given.words) : null,
         refused.length ? h("ul", {}, refused) : null,
-        out.length ? h("details", { open: /** @type {any} */ (left.querySelector("details"))?.open ?? true }, h("summary", {}, `Left out, and why (${out.length})`), h("ul", {}, out)) : null,
+        out.length ? h("details", { open: /** @type {any} */ (left.querySelector("details"))?.open ?? true }, h("summary", {}, `Candidates left out (${out.length})`), h("ul", {}, out)) : null,
       );
     },
     choose(/** @type {number} */ mode) {

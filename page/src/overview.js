@@ -1,4 +1,4 @@
-// The strip over all that was measured: drag to choose the band.
+// The strip over the full range: drag to select a band.
 import { colour, h, hertz, onTheme, soon } from "./dom.js";
 
 /**
@@ -6,7 +6,7 @@ import { colour, h, hertz, onTheme, soon } from "./dom.js";
  * @param {(band: [number, number] | null) => void} choose
  */
 export function makeOverview(place, choose) {
-  const canvas = h("canvas", { role: "img", "aria-label": "Mode indicator over all that was measured; drag to choose the band" });
+  const canvas = h("canvas", { role: "img", "aria-label": "Mode indicator over the full range; drag to select a band" });
   const words = h("div.strip-words", { "aria-hidden": true });
   place.append(canvas, words);
   let lines = /** @type {ArrayLike<number>} */ ([]);
@@ -37,7 +37,7 @@ export function makeOverview(place, choose) {
       ctx.fill();
     }
     const shown = drag?.band ?? band;
-    words.textContent = shown ? `${hertz(shown[0], span[1])} – ${hertz(shown[1], span[1])} Hz` : "the whole of it; drag to choose a band";
+    words.textContent = shown ? `${hertz(shown[0], span[1])} – ${hertz(shown[1], span[1])} Hz` : "Full range: drag to select a band";
   });
 
   /** @param {number} f @param {number} w */

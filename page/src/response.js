@@ -18,7 +18,7 @@ const FORMS = {
 export function makeResponse(place, ask) {
   const outputs = h("select", { "aria-label": "Output", onchange: load });
   const inputs = h("select", { "aria-label": "Input", onchange: load });
-  const forms = h("select", { "aria-label": "What is drawn", onchange: () => draw() }, Object.keys(FORMS).map((name) => h("option", {}, name)));
+  const forms = h("select", { "aria-label": "Representation", onchange: () => draw() }, Object.keys(FORMS).map((name) => h("option", {}, name)));
   const fit = h("span.muted.fit");
   const holder = h("div.plot");
   place.append(h("div.bar", {}, outputs, inputs, forms, fit), holder);
@@ -45,7 +45,7 @@ export function makeResponse(place, ask) {
     const form = FORMS[forms.value];
     chart?.destroy();
     fill(holder);
-    fit.textContent = data.fit === null ? "" : `left: ${number(100 * data.fit, 3)} %`;
+    fit.textContent = data.fit === null ? "" : `unexplained: ${number(100 * data.fit, 3)} %`;
     const sides = ["measured", "rebuilt"].map((side) => [data[`${side}_real`], data[`${side}_imag`]]);
     const nyquist = form.of === null;
     const values = nyquist ? [] : sides.map(([x, y]) => Array.from(x, (v, i) => (Number.isFinite(v) ? form.of(v, y[i]) : null)));

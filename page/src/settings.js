@@ -13,14 +13,14 @@ export function makeSettings(place, acts, methods) {
   const method = h("select", { "aria-label": "Method", onchange: () => acts.set(split(method.value)) }, h("option", { value: "|" }, "automatic"), groups(known));
   const [first, last, step] = ["first", "last", "step"].map((name) => h("input", { type: "number", min: 1, max: 2000, placeholder: name, "aria-label": `Orders: ${name}`, onchange: orders }));
   const refine = h("input", { type: "checkbox", onchange: () => acts.set({ refine: refine.checked }) });
-  const slider = h("input", { type: "range", min: 2, max: 80, value: 80, "aria-label": "Highest order that is shown", oninput: () => slide() });
+  const slider = h("input", { type: "range", min: 2, max: 80, value: 80, "aria-label": "Highest displayed order", oninput: () => slide() });
   const shown = h("output");
   const channels = h("div.channels");
   const box = h("details", {}, h("summary", {}, "Channels"), channels);
-  const columns = h("input.name", { "aria-label": "What the columns of a table are", placeholder: "in=2,out=3-7", title: "Columns of a table, counted from 1: time=1,in=2,out=3-7; a free decay is time=1,decay=2-5", onchange: read });
+  const columns = h("input.name", { "aria-label": "Roles of the columns of a table", placeholder: "in=2,out=3-7", title: "Columns of a table, counted from 1: time=1,in=2,out=3-7; a free decay is time=1,decay=2-5", onchange: read });
   const rate = h("input", { type: "number", step: "any", min: 0, "aria-label": "Sampling rate, Hz", placeholder: "rate", onchange: read });
-  const rows = h("input.name", { "aria-label": "Which rows of a table are taken", placeholder: "202-", title: "Rows of a table, counted from 1: 202-4000, or 202- for all from there on", onchange: read });
-  const reading = h("details", {}, h("summary", {}, "How it is read"), h("div.pair", {}, "columns", columns), h("div.pair", {}, "rows", rows), h("div.pair", {}, "samples", rate, h("span.muted", {}, "Hz")));
+  const rows = h("input.name", { "aria-label": "Rows of a table to read", placeholder: "202-", title: "Rows of a table, counted from 1: 202-4000, or 202- for all from row 202", onchange: read });
+  const reading = h("details", {}, h("summary", {}, "Reading options"), h("div.pair", {}, "columns", columns), h("div.pair", {}, "rows", rows), h("div.pair", {}, "samples", rate, h("span.muted", {}, "Hz")));
   const data = h("p.muted.data");
   const used = h("p.muted");
   const hand = h("div.hand");
@@ -28,8 +28,8 @@ export function makeSettings(place, acts, methods) {
     h("h2", {}, "Data"), data, box, reading,
     h("h2", {}, "Band"), h("div.pair", {}, low, "–", high, h("span.muted", {}, "Hz")), h("p.hint", {}, "or drag on the strip below the diagram"),
     h("h2", {}, "Method"), method, used,
-    h("h2", {}, "Orders"), h("div.pair.three", {}, first, last, step), h("label.slider", {}, "shown to ", shown, slider),
-    h("h2", {}, "Modes"), h("label.check", { title: "Maximum of the likelihood, with deviations" }, refine, "refine values"), hand,
+    h("h2", {}, "Orders"), h("div.pair.three", {}, first, last, step), h("label.slider", {}, "shown up to ", shown, slider),
+    h("h2", {}, "Modes"), h("label.check", { title: "Maximum likelihood, with standard deviations" }, refine, "refine values"), hand,
   );
   place.addEventListener("keydown", (event) => {
     // what was typed counts, and the keys of the page work again
@@ -86,7 +86,7 @@ export function makeSettings(place, acts, methods) {
       }
       refine.checked = document.refine;
       const byHand = document.taken.length + document.refused.length;
-      fill(hand, byHand ? [h("span.muted", {}, `${document.taken.length} taken, ${document.refused.length} refused by hand `), h("button.small", { onclick: acts.automatic, title: "Leave the choice to the program (a)" }, "automatic")] : null);
+      fill(hand, byHand ? [h("span.muted", {}, `${document.taken.length} taken, ${document.refused.length} refused by hand `), h("button.small", { onclick: acts.automatic, title: "Return to the automatic selection (a)" }, "automatic")] : null);
       for (const field of channels.querySelectorAll("input")) field.checked = !document.exclude.includes(field.value);
     },
     setData(/** @type {string} */ text) {

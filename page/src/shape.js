@@ -4,9 +4,9 @@ import { makeStage, VIEW_NAMES } from "./stage.js";
 
 /** @param {HTMLElement} place @param {{geometry?: () => void}} acts */
 export function makeShape(place, acts = {}) {
-  const holder = h("div.plot.shape", { tabIndex: 0, role: "img", "aria-label": "Mode shape, moving" });
+  const holder = h("div.plot.shape", { tabIndex: 0, role: "img", "aria-label": "Animated mode shape" });
   const caption = h("div.caption");
-  const playing = h("button.small", { title: "Play or stand still (space)", "aria-label": "Play or stand still", onclick: () => toggle() });
+  const playing = h("button.small", { title: "Play or pause (space)", "aria-label": "Play or pause", onclick: () => toggle() });
   const views = h("select", { "aria-label": "View", onchange: () => see(views.value) }, VIEW_NAMES.map((name) => h("option", {}, name)));
   const real = h("select", { "aria-label": "Complex or real", onchange: () => draw() }, h("option", {}, "complex"), h("option", {}, "real"));
   const amplitude = h("input", { type: "range", min: 0, max: 0.4, step: 0.005, value: 0.12, "aria-label": "Amplitude", title: "Amplitude" });
@@ -26,7 +26,7 @@ export function makeShape(place, acts = {}) {
   let frames = 0;
   let visible = true;
   let stage = /** @type {any} */ (null);
-  const bars = h("canvas", { role: "img", "aria-label": "Mode shape as bars, one a channel" });
+  const bars = h("canvas", { role: "img", "aria-label": "Mode shape as bars, one per channel" });
 
   const loop = (/** @type {number} */ now) => {
     const step = Math.min((now - last) / 1000, 0.1);

@@ -1,4 +1,4 @@
-// Diagram, modes, shape, curve and MAC of a result that is there already: in the report and in a notebook.
+// Diagram, modes, shape, curve and MAC of a finished result: in the report and in a notebook.
 import { ends, makeDiagram } from "./diagram.js";
 import { h, number } from "./dom.js";
 import { makeMatrix } from "./matrix.js";
@@ -8,7 +8,7 @@ import { makeShape } from "./shape.js";
 
 /**
  * @param {HTMLElement} root
- * @param {any} data  a blob of modalscope.app.alive
+ * @param {any} data  a blob of modalscope.plot.web.alive
  * @param {{select?: (mode: number) => void}} acts
  */
 export function makeViewer(root, data, acts = {}) {
@@ -20,13 +20,13 @@ export function makeViewer(root, data, acts = {}) {
   };
   const box = h("div.diagram-box");
   const place = panel("diagram");
-  place.append(h("div.bar", {}, h("h2", {}, "Stabilization"), h("span.space"), h("button.small", { onclick: () => diagram.toggleLetters() }, "o f d v s"), h("button.small", { onclick: () => diagram.whole() }, "whole")), box);
+  place.append(h("div.bar", {}, h("h2", {}, "Stabilization"), h("span.space"), h("button.small", { onclick: () => diagram.toggleLetters() }, "o f d v s"), h("button.small", { onclick: () => diagram.whole() }, "full range")), box);
   const diagram = makeDiagram(box, { select });
   const modes = makeModes(panel("modes"), { select });
   const shape = makeShape(panel("shape"));
   const response = data.channels ? makeResponse(panel("response"), async (o, c) => channelOf(data, o, c)) : null;
   const matrixPlace = panel("matrix");
-  matrixPlace.append(h("div.bar", {}, h("h2", {}, "MAC")));
+  matrixPlace.append(h("div.bar", {}, h("h2", {}, "AutoMAC")));
   const matrix = makeMatrix(matrixPlace, select);
   const count = data.shapes.curves[1];
   diagram.setCurves({ lines: data.behind, levels: Array.from({ length: data.shapes.curves[0] }, (_, k) => data.curves.subarray(k * count, (k + 1) * count)) }, ends(data.bands), data.level);

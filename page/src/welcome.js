@@ -9,7 +9,7 @@ export function makeWelcome(root, begin, with_) {
   const chooser = h("input", { type: "file", multiple: true, hidden: true, onchange: () => give([...chooser.files]) });
   const bar = h("div.progress-bar");
   const progress = h("div.progress", { hidden: true }, bar);
-  const drop = h("button.drop", { onclick: () => chooser.click() }, icon(ICONS.export), h("b", {}, "Drop a measurement here"), h("span", {}, "or click to choose: responses, impulse responses, hammer, shaker or ambient records. Several files are runs or setups of one test."), h("small.muted", {}, ".uff .unv .csv .txt .xlsx .npz .npy .mat .h5 .wav .tdms …"));
+  const drop = h("button.drop", { onclick: () => chooser.click() }, icon(ICONS.export), h("b", {}, "Drop a measurement here"), h("span", {}, "or click to select files: responses, impulse responses, hammer, shaker or ambient records. Several files are runs or setups of one test."), h("small.muted", {}, ".uff .unv .csv .txt .xlsx .npz .npy .mat .h5 .wav .tdms …"));
   const over = (/** @type {boolean} */ on) => drop.classList.toggle("over", on);
   root.ondragover = (event) => {
     event.preventDefault();
@@ -29,7 +29,7 @@ export function makeWelcome(root, begin, with_) {
       progress.hidden = false;
       const names = [];
       for (const file of files) {
-        if (file.size > begin.upload) throw new api.Refused({ asked: `${file.name} was dropped`, found: `it has more than ${begin.upload / 1e6} MB`, change: "Put it into a folder and start modalscope app --folder there." }, 400);
+        if (file.size > begin.upload) throw new api.Refused({ asked: `uploading ${file.name} was asked`, found: `it has more than ${begin.upload / 1e6} MB`, change: "Move it to a folder and start modalscope app --folder there." }, 400);
         names.push(await api.upload(file, (share) => (bar.style.width = `${100 * share}%`)));
       }
       await open(names);
@@ -55,7 +55,7 @@ export function makeWelcome(root, begin, with_) {
   const size = (/** @type {number} */ bytes) => (bytes > 1e6 ? `${(bytes / 1e6).toFixed(1)} MB` : `${Math.max(1, Math.round(bytes / 1e3))} kB`);
   const file = (/** @type {any} */ f) => h("li", {}, h("button.row", { onclick: () => open([f.name]) }, icon(ICONS.folder), h("b", {}, f.name), h("span.muted", {}, size(f.size))));
   const kept = (/** @type {any} */ d) => {
-    const row = h("li", {}, h("a.row", { href: `#${d.key}` }, icon(ICONS.undo), h("b", {}, d.name), h("span.muted", {}, `${d.steps} step${d.steps > 1 ? "s" : ""}`)), h("button.small.quiet", { "aria-label": `forget ${d.name}`, title: "Forget it", onclick: () => api.forget(d.key).then(() => row.remove(), complain) }, icon(ICONS.close)));
+    const row = h("li", {}, h("a.row", { href: `#${d.key}` }, icon(ICONS.undo), h("b", {}, d.name), h("span.muted", {}, `${d.steps} step${d.steps > 1 ? "s" : ""}`)), h("button.small.quiet", { "aria-label": `delete ${d.name}`, title: "Delete it", onclick: () => api.forget(d.key).then(() => row.remove(), complain) }, icon(ICONS.close)));
     return row;
   };
   fill(
@@ -67,7 +67,7 @@ export function makeWelcome(root, begin, with_) {
       {},
       h("h1", {}, "From a measurement to modes you can defend"),
       drop, progress, chooser,
-      h("div.columns", {}, h("section", {}, h("h2", {}, begin.folder ? `In ${begin.folder}` : "Files"), begin.files.length ? h("ul", {}, begin.files.map(file)) : h("p.muted", {}, begin.folder ? "no data here" : "Start with --folder to choose from a folder.")), h("section", {}, h("h2", {}, "Go on with"), begin.documents.length ? h("ul", {}, begin.documents.map(kept)) : h("p.muted", {}, "nothing yet"))),
+      h("div.columns", {}, h("section", {}, h("h2", {}, begin.folder ? `In ${begin.folder}` : "Files"), begin.files.length ? h("ul", {}, begin.files.map(file)) : h("p.muted", {}, begin.folder ? "no data files" : "Start with --folder to choose from a folder.")), h("section", {}, h("h2", {}, "Recent documents"), begin.documents.length ? h("ul", {}, begin.documents.map(kept)) : h("p.muted", {}, "none"))),
       h("p.muted.version", {}, `modalscope ${begin.version}. Nothing leaves this machine.`),
     ),
   );

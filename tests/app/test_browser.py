@@ -107,7 +107,7 @@ def drag_a_band(window: Window) -> None:
     page.mouse.up()
     window.until("modalscope.state.document.bands.length === 1")
     window.done()
-    assert page.evaluate("[...seen].filter((text) => text.includes('order by order')).length") > 3
+    assert page.evaluate("[...seen].filter((text) => text.includes('orders computed')).length") > 3
     window.shows(5)
 
 
@@ -126,7 +126,7 @@ def refuse_by_a_click(window: Window) -> None:
 
 def take_back_and_refuse_by_key(window: Window) -> None:
     """What was refused stands below the table, and is taken from there; x refuses the chosen mode."""
-    window.page.get_by_role("button", name="take back").click()
+    window.page.get_by_role("button", name="restore").click()
     window.until("modalscope.state.document.refused.length === 0")
     window.done()
     window.shows(5)

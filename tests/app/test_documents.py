@@ -22,7 +22,7 @@ def test_the_modes_are_those_of_replay_to_the_last_digit(server: Served, key: st
     again = ms.replay(analysis_from(state["document"])).modes
     _, headers, text = server.request("GET", f"/api/documents/{key}/export/json")
     assert 'filename="plain.json"' in headers["content-disposition"]
-    place = Path(server.store.shelf.place) / "back.json"
+    place = Path(server.store.files.place) / "back.json"
     place.write_bytes(text)
     assert (ms.read(place).poles == again.poles).all()
     assert [m["frequency"] for m in server.modes(key)["modes"]] == list(again.frequencies)

@@ -131,7 +131,7 @@ def test_two_gigabytes_are_taken_and_one_byte_more_is_not(
     table = study("page, upload of the largest file allowed", f"1 file of {limit / 1e9:.2f} GB")
     table.row("memory of the server, MB", (resident() - before) / 1e6, most=LITTLE / 1e6, form=".0f")
     assert not table.missed
-    uploads = Path(wide.store.shelf.place)
+    uploads = Path(wide.store.files.place)
     kept = sum(path.stat().st_size for path in uploads.rglob("record.npy"))
     assert kept == limit
 

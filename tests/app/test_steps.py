@@ -147,7 +147,7 @@ def test_what_was_stopped_between_two_orders_has_no_result(tmp_path: Path) -> No
     with pytest.raises(InterruptedError):
         run.stages.run(document_of(data, tmp_path, orders=orders), None, enough)
     assert len([kind for kind, _ in run.told if kind == "cut"]) == 1
-    refused("there is none", run.stages.finished)
+    refused("was stopped or failed", run.stages.finished)
     run.run(document_of(data, tmp_path, orders=orders))
     for suffix in (".json", ".csv", ".uff", ".analysis.json"):
         assert TASKS["export"](run.stages, None, suffix, str(tmp_path / f"a{suffix}")).stat().st_size

@@ -44,9 +44,9 @@ def test_a_certificate_is_a_section_of_the_report(tmp_path, capsys):
     target = tmp_path / "report.html"
     assert main(["certify", str(loud(tmp_path)), *CHOICES, "-o", str(target)]) == 0
     page = target.read_text()
-    assert "Do the intervals hold" in page
-    assert "What simulations showed of every mode&#x27;s damping" in page
-    assert "has the deviation that the simulations show in its place" in page
+    assert "Coverage of the intervals" in page
+    assert "Simulated deviations of every mode&#x27;s damping" in page
+    assert "are replaced by the scatter of the simulations" in page
 
 
 def test_selfcheck_reproduces_every_published_value(capsys):

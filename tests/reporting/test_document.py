@@ -140,7 +140,7 @@ def test_the_verdict_counts_the_modes_tells_the_fit_and_names_the_least_sure(wri
     words = " ".join(read(written).words)
     assert "5 modes between" in words
     assert "explain 100 % of the measured mean square" in words
-    assert "Least sure is mode 3" in words  # its spread was made a hundred times the others'
+    assert "Least certain: mode 3" in words  # its spread was made a hundred times the others'
 
 
 def test_the_table_of_modes_holds_every_value() -> None:
@@ -341,11 +341,13 @@ def test_the_data_are_examined_and_what_is_wrong_stands_there() -> None:
     clean = chain5().frequency_response(np.linspace(0.3, 7.5, 300), quantity="acceleration", noise=0.01, seed=0)
     values = np.array(clean.values)
     values[:, 1] *= -1
-    assert "Their examination found nothing wrong." in data_section(clean, None).body
+    assert "No data problem found." in data_section(clean, None).body
     turned = data_section(replace(clean, values=values), None).body
     assert "the force takes energy out of the structure at its own point" in turned
     assert "Turn the sign of 2:+X or of its force" in turned
-    assert "nothing wrong" in data_section(replace(clean, values=values), None, findings=()).body  # those of the record
+    assert (
+        "No data problem" in data_section(replace(clean, values=values), None, findings=()).body
+    )  # those of the record
 
 
 def test_other_suffixes_folders_and_things_are_errors(tmp_path: Path) -> None:

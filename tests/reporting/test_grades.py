@@ -85,7 +85,7 @@ def test_a_shape_of_all_phases_wants_a_look() -> None:
     modes = known()
     shapes = np.array(modes.shapes, dtype=complex)
     shapes[:, 0] = np.exp(1j * np.pi / 2 * np.arange(shapes.shape[0]))  # a travelling wave: no phase is preferred
-    assert "far from one phase" in grades(replace(modes, shapes=shapes))[0].reason
+    assert "shape is complex" in grades(replace(modes, shapes=shapes))[0].reason
 
 
 def test_the_table_of_modes_opens_with_grades_and_folds_the_figures_behind() -> None:

@@ -53,7 +53,7 @@ def summary(fit: float) -> str:
 
 
 def test_the_least_sure_mode_is_the_one_whose_damping_scatters_most_of_its_own_value() -> None:
-    assert "Least sure is mode 3 at 30 Hz: its damping scatters by 20 % of its value over the orders." in summary(0.5)
+    assert "Least certain: mode 3 at 30 Hz, whose damping scatters by 20 % over the orders." in summary(0.5)
 
 
 def test_what_is_explained_is_that_of_the_mean_square_and_little_is_a_warning() -> None:

@@ -17,8 +17,9 @@ from modalscope.identification.method_names import cell_label
 from modalscope.io.analysis import analysis_to
 from modalscope.judging.select import Weighed, chosen_of, weighed
 from modalscope.modal.rebuilt import explained
+from modalscope.plot.web.fits import channel_blob, fit_of_bands
 from modalscope.plot.web.modes import modes_blob
-from modalscope.plot.web.poles import channel_blob, cut_view, fit_of_bands, overview_blob, poles_blob
+from modalscope.plot.web.poles import cut_view, overview_blob, poles_blob
 from modalscope.reporting.record import result_script
 from modalscope.workflow.analyze import concluded
 from modalscope.workflow.bands import Look, looked_at, modes_chosen

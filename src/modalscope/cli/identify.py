@@ -85,7 +85,7 @@ def result_of(options: argparse.Namespace, files: list[Path]) -> Result:
 
 def _print(result: Result, *, everything: bool = False) -> None:
     """Print the method, the notes and the modes, with the sentences of the report on all bands together."""
-    from modalscope.plot.web.poles import fit_of_bands
+    from modalscope.plot.web.fits import fit_of_bands
     from modalscope.reporting.modes import verdict_of
 
     kinds = ("file", "places", "base", "units", "units not known", "bands chosen")

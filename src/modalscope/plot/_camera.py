@@ -1,4 +1,4 @@
-"""Project nodes to the paper: along a line, in a plane, or in perspective."""
+"""Project nodes to the paper: along a line, in a plane, or obliquely."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 
 from modalscope.numerics.checks import Array, RealArray
 
-#: A direction counts as absent when it holds less than this share of the size of the structure or of the motion.
-_FLAT = 1e-6
+#: Extent, relative to the structure or its motion, below which a direction is absent.
+_FLAT_SHARE = 1e-6
 
 AXES = ("x", "y", "z")
 
@@ -33,7 +33,7 @@ def extent(coordinates: Array) -> float:
 
 
 def oblique(azimuth: float = -62.0, elevation: float = 24.0) -> View:
-    """Look at the structure from `elevation` degrees above, `azimuth` degrees round the vertical z axis."""
+    """Return the view from `elevation` degrees above, `azimuth` degrees around the vertical z axis."""
     a, e = np.radians(azimuth), np.radians(elevation)
     right = np.array([-np.sin(a), np.cos(a), 0.0])
     towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
@@ -41,7 +41,7 @@ def oblique(azimuth: float = -62.0, elevation: float = 24.0) -> View:
 
 
 def view_of(coordinates: RealArray, motion: RealArray) -> View:
-    """Choose the clearest view: a line over its length, a plane that moves in itself flat, all else obliquely.
+    """Choose the view: a line over its length, a plane with motion in the plane flat, all else obliquely.
 
     `coordinates` (n, 3). `motion` (n, 3): displacement of the nodes.
     """
@@ -49,27 +49,24 @@ def view_of(coordinates: RealArray, motion: RealArray) -> View:
     centred = coordinates - coordinates.mean(axis=0)
     _, spread, directions = np.linalg.svd(centred, full_matrices=True)
     spread = np.pad(spread, (0, 3 - spread.size))
-    if spread[1] <= _FLAT * size:
+    if spread[1] <= _FLAT_SHARE * size:
         along = directions[0] * (np.sign(directions[0][np.argmax(np.abs(directions[0]))]) or 1.0)
-        return View("line", np.column_stack([along, along]), along, (_name(along), ""))
+        largest = int(np.argmax(np.abs(along)))
+        name = AXES[largest] if abs(along[largest]) > 1 - _FLAT_SHARE else "length"
+        return View("line", np.column_stack([along, along]), along, (name, ""))
     normal = directions[2]
     through = float(np.max(np.abs(motion @ normal), initial=0.0))
-    if spread[2] <= _FLAT * size and through <= _FLAT * float(np.max(np.abs(motion), initial=0.0)):
+    if spread[2] <= _FLAT_SHARE * size and through <= _FLAT_SHARE * float(np.max(np.abs(motion), initial=0.0)):
         return _flat(normal, directions)
-    # a wing or a floor is seen from higher up, so that its outline opens
-    lies = spread[2] <= _FLAT * size and abs(normal[2]) > 1 - _FLAT
+    # a wing or a floor needs a higher elevation
+    lies = spread[2] <= _FLAT_SHARE * size and abs(normal[2]) > 1 - _FLAT_SHARE
     return oblique(elevation=40.0) if lies else oblique()
 
 
 def _flat(normal: RealArray, directions: RealArray) -> View:
-    """Keep two coordinate axes where the plane is parallel to them, else the plane's own directions."""
+    """Return the view on a plane: along two coordinate axes if it is parallel to them, else along its principal directions."""
     along = int(np.argmax(np.abs(normal)))
-    if abs(normal[along]) > 1 - _FLAT:
+    if abs(normal[along]) > 1 - _FLAT_SHARE:
         kept = [axis for axis in range(3) if axis != along]
         return View("plane", np.eye(3)[:, kept], normal, (AXES[kept[0]], AXES[kept[1]]))
     return View("plane", np.ascontiguousarray(directions[:2].T), normal)
-
-
-def _name(direction: RealArray) -> str:
-    largest = int(np.argmax(np.abs(direction)))
-    return AXES[largest] if abs(direction[largest]) > 1 - _FLAT else "length"

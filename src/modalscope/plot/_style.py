@@ -1,7 +1,7 @@
 """Define the style of all pictures: colours, grids, units on the axes.
 
-Everything is set on the axes themselves, so that a picture looks the same on the caller's own axes and no global
-setting of Matplotlib changes. Matplotlib is imported where a figure is made, which keeps `import modalscope` fast.
+All settings are made on the axes, so that no global setting of Matplotlib changes and pictures on given axes look the same. Matplotlib
+is imported where a figure is made, which keeps `import modalscope` fast.
 """
 
 from __future__ import annotations
@@ -31,16 +31,20 @@ MUTED = "#6B7785"
 PALE = "#B4BEC9"
 GRID = "#E4E8EC"
 
-#: Characters of a label; more would leave no place for the picture.
-_LABEL = 40
+#: Maximum characters of a label.
+_MAX_LABEL = 40
 
 #: Inches; 1200 x 800 at the 133 dots an inch that new figures have.
 SIZE = (9.0, 6.0)
 DPI = 400 / 3
 
 
+#: A curve of single values, one per order.
+DOTTED: dict[str, Any] = {"color": BLUE, "linewidth": 0.9, "marker": "o", "markersize": 3.4}
+
+
 def new_axes(ax: Axes | None, size: tuple[float, float] = SIZE, **subplot: Any) -> Axes:
-    """Return the caller's axes, or those of a new figure that notebooks show."""
+    """Return the given axes, or those of a new figure that notebooks show."""
     if ax is not None:
         return ax
     from matplotlib import pyplot
@@ -71,7 +75,7 @@ def headline(ax: Axes, text: str) -> None:
 
 
 def frameless(ax: Axes) -> None:
-    """Take the lines around the axes away."""
+    """Remove the frame of the axes."""
     for spine in ax.spines.values():
         spine.set_visible(False)
 
@@ -82,13 +86,13 @@ def aside(ax: Axes, text: str) -> None:
 
 
 def key(ax: Axes, **options: Any) -> None:
-    """Add a legend in a row below the axis label, where it hides nothing."""
+    """Add a legend in a row below the axis label."""
     from matplotlib.transforms import ScaledTranslation
 
     figure = ax.get_figure()
     below: dict[str, Any] = {"loc": "upper left", "ncols": 6, "borderaxespad": 0.0, "borderpad": 0.2}
     if figure is not None:
-        # in inches, so that the row clears ticks and label whatever the height of the axes
+        # in inches: the row clears ticks and label at any height of the axes
         below["bbox_to_anchor"] = (0.0, 0.0)
         below["bbox_transform"] = ax.transAxes + ScaledTranslation(0, -0.58, figure.dpi_scale_trans)
     look: dict[str, Any] = {"frameon": False, "fontsize": 9.5, "labelcolor": INK, "columnspacing": 1.6}
@@ -110,7 +114,7 @@ def sequential() -> Colormap:
 
 
 def plain(text: str) -> str:
-    r"""Return a label as it is drawn: one line of printable signs, a dollar as a dollar and not as the beginning of a formula.
+    r"""Return a label for Matplotlib: one line of printable characters, with dollar signs escaped.
 
     Examples
     --------
@@ -118,12 +122,12 @@ def plain(text: str) -> str:
     \$x\$ tiptiptiptiptiptiptiptiptip...ptiptiptip
     """
     line = printable(text).replace("\n", " ")
-    short = line if len(line) <= _LABEL else f"{line[: _LABEL - 13]}...{line[-10:]}"
+    short = line if len(line) <= _MAX_LABEL else f"{line[: _MAX_LABEL - 13]}...{line[-10:]}"
     return short.replace("$", r"\$")
 
 
 def unit_of(response: Response, output: int | None = None, input: int | None = None) -> str:
-    """Return ` [out/in]` for a channel, or for all channels when they share their units; nothing when not known."""
+    """Return the unit ` [out/in]` of a channel, or of all channels if they share it; empty if unknown."""
     outs, ins = response.units
     out = {outs[output]} if output is not None else set(outs)
     inn = {ins[input]} if input is not None else set(ins)
@@ -139,15 +143,15 @@ def dodge(positions: Array, gap: float, low: float = 0.0, high: float = 1.0) -> 
     """Return the positions nearest to increasing ones (least squares) that lie at least `gap` apart within [low, high]."""
     from scipy.optimize import isotonic_regression
 
-    steps = np.asarray(gap * np.arange(len(positions)), dtype=float)
+    steps: RealArray = gap * np.arange(len(positions), dtype=float)
     if not len(positions):
         return steps
-    shifted = isotonic_regression(np.asarray(positions, dtype=float) - steps).x
-    return np.asarray(np.clip(shifted, low, max(high - steps[-1], low)) + steps)
+    shifted: RealArray = isotonic_regression(np.asarray(positions, dtype=float) - steps).x
+    return np.clip(shifted, low, max(high - steps[-1], low)) + steps
 
 
 def decimals(frequencies: Array) -> int:
-    """Return how many decimals give the highest frequency five digits."""
+    """Return the decimals that give the highest frequency five digits."""
     highest = float(np.max(np.abs(frequencies), initial=0.0))
     return int(np.clip(4 - np.floor(np.log10(highest)), 0, 4)) if highest > 0 else 0
 
@@ -176,6 +180,5 @@ def channel(name: str, wanted: str | int | None, labels: tuple[str, ...], defaul
         return wanted
     if wanted in labels:
         return labels.index(str(wanted))
-    raise DataError(
-        f"{name} {wanted!r} was asked", f"there are only {', '.join(labels)}", "Name one of these, or count from zero."
-    )
+    choices = f"the channels are {', '.join(labels)}"
+    raise DataError(f"{name} {wanted!r} was asked", choices, "Use one of these, or its index from zero.")

@@ -19,19 +19,19 @@ from modalscope.numerics.checks import ComplexArray, RealArray, check_count, che
 from modalscope.numerics.extras import optional_package
 from modalscope.plot._camera import extent, view_of
 from modalscope.plot._style import BLUE, INK, MUTED, PALE, VERMILLION, decimals, diverging, frameless, headline
-from modalscope.plot.shapes import check_mode
+from modalscope.plot.shapes import check_mode, turned
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Formats, by suffix.
+#: Formats by suffix.
 _SUFFIXES = (".gif", ".mp4", ".html")
 
-#: Pictures of a period at most.
-_FRAMES = 1000
+#: Maximum frames of a period.
+_MAX_FRAMES = 1000
 
-#: Inches of one picture, and dots an inch.
-_SIDE, _DPI = (4.2, 3.4), 100
+#: Size of one shape in inches, and dots per inch.
+_SIZE, _DPI = (4.2, 3.4), 100
 
 Paint = Callable[[float], None]
 
@@ -47,24 +47,24 @@ def animate(
     seconds: float = 2.0,
     rate: int = 20,
 ) -> Path:
-    """Write one period of a mode shape that moves, or of several side by side, as they were identified: complex ones travel.
+    """Write an animation of one mode shape, or of several side by side, over one period; complex shapes travel.
 
     Parameters
     ----------
     modes : ModalModel
         Modes, or operating deflection shapes (`ods`).
     index : int or iterable of int
-        Of the modes, from zero.
+        Indices of the modes, from zero.
     path : path
-        Ends in .gif, .mp4 (the extra `video`) or .html: a page of one file.
+        Ends in .gif, .mp4 (needs the extra `video`) or .html (one file).
     geometry : Geometry, optional
         That of the modes by default; without one every channel is a bar.
     scale : float
         Largest displacement as a share of the diagonal of the structure.
     seconds : float
-        Of one period.
+        Duration of one period.
     rate : int
-        Pictures a second.
+        Frames per second.
 
     Returns
     -------
@@ -74,27 +74,23 @@ def animate(
     Raises
     ------
     DataError
-        A mode that is not there, another suffix, or imageio-ffmpeg is needed for .mp4 and not there.
+        An unknown mode, another suffix, or .mp4 without imageio-ffmpeg.
     """
     several = np.iterable(index) and not isinstance(index, str)
     chosen: list[Any] = list(check_each("index", index, "indices of modes") if several else [index])
-    for each in chosen:
-        check_mode(modes, each)
+    for number in chosen:
+        check_mode(modes, number)
     target = check_path(path)
     suffix = target.suffix.lower()
     if suffix not in _SUFFIXES or not chosen:
+        asked, formats = f"an animation of {len(chosen)} modes in {target.name!r} was asked", ", ".join(_SUFFIXES)
         raise DataError(
-            f"an animation of {len(chosen)} modes in {target.name!r} was asked",
-            f"it is written as {', '.join(_SUFFIXES)}, of one mode at least",
-            "Choose one of these suffixes, and a mode.",
+            asked, f"it needs a mode, and the formats are {formats}", "Choose a mode and one of these suffixes."
         )
     frames = max(2.0, check_positive("seconds", seconds) * check_count("rate", rate))
-    if frames > _FRAMES:
-        raise DataError(
-            f"{seconds:g} s at {rate:g} pictures a second were asked",
-            f"a period has at most {_FRAMES} pictures",
-            "Lower seconds or rate.",
-        )
+    if frames > _MAX_FRAMES:
+        asked = f"{seconds:g} s at {rate:g} frames per second were asked"
+        raise DataError(asked, f"the maximum is {_MAX_FRAMES} frames", "Lower seconds or rate.")
     figure, paint = _figure(modes, chosen, geometry, check_positive("scale", scale))
     with replacing(
         target, [modes.source_path] if isinstance(modes.source_path, Path) else modes.source_path or ()
@@ -108,18 +104,18 @@ def animate(
 
 
 def _figure(modes: ModalModel, chosen: list[int], geometry: Geometry | None, scale: float) -> tuple[Figure, Paint]:
-    """Return a figure with all shapes, and what draws them at a phase."""
+    """Return a figure with all shapes, and the function that draws them at a phase."""
     from matplotlib.figure import Figure
 
     wide = min(len(chosen), 4)
     rows = -(-len(chosen) // wide)
-    figure = Figure(figsize=(_SIDE[0] * wide, _SIDE[1] * rows), dpi=_DPI, layout="constrained")
+    figure = Figure(figsize=(_SIZE[0] * wide, _SIZE[1] * rows), dpi=_DPI, layout="constrained")
     geometry = modes.geometry if geometry is None else geometry
     known = geometry is not None and any(geometry.motion_of(label) for label in modes.output_dofs)
     parts: list[Paint] = []
     for k, j in enumerate(chosen):
         ax = figure.add_subplot(rows, wide, k + 1)
-        shape = _turned(modes.shapes[:, j])
+        shape = turned(modes.shapes[:, j])
         f = f"{modes.frequencies[j]:.{decimals(modes.frequencies)}f} Hz"
         headline(ax, f"{j + 1}: {f}, {100 * modes.damping_ratios[j]:.2f} %" if modes.damping_ratios[j] else f)
         parts.append(_structure(ax, geometry, modes, shape, scale) if known and geometry else _bars(ax, modes, shape))
@@ -131,12 +127,6 @@ def _figure(modes: ModalModel, chosen: list[int], geometry: Geometry | None, sca
     return figure, paint
 
 
-def _turned(shape: ComplexArray) -> ComplexArray:
-    """Return a shape turned to the phase that leaves the least in its imaginary part, its largest component of length one."""
-    phi = np.asarray(shape * np.exp(-0.5j * np.angle(np.sum(shape**2))))
-    return np.asarray(phi / (float(np.max(np.abs(phi), initial=0.0)) or 1.0))
-
-
 def _structure(ax: Any, geometry: Geometry, modes: ModalModel, shape: ComplexArray, scale: float) -> Paint:
     from matplotlib.collections import LineCollection
 
@@ -144,7 +134,7 @@ def _structure(ax: Any, geometry: Geometry, modes: ModalModel, shape: ComplexArr
     motion = motion / (float(np.max(np.linalg.norm(motion, axis=1))) or 1.0)
     view = view_of(geometry.coordinates, np.abs(motion).astype(float))
     upright = np.linalg.svd(motion.real, full_matrices=False)[2][0]
-    if view.kind == "line":  # motion across the line is what moves
+    if view.kind == "line":  # show the motion across the line
         view = type(view)("plane", np.column_stack([view.depth, upright]), np.cross(view.depth, upright))
     reach = scale * extent(geometry.coordinates)
     rest, moved = geometry.coordinates @ view.matrix, reach * motion @ view.matrix
@@ -197,7 +187,7 @@ def _bars(ax: Any, modes: ModalModel, shape: ComplexArray) -> Paint:
 
 
 def _written(figure: Figure, paint: Paint, frames: int, rate: int, suffix: str) -> bytes:
-    """Return the pictures of one period as a file."""
+    """Return the frames of one period as a file."""
     from matplotlib import rc_context
     from matplotlib.animation import FFMpegWriter, PillowWriter
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -221,11 +211,11 @@ def _written(figure: Figure, paint: Paint, frames: int, rate: int, suffix: str) 
 
 
 def _page(modes: ModalModel, chosen: list[int], picture: bytes) -> str:
-    """Return a page that holds the moving picture itself."""
+    """Return a page with the animation as data."""
     words = ", ".join(f"mode {j + 1} at {modes.frequencies[j]:.5g} Hz" for j in chosen)
     data = base64.b64encode(picture).decode("ascii")
     return (
         f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><meta name="generator" content="modalscope {VERSION}">'
         f"<title>{escape(words)}</title><style>body {{ margin: 2rem }} img {{ max-width: 100% }}</style>"
-        f'</head><body><figure><img src="data:image/gif;base64,{data}" alt="{escape(words)}, moving"></figure></body></html>\n'
+        f'</head><body><figure><img src="data:image/gif;base64,{data}" alt="{escape(words)}, animated"></figure></body></html>\n'
     )

@@ -12,19 +12,32 @@ from modalscope.modal.indicators import cmif
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, RealArray, check_kind
 from modalscope.numerics.errors import check_choice
-from modalscope.plot._style import BLUE, GREEN, MUTED, ORANGE, PALE, PURPLE, dress, key, mark_modes, new_axes, unit_of
+from modalscope.plot._style import (
+    BLUE,
+    DOTTED,
+    GREEN,
+    MUTED,
+    ORANGE,
+    PALE,
+    PURPLE,
+    dress,
+    key,
+    mark_modes,
+    new_axes,
+    unit_of,
+)
 from modalscope.preprocess.singular_spectra import Decomposition
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: What can stand behind the poles.
+#: Curves behind the poles.
 INDICATORS = ("cmif", "sum", "none")
 
-#: A spectrum of samples has at least so many lines, whatever their number: peaks are drawn round.
-_FINE = 4096
+#: Minimum lines of a spectrum of samples, so that peaks are drawn smooth.
+_MIN_LINES = 4096
 
-#: What agrees with a pole of the order before, as the field writes it: letter, words, and whether (frequency, damping, shape) agree.
+#: Agreement with a pole of the previous order: letter, words, and whether (frequency, damping, shape) agree.
 LETTERS = (
     ("s", "stable", (True, True, True)),
     ("v", "frequency, shape", (True, False, True)),
@@ -34,16 +47,15 @@ LETTERS = (
 )
 _COLOURS = {"s": BLUE, "v": GREEN, "d": PURPLE, "f": "#B87700", "o": "#8A96A3"}
 
-#: Singular values drawn: more than these lie in the noise of any test with a few references.
-_CURVES = 4
+#: Maximum number of drawn singular values; further ones are noise in tests with a few references.
+_MAX_CURVES = 4
 
 
 def indicator_curves(response: Response, kind: str = "cmif") -> tuple[RealArray, RealArray]:
     """Return lines in Hz, (F,), and the curves of the mode indicator, (F, k).
 
-    `cmif` gives the singular values of H at each line, `sum` the sum of the magnitudes. An impulse response is
-    transformed by FFT, filled up with zeros to a fine grid; correlations, which are cut off and not decayed, under a falling half of a
-    Hann window.
+    `cmif` gives the singular values of H at each line, `sum` the sum of the magnitudes. Impulse responses are zero-padded and transformed
+    by FFT; correlations, which are truncated before they decay, are first multiplied by the falling half of a Hann window.
     """
     response = response.picture()
     if isinstance(response, FrequencyResponse):
@@ -51,7 +63,7 @@ def indicator_curves(response: Response, kind: str = "cmif") -> tuple[RealArray,
     else:
         assert isinstance(response, ImpulseResponse)
         samples = response.samples
-        length = max(samples, 2 * _FINE)
+        length = max(samples, 2 * _MIN_LINES)
         fall = 0.5 + 0.5 * np.cos(np.pi * np.arange(samples) / samples) if response.ambient else np.ones(samples)
         lines = np.asarray(np.fft.rfftfreq(length, 1 / response.sampling_rate), dtype=float)
         values = np.fft.rfft(response.values * fall[:, None, None], length, axis=0) / response.sampling_rate
@@ -69,25 +81,25 @@ def stabilization(
     limits: tuple[float, float] | None = None,
     spectra: Decomposition | None = None,
 ) -> Axes:
-    """Draw the poles of all orders, frequency to the right and order up, over the mode indicator of the data.
+    """Draw the poles of all orders, order over frequency, with the mode indicator of the data behind them.
 
-    A letter says what agrees with a pole of the order before: s all, v frequency and shape vector, d frequency and damping, f the
-    frequency alone, o nothing.
+    Letters state the agreement with a pole of the previous order: s all, v frequency and shape, d frequency and damping, f frequency,
+    o none.
 
     Parameters
     ----------
     diagram : StabilizationDiagram
-        Its oscillating poles are drawn, decaying or growing; real poles have no place on a frequency axis.
+        Its oscillating poles are drawn, decaying or growing; real poles have no frequency.
     modes : ModalModel, optional
         Selected modes, marked by a line and their frequency.
     ax : Axes, optional
-        Where to draw; a new figure by default.
+        A new figure by default.
     indicator : {"cmif", "sum", "none"}
-        Behind the poles, on a logarithmic axis at the right: singular values of H, the sum of magnitudes, or nothing.
+        Curves behind the poles, on a logarithmic axis at the right: singular values of H, the sum of magnitudes, or none.
     limits : (float, float), optional
         Ends of the frequency axis in Hz; the band of the data by default.
     spectra : Decomposition, optional
-        Of the record that an ambient diagram came from (`preprocess.decomposition`): drawn behind in place of the indicator.
+        Spectra of the ambient record (`preprocess.decomposition`), drawn instead of the indicator.
 
     Returns
     -------
@@ -109,7 +121,12 @@ def stabilization(
         check_kind("spectra behind a diagram", spectra, Decomposition)
     if indicator != "none":
         curves = indicator_curves(diagram.response, indicator) if spectra is None else spectra[:2]
-        name = _names(indicator) + unit_of(diagram.response) if spectra is None else "singular values of the spectra"
+        kind = "CMIF" if indicator == "cmif" else "sum of magnitudes"
+        name = (
+            f"mode indicator: {kind}{unit_of(diagram.response)}"
+            if spectra is None
+            else "singular values of the spectra"
+        )
         _behind(ax, *curves, name, (lowest, highest))
     _poles(ax, diagram)
     dress(ax, xlabel="frequency [Hz]", ylabel="model order (states)")
@@ -124,24 +141,24 @@ def stabilization(
 
 
 def _poles(ax: Axes, diagram: StabilizationDiagram) -> None:
-    left = np.isin(diagram.kinds, ("mode", "unstable"))
+    remaining = np.isin(diagram.kinds, ("mode", "unstable"))
     agree = np.stack([diagram.stable_frequency, diagram.stable_damping, diagram.stable_shape]).astype(bool)
-    # the letters shrink where orders lie close, so that rows stay apart
+    # smaller letters for many orders
     size = float(np.clip(300 / max(len(diagram.orders), 1), 4.6, 6.5))
     f, order = diagram.frequencies, diagram.order_of_pole
-    drawn: list[tuple[str, str, Array]] = []
+    groups: list[tuple[str, str, Array]] = []
     for letter, words, wanted in LETTERS:
-        chosen = left if wanted is None else left & np.all(agree == np.array(wanted)[:, None], axis=0)
-        left = left & ~chosen
-        drawn.append((letter, words, chosen))
-    for letter, words, chosen in drawn[::-1]:
+        chosen = remaining if wanted is None else remaining & np.all(agree == np.array(wanted)[:, None], axis=0)
+        remaining = remaining & ~chosen
+        groups.append((letter, words, chosen))
+    for letter, words, chosen in groups[::-1]:
         label = f"{words} ({np.count_nonzero(chosen)})"
         style: dict[str, Any] = {"marker": rf"$\mathbf{{{letter}}}$", "color": _COLOURS[letter], "markeredgewidth": 0}
         ax.plot(f[chosen], order[chosen], linestyle="none", markersize=size, label=label, **style)
 
 
 def _band(response: Response, asked: tuple[float, float] | None = None) -> tuple[float, float]:
-    """Return the band of the data, as far as it was asked: that of filtered samples is wider."""
+    """Return the span of the data, of samples limited to the chosen band."""
     low, high = response.span
     if asked is not None and response.grid is None:
         low, high = max(low, asked[0]), min(high, asked[1])
@@ -161,22 +178,12 @@ def _behind(ax: Axes, lines: RealArray, curves: RealArray, name: str, limits: tu
     twin.spines["left"].set_visible(False)
 
 
-def _names(kind: str) -> str:
-    return "mode indicator: CMIF" if kind == "cmif" else "mode indicator: sum of magnitudes"
-
-
 def _draw(ax: Axes, lines: RealArray, curves: RealArray, colours: list[str]) -> None:
-    count = min(curves.shape[1], _CURVES, len(colours))
+    count = min(curves.shape[1], _MAX_CURVES, len(colours))
     for i in range(count):
         positive = np.where(curves[:, i] > 0, curves[:, i], np.nan)
-        ax.plot(
-            lines,
-            positive,
-            color=colours[i],
-            linewidth=1.2 if i == 0 else 0.9,
-            zorder=count - i,
-            label=f"singular value {i + 1}",
-        )
+        style: dict[str, Any] = {"color": colours[i], "linewidth": 1.2 if i == 0 else 0.9, "zorder": count - i}
+        ax.plot(lines, positive, label=f"singular value {i + 1}", **style)
     if np.any(curves[:, :count] > 0):
         ax.set_yscale("log")
 
@@ -187,8 +194,8 @@ def indicator(
 ) -> Axes:
     """Draw the complex mode indicator function, the singular values of H over frequency, or the sum of magnitudes.
 
-    A peak of the first curve is a mode; a peak of the second one below it is a second mode at nearly the same
-    frequency. At most four curves are drawn.
+    A peak of the first curve indicates a mode; a peak of the second curve below it, a second mode at nearly the same frequency. At most
+    four curves are drawn.
 
     Parameters
     ----------
@@ -208,11 +215,8 @@ def indicator(
     ax = new_axes(ax, (9.0, 4.5))
     lines, curves = indicator_curves(response, kind)
     _draw(ax, lines, curves, [BLUE, ORANGE, MUTED, PALE])
-    dress(
-        ax,
-        xlabel="frequency [Hz]",
-        ylabel=("singular values" if kind == "cmif" else "sum of magnitudes") + unit_of(response),
-    )
+    name = "singular values" if kind == "cmif" else "sum of magnitudes"
+    dress(ax, xlabel="frequency [Hz]", ylabel=name + unit_of(response))
     limits = _band(response)
     ax.set_xlim(*limits)
     if modes is not None:
@@ -224,7 +228,7 @@ def indicator(
 
 @named()
 def fit_errors(diagram: StabilizationDiagram, ax: Axes | None = None) -> Axes:
-    """Draw how much of the data each order leaves unexplained; where the curve turns flat, more states add only noise.
+    """Draw the fit error of each order; beyond the knee of the curve, more states fit only noise.
 
     Parameters
     ----------
@@ -234,25 +238,14 @@ def fit_errors(diagram: StabilizationDiagram, ax: Axes | None = None) -> Axes:
     check_kind("a plot of fit errors", diagram, StabilizationDiagram)
     ax = new_axes(ax, (9.0, 4.8))
     known = np.isfinite(diagram.fit_errors) & (diagram.fit_errors > 0)
-    ax.plot(
-        np.asarray(diagram.orders)[known],
-        diagram.fit_errors[known],
-        color=BLUE,
-        linewidth=0.9,
-        marker="o",
-        markersize=3.4,
-    )
+    ax.plot(np.asarray(diagram.orders)[known], diagram.fit_errors[known], **DOTTED)
     if np.any(known):
-        _plain_log(ax)
-    dress(ax, xlabel="model order (states)", ylabel="fit error |measured - rebuilt| / |measured|")
+        from matplotlib.ticker import LogLocator, NullFormatter
+
+        # plain numbers 1, 2, 5, 10: the axis may cover less than a decade
+        ax.set_yscale("log")
+        ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ax.yaxis.set_major_formatter(lambda number, _: f"{number:g}")
+        ax.yaxis.set_minor_formatter(NullFormatter())
+    dress(ax, xlabel="model order (states)", ylabel="fit error |measured - synthesized| / |measured|")
     return ax
-
-
-def _plain_log(ax: Axes) -> None:
-    """Number a logarithmic axis 1, 2, 5, 10 in plain figures: it may cover less than a decade."""
-    from matplotlib.ticker import LogLocator, NullFormatter
-
-    ax.set_yscale("log")
-    ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    ax.yaxis.set_major_formatter(lambda number, _: f"{number:g}")
-    ax.yaxis.set_minor_formatter(NullFormatter())

@@ -1,8 +1,8 @@
-"""Draw intervals and certificates of modes."""
+"""Draw the confidence intervals of modes, and their certificates: predicted against simulated deviations."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,24 +16,27 @@ from modalscope.plot._style import BLUE, MUTED, ORANGE, PALE, dress, key, new_ax
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: What can be drawn -> its own values, deviations from the noise and between groups, and how much of a value is one unit.
-_DRAWN = {
+#: Quantity -> its attribute of the modes, the unit of its relative deviation, and the label.
+_QUANTITIES = {
     "frequency": ("frequencies", 1e3, "frequency, deviation from its value [‰]"),
     "damping": ("damping_ratios", 1e2, "damping ratio, deviation from its value [%]"),
 }
 
-#: Half-width of 95 % of a normal distribution, in standard deviations.
-_WIDTH = 1.96
+#: Quantity -> its attribute of the certificate.
+_CERTIFIED = {"frequency": "frequency", "damping": "damping_ratio"}
+
+#: Half-width of the 95 % interval of a normal distribution, in standard deviations.
+_HALF_WIDTH = 1.96
 
 
 @named()
 def intervals(modes: ModalModel, ax: Axes | None = None, *, of: str = "frequency") -> Axes:
-    """Draw 95 % intervals of all modes, relative to their values: from the noise, and between groups where these are known.
+    """Draw the 95 % intervals of all modes relative to their values: from the noise, and between groups if these are known.
 
     Parameters
     ----------
     modes : ModalModel
-        With deviations; `refine` gives them. A hollow mark shows where a mode stood before refinement.
+        With standard deviations, of `refine` for instance. A hollow mark is the value before refinement.
     ax : Axes, optional
         A new figure by default.
     of : {"frequency", "damping"}
@@ -41,29 +44,27 @@ def intervals(modes: ModalModel, ax: Axes | None = None, *, of: str = "frequency
     Raises
     ------
     DataError
-        No deviations are known.
+        No standard deviations are known.
     """
     check_kind("modes of intervals", modes, ModalModel)
-    check_choice("of", of, _DRAWN)
-    name, unit, label = _DRAWN[of]
+    check_choice("of", of, _QUANTITIES)
+    name, unit, label = _QUANTITIES[of]
     values = np.asarray(getattr(modes, name))
-    known: list[tuple[str, RealArray, str]] = [
-        (words, unit * _WIDTH * sigma / values, colour)
+    drawn: list[tuple[str, RealArray, str]] = [
+        (words, unit * _HALF_WIDTH * sigma / values, colour)
         for words, sigma, colour in (
             ("noise", getattr(modes, f"{name}_std"), BLUE),
             ("between groups", getattr(modes, f"{name}_repeatability"), ORANGE),
         )
         if sigma is not None
     ]
-    if not known:
-        raise DataError("intervals were to be drawn", "no deviations of these modes are known", "Refine the modes.")
+    if not drawn:
+        raise DataError("intervals of modes were asked", "no standard deviations are known", "Refine the modes.")
     ax = new_axes(ax)
     place = np.arange(len(modes))
-    for k, (words, half, colour) in enumerate(known):
-        where = place + 0.22 * (k - 0.5 * (len(known) - 1))
-        ax.errorbar(
-            where, np.zeros(len(modes)), yerr=np.nan_to_num(half), fmt="none", ecolor=colour, capsize=4, label=words
-        )
+    for k, (words, half, colour) in enumerate(drawn):
+        where, zero = place + 0.22 * (k - 0.5 * (len(drawn) - 1)), np.zeros(len(modes))
+        ax.errorbar(where, zero, yerr=np.nan_to_num(half), fmt="none", ecolor=colour, capsize=4, label=words)
     if modes.unrefined is not None:
         moved = unit * (np.asarray(getattr(modes.unrefined, name)) / values - 1)
         ax.plot(place, moved, "o", markerfacecolor="white", markeredgecolor=MUTED, label="before refinement")
@@ -74,16 +75,9 @@ def intervals(modes: ModalModel, ax: Axes | None = None, *, of: str = "frequency
     return ax
 
 
-# -------------------------------------------------------------------------------------------------------- certificates
-# The certificate of a result: what was promised of every interval, and what simulations of the same case showed.
-
-#: What can be drawn -> the field of the certificate.
-_CERTIFIED_DRAWN = {"frequency": "frequency", "damping": "damping_ratio"}
-
-
 @named()
 def certificate(found: Certificate, ax: Axes | None = None, *, of: str = "frequency") -> Axes:
-    """Draw where 95 % of the replicates of every mode lie, in predicted deviations from the truth, over the interval that was promised.
+    """Draw the 95 % range of the simulated values of every mode over the predicted interval, in predicted standard deviations.
 
     Parameters
     ----------
@@ -93,27 +87,27 @@ def certificate(found: Certificate, ax: Axes | None = None, *, of: str = "freque
     of : {"frequency", "damping"}
     """
     check_kind("found of certificate", found, Certificate)
-    check_choice("of", of, _CERTIFIED_DRAWN)
-    told = getattr(found, _CERTIFIED_DRAWN[of])
-    holds = getattr(found, f"{_CERTIFIED_DRAWN[of]}_holds")
+    check_choice("of", of, _CERTIFIED)
+    measures, holds = getattr(found, _CERTIFIED[of]), getattr(found, f"{_CERTIFIED[of]}_holds")
     ax = new_axes(ax)
     place = np.arange(len(found.modes))
-    ax.axhspan(-_WIDTH, _WIDTH, color=PALE, alpha=0.35, linewidth=0, label="promised")
+    ax.axhspan(-_HALF_WIDTH, _HALF_WIDTH, color=PALE, alpha=0.35, linewidth=0, label="predicted")
     ax.axhline(0, color=MUTED, linewidth=0.8)
     for kept, colour, words in ((holds, BLUE, "holds"), (~holds, ORANGE, "does not hold")):
         if not np.any(kept):
             continue
-        half = np.nan_to_num(_WIDTH * told["ratio"][kept])
-        ax.errorbar(
-            place[kept], told["bias"][kept], yerr=half, fmt="o", markersize=4, color=colour, capsize=4, label=words
-        )
-    top = max(_WIDTH, float(np.nanmax(np.abs(told["bias"]) + _WIDTH * told["ratio"], initial=0.0)))
-    for x, cover in zip(place, told["coverage"], strict=True):
-        words = f"{100 * cover:.0f} %" if np.isfinite(cover) else "none given"
+        half = np.nan_to_num(_HALF_WIDTH * measures["ratio"][kept])
+        style: dict[str, Any] = {"fmt": "o", "markersize": 4, "color": colour, "capsize": 4}
+        ax.errorbar(place[kept], measures["bias"][kept], yerr=half, label=words, **style)
+    top = max(_HALF_WIDTH, float(np.nanmax(np.abs(measures["bias"]) + _HALF_WIDTH * measures["ratio"], initial=0.0)))
+    for x, coverage in zip(place, measures["coverage"], strict=True):
+        words = f"{100 * coverage:.0f} %" if np.isfinite(coverage) else "no interval"
         ax.annotate(words, (x, 1.12 * top), ha="center", va="bottom", fontsize=8.5, color=MUTED)
     ax.set_ylim(-1.15 * top, 1.35 * top)
     ax.set_xlim(-0.6, len(found.modes) - 0.4)
     ax.set_xticks(place, [f"{f:.4g}" for f in found.modes.frequencies])
-    dress(ax, title=of.capitalize(), xlabel="mode [Hz]", ylabel="predicted deviations from the truth")
+    dress(
+        ax, title=of.capitalize(), xlabel="mode [Hz]", ylabel="deviation from the truth [predicted standard deviations]"
+    )
     key(ax)
     return ax

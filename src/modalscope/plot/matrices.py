@@ -12,7 +12,7 @@ from modalscope.modal import indicators
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, RealArray, complex_array, real_array
 from modalscope.plot._style import (
-    BLUE,
+    DOTTED,
     GREEN,
     INK,
     PALE,
@@ -28,13 +28,16 @@ from modalscope.plot._style import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Up to this many modes on a side the numbers fit into the cells.
-_NUMBERS = 16
+#: Maximum number of modes on a side for which the cells contain numbers.
+_MAX_NUMBERED = 16
+
+#: Maximum number of ticks of an axis.
+_MAX_TICKS = 40
 
 
 @runtime_checkable
 class Factored(Protocol):
-    """Anything with the singular values of its data matrix: a diagram or an identification."""
+    """An object with the singular values of its data matrix, such as a diagram."""
 
     @property
     def singular_values(self) -> RealArray:
@@ -43,12 +46,12 @@ class Factored(Protocol):
 
 @named()
 def mac(a: ModalModel | ArrayLike, b: ModalModel | ArrayLike | None = None, ax: Axes | None = None) -> Axes:
-    """Draw the modal assurance criterion between two sets of shapes, or of one set with itself.
+    """Draw the modal assurance criterion between two sets of shapes, or the AutoMAC of one set.
 
     Parameters
     ----------
     a, b : ModalModel or array (l, n)
-        Shapes as columns; `b` is `a` by default. The channels of two models are put into the same order by their labels.
+        Shapes as columns; `b` is `a` by default. The channels of two models are matched by their labels.
     ax : Axes, optional
 
     Raises
@@ -61,7 +64,7 @@ def mac(a: ModalModel | ArrayLike, b: ModalModel | ArrayLike | None = None, ax: 
     >>> from modalscope.systems import chain5
     >>> ax = mac(chain5().modes())
     >>> ax.get_title(loc="left"), len(ax.texts)
-    ('MAC', 25)
+    ('AutoMAC', 25)
     """
     ax = new_axes(ax, (7.2, 6.4))
     if isinstance(a, ModalModel) and isinstance(b, ModalModel) and a.output_dofs != b.output_dofs:
@@ -69,13 +72,12 @@ def mac(a: ModalModel | ArrayLike, b: ModalModel | ArrayLike | None = None, ax: 
     values = indicators.mac(_shapes(a), None if b is None else _shapes(b))
     ax.imshow(values, cmap=sequential(), vmin=0, vmax=1, aspect="equal")
     rows, columns = values.shape
-    if max(rows, columns) <= _NUMBERS:
+    if max(rows, columns) <= _MAX_NUMBERED:
         size = float(np.clip(80 / max(rows, columns), 6.5, 10))
         for i, j in np.ndindex(rows, columns):
-            # below one in a thousand a dot reads better than three zeros
             text = f"{values[i, j]:.2f}" if values[i, j] >= 0.005 else "·"
             ax.text(j, i, text, ha="center", va="center", fontsize=size, color="white" if values[i, j] > 0.55 else INK)
-    dress(ax, title="MAC" if b is None else "MAC, rows against columns", grid=False)
+    dress(ax, title="AutoMAC" if b is None else "MAC, rows against columns", grid=False)
     _name_modes(ax, a, a if b is None else b, (rows, columns))
     ax.tick_params(length=0)
     frameless(ax)
@@ -86,16 +88,14 @@ def mac(a: ModalModel | ArrayLike, b: ModalModel | ArrayLike | None = None, ax: 
 
 
 def _shapes(modes: ModalModel | ArrayLike) -> Array:
-    return (
-        modes.shapes
-        if isinstance(modes, ModalModel)
-        else complex_array("shapes", modes, "(channels,) or (channels, modes)", (1, 2))
-    )
+    if isinstance(modes, ModalModel):
+        return modes.shapes
+    return complex_array("shapes", modes, "(channels,) or (channels, modes)", (1, 2))
 
 
 def _name_modes(ax: Axes, a: ModalModel | ArrayLike, b: ModalModel | ArrayLike, counts: tuple[int, int]) -> None:
     for modes, count, axis in ((a, counts[0], ax.yaxis), (b, counts[1], ax.xaxis)):
-        every = max(1, -(-count // 40))
+        every = max(1, -(-count // _MAX_TICKS))
         names = [str(i + 1) for i in range(count)]
         if isinstance(modes, ModalModel):
             names = [f"{f:.{decimals(modes.frequencies)}f}" for f in modes.frequencies]
@@ -116,31 +116,22 @@ def singular_values(
     source : diagram, identification or array (k,)
     ax : Axes, optional
     order : int, optional
-        Recommended or chosen order, marked by a line after this many values.
+        Recommended or chosen order, marked by a line.
     noise_floor : float, optional
-        In the unit of the singular values; the region below is shaded.
+        Level of the noise, in the unit of the singular values; the region below is shaded.
 
     Raises
     ------
     DataError
-        Values that are not one row of finite numbers.
+        Values that are not finite numbers along one axis.
     """
-    found = source.singular_values if isinstance(source, Factored) else source
-    values = real_array("singular_values", found, "(values,)", 1)
+    given = source.singular_values if isinstance(source, Factored) else source
+    values = real_array("singular_values", given, "(values,)", 1)
     ax = new_axes(ax, (9.0, 4.8))
     largest = float(np.max(values, initial=0.0)) or 1.0
-    places = np.arange(1, values.size + 1)
-    kept = values > 0
-    ax.plot(
-        places[kept],
-        values[kept] / largest,
-        color=BLUE,
-        linewidth=0.9,
-        marker="o",
-        markersize=3.4,
-        label="singular values",
-    )
-    if np.any(kept):
+    positive = np.flatnonzero(values > 0)
+    ax.plot(positive + 1, values[positive] / largest, label="singular values", **DOTTED)
+    if positive.size:
         ax.set_yscale("log")
     dress(ax, xlabel="number", ylabel="singular value / largest")
     ax.set_xlim(0, values.size + 1)

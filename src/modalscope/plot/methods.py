@@ -1,8 +1,8 @@
-"""Draw the distances between methods, their map, and their differences from the consensus."""
+"""Draw the map of methods, their distances, and their deviations from the consensus."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,13 +32,13 @@ if TYPE_CHECKING:
 #: Colour and marker of each domain.
 _DOMAINS = {"time": (BLUE, "o"), "z": (VERMILLION, "s"), "s": (GREEN, "^")}
 
-#: Degrees below which an angle is rounding.
-_NO_ANGLE = 1e-4
+#: Degrees below which an angle is zero to rounding.
+_ZERO_ANGLE = 1e-4
 
 
 @named()
 def method_map(kin: Comparison | Kinship, ax: Axes | None = None) -> Axes:
-    """Draw the map of methods: what lies together found the same poles, what lies apart did not.
+    """Draw the map of methods: methods at the same place have the same poles.
 
     Parameters
     ----------
@@ -49,30 +49,21 @@ def method_map(kin: Comparison | Kinship, ax: Axes | None = None) -> Axes:
     kin = kin.kinship if isinstance(kin, Comparison) else kin
     ax = new_axes(ax, (8.0, 6.0))
     places = kin.places
-    dress(ax, title="Map of methods", xlabel="distance [half bandwidths]", ylabel="distance [half bandwidths]")
+    dress(
+        ax,
+        title="Map of methods",
+        xlabel="distance [half-power half-bandwidths]",
+        ylabel="distance [half-power half-bandwidths]",
+    )
     if not len(places):
         return ax
-    seen: set[str] = set()
+    labelled: set[str] = set()
     for members in kin.classes:
-        for i in members:
-            domain = kin.methods[i].domain if kin.methods else "unknown"
-            colour, marker = _DOMAINS.get(domain, (INK, "D"))
-            label = None if domain in seen else f"domain {domain}"
-            seen.add(domain)
-            # equals lie on one point: rings of different size keep all of them in sight
-            size = 46 * (1 + 1.3 * members.index(i))
-            face = colour if members.index(i) == 0 else "none"
-            ax.plot(
-                places[i, 0],
-                places[i, 1],
-                marker,
-                markersize=np.sqrt(size),
-                markerfacecolor=face,
-                markeredgecolor=colour,
-                markeredgewidth=1.4,
-                label=label,
-                zorder=3,
-            )
+        for rank, i in enumerate(members):
+            style = _style_of(kin.methods[i].domain if kin.methods else "unknown", labelled)
+            # equal methods are concentric rings
+            style |= {"markersize": np.sqrt(46 * (1 + 1.3 * rank)), "markeredgewidth": 1.4, "zorder": 3}
+            ax.plot(*places[i], markerfacecolor=style["color"] if rank == 0 else "none", **style)
     _square(ax, places)
     _name(ax, kin, places)
     key(ax)
@@ -80,8 +71,16 @@ def method_map(kin: Comparison | Kinship, ax: Axes | None = None) -> Axes:
     return ax
 
 
+def _style_of(domain: str, labelled: set[str]) -> dict[str, Any]:
+    """Return colour and marker of a domain, with its label for the first method of it."""
+    colour, marker = _DOMAINS.get(domain, (INK, "D"))
+    label = None if domain in labelled else f"domain {domain}"
+    labelled.add(domain)
+    return {"color": colour, "marker": marker, "linestyle": "none", "label": label}
+
+
 def _square(ax: Axes, places: RealArray) -> None:
-    """Give both axes one scale, with room for names at the right."""
+    """Set equal scales, with room for names at the right."""
     low, high = places.min(axis=0), places.max(axis=0)
     size = max(float(high[0] - low[0]), 1.8 * float(high[1] - low[1]), 1e-3)
     middle = (low + high) / 2
@@ -91,7 +90,7 @@ def _square(ax: Axes, places: RealArray) -> None:
 
 
 def _name(ax: Axes, kin: Kinship, places: RealArray) -> None:
-    """Write names at the right of their points, moved apart where they would cover each other."""
+    """Write names at the right of their points without overlap."""
     order = sorted(kin.classes, key=lambda members: float(places[members[0], 1]))
     (x0, x1), (y0, y1) = ax.get_xlim(), ax.get_ylim()
     heights = dodge((places[[m[0] for m in order], 1] - y0) / (y1 - y0), gap=0.05, low=0.02, high=0.98)
@@ -99,15 +98,8 @@ def _name(ax: Axes, kin: Kinship, places: RealArray) -> None:
         x, y = places[members[0]]
         text = " = ".join(kin.labels[i] for i in members)
         at = (float(places[:, 0].max()) + 0.06 * (x1 - x0), y0 + height * (y1 - y0))
-        ax.annotate(
-            text,
-            xy=(x, y),
-            xytext=at,
-            fontsize=8.5,
-            color=INK,
-            va="center",
-            arrowprops={"arrowstyle": "-", "color": PALE, "linewidth": 0.7, "shrinkA": 1, "shrinkB": 5},
-        )
+        line = {"arrowstyle": "-", "color": PALE, "linewidth": 0.7, "shrinkA": 1, "shrinkB": 5}
+        ax.annotate(text, xy=(x, y), xytext=at, fontsize=8.5, color=INK, va="center", arrowprops=line)
 
 
 @named()
@@ -129,21 +121,12 @@ def method_distances(kin: Comparison | Kinship, ax: Axes | None = None) -> Axes:
     for a, b in np.ndindex(k, k):
         if a == b:
             continue
-        text = (
-            _short(float(kin.distances[a, b]))
-            if a > b
-            else f"{kin.angles[a, b] if kin.angles[a, b] > _NO_ANGLE else 0:.2g}°"
-        )
-        dark = np.sqrt(shown[a, b]) > 0.55
-        ax.text(
-            b,
-            a,
-            text,
-            ha="center",
-            va="center",
-            fontsize=float(np.clip(100 / k, 5.5, 9)),
-            color="white" if dark else INK,
-        )
+        distance, angle = kin.distances[a, b], kin.angles[a, b]
+        text = f"{angle if angle > _ZERO_ANGLE else 0:.2g}°"
+        if a > b:
+            text = "0" if distance < SAME else f"{distance:.2g}".removeprefix("0")
+        colour, size = "white" if np.sqrt(shown[a, b]) > 0.55 else INK, float(np.clip(100 / k, 5.5, 9))
+        ax.text(b, a, text, ha="center", va="center", fontsize=size, color=colour)
     dress(ax, title="Distances between methods", grid=False)
     aside(ax, "below: poles, above: subspaces")
     ax.set_xticks(range(k), kin.labels, rotation=90)
@@ -153,27 +136,27 @@ def method_distances(kin: Comparison | Kinship, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _short(distance: float) -> str:
-    return "0" if distance < SAME else f"{distance:.2g}".removeprefix("0")
-
-
 @named()
 def deviations(comparison: Comparison, axes: tuple[Axes, Axes] | None = None) -> tuple[Axes, Axes]:
-    """Draw how far every method is from the consensus, mode by mode, over the stated scatter.
+    """Draw the deviation of every method from the consensus, mode by mode, over the stated scatter.
 
     Parameters
     ----------
     comparison : Comparison
     axes : (Axes, Axes), optional
-        For frequency (in half bandwidths) and damping (in per cent of its value).
+        For frequency (in half-power half-bandwidths) and damping (in per cent of its value).
     """
     check_kind("a plot of deviations", comparison, Comparison)
-    upper, lower = axes or _two_axes()
+    if axes is None:
+        from matplotlib import pyplot
+
+        axes = pyplot.figure(figsize=(9.0, 6.0), layout="constrained").subplots(2, 1, sharex=True)
+    upper, lower = axes
     groups = comparison.groups
     kept = [r for r in comparison.results if r.modes is not None]
     offsets = np.linspace(-0.32, 0.32, max(len(kept), 2))
-    for ax, kind, unit in ((upper, "frequency", "half bandwidths"), (lower, "damping", "% of its value")):
-        seen: set[str] = set()
+    for ax, kind, unit in ((upper, "frequency", "half-power half-bandwidths"), (lower, "damping", "% of its value")):
+        labelled: set[str] = set()
         reach = []
         for k, g in enumerate(groups):
             size = g.half_bandwidth if kind == "frequency" else g.damping / 100
@@ -181,21 +164,23 @@ def deviations(comparison: Comparison, axes: tuple[Axes, Axes] | None = None) ->
             if comparison.trust[k].grade != "doubtful":
                 reach.append(width)
             ax.fill_between([k - 0.42, k + 0.42], -width, width, color=PALE, alpha=0.35, linewidth=0)
-            found = g.frequencies if kind == "frequency" else g.damping_ratios
+            values = g.frequencies if kind == "frequency" else g.damping_ratios
             for r, offset in zip(kept, offsets, strict=False):
-                if r.name not in found:
+                if r.name not in values:
                     continue
-                domain = r.method.domain
-                colour, marker = _DOMAINS.get(domain, (INK, "D"))
-                label = None if domain in seen else f"domain {domain}"
-                seen.add(domain)
-                face = colour if r.exact else "white"
-                value = (found[r.name] - getattr(g, kind)) / size
+                style = _style_of(r.method.domain, labelled)
+                deviation = (values[r.name] - getattr(g, kind)) / size
                 if comparison.trust[k].grade != "doubtful":
-                    reach.append(abs(value))
-                ax.plot(k + offset, value, marker, color=colour, markerfacecolor=face, markersize=4.5, label=label)
+                    reach.append(abs(deviation))
+                ax.plot(
+                    k + offset,
+                    deviation,
+                    markerfacecolor=style["color"] if r.exact else "white",
+                    markersize=4.5,
+                    **style,
+                )
         ax.axhline(0, color=MUTED, linewidth=0.8)
-        # modes that nobody trusts must not set the scale
+        # doubtful modes do not set the scale
         limit = 1.15 * max(reach) if reach and max(reach) > 0 else 1.0
         ax.set_ylim(-limit, limit)
         dress(ax, title=kind.capitalize(), ylabel=unit)
@@ -203,11 +188,4 @@ def deviations(comparison: Comparison, axes: tuple[Axes, Axes] | None = None) ->
     lower.set_xlabel("mode [Hz]", fontsize=10.5, color=INK)
     if groups:
         upper.legend(frameon=False, fontsize=9, ncols=3, loc="lower right", bbox_to_anchor=(1, 1), borderaxespad=0.2)
-    return upper, lower
-
-
-def _two_axes() -> tuple[Axes, Axes]:
-    from matplotlib import pyplot
-
-    upper, lower = pyplot.figure(figsize=(9.0, 6.0), layout="constrained").subplots(2, 1, sharex=True)
     return upper, lower

@@ -1,8 +1,8 @@
-"""Draw measured against rebuilt responses, and spectra."""
+"""Draw measured and synthesized responses, and the singular values of spectra."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -33,8 +33,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+#: Maximum number of drawn singular values.
+_MAX_CURVES = 4
+
+#: Starts of the phase axis to choose from, in degrees.
+_PHASE_STARTS = (-180.0, -90.0, -270.0)
+
+
 class Identified(Protocol):
-    """Anything that holds modes, such as an identification."""
+    """An object with modes, such as an identification."""
 
     @property
     def modes(self) -> ModalModel:
@@ -49,21 +56,20 @@ def response(
     input: str | int | None = None,
     ax: Axes | tuple[Axes, ...] | None = None,
 ) -> Axes:
-    """Draw one measured response and what the modes rebuild of it.
+    """Draw one measured response and the response synthesized from the modes.
 
-    Of a frequency response the magnitude, below it the phase, and the coherence where it is known; of an impulse response or a
-    correlation the samples and below them what the modes leave unexplained. The phase of the modes is drawn on the branch of the
-    measured one.
+    Frequency responses are drawn by magnitude, phase and coherence if known; impulse responses and correlations by samples and residual.
+    The synthesized phase is drawn on the branch of the measured one.
 
     Parameters
     ----------
     data : FrequencyResponse or ImpulseResponse
     modes : ModalModel or identification, optional
-        Drawn beside the measurement, with the fit error |measured - rebuilt| / |measured| of this channel.
+        Drawn over the measurement, with the fit error |measured - synthesized| / |measured| of this channel.
     output, input : str or int, optional
         Channel, by label or index; by default the one with the largest mean square.
     ax : Axes or (Axes, Axes) or (Axes, Axes, Axes), optional
-        One for the upper panel alone, two, or a third one for the coherence; a new figure by default.
+        The upper panel, optionally the lower one and that of the coherence; a new figure by default.
 
     Returns
     -------
@@ -73,25 +79,27 @@ def response(
     Raises
     ------
     DataError
-        A channel that is not there, or modes of other channels than the data's.
+        An unknown channel, or modes of other channels.
     """
     check_kind("a plot of responses", data, Response)
     drawn, data = data, data.picture()
     if modes is not None:
-        found = modes if isinstance(modes, ModalModel) else getattr(modes, "modes", modes)
-        check_kind("what is drawn over responses", found, ModalModel)
+        model: Any = modes if isinstance(modes, ModalModel) else getattr(modes, "modes", modes)
+        check_kind("modes over responses", model, ModalModel)
     power = np.sum(np.abs(data.values) ** 2, axis=0)
     i = channel("output", output, data.output_dofs, int(np.argmax(power.sum(axis=1))))
     j = channel("input", input, data.input_dofs, int(np.argmax(power[i])))
-    known = data.coherence is not None
-    upper, lower, third = _panels(ax, 3 if known else 2)
+    upper, lower, third = _panels(ax, 2 if data.coherence is None else 3)
     measured = data.values[:, i, j]
-    fit = None if modes is None else rebuilt(data, modes if isinstance(modes, ModalModel) else modes.modes)[:, i, j]
+    fit = None if modes is None else rebuilt(data, model)[:, i, j]
     if isinstance(data, FrequencyResponse):
         _spectrum(data, measured, fit, upper, lower, unit_of(data, i, j))
         if third is not None and data.coherence is not None:
-            each = data.coherence.reshape(*data.coherence.shape[:2], -1)
-            _coherence(third, data.frequencies, each[:, i, min(j, each.shape[2] - 1)])
+            coherence = data.coherence.reshape(*data.coherence.shape[:2], -1)
+            third.plot(data.frequencies, coherence[:, i, min(j, coherence.shape[2] - 1)], color=MUTED, linewidth=0.9)
+            dress(third, ylabel="coherence")
+            third.set_ylim(0, 1.05)
+            third.set_yticks([0, 0.5, 1])
         _finish((upper, lower, third), "frequency [Hz]")
     elif isinstance(data, ImpulseResponse):
         _samples(data, measured, fit, upper, lower, unit_of(data, i, j))
@@ -105,7 +113,7 @@ def response(
 
 
 def _panels(ax: Axes | tuple[Axes, ...] | None, count: int) -> tuple[Axes, Axes | None, Axes | None]:
-    """Return the panels that were given, or `count` new ones; None for those that are missing."""
+    """Return the given panels, or `count` new ones; None for those that are missing."""
     if ax is None:
         from matplotlib import pyplot
 
@@ -120,7 +128,7 @@ def _panels(ax: Axes | tuple[Axes, ...] | None, count: int) -> tuple[Axes, Axes 
 def _pair(ax: Axes, x: Array, measured: Array, fit: Array | None) -> None:
     ax.plot(x, measured, color=INK, linewidth=1.0, label="measured")
     if fit is not None:
-        ax.plot(x, fit, color=VERMILLION, linewidth=1.3, linestyle=(0, (4, 1.6)), label="rebuilt from the modes")
+        ax.plot(x, fit, color=VERMILLION, linewidth=1.3, linestyle=(0, (4, 1.6)), label="synthesized from the modes")
 
 
 def _finish(panels: tuple[Axes | None, ...], xlabel: str) -> None:
@@ -135,54 +143,36 @@ def _spectrum(
     data: FrequencyResponse, measured: Array, fit: Array | None, upper: Axes, lower: Axes | None, unit: str
 ) -> None:
     f = data.frequencies
-    magnitude = [None if h is None else np.where(np.abs(h) > 0, np.abs(h), np.nan) for h in (measured, fit)]
-    if magnitude[0] is not None:
-        _pair(upper, f, magnitude[0], magnitude[1])
-        if np.any(np.isfinite(magnitude[0])):
+    magnitude, fitted = (None if h is None else np.where(np.abs(h) > 0, np.abs(h), np.nan) for h in (measured, fit))
+    if magnitude is not None:
+        _pair(upper, f, magnitude, fitted)
+        if np.any(np.isfinite(magnitude)):
             upper.set_yscale("log")
     dress(upper, ylabel=f"magnitude{unit}")
     if f[-1] > f[0]:
         upper.set_xlim(f[0], f[-1])
     if lower is not None:
-        start = _calmest(measured)
-        lower.plot(*_wrapped(f, measured, start), color=INK, linewidth=0.9)
+        # the axis starts where the phase jumps least often: a real response alternates between 180 and -180
+        start = min(_PHASE_STARTS, key=lambda start: np.count_nonzero(np.abs(np.diff(_phase(measured, start))) > 180))
+        phase = _phase(measured, start)
+        lower.plot(*_with_gaps(f, phase), color=INK, linewidth=0.9)
         if fit is not None:
-            lower.plot(*_beside(f, measured, fit, start), color=VERMILLION, linewidth=1.2, linestyle=(0, (4, 1.6)))
+            fitted = phase + np.degrees(np.angle(fit * np.conj(measured)))
+            lower.plot(*_with_gaps(f, fitted), color=VERMILLION, linewidth=1.2, linestyle=(0, (4, 1.6)))
         dress(lower, ylabel="phase [°]")
         lower.set_ylim(start - 30, start + 390)
         lower.set_yticks(np.arange(start, start + 361, 90))
 
 
 def _phase(h: Array, start: float) -> Array:
-    """Phase in degrees within [start, start + 360)."""
+    """Return the phase in degrees within [start, start + 360)."""
     return np.asarray((np.degrees(np.angle(h)) - start) % 360 + start)
 
 
-def _calmest(h: Array) -> float:
-    """Return the start of the scale at which the phase jumps least often: a real response flips between 180 and -180."""
-    starts = (-180.0, -90.0, -270.0)
-    return min(starts, key=lambda start: np.count_nonzero(np.abs(np.diff(_phase(h, start))) > 180))
-
-
-def _wrapped(f: Array, h: Array, start: float) -> tuple[Array, Array]:
-    """Lines and phase with a gap wherever it jumps from one end of the scale to the other."""
-    phase = _phase(h, start)
+def _with_gaps(f: Array, phase: Array) -> tuple[Array, Array]:
+    """Return lines and phase with a gap at every jump from one end of the axis to the other."""
     jumps = np.flatnonzero(np.abs(np.diff(phase)) > 180) + 1
     return np.insert(np.asarray(f, dtype=float), jumps, np.nan), np.insert(phase, jumps, np.nan)
-
-
-def _beside(f: Array, measured: Array, fit: Array, start: float) -> tuple[Array, Array]:
-    """Lines and phase of the fit on the branch of the measured phase, nearer than half a turn to it, with a gap wherever it jumps."""
-    nearest = _phase(measured, start) + np.degrees(np.angle(fit * np.conj(measured)))
-    jumps = np.flatnonzero(np.abs(np.diff(nearest)) > 180) + 1
-    return np.insert(np.asarray(f, dtype=float), jumps, np.nan), np.insert(nearest, jumps, np.nan)
-
-
-def _coherence(ax: Axes, f: Array, values: Array) -> None:
-    ax.plot(f, values, color=MUTED, linewidth=0.9)
-    dress(ax, ylabel="coherence")
-    ax.set_ylim(0, 1.05)
-    ax.set_yticks([0, 0.5, 1])
 
 
 def _samples(
@@ -194,42 +184,30 @@ def _samples(
     upper.set_xlim(data.times[0], data.times[-1])
     if lower is not None:
         lower.plot(data.times, measured if fit is None else measured - fit, color=MUTED, linewidth=0.9)
-        dress(lower, ylabel="measured" if fit is None else "difference")
-
-
-# ------------------------------------------------------------------------------------------------------------- spectra
-# Spectra of records: where there is energy, and in how many shapes.
-
-#: So many singular values are drawn: more lie in the noise.
-_DRAWN = 4
+        dress(lower, ylabel="measured" if fit is None else "residual")
 
 
 @named()
 def spectra(found: Decomposition, ax: Axes | None = None, *, peaks: int | None = 12) -> Axes:
-    """Draw the singular values of the outputs' spectra over frequency, and mark the peaks of the first (FDD).
+    """Draw the singular values of the cross spectra of the outputs, and mark the peaks of the first (FDD).
 
     Parameters
     ----------
     found : Decomposition
         From `preprocess.decomposition`.
     ax : Axes, optional
-        Where to draw; a new figure by default.
+        A new figure by default.
     peaks : int, optional
-        How many peaks are marked, those that stand out most.
+        Maximum number of marked peaks, the most prominent ones.
     """
     check_kind("a plot of spectra", found, Decomposition)
     ax = new_axes(ax)
     f, levels = found.frequencies, 10 * np.log10(np.maximum(found.singular_values, np.finfo(float).tiny))
-    for k in range(min(levels.shape[1], _DRAWN)):
-        ax.plot(
-            f,
-            levels[:, k],
-            lw=1.2 if k == 0 else 0.8,
-            color=f"C{k}",
-            label=f"singular value {k + 1}",
-            zorder=3 - k / 10,
-        )
-    inside = levels[f > 0, : min(levels.shape[1], _DRAWN)]
+    levels = levels[:, :_MAX_CURVES]
+    for k, level in enumerate(levels.T):
+        width = 1.2 if k == 0 else 0.8
+        ax.plot(f, level, lw=width, color=f"C{k}", label=f"singular value {k + 1}", zorder=3 - k / 10)
+    inside = levels[f > 0]
     ax.set_ylim(float(inside.min()) - 3, float(inside.max()) + 8)
     ax.set_xlim(0, float(f[-1]))
     dress(ax, xlabel="frequency [Hz]", ylabel="power spectral density [dB re unit²/Hz]")

@@ -12,7 +12,7 @@ from modalscope.data import Geometry, ModalModel
 from modalscope.data.geometry import parse_dof
 from modalscope.modal.indicators import mpc
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, RealArray, check_count, check_kind
+from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_count, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.plot._camera import AXES, View, extent, oblique, view_of
 from modalscope.plot._style import (
@@ -36,32 +36,32 @@ from modalscope.plot._style import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# ---------------------------------------------------------------------------------------------------------------  thin
-# What is drawn of more than can be seen apart.
+#: Maximum number of drawn lines, faces or nodes, and of bars; more are thinned.
+_MAX_DRAWN, _MAX_BARS = 20_000, 2000
 
-#: More lines, faces or nodes than this are thinned.
-_DRAWN = 20_000
+#: Largest displacement as a share of the size of the structure.
+_AMPLITUDE = 0.14
+
+#: Pieces of a line between two nodes, whose colour changes along it.
+_PIECES = 16
+
+#: Maximum number of channel names below bars.
+_MAX_LABELS = 30
 
 
 def thinned(geometry: Geometry, measured: Array) -> tuple[Geometry, Array]:
-    """Return a geometry with every so many of its lines and faces, and which measured nodes are drawn."""
-    some = (
-        geometry
-        if max(len(geometry.lines), len(geometry.faces)) <= _DRAWN
-        else replace(
-            geometry,
-            lines=geometry.lines[spaced(len(geometry.lines))],
-            faces=geometry.faces[spaced(len(geometry.faces))],
-        )
-    )
+    """Return a geometry with a regular subset of its lines and faces, and the mask of drawn nodes."""
+    lines, faces = geometry.lines, geometry.faces
+    if max(len(lines), len(faces)) > _MAX_DRAWN:
+        geometry = replace(geometry, lines=lines[spaced(len(lines))], faces=faces[spaced(len(faces))])
     nodes = np.flatnonzero(measured)
     shown = np.zeros_like(measured)
     shown[nodes[spaced(len(nodes))]] = True
-    return some, shown
+    return geometry, shown
 
 
-def spaced(count: int, most: int = _DRAWN) -> slice:
-    """Return every so many of `count` things that `most` are left.
+def spaced(count: int, most: int = _MAX_DRAWN) -> slice:
+    """Return the slice of `count` items with the smallest step that takes at most `most`.
 
     Examples
     --------
@@ -71,28 +71,17 @@ def spaced(count: int, most: int = _DRAWN) -> slice:
     return slice(None, None, max(-(-count // most), 1))
 
 
-# -------------------------------------------------------------------------------------------------------------- shapes
-
-#: Largest displacement as a share of the size of the structure.
-_AMPLITUDE = 0.14
-
-#: Pieces of a line between two nodes, so that its colour may change along it.
-_PIECES = 16
-
-#: More channel names than this cannot be read side by side.
-_LABELS = 30
-
-#: More bars than this nobody sees apart.
-_BARS = 2000
+def turned(shapes: Array) -> ComplexArray:
+    """Return shapes (l,) or (l, n) rotated by -arg(sum phi^2) / 2, which minimizes sum (Im phi)^2; largest components of length 1."""
+    phi = shapes * np.exp(-0.5j * np.angle(np.sum(shapes**2, axis=0)))
+    size = np.max(np.abs(phi), axis=0, initial=0.0)
+    scaled: ComplexArray = phi / np.where(size > 0, size, 1.0)
+    return scaled
 
 
 def in_phase(shape: Array) -> RealArray:
-    """Return the real part of a shape turned to its best phase, its largest component 1.
-
-    The turn by -arg(sum phi^2) / 2 leaves the least in the imaginary part, sum (Im phi)^2.
-    """
-    phi = np.asarray(shape, dtype=np.complex128)
-    real = np.asarray((phi * np.exp(-0.5j * np.angle(np.sum(phi**2)))).real)
+    """Return the real part of a rotated shape (`turned`), its largest component 1."""
+    real = turned(np.asarray(shape, dtype=np.complex128)).real
     largest = real[np.argmax(np.abs(real))] if real.size else 0.0
     return real / largest if largest else real
 
@@ -110,29 +99,28 @@ def shape(
 ) -> Axes:
     """Draw one mode shape over the structure at rest.
 
-    A complex shape is turned to the phase that leaves the least out of phase; how much that hides is told by the MPC
-    above the picture (1: nothing). Nodes on a line are drawn as displacement over position, nodes in a plane that
-    moves in itself flat, all others obliquely. Without a geometry every channel is a bar. Of more channels, lines and faces
-    than can be seen apart every so many are drawn.
+    A complex shape is rotated to minimum imaginary parts; the MPC above the picture states how much is hidden (1: nothing). Nodes on a
+    line are drawn as displacement over position, nodes with motion in their plane flat, all others obliquely. Without a geometry
+    every channel is a bar. Of very many channels, lines and faces a regular subset is drawn.
 
     Parameters
     ----------
     modes : ModalModel
     index : int
-        Of the mode, from zero; the first by default.
+        Index of the mode, from zero; the first by default.
     geometry : Geometry, optional
         That of the modes by default.
     ax : Axes, optional
-        Where to draw, on ordinary two-dimensional axes.
+        Two-dimensional axes; a new figure by default.
     scale : float
         Largest displacement as a share of the diagonal of the structure.
     azimuth, elevation : float, optional
-        Degrees; either of them asks for the oblique view.
+        Degrees; either selects the oblique view.
 
     Raises
     ------
     DataError
-        A mode that is not there, or a geometry that knows none of the channels.
+        An unknown mode, or a geometry with none of the channels.
     """
     check_mode(modes, index)
     ax = new_axes(ax)
@@ -145,8 +133,8 @@ def shape(
     else:
         measured = _measured(geometry, modes.output_dofs)
         motion = geometry.displaced(modes.output_dofs, values)
-        chosen = azimuth is not None or elevation is not None
-        view = _turned(azimuth, elevation) if chosen else view_of(geometry.coordinates, motion)
+        angles = {name: v for name, v in (("azimuth", azimuth), ("elevation", elevation)) if v is not None}
+        view = oblique(**angles) if angles else view_of(geometry.coordinates, motion)
         dress(ax, title=title, grid=view.kind == "line")
         if view.kind == "line":
             _over_length(ax, geometry, motion, measured, view)
@@ -157,38 +145,28 @@ def shape(
 
 
 def check_mode(modes: ModalModel, index: int) -> None:
-    """Raise when there is no mode with that index."""
+    """Raise if there is no mode of that index."""
     check_kind("a plot of shapes", modes, ModalModel)
     check_count("index", index, least=0)
     if index >= len(modes):
-        raise DataError(
-            f"the shape of mode index {index} was asked",
-            f"there are {len(modes)} modes, counted from zero",
-            "Choose a lower index.",
-        )
-
-
-def _turned(azimuth: float | None, elevation: float | None) -> View:
-    return oblique(
-        **{name: angle for name, angle in (("azimuth", azimuth), ("elevation", elevation)) if angle is not None}
-    )
+        asked, count = f"the shape of mode index {index} was asked", f"there are {len(modes)} modes, counted from zero"
+        raise DataError(asked, count, "Choose a lower index.")
 
 
 def _measured(geometry: Geometry, labels: tuple[str, ...]) -> Array:
-    """Return for every node whether a channel moves it."""
+    """Return the mask of nodes that a channel moves."""
     moved = {node for label in labels for node, _ in geometry.motion_of(label)}
     measured = np.array([node in moved for node in geometry.nodes], dtype=bool)
     if not measured.any():
-        raise DataError(
-            "a shape on the geometry was asked",
-            f"the geometry (nodes {', '.join(geometry.nodes[:4])}, ...) knows none of the channels {', '.join(labels[:4])}, ...",
-            "Name the channels after its nodes, such as 3:+Z, or give it their motions.",
-        )
+        nodes, channels = ", ".join(geometry.nodes[:4]), ", ".join(labels[:4])
+        reason = f"the geometry (nodes {nodes}, ...) has none of the channels {channels}, ..."
+        remedy = "Name the channels after its nodes, such as 3:+Z, or give it their motions."
+        raise DataError("a shape on the geometry was asked", reason, remedy)
     return measured
 
 
 def in_order(labels: tuple[str, ...]) -> list[int]:
-    """Return the positions of channels as they stand on the structure: direction by direction, in each by node, 2 before 10.
+    """Return the order of channels on the structure: by direction, then by node, 2 before 10.
 
     Examples
     --------
@@ -207,20 +185,20 @@ def in_order(labels: tuple[str, ...]) -> list[int]:
 
 def _bars(ax: Axes, labels: tuple[str, ...], values: RealArray) -> None:
     order = in_order(labels)
-    order = order[spaced(len(order), _BARS)]
+    order = order[spaced(len(order), _MAX_BARS)]
     labels, values = tuple(labels[k] for k in order), values[order]
     places = np.arange(values.size)
     ax.bar(places, values, width=0.72, color=np.where(values < 0, BLUE, VERMILLION).tolist(), zorder=2)
     ax.axhline(0, color=INK, linewidth=0.8)
     ax.set_ylim(-1.12, 1.12)
     ax.set_xlim(-0.6, values.size - 0.4)
-    every = max(1, -(-values.size // _LABELS))
+    every = max(1, -(-values.size // _MAX_LABELS))
     shown = [plain(label) for label in labels[::every]]
     ax.set_xticks(places[::every], shown, rotation=90 if sum(map(len, shown)) > 60 else 0)
 
 
 def _over_length(ax: Axes, geometry: Geometry, motion: RealArray, measured: Array, view: View) -> None:
-    """Draw displacement over position, or beside it when the structure stands upright."""
+    """Draw displacement over position, with the axes exchanged for an upright structure."""
     position = geometry.coordinates @ view.matrix[:, 0]
     order = np.argsort(position, kind="stable")
     known, along = order[measured[order]], position[order]
@@ -248,7 +226,7 @@ def _wireframe(ax: Axes, geometry: Geometry, motion: RealArray, measured: Array,
     rest = geometry.coordinates @ view.matrix
     size = float(np.max(np.linalg.norm(motion, axis=1))) or 1.0
     moved = (geometry.coordinates + motion * (scale * extent(geometry.coordinates) / size)) @ view.matrix
-    # which way a node goes: along the direction of the largest motion
+    # sign and size of the motion along the direction of the largest motion
     signed = motion @ np.linalg.svd(motion, full_matrices=False)[2][0] / size
     signed = signed * (np.sign(signed[np.argmax(np.abs(signed))]) or 1.0)
     geometry, shown = thinned(geometry, measured)
@@ -277,7 +255,7 @@ def _strokes(ax: Axes, segments: Array, **style: Any) -> None:
 
 
 def _coloured(ax: Axes, segments: Array, signed: Array) -> None:
-    """Draw lines whose colour runs from the value at one end to that at the other."""
+    """Draw lines with colours interpolated between the values at their ends."""
     from matplotlib.collections import LineCollection
 
     if not len(segments):
@@ -322,37 +300,29 @@ def _triad(ax: Axes, view: View) -> None:
     inset.set_ylim(-1.6, 1.6)
 
 
-# -------------------------------------------------------------------------------------------------------------- phases
-# Components of a mode shape in the complex plane.
-
-
 @named()
 def complexity(modes: ModalModel, index: int, ax: Axes | None = None) -> Axes:
-    """Draw the components of one shape as arrows in the complex plane; in line they are in phase or in opposition.
+    """Draw the components of one shape in the complex plane; on a line they are in phase or in opposition.
 
     Parameters
     ----------
     modes : ModalModel
     index : int
-        Of the mode, from zero.
+        Index of the mode, from zero.
     ax : Axes, optional
         Polar axes; those of a new figure by default.
 
     Raises
     ------
     DataError
-        A mode that is not there, or axes that are not polar.
+        An unknown mode, or axes that are not polar.
     """
     check_mode(modes, index)
     ax = new_axes(ax, (6.0, 6.0), projection="polar")
     if ax.name != "polar":
-        raise DataError(
-            "the complexity of a shape was asked", f"the axes given are {ax.name}", 'Make them with projection="polar".'
-        )
-    phi = modes.shapes[:, index]
-    largest = float(np.max(np.abs(phi))) or 1.0
-    turn = 0.5 * np.angle(np.sum(phi**2))
-    for value in phi * np.exp(-1j * turn) / largest:
+        remedy = 'Create them with projection="polar".'
+        raise DataError("the complexity of a shape was asked", f"the axes are {ax.name}", remedy)
+    for value in turned(modes.shapes[:, index]):
         ax.plot(
             [0, np.angle(value)], [0, np.abs(value)], color=BLUE, linewidth=1.6, marker="o", markevery=[1], markersize=5
         )

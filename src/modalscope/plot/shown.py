@@ -1,4 +1,4 @@
-"""Choose what `.plot()` draws of each kind of data and results."""
+"""Draw each kind of data and results by `.plot()`."""
 
 from __future__ import annotations
 
@@ -40,19 +40,18 @@ if TYPE_CHECKING:
 
 @singledispatch
 def drawn(thing: Any, ax: Axes | None = None) -> Axes:
-    """Draw something as its kind is drawn.
+    """Draw an object by its type.
 
-    Poles with the modes of results, shapes of modes, mode indicators of responses and of records with inputs, singular values of the
-    spectra of others, poles in their plane of models, lines of a geometry, the map of a comparison, the intervals of a certificate,
-    fit errors of a validation.
+    Results and diagrams: poles with modes. Modes: the first shape. Responses, identifications and records with inputs: the mode indicator.
+    Other records: singular values of the spectra. Models: poles. Geometries: lines. Comparisons: the map. Certificates: intervals.
+    Validations: fit errors.
 
-    `ax`: A new figure by default.
+    `ax`: a new figure by default.
 
-    Raises `DataError`: something that has no picture.
+    Raises `DataError`: a type without a picture.
     """
-    raise DataError(
-        f"a picture of {type(thing).__name__} was asked", "it has none", "Use one of the functions of modalscope.plot."
-    )
+    asked = f"a picture of {type(thing).__name__} was asked"
+    raise DataError(asked, "this type has none", "Use one of the functions of modalscope.plot.")
 
 
 @drawn.register
@@ -96,13 +95,9 @@ def _(thing: Signals, ax: Any = None) -> Any:
     return spectra(decomposition(thing), ax) if thing.inputs is None else indicator(estimate_frf(thing), ax=ax)
 
 
-@drawn.register
-def _(thing: StoredSignals, ax: Any = None) -> Any:
-    return drawn(thing.excerpt(), ax)
-
-
-@drawn.register
-def _(thing: StoredResponse, ax: Any = None) -> Any:
+@drawn.register(StoredSignals)
+@drawn.register(StoredResponse)
+def _(thing: StoredSignals | StoredResponse, ax: Any = None) -> Any:
     return drawn(thing.excerpt(), ax)
 
 
@@ -119,11 +114,11 @@ def _(thing: Setups, ax: Any = None) -> Any:
 @drawn.register
 def _(thing: Validation, ax: Any = None) -> Any:
     ax, places = new_axes(ax), np.arange(len(thing.parts))
-    ax.bar(places - 0.2, 100 * thing.fit_errors_with, 0.4, color=PALE, label="fitted, too")
+    ax.bar(places - 0.2, 100 * thing.fit_errors_with, 0.4, color=PALE, label="included")
     ax.bar(places + 0.2, 100 * thing.fit_errors, 0.4, color=BLUE, label="left out")
     ax.set_xticks(places, thing.parts, rotation=45 if len(thing.parts) > 6 else 0)
     ax.legend(frameon=False)
-    dress(ax, title="fit of what was left out", xlabel="left out", ylabel="fit error [%]")
+    dress(ax, title="cross-validation", xlabel="left out", ylabel="fit error [%]")
     return ax
 
 
@@ -138,10 +133,10 @@ def _(thing: StateSpace, ax: Any = None) -> Any:
 
 @drawn.register
 def _(thing: Geometry, ax: Any = None) -> Any:
-    ax, seen = new_axes(ax), thing.coordinates @ oblique().matrix
-    for a, b in thing.lines:
-        ax.plot(*seen[[a, b]].T, color=PALE, linewidth=1.2)
-    ax.scatter(*seen.T, s=22, color=BLUE, zorder=3)
+    ax, places = new_axes(ax), thing.coordinates @ oblique().matrix
+    for line in thing.lines:
+        ax.plot(*places[line].T, color=PALE, linewidth=1.2)
+    ax.scatter(*places.T, s=22, color=BLUE, zorder=3)
     ax.set_aspect("equal", adjustable="datalim")
     ax.set_xticks([])
     ax.set_yticks([])

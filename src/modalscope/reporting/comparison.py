@@ -3,42 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from modalscope import plot
 from modalscope.comparing import CAUSES, Comparison, MethodResult
-from modalscope.comparing.kinship import Kinship
 from modalscope.comparing.scatter import LEVEL
 from modalscope.modal.rebuilt import explained, explains_enough
-from modalscope.plot.web.poles import fit_of
+from modalscope.plot.web.fits import fit_of
 from modalscope.reporting import record, sections
 from modalscope.reporting.figures import draw, stabilization_svg
 from modalscope.reporting.html import Section, decimals, folded, listing, paragraph, picture, table
 from modalscope.reporting.record import comparison_script
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+#: Maximum number of drawn stabilization diagrams.
+_MAX_DIAGRAMS = 6
 
-#: Stabilization diagrams that are drawn; the others stand in the table only.
-_DIAGRAMS = 6
+#: Beginnings of the lines of the verdict on single modes, which the table contains.
+_LINES_ON_MODES = ("Do not trust", "Trust the frequency")
 
-#: How lines of the verdict on single modes begin.
-_OF_ONE_MODE = ("Do not trust", "Trust the frequency")
+#: A map is drawn of at least so many classes of methods, at this maximum distance at least (half-power half-bandwidths).
+_MIN_MAP_CLASSES, _MIN_MAP_DISTANCE = 4, 0.01
 
-#: From so many methods that differ, and with this distance between some of them (half bandwidths), a map says more than a sentence.
-_MAPPED, _APART = 4, 0.01
+#: Number of methods from which the table of distances takes the width of the page.
+_MIN_WIDE_METHODS = 9
 
-#: From so many methods on the table of distances needs the width of the page.
-_WIDE = 9
-
-#: Where all shapes are as like as this, a table of them says nothing.
-_ALIKE = 0.99
+#: The table of MAC values is omitted if all are at least this.
+_ALIKE_MAC = 0.99
 
 
 def comparison_sections(c: Comparison, *, source: str | None = None, command: str | None = None) -> Iterator[Section]:
-    """Give the sections on a comparison in the order of reading, each drawn when it is asked for."""
+    """Yield the sections on a comparison in the order of reading, each drawn when it is asked for."""
     fit = fit_of(c.modes, c.response) if len(c.modes) else None
     yield _verdict(c)
     yield _modes(c)
@@ -61,8 +56,7 @@ def _verdict(c: Comparison) -> Section:
     low, high = c.response.span
     ran = [r for r in c.results if r.modes is not None]
     count = f"{len(ran)} of {len(c.results)} methods" if len(ran) < len(c.results) else f"{len(ran)} methods"
-    lead = f"{count} on the same data, {low:.5g} to {high:.5g} Hz; {len(c.modes)} modes in the consensus"
-    lead += "."
+    lead = f"{count} on the same data, {low:.5g} to {high:.5g} Hz; {len(c.modes)} modes in the consensus."
     if c.groups and explains_enough(c.fit_error):
         lead += f" {explained(c.fit_error)}"
     digits = decimals(c.modes.frequencies)
@@ -78,11 +72,10 @@ def _verdict(c: Comparison) -> Section:
         ]
         for k, (g, t) in enumerate(zip(c.groups, c.trust, strict=True))
     ]
-    # what is said of single modes stands in the table
-    lines = [line for line in c.verdict.splitlines() if not line.startswith(_OF_ONE_MODE)] or [c.verdict]
+    lines = [line for line in c.verdict.splitlines() if not line.startswith(_LINES_ON_MODES)] or [c.verdict]
     first = "loud" if c.groups and not explains_enough(c.fit_error) else "verdict"
     body = paragraph(lines[0], first) + "".join(paragraph(line) for line in lines[1:])
-    head = ["mode", "frequency [Hz]", "± [Hz]", "damping [%]", "± [%]", "trust", "why, and what makes it hard"]
+    head = ["mode", "frequency [Hz]", "± [Hz]", "damping [%]", "± [%]", "trust", "reason and causes"]
     body += table(head, rows, words=[5, 6], graded=5) if rows else ""
     body += paragraph(lead, "muted")
     return Section("verdict", "Verdict", body)
@@ -99,69 +92,52 @@ def _modes(c: Comparison) -> Section:
         "damping [%]": [f"{100 * g.damping:.3f}" for g in c.groups],
         "± [%]": [f"{100 * v:.2g}" for v in c.scatter.damping],
         "between [%]": [f"{100 * g.damping_between:.2g}" for g in c.groups],
-        "found by": [f"{len(g.members)} of {ran}" for g in c.groups],
-        "least MAC": [f"{min(g.mac.values()):.3f}" for g in c.groups],
+        "identified by": [f"{len(g.members)} of {ran}" for g in c.groups],
+        "minimum MAC": [f"{min(g.mac.values()):.3f}" for g in c.groups],
         "trust": [t.grade for t in c.trust],
     }
     rows = list(zip(*columns.values(), strict=True))
-    body = table(list(columns), rows, words=[9]) if rows else paragraph("No mode stands out of the data.")
+    body = table(list(columns), rows, words=[9]) if rows else paragraph("No significant mode.")
     body += paragraph(
-        f"±: the truth lies within it in {100 * LEVEL:g} %, by the noise and by what the methods disagree beyond it; "
-        "between: the standard deviation between methods alone; least MAC: of the methods' shapes with the consensus.",
+        f"±: {100 * LEVEL:g} % interval from the noise and the scatter between methods; between: standard deviation between methods; "
+        "minimum MAC: of the methods' shapes with the consensus.",
         "muted",
     )
     if c.unconfirmed:
         which = ", ".join(f"{g.frequency:.5g} Hz ({'; '.join(map(c.label, g.members))})" for g in c.unconfirmed)
-        words = paragraph(f"Shown by transformed data only, and not in the consensus: {which}.")
-        body += folded(f"{len(c.unconfirmed)} more were shown by transformed data only", words)
+        words = paragraph(f"Identified from transformed data only, not in the consensus: {which}.")
+        body += folded(f"{len(c.unconfirmed)} more from transformed data only", words)
     if c.groups:
-        caption = "Every method against the consensus; grey: the stated scatter. Open marks: transformed data, which have no vote."
-        body += picture(
-            draw((10.0, 6.2), lambda figure: _deviations(figure, c)),
-            "Deviation of every method from the consensus",
-            caption,
-        )
+        caption = "Every method relative to the consensus; grey: the ± interval. Open marks: transformed data, without a vote."
+        drawn = draw((10.0, 6.2), lambda figure: plot.deviations(c, tuple(figure.subplots(2, 1, sharex=True))))
+        body += picture(drawn, "Deviation of every method from the consensus", caption)
     return Section("modes", "Modes: the consensus", body)
-
-
-def _deviations(figure: Figure, c: Comparison) -> None:
-    upper, lower = figure.subplots(2, 1, sharex=True)
-    plot.deviations(c, (upper, lower))
 
 
 def _methods(c: Comparison) -> Section:
     rows = [_method_row(r) for r in c.results]
     head = ["method", "realization", "modes", "fit error [%]", "orders", "seconds", "remark"]
-    body = table(
-        head, rows, words=[0, 1, 6], caption="Fit error: what the method's modes leave of the responses it worked on"
-    )
+    caption = "Fit error: residual of the method's modes on the responses it was applied to"
+    body = table(head, rows, words=[0, 1, 6], caption=caption)
     for kind, title, scale in (
         ("frequencies", "Frequencies [Hz]", 1.0),
         ("damping_ratios", "Damping [%]", 100.0),
         ("mac", "MAC with the consensus", 1.0),
     ):
-        if kind != "mac" or any(min(g.mac.values()) < _ALIKE for g in c.groups):
-            body += _each(c, kind, title, scale)
+        if kind != "mac" or any(min(g.mac.values()) < _ALIKE_MAC for g in c.groups):
+            body += _values_table(c, kind, title, scale)
     return Section("methods", "Methods compared", body)
 
 
 def _method_row(r: MethodResult) -> list[str]:
     if r.modes is None or r.fit_error is None or r.diagram is None:
         return [r.label, r.method.realization, "–", "–", "–", f"{r.seconds:.1f}", f"failed: {r.failure}"]
-    orders = f"{r.diagram.orders[0]} to {r.diagram.orders[-1]}"
     remark = "" if r.exact else "no vote" if r.route else "transformed data, no vote"
-    return [
-        r.label,
-        r.method.realization,
-        str(len(r.modes)),
-        f"{100 * r.fit_error:.2f}",
-        orders,
-        f"{r.seconds:.1f}",
-        remark,
-    ]
+    numbers = [f"{100 * r.fit_error:.2f}", f"{r.diagram.orders[0]} to {r.diagram.orders[-1]}", f"{r.seconds:.1f}"]
+    return [r.label, r.method.realization, str(len(r.modes)), *numbers, remark]
 
 
-def _each(c: Comparison, kind: str, title: str, scale: float) -> str:
+def _values_table(c: Comparison, kind: str, title: str, scale: float) -> str:
     names = [r.name for r in c.results if r.modes is not None]
     if not names or not c.groups:
         return ""
@@ -180,38 +156,30 @@ def _kinship(c: Comparison) -> Section:
     kin = c.kinship
     equal = [" = ".join(labels) for labels in kin.equals]
     body = paragraph(
-        f"Distance of two methods: how far their poles of order {kin.order} lie apart, in half bandwidths, "
-        "each weighted by its share of the response (0: the same poles, 1: none in common). "
-        "A map places the methods so that these distances are kept as well as a plane can; "
-        "a table adds the largest angle between the subspaces that the reported modes span in time and space."
+        f"Distance of two methods: distance of their poles of order {kin.order} in half-power half-bandwidths, "
+        "weighted by the share of each pole in the response (0: equal poles, 1: none in common). "
+        "The map preserves these distances as well as a plane can. "
+        "The table adds the largest principal angle between the subspaces of the reported modes in time and space."
     )
     if equal:
-        body += paragraph(f"The same method on these data, to rounding: {'; '.join(equal)}.")
-    if len(kin.classes) < _MAPPED or float(np.max(kin.distances)) < _APART:
-        return Section("map", "Map of methods", body + paragraph(_all_near(kin)))
+        body += paragraph(f"Equal methods on these data, to rounding: {'; '.join(equal)}.")
+    distance = float(np.max(kin.distances))
+    if len(kin.classes) < _MIN_MAP_CLASSES or distance < _MIN_MAP_DISTANCE:
+        text = f"All methods agree within {distance:.2g} half-power half-bandwidths: no map."
+        return Section("map", "Map of methods", body + paragraph(text))
     side = max(4.6, 0.46 * len(kin.names) + 2.2)
     body += picture(draw((10.0, 5.6), lambda f: plot.method_map(c, f.add_subplot())), "Map of methods")
-    caption = "Below the diagonal distances of pole sets, above it principal angles in degrees."
+    caption = "Below the diagonal: distances of pole sets; above: principal angles in degrees."
     drawn = draw((side + 0.8, side), lambda f: plot.method_distances(c, f.add_subplot()))
-    kind = "narrow" if len(kin.names) < _WIDE else "whole"
+    kind = "narrow" if len(kin.names) < _MIN_WIDE_METHODS else "whole"
     body += f'<div class="{kind}">{picture(drawn, "Distances between methods", caption)}</div>'
     return Section("map", "Map of methods", body)
 
 
-def _all_near(kin: Kinship) -> str:
-    """Say in a sentence what a map of a few methods, or of methods that hardly differ, would draw."""
-    which = (
-        f"{len(kin.classes)} kinds of methods differ on these data"
-        if len(kin.classes) > 1
-        else "No method differs from another"
-    )
-    return f"{which}, by {float(np.max(kin.distances)):.2g} half bandwidths at most: no map is drawn."
-
-
 def _identities(c: Comparison) -> Section:
     lead = paragraph(
-        "These relations hold with noise, on any data, to rounding. They are computed here by two routes each on the data of this report: "
-        "a residual above 1e-9 would be a fault of the programs, not of the measurement."
+        "These relations hold to rounding on any data, with noise. Each is computed by two routes on the present data: "
+        "a residual above 1e-9 is a fault of the program, not of the measurement."
     )
     rows = [
         [
@@ -223,30 +191,25 @@ def _identities(c: Comparison) -> Section:
         ]
         for i in c.identities
     ]
-    return Section(
-        "identities",
-        "Identities on these data",
-        lead + table(["identity", "domain", "report", "order", "residual"], rows, words=[0, 2]),
-    )
+    body = lead + table(["identity", "domain", "report", "order", "residual"], rows, words=[0, 2])
+    return Section("identities", "Identities on these data", body)
 
 
 def _disagreements(c: Comparison) -> Section:
     if not c.disagreements:
-        return Section(
-            "disagreements", "Where methods disagree", paragraph("Nowhere beyond what the noise moves them apart.")
-        )
+        return Section("disagreements", "Disagreements", paragraph("All methods agree within the noise."))
     rows = []
     for d in c.disagreements:
         where = "data" if d.mode is None else f"{d.mode + 1}: {c.groups[d.mode].frequency:.5g} Hz"
         rows.append([where, d.what, "; ".join(str(x) for x in d.causes) if d.mode is not None else d.causes[0].name])
     named = dict.fromkeys(x.name for d in c.disagreements for x in d.causes)
-    body = table(["mode", "what differs", "likely cause"], rows, words=[1, 2])
-    body += paragraph("What to do:") + listing((name, CAUSES[name]) for name in named)
-    return Section("disagreements", "Where methods disagree, and why", body)
+    body = table(["mode", "difference", "likely cause"], rows, words=[1, 2])
+    body += paragraph("Remedies:") + listing((name, CAUSES[name]) for name in named)
+    return Section("disagreements", "Disagreements and their causes", body)
 
 
 def _stabilization(c: Comparison) -> Section:
-    """Draw the diagrams of the methods with a vote, one of each class of equals, best fit first."""
+    """Draw one diagram of each class of equal methods, those with a vote and the best fit first."""
     kept, classes = [], set()
     for r in sorted((r for r in c.results if r.diagram is not None), key=lambda r: (not r.exact, r.fit_error)):
         kind = c.kinship.class_of(r.name)
@@ -255,22 +218,20 @@ def _stabilization(c: Comparison) -> Section:
             kept.append(r)
     parts = [
         picture(stabilization_svg(r.diagram, r.modes), f"Stabilization diagram of {r.label}", r.label)
-        for r in kept[:_DIAGRAMS]
+        for r in kept[:_MAX_DIAGRAMS]
         if r.diagram is not None and r.modes is not None
     ]
-    lead = "One diagram for each method that differs from the others, best fit first; the modes that it selected are marked."
-    return Section(
-        "stabilization", "Stabilization", paragraph(lead, "muted") + f'<div class="pair">{"".join(parts)}</div>'
-    )
+    lead = paragraph("One diagram of each class of methods, best fit first; lines mark its selected modes.", "muted")
+    return Section("stabilization", "Stabilization", f'{lead}<div class="pair">{"".join(parts)}</div>')
 
 
 def _settings(c: Comparison) -> Section:
-    facts = {key: str(found) for key, found in c.settings.items() if found is not None}
-    blocks = []
+    facts = {key: str(content) for key, content in c.settings.items() if content is not None}
+    rows = []
     for r in c.results:
         if r.diagram is not None:
-            found = ", ".join(f"{k} {v}" for k, v in r.diagram.settings.items() if v is not None)
-            blocks.append([r.label, found, "; ".join(map(str, r.diagram.notes))])
-    body = listing(facts.items()) + table(["method", "data matrix", "notes"], blocks, words=[0, 1, 2])
+            options = ", ".join(f"{k} {v}" for k, v in r.diagram.settings.items() if v is not None)
+            rows.append([r.label, options, "; ".join(map(str, r.diagram.notes))])
+    body = listing(facts.items()) + table(["method", "data matrix", "notes"], rows, words=[0, 1, 2])
     body += "".join(paragraph(str(note)) for note in c.notes)
     return Section("settings", "Settings and notes", body)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
@@ -16,6 +15,7 @@ from modalscope.data.analysis import VERSION
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.data.results import Result
+from modalscope.data.shown import counted
 from modalscope.doctor import Finding
 from modalscope.identification.identify import Identification
 from modalscope.identification.method_names import cell_label
@@ -24,55 +24,23 @@ from modalscope.io.formats import sources_of
 from modalscope.judging.select import select
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_kind, check_path
-from modalscope.plot.web.alive import alive_blob, front_end
-from modalscope.plot.web.poles import fit_of, fit_of_bands
+from modalscope.plot.web.fits import fit_of, fit_of_bands
 from modalscope.preprocess.singular_spectra import Decomposition, decomposition
 from modalscope.reporting import record, sections
 from modalscope.reporting.comparison import comparison_sections
 from modalscope.reporting.grades import grades
-from modalscope.reporting.html import Section, page, paragraph
-from modalscope.reporting.modes import certificate_section, intervals_section, modes_section, summary_section
-from modalscope.reporting.record import result_script, stabilization_script
-from modalscope.reporting.sections import Shown, bands_of, identification_sections
-
-# --------------------------------------------------------------------------------------------------------------- alive
-# The part of a report that moves: the front end of the page and its data, in the file itself; without scripts it is not there.
-
-#: What is only there where scripts run, and never on paper.
-_STYLE = """body:not(.alive) #explore, body:not(.alive) a[href="#explore"] { display: none; }
-@media print { #explore { display: none; } }"""
-
-
-def alive_section(
-    modes: ModalModel, *diagrams: StabilizationDiagram, spectra: Decomposition | None = None
-) -> Iterator[Section]:
-    """Give the section that moves, where there are modes and the front end was built with the package.
-
-    Nothing that a user wrote stands in it as markup: labels are in the data, which are base64.
-
-    `spectra`: of a record without inputs: what stands behind the poles.
-    """
-    script, style = front_end("viewer.js"), front_end("viewer.css")
-    if script is None or style is None or not len(modes):
-        return
-    data = base64.b64encode(alive_blob(modes, *diagrams, spectra=spectra)).decode("ascii")
-    lead = paragraph(
-        "Drag to zoom, double-click for the whole; choose a mode in the table or a channel of the curve.", "muted"
-    )
-    yield Section(
-        "explore",
-        "Look closer",
-        f'{lead}<style>{_STYLE}{style}</style><div id="alive"></div>'
-        f'<script id="alive-data" type="application/octet-stream">{data}</script>'
-        f'<script id="alive-script">{script.replace("</script", "<" + chr(92) + "/script")}</script>',
-    )
-
-
-# ------------------------------------------------------------------------------------------------------------ document
+from modalscope.reporting.html import Section, listing, page
+from modalscope.reporting.modes import (
+    certificate_section,
+    identification_summary,
+    intervals_section,
+    modes_section,
+    summary_section,
+)
 
 
 class _Result(Protocol):
-    """What has selected modes and the diagram that they were selected from."""
+    """A result with selected modes and their diagram."""
 
     @property
     def modes(self) -> ModalModel: ...
@@ -94,20 +62,20 @@ def report(
     command: str | None = None,
     certificate: Certificate | None = None,
 ) -> Path:
-    """Write a report on modes, a diagram, an identification or a comparison: one HTML file, pictures included.
+    """Write a report on modes, a diagram, an identification or a comparison: one HTML file with its pictures.
 
-    Nothing is asked from outside: the file can be sent to anybody and read without a network.
+    The file loads nothing from outside and can be read without a network.
 
     Parameters
     ----------
     thing : StabilizationDiagram, (ModalModel, StabilizationDiagram), Identification, Comparison or any result with modes and diagram
         A diagram, whose modes are selected automatically; or with its selected modes; one order; or a comparison of methods.
     path : path
-        Ends in .html. An earlier file is replaced only by a complete new one.
+        Ends in .html. An existing file is replaced only by a complete new one.
     title, source, command : str, optional
-        Heading, where the data came from, and the command line that gave the result.
+        Heading, source of the data, and the command line that gave the result.
     certificate : Certificate, optional
-        Of a result: whether its intervals hold; the modes are shown with its deviations.
+        Of a result: whether its intervals hold; the modes are reported with its standard deviations.
 
     Returns
     -------
@@ -117,7 +85,7 @@ def report(
     Raises
     ------
     DataError
-        Something that has neither modes nor a diagram, another suffix, or a file that cannot be written.
+        An object without modes or diagram, another suffix, or a file that cannot be written.
     """
     if source is not None:
         check_kind("source of a report", source, (str, Path))
@@ -132,19 +100,7 @@ def report(
         heading = title or _heading(f"{cell_label(thing.method, thing.domain)}, order {thing.order}", ": ", source)
         parts = identification_sections(thing, source=source, command=command)
         return write_page(path, heading, _subtitle(thing.response), parts, sources_of(thing))
-    origin = Origin(source, command)
-    if isinstance(thing, Result):
-        if thing.analysis.apart:
-            raise DataError(
-                "a report on setups that were identified apart was asked",
-                "a report shows one stabilization diagram",
-                "Write .json or .csv, report on the setups together (apart=False), or on each by itself.",
-            )
-        files = [file.path for file in thing.analysis.files if file.path]
-        known = source or ", ".join(files) or None
-        origin = Origin(
-            known, command, thing.findings, thing.notes, result_script(thing), data=thing.data, diagrams=thing.diagrams
-        )
+    origin = _origin(thing, source, command) if isinstance(thing, Result) else Origin(source, command)
     modes, diagram = _selected(thing)
     if certificate is not None:
         check_kind("certificate of report", certificate, Certificate)
@@ -155,7 +111,7 @@ def report(
 
 
 def _selected(thing: object) -> tuple[ModalModel, StabilizationDiagram]:
-    """Return modes and diagram: the pair in either order, of a result, or those that a diagram shows."""
+    """Return the modes and the diagram of a result, of a pair in either order, or of a diagram alone."""
     if isinstance(thing, StabilizationDiagram):
         return select(thing), thing
     pair = thing if isinstance(thing, tuple) else (getattr(thing, "modes", None), getattr(thing, "diagram", None))
@@ -163,11 +119,8 @@ def _selected(thing: object) -> tuple[ModalModel, StabilizationDiagram]:
         modes, diagram = pair if isinstance(pair[0], ModalModel) else pair[::-1]
         if isinstance(modes, ModalModel) and isinstance(diagram, StabilizationDiagram):
             return modes, diagram
-    raise DataError(
-        "a report was asked",
-        f"it was given {type(thing).__name__}",
-        "Give a diagram (of stabilize), the pair (modes, diagram) with modes = select(diagram), an identification, or a comparison.",
-    )
+    remedy = "Give a diagram (of stabilize), the pair (modes, diagram), a result, an identification or a comparison."
+    raise DataError("a report was asked", f"it was given {type(thing).__name__}", remedy)
 
 
 def _heading(what: str, joint: str, source: str | None) -> str:
@@ -176,11 +129,10 @@ def _heading(what: str, joint: str, source: str | None) -> str:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Origin:
-    """Where a result came from, and what is told of it beside the diagram's own.
+    """The origin of a result.
 
-    `source`, `command`: the file, and the command line that was typed. `findings`, `notes`, `script`: of the whole analysis; by default
-    those of the diagram. `data`: what was measured: of ambient records the spectra stand behind the diagram. `diagrams`: of every band,
-    where there are several.
+    `source`, `command`: the file, and the command line. `findings`, `notes`, `script`: of the whole analysis; by default those of the
+    diagram. `data`: the measurement; the spectra of ambient records are drawn behind the diagram. `diagrams`: of all bands, if several.
     """
 
     source: str | None = None
@@ -194,67 +146,88 @@ class Origin:
 
     @property
     def spectra(self) -> Decomposition | None:
-        """Singular values of the spectra of a record without inputs; None of all else."""
+        """Singular values of the spectra of a record without inputs; else None."""
         record = self.data
         return decomposition(record) if isinstance(record, Signals) and record.inputs is None else None
 
 
+def _origin(result: Result, source: str | None, command: str | None) -> Origin:
+    if result.analysis.apart:
+        remedy = "Write .json or .csv, report on the setups together (apart=False), or on each by itself."
+        raise DataError("a report on setups identified apart was asked", "a report shows one diagram", remedy)
+    source = source or ", ".join(file.path for file in result.analysis.files if file.path) or None
+    script = record.result_script(result)
+    return Origin(source, command, result.findings, result.notes, script, data=result.data, diagrams=result.diagrams)
+
+
 def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, origin: Origin) -> Iterator[Section]:
-    """Give the sections on a diagram and its modes in the order of reading, each drawn when it is asked for."""
-    response, judged = diagram.response, grades(modes, origin.certificate)
-    shown = bands_of(modes, origin.diagrams if len(origin.diagrams) > 1 else (diagram,))
-    several = len(shown) > 1
-    fit = fit_of_bands(modes, [each.diagram for each in shown])
-    yield summary_section(modes, [each.diagram for each in shown], fit, band=_bands(shown), judged=judged)
+    """Yield the sections on a diagram and its modes in the order of reading, each drawn when it is asked for."""
+    judged = grades(modes, origin.certificate)
+    bands = sections.bands_of(modes, origin.diagrams if len(origin.diagrams) > 1 else (diagram,))
+    diagrams, several = [band.diagram for band in bands], len(bands) > 1
+    fit = fit_of_bands(modes, diagrams)
+    yield summary_section(modes, diagrams, fit, band=_limits(bands), judged=judged)
     spectra = origin.spectra
-    yield from alive_section(modes, *(each.diagram for each in shown), spectra=spectra)
+    yield from sections.alive_section(modes, *diagrams, spectra=spectra)
     yield modes_section(modes, judged)
     if len(modes):
         yield intervals_section(modes)
     if origin.certificate is not None:
         yield certificate_section(origin.certificate)
-    for each in shown:
-        yield each.named(sections.stabilization_section(each.diagram, each.modes, spectra), several)
+    for band in bands:
+        yield band.named(sections.stabilization_section(band.diagram, band.modes, spectra), several)
     yield from sections.mode_pictures(modes)
-    for each in shown:
-        own = fit_of(each.modes, each.diagram.response) if several else fit
-        yield each.named(sections.responses_section(each.modes, each.diagram.response, own), several)
+    for band in bands:
+        band_fit = fit_of(band.modes, band.diagram.response) if several else fit
+        yield band.named(sections.responses_section(band.modes, band.diagram.response, band_fit), several)
     if modes.reasons:
         yield sections.reasons_section(modes)
     if modes.left_out:
         yield sections.left_out_section(modes)
-    yield record.data_section(response, origin.source, origin.findings, origin.data)
-    for each in shown:
-        yield each.named(record.settings_section(each.diagram), several)
+    yield record.data_section(diagram.response, origin.source, origin.findings, origin.data)
+    for band in bands:
+        yield band.named(record.settings_section(band.diagram), several)
     yield record.notes_section(diagram.notes if origin.notes is None else origin.notes, diagram.kinds)
-    yield record.repeat_section(origin.script or stabilization_script(diagram, origin.source), origin.command)
+    yield record.repeat_section(origin.script or record.stabilization_script(diagram, origin.source), origin.command)
 
 
-def _bands(shown: Sequence[Shown]) -> str:
-    """Return the band that was asked, or the bands, in words."""
-    if len(shown) > 1:
-        return f"Identified in {len(shown)} bands: {', '.join(each.words for each in shown)}."
-    asked = getattr(shown[0].diagram.settings, "band", None)
-    return (
-        "No band was asked: all of the data was used."
-        if asked is None
-        else f"Band asked: {asked[0]:g} to {asked[1]:g} Hz."
-    )
+def _limits(bands: Sequence[sections.Band]) -> str:
+    """Return a sentence on the bands."""
+    if len(bands) > 1:
+        return f"Identified in {len(bands)} bands: {', '.join(band.words for band in bands)}."
+    limits = getattr(bands[0].diagram.settings, "band", None)
+    return "Band: full range." if limits is None else f"Band: {limits[0]:g} to {limits[1]:g} Hz."
+
+
+def identification_sections(
+    found: Identification, *, source: str | None = None, command: str | None = None
+) -> Iterator[Section]:
+    """Yield the sections on one identification in the order of reading, each drawn when it is asked for."""
+    modes, response = found.modes, found.response
+    fit = fit_of(modes, response) if len(modes) else None
+    yield identification_summary(found)
+    yield modes_section(modes)
+    yield sections.model_section(found)
+    yield from sections.mode_pictures(modes)
+    yield sections.responses_section(modes, response, fit)
+    yield record.data_section(response, source)
+    settings = {"method": cell_label(found.method, found.domain), "domain": found.domain, "order": str(found.order)}
+    yield Section("settings", "Settings", listing((settings | record.settings_listed(found.settings)).items()))
+    yield record.notes_section(found.notes)
+    yield record.repeat_section(record.identification_script(found, source), command)
 
 
 def _subtitle(response: Response) -> str:
-    sides = ((len(response.output_dofs), "output"), (len(response.input_dofs), response.column_word))
-    counts = ", ".join(f"{count} {word}{'' if count == 1 else 's'}" for count, word in sides)
-    return f"{counts}, {date.today().isoformat()}"
+    outputs = counted(len(response.output_dofs), "output")
+    return f"{outputs}, {counted(len(response.input_dofs), response.column_word)}, {date.today().isoformat()}"
 
 
 def write_page(
     path: str | Path, title: str, subtitle: str, parts: Iterable[Section], sources: Iterable[Path] = ()
 ) -> Path:
-    """Write sections as a page; an earlier file stays as it was until the new one is complete.
+    """Write sections as a page; an existing file is unchanged until the new one is complete.
 
-    Sections may come from a generator: a file that cannot be written is found before any picture is drawn. The sources, which the
-    data came from, are never overwritten.
+    The target is checked before a generator of sections draws its first picture. The sources of the data are never overwritten.
 
     Raises `DataError`: another suffix than .html or .htm, or a file that cannot be written.
     """

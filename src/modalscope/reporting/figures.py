@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def draw(size: tuple[float, float], paint: Callable[[Figure], object]) -> bytes:
-    """Return what `paint` draws on a figure of `size` (inches) as SVG, the same bytes every time."""
+    """Return what `paint` draws on a figure of `size` (inches) as SVG; the bytes are reproducible."""
     from matplotlib import style
     from matplotlib.figure import Figure
 
@@ -32,12 +32,12 @@ def draw(size: tuple[float, float], paint: Callable[[Figure], object]) -> bytes:
 
 
 def stabilization_svg(diagram: StabilizationDiagram, modes: ModalModel, spectra: Decomposition | None = None) -> bytes:
-    """Draw the stabilization diagram with the selected modes, over the spectra of its record where they are given."""
+    """Draw the stabilization diagram with the selected modes, over the mode indicator or the given spectra."""
     return draw((11.0, 6.6), lambda figure: plot.stabilization(diagram, modes, figure.add_subplot(), spectra=spectra))
 
 
 def singular_values_svg(singular_values: RealArray, orders: Sequence[int]) -> bytes:
-    """Draw the singular values that orders were cut from, as far as three times the largest of them."""
+    """Draw the singular values up to three times the largest order."""
     shown = singular_values[: 3 * max(orders, default=20)]
     return draw((7.0, 4.0), lambda figure: plot.singular_values(shown, figure.add_subplot()))
 
@@ -49,18 +49,17 @@ def fit_errors_svg(diagram: StabilizationDiagram) -> bytes:
 
 def response_svg(data: Response, modes: ModalModel, output: int, input: int) -> bytes:
     """Draw one channel, measured and rebuilt."""
-    known = data.coherence is not None
-    heights = [2.2, 1, 0.6] if known else [2.2, 1]
+    heights = [2.2, 1] if data.coherence is None else [2.2, 1, 0.6]
 
     def paint(figure: Figure) -> None:
         panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
         plot.response(data, modes, output, input, tuple(panels))
 
-    return draw((7.0, 5.4 if known else 4.8), paint)
+    return draw((7.0, 4.8 if data.coherence is None else 5.4), paint)
 
 
 def shape_svg(modes: ModalModel, index: int) -> bytes:
-    """Draw one mode shape: on the geometry where it knows the channels, else as bars."""
+    """Draw one mode shape on the geometry, or as bars if that has none of the channels."""
     geometry = modes.geometry
     known = geometry is not None and any(geometry.motion_of(label) for label in modes.output_dofs)
     drawn = modes if known else replace(modes, geometry=None)
@@ -72,12 +71,12 @@ def intervals_svg(modes: ModalModel, of: str) -> bytes:
     return draw((7.0, 4.0), lambda figure: plot.intervals(modes, figure.add_subplot(), of=of))
 
 
-def certificate_svg(found: Certificate, of: str) -> bytes:
-    """Draw what simulations showed of every interval."""
-    return draw((7.0, 4.0), lambda figure: plot.certificate(found, figure.add_subplot(), of=of))
+def certificate_svg(certificate: Certificate, of: str) -> bytes:
+    """Draw the simulated deviations of all modes."""
+    return draw((7.0, 4.0), lambda figure: plot.certificate(certificate, figure.add_subplot(), of=of))
 
 
 def mac_svg(modes: ModalModel) -> bytes:
-    """Draw the MAC of the modes with each other."""
+    """Draw the AutoMAC matrix of the modes."""
     side = min(max(3.4, 0.62 * len(modes) + 1.2), 8.0)
     return draw((side + 0.6, side), lambda figure: plot.mac(modes, ax=figure.add_subplot()))

@@ -1,12 +1,12 @@
 """Grade each mode by one word and the reason that decides it.
 
-The first rule that speaks decides; every limit is one that another rule of the library rests on, or a bound of its own meaning:
+The first rule that applies decides. Every limit is one of another rule of the library, or a bound of its own meaning:
 
-- **doubtful**: the pole does not decay; its frequency is open (95 %) by more than a half bandwidth, so that it may be any other mode there;
-  its damping is open by its whole value, so that even its sign is not known.
-- **look**: its shape is that of a stronger mode (MAC above .8); its interval did not hold in simulations; its damping is open by more than
-  30 %; its shape is far from one phase (MPC below .8); it is weak at its own frequency; nothing is known of how sure it is.
-- **good**: nothing of this.
+- **doubtful**: the pole does not decay; its frequency is uncertain (95 %) by more than its half-power half-bandwidth; its damping is
+  uncertain by its whole value, so that its sign is not known.
+- **look**: its shape is that of a stronger mode (MAC above .8); its interval did not hold in simulations; its damping is uncertain by more
+  than 30 %; its shape is complex (MPC below .8); it is weak at its own frequency; its uncertainty is not known.
+- **good**: no rule applies.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from modalscope.reporting.html import percent
 #: Best first.
 GRADES = ("good", "look", "doubtful")
 
-#: Two shapes above this MAC are told apart by their frequencies alone.
+#: MAC above which only their frequencies distinguish two modes.
 ALIKE = 0.8
 
-#: A shape whose components lie less than this along one phase (MPC) is complex, or badly known.
-_ONE_PHASE = 0.8
+#: MPC below which a shape is complex, or poorly identified.
+_MIN_MPC = 0.8
 
-#: A damping ratio that is open by more than this part of its value is no basis for a decision.
-_OPEN = 0.3
+#: Half-width of the 95 % interval of a damping ratio, relative to its value, above which it is no basis for a decision.
+_MAX_DAMPING_UNCERTAINTY = 0.3
 
 
 @dataclass(frozen=True)
 class Grade:
-    """How far a mode can be relied on.
+    """The grade of a mode.
 
     `reason`: the one that decides.
     """
@@ -51,83 +51,76 @@ class Grade:
 def grades(modes: ModalModel, certificate: Certificate | None = None) -> tuple[Grade, ...]:
     """Return a grade for each mode by the rules of this module.
 
-    `certificate`: whose simulations tell whether intervals hold.
+    `certificate`: of the intervals, by simulations.
     """
-    widths = half_widths(modes)
-    likes = alike_pairs(modes)
-    found = []
+    widths, pairs = half_widths(modes), alike_pairs(modes)
+    graded = []
     for i in range(len(modes)):
         f, zeta = float(widths[0][i]), float(widths[1][i])
-        reason = _doubt(modes, i, f, zeta)
-        word = "doubtful"
-        if not reason:
-            word, reason = "look", _look(modes, i, zeta, likes, certificate)
-        found.append(Grade(word, reason) if reason else Grade("good", _sure(modes, i, f, zeta)))
-    return tuple(found)
+        if reason := _doubt(modes, i, f, zeta):
+            graded.append(Grade("doubtful", reason))
+        elif reason := _weakness(modes, i, zeta, pairs, certificate):
+            graded.append(Grade("look", reason))
+        else:
+            relative = percent(f / float(modes.frequencies[i]), 2), percent(zeta / float(modes.damping_ratios[i]), 2)
+            graded.append(Grade("good", f"frequency within ±{relative[0]}, damping within ±{relative[1]}"))
+    return tuple(graded)
 
 
 def half_widths(modes: ModalModel) -> tuple[RealArray, RealArray]:
-    """Return the half widths of the 95 % intervals of frequencies (Hz) and damping ratios; NaN where they are not known."""
+    """Return the half-widths of the 95 % intervals of frequencies (Hz) and damping ratios; NaN where they are not known."""
     if modes.frequencies_std is None and modes.frequencies_repeatability is None:
         unknown = np.full(len(modes), np.nan)
         return unknown, unknown
-    known = modes.interval(0.95)
-    frequency_half, damping_half = (np.ptp(known[name], axis=1) / 2 for name in ("frequency", "damping_ratio"))
-    return np.asarray(frequency_half), np.asarray(damping_half)
+    intervals = modes.interval(0.95)
+    return np.ptp(intervals["frequency"], axis=1) / 2, np.ptp(intervals["damping_ratio"], axis=1) / 2
 
 
 def alike_pairs(modes: ModalModel) -> list[tuple[int, int, float]]:
-    """Return pairs of modes (first, second, MAC) whose shapes are alike, most alike first.
-
-    Of a single output all shapes are: there is nothing to tell.
-    """
+    """Return pairs of modes (first, second, MAC) whose shapes are alike, by descending MAC; none of a single output."""
     if len(modes) < 2 or len(modes.output_dofs) < 2:
         return []
     values = mac(modes.shapes)
-    pairs = [(i, j, float(values[i, j])) for i, j in zip(*np.triu_indices(len(modes), 1), strict=True)]
-    return sorted(((int(i), int(j), v) for i, j, v in pairs if v > ALIKE), key=lambda pair: -pair[2])
+    pairs = [(int(i), int(j), float(values[i, j])) for i, j in zip(*np.triu_indices(len(modes), 1), strict=True)]
+    return sorted((pair for pair in pairs if pair[2] > ALIKE), key=lambda pair: -pair[2])
 
 
 def _doubt(modes: ModalModel, i: int, f: float, zeta: float) -> str:
     value = float(modes.damping_ratios[i])
     if modes.kinds[i] != "mode":
-        return f"its pole is {modes.kinds[i]}, no decaying oscillation"
+        return f"pole is {modes.kinds[i]}: no decaying oscillation"
     if f > value * modes.frequencies[i]:
-        return f"its frequency is open by ±{f:.2g} Hz, more than its half bandwidth"
+        return f"frequency uncertain by ±{f:.2g} Hz, more than its half-power half-bandwidth"
     if zeta >= value:
-        return f"its damping is open by ±{percent(zeta / value, 2)} of its value: it may be nothing"
+        return f"damping uncertain by ±{percent(zeta / value, 2)}: probably not a mode"
     return ""
 
 
-def _look(
-    modes: ModalModel, i: int, zeta: float, likes: list[tuple[int, int, float]], certificate: Certificate | None
+def _weakness(
+    modes: ModalModel, i: int, zeta: float, pairs: list[tuple[int, int, float]], certificate: Certificate | None
 ) -> str:
-    for a, b, value in likes:
+    for a, b, value in pairs:
         if i in (a, b) and i not in _stronger(modes, a, b):
-            return f"its shape is that of mode {(b if i == a else a) + 1} (MAC {value:.2f}): too few sensors, or one mode twice"
+            other = (b if i == a else a) + 1
+            return f"shape equals that of mode {other} (MAC {value:.2f}): too few sensors, or a duplicate"
     if certificate is not None and i < len(certificate.holds) and not certificate.holds[i]:
-        return "its interval did not hold when this case was simulated"
-    part = zeta / float(modes.damping_ratios[i])
-    if part > _OPEN:
-        return f"its damping is open by ±{percent(part, 2)} of its value"
-    purity = float(mpc(modes.shapes[:, [i]])[0]) if len(modes.output_dofs) > 1 else 1.0
-    if purity < _ONE_PHASE:
-        return f"its shape is far from one phase (MPC {purity:.2f})"
+        return "interval did not hold in simulations of this case"
+    uncertainty = zeta / float(modes.damping_ratios[i])
+    if uncertainty > _MAX_DAMPING_UNCERTAINTY:
+        return f"damping uncertain by ±{percent(uncertainty, 2)}"
+    collinearity = float(mpc(modes.shapes[:, [i]])[0]) if len(modes.output_dofs) > 1 else 1.0
+    if collinearity < _MIN_MPC:
+        return f"shape is complex (MPC {collinearity:.2f})"
     reasons: Mapping[str, Any] = modes.reasons[i] if modes.reasons else {}
     share, prominence = (reasons.get(key) for key in ("share_of_peak", "indicator_prominence"))
     if share is not None and prominence is not None and share < LEAST_PEAK and prominence < LEAST_PROMINENCE:
-        return f"weak: it makes up {percent(share, 2)} of the response at its frequency and no peak of its own"
-    return "" if np.isfinite(part) else "how far its damping may be from the truth is not known"
+        return f"weak: {percent(share, 2)} of the response at its frequency, no peak of the mode indicator"
+    return "" if np.isfinite(uncertainty) else "uncertainty not known"
 
 
 def _stronger(modes: ModalModel, a: int, b: int) -> tuple[int, ...]:
-    """Return which of two modes explains more of the data; none where that is not known."""
+    """Return the more significant of two modes; none if that is not known."""
     gain = modes.gain
     if gain is None or not np.all(np.isfinite(np.asarray(gain)[[a, b]])):
         return ()
     return (a,) if gain[a] > gain[b] else (b,)
-
-
-def _sure(modes: ModalModel, i: int, f: float, zeta: float) -> str:
-    parts = (percent(f / float(modes.frequencies[i]), 2), percent(zeta / float(modes.damping_ratios[i]), 2))
-    return f"frequency within ±{parts[0]}, damping within ±{parts[1]} of its value"

@@ -1,4 +1,4 @@
-"""Write the verdict and the table of modes with grade and intervals."""
+"""Write the sections on modes: verdict, table with grades, intervals and their certificate."""
 
 from __future__ import annotations
 
@@ -11,104 +11,84 @@ from modalscope.checking.certificate import Certificate
 from modalscope.data import ModalModel, StabilizationDiagram
 from modalscope.data.mode_table import told
 from modalscope.data.response import Response
+from modalscope.data.shown import counted
+from modalscope.identification.identify import Identification
 from modalscope.identification.method_names import cell_label
 from modalscope.modal.rebuilt import explained, explains_enough
-from modalscope.plot.web.poles import Fit, asked_ends
+from modalscope.plot.web.fits import Fit, asked_ends
 from modalscope.reporting.figures import certificate_svg, intervals_svg
 from modalscope.reporting.grades import GRADES, Grade, alike_pairs, grades, half_widths
 from modalscope.reporting.html import Section, decimals, folded, frequency, paragraph, percent, picture, table
 
-# ----------------------------------------------------------------------------------------------------------- intervals
-# The section of a report on how far values may be from the truth.
-
-_ADVICE = (
-    "No deviations are known. modalscope.refine(data, modes) takes the modes to the maximum of the likelihood and gives them; "
-    "analyze does so by itself where the data allow it."
-)
+#: Meaning of the indicators, for the legend below their table.
+_INDICATOR_MEANINGS = {
+    "amplitude_coherence": "amplitude coherence: agreement of the mode's evolution with that of its pole (best 1)",
+    "emac": "emac: extended modal amplitude coherence, over outputs and inputs (best 1)",
+    "emaco": "emaco: emac over outputs alone",
+    "mpc": "mpc: modal phase collinearity, 1 if all points move in phase or in opposition",
+    "cmi": "cmi: consistent mode indicator, emac times mpc",
+    "msv": "msv: modal singular value, share of the mode in the response (largest 1)",
+    "mpd": "mpd: mean phase deviation of the shape in degrees (best 0)",
+    "peak": "peak: height of the spectral peak in the best combination of channels, relative to its noise bound (above 1)",
+}
 
 
 def intervals_section(modes: ModalModel) -> Section:
-    """Draw 95 % intervals of frequencies and damping ratios, and say what they rest on; without deviations, how to have them."""
-    title = "How sure"
+    """Draw the 95 % intervals of frequencies and damping ratios with their notes, or state how to obtain them."""
+    title = "Confidence intervals"
     if modes.frequencies_std is None and modes.frequencies_repeatability is None:
-        why = [str(note) for note in modes.notes if note.kind == "not refined"]
-        return Section("intervals", title, "".join(paragraph(text) for text in (*why, _ADVICE)))
+        reasons = [str(note) for note in modes.notes if note.kind == "not refined"]
+        advice = "No standard deviations are known. modalscope.refine(data, modes) computes them; analyze does so if possible."
+        return Section("intervals", title, "".join(map(paragraph, (*reasons, advice))))
+    scatter = " and the scatter between groups" if modes.frequencies_repeatability is not None else ""
+    lead = paragraph(f"95 % intervals relative to each value, from the noise{scatter}.", "muted")
     pictures = "".join(
         picture(intervals_svg(modes, of), f"95 % intervals of every mode's {of}") for of in ("frequency", "damping")
     )
-    words = "Intervals of 95 %, relative to each value: what the noise leaves open"
-    words += (
-        ", and how far groups of inputs, runs or setups disagree."
-        if modes.frequencies_repeatability is not None
-        else "."
-    )
-    told = "".join(paragraph(str(note)) for note in modes.notes)
-    return Section("intervals", title, f'{paragraph(words, "muted")}<div class="pair">{pictures}</div>{told}')
+    notes = "".join(paragraph(str(note)) for note in modes.notes)
+    return Section("intervals", title, f'{lead}<div class="pair">{pictures}</div>{notes}')
 
 
-def certificate_section(found: Certificate) -> Section:
-    """Say of every interval whether it holds: bias, ratio and coverage over simulations of this very case."""
-    good, count = int(found.holds.sum()), len(found.modes)
-    all_of = "All intervals hold" if good == count else f"The intervals of {good} of {count} modes hold"
+def certificate_section(certificate: Certificate) -> Section:
+    """State for every interval whether it holds: bias, ratio and coverage in simulations of this case."""
+    good, count = int(certificate.holds.sum()), len(certificate.modes)
+    result = "All intervals hold" if good == count else f"The intervals of {good} of {count} modes hold"
     lead = (
-        f"{all_of}: this very case was simulated, with the modes above as the truth and noise like that of the data, and identified "
-        f"again at order {found.order}. An interval holds when the bias is below half a deviation, the scatter is .8 to 1.25 of the "
-        "predicted one, and the truth lies inside in 88 % or more. What fails is judged again on five times as many simulations."
+        f"{result}. This case was simulated with the modes above as the truth and noise like that of the data, and identified again "
+        f"at order {certificate.order}. An interval holds if the bias is below half a standard deviation, the scatter is .8 to 1.25 of "
+        "the predicted one, and the coverage is at least 88 %. Intervals that fail are tried again with five times as many simulations."
     )
     pictures = "".join(
         picture(
-            certificate_svg(found, of),
-            f"What simulations showed of every mode's {of}, in predicted deviations from the truth",
+            certificate_svg(certificate, of),
+            f"Simulated deviations of every mode's {of}, in predicted standard deviations",
         )
         for of in ("frequency", "damping")
     )
-    caption = "Bias and scatter in predicted deviations; coverage of the 95 % interval; in how many simulations the mode was found"
-    told = "".join(paragraph(str(note)) for note in found.notes)
+    notes = "".join(paragraph(str(note)) for note in certificate.notes)
     if good < count:
-        told += paragraph("What does not hold has the deviation that the simulations show in its place.")
-    body = f'{paragraph(lead)}<div class="pair">{pictures}</div>{table(*_of_certificate(found), words=[9], caption=caption)}{told}'
-    return Section("certificate", "Do the intervals hold", body)
+        notes += paragraph("Intervals that do not hold are replaced by the scatter of the simulations.")
+    body = f'{paragraph(lead)}<div class="pair">{pictures}</div>{_certificate_table(certificate)}{notes}'
+    return Section("certificate", "Coverage of the intervals", body)
 
 
-def _of_certificate(found: Certificate) -> tuple[list[str], list[list[str]]]:
-    """Return head and rows of the table of a certificate."""
+def _certificate_table(c: Certificate) -> str:
+    measures = ("bias", "ratio", "coverage")
     rows = [
         [
             str(j + 1),
             f"{f:.5g}",
-            *(
-                f"{told[k][j]:.2f}"
-                for told in (found.frequency, found.damping_ratio)
-                for k in ("bias", "ratio", "coverage")
-            ),
-            f"{found.found[j]} of {found.replicates[j]}",
-            "holds" if found.holds[j] else "does not hold",
+            *(f"{values[k][j]:.2f}" for values in (c.frequency, c.damping_ratio) for k in measures),
+            f"{c.found[j]} of {c.replicates[j]}",
+            "holds" if c.holds[j] else "does not hold",
         ]
-        for j, f in enumerate(found.modes.frequencies)
+        for j, f in enumerate(c.modes.frequencies)
     ]
-    head = [
-        "mode",
-        "f [Hz]",
-        *(f"{of}: {k}" for of in ("f", "ζ") for k in ("bias", "ratio", "coverage")),
-        "found",
-        "interval",
-    ]
-    return head, rows
-
-
-# --------------------------------------------------------------------------------------------------------------- modes
-
-#: What the indicators say, for readers who meet them for the first time.
-_WORDS = {
-    "amplitude_coherence": "amplitude coherence: how well the mode evolves as one pole must (1 best)",
-    "emac": "emac: extended modal amplitude coherence, over outputs and inputs (1 best)",
-    "emaco": "emaco: the same over outputs alone",
-    "mpc": "mpc: modal phase collinearity, 1 when all points move in phase or in opposition",
-    "cmi": "cmi: consistent mode indicator, emac times mpc",
-    "msv": "msv: modal singular value, share of the mode in the response (largest 1)",
-    "mpd": "mpd: mean phase deviation of the shape in degrees (0 best)",
-    "peak": "peak: height of the record's spectral peak in the best combination of channels, over what noise reaches (above 1)",
-}
+    head = ["mode", "f [Hz]", *(f"{of}: {k}" for of in ("f", "ζ") for k in measures), "identified", "interval"]
+    caption = (
+        "Bias and scatter in predicted standard deviations; coverage of the 95 % interval; simulations with the mode"
+    )
+    return table(head, rows, words=[9], caption=caption)
 
 
 def summary_section(
@@ -119,33 +99,51 @@ def summary_section(
     band: str = "",
     judged: Sequence[Grade] | None = None,
 ) -> Section:
-    """The verdict: warnings first, how many modes where, how much they explain, how many of them are good, and the least sure.
+    """Write the verdict: warnings, number of modes, share explained, grades, and the least certain mode.
 
-    `diagrams`: one a band. `fit`: fit error in all and per channel. `band`: the band that was asked, in words.
+    `diagrams`: one a band. `fit`: fit error in all and per channel. `band`: sentence on the chosen band.
     """
     diagram, ends = diagrams[0], [asked_ends(each) for each in diagrams]
     low, high = min(low for low, _ in ends), max(high for _, high in ends)
-    count = f"{len(modes)} mode{'' if len(modes) == 1 else 's'}"
     orders = f"orders {diagram.orders[0]} to {diagram.orders[-1]}" if diagram.orders else "no order"
-    verdict = f"{count} between {low:.5g} and {high:.5g} Hz, by {cell_label(diagram.method, diagram.domain)}, {orders}."
-    said = verdict_of(modes, diagram.response, fit)
-    verdict += "".join(f" {text}" for text in said.explained)
-    odd = [f"mode {i + 1} is {kind}" for i, kind in enumerate(modes.kinds) if kind != "mode"]
-    graded = _counted(grades(modes) if judged is None else judged)
-    lines = (graded, band, *said.taken, _least_sure(modes), "; ".join(odd))
-    warned = "".join(paragraph(text, "loud") for text in said.warnings)
-    return Section(
-        "summary",
-        "Summary",
-        warned + paragraph(verdict, "verdict") + "".join(paragraph(text) for text in lines if text),
+    lead = f"{counted(len(modes), 'mode')} between {low:.5g} and {high:.5g} Hz, by {cell_label(diagram.method, diagram.domain)}, {orders}."
+    verdict = verdict_of(modes, diagram.response, fit)
+    graded = _grade_counts(grades(modes) if judged is None else judged)
+    lines = (graded, band, *verdict.taken, _least_certain(modes), odd_poles(modes))
+    body = "".join(paragraph(text, "loud") for text in verdict.warnings)
+    body += paragraph(" ".join([lead, *verdict.explained]), "verdict")
+    return Section("summary", "Summary", body + "".join(paragraph(text) for text in lines if text))
+
+
+def identification_summary(found: Identification) -> Section:
+    """Write the verdict on one identification: number of modes, share explained, poles that are no modes."""
+    modes, (low, high) = found.modes, found.response.span
+    method = cell_label(found.method, found.domain)
+    body = paragraph(
+        f"{counted(len(modes), 'mode')} between {low:.5g} and {high:.5g} Hz, by {method}, order {found.order}.",
+        "verdict",
     )
+    if explains_enough(found.fit_error):
+        # the fit error includes real and unstable poles of the model
+        body += paragraph(explained(found.fit_error).replace("modes explain", "whole model explains", 1))
+    else:
+        body = paragraph(explained(found.fit_error), "loud") + body
+    odd = odd_poles(modes)
+    body += paragraph(odd) if odd else ""
+    body += paragraph("One order cannot separate modes from noise; use stabilize and select.", "muted")
+    return Section("summary", "Summary", body)
+
+
+def odd_poles(modes: ModalModel) -> str:
+    """Name the poles that are no modes, such as unstable ones."""
+    return "; ".join(f"mode {i + 1} is {kind}" for i, kind in enumerate(modes.kinds) if kind != "mode")
 
 
 class Verdict(NamedTuple):
-    """Sentences on a list of modes, which a report and the terminal give alike.
+    """Sentences on a list of modes for the report and the terminal.
 
-    `taken`: what the data were taken as, where that is a choice. `explained`: how much the modes explain, where it is enough. `warnings`:
-    that they explain too little, and that shapes are alike.
+    `taken`: how the data are interpreted, if that is a choice. `explained`: the share explained, if it suffices. `warnings`: the share is
+    too low; shapes are alike.
     """
 
     taken: tuple[str, ...]
@@ -156,8 +154,7 @@ class Verdict(NamedTuple):
 def verdict_of(modes: ModalModel, response: Response, fit: Fit) -> Verdict:
     """Return the sentences on a list of modes.
 
-    `response`: what they were identified from; of several bands the first. `fit`: fit error in all and per channel, of all bands; None
-    where it is not known.
+    `response`: that of the first band. `fit`: fit error of all bands, in all and per channel; None if it is not known.
     """
     share = () if fit is None else (explained(fit[0]),)
     enough = fit is None or explains_enough(fit[0])
@@ -166,27 +163,24 @@ def verdict_of(modes: ModalModel, response: Response, fit: Fit) -> Verdict:
 
 
 def _alike(modes: ModalModel) -> list[str]:
-    """Return the warning that shapes are alike, where they are."""
-    likes = alike_pairs(modes)
-    if not likes:
+    """Return the warning that shapes are alike, if they are."""
+    pairs = alike_pairs(modes)
+    if not pairs:
         return []
-    i, j, value = likes[0]
+    i, j, value = pairs[0]
     which = f"modes {i + 1} and {j + 1} ({frequency(modes.frequencies[i])} and {frequency(modes.frequencies[j])})"
-    more = f"; so are {len(likes) - 1} more pairs" if len(likes) > 1 else ""
-    return [
-        f"WARNING: the shapes of {which} are alike (MAC {value:.2f}){more}. Too few sensors tell them apart, something stronger "
-        "than the modes stands in all of them, or one mode was taken twice."
-    ]
+    more = f", and those of {counted(len(pairs) - 1, 'more pair')}" if len(pairs) > 1 else ""
+    causes = "Possible causes: too few sensors, a strong signal common to all sensors, or a duplicate mode."
+    return [f"WARNING: the shapes of {which} are alike (MAC {value:.2f}){more}. {causes}"]
 
 
-def _counted(judged: Sequence[Grade]) -> str:
-    """Say how many modes have which grade."""
+def _grade_counts(judged: Sequence[Grade]) -> str:
     counts = [(word, sum(grade.word == word for grade in judged)) for word in GRADES]
-    known = [f"{number} {word}" for word, number in counts if number]
-    return f"Graded: {', '.join(known)}." if known else ""
+    listed = [f"{number} {word}" for word, number in counts if number]
+    return f"Graded: {', '.join(listed)}." if listed else ""
 
 
-def _least_sure(modes: ModalModel) -> str:
+def _least_certain(modes: ModalModel) -> str:
     """Name the mode whose damping scatters most over the orders, relative to its value."""
     spread, zeta = modes.damping_ratios_spread, modes.damping_ratios
     if spread is None or not len(modes):
@@ -196,54 +190,51 @@ def _least_sure(modes: ModalModel) -> str:
         return ""
     worst = int(np.nanargmax(share))
     where = f"mode {worst + 1} at {frequency(modes.frequencies[worst])}"
-    return f"Least sure is {where}: its damping scatters by {percent(share[worst], 2)} of its value over the orders."
+    return f"Least certain: {where}, whose damping scatters by {percent(share[worst], 2)} over the orders."
 
 
 def modes_section(modes: ModalModel, judged: Sequence[Grade] | None = None) -> Section:
-    """A grade for each mode with the one reason, 95 % intervals beside the values; every figure behind."""
+    """Write the table of modes: values, 95 % intervals, grade and its reason; all indicators are folded."""
     judged = grades(modes) if judged is None else judged
     digits = decimals(modes.frequencies)
-    open_by = half_widths(modes)
+    widths = half_widths(modes)
     columns = {
         "mode": [str(i + 1) for i in range(len(modes))],
         "frequency [Hz]": [f"{v:.{digits}f}" for v in modes.frequencies],
-        "± 95 % [Hz]": [told(v) for v in open_by[0]],
+        "± 95 % [Hz]": [told(v) for v in widths[0]],
         "damping [%]": [f"{100 * v:.3f}" for v in modes.damping_ratios],
-        "± 95 % [%]": [told(100 * v) for v in open_by[1]],
+        "± 95 % [%]": [told(100 * v) for v in widths[1]],
         "grade": [grade.word for grade in judged],
-        "why": [grade.reason for grade in judged],
+        "reason": [grade.reason for grade in judged],
     }
-    if not any(np.isfinite(half).any() for half in open_by):
+    if not any(np.isfinite(half).any() for half in widths):
         del columns["± 95 % [Hz]"], columns["± 95 % [%]"]
-    rows = list(zip(*columns.values(), strict=True))
-    places = list(columns)
-    body = table(places, rows, words=[places.index("grade"), places.index("why")], graded=places.index("grade"))
-    return Section("modes", "Modes", body + folded("All figures: deviations, spreads, indicators", figures_of(modes)))
+    last = len(columns) - 1
+    body = table(list(columns), zip(*columns.values(), strict=True), words=[last - 1, last], graded=last - 1)
+    return Section("modes", "Modes", body + folded("All values: deviations, spreads, indicators", figures_of(modes)))
 
 
 def figures_of(modes: ModalModel) -> str:
-    """Return the table of all figures of the modes, and what their names mean."""
-    digits = decimals(modes.frequencies)
-    columns: dict[str, list[str]] = {"mode": [str(i + 1) for i in range(len(modes))]}
-    for name, title, scale, places in (
-        ("frequencies", "frequency [Hz]", 1.0, digits),
-        ("damping_ratios", "damping [%]", 100.0, 3),
+    """Return the table of all values of the modes, and the meaning of their names."""
+    columns: list[tuple[str, Sequence[str]]] = [("mode", [str(i + 1) for i in range(len(modes))])]
+    for name, title, unit, scale, places in (
+        ("frequencies", "frequency", "[Hz]", 1.0, decimals(modes.frequencies)),
+        ("damping_ratios", "damping", "[%]", 100.0, 3),
     ):
-        columns[title] = [f"{scale * v:.{places}f}" for v in getattr(modes, name)]
+        columns.append((f"{title} {unit}", [f"{scale * v:.{places}f}" for v in getattr(modes, name)]))
         for suffix, word in (("spread", "spread"), ("std", "± noise"), ("repeatability", "± repeatability")):
-            found = getattr(modes, f"{name}_{suffix}")
-            if found is not None:
-                unit = title[title.index("[") :]
-                columns[f"{word} {unit}{' ' * (name == 'damping_ratios')}"] = [told(scale * v) for v in found]
+            values = getattr(modes, f"{name}_{suffix}")
+            if values is not None:
+                columns.append((f"{word} {unit}", [told(scale * v) for v in values]))
     if any(kind != "mode" for kind in modes.kinds):
-        columns["kind"] = list(modes.kinds)
+        columns.append(("kind", modes.kinds))
     for name, values in modes.indicators.items():
-        columns[name.replace("_", " ")] = [f"{v:.3f}" if np.isfinite(v) else "–" for v in values]
-    words = [i for i, name in enumerate(columns) if name == "kind"]
-    body = table([name.strip() for name in columns], zip(*columns.values(), strict=True), words=words)
-    known = [_WORDS[name] for name in modes.indicators if name in _WORDS]
+        columns.append((name.replace("_", " "), [f"{v:.3f}" if np.isfinite(v) else "–" for v in values]))
+    head, cells = zip(*columns, strict=True)
+    body = table(head, zip(*cells, strict=True), words=[i for i, name in enumerate(head) if name == "kind"])
+    meanings = [_INDICATOR_MEANINGS[name] for name in modes.indicators if name in _INDICATOR_MEANINGS]
     if modes.frequencies_spread is not None:
-        known = ["spread: standard deviation over the orders at which the mode was found", *known]
+        meanings = ["spread: standard deviation over the orders at which the mode was identified", *meanings]
     if modes.frequencies_std is not None:
-        known = ["± noise: one standard deviation", *known]
-    return body + (paragraph(f"{'; '.join(known)}.", "muted") if known else "")
+        meanings = ["± noise: one standard deviation", *meanings]
+    return body + (paragraph(f"{'; '.join(meanings)}.", "muted") if meanings else "")

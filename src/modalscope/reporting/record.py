@@ -1,4 +1,4 @@
-"""Write the sections on data, settings, notes, and the script that repeats the analysis."""
+"""Write the sections on data, settings and notes, and the scripts that repeat an analysis."""
 
 from __future__ import annotations
 
@@ -18,23 +18,28 @@ from modalscope.data.results import Result, Settings
 from modalscope.doctor import Finding, examine
 from modalscope.identification.identify import Identification
 from modalscope.identification.method_names import cell_label
-from modalscope.numerics.checks import Array
 from modalscope.reporting.html import Section, heading, list_some, listing, paragraph, script, table, value
 
-# ------------------------------------------------------------------------------------------------------------- scripts
-# The scripts that repeat what a report shows.
+#: Maximum number of listed channels.
+_MAX_CHANNEL_ROWS = 60
+
+#: Coherence below which a line is counted.
+_LOW_COHERENCE = 0.8
 
 
 def stabilization_script(diagram: StabilizationDiagram, source: str | None) -> str:
     """Return the script that repeats a stabilization diagram and the selection from it."""
-    lines = [
-        f"    method={diagram.method!r},\n",
-        f"    domain={diagram.domain!r},\n",
-        f"    orders={_script_orders(diagram.asked_orders or diagram.orders)},\n",
-        *_options(diagram.settings),
-    ]
+    orders = diagram.asked_orders or diagram.orders
+    steps = {b - a for a, b in pairwise(orders)}
+    listed = (
+        f"range({orders[0]}, {orders[-1] + 1}, {int(steps.pop())})"
+        if len(steps) == 1
+        else repr(tuple(map(int, orders)))
+    )
+    cell = {"method": diagram.method, "domain": diagram.domain}
+    lines = [*_options(cell), f"    orders={listed},\n", *_options(diagram.settings)]
     if diagram.tolerances:
-        lines.append(f"    tolerances={ {name: float(limit) for name, limit in diagram.tolerances.items()}!r},\n")
+        lines += _options({"tolerances": {name: float(limit) for name, limit in diagram.tolerances.items()}})
     after = 'modes = ms.select(diagram)\nprint(modes.table())\nms.report((modes, diagram), "report.html")\n'
     return _call("diagram", "stabilize", source, lines) + after
 
@@ -45,20 +50,15 @@ def result_script(result: Result) -> str:
     paths = [file.path for file in document.files if file.path]
     reading = {"reading": document.reading} if document.reading else {}
     lines = _options(reading | document.choices())
-    arrays = "import numpy as np\n\n" if any("np." in line for line in lines) else ""
-    source = repr(paths if len(paths) > 1 else paths[0]) + "," if paths else "data,  # which came from no file"
-    head = f"{arrays}import modalscope as ms\n\nresult = ms.analyze(\n    {source}\n"
-    return f"{head}{''.join(lines)})\n" + 'print(result.modes.table())\nms.report(result, "report.html")\n'
+    source = repr(paths if len(paths) > 1 else paths[0]) + "," if paths else "data,  # arrays, not from a file"
+    call = f"result = ms.analyze(\n    {source}\n{''.join(lines)})\n"
+    return f'{_imports(lines)}{call}print(result.modes.table())\nms.report(result, "report.html")\n'
 
 
 def identification_script(found: Identification, source: str | None) -> str:
     """Return the script that repeats an identification at one order."""
-    lines = [
-        f"    method={found.method!r},\n",
-        f"    domain={found.domain!r},\n",
-        f"    order={int(found.order)},\n",
-        *_options(found.settings),
-    ]
+    cell = {"method": found.method, "domain": found.domain, "order": int(found.order)}
+    lines = [*_options(cell), *_options(found.settings)]
     after = 'print(found.modes.table())\nms.report(found, "report.html")\n'
     return _call("found", "identify", source, lines) + after
 
@@ -71,18 +71,22 @@ def comparison_script(c: Comparison, source: str | None) -> str:
 
 
 def _call(name: str, verb: str, source: str | None, lines: list[str]) -> str:
+    data = f"data = ms.read({source or 'your file'!r})\n"
+    return f"{_imports(lines)}{data}{name} = ms.{verb}(\n    data,\n{''.join(lines)})\n"
+
+
+def _imports(lines: list[str]) -> str:
     arrays = "import numpy as np\n\n" if any("np." in line for line in lines) else ""
-    head = f"{arrays}import modalscope as ms\n\ndata = ms.read({source or 'your file'!r})\n"
-    return f"{head}{name} = ms.{verb}(\n    data,\n{''.join(lines)})\n"
+    return f"{arrays}import modalscope as ms\n\n"
 
 
 def _options(settings: Settings | Mapping[str, Any]) -> list[str]:
-    """Return options as arguments, each as Python writes it: the script gives the same result to the last bit."""
+    """Return options as arguments with all digits: the script gives the same result to the last bit."""
     return [f"    {name}={_literal(value)},\n" for name, value in settings.items()]
 
 
 def _literal(value: Any) -> str:
-    """Return what Python reads back as the same value; numbers keep all their digits."""
+    """Return the Python expression of a value, numbers with all digits."""
     if isinstance(value, np.ndarray):
         return f"np.array({value.tolist()!r})"
     if isinstance(value, np.generic):
@@ -95,26 +99,13 @@ def _literal(value: Any) -> str:
     return repr(value)
 
 
-def _script_orders(orders: tuple[int, ...]) -> str:
-    steps = {b - a for a, b in pairwise(orders)}
-    if len(steps) == 1:
-        return f"range({orders[0]}, {orders[-1] + 1}, {int(steps.pop())})"
-    return repr(tuple(int(order) for order in orders))
-
-
-# -------------------------------------------------------------------------------------------------------------- record
-
-#: Channels that are listed one by one.
-_ROWS = 60
-
-
 def data_section(
     response: Response, source: str | None, findings: Sequence[Finding] | None = None, record: object = None
 ) -> Section:
-    """What was measured: channels, lines or samples, quantity, processing; level and coherence of every output; what is wrong with it.
+    """Describe the data: channels, lines or samples, quantity and processing, findings, level and coherence of every output.
 
-    `source`: where the data came from. `findings`: of the data before they were turned into the response; by default the response itself
-    is examined. `record`: what was measured; of records their own length, rate and processing are told beside those of the response.
+    `source`: the file. `findings`: of the data before their conversion to the response; by default the response is examined. `record`: the
+    measurement; length, rate and processing of records are listed with those of the response.
     """
     facts = {"source": source or "not stated", **_recorded(record), **_extent(response)}
     facts["quantity"] = response.quantity or "not stated"
@@ -122,12 +113,12 @@ def data_section(
     facts[f"{response.column_word}s"] = f"{len(response.input_dofs)}: {list_some(response.input_dofs)}"
     facts["geometry"] = "none" if response.geometry is None else f"{len(response.geometry.nodes)} nodes"
     facts["processing"] = "; ".join(response.processing) or "none"
-    found = examine(response) if findings is None else findings
-    return Section("data", "Data and their quality", listing(facts.items()) + _quality(found) + _channels(response))
+    quality = _quality(examine(response) if findings is None else findings)
+    return Section("data", "Data and their quality", listing(facts.items()) + quality + _channels(response))
 
 
 def _recorded(record: Any) -> dict[str, str]:
-    """Return length, rate and processing of what was measured; nothing of responses, which speak for themselves."""
+    """Return length, rate and processing of records; nothing of responses."""
     recordings = getattr(record, "recordings", ())
     if not recordings:
         return {}
@@ -135,34 +126,26 @@ def _recorded(record: Any) -> dict[str, str]:
     rate = record.sampling_rate
     several = "" if runs == 1 else f"{runs} runs of "
     ends = tuple(dict.fromkeys((lengths[0], lengths[-1])))
-    samples, seconds = " to ".join(map(str, ends)), " to ".join(_lasting(n / rate) for n in ends)
+    times = " to ".join(f"{s:.4g} s" if s < 600 else f"{s / 60:.4g} min" for s in (n / rate for n in ends))
     return {
-        "record": f"{several}{samples} samples at {rate:.6g} Hz: {seconds}",
-        "done to the record": "; ".join(record.processing) or "nothing",
+        "record": f"{several}{' to '.join(map(str, ends))} samples at {rate:.6g} Hz: {times}",
+        "processing of the record": "; ".join(record.processing) or "none",
     }
 
 
-def _lasting(seconds: float) -> str:
-    """Return a duration as people say it."""
-    return f"{seconds:.4g} s" if seconds < 600 else f"{seconds / 60:.4g} min"
-
-
 def _quality(findings: Sequence[Finding]) -> str:
-    """List what an examination found wrong, and what to do about it."""
+    """List the findings about the data with their remedies."""
     if not findings:
-        return paragraph("Their examination found nothing wrong.")
+        return paragraph("No data problem found.")
     rows = [[f.kind, list_some(f.channels), f.reason, f.change] for f in findings]
-    return table(["finding", "channels", "what was seen", "what to do"], rows, words=[0, 1, 2, 3])
+    return table(["finding", "channels", "reason", "remedy"], rows, words=[0, 1, 2, 3])
 
 
 def _extent(response: Response) -> dict[str, str]:
     if isinstance(response, ImpulseResponse):
-        return {
-            "kind": "correlations" if response.ambient else f"{response.kind} response",
-            "lags"
-            if response.ambient
-            else "samples": f"{response.samples} at {response.sampling_rate:.6g} Hz, {response.samples / response.sampling_rate:.4g} s",
-        }
+        kind, axis = ("correlations", "lags") if response.ambient else (f"{response.kind} response", "samples")
+        rate = response.sampling_rate
+        return {"kind": kind, axis: f"{response.samples} at {rate:.6g} Hz, {response.samples / rate:.4g} s"}
     assert response.grid is not None
     f = response.grid
     steps = np.diff(f)
@@ -173,7 +156,7 @@ def _extent(response: Response) -> dict[str, str]:
     if response.averages is not None:
         facts["averages"] = str(response.averages)
     if response.added_damping:
-        facts["exponential window"] = f"added {response.added_damping:.4g} 1/s to every pole; taken out again"
+        facts["exponential window"] = f"added {response.added_damping:.4g} 1/s to every pole; corrected"
     return facts
 
 
@@ -190,33 +173,29 @@ def _channels(response: Response) -> str:
     }
     coherence = response.coherence
     if coherence is not None:
-        each = coherence.reshape(*coherence.shape[:2], -1)
-        columns["mean coherence"] = [f"{v:.3f}" for v in each.mean(axis=(0, 2))]
-        columns["lines below 0.8"] = [f"{100 * v:.1f} %" for v in (each < 0.8).mean(axis=(0, 2))]
-    order = _weakest_first(rms)
-    caption = "Outputs, over all lines or samples and inputs"
-    if order.size < rms.size:
+        values = coherence.reshape(*coherence.shape[:2], -1)
+        columns["mean coherence"] = [f"{v:.3f}" for v in values.mean(axis=(0, 2))]
+        low = (values < _LOW_COHERENCE).mean(axis=(0, 2))
+        columns[f"lines below {_LOW_COHERENCE}"] = [f"{100 * v:.1f} %" for v in low]
+    order, caption = np.arange(rms.size), "Outputs, over all lines or samples and inputs"
+    if rms.size > _MAX_CHANNEL_ROWS:
+        order = np.argsort(rms, kind="stable")[:_MAX_CHANNEL_ROWS]
         caption += f"; the weakest {order.size} of {rms.size}"
     rows = [[column[i] for column in columns.values()] for i in order]
     return table(list(columns), rows, words=[0, 1], caption=caption)
 
 
-def _weakest_first(rms: Array) -> Array:
-    """Keep the channels' own order unless they are too many; then the weak ones matter."""
-    return np.arange(rms.size) if rms.size <= _ROWS else np.argsort(rms, kind="stable")[:_ROWS]
-
-
 def settings_section(diagram: StabilizationDiagram) -> Section:
-    """How it was identified."""
+    """List the method and its options."""
     facts = {"method": cell_label(diagram.method, diagram.domain), "domain": diagram.domain}
-    facts |= {"orders": value("orders", _orders(diagram.orders)), **settings_listed(diagram.settings)}
+    facts |= {"orders": _orders(diagram.orders), **settings_listed(diagram.settings)}
     facts |= {f"tolerance, {name}": value(name, limit) for name, limit in diagram.tolerances.items()}
     return Section("settings", "Settings", listing(facts.items()))
 
 
 def settings_listed(settings: Settings) -> dict[str, str]:
-    """Return the options that were used, in words."""
-    return {heading(key): value(key, found) for key, found in settings.items() if found is not None}
+    """Return the options in words."""
+    return {heading(key): value(key, content) for key, content in settings.items() if content is not None}
 
 
 def _orders(orders: tuple[int, ...]) -> str:
@@ -229,23 +208,22 @@ def _orders(orders: tuple[int, ...]) -> str:
 
 
 def notes_section(notes: Sequence[object], kinds: Sequence[str] = ()) -> Section:
-    """What was chosen, converted or left out on the way, and poles (of these kinds) that a diagram does not show."""
+    """List the notes, and the number of poles that a diagram cannot show.
+
+    `kinds`: of all poles.
+    """
     hidden = [f"{kinds.count(kind)} {kind}" for kind in ("real", "nyquist", "zero") if kind in kinds]
     texts = [str(note) for note in notes]
     if hidden:
-        texts.append(f"Poles without a place on a frequency axis, not drawn: {', '.join(hidden)}.")
-    return Section("notes", "Notes", "".join(map(paragraph, texts)) or paragraph("Nothing was left out."))
+        texts.append(f"Poles without a frequency, not drawn: {', '.join(hidden)}.")
+    return Section("notes", "Notes", "".join(map(paragraph, texts)) or paragraph("No notes."))
 
 
 def repeat_section(script_text: str, command: str | None) -> Section:
-    """The command and the script that give the same result, and the versions that gave this one."""
-    parts = [paragraph("At the command line:"), script(command)] if command else []
-    parts += [paragraph("In Python:"), script(script_text)]
-    return Section("repeat", "How to repeat it", "".join(parts) + paragraph(versions(), "muted"))
-
-
-def versions() -> str:
-    """Return the programs that gave a result, with their versions."""
-    return (
-        f"Python {platform.python_version()}, modalscope {VERSION}, numpy {version('numpy')}, scipy {version('scipy')}"
+    """List the command and the script that repeat the result, and the versions of the programs."""
+    body = paragraph("Command line:") + script(command) if command else ""
+    versions = f"modalscope {VERSION}, numpy {version('numpy')}, scipy {version('scipy')}"
+    body += paragraph("Python:") + script(script_text)
+    return Section(
+        "repeat", "Repeat the analysis", body + paragraph(f"Python {platform.python_version()}, {versions}", "muted")
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,24 +17,25 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, IntArray
 from modalscope.numerics.extras import optional_package
 from modalscope.plot.web.blob import pack
+from modalscope.plot.web.fits import asked_ends, band_of, fit_of_bands, rebuilt_lines
 from modalscope.plot.web.modes import modes_parts
-from modalscope.plot.web.poles import asked_ends, band_of, behind, fit_of_bands, pole_arrays, rebuilt_lines, thinned
+from modalscope.plot.web.poles import behind, pole_arrays, thinned
 from modalscope.preprocess.singular_spectra import Decomposition
 
-#: Numbers of channels that a blob holds at most, and lines a channel has at least and at most.
-_NUMBERS, _FEW, _MANY = 200_000, 100, 1500
+#: Maximum numbers of all channels in a blob, and minimum and maximum lines of a channel.
+_MAX_NUMBERS, _MIN_LINES, _MAX_LINES = 200_000, 100, 1500
 
-#: Singular values that are drawn.
-_CURVES = 4
+#: Maximum number of drawn singular values.
+_MAX_CURVES = 4
 
-#: Points of the indicator: about twice what a wide screen has.
-_POINTS = 4000
+#: Maximum points of a curve, about twice the width of a wide screen.
+_MAX_POINTS = 4000
 
 _STATIC = Path(__file__).parents[2] / "app" / "static"
 
 
 def front_end(name: str) -> str | None:
-    """Return a part of the bundled front end; None where it was not built.
+    """Return a file of the bundled front end; None if it was not built.
 
     `name`: such as "viewer.js".
     """
@@ -43,69 +44,59 @@ def front_end(name: str) -> str | None:
 
 
 def alive_blob(modes: ModalModel, *diagrams: StabilizationDiagram, spectra: Decomposition | None = None) -> bytes:
-    """Return modes and the diagrams that they were selected from, one a band, as one blob.
+    """Return modes and their diagrams, one per band, as one blob.
 
-    `spectra`: whose singular values stand behind the poles in the place of the indicator, in the bands that were asked.
+    `spectra`: whose singular values are drawn behind the poles instead of the indicator.
     """
-    told, drawn = modes_parts(modes, {})
+    entries, drawn = modes_parts(modes, {})
     first = diagrams[0]
-    lines, curves = behind(diagrams, _POINTS) if spectra is None else _spectra_behind(spectra, diagrams)
+    lines, curves = behind(diagrams, _MAX_POINTS) if spectra is None else _spectra_behind(spectra, diagrams)
     head: dict[str, Any] = {
-        **told,
+        **entries,
         "label": cell_label(first.method, first.domain),
         "orders": sorted({order for diagram in diagrams for order in diagram.orders}),
-        "bands": [list(band_of(each, len(diagrams)) if spectra is None else asked_ends(each)) for each in diagrams],
+        "bands": [list(band_of(d, len(diagrams)) if spectra is None else asked_ends(d)) for d in diagrams],
         "level": "mode indicator" if spectra is None else "singular values of the spectra",
         "columns": list(first.response.columns),
     }
     arrays = {**drawn, **pole_arrays(diagrams), "behind": lines, "curves": curves}
     fit = fit_of_bands(modes, diagrams) if len(modes) else None
     if fit is not None:
-        channels = _channels(modes, diagrams, fit[1])
         head["explained"] = explained(fit[0])
-        if channels.arrays:
-            head |= {"channels": True, "fits": channels.fits}
-            arrays |= channels.arrays
+        channels, shape = _channels(modes, diagrams)
+        if channels:  # records have one fit error per output, (l, 1)
+            head |= {"channels": True, "fits": np.broadcast_to(fit[1], shape)}
+            arrays |= channels
     return pack(head, arrays, exact=("frequency", "behind", "response_lines"))
 
 
 def _spectra_behind(spectra: Decomposition, diagrams: Sequence[StabilizationDiagram]) -> tuple[Array, Array]:
-    """Return lines (P,) in the bands that were asked, and roots (k, P) of the largest singular values: levels of an amplitude."""
+    """Return lines (P,) in the chosen bands, and square roots (k, P) of the largest singular values, which are amplitudes."""
     f = spectra.frequencies
     kept = np.any([(low <= f) & (f <= high) for low, high in map(asked_ends, diagrams)], axis=0)
-    return thinned(f[kept], np.sqrt(spectra.singular_values[kept, :_CURVES]), _POINTS)
+    return thinned(f[kept], np.sqrt(spectra.singular_values[kept, :_MAX_CURVES]), _MAX_POINTS)
 
 
-class _Channels(NamedTuple):
-    """What the modes leave of each channel (l, m), and what is drawn of them: nothing where there are too many."""
-
-    fits: Array
-    arrays: dict[str, Array]
-
-
-def _channels(modes: ModalModel, diagrams: Sequence[StabilizationDiagram], left: Array) -> _Channels:
-    """Return measured and rebuilt values (l, m, lines) of every channel, of one band after the other.
-
-    What is left (l, m) of records is told of an output under all inputs, (l, 1).
-    """
+def _channels(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> tuple[dict[str, Array], tuple[int, ...]]:
+    """Return lines, measured and rebuilt values (l, m, lines) of all bands, none if there are too many channels, and (l, m)."""
     parts = [rebuilt_lines(modes, diagram, len(diagrams)) for diagram in diagrams]
-    f, measured, own = (np.concatenate(side) for side in zip(*parts, strict=True))
-    fits = np.broadcast_to(left, measured.shape[1:])
-    most = min(_NUMBERS // max(4 * int(np.prod(measured.shape[1:])), 1), _MANY)
-    if most < _FEW:
-        return _Channels(fits, {})
+    f, measured, fitted = (np.concatenate(side) for side in zip(*parts, strict=True))
+    shape = measured.shape[1:]
+    most = min(_MAX_NUMBERS // max(4 * int(np.prod(shape)), 1), _MAX_LINES)
+    if most < _MIN_LINES:
+        return {}, shape
     kept = _shown(f, modes, most)
-    sides = {"measured": measured[kept], "rebuilt": own[kept]}
+    sides = {"measured": measured[kept], "rebuilt": fitted[kept]}
     drawn = {
         f"{name}_{part}": np.moveaxis(getattr(side, part), 0, -1)
         for name, side in sides.items()
         for part in ("real", "imag")
     }
-    return _Channels(fits, {"response_lines": f[kept], **drawn})
+    return {"response_lines": f[kept], **drawn}, shape
 
 
 def _shown(f: Array, modes: ModalModel, most: int) -> IntArray:
-    """Return the lines that are drawn: evenly spread ones, and closer ones where the modes are."""
+    """Return the indices of the drawn lines: half of them evenly spaced, half near the modes."""
     if len(f) <= most:
         return np.arange(len(f))
     even = np.linspace(0, len(f) - 1, most // 2).astype(int)
@@ -115,37 +106,32 @@ def _shown(f: Array, modes: ModalModel, most: int) -> IntArray:
     return np.unique(np.concatenate([even, peaks]))
 
 
-# -------------------------------------------------------------------------------------------------------------- widget
-# The page's pictures in a notebook.
-
-
 @named()
 def widget(thing: Any) -> Any:
-    """Show a result in a notebook: the diagram to zoom and hover, the modes, their shapes moving, every channel, and the MAC.
+    """Show a result in a notebook: interactive diagram, modes, animated shapes, responses and AutoMAC.
 
     Parameters
     ----------
     thing : Result, StabilizationDiagram or (ModalModel, StabilizationDiagram)
-        Of a diagram alone the modes are selected automatically.
+        The modes of a diagram alone are selected automatically.
 
     Returns
     -------
     anywidget.AnyWidget
-        With `chosen`, the index of the mode that is looked at; setting it chooses another.
+        Its attribute `chosen` is the index of the displayed mode, and can be set.
 
     Raises
     ------
     DataError
-        Something without modes and a diagram; anywidget (the extra `notebook`) or the front end is not there.
+        An object without modes and diagram; anywidget (the extra `notebook`) or the front end is missing.
     """
     modes, diagrams = _pair(thing)
     anywidget = optional_package("a widget", "anywidget", "notebook")
     traitlets = optional_package("a widget", "traitlets", "notebook")
     script, style = front_end("widget.js"), front_end("widget.css")
     if script is None or style is None:
-        raise DataError(
-            "a widget was asked", "its front end is not built", "Say: make page (it needs Node 20 and npm)."
-        )
+        remedy = "Run: make page (needs Node 20 and npm)."
+        raise DataError("a widget was asked", "its front end is not built", remedy)
     fields = {
         "_esm": script,
         "_css": style,
@@ -165,8 +151,5 @@ def _pair(thing: Any) -> tuple[ModalModel, tuple[StabilizationDiagram, ...]]:
         modes, diagram = thing
         if isinstance(modes, ModalModel) and isinstance(diagram, StabilizationDiagram):
             return modes, (diagram,)
-    raise DataError(
-        "a widget was asked",
-        f"it was given {type(thing).__name__}",
-        "Give a result of analyze, a diagram of stabilize, or (modes, diagram).",
-    )
+    remedy = "Give a result of analyze, a diagram of stabilize, or (modes, diagram)."
+    raise DataError("a widget was asked", f"it was given {type(thing).__name__}", remedy)

@@ -1,8 +1,8 @@
 """Pack arrays for the page as one binary blob with a JSON head.
 
-Four bytes give the length of the head (little-endian); the head follows, filled up with blanks so that all that comes is a multiple of
-eight, then the arrays, each beginning at such a multiple. The head is the given mapping with "arrays": [{"name", "type", "shape", "at"}],
-`at` counted from its end. The page makes typed arrays of them without a copy.
+The blob starts with the length of the head (four bytes, little-endian) and the head, padded with blanks to a multiple of eight. The arrays
+follow, each at a multiple of eight. The head is the given mapping with "arrays": [{"name", "type", "shape", "at"}], `at` counted from the
+end of the head. The page makes typed arrays of them without a copy.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from modalscope.numerics.checks import Array
 
 _ALIGN = 8
 
-#: What a browser has typed arrays for: the kind of an array -> the type that is sent.
+#: Kind of an array -> its type in the blob; browsers have typed arrays for these.
 _TYPES = {"f": "<f4", "i": "<i4", "u": "|u1", "b": "|u1"}
 
 
 def pack(head: Mapping[str, Any], arrays: Mapping[str, Array], exact: tuple[str, ...] = ()) -> bytes:
     """Return a head and arrays as one blob.
 
-    `head`: what JSON holds; numbers that are not finite become null. `arrays`: real ones; sent with single precision. `exact`: arrays
-    that keep double precision.
+    `head`: JSON values; numbers that are not finite become null. `arrays`: real, stored in single precision. `exact`: names of arrays in
+    double precision.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Collect the modes as the page lists and animates them: values, intervals, reasons, shapes."""
+"""Collect the modes for the page: values, intervals, reasons and shapes."""
 
 from __future__ import annotations
 
@@ -12,21 +12,22 @@ from modalscope.data.analysis import named_near
 from modalscope.modal.indicators import mac, mpc
 from modalscope.numerics.checks import Array, ComplexArray
 from modalscope.plot._camera import extent
+from modalscope.plot.shapes import turned
 from modalscope.plot.web.blob import pack
 
 
 def modes_blob(modes: ModalModel, names: Mapping[str, str], head: Mapping[str, Any]) -> bytes:
-    """Return modes with all that is told and drawn of them.
+    """Return modes and their arrays as a blob.
 
-    `head`: what belongs to the whole result.
+    `head`: entries on the whole result.
     """
     parts, arrays = modes_parts(modes, names)
     return pack({**head, **parts}, arrays)
 
 
 def modes_parts(modes: ModalModel, names: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, Array]]:
-    """Return what is told and what is drawn of modes."""
-    given = {
+    """Return the entries and the arrays of modes."""
+    entries = {
         "modes": _rows(modes, names),
         "left_out": [candidate.to_dict() for candidate in modes.left_out],
         "harmonics": [harmonic.to_dict() for harmonic in modes.harmonics],
@@ -34,19 +35,23 @@ def modes_parts(modes: ModalModel, names: Mapping[str, str]) -> tuple[dict[str, 
         "converged": modes.converged,
     }
     shapes = turned(modes.shapes)
-    arrays = {"shape_real": shapes.T.real, "shape_imag": shapes.T.imag, "mac": _mac(modes)}
+    arrays = {
+        "shape_real": shapes.T.real,
+        "shape_imag": shapes.T.imag,
+        "mac": mac(modes.shapes) if len(modes) else np.zeros((0, 0)),
+    }
     drawn = _moved(modes.geometry, modes.output_dofs, shapes)
     if drawn is None:
-        return {**given, "nodes": None}, arrays
-    return {**given, "nodes": list(drawn[0])}, arrays | drawn[1]
+        return {**entries, "nodes": None}, arrays
+    return {**entries, "nodes": list(drawn[0])}, arrays | drawn[1]
 
 
 def _rows(modes: ModalModel, names: Mapping[str, str]) -> list[dict[str, Any]]:
-    """Return one row a mode: values, 95 % intervals, indicators and the sentence that says why."""
+    """Return one row per mode: values, 95 % intervals, indicators and the reason."""
     try:
-        between = modes.interval(0.95)
-    except DataError:  # no deviation is known
-        between = {}
+        intervals = modes.interval(0.95)
+    except DataError:  # no standard deviations
+        intervals = {}
     rows = []
     for j, mode in enumerate(modes):
         row = {
@@ -56,17 +61,17 @@ def _rows(modes: ModalModel, names: Mapping[str, str]) -> list[dict[str, Any]]:
             "indicators": dict(mode.indicators),
             "text": str(mode.reason.get("text", "")),
             "name": named_near(names, mode.frequency),
-            **{name: float(values[j]) for name, values in _known(modes).items()},
+            **{name: float(values[j]) for name, values in _measures(modes).items()},
         }
-        for name, ends in between.items():
+        for name, ends in intervals.items():
             row[f"{name}_interval"] = ends[j]
         rows.append(row)
     return rows
 
 
-def _known(modes: ModalModel) -> dict[str, Array]:
-    """Return what is known of every mode beside its values."""
-    found: dict[str, Any] = {
+def _measures(modes: ModalModel) -> dict[str, Array]:
+    """Return significance, deviations, spreads, MPC and the unrefined values, as far as they are known."""
+    measures: dict[str, Any] = {
         "gain": modes.gain,
         "frequency_std": modes.frequencies_std,
         "damping_std": modes.damping_ratios_std,
@@ -75,31 +80,14 @@ def _known(modes: ModalModel) -> dict[str, Array]:
         "mpc": mpc(modes.shapes) if len(modes) else None,
     }
     if modes.unrefined is not None and len(modes.unrefined) == len(modes):
-        found |= {"frequency_before": modes.unrefined.frequencies, "damping_before": modes.unrefined.damping_ratios}
-    return {name: values for name, values in found.items() if values is not None}
-
-
-def turned(shapes: Array) -> ComplexArray:
-    """Return shapes (l, n) turned to the phase that leaves the least in their imaginary parts, the largest component of length one.
-
-    The turn is -arg(sum phi^2) / 2, as in `modalscope.plot.shape`.
-
-    `shapes` (l, n).
-    """
-    phi = np.asarray(shapes, dtype=complex)
-    phi = phi * np.exp(-0.5j * np.angle(np.sum(phi**2, axis=0)))
-    size = np.max(np.abs(phi), axis=0, initial=0.0)
-    return np.asarray(phi / np.where(size > 0, size, 1.0))
-
-
-def _mac(modes: ModalModel) -> Array:
-    return mac(modes.shapes) if len(modes) else np.zeros((0, 0))
+        measures |= {"frequency_before": modes.unrefined.frequencies, "damping_before": modes.unrefined.damping_ratios}
+    return {name: values for name, values in measures.items() if values is not None}
 
 
 def _moved(
     geometry: Geometry | None, labels: tuple[str, ...], shapes: ComplexArray
 ) -> tuple[tuple[str, ...], dict[str, Array]] | None:
-    """Return nodes and what moves them, the largest motion one and the structure one long; None where the geometry knows no channel."""
+    """Return nodes and motion, scaled to a structure of size 1 and a largest motion of 1; None if the geometry has no channel."""
     if geometry is None or not any(geometry.motion_of(label) for label in labels):
         return None
     size = extent(geometry.coordinates) or 1.0
@@ -125,7 +113,7 @@ def _moved(
 
 
 def _signed(motion: Array) -> ComplexArray:
-    """Return which way every node goes, (nodes,): its motion along the direction of the largest motion of all."""
+    """Return the motion of every node along the direction of the largest motion, (nodes,)."""
     direction = np.linalg.svd(motion.real, full_matrices=False)[2][0]
     along = motion @ direction
     return np.asarray(along * (np.sign(along.real[np.argmax(np.abs(along.real))]) or 1.0))

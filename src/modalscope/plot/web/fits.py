@@ -1,0 +1,116 @@
+"""Compare the measured responses with those that the modes rebuild, band by band."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from modalscope.data import DataError, ImpulseResponse, ModalModel, StabilizationDiagram
+from modalscope.data.response import Response
+from modalscope.modal.rebuilt import fit_error, fit_error_heard, heard_lines, rebuilt
+from modalscope.numerics.checks import Array
+from modalscope.plot.web.blob import pack
+
+#: Maximum points of a drawn response: more than a screen has.
+_MAX_POINTS = 200_000
+
+#: Fit error in all and per channel (l, m), or None if the modes cannot be rebuilt.
+Fit = tuple[float, Array] | None
+
+
+def asked_ends(diagram: StabilizationDiagram) -> tuple[float, float]:
+    """Return the chosen band within the span of the data, Hz; by default the span."""
+    low, high = diagram.response.span
+    band = diagram.settings.get("band")
+    return (low, high) if band is None else (max(low, band[0]), min(high, band[1]))
+
+
+def band_of(diagram: StabilizationDiagram, bands: int) -> tuple[float, float]:
+    """Return the limits of the modes of a diagram, Hz: of several bands the chosen one, which its data may exceed."""
+    return asked_ends(diagram) if bands > 1 else diagram.response.span
+
+
+def inside(modes: ModalModel, diagram: StabilizationDiagram, bands: int) -> ModalModel:
+    """Return the modes of a band: of several bands those inside."""
+    if bands == 1:
+        return modes
+    low, high = band_of(diagram, bands)
+    return modes.take((modes.frequencies >= low) & (modes.frequencies <= high))
+
+
+def cut_to_band(lines: tuple[Array, ...], diagram: StabilizationDiagram, bands: int) -> tuple[Array, ...]:
+    """Return lines and their values, of several bands those inside: neighbours may overlap, and a curve never runs back."""
+    if bands == 1:
+        return lines
+    low, high = band_of(diagram, bands)
+    kept = (lines[0] >= low) & (lines[0] <= high)
+    return tuple(values[kept] for values in lines)
+
+
+def rebuilt_lines(modes: ModalModel, diagram: StabilizationDiagram, bands: int) -> tuple[Array, Array, Array]:
+    """Return lines (F,), measured and rebuilt values (F, l, m) of one of several bands."""
+    response = diagram.response.picture()
+    f, measured = response.spectrum()
+    fitted = rebuilt(response, inside(modes, diagram, bands))
+    if fitted.shape != measured.shape:
+        fitted = np.fft.rfft(fitted, n=2 * (len(f) - 1), axis=0) / (2 * f[-1])
+    f, measured, fitted = cut_to_band((np.asarray(f), measured, fitted), diagram, bands)
+    return f, measured, fitted
+
+
+def fit_of(modes: ModalModel, response: Response) -> Fit:
+    """Return the fit error of the modes, in all and per channel; None if they cannot be rebuilt."""
+    return None if modes.participation is None else fit_error_heard(response, rebuilt(response, modes))
+
+
+def fit_of_bands(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> Fit:
+    """Return the fit error of all bands together, each on the lines above its noise with the modes inside."""
+    if len(diagrams) == 1 or modes.participation is None:
+        return fit_of(modes, diagrams[0].response)
+    parts = []
+    for diagram in diagrams:
+        lines, measured, fitted = rebuilt_lines(modes, diagram, len(diagrams))
+        heard = heard_lines(diagram.response)
+        kept = ... if heard.all() else np.isin(lines, np.asarray(diagram.response.spectrum()[0])[heard])
+        parts.append((measured[kept], fitted[kept]))
+    measured, fitted = (np.concatenate(side) for side in zip(*parts, strict=True))
+    return fit_error(measured, fitted)
+
+
+def channel_blob(diagrams: Sequence[StabilizationDiagram], modes: ModalModel, output: int, column: int) -> bytes:
+    """Return one channel on the lines of all bands, measured and rebuilt from the modes."""
+    parts = []
+    for diagram in diagrams:
+        response = diagram.response
+        outputs, columns = response.values.shape[1:]
+        if not (0 <= output < outputs and 0 <= column < columns):
+            counts = f"there are {outputs} outputs and {columns} inputs"
+            raise DataError(f"channel {output}, {column} was asked", counts, "Choose one of these.")
+        curves = _channel_lines(response, inside(modes, diagram, len(diagrams)), output, column)
+        parts.append(cut_to_band(curves, diagram, len(diagrams)))
+    f, measured, fitted = (np.concatenate(side) for side in zip(*parts, strict=True))
+    every = max(1, -(-len(f) // _MAX_POINTS))
+    first = diagrams[0].response
+    head = {
+        "output": first.output_dofs[output],
+        "input": list(first.columns)[column],
+        "quantity": first.quantity,
+        "fit": float(np.linalg.norm(measured - fitted) / max(float(np.linalg.norm(measured)), 1e-300)),
+    }
+    sides = {"measured": measured[::every], "rebuilt": fitted[::every]}
+    arrays = {f"{name}_{part}": getattr(side, part) for name, side in sides.items() for part in ("real", "imag")}
+    return pack(head, {"lines": f[::every], **arrays}, exact=("lines",))
+
+
+def _channel_lines(response: Response, modes: ModalModel, output: int, column: int) -> tuple[Array, Array, Array]:
+    """Return lines, measured and rebuilt values of one channel; samples are transformed."""
+    known = len(modes) and modes.participation is not None
+    shown = response.picture()
+    fitted = rebuilt(shown, modes) if known else np.full_like(shown.values, np.nan)
+    if isinstance(shown, ImpulseResponse):
+        f, H = shown.spectrum()
+        G = np.fft.rfft(fitted[:, output, column], n=8 * shown.samples) / shown.sampling_rate
+        return f, H[:, output, column], G
+    f, values = shown.spectrum()
+    return f, values[:, output, column], fitted[:, output, column]
