@@ -59,7 +59,7 @@ def test_samples_are_drawn_over_time_with_their_difference_below() -> None:
     irf = examples.modes().impulse_response(100, 20.0)
     upper, lower = plot.response(irf, examples.modes(), 0, 0).figure.axes
     assert lower.get_xlabel() == "time [s]"
-    assert lower.get_ylabel() == "difference"
+    assert lower.get_ylabel() == "residual"
     assert np.asarray(upper.get_lines()[0].get_xdata()) == pytest.approx(irf.times)
     assert not np.any(np.asarray(lower.get_lines()[0].get_ydata()))  # the same sum of the same modes
 

@@ -124,7 +124,7 @@ def test_the_oblique_view_is_a_projection_with_z_upwards(azimuth: float, elevati
 
 
 def test_a_geometry_that_knows_no_channel_is_an_error() -> None:
-    with pytest.raises(DataError, match="knows none of the channels a, b"):
+    with pytest.raises(DataError, match="has none of the channels a, b"):
         plot.shape(model([1, 1], ["a", "b"], PLATE), 0)
 
 

@@ -218,8 +218,11 @@ def _table(tests: Sequence[tuple[str, ModalModel]], reference: ModalModel | None
         alone = ", ".join(f"{f:.4f} Hz" for f in modes.frequencies[pairs.alone[1]])
         others += [f"only in {name}: {alone}"] if alone else []
     columns.append(["scatter of f", *(_scatter(f[np.isfinite(f)]) for f in frequencies.T)])
-    return "
-".join([text_table(zip(*columns, strict=True), left=(len(columns) - 1,)), *others])
+    return "\n".join([text_table(zip(*columns, strict=True), left=(len(columns) - 1,)), *others])
+
+
+def _values(frequency: float, damping_ratio: float) -> str:
+    return f"{frequency:.4f} Hz {100 * damping_ratio:.3f} %"
 
 
 def _scatter(f: RealArray) -> str:

@@ -204,7 +204,9 @@ def responses_section(modes: ModalModel, response: Response, fit: Fit) -> Sectio
     title = "Measured and synthesized responses"
     if fit is None:
         return Section(
-            "responses", title, paragraph("Responses cannot be synthesized: the participation of the modes is not known.")
+            "responses",
+            title,
+            paragraph("Responses cannot be synthesized: the participation of the modes is not known."),
         )
     errors = fit[1]
     order = np.argsort(-np.nan_to_num(errors, nan=-1.0), axis=None, kind="stable")
