@@ -45,6 +45,6 @@ def test_a_film_is_written_where_there_is_a_program_for_it(tmp_path: Path) -> No
 def test_what_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
     refused("the formats are", ms.plot.animate, MODES, 0, tmp_path / "a.avi")
     refused("lower index", ms.plot.animate, MODES, 99, tmp_path / "a.gif")
-    refused("one mode at least", ms.plot.animate, MODES, [], tmp_path / "a.gif")
-    refused("at most", ms.plot.animate, MODES, 0, tmp_path / "a.gif", seconds=1e30)
+    refused("it needs a mode", ms.plot.animate, MODES, [], tmp_path / "a.gif")
+    refused("the maximum is 1000 frames", ms.plot.animate, MODES, 0, tmp_path / "a.gif", seconds=1e30)
     assert not list(tmp_path.iterdir())
