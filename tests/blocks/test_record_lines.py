@@ -310,7 +310,7 @@ def test_chunks_of_lines_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None
     basis = spectra.basis(poles_of(ss))
     monkeypatch.setattr("modalscope.blocks.records._NUMBERS", 512)
     monkeypatch.setattr("modalscope.blocks.records._NUMBERS", 512)
-    monkeypatch.setattr("modalscope.functions.driven_basis._NUMBERS", 2048)
+    monkeypatch.setattr("modalscope.functions.driven_basis._COMPRESSED_NUMBERS", 2048)
     pieces = record_lines(spectra, domain="z", block_rows=5)
     assert relative(pieces.triangle @ pieces.triangle.T, whole.triangle @ whole.triangle.T) < 1e-12
     again = spectra.basis(poles_of(ss))

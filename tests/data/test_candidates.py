@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from modalscope.data import DataError
-from modalscope.data.candidates import Candidate, Harmonic, candidates_of, harmonics_of
+from modalscope.data.notes import Candidate, Harmonic, candidates_of, harmonics_of
 
 WEAK = Candidate(frequency=4.5, damping_ratio=0.02, gain=2.5, reason="seen in two orders", remedy="raise the orders")
 SHAFT = Harmonic(frequency=25.0, order=2, level=0.1, evidence="no damping")

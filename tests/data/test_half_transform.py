@@ -11,8 +11,8 @@ from modalscope.data.record_transform import half_transform
 
 @pytest.mark.parametrize("samples", [8, 12, 16, 64, 96, 1000, 1001, 1002, 4096])
 def test_the_transform_of_halves_is_that_of_the_whole(samples, monkeypatch):
-    monkeypatch.setattr(module, "_LONG", 8)
-    monkeypatch.setattr(module, "_AT_A_TIME", 7)
+    monkeypatch.setattr(module, "_MIN_SPLIT_SAMPLES", 8)
+    monkeypatch.setattr(module, "_LINES_AT_A_TIME", 7)
     x = np.random.default_rng(samples).standard_normal((samples, 2))[:, 1]
     place = np.empty(samples // 2 + 1, complex)
     half_transform(x, place)

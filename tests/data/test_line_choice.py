@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from modalscope.data.record_spectra import near_modes, running_mean, telling_lines
+from modalscope.data.line_choice import near_modes, running_mean, telling_lines
 
 RNG = np.random.default_rng(0)
 

@@ -12,8 +12,8 @@ from tests.support import match_poles, random_system, relative
 @pytest.fixture
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
     """A thousand lines count as long."""
-    monkeypatch.setattr("modalscope.data.record_spectra._JUDGED", 1000)
-    monkeypatch.setattr("modalscope.data.record_spectra._REFINED", 2000)
+    monkeypatch.setattr("modalscope.data.record_spectra._MAX_JUDGED_LINES", 1000)
+    monkeypatch.setattr("modalscope.data.record_spectra._MAX_REFINED_LINES", 2000)
     monkeypatch.setattr("modalscope.blocks.records._ORTHOGONAL", 500)
 
 
@@ -47,7 +47,7 @@ def test_the_whole_is_refined(short: None) -> None:
     # half of the lines, those nearest to the modes, hold nearly all: the deviations are those of the whole within a tenth
     whole = ms.refine(record, some)
     with pytest.MonkeyPatch.context() as more:
-        more.setattr("modalscope.data.record_spectra._REFINED", 10_000)
+        more.setattr("modalscope.data.record_spectra._MAX_REFINED_LINES", 10_000)
         all_lines = ms.refine(record, some)
     assert np.all(np.abs(whole.damping_ratios_std / all_lines.damping_ratios_std - 1) < 0.1)
     assert np.all(np.abs(whole.damping_ratios - all_lines.damping_ratios) < whole.damping_ratios_std)

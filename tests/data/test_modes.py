@@ -10,8 +10,8 @@ import pytest
 import modalscope as ms
 from modalscope import systems
 from modalscope.data import DataError, ModalModel
-from modalscope.data.candidates import Candidate, Harmonic
 from modalscope.data.mode_fields import joined
+from modalscope.data.notes import Candidate, Harmonic
 from tests.support import EPS, FIVE, relative
 
 QUANTITIES = ("displacement", "velocity", "acceleration")

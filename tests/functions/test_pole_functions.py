@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.functions import pole_basis as pole_functions
-from modalscope.functions.pole_basis import line_functions, sample_functions
+from modalscope.functions import pole_functions
+from modalscope.functions.pole_functions import line_functions, sample_functions
 from modalscope.functions.poles import powers_of
 
 POLES = np.array([-0.3 + 9.0j, -2.0 + 0j, -0.8 + 21.0j])
@@ -55,7 +55,7 @@ def test_functions_of_some_poles_at_a_time_are_those_of_all(
     rate: float | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = line_functions(F, rate, POLES, slopes=True)
-    monkeypatch.setattr(pole_functions, "_AT_A_TIME", 2 * F.size)
+    monkeypatch.setattr(pole_functions, "_NUMBERS_AT_A_TIME", 2 * F.size)
     np.testing.assert_array_equal(line_functions(F, rate, POLES, slopes=True), whole)
 
 

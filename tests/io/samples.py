@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.data import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Note, Signals
-from modalscope.data.candidates import Candidate, Harmonic
+from modalscope.data.notes import Candidate, Harmonic
 
 OUTPUTS, INPUTS = ("1:+Z", "2:+Z", "12:-X"), ("1:+Z", "shaker")
 UNITS = ("m/s2", "N")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.functions.pole_basis import line_functions
+from modalscope.functions.pole_functions import line_functions
 from modalscope.functions.poles import poles_from
 from modalscope.likelihood.matched import line_filters
 

@@ -22,8 +22,9 @@ from modalscope.blocks.influence import LineInfluence, Lines, Moments, Outer
 from modalscope.blocks.lines import PolynomialRows
 from modalscope.blocks.polynomials import Few, Plane, both_sums, evaluate, few_points, orthogonal_basis, plane_of
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
+from modalscope.data.line_choice import resonance_weights
 from modalscope.data.notes import Note
-from modalscope.data.record_spectra import RecordSpectra, line_power, resonance_weights
+from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.response import output_scale
 from modalscope.data.statespace import StateSpace
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, check_count, freeze
@@ -411,7 +412,7 @@ def record_lines(
     response = spectra if domain == "z" else spectra.continuous()
     plane = plane_of(domain, response)
     scale = output_scale(response) if equal_outputs else np.ones(response.values.shape[1])
-    w = resonance_weights(line_power(response), response.run)
+    w = resonance_weights(response.power(), response.run)
     every = -(-response.count // _ORTHOGONAL)
     thin = plane.point(response.frequencies[::every])
     basis, recurrence = orthogonal_basis(thin, q, w[::every] * np.sqrt(response.count / thin.size))

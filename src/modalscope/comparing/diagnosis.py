@@ -34,9 +34,8 @@ import numpy as np
 from modalscope.comparing.agreement import Group
 from modalscope.comparing.run import MethodResult
 from modalscope.comparing.scatter import Biased, Scatter
-from modalscope.data.response import Response
+from modalscope.data.response import Response, line_step
 from modalscope.data.results import StabilizationDiagram
-from modalscope.data.window import line_step
 from modalscope.doctor.findings import dead_channels, sides_of
 from modalscope.doctor.polarity import check_polarity
 from modalscope.identification.prepare import Data

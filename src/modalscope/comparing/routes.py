@@ -27,7 +27,7 @@ import numpy as np
 from modalscope.comparing.diagnosis import Cause
 from modalscope.comparing.run import Cell, MethodResult, plan
 from modalscope.data.record_residual import UNMEASURED
-from modalscope.data.window import line_step
+from modalscope.data.response import line_step
 from modalscope.identification.prepare import Measured, measure
 from modalscope.identification.routes import USUAL
 from modalscope.modal.rebuilt import explains_enough, share_explained

@@ -3,10 +3,9 @@
 from importlib import import_module
 
 from modalscope.data.analysis import Analysis
-from modalscope.data.candidates import Candidate, Harmonic
 from modalscope.data.geometry import Dof, Geometry, parse_dof
 from modalscope.data.modes import ModalModel, Mode
-from modalscope.data.notes import Note
+from modalscope.data.notes import Candidate, Harmonic, Note
 from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.results import Result, StabilizationDiagram

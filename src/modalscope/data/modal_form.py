@@ -185,7 +185,7 @@ def continuous(A: RealArray, B: RealArray, dt: float, *, held: bool) -> tuple[Re
 def _logarithm(block: RealArray, separate: bool) -> RealArray:
     """Return the logarithm of a block of the modal form: of its eigenvalue, or of the matrix where poles share it."""
     if not separate:
-        return np.asarray(np.real(sla.logm(block)))
+        return np.real(sla.logm(block))
     if block.shape == (1, 1):
         return np.log(block)
     s = np.log(complex(block[0, 0], block[0, 1]))

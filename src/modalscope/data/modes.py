@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.special import ndtri, stdtrit
 
 from modalscope.data.channels import derivatives_between
-from modalscope.data.mode_fields import COLUMNS, ModeFields, mode_indices
-from modalscope.data.mode_table import cells_of_modes, known_columns
+from modalscope.data.mode_fields import COLUMNS, ModeFields, cells_of_modes, known_columns, mode_indices
 from modalscope.data.response import CORRELATED, INSEPARABLE
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.shown import text_table
@@ -228,7 +227,7 @@ class ModalModel(ModeFields):
     def residues(self) -> ComplexArray:
         """Residue matrices phi_j l_j', (n, l, m)."""
         part = self.known_participation("residues")
-        return np.asarray(self.shapes.T[:, :, None] * part[:, None, :])
+        return self.shapes.T[:, :, None] * part[:, None, :]
 
     @named(scale=NORMALIZATIONS)
     def normalized(self, scale: str = "unit") -> ModalModel:

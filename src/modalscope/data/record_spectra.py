@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from modalscope.data.channels import check_groups, run_groups
+from modalscope.data.line_choice import near_modes, picture_of, telling_lines
 from modalscope.data.mode_fields import ModeFields
 from modalscope.data.notes import Note
 from modalscope.data.quadruple import Quadruple
@@ -21,262 +22,28 @@ from modalscope.functions.poles import to_discrete
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, freeze, locked
 from modalscope.numerics.errors import DataError
 
-# --------------------------------------------------------------------------------------------------------- line choice
-# Which lines of long records are enough: for judging, some of all and those of the peaks; for refining, those near the modes.
-#
-# The equations of records hold line by line, so that lines that are left out cost accuracy and bring no bias.
+#: Neighbouring lines on either side of which one value of the smoothed spectrum is made.
+_NEIGHBOURS = 3
 
-#: Lines on either side that a weight is averaged over, and the least power over the median that it follows.
-_BESIDE, _QUIET = 20, 0.01
-
-#: Neighbours on either side over which a peak and its surroundings are averaged.
-_PEAK, _AROUND = 3, 2000
-
-#: Lines that are averaged together: of long records an array of all lines is large.
-_AT_A_TIME = 1 << 16
-
-
-def running_mean(values: RealArray, run: IntArray, beside: int) -> RealArray:
-    """Return the mean over each line and up to `beside` lines on either side within its run, (F,).
-
-    `values` (F,). `run` (F,): increasing.
-
-    Examples
-    --------
-    >>> running_mean(np.array([1.0, 2.0, 6.0, 5.0]), np.array([0, 0, 0, 1]), 1)
-    array([1.5, 3. , 4. , 5. ])
-    """
-    found = np.empty_like(values)
-    for first, last in pairwise(np.searchsorted(run, np.arange(run[-1] + 2 if run.size else 1, dtype=run.dtype))):
-        for start in range(first, last, _AT_A_TIME):
-            own = np.arange(start, min(start + _AT_A_TIME, last))
-            low, high = np.maximum(own - beside, first), np.minimum(own + beside + 1, last)
-            total = np.concatenate([[0.0], np.cumsum(values[low[0] : high[-1]], dtype=float)])
-            found[own] = (total[high - low[0]] - total[low - low[0]]) / (high - low)
-    return found
-
-
-def resonance_weights(power: RealArray, run: IntArray) -> RealArray:
-    """Return a weight a line, (F,), of mean square one: the root of the outputs' amplitude over neighbouring lines of the run.
-
-    `power` (F,): of the outputs together. `run` (F,).
-    """
-    w = running_mean(power, run, _BESIDE)
-    np.maximum(w, _QUIET * max(float(np.median(w)), np.finfo(float).tiny), out=w)
-    np.sqrt(w, out=w)
-    mean = float(np.mean(w))
-    np.sqrt(w, out=w)
-    w /= np.sqrt(mean)
-    return w
-
-
-def telling_lines(power: RealArray, run: IntArray, most: int) -> IntArray:
-    """Return at most so many lines: half of them evenly spaced, and those that stand highest above their surroundings.
-
-    `power` (F,): of the outputs together. `run` (F,).
-    """
-    if power.size <= most:
-        return np.arange(power.size)
-    even = np.arange(0, power.size, -(-power.size // (most // 2)))
-    level, height = running_mean(power, run, _AROUND), running_mean(power, run, _PEAK)
-    np.divide(height, level, out=height, where=level > 0)
-    height[even] = np.inf
-    return _largest(height, most, level)
-
-
-def _largest(values: RealArray, most: int, place: RealArray) -> IntArray:
-    """Return where the `most` largest values are, increasing; of those alike at the limit the first. The place is overwritten."""
-    place[:] = values
-    place.partition(values.size - most)
-    least = place[values.size - most]
-    above = np.flatnonzero(values > least)
-    return np.sort(np.concatenate([above, np.flatnonzero(values == least)[: most - above.size]]))
-
-
-def near_modes(frequencies: RealArray, poles: Array, resolution: float, most: int) -> IntArray:
-    """Return at most so many lines, those nearest to a mode in half bandwidths.
-
-    What lies d half bandwidths away and farther holds a part of 1 / (2 d^3) or so of what is known of a pole.
-
-    `frequencies` (F,): hz. `poles` (n,): rad/s. `resolution`: hz; no mode is taken to be narrower.
-    """
-    if frequencies.size <= most:
-        return np.arange(frequencies.size)
-    apart = np.full(frequencies.size, np.inf)
-    for pole in np.asarray(poles):
-        half = max(abs(pole.real) / (2 * np.pi), resolution)
-        np.minimum(apart, np.abs(frequencies - abs(pole) / (2 * np.pi)) / half, out=apart)
-    np.negative(apart, out=apart)
-    return _largest(apart, most, np.empty_like(apart))
-
-
-# ------------------------------------------------------------------------------------------------------ record picture
-# Frequency responses for the eye from the lines of records: H1 over neighbouring lines.
-
-#: Lines that a picture has at most, and its neighbours on either side that each value is averaged over.
-_LINES, _NEAR = 4000, 3
-
-#: Power of an input below this share of the largest is no force.
-_SILENT = 1e-12
-
-
-def picture_of(
-    frequencies: RealArray, outputs: ComplexArray, inputs: ComplexArray, labels: dict[str, Any]
-) -> FrequencyResponse:
-    """Return H = S_yu S_uu^-1 with spectra averaged over groups of neighbouring lines, of all runs together.
-
-    `frequencies` (F,): hz, in any order. `outputs` (F, l). `inputs` (F, m). `labels`: labels, units and quantity of the response.
-    """
-    order = np.argsort(frequencies, kind="stable")
-    starts = np.arange(0, order.size, max(-(-order.size // _LINES), 1))
-    f, Y, U = frequencies[order], outputs[order], inputs[order]
-    cross = _near(np.add.reduceat(Y[:, :, None] * U[:, None, :].conj(), starts))
-    power = _near(np.add.reduceat(U[:, :, None] * U[:, None, :].conj(), starts))
-    m = U.shape[1]
-    level = np.einsum("fii->f", power).real
-    floor = _SILENT * max(float(level.max()), np.finfo(float).tiny)
-    H = cross @ np.linalg.inv(power + (_SILENT * level + floor)[:, None, None] * np.eye(m))
-    middle = np.add.reduceat(f, starts) / np.diff(np.append(starts, f.size))
-    lines, first = np.unique(middle, return_index=True)
-    return FrequencyResponse(values=H[first], frequencies=lines, **labels)
-
-
-def _near(sums: ComplexArray) -> ComplexArray:
-    """Return sums over each group of lines and its neighbours."""
-    total = np.concatenate([np.zeros_like(sums[:1]), np.cumsum(sums, axis=0)])
-    k = np.arange(len(sums))
-    return np.asarray(total[np.minimum(k + _NEAR + 1, len(sums))] - total[np.maximum(k - _NEAR, 0)])
-
-
-# --------------------------------------------------------------------------------------------------------- record sums
-# What lines of records say: smoothed spectra, what drives a pole, inputs that are not told apart, and models rebuilt on them.
-
-#: Neighbouring lines on either side that one value of the smoothed spectrum is made of.
-NEAR = 3
-
-#: Complex numbers that are held at a time: 4 MB.
+#: Complex numbers that are computed at a time: 4 MB.
 _NUMBERS_AT_A_TIME = 1 << 18
 
-#: Inputs are alike where a direction of them, each of length one, is shorter than this; an input has part in it from so much on.
-_ALIKE, _SHARE = 1e-9, 1e-6
-
-
-def line_power(lines: RecordSpectra) -> RealArray:
-    """Return the squares of all outputs together on every line, each output level, (F,): to seven digits, for it only weighs lines."""
-    scale = output_scale(lines)
-    found: Any = np.empty(lines.count, np.float32)
-    weight = np.where(scale > 0, scale, 1.0) ** -2.0
-    step = max(_NUMBERS_AT_A_TIME // weight.size, 1)
-    for start in range(0, lines.count, step):
-        some = slice(start, start + step)
-        found[some] = np.abs(lines.values[some, :, 0]) ** 2 @ weight
-    return np.asarray(found)
-
-
-def left_power(lines: RecordSpectra, modelled: Iterator[tuple[slice, ComplexArray]]) -> RealArray:
-    """Return the squares of what a model leaves of all outputs, (F, l), given it piece by piece."""
-    found = np.empty(lines.values.shape[:2])
-    for s, part in modelled:
-        found[s] = np.abs(lines.values[s, :, 0] - part) ** 2
-    return found
-
-
-def left_rows(lines: RecordSpectra, modelled: Iterator[tuple[slice, ComplexArray]]) -> RealArray:
-    """Return what a model leaves of all outputs, real parts above imaginary ones, (2 F, l, 1), given it piece by piece."""
-    found = np.empty((2, *lines.values.shape))
-    for s, part in modelled:
-        left = lines.values[s, :, 0] - part
-        found[0, s, :, 0], found[1, s, :, 0] = left.real, left.imag
-    return found.reshape(-1, *lines.values.shape[1:])
-
-
-def smoothed(lines: RecordSpectra) -> Iterator[tuple[RealArray, ComplexArray]]:
-    """Yield some lines in Hz, increasing, and the outputs on them and their neighbours, (F, l, p): their singular values show modes."""
-    order = np.argsort(lines.frequencies, kind="stable")
-    spans, beside = lines.spans_of_runs, np.arange(-NEAR, NEAR + 1)
-    lowest, highest = (np.array([getattr(own, end) for own in spans]) for end in ("start", "stop"))
-    step = max(_NUMBERS_AT_A_TIME // (lines.values.shape[1] * beside.size), 1)
-    for start in range(0, order.size, step):
-        some = order[start : start + step]
-        r = lines.run[some, None]
-        values = lines.values[np.clip(some[:, None] + beside, lowest[r], highest[r] - 1), :, 0]
-        values /= np.sqrt(beside.size)
-        yield lines.frequencies[some], values.transpose(0, 2, 1)
-
-
-def untold_notes(lines: RecordSpectra) -> tuple[Note, ...]:
-    """Return a note on the inputs that are zero or depend on the others, its numbers their parts in what was not excited."""
-    _, alone = _silent(lines)
-    part = dict(zip(lines.input_dofs, np.linalg.norm(alone, axis=0).tolist(), strict=True))
-    untold = {dof: size for dof, size in part.items() if size > _SHARE}
-    text = (
-        f"inputs {', '.join(untold)} are zero or depend on each other: what they give together is known, "
-        "how it is shared among them is not (participation is the shortest that fits, of inputs brought to one size)"
-    )
-    return (Note(INSEPARABLE, untold, text),) if untold else ()
-
-
-def _silent(lines: RecordSpectra) -> tuple[RealArray, RealArray]:
-    """Return the sizes of the inputs, one for what is zero, and what directions of the divided ones are zero on every line, (k, m)."""
-    U = np.concatenate([lines.drive.real, lines.drive.imag])
-    size = np.linalg.norm(U, axis=0)
-    size = np.where(size > 0, size, 1)
-    _, d, Vt = np.linalg.svd(np.linalg.qr(U / size, mode="r"))
-    return size, Vt[np.count_nonzero(d > _ALIKE) :]
-
-
-def drive_of_poles(lines: RecordSpectra, poles: Array, participation: Array) -> RealArray:
-    """Return the root mean square of what drives each pole on the lines near its frequency, (n,)."""
-    rate = lines.sampling_rate or 1.0
-    f, half = np.abs(poles.imag) / (2 * np.pi), np.abs(poles.real) / (2 * np.pi)
-    power, count = np.zeros(len(poles)), np.zeros(len(poles))
-    for r, run in enumerate(lines.runs()):
-        own = lines.frequencies[lines.run == r]
-        if not own.size:
-            continue
-        drives = np.hstack([run.inputs, np.zeros((own.size, len(lines.durations)))])
-        drives[:, run.inputs.shape[1] + r] = run.ends
-        middle = np.searchsorted(own, f)
-        low = np.clip(np.minimum(np.searchsorted(own, f - half), middle - NEAR), 0, own.size - 1)
-        high = np.clip(np.maximum(np.searchsorted(own, f + half), middle + NEAR), low + 1, own.size)
-        for j, (a, b) in enumerate(zip(low, high, strict=True)):
-            power[j] += np.sum(np.abs(drives[a:b, : participation.shape[1]] @ participation[j]) ** 2)
-            count[j] += b - a
-    return np.asarray(rate * np.sqrt(power / np.maximum(count, 1)))
-
-
-def rebuilt_values(lines: RecordSpectra, model: Quadruple) -> ComplexArray:
-    """Return what a model gives on lines under the measured inputs, from the first states that fit best, (F, l, 1)."""
-    s = 2j * np.pi * lines.frequencies
-    x = s if model.dt is None else np.exp(s * model.dt)
-    values = np.einsum("flm,fm->fl", model.transfer(x), lines.drive)
-    states = Quadruple(A=model.A, B=np.eye(model.order), C=model.C, dt=model.dt)
-    for r in range(len(lines.durations)):
-        own = lines.run == r
-        free = states.transfer(x[own]) * lines.ends(np.flatnonzero(own))[:, None, None]
-        columns, left = free.reshape(-1, model.order), (lines.values[own, :, 0] - values[own]).reshape(-1)
-        first = np.linalg.lstsq(
-            np.concatenate([columns.real, columns.imag]), np.concatenate([left.real, left.imag]), rcond=None
-        )[0]
-        values[own] += free @ first
-    return np.asarray(values[:, :, None])
-
-
-# ------------------------------------------------------------------------------------------------------ record spectra
+#: Singular value below which a direction of the inputs, each of length one, is zero, and the minimum share of an input in it.
+_ZERO_DIRECTION, _MIN_SHARE_OF_DIRECTION = 1e-9, 1e-6
 
 #: The degree below which damping is hardly known.
-_LEAST_DEGREE = 8
+_MIN_DEGREE = 8
 
 #: Powers of the terms at most: with more, neither poles nor the coverage of intervals change (50 random structures under forces not
 #: held between samples, noise of 40 dB, white and AR(.95)).
 _MAX_POWERS = 21
 
 #: Lines of a run for each term of an input at least.
-_LINES_PER_TERM = 10
+_MIN_LINES_PER_TERM = 10
 
 #: Lines on which models of long records are judged, and refined, at most; numbers of the outputs on them, but so many lines at least.
-_JUDGED, _REFINED = 32_768, 131_072
-_NUMBERS, _LEAST_LINES = 1 << 19, 8192
+_MAX_JUDGED_LINES, _MAX_REFINED_LINES = 32_768, 131_072
+_MAX_JUDGED_NUMBERS, _MIN_JUDGED_LINES = 1 << 19, 8192
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
@@ -362,7 +129,7 @@ class RecordSpectra(Response):
         """Return a one on some lines, divided by what the data there are divided by, (lines,)."""
         if self.line_scale is None:
             return np.ones(len(self.frequencies[lines]))
-        return np.asarray(1 / self.line_scale[lines])
+        return 1 / self.line_scale[lines]
 
     def ends(self, lines: slice | IntArray) -> ComplexArray:
         """Return what the first and the last state of a run act through on some lines, (lines,): x in the z-plane, 1 in the s-plane."""
@@ -394,12 +161,23 @@ class RecordSpectra(Response):
         """Return what poles can contribute on the lines of all runs; see `Response.basis`."""
         return driven_basis(list(self.runs()), self.in_plane(poles))
 
+    def power(self) -> RealArray:
+        """Return the squares of all outputs together on every line, each output level, (F,): single precision, as a weight of lines."""
+        scale = output_scale(self)
+        power: Any = np.empty(self.count, np.float32)
+        weight = np.where(scale > 0, scale, 1.0) ** -2.0
+        step = max(_NUMBERS_AT_A_TIME // weight.size, 1)
+        for start in range(0, self.count, step):
+            lines = slice(start, start + step)
+            power[lines] = np.abs(self.values[lines, :, 0]) ** 2 @ weight
+        return np.asarray(power)
+
     def judging(self) -> RecordSpectra:
         """Return the lines on which models are judged: of a long record some of all, and those of the peaks; `whole` has the others."""
-        most = int(np.clip(_NUMBERS // self.values.shape[1], _LEAST_LINES, _JUDGED))
+        most = int(np.clip(_MAX_JUDGED_NUMBERS // self.values.shape[1], _MIN_JUDGED_LINES, _MAX_JUDGED_LINES))
         if self.count <= most:
             return self
-        return replace(self._at(telling_lines(line_power(self), self.run, most)), source=self)
+        return replace(self._at(telling_lines(self.power(), self.run, most)), source=self)
 
     @property
     def whole(self) -> RecordSpectra:
@@ -408,7 +186,7 @@ class RecordSpectra(Response):
 
     def around(self, poles: Array) -> RecordSpectra:
         """Return the lines that tell about modes: all, or of a long record those nearest to a mode in half bandwidths."""
-        kept = near_modes(self.frequencies, poles, 1 / max(self.durations), _REFINED)
+        kept = near_modes(self.frequencies, poles, 1 / max(self.durations), _MAX_REFINED_LINES)
         return self if kept.size == self.count else self._at(kept)
 
     def _at(self, lines: Array) -> RecordSpectra:
@@ -428,7 +206,11 @@ class RecordSpectra(Response):
     ) -> RealArray:
         """Return the data without what modes give; see `Response.residual_of`."""
         nothing = np.zeros((1, self.values.shape[1], self.drive.shape[1]))
-        return left_rows(self, self.modelled(poles, shapes, participation, nothing))
+        rows = np.empty((2, *self.values.shape))
+        for s, part in self.modelled(poles, shapes, participation, nothing):
+            residual = self.values[s, :, 0] - part
+            rows[0, s, :, 0], rows[1, s, :, 0] = residual.real, residual.imag
+        return rows.reshape(-1, *self.values.shape[1:])
 
     @property
     def eliminated(self) -> tuple[int, int]:
@@ -439,7 +221,7 @@ class RecordSpectra(Response):
     @property
     def max_states(self) -> int:
         """Largest number of states worth a try: half of the columns that are left at the least degree."""
-        return max((2 * self.count - (_LEAST_DEGREE + 1) * self.eliminated[1]) // 2, 2)
+        return max((2 * self.count - (_MIN_DEGREE + 1) * self.eliminated[1]) // 2, 2)
 
     @property
     def refined_powers(self) -> tuple[int, ...]:
@@ -449,7 +231,7 @@ class RecordSpectra(Response):
     @property
     def max_powers(self) -> int:
         """Twenty-one at most: noise far below the response shows what fewer leave of forces that were not held."""
-        return max(min(_MAX_POWERS, self.count // (_LINES_PER_TERM * self.drives)), len(self.refined_powers))
+        return max(min(_MAX_POWERS, self.count // (_MIN_LINES_PER_TERM * self.drives)), len(self.refined_powers))
 
     def named_terms(self, terms: RealArray, powers: tuple[int, ...]) -> dict[str, RealArray | None]:
         """Return the direct term by name."""
@@ -457,31 +239,56 @@ class RecordSpectra(Response):
 
     def spectrum(self) -> tuple[RealArray, ComplexArray]:
         """Return lines in Hz and the outputs on them and their neighbours, (F, l, p), whose singular values are a smoothed spectrum's."""
-        f, values = zip(*smoothed(self), strict=True)
+        f, values = zip(*self.spectra(), strict=True)
         return np.concatenate(f), np.concatenate(values)
 
     def spectra(self) -> Iterator[tuple[RealArray, ComplexArray]]:
-        """Yield the same, some lines at a time."""
-        return smoothed(self)
+        """Yield the same, some lines at a time, increasing."""
+        order, offsets = np.argsort(self.frequencies, kind="stable"), np.arange(-_NEIGHBOURS, _NEIGHBOURS + 1)
+        lowest, highest = (np.array([getattr(run, end) for run in self.spans_of_runs]) for end in ("start", "stop"))
+        step = max(_NUMBERS_AT_A_TIME // (self.values.shape[1] * offsets.size), 1)
+        for start in range(0, order.size, step):
+            lines = order[start : start + step]
+            r = self.run[lines, None]
+            values = self.values[np.clip(lines[:, None] + offsets, lowest[r], highest[r] - 1), :, 0]
+            values /= np.sqrt(offsets.size)
+            yield self.frequencies[lines], values.transpose(0, 2, 1)
 
     def doubts(
         self, poles: Array, shapes: Array, participation: Array, terms: Array, trusted: Array
     ) -> tuple[Note, ...]:
         """Return what the fit of a model shows: forces that were not measured, noise on the inputs, drift, delay; see `Response.doubts`."""
-        power = left_power(self, self.modelled(poles, shapes, participation, terms))
+        power = np.empty(self.values.shape[:2])
+        for s, part in self.modelled(poles, shapes, participation, terms):
+            power[s] = np.abs(self.values[s, :, 0] - part) ** 2
         found = excess(self.frequencies, power, self.values[:, :, 0], poles[trusted], 1 / max(self.durations))
         return (*excess_notes(found), *pole_notes(self.in_plane(poles), self.sampling_rate, max(self.durations)))
 
     def shortest_participation(self, participation: Array) -> ComplexArray:
         """Return the shortest participation of the inputs that gives the same; see `Response.shortest_participation`."""
-        size, alone = _silent(self)
+        size, alone = self._silent_inputs()
         scaled = participation * size
         return np.asarray((scaled - (scaled @ alone.T) @ alone) / size)
 
     @property
     def inseparable_inputs(self) -> tuple[Note, ...]:
         """A note on inputs that are zero or depend on each other; see `Response.inseparable_inputs`."""
-        return untold_notes(self)
+        _, alone = self._silent_inputs()
+        share = dict(zip(self.input_dofs, np.linalg.norm(alone, axis=0).tolist(), strict=True))
+        inseparable = {dof: size for dof, size in share.items() if size > _MIN_SHARE_OF_DIRECTION}
+        text = (
+            f"inputs {', '.join(inseparable)} are zero or depend on each other: their sum is determined, their shares are not "
+            "(participation is the shortest that fits, inputs scaled to one size)"
+        )
+        return (Note(INSEPARABLE, inseparable, text),) if inseparable else ()
+
+    def _silent_inputs(self) -> tuple[RealArray, RealArray]:
+        """Return the sizes of the inputs, one for zero inputs, and the directions of scaled inputs that are zero on every line, (k, m)."""
+        U = np.concatenate([self.drive.real, self.drive.imag])
+        size = np.linalg.norm(U, axis=0)
+        size = np.where(size > 0, size, 1)
+        _, d, Vt = np.linalg.svd(np.linalg.qr(U / size, mode="r"))
+        return size, Vt[np.count_nonzero(d > _ZERO_DIRECTION) :]
 
     def picture(self) -> FrequencyResponse:
         """Return frequency responses H1 of the lines and their neighbours, for the eye alone: nothing is judged on them."""
@@ -491,11 +298,26 @@ class RecordSpectra(Response):
 
     def energy(self, decay: Array) -> RealArray:
         """Return T / (2 decay), T the seconds of all runs: the sum of |1 / (j w - s)|^2 over lines that lie 1 / T apart."""
-        return np.asarray(sum(self.durations) / (2 * np.asarray(decay)))
+        return sum(self.durations) / (2 * np.asarray(decay))
 
     def driven(self, poles: Array, participation: Array) -> RealArray:
         """Return the root mean square of what drives each pole on the lines near its frequency, (n,); see `Response.driven`."""
-        return drive_of_poles(self, poles, participation)
+        rate = self.sampling_rate or 1.0
+        f, half = np.abs(poles.imag) / (2 * np.pi), np.abs(poles.real) / (2 * np.pi)
+        power, count = np.zeros(len(poles)), np.zeros(len(poles))
+        for r, run in enumerate(self.runs()):
+            lines = self.frequencies[self.run == r]
+            if not lines.size:
+                continue
+            drives = np.hstack([run.inputs, np.zeros((lines.size, len(self.durations)))])
+            drives[:, run.inputs.shape[1] + r] = run.ends
+            middle = np.searchsorted(lines, f)
+            low = np.clip(np.minimum(np.searchsorted(lines, f - half), middle - _NEIGHBOURS), 0, lines.size - 1)
+            high = np.clip(np.maximum(np.searchsorted(lines, f + half), middle + _NEIGHBOURS), low + 1, lines.size)
+            for j, (a, b) in enumerate(zip(low, high, strict=True)):
+                power[j] += np.sum(np.abs(drives[a:b, : participation.shape[1]] @ participation[j]) ** 2)
+                count[j] += b - a
+        return rate * np.sqrt(power / np.maximum(count, 1))
 
     def functions(self, poles: Array, *, slopes: bool = False, lines: slice = slice(None)) -> RealArray:
         """Raise: in records every pole is driven by all inputs together."""
@@ -523,7 +345,19 @@ class RecordSpectra(Response):
 
     def rebuilt_by(self, model: Quadruple) -> RecordSpectra:
         """Return what a model gives on these lines under the measured inputs, from the first states that fit best."""
-        return replace(self, values=rebuilt_values(self, model))
+        s = 2j * np.pi * self.frequencies
+        x = s if model.dt is None else np.exp(s * model.dt)
+        values = np.einsum("flm,fm->fl", model.transfer(x), self.drive)
+        states = Quadruple(A=model.A, B=np.eye(model.order), C=model.C, dt=model.dt)
+        for r in range(len(self.durations)):
+            lines = self.run == r
+            free = states.transfer(x[lines]) * self.ends(np.flatnonzero(lines))[:, None, None]
+            columns, residual = free.reshape(-1, model.order), (self.values[lines, :, 0] - values[lines]).reshape(-1)
+            first = np.linalg.lstsq(
+                np.concatenate([columns.real, columns.imag]), np.concatenate([residual.real, residual.imag]), rcond=None
+            )[0]
+            values[lines] += free @ first
+        return replace(self, values=values[:, :, None])
 
     def of_modes(self, modes: ModeFields) -> Array:
         """Return what modes give on these lines under the measured inputs, from the first states that fit best."""

@@ -1,4 +1,4 @@
-"""Transform whole runs to frequency lines."""
+"""Transform whole runs to frequency lines, long ones in the place of the result."""
 
 from __future__ import annotations
 
@@ -13,14 +13,11 @@ from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import scratch
 
-# ------------------------------------------------------------------------------------------------------ half transform
-# The transform of a long real record in the place of its result: a transform of a few million samples takes three times that beside it.
-
-#: Samples from which on a record is split in two.
-_LONG = 1 << 19
+#: Samples from which a record is split in two.
+_MIN_SPLIT_SAMPLES = 1 << 19
 
 #: Lines that are joined at a time.
-_AT_A_TIME = 1 << 15
+_LINES_AT_A_TIME = 1 << 15
 
 
 def half_transform(samples: Array, place: ComplexArray) -> None:
@@ -39,7 +36,7 @@ def half_transform(samples: Array, place: ComplexArray) -> None:
     True
     """
     N = len(samples)
-    if N < _LONG or N % 4:
+    if N < _MIN_SPLIT_SAMPLES or N % 4:
         place[:] = fft.rfft(samples)
         return
     quarter, back = N // 4, place[::-1]
@@ -47,14 +44,11 @@ def half_transform(samples: Array, place: ComplexArray) -> None:
     middle = back[quarter]
     half_transform(samples[::2], place[: quarter + 1])
     place[quarter] -= 1j * middle  # E and O meet here, where w^k = -j and both are real
-    for start in range(0, quarter, _AT_A_TIME):
-        k = slice(start, min(start + _AT_A_TIME, quarter))
+    for start in range(0, quarter, _LINES_AT_A_TIME):
+        k = slice(start, min(start + _LINES_AT_A_TIME, quarter))
         even = place[k].copy()
         odd = back[k] * np.exp(np.arange(k.start, k.stop) * (-2j * np.pi / N))
         place[k], back[k] = even + odd, (even - odd).conj()
-
-
-# ---------------------------------------------------------------------------------------------------- record transform
 
 
 def record_spectra(records: Records, band: tuple[float, float] | None = None) -> RecordSpectra:

@@ -243,7 +243,7 @@ class Response(Channels, Convertible):
         """
         basis = self.whole_basis(poles, powers)
         nothing = basis.of_terms(np.zeros((basis.terms.shape[1], basis.data[0].size)))
-        return np.asarray(basis.data - basis.rebuilt(shapes, participation, nothing))
+        return basis.data - basis.rebuilt(shapes, participation, nothing)
 
     @abstractmethod
     def named_terms(self, terms: RealArray, powers: tuple[int, ...]) -> dict[str, RealArray | None]:
@@ -264,7 +264,7 @@ class Response(Channels, Convertible):
         participation : array of complex, (n, m) or more columns
             As a `ModalBasis` gives it.
         """
-        return np.asarray(participation[:, : len(self.input_dofs)])
+        return participation[:, : len(self.input_dofs)]
 
     def shortest_participation(self, participation: Array) -> ComplexArray:
         """Return what the data tell of the participation of the inputs, (n, m): what inputs do not excite is left at zero.
@@ -273,7 +273,7 @@ class Response(Channels, Convertible):
         ----------
         participation : array of complex, (n, m)
         """
-        return np.asarray(participation)
+        return participation
 
     @abstractmethod
     def functions(self, poles: Array, *, slopes: bool = False, lines: slice = slice(None)) -> RealArray:
@@ -431,3 +431,48 @@ def root_mean_squares(response: Response) -> RealArray:
 def _real_parts(values: Array) -> RealArray:
     """Return (K, l, m) numbers as real ones, (K, l, m) or (K, l, 2 m), without a copy where they lie in one piece."""
     return np.ascontiguousarray(values).view(np.float64).reshape(*values.shape[:2], -1)
+
+
+#: Relative rounding of single precision, in which many responses are stored.
+_STORED = 1e-7
+
+
+def line_step(response: Response) -> float:
+    """Return the distance of the lines, Hz; 0 of samples and of one line."""
+    grid = response.grid
+    return 0.0 if grid is None or grid.size < 2 else float(np.median(np.diff(grid)))
+
+
+def window_over_lines(response: Response) -> float:
+    """Return a T, the rate of an exponential window times the length that a line's distance tells; 0 without a window, and of samples.
+
+    Noise under the window has the correlation 1 / (1 + j pi i / (a T)) between lines i apart.
+    """
+    step = line_step(response)
+    return response.added_damping / step if step else 0.0
+
+
+def fading(response: Response) -> RealArray | None:
+    """Return exp(-a t), by which an exponential window lets steady noise fade over samples, (K,); None without one, and of lines.
+
+    No smaller than rounding of what is stored: what lies below it does not fade with the window.
+    """
+    a = response.added_damping
+    if a <= 0 or response.grid is not None or response.sampling_rate is None:
+        return None
+    return np.asarray(np.maximum(np.exp(-a / response.sampling_rate * np.arange(response.count)), _STORED))
+
+
+def faded_noise(response: Response) -> Array | None:
+    """Return what an exponential window exp(-a t) makes of steady noise: exp(-2 a t) over its mean, of lines its transform.
+
+    On lines df apart, those of a record of 1 / df seconds, E n_(f + k) n_f* = variance / (1 + j pi k df / a).
+    """
+    a, grid = response.added_damping, response.grid
+    if a <= 0:
+        return None
+    if grid is not None:
+        return 1 / (1 + 1j * np.pi * np.arange(response.count) * line_step(response) / a)
+    decay = fading(response)
+    assert decay is not None
+    return decay**2 / np.mean(decay**2)

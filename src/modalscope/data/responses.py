@@ -26,12 +26,11 @@ from modalscope.functions.pole_basis import (
     ModalBasis,
     line_basis,
     line_data,
-    line_functions,
     residual_powers,
     sample_basis,
-    sample_functions,
     scaled_terms,
 )
+from modalscope.functions.pole_functions import line_functions, sample_functions
 from modalscope.numerics.checks import (
     Array,
     ComplexArray,
@@ -125,7 +124,7 @@ class ImpulseResponse(Response):
     def times(self) -> RealArray:
         """Time of every sample after the impulse, seconds (a pulse response is one step later than its index)."""
         step = 1 if self.kind in ("pulse", "correlation") else 0
-        return np.asarray((np.arange(self.samples) + self.first_sample + step) / self.sampling_rate)
+        return (np.arange(self.samples) + self.first_sample + step) / self.sampling_rate
 
     @property
     def origin(self) -> str:
@@ -492,7 +491,7 @@ class FrequencyResponse(Response):
     def energy(self, decay: Array) -> RealArray:
         """Return pi / (decay step): the integral of |1 / (j w - s)|^2 over w, on lines that lie `step` apart in w."""
         step = 2 * np.pi * np.median(np.diff(self.frequencies)) if self.lines > 1 else 1.0
-        return np.asarray(np.pi / np.asarray(decay) / step)
+        return np.pi / np.asarray(decay) / step
 
     @property
     def exact_samples(self) -> bool:

@@ -199,7 +199,7 @@ class StabilizationDiagram(Shown, HasPoles):
     @property
     def stable(self) -> Array:
         """True where frequency, damping and shape all agree with the order before."""
-        return np.asarray(self.stable_frequency & self.stable_damping & self.stable_shape)
+        return self.stable_frequency & self.stable_damping & self.stable_shape
 
 
 # -------------------------------------------------------------------------------------------------------------- result

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from modalscope.data.geometry import Geometry
-from modalscope.data.mode_table import cells_of_modes
+from modalscope.data.mode_fields import cells_of_modes
 from modalscope.data.modes import ModalModel
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.records import Records, Signals

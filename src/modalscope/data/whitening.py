@@ -82,19 +82,19 @@ class Whitening:
 
     def of_shapes(self, shapes: Array) -> Array:
         """Return W phi of shapes (l, n)."""
-        return np.asarray(self.outputs @ shapes)
+        return self.outputs @ shapes
 
     def of_participation(self, participation: Array) -> Array:
         """Return rows l V' of participation, (n, m)."""
-        return np.asarray(participation @ self.references.T)
+        return participation @ self.references.T
 
     def outputs_back(self, values: Array) -> Array:
         """Return W^-1 X of whatever has a row an output: shapes, C."""
-        return np.asarray(np.linalg.solve(self.outputs, values))
+        return np.linalg.solve(self.outputs, values)
 
     def references_back(self, values: Array) -> Array:
         """Return X V'^-1 of whatever has a column a reference: participation, B."""
-        return np.asarray(np.linalg.solve(self.references, values.swapaxes(-1, -2)).swapaxes(-1, -2))
+        return np.linalg.solve(self.references, values.swapaxes(-1, -2)).swapaxes(-1, -2)
 
     def values_back(self, values: Array) -> Array:
         """Return W^-1 Y V'^-1 of a stack of matrices, (..., l, m)."""

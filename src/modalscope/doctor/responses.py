@@ -8,9 +8,8 @@ import numpy as np
 import scipy
 
 from modalscope.data.notes import Finding
-from modalscope.data.response import Response
+from modalscope.data.response import Response, line_step
 from modalscope.data.responses import FrequencyResponse
-from modalscope.data.window import line_step
 from modalscope.doctor.findings import dead_channels, finding, identical_channels, sides_of
 from modalscope.doctor.polarity import check_polarity, check_slope, level
 from modalscope.numerics.checks import Array, RealArray

@@ -12,16 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.functions.pole_basis import ModalBasis, functions_at
+from modalscope.functions.pole_basis import ModalBasis
+from modalscope.functions.pole_functions import functions_at
 from modalscope.functions.poles import is_real
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.orthonormal import factor_of_gram, stacked_factor, triangle_of
 
-#: Numbers in the columns of the lines that are taken at a time, complex ones: 2 MB.
-_NUMBERS = 1 << 17
+#: Complex numbers in the columns of the lines that are compressed at a time (2 MB), and that a model gives at a time (1 MB).
+_COMPRESSED_NUMBERS, _EVALUATED_NUMBERS = 1 << 17, 1 << 16
 
-#: Squared length of a column below this share of the longest is rounding.
-_ROUNDING = 1e-28
+#: Columns with a squared length below this share of the longest are rounding.
+_ROUNDING_OF_SQUARES = 1e-28
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -85,7 +86,8 @@ class DrivenBasis(ModalBasis):
         """
         t, width = self.terms.shape[1], self.terms.shape[1] + self.functions.shape[1]
         R = np.hstack([self.terms, self.functions, self.data[:, :, 0]])
-        R = R if _is_triangle(R) else stacked_factor(np.zeros((0, 0)), R)
+        if len(R) > R.shape[1] or np.any(np.tril(R, -1)):
+            R = stacked_factor(np.zeros((0, 0)), R)
         each = R[:, t:width].reshape(len(R), self.drives, -1, 2)
         w = np.asarray((each[..., 0] - 1j * each[..., 1]).reshape(len(R), -1))
         unit = np.broadcast_to(np.asarray(level, dtype=float), (len(shapes),))
@@ -95,7 +97,7 @@ class DrivenBasis(ModalBasis):
         if found is None:
             lower = R[t:, t:width].reshape(len(R) - t, self.drives, -1)
             known = np.concatenate([_tied(lower, shape) for shape in level_shapes])
-            theta = _least(known, data[t:].T.reshape(-1, 1))[:, 0]
+            theta = _least_squares(known, data[t:].T.reshape(-1, 1))[:, 0]
             found = theta[::2] + 1j * theta[1::2]
         rest = (w[:t] @ (found * c).T).real
         direct = np.linalg.lstsq(R[:t, :t], data[:t] - rest, rcond=None)[0] * unit
@@ -108,7 +110,7 @@ class DrivenBasis(ModalBasis):
         each = self.by_drive.reshape(len(self.functions), self.drives, n, 2)
         turned = np.einsum("kdj,jd->kj", each[..., 0] - 1j * each[..., 1], participation)
         columns = np.hstack([self.terms, np.stack([turned.real, -turned.imag], axis=2).reshape(len(turned), -1)])
-        found = _least(columns, self.data[:, :, 0])
+        found = _least_squares(columns, self.data[:, :, 0])
         return np.asarray((found[t::2] + 1j * found[t + 1 :: 2]).T), found[:t].T[None]
 
     def fit_ends(self, shapes: Array, participation: Array, terms: Array) -> ComplexArray:
@@ -119,7 +121,7 @@ class DrivenBasis(ModalBasis):
         R = stacked_factor(np.zeros((0, 0)), np.hstack([free.reshape(len(free), -1), self.data[:, :, 0] - forced]))
         width = free.shape[1] * free.shape[2]
         known = np.concatenate([_tied(R[:, :width].reshape(len(R), free.shape[1], -1), c) for c in shapes])
-        return _complex(_least(known, R[:, width:].T.reshape(-1, 1))[:, 0], free.shape[1])
+        return _complex(_least_squares(known, R[:, width:].T.reshape(-1, 1))[:, 0], free.shape[1])
 
     def of_terms(self, coefficients: RealArray) -> RealArray:
         """Return coefficients (m, l) of the inputs as D, (1, l, m)."""
@@ -177,7 +179,7 @@ def _triangle(run: Run, poles: Array) -> RealArray:
 
 def _columns(run: Run, poles: Array, width: int) -> Iterator[RealArray]:
     """Yield the columns, real parts above imaginary ones, of some lines at a time."""
-    step = max(_NUMBERS // width, 1)
+    step = max(_COMPRESSED_NUMBERS // width, 1)
     for start in range(0, max(len(run.points), 1), step):
         s = slice(start, start + step)
         U, flat = run.inputs[s], functions_at(run.points[s], poles)
@@ -189,10 +191,6 @@ def _columns(run: Run, poles: Array, width: int) -> Iterator[RealArray]:
             found[0, :, columns], found[1, :, columns] = part.real, part.imag
             first = columns.stop
         yield found.reshape(-1, width)
-
-
-def _is_triangle(rows: RealArray) -> bool:
-    return len(rows) <= rows.shape[1] and not np.any(np.tril(rows, -1))
 
 
 def _tied_fit(w: ComplexArray, c: ComplexArray, data: RealArray) -> ComplexArray | None:
@@ -208,7 +206,7 @@ def _tied_fit(w: ComplexArray, c: ComplexArray, data: RealArray) -> ComplexArray
     N[:a, :a], N[a:, a:] = (H + S).real / 2, (H - S).real / 2
     N[:a, a:] = -(H + S).imag / 2
     N[a:, :a] = N[:a, a:].T
-    alive = np.flatnonzero(np.diag(N) > _ROUNDING * np.diag(N).max(initial=0.0))
+    alive = np.flatnonzero(np.diag(N) > _ROUNDING_OF_SQUARES * np.diag(N).max(initial=0.0))
     R = factor_of_gram(N[np.ix_(alive, alive)])
     if R is None:
         return None
@@ -235,11 +233,11 @@ def _tied(functions: RealArray, shape: Array) -> RealArray:
 def _complex(theta: Array, drives: int) -> ComplexArray:
     """Return (n, drives) from real and imaginary parts that run drive by drive."""
     pairs = theta.reshape(drives, -1, 2)
-    return np.asarray((pairs[..., 0] + 1j * pairs[..., 1]).T)
+    return (pairs[..., 0] + 1j * pairs[..., 1]).T
 
 
-def _least(known: RealArray, target: RealArray) -> RealArray:
-    """Least squares of smallest norm, columns scaled to length one; the rows are compressed first."""
+def _least_squares(known: RealArray, target: RealArray) -> RealArray:
+    """Solve least squares of smallest norm, columns scaled to length one; the rows are compressed first."""
     count = known.shape[1]
     if not count:
         return np.zeros((0, target.shape[1]))
@@ -247,14 +245,7 @@ def _least(known: RealArray, target: RealArray) -> RealArray:
     scale = np.where(scale > 0, scale, 1)
     both = np.hstack([known / scale, target])
     R = stacked_factor(np.zeros((0, 0)), both)
-    return np.asarray(np.linalg.lstsq(R[:, :count], R[:, count:], rcond=None)[0] / scale[:, None])
-
-
-# -------------------------------------------------------------------------------------------------------- driven lines
-# The lines of all runs with what drives them, whole: columns of poles, and what a model gives on them.
-
-#: Complex numbers in the columns, or in the outputs, that are made at a time: 1 MB.
-_NUMBERS_OF_LINES = 1 << 16
+    return np.linalg.lstsq(R[:, :count], R[:, count:], rcond=None)[0] / scale[:, None]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -292,7 +283,7 @@ class DrivenLines:
         self, poles: Array, shapes: Array, participation: Array, direct: Array
     ) -> Iterator[tuple[slice, ComplexArray]]:
         """Yield some lines, and the outputs there (lines, l) of shapes (l, n), participation (n, m + R) and D (l, m)."""
-        alone, step = is_real(poles), max(_NUMBERS_OF_LINES // max(len(poles), len(shapes), 1), 1)
+        alone, step = is_real(poles), max(_EVALUATED_NUMBERS // max(len(poles), len(shapes), 1), 1)
         for start in range(0, len(self.points), step):
             s = slice(start, start + step)
             own, pair = DrivenLines(self.points[s], self.drives[s], self.inputs).pairs(poles, participation)

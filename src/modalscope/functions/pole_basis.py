@@ -1,4 +1,4 @@
-"""Compute pole functions on lines or samples as real regressors, and solve least squares with them.
+"""Fit shapes and participation to responses by least squares, with the functions of given poles as regressors.
 
 A conjugate pair of poles with residue R = a + j b contributes a g1 + b g2, two functions of the line (or sample) that are the
 same for every output and input. One orthogonal decomposition of these functions therefore serves all channels: the data
@@ -15,112 +15,10 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.functions.poles import QUANTITIES, is_real, powers_of, to_discrete
+from modalscope.functions.pole_functions import line_functions, sample_functions
+from modalscope.functions.poles import QUANTITIES
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.orthonormal import resolved
-
-# ------------------------------------------------------------------------------------------------------ pole functions
-# The functions of poles on lines and on samples, real columns that are the same for every output and input, and their derivatives.
-
-#: Real and imaginary part.
-_Parts = tuple[RealArray, RealArray]
-
-
-#: A pole that grows by more than exp of this over the samples is no mode: it is taken as one that grows so much, whose squares are numbers.
-_GROWN = 300.0
-
-
-def line_functions(frequencies: RealArray, rate: float | None, poles: Array, *, slopes: bool = False) -> RealArray:
-    """Return the functions 1 / (x - pole) and conjugates on lines, (2 F, 2 n); with `slopes` their d/ds behind them, e1, e2 of every pole.
-
-    The transposed matrix is made row by row: each function lies in one piece. Real and imaginary parts apart take a third of the time that
-    complex numbers do.
-    """
-    return _stacked(*_points(frequencies, rate, poles), slopes)
-
-
-def functions_at(points: ComplexArray, poles: ComplexArray) -> ComplexArray:
-    """Return the functions of `line_functions` as complex numbers, (F, 2 n), at points in the plane of the poles."""
-    rows = _stacked(points, poles, None, False)
-    return rows[: points.size] + 1j * rows[points.size :]
-
-
-def _stacked(x: ComplexArray, p: ComplexArray, chain: ComplexArray | None, slopes: bool) -> RealArray:
-    found = np.empty((1 + slopes, p.size, 2, 2, x.size))
-    step = max(_AT_A_TIME // max(x.size, 1), 1)
-    for some in (slice(first, first + step) for first in range(0, p.size, step)):
-        _fill(found[:, some], x, p[some], None if chain is None else chain[some])
-    return found.reshape(-1, 2 * x.size).T
-
-
-def _fill(found: RealArray, x: ComplexArray, p: ComplexArray, chain: ComplexArray | None) -> None:
-    """Lay the functions of some poles into their place, (1 or 2, n, 2, 2, F)."""
-    own, pair = _inverse(x, p), _inverse(x, p.conj())
-    alone = is_real(p)  # exp(j pi) is -1 but for rounding
-    pairs = [(own, tuple(np.where(alone[:, None], 0, part) for part in pair) if np.any(alone) else pair)]
-    if len(found) > 1:
-        pairs.append((_squared(own, chain), _squared(pair, None if chain is None else chain.conj())))
-    for to, ((g, g_imag), (h, h_imag)) in zip(found, pairs, strict=True):
-        np.add(g, h, out=to[:, 0, 0])
-        np.add(g_imag, h_imag, out=to[:, 0, 1])
-        np.subtract(h_imag, g_imag, out=to[:, 1, 0])
-        np.subtract(g, h, out=to[:, 1, 1])
-    found[0, alone, 1] = 0
-
-
-def _inverse(x: ComplexArray, p: ComplexArray) -> _Parts:
-    """Return 1 / (x - p) by its parts, (n, F) each: arrays are large, and few are made."""
-    u = x.real - p.real[:, None] if np.any(x.real) else -p.real[:, None]
-    v = p.imag[:, None] - x.imag
-    size = v * v
-    size += u * u
-    np.reciprocal(size, out=size)
-    return u * size, np.multiply(v, size, out=v)
-
-
-def _squared(values: _Parts, factors: ComplexArray | None) -> _Parts:
-    """Return the squares times a factor a row (n,), where there is one, by their parts."""
-    real, imag = values
-    squares, products = real * real, real * imag
-    squares -= imag * imag
-    products *= 2
-    if factors is None:
-        return squares, products
-    a, b = factors.real[:, None], factors.imag[:, None]
-    return a * squares - b * products, a * products + b * squares
-
-
-def _points(
-    frequencies: RealArray, rate: float | None, poles: Array
-) -> tuple[ComplexArray, ComplexArray, ComplexArray | None]:
-    """Return the lines and the poles in one plane, and d pole / d s there where it is not one."""
-    x, s = (np.asarray(values, dtype=complex) for values in (2j * np.pi * frequencies, poles))
-    if rate is None:
-        return x, s, None
-    z = to_discrete(s, 1 / rate)
-    return np.exp(x / rate), z, np.asarray(z / rate)
-
-
-def sample_functions(rate: float, first: int, count: int, poles: Array, *, slopes: bool = False) -> RealArray:
-    """Return Re and Im of exp(s t_k), (N, 2 n), with `slopes` their d/ds behind them, columns e1, e2 of every pole."""
-    s = np.asarray(poles, dtype=complex)
-    s = np.minimum(s.real, _GROWN * rate / max(first + count, 1)) + 1j * s.imag
-    z = to_discrete(s, 1 / rate)
-    decay = powers_of(z, count, first, rows=True)
-    alone = is_real(z)[:, None]
-    # as on lines each function lies in one piece
-    found = np.empty((1 + slopes, s.size, 2, count))
-    np.multiply(decay.real, np.where(alone, 1.0, 2.0), out=found[0, :, 0])
-    np.multiply(decay.imag, np.where(alone, 0.0, -2.0), out=found[0, :, 1])
-    if slopes:
-        t = (np.arange(count) + first) / rate
-        np.multiply(decay.real, 2 * t, out=found[1, :, 0])
-        np.multiply(decay.imag, -2 * t, out=found[1, :, 1])
-    return found.reshape(-1, count).T
-
-
-# ----------------------------------------------------------------------------------------------------------- line data
-# Values on lines as real rows, which are the same for whatever poles are fitted to them.
 
 
 class LineData(NamedTuple):
@@ -156,16 +54,14 @@ def real_data(values: Array, weights: Array | None) -> RealArray:
     return real_rows(values.reshape(lines, -1), weights).reshape(2 * lines, *channels)
 
 
-# --------------------------------------------------------------------------------------------------------- modal basis
-
-#: Share of an output's energy below which what is left, a difference of sums, is told from rounding by rebuilding the data.
-_ROUNDING = 1e-10
+#: Share of an output's energy below which the residual energy, a difference of sums, is computed from the rebuilt data instead.
+_MIN_SHARE_OF_DIFFERENCE = 1e-10
 
 #: Numbers rebuilt at a time: they stay in the cache.
-_AT_A_TIME = 32_000
+_NUMBERS_AT_A_TIME = 32_000
 
-#: Share of a channel's energy below which a difference of sums has fewer than eight digits of what is left.
-_TOLD = 1e-7
+#: Share of a channel's energy below which a difference of sums has fewer than eight digits of the residual energy.
+_MIN_SHARE_OF_EIGHT_DIGITS = 1e-7
 
 
 class FittedSide(NamedTuple):
@@ -269,7 +165,7 @@ class ModalBasis:
         known = _with_shapes(R[t:, t:], kept, shapes)
         theta = np.zeros((2 * n, inputs))
         target = coefficients[t:].transpose(1, 0, 2)
-        theta[kept] = _solve(known.reshape(outputs * (len(R) - t), kept.size), target.reshape(-1, inputs))
+        theta[kept] = scaled_least_squares(known.reshape(outputs * (len(R) - t), kept.size), target.reshape(-1, inputs))
         side = theta[::2] + 1j * theta[1::2]
         rest = _residues(shapes, side)[kept]
         left = coefficients[:t] - np.tensordot(R[:t, t:], rest, axes=1)
@@ -280,9 +176,11 @@ class ModalBasis:
             whole = energy_of(self.data) if self.whole is None else self.whole
             unexplained = whole - energy_of(coefficients)
             energy = unexplained + energy_of(missed)
-            if not np.all(energy.sum(axis=1) > _ROUNDING * whole.sum(axis=1)):
+            if not np.all(energy.sum(axis=1) > _MIN_SHARE_OF_DIFFERENCE * whole.sum(axis=1)):
                 energy = energy_of(self.data - self.rebuilt(shapes, side, own))
-        return FittedSide(side, own, energy, np.where(unexplained > _TOLD * whole, unexplained, np.nan))
+        return FittedSide(
+            side, own, energy, np.where(unexplained > _MIN_SHARE_OF_EIGHT_DIGITS * whole, unexplained, np.nan)
+        )
 
     def of_terms(self, coefficients: RealArray) -> RealArray:
         """Return coefficients (t, channels) of the terms as `fit_participation` gives them, (t, l, m)."""
@@ -292,12 +190,12 @@ class ModalBasis:
         """Return what modes and terms give on the rows, (K, l, m): the counterpart of `fit_participation`."""
         coefficients = _residues(shapes, participation).reshape(-1, self.data[0].size)
         flat = self.functions @ coefficients + self.terms @ terms.reshape(len(terms), coefficients.shape[1])
-        return np.asarray(flat.reshape(self.data.shape))
+        return flat.reshape(self.data.shape)
 
     def missed(self, shapes: Array, participation: Array, terms: Array) -> Iterator[RealArray]:
         """Yield `rebuilt` without the data, (rows, l, m), some rows after the other: what is left in the cache."""
         coefficients = _residues(shapes, participation).reshape(-1, self.data[0].size)
-        own, step = terms.reshape(len(terms), coefficients.shape[1]), max(_AT_A_TIME // self.data[0].size, 1)
+        own, step = terms.reshape(len(terms), coefficients.shape[1]), max(_NUMBERS_AT_A_TIME // self.data[0].size, 1)
         for start in range(0, len(self.data), step):
             rows = slice(start, start + step)
             flat = self.functions[rows] @ coefficients
@@ -325,11 +223,11 @@ def _with_shapes(functions: RealArray, kept: Array, shapes: Array) -> RealArray:
     return np.stack([product.real, -product.imag], axis=3).reshape(len(shapes), *whole.shape)[:, :, kept]
 
 
-def _solve(known: RealArray, target: RealArray) -> RealArray:
-    """Least squares with columns scaled to length one: poles far apart would otherwise decide the rank by their units."""
+def scaled_least_squares(known: RealArray, target: RealArray) -> RealArray:
+    """Solve least squares with columns scaled to length one, so that the units of distant poles do not decide the rank."""
     scale = np.linalg.norm(known, axis=0)
     scale = np.where(scale > 0, scale, 1)
-    return np.asarray(np.linalg.lstsq(known / scale, target, rcond=None)[0] / scale[:, None])
+    return np.linalg.lstsq(known / scale, target, rcond=None)[0] / scale[:, None]
 
 
 def line_basis(
@@ -387,4 +285,4 @@ def residual_powers(quantity: str | None, residuals: bool) -> tuple[int, ...]:
 def scaled_terms(terms: Array, powers: tuple[int, ...], frequencies: RealArray) -> RealArray:
     """Return coefficients of powers of j w from those of the basis, which are of the relative frequency."""
     factor = (2 * np.pi * (float(frequencies[-1]) or 1.0)) ** -np.asarray(powers, dtype=float)
-    return np.asarray(terms * factor[:, None, None])
+    return terms * factor[:, None, None]

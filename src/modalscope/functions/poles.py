@@ -54,7 +54,7 @@ def to_continuous(poles: ArrayLike, dt: float) -> ComplexArray:
     """Return `ln(z) / dt`. A negative real z lands on the Nyquist frequency; z = 0 far out on the negative real axis."""
     z = np.asarray(poles, dtype=np.complex128)
     # adding 0.0 turns an imaginary part of -0.0 around, which would put a negative real pole below the axis
-    return np.asarray((np.log(np.maximum(np.abs(z), _ZERO**20)) + 1j * np.arctan2(z.imag + 0.0, z.real)) / dt)
+    return (np.log(np.maximum(np.abs(z), _ZERO**20)) + 1j * np.arctan2(z.imag + 0.0, z.real)) / dt
 
 
 def to_discrete(poles: ArrayLike, dt: float) -> ComplexArray:
@@ -92,17 +92,17 @@ def one_of_each_pair(poles: ArrayLike) -> IntArray:
     """Return the indices of one pole of each conjugate pair (the one above the axis) and of all real ones, by frequency."""
     s = np.asarray(poles, dtype=np.complex128)
     keep = np.flatnonzero((s.imag > 0) | is_real(s))
-    return np.asarray(keep[np.lexsort((s[keep].imag, np.abs(s[keep])))])
+    return keep[np.lexsort((s[keep].imag, np.abs(s[keep])))]
 
 
 def is_real(s: ComplexArray, share: float = _REAL) -> BoolArray:
     """Return which poles lie on the real axis: imaginary parts of no more than a share of a pole are rounding."""
-    return np.asarray(np.abs(s.imag) <= share * np.abs(s))
+    return np.abs(s.imag) <= share * np.abs(s)
 
 
 def overlap(s: ComplexArray, others: ComplexArray) -> BoolArray:
     """Return which poles lie nearer in frequency to which others than their half bandwidths together, (n, k)."""
-    return np.asarray(np.abs(s.imag[:, None] - others.imag) < -(s.real[:, None] + others.real))
+    return np.abs(s.imag[:, None] - others.imag) < -(s.real[:, None] + others.real)
 
 
 def pole_kinds(poles: ArrayLike, dt: float | None = None) -> tuple[str, ...]:

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.data.candidates import Candidate
 from modalscope.data.channels import AUTO, check_groups
 from modalscope.data.mode_fields import PER_MODE, joined
 from modalscope.data.modes import ModalModel
-from modalscope.data.notes import Note
+from modalscope.data.notes import Candidate, Note
 from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.data.results import Settings

@@ -35,8 +35,8 @@ from modalscope.data import (
     Signals,
     StateSpace,
 )
-from modalscope.data.candidates import Candidate, Harmonic
 from modalscope.data.channels import input_groups, run_groups
+from modalscope.data.notes import Candidate, Harmonic
 from modalscope.io.contents import ArrayData, damage_as_error
 from modalscope.io.limits import room
 from modalscope.numerics.checks import Array, ComplexArray

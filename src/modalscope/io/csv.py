@@ -27,7 +27,7 @@ from typing import Any, NamedTuple, TextIO
 import numpy as np
 
 from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, ModalModel, Signals
-from modalscope.data.mode_table import known_columns
+from modalscope.data.mode_fields import known_columns
 from modalscope.data.response import Response
 from modalscope.io import text
 from modalscope.io.arrays import joined

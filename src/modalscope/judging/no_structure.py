@@ -7,9 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from modalscope.data.candidates import Harmonic
 from modalscope.data.modes import ModalModel
-from modalscope.data.notes import Note
+from modalscope.data.notes import Harmonic, Note
 from modalscope.data.results import StabilizationDiagram
 from modalscope.judging.evidence import CERTAIN, UNCERTAIN, Candidate
 from modalscope.preprocess.harmonics import HARMONIC

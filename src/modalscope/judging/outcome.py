@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.data.candidates import Candidate as LeftOut
 from modalscope.data.modes import ModalModel
-from modalscope.data.notes import Note
+from modalscope.data.notes import Candidate as LeftOut, Note
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.functions.poles import poles_from

@@ -15,8 +15,7 @@ import scipy.fft as sfft
 import scipy.linalg as sla
 from scipy.linalg.lapack import dpotrf
 
-from modalscope.data.response import Response
-from modalscope.data.window import window_over_lines
+from modalscope.data.response import Response, window_over_lines
 from modalscope.likelihood.likelihood import Fitted, Point, Whitened
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 

@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modalscope.data.record_spectra import RecordSpectra
-from modalscope.data.response import Response
-from modalscope.data.window import line_step
+from modalscope.data.response import Response, line_step
 from modalscope.functions.driven_basis import DrivenLines
 from modalscope.functions.poles import poles_from, to_discrete
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray

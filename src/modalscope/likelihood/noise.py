@@ -15,10 +15,9 @@ from modalscope.blocks.influence import Moments
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
-from modalscope.data.response import Response
+from modalscope.data.response import Response, faded_noise, line_step
 from modalscope.data.stored import StoredSignals
 from modalscope.data.whitening import Whitening
-from modalscope.data.window import faded_noise, line_step
 from modalscope.likelihood.covariance import PoleInfluence
 from modalscope.numerics.checks import Array, BoolArray, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError

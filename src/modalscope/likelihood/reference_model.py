@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.data.response import Response
-from modalscope.data.window import fading, window_over_lines
+from modalscope.data.response import Response, fading, window_over_lines
 from modalscope.functions.pole_basis import ModalBasis
 from modalscope.likelihood.whitening import (
     Colour,

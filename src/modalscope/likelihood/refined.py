@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from modalscope.data.candidates import Candidate
 from modalscope.data.channels import Groups
 from modalscope.data.mode_fields import DIRECT
 from modalscope.data.modes import ModalModel
-from modalscope.data.notes import Note
+from modalscope.data.notes import Candidate, Note
 from modalscope.data.response import INSEPARABLE
 from modalscope.functions.poles import frequencies_and_damping
 from modalscope.likelihood.noise import KIND

@@ -11,8 +11,7 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.data.record_spectra import RecordSpectra
-from modalscope.data.response import Response, output_scale
-from modalscope.data.window import fading, line_step, window_over_lines
+from modalscope.data.response import Response, fading, line_step, output_scale, window_over_lines
 from modalscope.likelihood.descent import Descent, descend, residual, window_noise
 from modalscope.likelihood.driven import whitened_records
 from modalscope.likelihood.likelihood import Whitened, unit_vectors, whitened

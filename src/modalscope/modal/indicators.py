@@ -54,7 +54,7 @@ def agreement(real: RealArray, imaginary: RealArray, identified: RealArray, expe
         ratio = np.sqrt(np.minimum(identified, expected) / np.maximum(identified, expected))
     phase = np.arctan2(np.abs(imaginary), real)
     # where both are zero, or beyond numbers, there is no ratio, and nothing agrees
-    return np.asarray(np.fmax(ratio * (1 - 4 / np.pi * phase), 0.0))
+    return np.fmax(ratio * (1 - 4 / np.pi * phase), 0.0)
 
 
 # ---------------------------------------------------------------------------------------------------------- neighbours

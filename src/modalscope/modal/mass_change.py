@@ -7,10 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from modalscope.data.candidates import Candidate
 from modalscope.data.geometry import indices_of
 from modalscope.data.modes import ModalModel
-from modalscope.data.notes import Note
+from modalscope.data.notes import Candidate, Note
 from modalscope.functions.poles import QUANTITIES
 from modalscope.modal.pairing import pair_modes
 from modalscope.numerics.arguments import named
@@ -121,7 +120,7 @@ def _spread(modes: ModalModel, which: np.ndarray[tuple[int], np.dtype[np.int64]]
     """Return the variance of w^2; NaN where it is not known."""
     if modes.frequencies_std is None:
         return np.full(w.size, np.nan)
-    return np.asarray((2 * w * 2 * np.pi * modes.frequencies_std[which]) ** 2)
+    return (2 * w * 2 * np.pi * modes.frequencies_std[which]) ** 2
 
 
 def _of_unit_mass(modes: ModalModel, phi: RealArray) -> ModalModel:

@@ -31,12 +31,12 @@ class Pairs:
     @property
     def frequency_change(self) -> RealArray:
         """f_b / f_a - 1 of each pair."""
-        return np.asarray(self.b.frequencies[self.second] / self.a.frequencies[self.first] - 1)
+        return self.b.frequencies[self.second] / self.a.frequencies[self.first] - 1
 
     @property
     def damping_change(self) -> RealArray:
         """zeta_b - zeta_a of each pair."""
-        return np.asarray(self.b.damping_ratios[self.second] - self.a.damping_ratios[self.first])
+        return self.b.damping_ratios[self.second] - self.a.damping_ratios[self.first]
 
     @property
     def deviations(self) -> dict[str, RealArray]:

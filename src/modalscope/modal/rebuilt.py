@@ -221,7 +221,7 @@ def contributions(response: Response, poles: Array, shapes: Array, participation
     """
     size, decay = _in_the_data(response, poles, shapes, participation)
     total = np.linalg.norm(response.values / output_scale(response)[:, None])
-    return np.asarray(size * np.sqrt(response.energy(decay)) / total)
+    return size * np.sqrt(response.energy(decay)) / total
 
 
 def of_diagram(diagram: StabilizationDiagram) -> RealArray:

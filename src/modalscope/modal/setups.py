@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.data.candidates import Candidate
 from modalscope.data.channels import AUTO, Groups, check_groups, source_of
 from modalscope.data.modes import ModalModel
-from modalscope.data.notes import Note
+from modalscope.data.notes import Candidate, Note
 from modalscope.data.response import Response
 from modalscope.functions.poles import poles_from
 from modalscope.modal.indicators import mac
@@ -272,7 +271,7 @@ def _residues(response: Response, poles: ComplexArray) -> ComplexArray:
     if not poles.size:
         return np.zeros((len(response.output_dofs), 0), dtype=complex)
     residues = free_residues(response.basis(poles, response.outside_powers))
-    return np.asarray(np.linalg.svd(residues)[0][:, :, 0].T)
+    return np.linalg.svd(residues)[0][:, :, 0].T
 
 
 def _glued(pieces: list[ComplexArray], places: list[list[int]], outputs: int) -> ComplexArray:

@@ -15,7 +15,7 @@ from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse
 from modalscope.data.sizes import check_size
 from modalscope.data.stored import StoredResponse
-from modalscope.functions.pole_basis import ModalBasis, residual_powers, scaled_terms
+from modalscope.functions.pole_basis import ModalBasis, residual_powers, scaled_least_squares, scaled_terms
 from modalscope.functions.poles import QUANTITIES
 from modalscope.modal.indicators import clusters, mpc, mpd
 from modalscope.numerics.arguments import named
@@ -85,11 +85,9 @@ def _divided(basis: ModalBasis, rows: RealArray) -> ModalBasis:
 def free_residues(basis: ModalBasis) -> ComplexArray:
     """Return residues (n, l, m) of every channel by least squares, not of rank one."""
     columns = np.hstack([basis.terms, basis.functions])
-    scale = np.linalg.norm(columns, axis=0)
-    scale[scale == 0] = 1
     rows, outputs, inputs = basis.data.shape
-    found = np.linalg.lstsq(columns / scale, basis.data.reshape(rows, -1), rcond=None)[0] / scale[:, None]
-    real, imaginary = found[basis.terms.shape[1] :].reshape(-1, 2, outputs, inputs).swapaxes(0, 1)
+    coefficients = scaled_least_squares(columns, basis.data.reshape(rows, -1))
+    real, imaginary = coefficients[basis.terms.shape[1] :].reshape(-1, 2, outputs, inputs).swapaxes(0, 1)
     return np.asarray(real + 1j * imaginary)
 
 
@@ -151,7 +149,7 @@ def _field_basis(stored: StoredResponse, modes: ModalModel) -> RealArray:
     g = first.basis(modes.poles - stored.added_damping).by_pole[:, None]  # (N, 1, n, 2)
     re, im = participation.real.T[None], participation.imag.T[None]  # (1, m, n)
     of_real, of_imaginary = g[..., 0] * re + g[..., 1] * im, g[..., 1] * re - g[..., 0] * im
-    return np.asarray(np.stack([of_real, of_imaginary], axis=3).reshape(stored.samples * inputs, -1))
+    return np.stack([of_real, of_imaginary], axis=3).reshape(stored.samples * inputs, -1)
 
 
 # -------------------------------------------------------------------------------------------------------------- shapes

@@ -37,7 +37,7 @@ def gramian(A: RealArray, B: RealArray, horizon: float | None, sampled: bool) ->
     """Return the Gramian over all time, or to a horizon in samples (sampled) or seconds."""
     if horizon is None:
         L = gramian_factor(A, B, sampled)
-        return np.asarray(L @ L.T)
+        return L @ L.T
     if sampled and horizon != int(horizon):
         raise DataError("a horizon of whole samples was asked", f"it is {horizon!r}", "Round it.")
     checked = check_count("horizon", int(horizon)) if sampled else check_positive("horizon", horizon)
@@ -67,7 +67,7 @@ def finite_gramian(A: RealArray, B: RealArray, horizon: float, sampled: bool) ->
         unit = unit + transition @ unit @ transition.T
         transition = transition @ transition
         steps //= 2
-    return np.asarray((total + total.T) / 2)
+    return (total + total.T) / 2
 
 
 def gramian_factor(A: RealArray, B: RealArray, sampled: bool) -> RealArray:

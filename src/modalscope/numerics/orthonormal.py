@@ -258,7 +258,7 @@ def _finite(columns: RealArray) -> RealArray:
     if np.isfinite(np.einsum("kc,kc->", columns, columns)):
         return columns
     size = np.abs(columns).max(axis=0)
-    return np.asarray(columns / np.where(size > 0, size, 1.0))
+    return columns / np.where(size > 0, size, 1.0)
 
 
 def _spanned(gram: RealArray) -> tuple[RealArray, RealArray, RealArray]:
@@ -280,7 +280,7 @@ def _less(data: RealArray, columns: RealArray, W: RealArray) -> RealArray:
     if np.sum(left**2) < _LEAST * np.sum(data**2):
         Q = np.asarray(np.linalg.qr(columns[:, np.any(W, axis=1)])[0])
         left = data - Q @ (Q.T @ data)
-    return np.asarray(left)
+    return left
 
 
 def _triangle(gram: RealArray) -> RealArray | None:
@@ -303,4 +303,4 @@ def scaled_span(columns: RealArray) -> RealArray:
     scaled = columns.copy("F") if np.all(size > 0) else np.asfortranarray(columns[:, size > 0])
     scaled /= size[size > 0]
     U, s, _ = sla.svd(scaled, full_matrices=False, overwrite_a=True)
-    return np.asarray(U[:, : np.count_nonzero(s > max(scaled.shape) * np.finfo(float).eps * s[0])])
+    return U[:, : np.count_nonzero(s > max(scaled.shape) * np.finfo(float).eps * s[0])]

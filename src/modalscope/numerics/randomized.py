@@ -58,7 +58,7 @@ class _Basis:
 
     def residual(self, block: RealArray) -> RealArray:
         """Return the residual of a block, (rows, b), after projection on the columns."""
-        return np.asarray(block - self.columns @ (self.columns.T @ block))
+        return block - self.columns @ (self.columns.T @ block)
 
     def grow(self, block: RealArray) -> tuple[RealArray, RealArray]:
         """Add the orthonormalized residual of a block, (rows, b); return it, and the coordinates of the block in all columns.

@@ -293,7 +293,7 @@ class LeastSquaresCompanion(Realization):
         known, target = L[:n, :n], L[n : n + block, :n]
         pivots = np.abs(np.diag(known))
         if n <= L.shape[1] and pivots.min() > np.sqrt(rcond) * pivots.max():
-            return np.asarray(sla.solve_triangular(known, target.T, lower=True, trans="T", check_finite=False).T)
+            return sla.solve_triangular(known, target.T, lower=True, trans="T", check_finite=False).T
         R = np.linalg.lstsq(known.T, target.T, rcond=rcond)[0].T
         _check_explained(L[n : n + block] - R @ L[:n], L[n : n + block], n // block, np.sqrt(rcond))
         return np.asarray(R)

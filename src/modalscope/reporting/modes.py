@@ -9,7 +9,7 @@ import numpy as np
 
 from modalscope.checking.certificate import Certificate
 from modalscope.data import ModalModel, StabilizationDiagram
-from modalscope.data.mode_table import told
+from modalscope.data.mode_fields import told
 from modalscope.data.response import Response
 from modalscope.data.shown import counted
 from modalscope.identification.identify import Identification
