@@ -151,7 +151,7 @@ import sys, time
 from modalscope.io import stored as of_files
 from modalscope.data import stored
 from modalscope.numerics import sums as saved_sums
-stored._BESIDE = of_files._PARTS = 10**9
+stored._BESIDE = of_files._PARTS_OF_MEMORY = 10**9
 saved_sums._SECONDS = saved_sums._TIMES = 0.0
 add = saved_sums.SavedSums.add
 saved_sums.SavedSums.add = lambda self, task, *more: time.sleep(60) if task else add(self, task, *more)

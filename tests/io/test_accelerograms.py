@@ -68,7 +68,7 @@ def test_channels_of_csmip_stand_one_below_the_other(tmp_path: Path) -> None:
     assert found.thing.quantities == ("acceleration", "acceleration")
     assert found.thing.units[0] == ("cm/s^2", "cm/s^2")
     np.testing.assert_array_equal(found.thing.outputs, np.stack([SAMPLES, SAMPLES], axis=1))
-    assert any("displacement and velocity were not taken" in note for note in found.notes)
+    assert any("displacement and velocity not read" in note for note in found.notes)
 
 
 @pytest.mark.parametrize("form", [("8F10.5", 10, ".5f", 8), ("10F8.3", 8, ".3f", 10), ("1E15.6", 15, ".6E", 1)])

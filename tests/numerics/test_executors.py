@@ -121,7 +121,7 @@ def test_the_command_gives_the_work_to_a_scheduler(path: Path, cluster: Any, tmp
     choices = ["--band", "0.2", "12", "--orders", "8:14:2", "--no-refine", "--resume", str(tmp_path / "sums")]
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr("modalscope.data.stored._BESIDE", 10**9)
-        patched.setattr("modalscope.io.stored._PARTS", 10**9)
+        patched.setattr("modalscope.io.stored._PARTS_OF_MEMORY", 10**9)
         assert main(["identify", str(path), *choices, "--scheduler", cluster.scheduler_address, "-o", str(modes)]) == 0
     assert len(ms.read(modes)) >= 3
     assert not list((tmp_path / "sums").iterdir())  # all was done

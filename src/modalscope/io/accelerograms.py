@@ -53,9 +53,9 @@ _NO_RECORD = {
     r"response and fourier amplitude spectra": "response and Fourier spectra, which are no record",
 }
 #: Columns of a block whose line does not say them: 8F10.3 (CSMIP).
-_WIDTH = 10
+_COLUMNS = 10
 #: Real headers of COSMOS that may hold the step, from 1, and the parts of a second that writers give it in.
-_STEPS_AT, _PARTS = (62, 34), (1e-3, 1.0)
+_PLACES_OF_STEP, _UNITS_OF_STEP = (62, 34), (1e-3, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +68,7 @@ class _Channel:
     unit: str
     step: float
     values: RealArray
-    left: tuple[str, ...] = ()
+    omitted: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -111,14 +111,14 @@ def read_smc(path: Path, options: Options) -> Contents:
     if "spectr" in kind:
         fault = f"it holds {kind}, which are no record"
         raise DataError(f"a record from {path.name} was asked", fault, "Give the accelerogram.")
-    integers = _fixed(path.name, lines[11:17], 10, 48, space)
-    reals = _fixed(path.name, lines[17:27], 15, 50, space)
+    integers = _exactly(path.name, lines[11:17], 10, 48, space)
+    reals = _exactly(path.name, lines[17:27], 15, 50, space)
     unknown = integers[0]
     comments, count, rate = int(integers[15]), int(integers[16]), float(reals[1])
     if not (0 < rate < 1e6 and count > 0 and comments >= 0):
         fault = f"its header says {count} samples at {rate:g} Hz"
         raise unreadable(f"{path.name} as an SMC file", fault, "Copy the file again, or export it as a table (.txt).")
-    values = _fixed(path.name, lines[27 + comments :], 10, count, space)
+    values = _exactly(path.name, lines[27 + comments :], 10, count, space)
     vertical, horizontal = integers[12], integers[13]
     direction = "up" if vertical == 0 else "down" if vertical == 180 else ""
     direction = direction or (f"{horizontal:.0f}°" if horizontal != unknown else "")
@@ -144,15 +144,15 @@ def _parts(lines: Lines) -> Iterator[Lines]:
 
 def _channels(where: str, lines: Lines, space: Room) -> Iterator[_Channel]:
     """Return the acceleration that the lines of one channel hold; nothing where they hold another quantity alone."""
-    blocks = [(k, found) for k, line in enumerate(lines) if (found := _BLOCK.match(line))]
-    of = [(found["csmip"] or found["cosmos"]).lower() for _, found in blocks]
-    if "accel" not in of:
+    blocks = [(k, match) for k, line in enumerate(lines) if (match := _BLOCK.match(line))]
+    quantities = [(match["csmip"] or match["cosmos"]).lower() for _, match in blocks]
+    if "accel" not in quantities:
         return
-    start, found = blocks[of.index("accel")]
+    start, announced = blocks[quantities.index("accel")]
     line, head = lines[start], lines[:start]
-    width = int(said[1]) if (said := _FORMAT.search(line)) else _WIDTH
-    values = _fixed(where, lines[start + 1 :], width, int(found["count"]), space)
-    unit = said[1].lower().replace("sec", "s") if (said := _UNIT.search(line)) else ""
+    width = int(match[1]) if (match := _FORMAT.search(line)) else _COLUMNS
+    values = _exactly(where, lines[start + 1 :], width, int(announced["count"]), space)
+    unit = match[1].lower().replace("sec", "s") if (match := _UNIT.search(line)) else ""
     named = next((match for text in head if (match := _CHANNEL.search(text))), None)
     station = next((match for text in head if (match := _AT_STATION.search(text))), None)
     located = next((match[1] for text in head if (match := _LOCATION.search(text))), "")
@@ -164,21 +164,21 @@ def _channels(where: str, lines: Lines, space: Room) -> Iterator[_Channel]:
         unit=re.sub(r"/s/s$|/s2$", "/s^2", unit),
         step=_step(where, line, head, values.size),
         values=values,
-        left=tuple(name for name in ("veloc", "displ") if name in of),
+        omitted=tuple(name for name in ("veloc", "displ") if name in quantities),
     )
 
 
 def _step(where: str, line: str, head: Lines, count: int) -> float:
     """Return the step of a block in s: as its line says, or of the real headers the one that fits the length that the line says."""
-    if said := _STEP.search(line):
-        return float(said[1])
-    length = float(said[1]) if (said := _LENGTH.search(line)) else None
+    if match := _STEP.search(line):
+        return float(match[1])
+    length = float(match[1]) if (match := _LENGTH.search(line)) else None
     first = next((k for k, text in enumerate(head) if _REALS.match(text)), None)
     if length is not None and first is not None:
-        form = _FORMAT.search(head[first])
-        reals = _numbers(head[first + 1 :], int(form[1]) if form else 13, 100)
-        for place in _STEPS_AT:
-            for part in _PARTS:
+        match = _FORMAT.search(head[first])
+        reals = _numbers(head[first + 1 :], int(match[1]) if match else 13, 100)
+        for place in _PLACES_OF_STEP:
+            for part in _UNITS_OF_STEP:
                 step = reals[place - 1] * part if place <= len(reals) else 0.0
                 if step > 0 and abs(count * step - length) <= 1:  # the length is rounded to seconds
                     return step
@@ -188,27 +188,27 @@ def _step(where: str, line: str, head: Lines, count: int) -> float:
 
 def _numbers(lines: Lines, width: int, count: int) -> list[float]:
     """Return up to so many numbers of fixed columns; they end where a column holds something else."""
-    found: list[float] = []
+    numbers: list[float] = []
     for line in lines:
         for k in range(0, len(line.rstrip()), width):
             try:
-                found.append(float(line[k : k + width].replace("D", "E").replace("d", "e")))
+                numbers.append(float(line[k : k + width].replace("D", "E").replace("d", "e")))
             except ValueError:
-                return found
-            if len(found) == count:
-                return found
-    return found
+                return numbers
+            if len(numbers) == count:
+                return numbers
+    return numbers
 
 
-def _fixed(where: str, lines: Lines, width: int, count: int, space: Room) -> RealArray:
+def _exactly(where: str, lines: Lines, width: int, count: int, space: Room) -> RealArray:
     """Return so many numbers of fixed columns."""
     space.take("its samples", 8 * count)
-    found = _numbers(lines, width, count)
-    if len(found) != count:
-        fault = f"{len(found)} stand in columns of {width} characters"
+    numbers = _numbers(lines, width, count)
+    if len(numbers) != count:
+        fault = f"{len(numbers)} stand in columns of {width} characters"
         remedy = "Copy the file again: it is cut or was edited."
         raise needs(where, f"the {count} numbers that it announces", fault, remedy)
-    return np.array(found)
+    return np.array(numbers)
 
 
 def _contents(where: str, channels: Sequence[_Channel], options: Options) -> Contents:
@@ -219,17 +219,17 @@ def _contents(where: str, channels: Sequence[_Channel], options: Options) -> Con
         raise unreadable(f"{where} as one record", fault, "Give the channels of one step by files of their own.")
     count = min(channel.values.size for channel in channels)
     cut = sum(channel.values.size > count for channel in channels)
-    left = sorted(
-        {{"veloc": "velocity", "displ": "displacement"}[name] for channel in channels for name in channel.left}
-    )
-    notes = [f"{' and '.join(left)} were not taken: the archive integrated them from the acceleration"] if left else []
+    words = {"veloc": "velocity", "displ": "displacement"}
+    omitted = sorted({words[name] for channel in channels for name in channel.omitted})
+    notes = [f"{' and '.join(omitted)} not read: the archive integrated them from the acceleration"] if omitted else []
     notes += [f"{cut} of {len(channels)} channels were cut to the {count} samples that all have"] if cut else []
+    columns = (
+        Column(number=k, name=channel.name, unit=channel.unit, values=channel.values[:count])
+        for k, channel in enumerate(channels, 1)
+    )
     table = Table(
         where=where,
-        columns=tuple(
-            Column(number=k, name=channel.name, unit=channel.unit, values=channel.values[:count])
-            for k, channel in enumerate(channels, 1)
-        ),
+        columns=tuple(columns),
         rate=float(f"{1 / channels[0].step:.12g}"),
         rate_from="the step in its header",
         notes=tuple(notes),

@@ -10,7 +10,7 @@ sampling_rate, kind, first_sample).
 | `time_s` | `out 3:+Z [m/s2]`, `in 1:+Z [N]` | records |
 | `time_s` | `3:+Z / 1:+Z [m/s2 / N]`, for every output and input | an impulse response |
 
-Columns are parted by comma, semicolon or tab, whichever the header has. Numbers are written with every digit. Coherence,
+Columns are separated by comma, semicolon or tab, whichever the header has. Numbers are written with every digit. Coherence,
 variance, geometry and direct terms have no column: .npz, .h5 and .uff keep them.
 """
 
@@ -42,12 +42,14 @@ _PAIR = re.compile(
 )
 _SIDE = re.compile(r"^(?P<side>out|in)\s+(?P<dof>.+?)\s*(?:\[(?P<unit>.*)\])?$")
 
-#: Time steps may differ by this part of a step: printed times have few digits.
-_EVEN = 1e-2
-#: Labels by which a table is told.
-_HEADS = 1000
+#: What stands in a header without ambiguity.
+_PLAIN = re.compile(r"[\w :+.²³µ-]*|\w+/\w+²?")
+#: Relative tolerance of time steps: printed times have few digits.
+_UNEVENNESS = 1e-2
+#: Labels examined to recognize a table of this layout.
+_MAX_LABELS = 1000
 #: Characters of a label, at most; of a cell in a message.
-_LONGEST, _SHOWN = 400, 20
+_MAX_CHARACTERS, _CHARACTERS_SHOWN = 400, 20
 
 
 class _Table(NamedTuple):
@@ -61,29 +63,28 @@ def read(path: Path, options: Options) -> Contents:
     if set(text.TEXT_OPTIONS) & set(options) or not _is_own(path):
         return text.read(path, options)
     table = _table(path, room(path.name, path.stat().st_size))
-    given = {name: table.notes[name] for name in ("quantity", "kind") if name in table.notes}
-    first, labels = table.header[0].strip().lower(), table.header[1:]
-    abscissa, values = table.numbers[:, 0], table.numbers[:, 1:]
+    given: dict[str, Any] = {name: table.notes[name] for name in ("quantity", "kind") if name in table.notes}
+    first, labels, values = table.header[0].strip().lower(), table.header[1:], table.numbers[:, 1:]
+    sides = [_SIDE.match(label) if len(label) <= _MAX_CHARACTERS else None for label in labels]
     if first == "frequency_hz":
-        rate = {"sampling_rate": _number(path, table, "sampling_rate")} if "sampling_rate" in table.notes else {}
-        thing: DataObject = _frequency_response(path, labels, abscissa, values, given | rate)
-    elif first == "time_s" and labels and all(_side(label) for label in labels):
-        thing = _records(path, table, labels, values)
+        if "sampling_rate" in table.notes:
+            given["sampling_rate"] = _number(path, table, "sampling_rate")
+        columns, channels = _matrix(path, labels, {"real", "imag"})
+        both = joined(values[:, columns["real"]], values[:, columns["imag"]])
+        thing: DataObject = FrequencyResponse(values=both, frequencies=table.numbers[:, 0], **channels, **given)
+    elif first == "time_s" and sides and all(sides):
+        thing = _records(path, table, [side for side in sides if side], values)
     elif first == "time_s":
-        start = {"first_sample": _whole(_number(path, table, "first_sample"))} if "first_sample" in table.notes else {}
-        outputs, inputs, columns, units = _matrix(path, labels, {""})
-        fields: dict[str, Any] = {"kind": "dirac"} | given | start
-        thing = ImpulseResponse(
-            values=values[:, columns[""]],
-            sampling_rate=_rate(path, table),
-            units=units,
-            **_dofs(outputs, inputs),
-            **fields,
-        )
+        if "first_sample" in table.notes:
+            start = _number(path, table, "first_sample")
+            given["first_sample"] = int(start) if start.is_integer() else start
+        columns, channels = _matrix(path, labels, {""})
+        fields = {"kind": "dirac", "sampling_rate": _rate(path, table), **given}
+        thing = ImpulseResponse(values=values[:, columns[""]], **channels, **fields)
     else:
-        found = f"its first column is {table.header[0][:_SHOWN]!r}"
+        fault = f"its first column is {table.header[0][:_CHARACTERS_SHOWN]!r}"
         remedy = "Name it frequency_hz or time_s, and the others as the module modalscope.io.csv says."
-        raise unreadable(path.name, found, remedy)
+        raise unreadable(path.name, fault, remedy)
     return Contents(thing=thing, findings=tuple(Finding(part="column", what=name) for name in table.header))
 
 
@@ -96,7 +97,7 @@ def _is_own(path: Path) -> bool:
     cells = [cell.strip() for cell in head.split(max(",;\t", key=head.count))]
     if cells[0] not in ("frequency_hz", "time_s"):
         return {"frequency_hz", "damping_ratio"} <= set(cells)
-    for label in (cell[:_LONGEST].strip('"') for cell in cells[1:_HEADS]):
+    for label in (cell[:_MAX_CHARACTERS].strip('"') for cell in cells[1:_MAX_LABELS]):
         pair = _PAIR.match(label)
         if _SIDE.match(label) or (pair and (pair["part"] or pair["in"] == "1" or not is_unit(pair["in"]))):
             return True
@@ -114,8 +115,7 @@ def _table(path: Path, space: Room) -> _Table:
     try:
         with path.open(encoding="utf-8-sig", newline=None) as file:
             rows = _rows(file, notes, space)
-            first = next(rows, "")
-            second = next(rows, "")
+            first, second = next(rows, ""), next(rows, "")
             if not second:
                 raise _empty(path)
             delimiter = max(",;\t", key=first.count)
@@ -130,7 +130,7 @@ def _table(path: Path, space: Room) -> _Table:
         remedy = "Save it as UTF-8, or give it the suffix of what it is."
         raise unreadable(f"{path.name} as CSV", "it is not text in UTF-8", remedy) from None
     except csv.Error as error:
-        fault = f"a quotation mark is left open, or stands where none may ({error})"
+        fault = f"a quotation mark is left open, or misplaced ({error})"
         raise unreadable(f"{path.name} as CSV", fault, "Close it, or take it out.") from None
 
 
@@ -156,7 +156,7 @@ def _cells(path: Path, body: Iterable[Sequence[str]], width: int, space: Room) -
         except ValueError:
             values = []
         if len(values) != width:
-            fault = f"row {k + 1} under the header is {[cell[:_SHOWN] for cell in row[:6]]}"
+            fault = f"row {k + 1} under the header is {[cell[:_CHARACTERS_SHOWN] for cell in row[:6]]}"
             raise needs(path.name, f"{width} numbers in every row", fault, "Correct that row; decimals take a point.")
         space.take("its numbers", 8 * width)
         numbers.extend(values)
@@ -167,12 +167,8 @@ def _number(path: Path, table: _Table, name: str) -> float:
     try:
         return float(table.notes[name])
     except ValueError:
-        fault = f"it is {table.notes[name][:_SHOWN]!r}"
+        fault = f"it is {table.notes[name][:_CHARACTERS_SHOWN]!r}"
         raise DataError(f"{name} in {path.name} needs a number", fault, "Correct the comment.") from None
-
-
-def _whole(value: float) -> float:
-    return int(value) if value.is_integer() else value
 
 
 def _rate(path: Path, table: _Table) -> float:
@@ -180,23 +176,28 @@ def _rate(path: Path, table: _Table) -> float:
         return _number(path, table, "sampling_rate")
     time = table.numbers[:, 0]
     steps = np.diff(time)
-    if steps.size == 0 or not np.isfinite(steps).all() or steps.min() <= 0 or np.ptp(steps) > _EVEN * steps.mean():
+    if (
+        steps.size == 0
+        or not np.isfinite(steps).all()
+        or steps.min() <= 0
+        or np.ptp(steps) > _UNEVENNESS * steps.mean()
+    ):
         fault = f"the steps lie between {steps.min():g} and {steps.max():g} s" if steps.size else "there is one sample"
         remedy = "Resample the record, or give `# sampling_rate: ...` in a comment."
         raise needs(path.name, "evenly sampled, increasing times", fault, remedy)
     return float((time.size - 1) / (time[-1] - time[0]))
 
 
-def _matrix(path: Path, labels: list[str], parts: set[str]) -> tuple[list[str], list[str], dict[str, Array], Any]:
-    """Return outputs, inputs, the columns of each part as (outputs, inputs), and units."""
+def _matrix(path: Path, labels: list[str], parts: set[str]) -> tuple[dict[str, Array], dict[str, Any]]:
+    """Return the columns of each part as (outputs, inputs), and labels and units of the channels."""
     at: dict[tuple[str, str, str], int] = {}
     units: dict[str, dict[str, str]] = {"out": {}, "in": {}}
     for column, label in enumerate(labels):
-        match = _PAIR.match(label) if len(label) <= _LONGEST else None
+        match = _PAIR.match(label) if len(label) <= _MAX_CHARACTERS else None
         key = (match["part"] or "", match["out"], match["in"]) if match else None
         if match is None or key is None or key[0] not in parts or key in at:
             need = f"columns such as {'real ' if 'real' in parts else ''}3:+Z / 1:+Z, each once"
-            raise needs(path.name, need, f"there is {label[:_LONGEST]!r}", "Rename that column.")
+            raise needs(path.name, need, f"there is {label[:_MAX_CHARACTERS]!r}", "Rename that column.")
         at[key] = column
         units["out"][match["out"]] = match["unit"] or ""
         units["in"][match["in"]] = match["unit_in"] or ""
@@ -207,51 +208,25 @@ def _matrix(path: Path, labels: list[str], parts: set[str]) -> tuple[list[str], 
         fault = f"missing: {', '.join(missing) or 'all'}"
         raise needs(path.name, "a column for every output and input", fault, "Add them, or leave out that channel.")
     columns = {part: np.array([[at[part, o, i] for i in inputs] for o in outputs]) for part in parts}
-    return outputs, inputs, columns, (list(units["out"].values()), list(units["in"].values()))
+    both = (tuple(units["out"].values()), tuple(units["in"].values()))
+    return columns, {"output_dofs": tuple(outputs), "input_dofs": tuple(inputs), "units": both}
 
 
-def _frequency_response(
-    path: Path, labels: list[str], lines: Array, values: Array, given: dict[str, Any]
-) -> FrequencyResponse:
-    outputs, inputs, columns, units = _matrix(path, labels, {"real", "imag"})
-    both = joined(values[:, columns["real"]], values[:, columns["imag"]])
-    return FrequencyResponse(values=both, frequencies=lines, units=units, **_dofs(outputs, inputs), **given)
-
-
-def _dofs(outputs: list[str], inputs: list[str]) -> dict[str, Any]:
-    return {"output_dofs": tuple(outputs), "input_dofs": tuple(inputs)}
-
-
-def _side(label: str) -> re.Match[str] | None:
-    return _SIDE.match(label) if len(label) <= _LONGEST else None
-
-
-def _records(path: Path, table: _Table, labels: list[str], values: Array) -> Signals:
-    sides: dict[str, list[tuple[int, str, str]]] = {"out": [], "in": []}
-    for column, label in enumerate(labels):
-        match = _side(label)
-        if match:
-            sides[match["side"]].append((column, match["dof"], match["unit"] or ""))
-    out, into = sides["out"], sides["in"]
-    quantities = (
-        [text.strip() or None for text in table.notes["quantities"].split(",")] if "quantities" in table.notes else None
-    )
+def _records(path: Path, table: _Table, labels: list[re.Match[str]], values: Array) -> Signals:
+    columns = {side: [k for k, label in enumerate(labels) if label["side"] == side] for side in ("out", "in")}
+    dofs = {side: tuple(labels[k]["dof"] for k in places) for side, places in columns.items()}
+    units = {side: tuple(labels[k]["unit"] or "" for k in places) for side, places in columns.items()}
+    quantities = table.notes.get("quantities")
+    named: Any = None if quantities is None else [text.strip() or None for text in quantities.split(",")]
     return Signals(
-        outputs=values[:, [column for column, _, _ in out]],
-        inputs=values[:, [column for column, _, _ in into]] if into else None,
+        outputs=values[:, columns["out"]],
+        inputs=values[:, columns["in"]] if columns["in"] else None,
         sampling_rate=_rate(path, table),
-        quantities=quantities,  # type: ignore[arg-type]
-        output_dofs=tuple(dof for _, dof, _ in out),
-        input_dofs=tuple(dof for _, dof, _ in into),
-        units=(tuple(unit for _, _, unit in out), tuple(unit for _, _, unit in into)),
+        quantities=named,
+        output_dofs=dofs["out"],
+        input_dofs=dofs["in"],
+        units=(units["out"], units["in"]),
     )
-
-
-# ---------------------------------------------------------------------------------------------------------- csv writer
-# CSV out: responses, a record of one run, and tables of modes; the layout is that of `modalscope.io.csv`.
-
-#: What stands in a header without doubt.
-_PLAIN = re.compile(r"[\w :+.²³µ-]*|\w+/\w+²?")
 
 
 def write(path: Path, thing: DataObject, options: Options) -> None:
@@ -267,7 +242,9 @@ def write(path: Path, thing: DataObject, options: Options) -> None:
     elif isinstance(thing, ImpulseResponse):
         notes, table = _notes(thing, "quantity", "sampling_rate", "kind", "first_sample"), _impulse_table(thing)
     elif isinstance(thing, Signals):
-        notes, table = _notes(thing, "sampling_rate") | _quantities(thing), _record_table(thing)
+        notes, table = _notes(thing, "sampling_rate"), _record_table(thing)
+        if any(thing.quantities):
+            notes["quantities"] = ", ".join(quantity or "" for quantity in thing.quantities)
     else:
         fault = "there is no such table"
         raise DataError(f"writing {type(thing).__name__} as .csv was asked", fault, "Use .npz, .h5 or .uff.")
@@ -276,10 +253,9 @@ def write(path: Path, thing: DataObject, options: Options) -> None:
 
 
 def _check_header(path: Path, thing: Signals | Response, header: Sequence[str]) -> None:
-    """Raise when the header does not give the labels and units back: it parts them by signs that they may hold themselves."""
-    _put(
-        path, {} if header[0] == "frequency_hz" else {"sampling_rate": "1"}, header, [[k] * len(header) for k in (1, 2)]
-    )
+    """Raise when the header does not give the labels and units back, which may hold its separators."""
+    notes = {} if header[0] == "frequency_hz" else {"sampling_rate": "1"}
+    _put(path, notes, header, [[k] * len(header) for k in (1, 2)])
     try:
         again: Any = read(path, {}).thing
         kept = (again.output_dofs, again.input_dofs, again.units) == (thing.output_dofs, thing.input_dofs, thing.units)
@@ -305,14 +281,6 @@ def _notes(thing: Any, *names: str) -> dict[str, str]:
     return {name: str(value) for name in names if (value := getattr(thing, name)) is not None}
 
 
-def _quantities(record: Signals) -> dict[str, str]:
-    return {"quantities": ", ".join(q or "" for q in record.quantities)} if any(record.quantities) else {}
-
-
-def _flat(values: Array) -> Array:
-    return values.reshape(values.shape[0], -1)
-
-
 def _pair(thing: Any, i: int, j: int) -> str:
     units = (thing.units[0][i], thing.units[1][j])
     return f"{thing.output_dofs[i]} / {thing.input_dofs[j]}" + (f" [{units[0]} / {units[1]}]" if any(units) else "")
@@ -324,12 +292,12 @@ def _impulse_table(response: ImpulseResponse) -> tuple[list[str], list[list[floa
         raise DataError("writing an impulse response as .csv was asked", fault, "Use .npz, .h5 or .uff.")
     _, outputs, inputs = response.values.shape
     header = ["time_s", *(_pair(response, i, j) for i in range(outputs) for j in range(inputs))]
-    return header, np.column_stack([response.times, _flat(response.values)]).tolist()
+    return header, np.column_stack([response.times, response.values.reshape(response.samples, -1)]).tolist()
 
 
 def _frequency_table(frf: FrequencyResponse) -> tuple[list[str], list[list[float]]]:
     pairs = [_pair(frf, i, j) for i in range(frf.values.shape[1]) for j in range(frf.values.shape[2])]
-    values = _flat(frf.values)
+    values = frf.values.reshape(len(frf.frequencies), -1)
     both = np.stack([values.real, values.imag], axis=2).reshape(values.shape[0], -1)
     header = ["frequency_hz", *(f"{part} {pair}" for pair in pairs for part in ("real", "imag"))]
     return header, np.column_stack([frf.frequencies, both]).tolist()

@@ -13,21 +13,21 @@ Numbers that are not finite are the texts "NaN", "Infinity" and "-Infinity" ther
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, Signals, StabilizationDiagram
+from modalscope.data import FrequencyResponse, ImpulseResponse, Signals, StabilizationDiagram
 from modalscope.data.analysis import VERSION
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.results import Settings
 from modalscope.identification.table import methods
-from modalscope.io.arrays import INDICATOR, joined, names_of, plain, to_arrays
-from modalscope.io.contents import Contents, Finding
+from modalscope.io.arrays import FIELD_FAULTS, INDICATOR, joined, names_of, plain, to_arrays
+from modalscope.io.contents import Contents, Finding, damage_as_error, unreadable
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import Room, room
 from modalscope.numerics.checks import Array
@@ -74,15 +74,10 @@ def document_contents(where: str, document: Mapping[str, Any], space: Room) -> C
         return _contents(where, document[DIAGRAM], arrays)
 
 
-@contextmanager
-def _checked(where: str) -> Iterator[None]:
-    """Turn what damaged files make Python raise into an error that names the file."""
-    try:
-        yield
-    except DataError:
-        raise
-    except (KeyError, TypeError, AttributeError, IndexError, OverflowError, RecursionError, ValueError) as error:
-        raise _damaged(where, f"{type(error).__name__}: {error}") from None
+def _checked(where: str) -> AbstractContextManager[None]:
+    return damage_as_error(
+        f"a stabilization diagram from {where}", "Write the file again.", (*FIELD_FAULTS, RecursionError)
+    )
 
 
 def _parted(diagram: StabilizationDiagram) -> tuple[dict[str, Array], dict[str, Any]]:
@@ -107,21 +102,20 @@ def _parted(diagram: StabilizationDiagram) -> tuple[dict[str, Array], dict[str, 
 
 
 def _contents(where: str, rest: Mapping[str, Any], arrays: Mapping[str, Array]) -> Contents:
-    given, lines = (
-        {name.removeprefix(before): a for name, a in arrays.items() if name.startswith(before)}
-        for before in (_RESPONSE, _MEASURED)
-    )
+    def behind(prefix: str) -> dict[str, Array]:
+        return {name.removeprefix(prefix): a for name, a in arrays.items() if name.startswith(prefix)}
+
+    given, lines = behind(_RESPONSE), behind(_MEASURED)
     response = _records_of(where, given) if "drive" in given else contents_from_arrays(where, given, {}).thing
     if not isinstance(response, FrequencyResponse | ImpulseResponse | RecordSpectra):
-        raise _damaged(where, "its response is missing")
+        raise unreadable(f"a stabilization diagram from {where}", "its response is missing", "Write the file again.")
     measured = contents_from_arrays(where, lines, {}).thing if lines else None
     values: dict[str, Any] = {name: _tuples(value) for name, value in rest.items()}
-    named = (_RESPONSE, _MEASURED, INDICATOR, _SETTING)
-    values |= {name: a for name, a in arrays.items() if not name.startswith(named)}
-    marks = {name.removeprefix(INDICATOR): a for name, a in arrays.items() if name.startswith(INDICATOR)}
-    chosen = {name.removeprefix(_SETTING): a for name, a in arrays.items() if name.startswith(_SETTING)}
-    values["settings"] = _settings(values["method"], values["domain"], values["settings"] | chosen)
-    diagram = StabilizationDiagram(**{**values, "response": response, "measured": measured, "indicators": marks})
+    prefixes = (_RESPONSE, _MEASURED, INDICATOR, _SETTING)
+    values |= {name: a for name, a in arrays.items() if not name.startswith(prefixes)}
+    values["settings"] = _settings(values["method"], values["domain"], values["settings"] | behind(_SETTING))
+    values |= {"response": response, "measured": measured, "indicators": behind(INDICATOR)}
+    diagram = StabilizationDiagram(**values)
     what = f"{len(diagram.poles)} poles at {len(diagram.orders)} orders ({diagram.method}, {diagram.domain})"
     return Contents(thing=diagram, findings=(Finding(part=DIAGRAM, what=what),))
 
@@ -192,7 +186,3 @@ def _array(name: str, values: Any, space: Room) -> Array:
     if {"NaN", "Infinity", "-Infinity"} & set(texts):
         return array.astype(float)
     return space.texts(name, [str(text) for text in array.ravel()]).reshape(array.shape) if texts else np.array(values)
-
-
-def _damaged(where: str, found: str) -> DataError:
-    return DataError(f"reading a stabilization diagram from {where} was asked", found, "Write the file again.")

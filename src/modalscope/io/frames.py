@@ -22,12 +22,8 @@ _RATES = ("sampling_rate", "sampling_frequency", "sample_rate", "fs", "Fs")
 def is_frame(thing: object) -> bool:
     """Whether an object is one of pandas or xarray that `table_of_frame` takes."""
     kind = type(thing)
-    return kind.__module__.partition(".")[0] in ("pandas", "xarray") and kind.__name__ in (
-        "DataFrame",
-        "Series",
-        "Dataset",
-        "DataArray",
-    )
+    names = ("DataFrame", "Series", "Dataset", "DataArray")
+    return kind.__module__.partition(".")[0] in ("pandas", "xarray") and kind.__name__ in names
 
 
 def table_of_frame(frame: Any, where: str) -> Table:
@@ -75,9 +71,8 @@ def _of_frame(frame: Any) -> tuple[list[Column], dict[int, str]]:
 def _of_dataset(data: Any, where: str) -> tuple[list[Column], dict[int, str]]:
     """Return the variables of a Dataset along their common dimension, those of further dimensions column by column."""
     shared = [str(dim) for dim in data.sizes if all(dim in data[name].dims for name in data.data_vars)]
-    axis = next(
-        (dim for dim in shared if role_by_words(_column(1, dim, "", np.zeros(1))).role in ("time", "frequency")), None
-    )
+    roles_of_dims = {dim: role_by_words(_column(1, dim, "", np.zeros(1))).role for dim in shared}
+    axis = next((dim for dim, role in roles_of_dims.items() if role in ("time", "frequency")), None)
     axis = axis or max(shared, key=lambda dim: data.sizes[dim], default=None)
     if axis is None:
         fault = f"its variables ({', '.join(map(str, list(data.data_vars)[:6]))}) have no dimension in common"
@@ -109,7 +104,7 @@ def _labels(variable: Any, name: str, count: int) -> Iterable[str]:
 
 def _column(number: int, name: Any, unit: str, values: Array) -> Column:
     """Return a column; dates and durations become seconds from the first."""
-    bare, own = split_head("" if name is None else str(name))
+    bare, unit_of_name = split_head("" if name is None else str(name))
     if values.dtype.kind in "mM":
         seconds = (values - values[0]) / np.timedelta64(1, "ns") * 1e-9
         return Column(number=number, name=bare or "time", unit="s", values=seconds, stamps=True)
@@ -118,12 +113,8 @@ def _column(number: int, name: Any, unit: str, values: Array) -> Column:
             values = values.astype(float)
         except (TypeError, ValueError):
             values = np.array([""])
-    unit = unit if unit or not own else own
+    unit = unit or unit_of_name
     return Column(number=number, name=bare, unit="" if kind_of_unit(unit) == "none" else unit, values=values)
-
-
-# ------------------------------------------------------------------------------------------------------------- objects
-# Data out of the objects of pandas and xarray.
 
 
 @plainly

@@ -1,8 +1,8 @@
 """Walk through an HDF5 file and refuse links that leave it and impossible sizes.
 
 The HDF5 library trusts what a file says, and a damaged one can end or hold up the process that reads it. So this module also
-runs as a program, in a Python of its own that loads h5py alone (it imports nothing of modalscope): what happens there happens
-to nobody else. It visits what `modalscope.io` would, with the same calls, and reads all that is packed or of variable length.
+runs as a program, in a Python of its own that loads h5py alone (it imports nothing of modalscope), which it may end. It visits what
+`modalscope.io` would, with the same calls, and reads all that is packed or of variable length.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ ATTRIBUTES = ("CLASS", "MATLAB_class", "MATLAB_empty", "modalscope_layout")
 
 #: Deflate, shuffle, Fletcher's checksum and LZF.
 _FILTERS = (1, 2, 3, 32000)
-_DEEPEST, _MOST_OBJECTS, _MOST_CHUNKS, _MOST_CELLS = 32, 100_000, 10_000, 20_000
-#: Bytes of the file for each chunk beyond; of a chunk of a small array; of an attribute, at most; of a text as an object.
-_A_CHUNK, _A_PIECE, _AN_ATTRIBUTE, _A_TEXT = 64, 16_000_000, 4096, 64
-#: Of a piece of what is read in stretches.
-_A_STRETCH = 512_000_000
-#: Memory that Python and HDF5 take for themselves, where the system does not say.
-_OWN_MEMORY = 1_000_000_000
+_MAX_DEPTH, _MAX_OBJECTS, _MAX_CHUNKS, _MAX_CELLS = 32, 100_000, 10_000, 20_000
+#: Bytes of the file for each chunk beyond `_MAX_CHUNKS`, at least, and of a text as an object.
+_MIN_BYTES_BY_CHUNK, _BYTES_OF_TEXT = 64, 64
+#: Bytes at most of a chunk of a small array, of a chunk of what is read in stretches, and of an attribute.
+_MAX_BYTES_OF_CHUNK, _MAX_BYTES_OF_STRETCH, _MAX_BYTES_OF_ATTRIBUTE = 16_000_000, 512_000_000, 4096
+#: Bytes of memory that Python and HDF5 take, where the system does not say.
+_BYTES_OF_PROGRAM = 1_000_000_000
 #: What h5py raises on damaged files.
 _DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, MemoryError, OverflowError)
 
@@ -40,7 +40,7 @@ class Refused(Exception):
 
 @dataclass(slots=True)
 class _Visit:
-    """The bytes of the file, the bytes that its arrays may still take, and what was seen."""
+    """The bytes of the file, the bytes that its arrays may still take, and the objects visited."""
 
     h5py: Any
     size: int
@@ -54,7 +54,7 @@ class _Visit:
 def walk(path: str, left: int, streamed: str = "") -> None:
     """Visit every group and dataset.
 
-    `left`: bytes that the arrays of the file may take in memory. `streamed`: A dataset of numbers that is read in stretches: its pieces
+    `left`: bytes that the arrays of the file may take in memory. `streamed`: a dataset of numbers that is read in stretches: its pieces
     are bounded, not its size.
 
     Raises
@@ -75,13 +75,13 @@ def walk(path: str, left: int, streamed: str = "") -> None:
 
 def _group(prefix: str, group: Any, visit: _Visit, depth: int) -> None:
     identity = visit.h5py.h5o.get_info(group.id).addr
-    if identity in visit.groups or depth > _DEEPEST:
-        raise Refused(f"the group {prefix or '/'} is linked twice, or lies deeper than {_DEEPEST} groups")
+    if identity in visit.groups or depth > _MAX_DEPTH:
+        raise Refused(f"the group {prefix or '/'} is linked twice, or lies deeper than {_MAX_DEPTH} groups")
     visit.groups.add(identity)
     for name in group:
         visit.objects += 1
-        if visit.objects > _MOST_OBJECTS:
-            raise Refused(f"it has more than {_MOST_OBJECTS} objects")
+        if visit.objects > _MAX_OBJECTS:
+            raise Refused(f"it has more than {_MAX_OBJECTS} objects")
         whole = f"{prefix}/{name}"
         if isinstance(group.get(name, getlink=True), visit.h5py.ExternalLink):
             raise Refused(f"{whole} is a link to another file", "Copy what it names into this file.")
@@ -97,7 +97,7 @@ def _attributes(item: Any, visit: _Visit) -> None:
     for name in ATTRIBUTES:
         if name in item.attrs:
             attribute = item.attrs.get_id(name)
-            if attribute.get_storage_size() > _AN_ATTRIBUTE:
+            if attribute.get_storage_size() > _MAX_BYTES_OF_ATTRIBUTE:
                 raise Refused(f"the attribute {name} of {item.name} has {attribute.get_storage_size()} bytes")
             item.attrs[name]
 
@@ -135,7 +135,7 @@ def _stretches(name: str, item: Any, plist: Any, size: int, visit: _Visit) -> No
         _whole(name, item, size, visit)
         return
     _chunks(name, item, plist, visit)
-    if prod(item.chunks) * item.dtype.itemsize > _A_STRETCH:
+    if prod(item.chunks) * item.dtype.itemsize > _MAX_BYTES_OF_STRETCH:
         raise Refused(f"{name} comes in pieces of the shape {item.chunks}", "Write it in pieces of some megabytes.")
     count = prod(-(-n // c) for n, c in zip(item.shape, item.chunks, strict=True))
     if item.id.get_num_chunks() < count:  # what is not there would read as zeros
@@ -152,13 +152,12 @@ def _whole(name: str, item: Any, size: int, visit: _Visit) -> None:
 def _chunks(name: str, item: Any, plist: Any, visit: _Visit) -> None:
     foreign = [number for k in range(plist.get_nfilters()) if (number := plist.get_filter(k)[0]) not in _FILTERS]
     if foreign:
-        raise Refused(
-            f"{name} is packed by the filter {foreign[0]}", "Write it with gzip, for instance h5repack -f GZIP=4."
-        )
-    if prod(item.chunks) * item.dtype.itemsize > max(_A_PIECE, item.size * item.dtype.itemsize):
+        remedy = "Write it with gzip, for instance h5repack -f GZIP=4."
+        raise Refused(f"{name} is packed by the filter {foreign[0]}", remedy)
+    if prod(item.chunks) * item.dtype.itemsize > max(_MAX_BYTES_OF_CHUNK, item.size * item.dtype.itemsize):
         raise Refused(f"{name} has the shape {item.shape}, and comes in pieces of the shape {item.chunks}")
     count = prod(-(-n // c) for n, c in zip(item.shape, item.chunks, strict=True))
-    if count > max(_MOST_CHUNKS, visit.size // _A_CHUNK) or item.id.get_storage_size() > visit.size:
+    if count > max(_MAX_CHUNKS, visit.size // _MIN_BYTES_BY_CHUNK) or item.id.get_storage_size() > visit.size:
         raise Refused(f"{name} has {count} pieces of {item.id.get_storage_size()} bytes in a file of {visit.size}")
 
 
@@ -167,8 +166,8 @@ def _objects(name: str, item: Any, visit: _Visit) -> None:
     texts = visit.h5py.check_string_dtype(item.dtype) is not None
     if not texts and visit.h5py.check_ref_dtype(item.dtype) is not visit.h5py.Reference:
         raise Refused(f"{name} holds neither numbers nor texts", "Store plain arrays.")
-    if not texts and item.size > _MOST_CELLS:
-        raise Refused(f"{name} has {item.size} cells, where at most {_MOST_CELLS} are expected")
+    if not texts and item.size > _MAX_CELLS:
+        raise Refused(f"{name} has {item.size} cells, where at most {_MAX_CELLS} are expected")
     if item.ndim == 0 or not texts:
         values = [item[()]] if item.ndim == 0 else item[()].ravel()
         for value in values:
@@ -184,7 +183,7 @@ def _objects(name: str, item: Any, visit: _Visit) -> None:
 
 
 def _text(name: str, value: bytes, visit: _Visit) -> None:
-    visit.left -= _A_TEXT + len(value)
+    visit.left -= _BYTES_OF_TEXT + len(value)
     if visit.left < 0:
         raise Refused(f"the texts of {name} take more memory than there may be", "")
     value.decode()
@@ -208,7 +207,7 @@ def _bound(seconds: int, memory: int) -> None:
     except ImportError:  # Windows: the parent waits a while and ends it
         return
     status = Path("/proc/self/statm")
-    own = int(status.read_text().split()[0]) * resource.getpagesize() if status.exists() else _OWN_MEMORY
+    own = int(status.read_text().split()[0]) * resource.getpagesize() if status.exists() else _BYTES_OF_PROGRAM
     for kind, most in ((resource.RLIMIT_CPU, seconds), (resource.RLIMIT_AS, own + memory), (resource.RLIMIT_CORE, 0)):
         hard = resource.getrlimit(kind)[1]
         resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))

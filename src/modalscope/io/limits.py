@@ -1,8 +1,8 @@
 """Bound the memory that reading a file may take.
 
-A file says how many numbers it holds, and packed ones say little in many bytes. Before anything of that size is made it is
+A file states how many numbers it holds, and packed ones may be many in few bytes. Before anything of that size is made it is
 weighed here: reading may take 500 MB, or twenty times the file where that is more. The arrays alone may take a quarter, for
-they are inflated, joined and checked beside each other. `set_max_memory` lifts the bound for the whole process.
+they are inflated, joined and checked at the same time. `set_max_memory` lifts the bound for the whole process.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ RAISE_THE_LIMIT = "If you trust the file, raise the limit: --max-memory, or moda
 
 #: Bytes that reading may take at least, and by size of the file.
 _MIN_BYTES, _BYTES_BY_SIZE = 500_000_000, 20
-#: Inflated, joined and locked arrays stand in memory beside each other.
+#: Copies of the arrays in memory at once: inflated, joined and locked ones.
 _COPIES = 4
-#: Bytes of a number, at least: what is read becomes double precision. Of a text: a Python object. Of a bracket and of an entry in JSON.
+#: Bytes of a number (double precision at least), of a text (a Python object), and of a bracket and an entry of JSON.
 _NUMBER, _TEXT, _BRACKET, _ENTRY = 8, 64, 72, 32
-#: Nobody measures so many channels, and nobody names so many arrays.
+#: Channels or named arrays in a file, more than any test has.
 MOST_PARTS = 100_000
-#: A matrix of which so many entries are missing for each that is there is no matrix.
-_EMPTY, _SMALL = 8, 250_000
+#: Entries of a matrix for each that the file holds, at most; and entries of a matrix that may be empty.
+_MAX_ENTRIES_BY_HELD, _MAX_EMPTY_ENTRIES = 8, 250_000
 
 _max_memory: int | None = None
 
@@ -73,11 +73,9 @@ class Room:
     def take(self, what: str, count: int) -> None:
         """Use up so many bytes, or raise a `DataError` that names what asked for them."""
         if count > self.left:
-            raise unreadable(
-                self.where,
-                f"{what} would take {_words(count)} of memory, and a file of {_words(self.size)} may take {_words(self.left)} more",
-                RAISE_THE_LIMIT,
-            )
+            sizes = f"{_words(self.size)} may take {_words(self.left)} more"
+            fault = f"{what} would take {_words(count)} of memory, and a file of {sizes}"
+            raise unreadable(self.where, fault, RAISE_THE_LIMIT)
         self.left -= count
 
     def array(self, name: str, dtype: np.dtype[Any], count: int) -> None:
@@ -98,12 +96,9 @@ class Room:
 
     def square(self, what: str, cells: int, held: int) -> None:
         """Refuse a matrix that is nearly empty: it grows with the square of what the file holds."""
-        if cells > max(_SMALL, _EMPTY * held) and _max_memory is None:
-            raise unreadable(
-                self.where,
-                f"{what} make a matrix of {cells} entries, of which the file holds {held}",
-                "Export the channels that belong together, or raise the limit: --max-memory, or modalscope.io.set_max_memory.",
-            )
+        if cells > max(_MAX_EMPTY_ENTRIES, _MAX_ENTRIES_BY_HELD * held) and _max_memory is None:
+            fault = f"{what} make a matrix of {cells} entries, of which the file holds {held}"
+            raise unreadable(self.where, fault, f"Export the channels that belong together. {RAISE_THE_LIMIT}")
 
     def json(self, what: str, text: str) -> None:
         """Take the room of what JSON text becomes as lists, mappings and numbers."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 
 from modalscope.data import DataError, ImpulseResponse, Signals, StoredResponse, StoredSignals
 from modalscope.data.stored import Rows
-from modalscope.io.contents import Contents, Finding, Options, unreadable
+from modalscope.io.contents import DAMAGED, Contents, Finding, Options, unreadable
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.numerics.checks import Array
 from modalscope.numerics.extras import optional_package
@@ -19,11 +20,8 @@ from modalscope.numerics.resources import allowed_memory
 
 STORED_OPTIONS = ("stored",)
 
-#: A record that would take more than one in so many parts of the memory stays where it is.
-_PARTS = 4
-
-#: What h5py and zarr raise on what is damaged or gone.
-_DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, OverflowError)
+#: A record larger than the memory divided by this stays in its file.
+_PARTS_OF_MEMORY = 4
 
 
 def stays_stored(options: Options, size: int) -> bool:
@@ -33,7 +31,7 @@ def stays_stored(options: Options, size: int) -> bool:
     """
     asked = options.get("stored")
     if asked is None:
-        return size > allowed_memory() // _PARTS
+        return size > allowed_memory() // _PARTS_OF_MEMORY
     if not isinstance(asked, bool):
         raise DataError("stored was asked", f"it is {asked!r}", "Give True, False or nothing.")
     return asked
@@ -54,7 +52,7 @@ def name_of_outputs(options: Options) -> str:
 
 
 def identity_of(path: Path) -> str:
-    """Return what tells whether a file is still the same without reading it: its name, size and date."""
+    """Return name, size and date of a file, which change with it."""
     status = path.stat()
     return f"{path.resolve()} {status.st_size} {status.st_mtime_ns}"
 
@@ -75,11 +73,8 @@ class Hdf5Rows:
     def read(self, start: int, stop: int) -> Array:
         """Return some rows; the file is open no longer than that."""
         h5py = optional_package("reading an HDF5 file", "h5py", "hdf5")
-        try:
-            with h5py.File(self.path, "r") as file:
-                return np.asarray(file[self.name][start:stop])
-        except _DAMAGED as error:
-            raise _unreadable(self.path, f"samples {start} to {stop - 1}", error) from None
+        with _readable(self.path, f"samples {start} to {stop - 1}"), h5py.File(self.path, "r") as file:
+            return np.asarray(file[self.name][start:stop])
 
 
 @dataclass(frozen=True)
@@ -126,15 +121,17 @@ class ZarrOutputs:
 
 def _of_zarr(path: str, part: tuple[slice, ...], what: str) -> Array:
     zarr = optional_package("reading a Zarr folder", "zarr", "zarr")
-    try:
+    with _readable(path, what):
         return np.asarray(zarr.open_array(path, mode="r")[part])
-    except _DAMAGED as error:
-        raise _unreadable(path, what, error) from None
 
 
-def _unreadable(path: str, what: str, error: Exception) -> DataError:
-    fault = f"they do not read: the file is damaged or gone ({error})"
-    return DataError(f"reading {what} of {Path(path).name} was asked", fault, "Copy or write the file again.")
+@contextmanager
+def _readable(path: str, what: str) -> Iterator[None]:
+    try:
+        yield
+    except DAMAGED as error:
+        fault = f"the file is damaged or gone ({error})"
+        raise unreadable(f"{what} of {Path(path).name}", fault, "Copy or write the file again.") from None
 
 
 def stored_contents(where: str, rows: Rows, arrays: Mapping[str, Array], options: Options) -> Contents:
@@ -146,30 +143,27 @@ def stored_contents(where: str, rows: Rows, arrays: Mapping[str, Array], options
     Raises `DataError`: more than two axes, inputs, no sampling rate, what the data object refuses.
     """
     name, samples = name_of_outputs(options), rows.shape[0]
-    beside = {key: array for key, array in arrays.items() if array.ndim == 0 or len(array) != samples}
-    with_times: dict[str, Any] = dict(options)
-    if "time" in arrays and "sampling_rate" not in {*beside, *options}:
+    kept = {key: array for key, array in arrays.items() if array.ndim == 0 or len(array) != samples}
+    options = dict(options)
+    if "time" in arrays and "sampling_rate" not in {*kept, *options}:
         time = np.asarray(arrays["time"], dtype=float)
-        with_times["sampling_rate"] = float((len(time) - 1) / (time[-1] - time[0]))
+        options["sampling_rate"] = float((len(time) - 1) / (time[-1] - time[0]))
     ignored = [options["ignore"]] if isinstance(options.get("ignore"), str) else list(options.get("ignore") or ())
-    with_times["ignore"] = [key for key in ignored if key in beside or key not in arrays]
-    left = [key for key in arrays if key not in beside and key not in ("time", *ignored)]
+    options["ignore"] = [key for key in ignored if key in kept or key not in arrays]
+    unused = [key for key in arrays if key not in kept and key not in ("time", *ignored)]
     renamed = dict(options.get("rename") or {})
-    if any(renamed.get(key, key) == "inputs" for key in left):
+    if any(renamed.get(key, key) == "inputs" for key in unused):
         fault = "it holds inputs, and only records of outputs are read so"
         remedy = "Leave them out, ignore=['inputs'], or allow it the memory: --max-memory."
         raise unreadable(f"{where} stretch by stretch", fault, remedy)
-    head: dict[str, Any] = {name: np.asarray(rows.read(0, 2))}
-    found = contents_from_arrays(where, beside | head, with_times)
-    thing = found.thing
-    assert isinstance(thing, Signals)
-    record = StoredSignals(
-        rows=rows, sampling_rate=thing.sampling_rate, quantities=thing.quantities, **thing.labelled()
-    )
-    shown = Finding(part=name, what=f"{'x'.join(map(str, rows.shape))}, read stretch by stretch")
-    others = tuple(finding for finding in found.findings if finding.part != name)
-    unread = tuple(Finding(part=key, what="", taken=False, reason="nothing takes it") for key in left)
-    return replace(found, thing=record, findings=(shown, *others, *unread))
+    contents = contents_from_arrays(where, kept | {name: np.asarray(rows.read(0, 2))}, options)
+    head = contents.thing
+    assert isinstance(head, Signals)
+    record = StoredSignals(rows=rows, sampling_rate=head.sampling_rate, quantities=head.quantities, **head.labelled())
+    findings = [Finding(part=name, what=f"{'x'.join(map(str, rows.shape))}, read stretch by stretch")]
+    findings += [finding for finding in contents.findings if finding.part != name]
+    findings += [Finding(part=key, what="", taken=False, reason="unused") for key in unused]
+    return replace(contents, thing=record, findings=tuple(findings))
 
 
 def stored_response(where: str, blocks: ZarrOutputs, arrays: Mapping[str, Array], options: Options) -> Contents:
@@ -180,15 +174,14 @@ def stored_response(where: str, blocks: ZarrOutputs, arrays: Mapping[str, Array]
     Raises `DataError`: no sampling rate, what the data object refuses.
     """
     labels = arrays.get("output_dofs")
-    beside = {key: array for key, array in arrays.items() if key not in ("output_dofs", "output_units", "feedthrough")}
-    head = {"values": np.asarray(blocks.read(0, 1))}
-    found = contents_from_arrays(where, beside | head, options)
-    thing = found.thing
-    assert isinstance(thing, ImpulseResponse)
-    names = [field.name for field in fields(StoredResponse) if field.name not in ("blocks", "output_dofs", "units")]
-    kept: dict[str, Any] = {name: getattr(thing, name) for name in names}
-    kept["output_dofs"] = None if labels is None else tuple(str(label) for label in labels)
-    kept["units"] = (None, thing.units[1])
-    response = StoredResponse(blocks=blocks, **kept)
-    shown = Finding(part="values", what=f"{'x'.join(map(str, blocks.shape))}, read some outputs at a time")
-    return replace(found, thing=response, findings=(shown, *(each for each in found.findings if each.part != "values")))
+    kept = {key: array for key, array in arrays.items() if key not in ("output_dofs", "output_units", "feedthrough")}
+    contents = contents_from_arrays(where, kept | {"values": np.asarray(blocks.read(0, 1))}, options)
+    head = contents.thing
+    assert isinstance(head, ImpulseResponse)
+    names = {field.name for field in fields(StoredResponse)} - {"blocks", "output_dofs", "units"}
+    values: dict[str, Any] = {name: getattr(head, name) for name in names}
+    values["output_dofs"] = None if labels is None else tuple(map(str, labels))
+    response = StoredResponse(blocks=blocks, **values | {"units": (None, head.units[1])})
+    finding = Finding(part="values", what=f"{'x'.join(map(str, blocks.shape))}, read some outputs at a time")
+    others = (other for other in contents.findings if other.part != "values")
+    return replace(contents, thing=response, findings=(finding, *others))
