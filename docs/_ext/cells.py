@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "beam_hammer" / "beam_hammer.uff"
 
-#: What each realization does, as the report writes it.
+#: What each realization does, in the notation of the report.
 EQUATIONS = {
     "era": r"A = D^{-1/2} P^T H(1)\, Q\, D^{-1/2}, \quad B = D^{1/2} Q^T E_m, \quad C = E_l^T P D^{1/2}, \quad H(0) = P D Q^T",
     "polyreference": r"C A^r = -\sum_{i<r} \tilde P_i\, C A^i, \qquad \tilde P = -P_{nr}\,[E P_n]^{\#}",
@@ -22,21 +22,56 @@ EQUATIONS = {
     "lscf": r"H(z) = N(z)\,D(z)^{-1}, \qquad \min \sum_f \| N(z_f) - H(f)\,D(z_f) \|^2",
 }
 
-#: When each row is the one to take.
+#: When to use each row.
 USE = {
     "era": "Impulse responses, and a model that is balanced: for control, for reduction, for comparison with older results.",
-    "polyreference": "The coefficients of the matrix polynomial themselves are wanted, in s mass, damping and stiffness. It has many extraneous poles, "
-    "which are told apart by their amplitude; for modes alone the row `alternate` gives the same with less.",
+    "polyreference": "To obtain the coefficients of the matrix polynomial: in s, mass, damping and stiffness. It has many extraneous poles, "
+    "identified by their amplitude. For modes alone, the row `alternate` gives the same at less cost.",
     "alternate": "The first choice: one factorization serves all orders, and it is the default for responses, records on lines and correlations.",
     "least_squares": "To compare with Ibrahim's method or with dynamic mode decomposition. Its nonzero poles are those of ERA.",
-    "ssi-data": "Ambient records, when the estimate of correlations is to be left out.",
-    "ssi-cva": "Ambient records with modes of very different strength: canonical variates weight them alike.",
-    "n4sid": "Records with inputs and strong forces that nobody measured.",
-    "prce": "Impulse responses of few references, when results of the complex exponential are to be repeated. Damping is biased by noise: nothing is truncated.",
+    "ssi-data": "Ambient records, without an estimate of correlations.",
+    "ssi-cva": "Ambient records with modes of very different strength: canonical variates weight them equally.",
+    "n4sid": "Records with inputs and strong unmeasured forces.",
+    "prce": "Impulse responses of few references, to reproduce results of the complex exponential. Damping is biased by noise: nothing is truncated.",
     "lscf": "Frequency responses of many channels over a wide band, for very clear diagrams. Damping of weak modes is biased low by noise.",
 }
-#: Further names that the report uses for a column.
+#: Name and colour of each column.
 DOMAINS = {"time": "samples (time)", "z": "lines of a sampled system (z)", "s": "lines of a continuous structure (s)"}
+COLOURS = {"time": "#0072B2", "z": "#D55E00", "s": "#009E73"}
+
+
+class Example(NamedTuple):
+    """Data that a page identifies.
+
+    `side_by_side`: whether the result belongs to the picture of all methods on one beam.
+    """
+
+    title: str
+    data: Callable[[Any], Any]
+    choices: dict[str, Any]
+    side_by_side: bool = False
+
+
+BEAM = Example(
+    "The measured beam, 100 to 1700 Hz",
+    lambda ms: ms.read(EXAMPLE),
+    {"band": (100, 1700), "orders": range(2, 41, 2)},
+    side_by_side=True,
+)
+_CHAIN, _ORDERS = "A simulated chain of five masses", {"orders": range(2, 25, 2)}
+
+#: By what a row takes; responses of the beam for all others.
+EXAMPLES = {
+    "PAST": Example(
+        _CHAIN, lambda ms: ms.systems.chain5().simulate(inputs="ambient", duration=600.0, noise=0.02, seed=1), _ORDERS
+    ),
+    "DRIVEN": Example(
+        _CHAIN, lambda ms: ms.systems.chain5().simulate(duration=100.0, noise=0.02, process_noise=0.1), _ORDERS
+    ),
+}
+
+#: Choices of rows that count orders otherwise than in states.
+CHOICES: dict[str, dict[str, Any]] = {"prce": {"orders": range(12, 73, 6)}, "lscf": {"orders": range(2, 17)}}
 
 
 def setup(app: Any) -> dict[str, Any]:
@@ -50,20 +85,24 @@ def write_pages(source: Path) -> None:
 
     folder = source / "generated" / "table"
     folder.mkdir(parents=True, exist_ok=True)
-    cells = [m for m in ms.methods() if "records" not in m.section or m.name in ("ssi-data", "ssi-cva", "n4sid")]
-    found = {(m.name, m.domain): _beam(ms, m, folder) for m in cells}
+    cells = [m for m in ms.methods() if m.takes.name != "RECORDS"]  # these rows stand twice
+    tables = {(m.name, m.domain): _identified(ms, m, folder) for m in cells}
     for m in cells:
-        _write(folder / f"{_slug(m)}.md", _page(m, found[m.name, m.domain]))
-    _write(folder / "index.md", _index(cells))
-    _landing(cells, found, folder)
+        (folder / f"{_slug(m)}.md").write_text(_page(m, tables[m.name, m.domain]), encoding="utf-8")
+    (folder / "index.md").write_text(_index(cells), encoding="utf-8")
+    _landing(cells, tables, folder)
 
 
 def _slug(m: Any) -> str:
     return f"{m.name.replace('_', '-')}-{m.domain}"
 
 
-def _beam(ms: Any, m: Any, folder: Path) -> str:
-    """Identify the same beam by one cell, draw its diagram, and return the table of its modes."""
+def _example(m: Any) -> Example:
+    return EXAMPLES.get(m.takes.name, BEAM)
+
+
+def _identified(ms: Any, m: Any, folder: Path) -> str:
+    """Identify the example of one cell, draw its diagram, and return the table of its modes."""
     picture, table = folder / f"{_slug(m)}.png", folder / f"{_slug(m)}.txt"
     if not (picture.exists() and table.exists()):
         import matplotlib
@@ -73,42 +112,19 @@ def _beam(ms: Any, m: Any, folder: Path) -> str:
 
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            diagram = ms.stabilize(_data(ms, m), method=m.name, domain=m.domain, **_choices(m))
+            choices = _example(m).choices | CHOICES.get(m.name, {})
+            diagram = ms.stabilize(_example(m).data(ms), method=m.name, domain=m.domain, **choices)
         modes = ms.select(diagram)
         figure = ms.plot.stabilization(diagram, modes).figure
         figure.savefig(picture, dpi=90)
         pyplot.close(figure)
-        _write(table, modes.table())
+        table.write_text(modes.table(), encoding="utf-8")
     return table.read_text(encoding="utf-8")
-
-
-def _data(ms: Any, m: Any) -> Any:
-    """Return what the cell takes: the measured beam's responses; a simulated record where records are asked."""
-    if m.name in ("ssi-data", "ssi-cva"):
-        return ms.systems.chain5().simulate(inputs="ambient", duration=600.0, noise=0.02, seed=1)
-    if m.name == "n4sid":
-        return ms.systems.chain5().simulate(duration=100.0, noise=0.02, process_noise=0.1)
-    return ms.read(EXAMPLE)
-
-
-def _choices(m: Any) -> dict[str, Any]:
-    if m.name in ("ssi-data", "ssi-cva", "n4sid"):
-        return {"orders": range(2, 25, 2)}
-    if m.name == "lscf":
-        return {"orders": range(2, 17), "band": (100, 1700)}
-    if m.name == "prce":
-        return {"band": (100, 1700), "orders": range(12, 73, 6)}
-    return {"band": (100, 1700), "orders": range(2, 41, 2)}
 
 
 def _page(m: Any, table: str) -> str:
     names = ", ".join(m.known_as)
     aliases = ", ".join(f"`{name}`" for name in m.aliases) or "no other"
-    on = (
-        "A simulated chain of five masses"
-        if m.name in ("ssi-data", "ssi-cva", "n4sid")
-        else "The measured beam, 100 to 1700 Hz"
-    )
     options = ", ".join(f"`{name}`" for name in m.options_type.__dataclass_fields__)
     return f"""# {m.label}
 
@@ -120,11 +136,11 @@ $$
 
 **When to use it.** {USE[m.name]}
 
-**In the literature.** {names}. Names that are understood: {aliases}.
+**In the literature.** {names}. Accepted names: {aliases}.
 
 **It takes** {m.takes.value}.
 
-## {on}
+## {_example(m).title}
 
 ![Stabilization diagram by {m.label}]({_slug(m)}.png)
 
@@ -147,25 +163,25 @@ def _index(cells: list[Any]) -> str:
     tree = "\n".join(f"{m.label} <{_slug(m)}>" for m in cells)
     return f"""# The table
 
-Every method is a data matrix and a realization. This table is drawn from the one that the program runs; each cell has a page with its
-equation, when to use it, and what it finds on the same beam.
+Every method is a data matrix and a realization. This table is generated from that of the program; each cell has a page with its
+equation, its use, and its modes of the same beam.
 
 {chr(10).join(lines)}
 
 ## Which method should I use?
 
-| what was measured | take | why |
+| data | method | reason |
 |---|---|---|
-| nothing special | leave `method` out | the default of each kind of data is the row that did best on its kind |
-| frequency responses | `alternate`, s (the default) | exact for continuous structures, no leakage of the band's ends, deviations known |
+| any | the default | the default of each kind of data is the row that performed best on its kind |
+| frequency responses | `alternate`, s (the default) | exact for continuous structures, no leakage at the band limits, standard deviations |
 | frequency responses, very many channels | `polymax` | fast, clear diagrams; check damping with `alternate` |
 | impulse responses, free decays | `era` or `itd` | samples need no transform |
-| records of forces and responses | leave it out: records on lines | nothing is estimated between: no windows, no averages, no leakage |
+| records of forces and responses | the default: records on lines | no intermediate estimate: no windows, no averages, no leakage |
 | records with strong unmeasured forces | `n4sid` | past inputs and outputs as instruments |
-| ambient records | `ssi-cov` (the default), then `ssi-data` | modes that both show can be relied on |
+| ambient records | `ssi-cov` (the default), then `ssi-data` | modes of both are reliable |
 | a model for control | `era`, by `ms.realize` | balanced |
 | mass, damping and stiffness | `polyreference`, s | a sensor at each mass: M^-1 K and M^-1 D |
-| not sure | `ms.compare(data)` | all of them, and who disagrees with whom and why |
+| not sure | `ms.compare(data)` | all methods, their disagreements and the causes |
 
 ```{{toctree}}
 :hidden:
@@ -175,37 +191,29 @@ equation, when to use it, and what it finds on the same beam.
 """
 
 
-def _landing(cells: list[Any], found: dict[Any, str], folder: Path) -> None:
-    """Draw the landing picture: the modes that each method finds on the beam, side by side."""
+def _landing(cells: list[Any], tables: dict[Any, str], folder: Path) -> None:
+    """Draw the landing picture: the modes of the beam by each method, side by side."""
     target = folder / "side-by-side.png"
     if target.exists():
         return
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-    shown = [m for m in cells if m.name not in ("ssi-data", "ssi-cva", "n4sid")]
+    shown = [m for m in cells if _example(m).side_by_side]
     figure = Figure(figsize=(9, 0.34 * len(shown) + 1.7), layout="constrained")
     ax = figure.add_subplot()
-    colors = {"time": "#0072B2", "z": "#D55E00", "s": "#009E73"}
     for k, m in enumerate(shown):
-        values = _frequencies(found[m.name, m.domain])
-        ax.plot(values, [k] * len(values), "o", color=colors[m.domain], markersize=6)
+        rows = [line.split() for line in tables[m.name, m.domain].splitlines()[1:] if line.split()]
+        values = [float(row[1]) for row in rows]
+        ax.plot(values, [k] * len(values), "o", color=COLOURS[m.domain], markersize=6)
     for f in (177.0, 477.4, 933.1, 1535.5):
         line = ax.axvline(f, color="#B4BEC9", linewidth=1.5, zorder=0)
-    marks = [Line2D([], [], ls="", marker="o", color=color, label=DOMAINS[name]) for name, color in colors.items()]
+    marks = [Line2D([], [], ls="", marker="o", color=color, label=DOMAINS[name]) for name, color in COLOURS.items()]
     line.set_label("published by the authors of the data")
     figure.legend(handles=[*marks, line], loc="outside lower center", ncols=2, frameon=False)
     ax.set_yticks(range(len(shown)), [m.label for m in shown])
     ax.invert_yaxis()
     ax.set_xlim(100, 1700)
     ax.set_xlabel("frequency [Hz]")
-    ax.set_title("One measured beam, and the modes that each method finds", loc="left", fontweight="bold")
+    ax.set_title("Modes of one measured beam by each method", loc="left", fontweight="bold")
     figure.savefig(target, dpi=100)
-
-
-def _frequencies(table: str) -> list[float]:
-    return [float(line.split()[1]) for line in table.splitlines()[1:] if line.split()]
-
-
-def _write(path: Path, text: str | Iterable[str]) -> None:
-    path.write_text(text if isinstance(text, str) else "".join(text), encoding="utf-8")

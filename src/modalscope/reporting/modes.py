@@ -55,8 +55,8 @@ def certificate_section(certificate: Certificate) -> Section:
     result = "All intervals hold" if good == count else f"The intervals of {good} of {count} modes hold"
     lead = (
         f"{result}. This case was simulated with the modes above as the truth and noise like that of the data, and identified again "
-        f"at order {certificate.order}. An interval holds if the bias is below half a standard deviation, the scatter is .8 to 1.25 of "
-        "the predicted one, and the coverage is at least 88 %. Intervals that fail are tried again with five times as many simulations."
+        f"at order {certificate.order}. An interval holds if the bias is below half a standard deviation, the scatter .8 to 1.25 of "
+        "the predicted one, and the coverage at least 88 %. Intervals that fail are tried again with five times as many simulations."
     )
     pictures = "".join(
         picture(

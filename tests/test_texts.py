@@ -1,0 +1,58 @@
+"""Facts that hold for every text that a user reads: the words of the field, short sentences, no slips of typing."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from tests.texts import SOURCE, Text, collect
+
+TEXTS = collect()
+
+#: Words that are never right in a sentence for a user, and units that are written otherwise.
+GROWN = re.compile(
+    r"\b(hz|khz|told|tells?|what is left|left of|beside|holds its own|things?|something|skirts|arena|contest|contenders|crew|seen"
+    r"|stands? out|nobody|somebody|richer model)\b"
+)
+
+#: Words of a sentence, at most.
+LONGEST = 28
+
+#: Texts whose words are still to be changed, by place and beginning: this list only shrinks.
+STILL: tuple[tuple[str, str], ...] = ()
+
+
+def still(text: Text) -> bool:
+    return any(text.place == place and text.words.startswith(begin) for place, begin in STILL)
+
+
+@pytest.mark.parametrize("kind", ["error", "finding", "help", "label", "note"])
+def test_every_kind_is_collected(kind: str) -> None:
+    assert sum(text.kind == kind for text in TEXTS) > 50
+
+
+def test_texts_are_read_as_the_program_joins_them() -> None:
+    place = SOURCE / "cli" / "reading.py"
+    texts = {text.words for text in collect([place])}
+    assert "their form is FIRST:LAST:STEP, FIRST at least 1" in texts
+    assert "orders {...} were asked" in texts
+
+
+def test_words_are_the_fields() -> None:
+    assert [text for text in TEXTS if GROWN.search(text.words) and not still(text)] == []
+
+
+def test_what_is_still_to_be_changed_is_no_longer_than_it_must() -> None:
+    wrong = [text for text in TEXTS if GROWN.search(text.words)]
+    assert [row for row in STILL if not any(t.place == row[0] and t.words.startswith(row[1]) for t in wrong)] == []
+
+
+def test_sentences_are_short() -> None:
+    sentences = [(text, part) for text in TEXTS for part in re.split(r"(?<=[.!?:;])\s+", text.words)]
+    assert [text for text, part in sentences if len(part.split()) > LONGEST] == []
+
+
+def test_no_text_has_double_blanks() -> None:
+    """The delimiter of universal files is quoted as it is written."""
+    assert [text for text in TEXTS if re.search(r"\S  +\S", text.words.replace("'    -1'", ""))] == []

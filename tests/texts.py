@@ -1,0 +1,119 @@
+"""Collect from the source every text that a user reads, with its kind. `python -m tests.texts [KIND]` prints them side by side.
+
+Kinds: error (the parts of a DataError), note, finding, help (of commands and options), label (of pictures and the report).
+"""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from tests.support import ROOT
+
+SOURCE = ROOT / "src" / "modalscope"
+
+#: Functions of pictures and of the report whose text arguments are read, and keywords of any function there.
+_LABELLING = {
+    "set_xlabel",
+    "set_ylabel",
+    "set_title",
+    "headline",
+    "aside",
+    "paragraph",
+    "picture",
+    "folded",
+    "Section",
+    "table",
+}
+_LABELS = {"title", "xlabel", "ylabel", "label", "caption"}
+
+
+Names = dict[str, list[ast.AST]]
+
+
+class Text(NamedTuple):
+    """One text: where it stands, its kind, and its words; values are {...}."""
+
+    place: str
+    kind: str
+    words: str
+
+
+def _resolved(node: ast.AST | None, names: Names) -> list[str]:
+    """Return the texts that an expression may give; a name gives those assigned to it in its function or module."""
+    if isinstance(node, ast.Constant):
+        return [node.value] if isinstance(node.value, str) else []
+    if isinstance(node, ast.JoinedStr):
+        return ["".join(str(p.value) if isinstance(p, ast.Constant) else "{...}" for p in node.values)]
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
+        first, second = (_resolved(side, names) or ["{...}"] for side in (node.left, node.right))
+        return [a + b for a in first for b in second]
+    if isinstance(node, ast.IfExp):
+        return _resolved(node.body, names) + _resolved(node.orelse, names)
+    if isinstance(node, ast.List):
+        return [text for item in node.elts for text in _resolved(item, names)]
+    if isinstance(node, ast.Name):
+        return [text for value in names.get(node.id, ()) for text in _resolved(value, {})]
+    return []
+
+
+def _assigned(unit: ast.AST) -> Names:
+    """Return the expressions that are assigned to each name, also in tuples."""
+    names: Names = {}
+    for node in (node for node in ast.walk(unit) if isinstance(node, ast.Assign)):
+        for target in node.targets:
+            several = isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple)
+            pairs = zip(target.elts, node.value.elts, strict=False) if several else [(target, node.value)]
+            for part, value in pairs:
+                if isinstance(part, ast.Name):
+                    names.setdefault(part.id, []).append(value)
+    return names
+
+
+def _read(call: ast.Call, package: str, errors: set[str]) -> Iterator[tuple[str, ast.AST]]:
+    """Yield the arguments of a call that a user reads, with their kinds."""
+    name = call.func.id if isinstance(call.func, ast.Name) else getattr(call.func, "attr", "")
+    keywords = {word.arg: word.value for word in call.keywords}
+    if name in errors:
+        yield from (("error", value) for value in (*call.args, *keywords.values()))
+    elif name == "Note":
+        yield from (("note", value) for value in (*call.args[2:], *filter(None, [keywords.get("text")])))
+    elif package == "cli" and "help" in keywords:
+        yield "help", keywords["help"]
+    elif package in ("plot", "reporting"):
+        read = call.args[1:] if name == "Section" else call.args if name in _LABELLING else []
+        yield from (("label", value) for value in (*read, *(v for k, v in keywords.items() if k in _LABELS)))
+
+
+def collect(files: Iterable[Path] | None = None) -> list[Text]:
+    """Return all texts, by kind and place."""
+    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in files or sorted(SOURCE.rglob("*.py"))}
+    functions = [n for tree in trees.values() for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)]
+    errors = {"DataError", *(f.name for f in functions if f.returns and ast.unparse(f.returns) == "DataError")}
+    listed: list[Text] = []
+    texts: set[tuple[str, str]] = set()
+    for path, tree in trees.items():
+        place, package = path.relative_to(SOURCE).as_posix(), path.relative_to(SOURCE).parts[0]
+        units = [unit for part in tree.body for unit in (part.body if isinstance(part, ast.ClassDef) else [part])]
+        constants = _assigned(ast.Module([u for u in units if isinstance(u, ast.Assign)], []))
+        for unit in units:
+            names = constants | _assigned(unit)
+            for call in (node for node in ast.walk(unit) if isinstance(node, ast.Call)):
+                for kind, value in _read(call, package, errors):
+                    texts |= {(kind, words) for words in _resolved(value, names) if " " in words and "<" not in words}
+        if place == "doctor/findings.py":
+            texts |= {("finding", words) for row in ast.literal_eval(constants["ROWS"][0]).values() for words in row}
+        if package == "cli" and any(isinstance(unit, ast.FunctionDef) and unit.name == "add" for unit in units):
+            texts.add(("help", ast.get_docstring(tree) or ""))
+        listed += [Text(place, kind, words) for kind, words in texts if words.strip()]
+        texts.clear()
+    return sorted(listed, key=lambda text: (text.kind, text.place, text.words))
+
+
+if __name__ == "__main__":
+    for each in collect():
+        if each.kind in (sys.argv[1:] or [each.kind]):
+            print(f"{each.kind:8s} {each.place:32s} {each.words!r}")
