@@ -151,8 +151,8 @@ import sys, time
 from modalscope.io import stored as of_files
 from modalscope.data import stored
 from modalscope.numerics import sums as saved_sums
-stored._BESIDE = of_files._PARTS_OF_MEMORY = 10**9
-saved_sums._SECONDS = saved_sums._TIMES = 0.0
+stored._MIN_RECORDS_IN_MEMORY = of_files._PARTS_OF_MEMORY = 10**9
+saved_sums._MIN_SECONDS_BETWEEN = saved_sums._MIN_MULTIPLE_OF_WRITING = 0.0
 add = saved_sums.SavedSums.add
 saved_sums.SavedSums.add = lambda self, task, *more: time.sleep(60) if task else add(self, task, *more)
 from modalscope.cli import main

@@ -44,7 +44,7 @@ def folder(path: Path, made: ms.ImpulseResponse, **attributes: Any) -> Path:
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stored_response, "_AT_A_TIME", 20_000)
+    monkeypatch.setattr(stored_response, "_NUMBERS_AT_A_TIME", 20_000)
 
 
 @pytest.mark.slow

@@ -51,7 +51,7 @@ def test_workers_give_the_numbers_of_one_process(path: Path, cluster: Any) -> No
     expected = ms.stabilize(ms.read(path), **settings)
     told: list[tuple[int, int]] = []
     with distributed.Client(cluster) as client, pytest.MonkeyPatch.context() as patched:
-        patched.setattr("modalscope.data.stored._BESIDE", 10**9)
+        patched.setattr("modalscope.data.stored._MIN_RECORDS_IN_MEMORY", 10**9)
         alone = ms.estimate_correlation(ms.read(path, stored=True), lags=LAGS).values
         with working(client, progress=lambda *at: told.append(at)):
             shared = ms.estimate_correlation(ms.read(path, stored=True), lags=LAGS).values
@@ -120,7 +120,7 @@ def test_the_command_gives_the_work_to_a_scheduler(path: Path, cluster: Any, tmp
     modes = tmp_path / "modes.json"
     choices = ["--band", "0.2", "12", "--orders", "8:14:2", "--no-refine", "--resume", str(tmp_path / "sums")]
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("modalscope.data.stored._BESIDE", 10**9)
+        patched.setattr("modalscope.data.stored._MIN_RECORDS_IN_MEMORY", 10**9)
         patched.setattr("modalscope.io.stored._PARTS_OF_MEMORY", 10**9)
         assert main(["identify", str(path), *choices, "--scheduler", cluster.scheduler_address, "-o", str(modes)]) == 0
     assert len(ms.read(modes)) >= 3

@@ -68,8 +68,8 @@ def test_a_range_that_fills_the_space_is_exact(columns: int) -> None:
 
 
 def test_directions_that_have_not_settled_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(randomized, "_LEAST", 1)
-    monkeypatch.setattr(randomized, "_MOST", 1)
+    monkeypatch.setattr(randomized, "_MIN_MULTIPLE", 1)
+    monkeypatch.setattr(randomized, "_MAX_MULTIPLE", 1)
     found = by_range(matrix_of(1.0 / np.arange(1.0, 301)), 40)
     assert not found.reached
     assert found.directions == 40

@@ -155,8 +155,8 @@ def test_a_run_that_is_killed_goes_on_from_what_was_kept(
     record: ms.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nothing is written at the end of a process that is killed: what lies in the folder meanwhile is what is gone on from."""
-    monkeypatch.setattr(saved_sums, "_SECONDS", 0.0)
-    monkeypatch.setattr(saved_sums, "_TIMES", 0.0)
+    monkeypatch.setattr(saved_sums, "_MIN_SECONDS_BETWEEN", 0.0)
+    monkeypatch.setattr(saved_sums, "_MIN_MULTIPLE_OF_WRITING", 0.0)
     done: list[int] = []
 
     def copied(count: int, of: int) -> None:
@@ -200,7 +200,7 @@ def test_nan_is_found_where_it_is_read(record: ms.Signals) -> None:
 
 
 def test_modes_are_those_of_the_record_in_memory(record: ms.Signals, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("modalscope.data.stored._BESIDE", 10**9)  # it stays where it is stored
+    monkeypatch.setattr("modalscope.data.stored._MIN_RECORDS_IN_MEMORY", 10**9)  # it stays where it is stored
     settings = {"band": (0.2, 12.0), "orders": range(2, 31, 2)}
     found, expected = (ms.stabilize(each, **settings) for each in (stored(record), record))
     np.testing.assert_allclose(found.frequencies, expected.frequencies, rtol=1e-6)
@@ -229,6 +229,6 @@ def test_what_needs_all_of_it_says_so(record: ms.Signals, monkeypatch: pytest.Mo
         ms.estimate_correlation(thing, lags=20, window="hann")
     with pytest.raises(DataError, match="expected Signals"):
         ms.preprocess.detrend(thing)
-    monkeypatch.setattr("modalscope.data.stored._BESIDE", 10**9)
+    monkeypatch.setattr("modalscope.data.stored._MIN_RECORDS_IN_MEMORY", 10**9)
     with pytest.raises(DataError, match="it projects records"):
         ms.stabilize(thing.select(outputs=[0]), method="ssi-data", band=(0.2, 12.0))

@@ -15,9 +15,6 @@ from modalscope.functions.poles import QUANTITIES
 from modalscope.numerics.checks import check_each, check_kind, check_path, freeze
 from modalscope.numerics.errors import DataError, check_choice
 
-# ------------------------------------------------------------------------------------------------------------- sources
-# The files that data came from: nothing that is written may take their place.
-
 #: One file; several where data of several were put together; None where data were made.
 SourcePath: TypeAlias = Path | tuple[Path, ...] | None
 
@@ -51,22 +48,19 @@ def source_of(parts: Iterable[Any]) -> SourcePath:
     return check_source([file for part in parts for file in files_of(part)])
 
 
-# -------------------------------------------------------------------------------------------------------------- groups
-# Groups: parts of a measurement that repeat it, so that what they disagree by can be told from its noise.
-
 #: One label a part; None when the parts are not to be told apart.
 Groups = tuple[str, ...] | None
 
 #: What stands for the default.
 AUTO: Any = "auto"
 
-#: Fewer inputs than this say too little about how far they disagree.
-_LEAST = 4
+#: Minimum number of inputs for an estimate of their scatter.
+_MIN_GROUPS = 4
 
 
 def input_groups(input_dofs: Sequence[str]) -> Groups:
     """Return a group an input column where there are at least four, else None."""
-    return tuple(input_dofs) if len(input_dofs) >= _LEAST else None
+    return tuple(input_dofs) if len(input_dofs) >= _MIN_GROUPS else None
 
 
 def run_groups(count: int) -> Groups:
@@ -98,8 +92,6 @@ def check_groups(groups: Any, count: int, part: str, default: Groups) -> Groups:
         )
     return labels
 
-
-# ------------------------------------------------------------------------------------------------------------ channels
 
 #: Where a Markov sequence came from (see `ImpulseResponse`).
 KINDS = ("pulse", "dirac", "correlation", "free decay")
@@ -168,8 +160,8 @@ def choose_channels(
     return rows, columns
 
 
-#: Words for what carries the motion of a base. English archives of strong motion, and what their channels are called elsewhere.
-_BASE = {
+#: Words for places that carry the motion of a base, as archives of strong motion call their channels.
+_BASE_WORDS = {
     *(
         "ground",
         "base",
@@ -195,7 +187,7 @@ def names_base(label: str) -> bool:
     (True, True, False)
     """
     words = {word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", label)}
-    return not _BASE.isdisjoint(words) or "free field" in label.lower()
+    return not _BASE_WORDS.isdisjoint(words) or "free field" in label.lower()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)

@@ -16,9 +16,6 @@ from modalscope.data.shown import Shown
 from modalscope.numerics.checks import Array, IntArray, RealArray, check_each, check_kind, freeze, locked, real_array
 from modalscope.numerics.errors import DataError
 
-# -------------------------------------------------------------------------------------------------------------- labels
-# Degrees of freedom: labels made of a node and a direction, such as `3:+Z`, and how channels are chosen by them.
-
 _DIRECTIONS = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 _LABEL = re.compile(r"^\s*(?P<node>[^:\s]+?)\s*:?\s*(?P<direction>[+-]?R?[XYZ][+-]?|S)\s*$")
 
@@ -118,8 +115,6 @@ def indices_of(name: str, wanted: Iterable[DofLike] | DofLike, labels: Sequence[
         found.append(positions[label])
     return found
 
-
-# ------------------------------------------------------------------------------------------------------------ geometry
 
 Motion = tuple[str, tuple[float, float, float]]
 

@@ -17,19 +17,19 @@ from modalscope.numerics.checks import Array, RealArray
 #: Kinds of the notes on a residual that stands out at the modes, and on channels that come late.
 UNMEASURED, DELAY = "unmeasured forces", "delay"
 
-#: From so many decibels on the residual stands out at the modes (noise of sensors alone gives 0 to 3), where it matters: it biases damping
-#: by about the square of its share of the data.
-_STANDS_OUT, _MATTERS = 6.0, 0.01
+#: Excess of the residual at the modes from which it is reported (sensor noise alone gives 0 to 3 dB), and its minimum share of the
+#: data there: damping is biased by about the square of that share.
+_MIN_DECIBELS, _MIN_SHARE = 6.0, 0.01
 
-#: A pole of a drift lies within so many times 1 / T of z = 1, one pole of a delay within this distance of z = 0; more than so many samples
-#: are none, but damped noise.
-_DRIFT, _DELAY, _LATEST = 0.5, 1e-3, 6
+#: Maximum distance of a drift's pole from z = 1 in multiples of 1 / T, maximum modulus of a delay's pole, and maximum delay in samples:
+#: more such poles are damped noise.
+_MAX_DRIFT, _MAX_DELAY_MODULUS, _MAX_DELAY_SAMPLES = 0.5, 1e-3, 6
 
-#: Half bandwidths of a mode that are near it, and from which on lines are away from all modes.
-_NEAR, _AWAY = 2.0, 10.0
+#: Distance from a mode, in half bandwidths, up to which lines are near it, and from which they are away from it.
+_NEAR_HALF_BANDWIDTHS, _FAR_HALF_BANDWIDTHS = 2.0, 10.0
 
-#: Lines away from all modes that each line near one is compared with.
-_BESIDE = 10
+#: Lines away from all modes with which each line near one is compared.
+_COMPARED_LINES = 10
 
 
 class Excess(NamedTuple):
@@ -56,12 +56,12 @@ def excess(frequencies: RealArray, power: RealArray, values: Array, poles: Array
     f = np.abs(poles) / (2 * np.pi)
     half = np.maximum(np.abs(poles.real) / (2 * np.pi), resolution)
     apart = np.min(np.abs(frequencies[:, None] - f) / half, axis=1, initial=np.inf)
-    near, away = np.flatnonzero(apart <= _NEAR), np.flatnonzero(apart > _AWAY)
+    near, away = np.flatnonzero(apart <= _NEAR_HALF_BANDWIDTHS), np.flatnonzero(apart > _FAR_HALF_BANDWIDTHS)
     if not near.size or not away.size:
         return Excess(np.nan, np.nan)
     away = away[np.argsort(frequencies[away], kind="stable")]
     place = np.searchsorted(frequencies[away], frequencies[near])
-    beside = away[np.clip(place[:, None] + np.arange(-_BESIDE // 2, _BESIDE // 2), 0, away.size - 1)]
+    beside = away[np.clip(place[:, None] + np.arange(-_COMPARED_LINES // 2, _COMPARED_LINES // 2), 0, away.size - 1)]
     ratio, count, missed, whole = 0.0, 0, 0.0, 0.0
     for level, data in zip(power.T, values.T, strict=True):  # of long records all outputs together are large
         floor = level[beside].mean(axis=1)
@@ -76,7 +76,7 @@ def excess(frequencies: RealArray, power: RealArray, values: Array, poles: Array
 
 def excess_notes(found: Excess) -> tuple[Note, ...]:
     """Return a note where what is left stands out at the modes and matters."""
-    if not (found.decibels >= _STANDS_OUT and found.share >= _MATTERS):
+    if not (found.decibels >= _MIN_DECIBELS and found.share >= _MIN_SHARE):
         return ()
     text = (
         f"unmeasured forces, or noise on the inputs: what the fit leaves is {found.decibels:.0f} dB higher at the modes than beside them "
@@ -93,14 +93,17 @@ def pole_notes(poles: Array, sampling_rate: float | None, duration: float) -> tu
     notes = []
     distance = np.abs(poles - 1) * sampling_rate if sampling_rate is not None else np.abs(poles)
     alone = is_real(poles, 1e-9)  # a negative pole has been through logarithm and exponential
-    if np.any(alone & (distance < _DRIFT / duration)):
+    if np.any(alone & (distance < _MAX_DRIFT / duration)):
         notes.append(
             Note("drift", {}, "a pole at zero frequency: the records drift, which costs a state and no accuracy")
         )
     if sampling_rate is not None:
         size = np.sort(np.repeat(np.abs(poles), np.where(alone, 1, 2)))
         # a pole of multiplicity k is known to the k-th root of what one is known to
-        late = max((k for k in range(1, min(size.size, _LATEST) + 1) if size[k - 1] ** k < _DELAY), default=0)
+        late = max(
+            (k for k in range(1, min(size.size, _MAX_DELAY_SAMPLES) + 1) if size[k - 1] ** k < _MAX_DELAY_MODULUS),
+            default=0,
+        )
         if late:
             text = f"{late} poles at z = 0: some channels come about {late} samples late in all"
             notes.append(Note(DELAY, {"samples": late}, f"a delay of about {late} samples: {text}"))

@@ -36,9 +36,6 @@ from modalscope.numerics.checks import (
 )
 from modalscope.numerics.errors import DataError
 
-# ------------------------------------------------------------------------------------------------------------- signals
-# Records: what the sensors and the exciters gave, sample by sample.
-
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class Signals(Channels, Convertible):
@@ -163,9 +160,6 @@ class Signals(Channels, Convertible):
     def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         chosen = None if self.inputs is None or not inputs else np.ascontiguousarray(self.inputs[..., inputs])
         return {"outputs": np.ascontiguousarray(self.outputs[..., outputs]), "inputs": chosen}
-
-
-# ------------------------------------------------------------------------------------------------------------- records
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)

@@ -434,7 +434,7 @@ def _real_parts(values: Array) -> RealArray:
 
 
 #: Relative rounding of single precision, in which many responses are stored.
-_STORED = 1e-7
+_SINGLE_PRECISION = 1e-7
 
 
 def line_step(response: Response) -> float:
@@ -460,7 +460,7 @@ def fading(response: Response) -> RealArray | None:
     a = response.added_damping
     if a <= 0 or response.grid is not None or response.sampling_rate is None:
         return None
-    return np.asarray(np.maximum(np.exp(-a / response.sampling_rate * np.arange(response.count)), _STORED))
+    return np.asarray(np.maximum(np.exp(-a / response.sampling_rate * np.arange(response.count)), _SINGLE_PRECISION))
 
 
 def faded_noise(response: Response) -> Array | None:

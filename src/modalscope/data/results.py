@@ -18,9 +18,6 @@ from modalscope.functions.poles import HasPoles
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, freeze, locked
 from modalscope.numerics.errors import DataError
 
-# ------------------------------------------------------------------------------------------------------------ settings
-# The options that an identification was made with, as one object that every result carries.
-
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Settings:
@@ -60,10 +57,6 @@ class Settings:
     def items(self) -> list[tuple[str, Any]]:
         """Return names and values of the options that are set."""
         return [(name, getattr(self, name)) for name in self.keys()]
-
-
-# ------------------------------------------------------------------------------------------------------------- diagram
-# The stabilization diagram: the poles of every order, side by side.
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
@@ -200,9 +193,6 @@ class StabilizationDiagram(Shown, HasPoles):
     def stable(self) -> Array:
         """True where frequency, damping and shape all agree with the order before."""
         return self.stable_frequency & self.stable_damping & self.stable_shape
-
-
-# -------------------------------------------------------------------------------------------------------------- result
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)

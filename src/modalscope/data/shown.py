@@ -16,10 +16,10 @@ import numpy as np
 from modalscope.numerics.checks import Array
 from modalscope.numerics.errors import DataError
 
-_WIDTH, _HEIGHT, _COLUMNS = 420, 90, 400
+_WIDTH_PIXELS, _HEIGHT_PIXELS, _MAX_COLUMNS = 420, 90, 400
 
-#: So many dots are drawn at most.
-_DOTS = 3000
+#: Maximum number of dots that are drawn.
+_MAX_DOTS = 3000
 
 
 class Shown:
@@ -125,7 +125,7 @@ def curve(values: Array) -> str:
     `values` (N,): values that are not finite are left out.
     """
     y = np.asarray(values, dtype=float)
-    parts = [part[np.isfinite(part)] for part in np.array_split(y, max(min(len(y), _COLUMNS), 1))]
+    parts = [part[np.isfinite(part)] for part in np.array_split(y, max(min(len(y), _MAX_COLUMNS), 1))]
     points = [
         (k / max(len(parts) - 1, 1), v)
         for k, part in enumerate(parts)
@@ -144,7 +144,7 @@ def dots(x: Array, y: Array, dark: Array) -> str:
 
     `x`, `y` (N,). `dark` (N,).
     """
-    step = max(1, -(-len(x) // _DOTS))
+    step = max(1, -(-len(x) // _MAX_DOTS))
     chosen = np.argsort(dark, kind="stable")[::step]
     if not len(chosen):
         return ""
@@ -159,9 +159,11 @@ def dots(x: Array, y: Array, dark: Array) -> str:
 def _placed(x: Array, y: Array) -> tuple[Array, Array]:
     """Return points in the frame of the picture."""
     wide, high = (max(float(np.ptp(side)), np.finfo(float).tiny) for side in (x, y))
-    return 3 + (x - x.min()) / wide * (_WIDTH - 6), _HEIGHT - 3 - (y - y.min()) / high * (_HEIGHT - 6)
+    return 3 + (x - x.min()) / wide * (_WIDTH_PIXELS - 6), _HEIGHT_PIXELS - 3 - (y - y.min()) / high * (
+        _HEIGHT_PIXELS - 6
+    )
 
 
 def _framed(inner: str) -> str:
-    size = f'width="{_WIDTH}" height="{_HEIGHT}" viewBox="0 0 {_WIDTH} {_HEIGHT}"'
+    size = f'width="{_WIDTH_PIXELS}" height="{_HEIGHT_PIXELS}" viewBox="0 0 {_WIDTH_PIXELS} {_HEIGHT_PIXELS}"'
     return f'<svg xmlns="http://www.w3.org/2000/svg" role="img" aria-label="overview" {size}>{inner}</svg>'

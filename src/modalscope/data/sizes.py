@@ -10,11 +10,11 @@ from modalscope.data.setups import Setups
 from modalscope.numerics.checks import Array
 from modalscope.numerics.errors import DataError
 
-#: The largest number of a channel lies between 1 over these and these. Correlations of records are responses: they go with the square.
-_RECORDS, _RESPONSES = 1e30, 1e60
+#: Limits of the largest number of a channel, and of its reciprocal: correlations of records are responses, which go with the square.
+_MAX_OF_RECORDS, _MAX_OF_RESPONSES = 1e30, 1e60
 
-#: Samples whose channels are compared side by side: rows of a few numbers each take several times as long.
-_TOGETHER = 64
+#: Samples that are compared side by side: rows of few numbers take several times as long.
+_SAMPLES_SIDE_BY_SIDE = 64
 
 
 def check_size(data: Signals | Records | Setups | Response) -> None:
@@ -27,12 +27,12 @@ def check_size(data: Signals | Records | Setups | Response) -> None:
     >>> check_size(Signals(outputs=[[1e-9], [1e-12]], sampling_rate=1.0))
     """
     if isinstance(data, Response):
-        _check("responses", data.values, data.output_dofs, _RESPONSES, channel=1)
+        _check("responses", data.values, data.output_dofs, _MAX_OF_RESPONSES, channel=1)
         return
     for record in data.recordings:
-        _check("records", _rows(record.outputs), record.output_dofs, _RECORDS)
+        _check("records", _rows(record.outputs), record.output_dofs, _MAX_OF_RECORDS)
         if record.inputs is not None:
-            _check("records", _rows(record.inputs), record.input_dofs, _RECORDS)
+            _check("records", _rows(record.inputs), record.input_dofs, _MAX_OF_RECORDS)
 
 
 def _rows(record: Array) -> Array:
@@ -56,9 +56,9 @@ def _check(name: str, array: Array, labels: tuple[str, ...], most: float, channe
 
 def _largest(array: Array) -> Array:
     """Return the largest modulus of real numbers over the first axis; no copy is made, and of few channels many samples lie in a row."""
-    few = array.ndim == 2 and array.shape[1] < _TOGETHER and array.flags.c_contiguous
-    head = len(array) - len(array) % _TOGETHER if few else 0
-    parts = (array[:head].reshape(-1, _TOGETHER * array.shape[1]) if head else array[:0], array[head:])
+    few = array.ndim == 2 and array.shape[1] < _SAMPLES_SIDE_BY_SIDE and array.flags.c_contiguous
+    head = len(array) - len(array) % _SAMPLES_SIDE_BY_SIDE if few else 0
+    parts = (array[:head].reshape(-1, _SAMPLES_SIDE_BY_SIDE * array.shape[1]) if head else array[:0], array[head:])
     found = [np.maximum(part.max(axis=0), -part.min(axis=0)) for part in parts if len(part)]
     return np.asarray(np.max([each.reshape(-1, *array.shape[1:]).max(axis=0) for each in found], axis=0))
 

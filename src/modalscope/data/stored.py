@@ -15,11 +15,11 @@ from modalscope.numerics.checks import Array, RealArray, check_count, check_numb
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import allowed_memory, check_fits
 
-#: Bytes of a stretch that stands for the whole record where it is looked at.
-_EXCERPT = 64_000_000
+#: Size of the excerpt of a record that is examined.
+_EXCERPT_BYTES = 64_000_000
 
-#: A record that takes less than one in so many parts of the memory is taken into it.
-_BESIDE = 16
+#: A record is read into memory when this many would fit.
+_MIN_RECORDS_IN_MEMORY = 16
 
 
 #: A record in memory or in its file, and what is made of it.
@@ -189,7 +189,7 @@ class StoredSignals(Channels):
     @property
     def excerpt_samples(self) -> int:
         """How many samples are small beside memory: of a short record, all."""
-        return min(self.samples, max(_EXCERPT // (8 * len(self.output_dofs)), 2))
+        return min(self.samples, max(_EXCERPT_BYTES // (8 * len(self.output_dofs)), 2))
 
     def excerpt(self) -> Signals:
         """Return a stretch from the middle that is small beside memory: of a short record, all of it."""
@@ -199,7 +199,7 @@ class StoredSignals(Channels):
 
     def settled(self) -> Signals | StoredSignals:
         """Return the record in memory where it takes little of it; else as it is."""
-        return self.load() if _BESIDE * self.size <= allowed_memory() else self
+        return self.load() if _MIN_RECORDS_IN_MEMORY * self.size <= allowed_memory() else self
 
     def _scaled(self, outputs: RealArray, inputs: RealArray) -> dict[str, Any]:
         return {"rows": Picked(self.rows, tuple(range(len(outputs))), tuple(map(float, outputs)))}
@@ -211,11 +211,8 @@ class StoredSignals(Channels):
         return {"rows": Picked(self.rows, tuple(outputs)), "quantities": tuple(self.quantities[i] for i in outputs)}
 
 
-# ----------------------------------------------------------------------------------------------------- stored response
-# Impulse responses of more outputs than memory holds: they stay in their file, and come some outputs at a time.
-
-#: Numbers that are read together, at least; whole pieces of the file where these are larger.
-_AT_A_TIME = 4_000_000
+#: Minimum number of values that are read at a time; whole pieces of the file where these are larger.
+_NUMBERS_AT_A_TIME = 4_000_000
 
 
 class OutputBlocks(Protocol):
@@ -357,7 +354,7 @@ class StoredResponse(Channels):
 
     def excerpt(self) -> ImpulseResponse:
         """Return outputs from the middle that are small beside memory: of few, all of them."""
-        count = max(_EXCERPT // (8 * self.samples * len(self.input_dofs)), 1)
+        count = max(_EXCERPT_BYTES // (8 * self.samples * len(self.input_dofs)), 1)
         first = max((len(self.output_dofs) - count) // 2, 0)
         return self.part(first, first + count)
 
@@ -365,7 +362,7 @@ class StoredResponse(Channels):
         """Yield which outputs, and their samples as rows, (outputs, N m): whole pieces of the file, checked as they are read."""
         each = self.samples * len(self.input_dofs)
         together = max(int(self.blocks.together), 1)
-        step = together * max(_AT_A_TIME // (each * together), 1)
+        step = together * max(_NUMBERS_AT_A_TIME // (each * together), 1)
         for start in range(0, len(self.output_dofs), step):
             values = self._read(start, min(start + step, len(self.output_dofs)))
             rows = np.empty((values.shape[1], self.samples, values.shape[2]))

@@ -76,10 +76,10 @@ FACTORS: dict[str, tuple[str, dict[str, float]]] = {
     "voltage": ("V", {**dict.fromkeys(("V", "volt", "volts", "Volt", "Volts"), 1.0), "mV": 1e-3, "uV": 1e-6, "kV": 1e3}),
 }  # fmt: skip
 
-_KNOWN = {unit: (kind, si, factor) for kind, (si, units) in FACTORS.items() for unit, factor in units.items()}
+_UNITS = {unit: (kind, si, factor) for kind, (si, units) in FACTORS.items() for unit, factor in units.items()}
 
-#: Characters of a unit that are looked at: nobody writes longer ones.
-_LONGEST = 400
+#: Maximum number of characters of a unit that are read.
+_MAX_UNIT_LENGTH = 400
 
 _SIGNS = str.maketrans(
     {
@@ -128,7 +128,7 @@ def plain_unit(unit: str) -> str:
     >>> plain_unit("m / s²"), plain_unit("[m/s^2]"), plain_unit("µm/m"), plain_unit("°")
     ('m/s2', 'm/s2', 'um/m', 'deg')
     """
-    text = unit.strip()[:_LONGEST].replace("**", "").translate(_SIGNS).replace("°", "deg")
+    text = unit.strip()[:_MAX_UNIT_LENGTH].replace("**", "").translate(_SIGNS).replace("°", "deg")
     while len(text) > 1 and text[0] + text[-1] in ("[]", "()", "<>", "{}"):
         text = text[1:-1]
     return re.sub(r"\(([^()]*)\)", r"\1", text) if text.count("/") < 3 else text
@@ -146,8 +146,8 @@ def in_si(unit: str) -> InSi | None:
     (InSi(factor=9.80665, unit='m/s2', kind='acceleration'), 0.0980665, 'm/s2/N', None)
     """
     plain = plain_unit(unit)
-    if plain in _KNOWN:
-        kind, si, factor = _KNOWN[plain]
+    if plain in _UNITS:
+        kind, si, factor = _UNITS[plain]
         return InSi(factor, si, kind)
     given = _SENSITIVITY.match(plain)
     if given and float(given["number"]) > 0:
@@ -160,13 +160,10 @@ def in_si(unit: str) -> InSi | None:
     return InSi(parts[0].factor / parts[1].factor, f"{parts[0].unit}/{parts[1].unit}", "")
 
 
-# ------------------------------------------------------------------------------------------------------------------ si
-# Data in SI: channels multiplied by what their units are, those of unknown units left as they are, with a word.
-
 Data = TypeVar("Data")
 
-#: Units of what has none.
-_BARE = ("", "-", "1", "none", "n/a")
+#: Words for no unit.
+_NO_UNIT = ("", "-", "1", "none", "n/a")
 
 
 @runtime_checkable
@@ -225,7 +222,7 @@ def _notes(data: Channels) -> tuple[Note, ...]:
     for units, dofs in zip(data.units, (data.output_dofs, data.input_dofs), strict=True):
         for unit, dof in zip(units, dofs, strict=True):
             si = in_si(unit)
-            if si is None and unit.strip() not in _BARE:
+            if si is None and unit.strip() not in _NO_UNIT:
                 unknown.setdefault(unit, []).append(dof)
             elif si is not None and si.factor != 1:
                 turned.setdefault(f"{unit} to {si.unit} (times {si.factor:.7g})", []).append(dof)

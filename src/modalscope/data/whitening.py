@@ -12,13 +12,13 @@ from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.numerics.checks import Array, RealArray
 
-#: Eigenvalues of the normed covariance are held above this part of the largest: channels may depend on each other to rounding.
-_SMALLEST = 1e-10
+#: Minimum eigenvalue of the normed covariance relative to the largest: channels may depend on each other to rounding.
+_MIN_EIGENVALUE = 1e-10
 
-#: Components weaker than this part of the largest are raised to it: a mode a third of the strongest in amplitude is found as well as that.
+#: Components weaker than this part of the largest are raised to it: a mode of a third of the largest amplitude is found as well.
 #: Of 16 + 16 records of `tests/judging/dominated.py` 1, .3 and .1 find 85, 86 and 83 of 97 modes, .03 finds 72; 1 and .3 raise noise
 #: more, so that two of eleven measured and simulated records lose a mode.
-_RAISED = 0.1
+_RAISED_EIGENVALUE = 0.1
 
 #: Responses of one kind.
 Some = TypeVar("Some", bound=Response)
@@ -33,7 +33,7 @@ def normed_covariance(covariance: Array) -> tuple[RealArray, RealArray]:
     return (C + C.T) / 2, size
 
 
-def whitening_matrix(covariance: Array, least: float = _SMALLEST) -> RealArray:
+def whitening_matrix(covariance: Array, least: float = _MIN_EIGENVALUE) -> RealArray:
     """Return W = V diag(sqrt(.1 / c)) V' D^-1 with D^-1 S D^-1 = V E V' and c = E / max E held between `least` and .1.
 
     Principal components are of one size from `least` to a tenth of the largest; weaker ones are raised as much as those of `least`, and
@@ -51,7 +51,7 @@ def whitening_matrix(covariance: Array, least: float = _SMALLEST) -> RealArray:
     C, size = normed_covariance(covariance)
     values, vectors = np.linalg.eigh(C)
     largest = max(float(values[-1]), np.finfo(float).tiny)
-    held = np.clip(values / largest, max(least, _SMALLEST), _RAISED) / _RAISED
+    held = np.clip(values / largest, max(least, _MIN_EIGENVALUE), _RAISED_EIGENVALUE) / _RAISED_EIGENVALUE
     return np.asarray((vectors / np.sqrt(held)) @ vectors.T / size)
 
 

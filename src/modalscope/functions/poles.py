@@ -17,13 +17,13 @@ QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
 
 #: A pole whose imaginary part is below this fraction of its modulus is called real: eigenvalues of a real matrix carry
 #: imaginary parts of rounding size only when they are exactly paired, so the limit needs to cover conversions, no more.
-_REAL = 1e-13
+_MAX_IMAGINARY_SHARE = 1e-13
 
 #: A sampled system's pole below this modulus forgets its state within one sample, to rounding.
-_ZERO = 1e-13
+_MIN_MODULUS = 1e-13
 
-#: Powers below this have squares below the smallest normal number, with which processors reckon up to a hundred times slower.
-_FADED = 1e-150
+#: Powers below this have subnormal squares, which processors compute up to a hundred times slower.
+_MIN_POWER = 1e-150
 
 
 def frequencies_and_damping(poles: ArrayLike) -> tuple[RealArray, RealArray]:
@@ -54,7 +54,7 @@ def to_continuous(poles: ArrayLike, dt: float) -> ComplexArray:
     """Return `ln(z) / dt`. A negative real z lands on the Nyquist frequency; z = 0 far out on the negative real axis."""
     z = np.asarray(poles, dtype=np.complex128)
     # adding 0.0 turns an imaginary part of -0.0 around, which would put a negative real pole below the axis
-    return (np.log(np.maximum(np.abs(z), _ZERO**20)) + 1j * np.arctan2(z.imag + 0.0, z.real)) / dt
+    return (np.log(np.maximum(np.abs(z), _MIN_MODULUS**20)) + 1j * np.arctan2(z.imag + 0.0, z.real)) / dt
 
 
 def to_discrete(poles: ArrayLike, dt: float) -> ComplexArray:
@@ -82,7 +82,7 @@ def powers_of(poles: ArrayLike, count: int, first: int = 0, *, rows: bool = Fals
             np.multiply(out[:fresh], step, out=out[done : done + fresh])
             done, step = done + fresh, step * step
     with np.errstate(divide="ignore", invalid="ignore"):
-        lasting = np.log(_FADED) / np.log(np.abs(z)) - first
+        lasting = np.log(_MIN_POWER) / np.log(np.abs(z)) - first
     for j in np.flatnonzero((np.abs(z) < 1) & (lasting < count)):
         out[max(int(lasting[j]), 0) + 1 :, j] = 0
     return whole
@@ -95,7 +95,7 @@ def one_of_each_pair(poles: ArrayLike) -> IntArray:
     return keep[np.lexsort((s[keep].imag, np.abs(s[keep])))]
 
 
-def is_real(s: ComplexArray, share: float = _REAL) -> BoolArray:
+def is_real(s: ComplexArray, share: float = _MAX_IMAGINARY_SHARE) -> BoolArray:
     """Return which poles lie on the real axis: imaginary parts of no more than a share of a pole are rounding."""
     return np.abs(s.imag) <= share * np.abs(s)
 
@@ -118,7 +118,7 @@ def pole_kinds(poles: ArrayLike, dt: float | None = None) -> tuple[str, ...]:
     """
     s = np.atleast_1d(np.asarray(poles, dtype=np.complex128))
     at_nyquist = np.zeros(s.shape, bool) if dt is None else np.isclose(np.abs(s.imag) * dt, np.pi, rtol=1e-9, atol=0)
-    forgotten = np.zeros(s.shape, bool) if dt is None else s.real * dt < np.log(_ZERO)
+    forgotten = np.zeros(s.shape, bool) if dt is None else s.real * dt < np.log(_MIN_MODULUS)
     names = np.select(
         [forgotten, at_nyquist, s.real > 0, is_real(s)], ["zero", "nyquist", "unstable", "real"], default="mode"
     )

@@ -26,8 +26,6 @@ from modalscope.modal.indicators import (
 )
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
-# ----------------------------------------------------------------------------------------------------------- eigenmodes
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Eigenmodes:
@@ -126,10 +124,6 @@ def from_modes(poles: Array, shapes: Array, participation: Array, direct: Array,
     return StateSpace(A=A, B=B, C=C, D=direct, dt=dt)
 
 
-# ----------------------------------------------------------------------------------------------------------- evolution
-# Amplitude coherence and EMAC of one factor of the data matrix.
-
-
 def followed(side: ModalSide) -> tuple[RealArray, RealArray]:
     """Return amplitude coherence over all blocks, and EMAC: an identified block against the modes' first one, grown.
 
@@ -141,9 +135,6 @@ def followed(side: ModalSide) -> tuple[RealArray, RealArray]:
         return values
     return np.where(found.seen, values[0], np.nan), np.where(found.seen, values[1], np.nan)
 
-
-# ------------------------------------------------------------------------------------------------------------ together
-# Modes of several orders as those of the largest: what is said of each mode alone is then said of all of them at once.
 
 #: A model with its modes.
 Part = tuple[Triple, Eigenmodes]
@@ -181,8 +172,6 @@ def _side_by_side(fits: Sequence[ModalFit]) -> ModalFit:
         fitted=_side_by_side(inner) if len(inner) == len(fits) else None,
     )
 
-
-# ------------------------------------------------------------------------------------------------------------ accuracy
 
 #: Shapes of repeated modes are independent; above this MAC two poles are one mode.
 SPLIT_SHAPE = 0.9

@@ -37,10 +37,6 @@ __all__ = [
 ]
 
 
-# ---------------------------------------------------------------------------------------------------------- amplitudes
-# How alike identified amplitudes and expected ones are, from their products: what amplitude coherence and EMAC are made of.
-
-
 def coherence(inner: Array, identified: Array, expected: Array) -> RealArray:
     """Return |<q, e>| / (|q| |e|) of each mode from the inner product and the squared norms, 0 to 1; 0 without amplitude."""
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -55,10 +51,6 @@ def agreement(real: RealArray, imaginary: RealArray, identified: RealArray, expe
     phase = np.arctan2(np.abs(imaginary), real)
     # where both are zero, or beyond numbers, there is no ratio, and nothing agrees
     return np.fmax(ratio * (1 - 4 / np.pi * phase), 0.0)
-
-
-# ---------------------------------------------------------------------------------------------------------- neighbours
-# Poles that may be repeated: those near to each other, found without holding each of many against each.
 
 
 def repeated(poles: ArrayLike, width: float = 2e-3) -> list[Array]:
@@ -80,10 +72,6 @@ def _alike_in_size(s: ComplexArray, width: float) -> Array:
     apart = np.diff(size[by_size]) > width * size[by_size[1:]] * (1 + 1e-12)  # a difference of moduli is rounded
     alone = np.append(True, apart)[: s.size] & np.append(apart, True)[: s.size]
     return np.sort(by_size[~alone])
-
-
-# ------------------------------------------------------------------------------------------------- indicator functions
-# Mode indicator functions: curves over the lines of a response that show where modes are, before anything is identified.
 
 
 @plainly
@@ -192,10 +180,8 @@ def _lowest_before_higher(side: Array, level: float) -> float:
     return float(np.min(side[: higher[0] + 1] if higher.size else side))
 
 
-# ---------------------------------------------------------------------------------------------------------- indicators
-
-#: Numbers of shapes that are turned together.
-_AT_A_TIME = 100_000
+#: Values of shapes that are turned at a time.
+_NUMBERS_AT_A_TIME = 100_000
 
 
 @named()
@@ -281,7 +267,7 @@ def mpd(shapes: ArrayLike) -> RealArray:
     shapes : array, (l, n)
     """
     phi = np.asarray(shapes, dtype=np.complex128)
-    step = max(_AT_A_TIME // max(phi.shape[1], 1), 1)
+    step = max(_NUMBERS_AT_A_TIME // max(phi.shape[1], 1), 1)
     parts = [phi[start : start + step] for start in range(0, len(phi), step)]
     # the best line's direction theta: phi^2 summed has twice its angle
     turn = np.exp(-0.5j * np.angle(sum(np.sum(part**2, axis=0) for part in parts)))

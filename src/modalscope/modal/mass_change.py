@@ -16,12 +16,12 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import ComplexArray, RealArray, check_number
 from modalscope.numerics.errors import DataError
 
-#: Why a mode is not scaled, and what would help.
-_UNMOVED = (
+#: Reason and remedy for a mode that is not scaled.
+_UNMOVED_REASON = (
     "its frequency did not move as a mass moves it: down, by what the masses do in its shape",
     "Put larger masses where it moves most, or measure longer",
 )
-_ALONE = ("it has no partner among the modes of the changed structure", "Identify it in both tests")
+_UNPAIRED_REASON = ("it has no partner among the modes of the changed structure", "Identify it in both tests")
 
 
 @named(modes=ModalModel, changed=ModalModel, masses=Mapping)
@@ -92,8 +92,8 @@ def scale_by_mass(modes: ModalModel, changed: ModalModel, masses: Mapping[str, f
     kept = pairs.first[good]
     phi = _real(modes.shapes)[:, kept] * np.sqrt(squared[good])
     scaled = _of_unit_mass(modes.take(kept), phi)
-    lost = [_lost(modes, int(r), *_UNMOVED) for r in pairs.first[~good]]
-    lost += [_lost(modes, int(r), *_ALONE) for r in pairs.alone[0]]
+    lost = [_lost(modes, int(r), *_UNMOVED_REASON) for r in pairs.first[~good]]
+    lost += [_lost(modes, int(r), *_UNPAIRED_REASON) for r in pairs.alone[0]]
     return replace(
         scaled, left_out=(*modes.left_out, *lost), notes=(*modes.notes, *_notes(scaled, masses, apart[good]))
     )

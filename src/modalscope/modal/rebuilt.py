@@ -18,18 +18,15 @@ from modalscope.modal.eigenmodes import Eigenmodes
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import DataError
 
-# --------------------------------------------------------------------------------------------------------------- heard
-# Lines of frequency responses that hold more than noise: those on which it is asked how much the modes explain.
+#: Neighbouring lines over which power and variance are averaged.
+_AVERAGED_LINES = 9
 
-#: Neighbouring lines that are looked at together.
-_BESIDE = 9
+#: Minimum ratio of the averaged power to its noise. Noise alone reaches it in one case of a thousand, with variances from three averages
+#: of one channel (F with 18 and 36 degrees of freedom: 3.0).
+_MIN_SIGNAL_TO_NOISE = 3.0
 
-#: Times its noise that a stretch holds where it tells something: of noise alone, with variances from three averages of one channel, one
-#: stretch in a thousand does (F with 18 and 36 degrees of freedom: 3.0).
-_ABOVE = 3.0
-
-#: Part of the measured mean square that lines of noise hold where they are left out: below, they change nothing.
-_WORTH = 0.01
+#: Minimum share of the lines of noise in the measured mean square from which they are left out: below, they change nothing.
+_MIN_SHARE_OF_NOISE_LINES = 0.01
 
 
 def heard_lines(response: Response) -> Array:
@@ -55,12 +52,12 @@ def heard_lines(response: Response) -> Array:
     if variance is None or not np.iscomplexobj(response.values):
         return every
     power = np.abs(response.values) ** 2
-    own, noise = (uniform_filter1d(each, _BESIDE, axis=0, mode="nearest") for each in (power, variance))
+    own, noise = (uniform_filter1d(each, _AVERAGED_LINES, axis=0, mode="nearest") for each in (power, variance))
     known = noise > 0
     times = np.divide(own, noise, out=np.full(own.shape, np.inf), where=known)
-    heard = np.asarray(times.mean(axis=(1, 2)) >= _ABOVE)
+    heard = np.asarray(times.mean(axis=(1, 2)) >= _MIN_SIGNAL_TO_NOISE)
     by_line = power.sum(axis=(1, 2))
-    if not heard.any() or by_line[~heard].sum() < _WORTH * by_line.sum():
+    if not heard.any() or by_line[~heard].sum() < _MIN_SHARE_OF_NOISE_LINES * by_line.sum():
         return every
     return heard
 
@@ -79,9 +76,6 @@ def of_noise(response: Response) -> tuple[Note, ...]:
     )
     return (Note("lines of noise", facts, text),)
 
-
-# ----------------------------------------------------------------------------------------------------------- explained
-# How much of the measured response the modes explain, in words.
 
 #: Share of the measured mean square below which modes leave out too much to be relied on.
 ENOUGH = 0.7
@@ -121,9 +115,6 @@ or look for channels and lines that no mode explains.
         f"WARNING: the modes explain only {share} Something that was measured is not in them: raise the largest order, "
         "choose a narrower band, or look for channels and lines that no mode explains."
     )
-
-
-# ------------------------------------------------------------------------------------------------------------- rebuilt
 
 
 def fit_error(measured: Array, rebuilt: Array) -> tuple[float, RealArray]:
@@ -197,9 +188,6 @@ def modal_model(matrix: DataMatrix, modal: Eigenmodes, indicators: Mapping[str, 
         **terms,
         **response.labelled(),
     )
-
-
-# -------------------------------------------------------------------------------------------------------- contributions
 
 
 def contributions(response: Response, poles: Array, shapes: Array, participation: Array) -> RealArray:

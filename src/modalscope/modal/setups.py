@@ -20,11 +20,8 @@ from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_eac
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import assign
 
-# ------------------------------------------------------------------------------------------------------------- between
-# Repeatability: the scatter of one Gauss-Newton step of the poles for each group of inputs.
-
-#: Fewest groups whose scatter is estimated.
-_GROUPS = 4
+#: Minimum number of groups whose scatter is estimated.
+_MIN_GROUPS = 4
 
 
 def with_repeatability(modes: ModalModel, response: Response) -> ModalModel:
@@ -33,7 +30,7 @@ def with_repeatability(modes: ModalModel, response: Response) -> ModalModel:
     `modes`: identified from all groups together. `response`: with `groups`: one label an input.
     """
     labels = response.groups
-    if labels is None or len(set(labels)) < _GROUPS or not len(modes):
+    if labels is None or len(set(labels)) < _MIN_GROUPS or not len(modes):
         return modes
     steps = steps_of_groups(modes.poles, response)
     moved = modes.poles + steps
@@ -87,10 +84,8 @@ def _step(slopes: RealArray, left: RealArray, residues: ComplexArray) -> Complex
     return np.asarray(x[:, 0] + 1j * x[:, 1])
 
 
-# ------------------------------------------------------------------------------------------------------------- several
-
-#: Rounds in which shapes and the scales of their parts are fitted in turn.
-_ROUNDS = 10
+#: Rounds in which shapes and the scales of their parts are fitted alternately.
+_MAX_ROUNDS = 10
 
 #: One mode: its index in every setup that has it.
 _Mode = dict[int, int]
@@ -166,7 +161,7 @@ def merge_modes(
     pieces = _pieces(parts, kept, poles, given)
     places = [[outputs.index(dof) for dof in part.output_dofs] for part in parts]
     shapes = np.array([_glued(x, places, len(outputs)) for x in pieces], dtype=complex).reshape(-1, len(outputs)).T
-    repeated = None if labels is None or len(set(labels)) < _GROUPS else labels
+    repeated = None if labels is None or len(set(labels)) < _MIN_GROUPS else labels
     return ModalModel(
         poles=poles,
         shapes=shapes,
@@ -263,7 +258,7 @@ def _between(x: RealArray, labels: list[str]) -> float:
     means = np.array(
         [np.mean([a for a, own in zip(x, labels, strict=True) if own == label]) for label in dict.fromkeys(labels)]
     )
-    return float(means.std(ddof=1) / np.sqrt(means.size)) if means.size >= _GROUPS else np.nan
+    return float(means.std(ddof=1) / np.sqrt(means.size)) if means.size >= _MIN_GROUPS else np.nan
 
 
 def _residues(response: Response, poles: ComplexArray) -> ComplexArray:
@@ -278,7 +273,7 @@ def _glued(pieces: list[ComplexArray], places: list[list[int]], outputs: int) ->
     """Return the shape of which the pieces are multiples: scales and shape by least squares in turn, the first piece as it is."""
     phi, seen = np.zeros(outputs, dtype=complex), np.zeros(outputs, dtype=bool)
     phi[places[0]], seen[places[0]] = pieces[0], True
-    for _ in range(_ROUNDS):
+    for _ in range(_MAX_ROUNDS):
         total, count = np.zeros(outputs, dtype=complex), np.zeros(outputs)
         for x, place in zip(pieces, places, strict=True):
             known = seen[place]

@@ -22,9 +22,6 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, real_array
 from modalscope.numerics.errors import DataError
 
-# --------------------------------------------------------------------------------------------------------------- joint
-# Residues of all modes fitted together: shapes and participation in turn, each by least squares with the other held.
-
 #: The fit ends where a round lowers the squared misfit by less than this part of it: residues then change by about 1e-5 of the residual ...
 _MIN_DECREASE = 1e-10
 
@@ -91,11 +88,8 @@ def free_residues(basis: ModalBasis) -> ComplexArray:
     return np.asarray(real + 1j * imaginary)
 
 
-# -------------------------------------------------------------------------------------------------------- field shapes
-# Shapes of more outputs than memory holds: poles and participation are known, and each output is a small least-squares problem.
-
-#: Share of an output's energy below which what is left, a difference of sums, is told from rounding by rebuilding the samples.
-_ROUNDING = 1e-10
+#: Share of an output's energy below which the residual energy, a difference of sums, is computed from the rebuilt samples instead.
+_MIN_SHARE_OF_DIFFERENCE = 1e-10
 
 
 class Fitted(NamedTuple):
@@ -129,7 +123,7 @@ def fitted_shapes(stored: StoredResponse, modes: ModalModel) -> Iterator[Fitted]
         found = X @ Q[:, kept]
         whole = np.einsum("lk,lk->l", X, X)
         left = whole - np.einsum("lk,lk->l", found, found)
-        if not np.all(left > _ROUNDING * whole):
+        if not np.all(left > _MIN_SHARE_OF_DIFFERENCE * whole):
             X -= found @ Q[:, kept].T
             left = np.einsum("lk,lk->l", X, X)
         yield Fitted(part, (found @ back).view(np.complex128), left, whole)
@@ -152,10 +146,8 @@ def _field_basis(stored: StoredResponse, modes: ModalModel) -> RealArray:
     return np.stack([of_real, of_imaginary], axis=3).reshape(stored.samples * inputs, -1)
 
 
-# -------------------------------------------------------------------------------------------------------------- shapes
-
-#: Poles closer than this (relative) give the same function on the lines: they are one pole with several shapes.
-_REPEATED = 1e-6
+#: Maximum relative distance of repeated poles, which are one pole with several shapes.
+_MAX_DISTANCE_OF_REPEATED = 1e-6
 
 
 @named(response=FrequencyResponse, modes=ModalModel, kind=("complex", "real"), participation=("given", "free"))
@@ -217,7 +209,7 @@ def fit_residues(
     _check_lines(response, len(modes), len(powers))
     w = None if weights is None else _one_a_line(response, weights)
     poles = modes.poles - response.added_damping
-    groups = clusters(poles, _REPEATED)
+    groups = clusters(poles, _MAX_DISTANCE_OF_REPEATED)
     poles = np.array([poles[group].mean() for group in groups])
     basis = _basis(response, poles, kind, powers, w)
     if participation == "given":

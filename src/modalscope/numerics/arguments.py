@@ -22,8 +22,8 @@ import numpy as np
 from modalscope.numerics.checks import check_count, check_kind, check_number, check_positive
 from modalscope.numerics.errors import DataError, check_choice, check_option_names
 
-#: What Python and numpy raise on values that do not belong.
-_RAISED = (
+#: Errors that Python and numpy raise on wrong values.
+_LIBRARY_ERRORS = (
     ArithmeticError,
     AssertionError,
     AttributeError,
@@ -34,17 +34,17 @@ _RAISED = (
     ValueError,
 )
 
-#: Beyond these, numbers are no measure, count or factor of anything.
-_SMALLEST, _LARGEST = 1e-100, 1e15
-_UNBOUNDED = "of a size that can be computed with"
+#: Range of numbers that can be a measure, a count or a factor.
+_MIN_NUMBER, _MAX_NUMBER = 1e-100, 1e15
+_COMPUTABLE = "of a size that can be computed with"
 
-#: What is a number of a type.
-_NUMBERS: dict[Any, Any] = {int: Integral, float: Real, complex: Complex, bool: bool | np.bool_}
+#: Abstract types of numbers.
+_NUMBER_TYPES: dict[Any, Any] = {int: Integral, float: Real, complex: Complex, bool: bool | np.bool_}
 
 #: Names that modules have for type checkers alone, and where they come from once pictures are drawn.
-_LATE = {"Axes": "matplotlib.axes"}
+_LATE_MODULES = {"Axes": "matplotlib.axes"}
 
-_WORDS: dict[Any, str] = {
+_TYPE_WORDS: dict[Any, str] = {
     int: "a whole number",
     float: "a number",
     complex: "a number",
@@ -80,7 +80,7 @@ def plainly(verb: Callable[P, R]) -> Callable[P, R]:
             return verb(*args, **kwargs)
         except DataError:
             raise
-        except _RAISED as error:
+        except _LIBRARY_ERRORS as error:
             if (blamed := _blame(verb, args, kwargs)) is None:
                 raise
             raise blamed from error
@@ -116,13 +116,13 @@ def _blame(verb: Callable[..., Any], args: Sequence[Any], kwargs: Mapping[str, A
 
 def _error(verb: str, argument: str, value: Any, words: str) -> DataError:
     shown = repr(value) if isinstance(value, str | bytes | float | int | complex | NoneType | np.generic) else ""
-    if not shown or len(shown) > _SHOWN:
+    if not shown or len(shown) > _MAX_VALUE_LENGTH:
         shown = f"{type(value).__name__}{f' of shape {value.shape}' if isinstance(value, np.ndarray) else ''}"
     return DataError(f"{verb}({argument}=...) needs {words}", f"it is {shown}", f"Give {argument} as {words}.")
 
 
-#: Characters of a value in a message.
-_SHOWN = 60
+#: Maximum number of characters of a value in a message.
+_MAX_VALUE_LENGTH = 60
 
 
 def _arguments(
@@ -143,7 +143,7 @@ def _resolved(annotation: Any, verb: Callable[..., Any]) -> Any:
     """Return an annotation as the type that it names; Any where that is known to type checkers alone."""
     text = getattr(annotation, "__forward_arg__", annotation)
     names = dict(vars(sys.modules[inspect.unwrap(verb).__module__]))
-    names |= {name: vars(sys.modules[home])[name] for name, home in _LATE.items() if home in sys.modules}
+    names |= {name: vars(sys.modules[home])[name] for name, home in _LATE_MODULES.items() if home in sys.modules}
     try:
         hint = eval(text, names) if isinstance(text, str) else annotation
     except (NameError, AttributeError, TypeError, SyntaxError):
@@ -168,7 +168,7 @@ def _fits(value: Any, hint: Any) -> bool:
         return value is None
     if origin is Literal:
         return any(value is each or (isinstance(value, type(each)) and value == each) for each in inner)
-    if hint in _NUMBERS:
+    if hint in _NUMBER_TYPES:
         return _number(value, hint)
     if hint is Any or not isinstance(kind, type):
         return True
@@ -205,7 +205,7 @@ def _holds(value: Any, kind: type[Any], inner: tuple[Any, ...]) -> bool:
 def _number(value: Any, kind: type[Any]) -> bool:
     """Whether a value is one number of a kind; True and False are none."""
     value = value[()] if isinstance(value, np.ndarray) else value
-    return isinstance(value, bool | np.bool_) == (kind is bool) and isinstance(value, _NUMBERS[kind])
+    return isinstance(value, bool | np.bool_) == (kind is bool) and isinstance(value, _NUMBER_TYPES[kind])
 
 
 def _numbers(value: Any) -> bool:
@@ -228,14 +228,14 @@ def _oddity(value: Any) -> str:
     if isinstance(value, str | bytes | Mapping) or is_dataclass(value):
         return ""
     if not _numbers(value):
-        return _UNBOUNDED if isinstance(value, int) and abs(value) > _LARGEST else ""
+        return _COMPUTABLE if isinstance(value, int) and abs(value) > _MAX_NUMBER else ""
     array = np.abs(np.asarray(value, dtype=complex))
     if not array.size:
         return "not empty"
     if not np.isfinite(array).all():
         return "finite"
     largest = array.max()
-    return _UNBOUNDED if largest > _LARGEST or 0 < largest < _SMALLEST else ""
+    return _COMPUTABLE if largest > _MAX_NUMBER or 0 < largest < _MIN_NUMBER else ""
 
 
 def _without_axis(value: Any, hint: Any) -> str:
@@ -255,8 +255,8 @@ def _words(hint: Any) -> str:
     if origin is Literal:
         return " or ".join(repr(each) for each in inner)
     kind = origin or hint
-    if kind in _WORDS:
-        return _WORDS[kind]
+    if kind in _TYPE_WORDS:
+        return _TYPE_WORDS[kind]
     if not isinstance(kind, type):
         return ""
     if kind.__module__.startswith("numpy"):

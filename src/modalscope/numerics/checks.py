@@ -12,11 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from modalscope.numerics.errors import DataError
 
-# --------------------------------------------------------------------------------------------------------------- kinds
-# Values of the wrong type: what was expected, what was given, and how to convert it.
-
-#: How arrays become data.
-_WRAPPED = {
+#: Calls that turn arrays into data.
+_WRAPPING = {
     "FrequencyResponse": "FrequencyResponse(values=..., frequencies=...)",
     "ImpulseResponse": "ImpulseResponse(values=..., sampling_rate=...)",
     "Signals": "Signals(outputs=..., sampling_rate=...)",
@@ -25,13 +22,13 @@ _WRAPPED = {
     "StateSpace": "StateSpace(A=..., B=..., C=...)",
 }
 
-#: What reading a file gives.
-_READ = ("FrequencyResponse", "ImpulseResponse", "Signals", "Records", "Setups", "ModalModel", "Geometry")
+#: Types that reading a file gives.
+_READ_TYPES = ("FrequencyResponse", "ImpulseResponse", "Signals", "Records", "Setups", "ModalModel", "Geometry")
 
-_MEASURED = ("FrequencyResponse", "ImpulseResponse", "Signals", "Records", "Setups")
+_MEASURED_TYPES = ("FrequencyResponse", "ImpulseResponse", "Signals", "Records", "Setups")
 
 #: (expected, given) -> how the one is made of the other.
-_MADE: dict[tuple[str, str], str] = {
+_CONVERSIONS: dict[tuple[str, str], str] = {
     ("FrequencyResponse", "Signals"): "estimate it first: ms.estimate_frf(record)",
     ("FrequencyResponse", "Records"): "estimate it from one of its runs: ms.estimate_frf(records.runs[0])",
     ("FrequencyResponse", "ImpulseResponse"): "transform it: response.to_frequency_response()",
@@ -57,15 +54,15 @@ _MADE: dict[tuple[str, str], str] = {
     ("Result", "Comparison"): "ask for it there: ms.compare(data, replicates=40)",
     **{
         ("Result", kind): "analyse the data: ms.analyze(data)"
-        for kind in (*_MEASURED, "ModalModel", "StabilizationDiagram")
+        for kind in (*_MEASURED_TYPES, "ModalModel", "StabilizationDiagram")
     },
-    **{("ModalModel", kind): "identify them first: ms.select(ms.stabilize(data))" for kind in _MEASURED},
-    **{("StabilizationDiagram", kind): "make it first: ms.stabilize(data)" for kind in _MEASURED},
-    **{("StateSpace", kind): "identify it first: ms.realize(data, order=...)" for kind in _MEASURED},
+    **{("ModalModel", kind): "identify them first: ms.select(ms.stabilize(data))" for kind in _MEASURED_TYPES},
+    **{("StabilizationDiagram", kind): "make it first: ms.stabilize(data)" for kind in _MEASURED_TYPES},
+    **{("StateSpace", kind): "identify it first: ms.realize(data, order=...)" for kind in _MEASURED_TYPES},
 }
 
 #: Python's own types in plain words.
-_WORDS = {"str": "text", "bool": "True or False", "Mapping": "a mapping of name to value", "NoneType": "None"}
+_TYPE_WORDS = {"str": "text", "bool": "True or False", "Mapping": "a mapping of name to value", "NoneType": "None"}
 
 
 def check_kind(name: str, value: Any, kinds: type[Any] | tuple[type[Any], ...]) -> None:
@@ -85,23 +82,23 @@ def check_kind(name: str, value: Any, kinds: type[Any] | tuple[type[Any], ...]) 
     if isinstance(value, kinds):
         return
     known = kinds if isinstance(kinds, tuple) else (kinds,)
-    words = [_WORDS.get(kind.__name__, kind.__name__) for kind in known]
+    words = [_TYPE_WORDS.get(kind.__name__, kind.__name__) for kind in known]
     expected = _one_of(words)
     given = type(value).__name__
     fallback = "give one of these" if len(known) > 1 else f"give {expected}"
     hint = _hint(value, given, [kind.__name__ for kind in known], known) or fallback
-    asked, found = f"{name}: expected {expected}", f"got {_WORDS.get(given, given)}"
+    asked, found = f"{name}: expected {expected}", f"got {_TYPE_WORDS.get(given, given)}"
     raise DataError(asked, found, f"{hint[0].upper()}{hint[1:]}.", f"{asked}, {found}: {hint}")
 
 
 def _hint(value: Any, given: str, expected: Sequence[str], kinds: tuple[type[Any], ...]) -> str | None:
     """Return how to make what is expected of what was given; None where nothing is known to help."""
     if isinstance(value, str | PathLike):
-        return "read it first: ms.read(path)" if set(expected) & set(_READ) else None
+        return "read it first: ms.read(path)" if set(expected) & set(_READ_TYPES) else None
     if isinstance(value, tuple | list) and value:
         fitting = [k for k, item in enumerate(value) if isinstance(item, kinds)]
         if len(fitting) == len(value) > 1:
-            several = "put them together first, ms.merge([...]), or " if expected[0] in _MEASURED else ""
+            several = "put them together first, ms.merge([...]), or " if expected[0] in _MEASURED_TYPES else ""
             return f"{several}give them one by one"
         if fitting:
             return f"give only its item {fitting[0]}, counted from 0"
@@ -112,12 +109,12 @@ def _hint(value: Any, given: str, expected: Sequence[str], kinds: tuple[type[Any
     if given in ("DataFrame", "Series"):
         wrapped = _wrapped(None, expected)
         return None if wrapped is None else f"take its numbers, table.to_numpy(), and {wrapped}"
-    return next((_MADE[kind, given] for kind in expected if (kind, given) in _MADE), None)
+    return next((_CONVERSIONS[kind, given] for kind in expected if (kind, given) in _CONVERSIONS), None)
 
 
 def _wrapped(array: Any, expected: Sequence[str]) -> str | None:
     """Return how numbers become one of what is expected; complex ones are no samples, and real ones no response over frequency."""
-    fitting = [_WRAPPED[kind] for kind in expected if kind in _WRAPPED]
+    fitting = [_WRAPPING[kind] for kind in expected if kind in _WRAPPING]
     kind = getattr(getattr(array, "dtype", None), "kind", None)
     if len(fitting) > 1 and kind in ("c", "f"):
         fitting = [form for form in fitting if form.startswith("Frequency") is (kind == "c")] or fitting
@@ -128,10 +125,8 @@ def _one_of(words: Sequence[str]) -> str:
     return " or ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
-# -------------------------------------------------------------------------------------------------------------- checks
-
 #: Size from which arrays are checked without a temporary array of their size.
-_LONG = 1_000_000
+_MIN_LONG_SIZE = 1_000_000
 
 #: What an array holds; `Array` where that is either.
 Array = NDArray[Any]
@@ -189,7 +184,12 @@ def _numeric(name: str, values: ArrayLike, axes: str, ndim: int | Sequence[int])
 
 def check_finite(name: str, array: Array, change: str = "Repair or leave out what is not a finite number.") -> None:
     """Raise a `DataError` that names the first NaN or infinite value and how many there are."""
-    if array.dtype.kind == "f" and array.size > _LONG and np.isfinite(array.min()) and np.isfinite(array.max()):
+    if (
+        array.dtype.kind == "f"
+        and array.size > _MIN_LONG_SIZE
+        and np.isfinite(array.min())
+        and np.isfinite(array.max())
+    ):
         return  # of long records nothing of their size is made
     bad = ~np.isfinite(array)
     count = int(np.count_nonzero(bad))

@@ -6,11 +6,11 @@ from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from typing import Any
 
-#: Characters of a message: it is read on a terminal, whatever the data are called and however many channels they have.
-_LONGEST = 600
+#: Maximum number of characters of a message, which is read on a terminal.
+_MAX_MESSAGE_LENGTH = 600
 
-#: No part of a message is cut below this.
-_PART = 120
+#: Minimum number of characters that are left of a part of a message.
+_MIN_PART_LENGTH = 120
 
 
 def printable(text: str) -> str:
@@ -28,14 +28,14 @@ def printable(text: str) -> str:
 
 def shortened(text: str) -> str:
     """Return text as a message may be: printable, and cut in the middle where it has more than 600 characters."""
-    return _within([printable(text)], _LONGEST)[0]
+    return _within([printable(text)], _MAX_MESSAGE_LENGTH)[0]
 
 
 def _within(parts: Iterable[str], limit: int) -> list[str]:
     """Return the parts, the longest of them cut in the middle until all fit."""
     kept = list(parts)
     for k in sorted(range(len(kept)), key=lambda k: -len(kept[k])):
-        size = max(len(kept[k]) - max(sum(map(len, kept)) - limit, 0), _PART)
+        size = max(len(kept[k]) - max(sum(map(len, kept)) - limit, 0), _MIN_PART_LENGTH)
         if size < len(kept[k]):
             kept[k] = f"{kept[k][: size - size // 3 - 5]} ... {kept[k][-(size // 3) :]}"
     return kept
@@ -65,7 +65,7 @@ class DataError(ValueError):
     """
 
     def __init__(self, asked: str, found: str, change: str, text: str | None = None) -> None:
-        asked, found, change = _within(map(printable, (asked, found, change)), _LONGEST - len(", but .\n"))
+        asked, found, change = _within(map(printable, (asked, found, change)), _MAX_MESSAGE_LENGTH - len(", but .\n"))
         text = None if text is None else shortened(text)
         self.asked, self.found, self.change, self.text = asked, found, change, text
         super().__init__(f"{asked}, but {found}.\n{change}" if text is None else text)

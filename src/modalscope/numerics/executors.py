@@ -20,8 +20,8 @@ Task = TypeVar("Task")
 Done = TypeVar("Done")
 Progress = Callable[[int, int], None]
 
-#: Tasks queued for every thread of the workers: enough to keep all busy, few enough that results do not pile up here.
-_QUEUED = 2
+#: Tasks queued for every thread of the workers: enough to keep all busy, few enough that results do not accumulate.
+_TASKS_PER_THREAD = 2
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -42,13 +42,13 @@ class Executor:
         return array if self.device is None else self.device.place(array)
 
 
-_ALONE = Executor()
+_LOCAL = Executor()
 _executor: ContextVar[Executor | None] = ContextVar("executor", default=None)
 
 
 def executor() -> Executor:
     """Return the executor in force."""
-    return _executor.get() or _ALONE
+    return _executor.get() or _LOCAL
 
 
 @named()
@@ -146,7 +146,7 @@ def _by_workers(client: Any, work: Callable[[Task], Done], tasks: Sequence[Task]
         return futures
 
     threads = sum(int(count) for count in client.nthreads().values())
-    ended = as_completed(hand_out(_QUEUED * max(threads, 1)))
+    ended = as_completed(hand_out(_TASKS_PER_THREAD * max(threads, 1)))
     try:
         for future in ended:
             result = _result(future)

@@ -13,9 +13,6 @@ from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.executors import executor
 from modalscope.numerics.resources import fetched
 
-# ------------------------------------------------------------------------------------------------------- real products
-# Products of real matrices with complex ones by parts: half the work, and no complex copy of the large one.
-
 
 def real_times(left: RealArray, right: Array) -> Array:
     """Return left @ right of a real left side, (..., a, n) and (n, k)."""
@@ -32,9 +29,6 @@ def times_real(left: Array, right: RealArray) -> Array:
     found = np.empty((len(left), right.shape[1]), dtype=complex)
     found.real, found.imag = np.ascontiguousarray(left.real) @ right, np.ascontiguousarray(left.imag) @ right
     return found
-
-
-# ----------------------------------------------------------------------------------------------------------- operators
 
 
 class Operator(Protocol):

@@ -9,22 +9,14 @@ import scipy.linalg as sla
 
 from modalscope.numerics.checks import RealArray
 
-# ----------------------------------------------------------------------------------------------------------- triangles
-# Triangular factors of tall matrices in chunks: by their Gram matrix where that is accurate, else twice, else by orthogonal steps.
-#
-# R'R = sum of chunk'chunk. The Gram matrix costs a quarter of the time and squares the condition: its factor is taken where every column
-# keeps a ten-thousandth of its length given the preceding ones, which leaves eight digits. Where one keeps less, the Gram matrix S'S of
-# chunk R^-1, nearly the identity, gives what is missing: S R is accurate to rounding (Yamamoto and others, "Roundoff error analysis of the
-# CholeskyQR2 algorithm", ETNA 44, 2015), in three quarters of the time of reflections.
-
 #: Relative residual norm that each column must keep given the preceding ones.
-_OWN = 1e-4
+_MIN_REMAINDER = 1e-4
 
 #: Relative residual norm from which a second factor corrects the first, and that each column must then keep: nearly one.
-_SEEN, _NEARLY = 1e-6, 0.5
+_MIN_CORRECTED_REMAINDER, _MIN_SECOND_REMAINDER = 1e-6, 0.5
 
 
-def triangle_of(chunks: Callable[[], Iterator[RealArray]], columns: int, least: float = _OWN) -> RealArray:
+def triangle_of(chunks: Callable[[], Iterator[RealArray]], columns: int, least: float = _MIN_REMAINDER) -> RealArray:
     """Return R (at most columns, columns) of all rows that the chunks give together.
 
     `chunks`: gives the chunks, (rows, columns) each, from the first on; it is called again where the Gram matrix is not accurate.
@@ -32,7 +24,7 @@ def triangle_of(chunks: Callable[[], Iterator[RealArray]], columns: int, least: 
     1e-16 / least^2.
     """
     gram, rows = _gram(chunks(), columns)
-    R = factor_of_gram(gram, overwrite=True, least=_SEEN) if rows > columns else None
+    R = factor_of_gram(gram, overwrite=True, least=_MIN_CORRECTED_REMAINDER) if rows > columns else None
     if R is None:
         return _orthogonally(chunks(), columns)
     size, own = np.linalg.norm(R, axis=0), np.diag(R)
@@ -40,7 +32,7 @@ def triangle_of(chunks: Callable[[], Iterator[RealArray]], columns: int, least: 
         return R
     divisor = np.asfortranarray(R + np.diag(np.where(size > 0, 0.0, 1.0)))
     level = (sla.blas.dtrsm(1.0, divisor, chunk.T, trans_a=1).T for chunk in chunks())
-    S = factor_of_gram(_gram(level, columns)[0], overwrite=True, least=_NEARLY)
+    S = factor_of_gram(_gram(level, columns)[0], overwrite=True, least=_MIN_SECOND_REMAINDER)
     return _orthogonally(chunks(), columns) if S is None else np.asarray(S @ R)
 
 
@@ -78,7 +70,7 @@ def _reflected(place: RealArray, filled: int) -> int:
     return min(filled, columns)
 
 
-def factor_of_gram(gram: RealArray, *, overwrite: bool = False, least: float = _OWN) -> RealArray | None:
+def factor_of_gram(gram: RealArray, *, overwrite: bool = False, least: float = _MIN_REMAINDER) -> RealArray | None:
     """Return the upper triangular R with R'R = G, columns of zeros kept; None where columns are nearly dependent.
 
     `gram` (n, n): g; its upper triangle is read. `overwrite`: whether its place may be used. `least`: relative residual norm
@@ -115,10 +107,8 @@ def stacked_factor(R: RealArray, chunk: RealArray) -> RealArray:
     return np.asarray(found[: stacked.shape[1]], dtype=float)
 
 
-# --------------------------------------------------------------------------------------------------------- orthonormal
-
 #: Distance from orthonormal columns within which a pass reaches rounding: the condition is then below (1 + .1) / (1 - .1).
-_NEAR = 0.1
+_MAX_DEVIATION = 0.1
 
 
 def orthonormal(columns: RealArray) -> RealArray:
@@ -153,7 +143,7 @@ def orthonormal_by(columns: RealArray) -> tuple[RealArray, RealArray | None]:
     found = columns
     for scale in (size, np.ones_like(size)):
         gram = found.T @ found / np.outer(scale, scale)
-        near = np.linalg.norm(gram - np.eye(len(size))) <= _NEAR
+        near = np.linalg.norm(gram - np.eye(len(size))) <= _MAX_DEVIATION
         if found is not columns and not near:
             break
         try:
@@ -167,21 +157,18 @@ def orthonormal_by(columns: RealArray) -> tuple[RealArray, RealArray | None]:
     return np.asarray(np.linalg.qr(columns)[0]), None
 
 
-# ---------------------------------------------------------------------------------------------------------- orthogonal
-# Orthonormal columns with the same span, for matrices of many rows and few columns.
-
-#: From so many rows on reflections take longer than two Cholesky factors.
-_MANY_ROWS = 3000
+#: Number of rows from which reflections take longer than two Cholesky factors.
+_MIN_CHOLESKY_ROWS = 3000
 
 
-#: Rows that two products take at a time: what lies between them stays in the cache.
-_AT_A_TIME = 256
+#: Rows of two successive products that are computed at a time: the intermediate result stays in the cache.
+_ROWS_AT_A_TIME = 256
 
-#: Eigenvalues of a Gram matrix below this part of the largest are near rounding; what is left below that part of the data is, too.
-_DEPENDENT, _LEAST = 1e-11, 1e-8
+#: Share of the largest eigenvalue of a Gram matrix, and of the energy of the data, below which the rest is rounding.
+_ROUNDING_OF_GRAM, _ROUNDING_OF_RESIDUAL = 1e-11, 1e-8
 
-#: Largest relative error, by a bound that is met to a hundredth or so, of an energy that is computed as a difference.
-_EXACT = 1e-7
+#: Maximum relative error of an energy computed as a difference, by a bound that is pessimistic by a factor of about 100.
+_MAX_ENERGY_ERROR = 1e-7
 
 
 def resolved(X: RealArray, data: RealArray) -> tuple[RealArray, RealArray]:
@@ -201,16 +188,16 @@ def resolved(X: RealArray, data: RealArray) -> tuple[RealArray, RealArray]:
         return np.zeros((0, data.shape[1])), np.zeros((0, X.shape[1]))
     gram = X.T @ X
     scale = np.sqrt(np.diag(gram))
-    first = _triangle(gram / np.outer(scale, scale)) if len(X) > _MANY_ROWS else None
+    first = _triangle(gram / np.outer(scale, scale)) if len(X) > _MIN_CHOLESKY_ROWS else None
     if first is not None:
         first = np.asfortranarray(first * scale)
         near, seen = np.zeros_like(gram), np.zeros((len(scale), data.shape[1]))
-        for start in range(0, len(X), _AT_A_TIME):
-            some = np.array(X[start : start + _AT_A_TIME], order="F")
+        for start in range(0, len(X), _ROWS_AT_A_TIME):
+            some = np.array(X[start : start + _ROWS_AT_A_TIME], order="F")
             rows = sla.blas.dtrsm(1.0, first, some, side=1, overwrite_b=1)
             near += rows.T @ rows
-            seen += rows.T @ data[start : start + _AT_A_TIME]
-        second = _triangle(near) if np.linalg.norm(near - np.eye(len(near))) <= _NEAR else None
+            seen += rows.T @ data[start : start + _ROWS_AT_A_TIME]
+        second = _triangle(near) if np.linalg.norm(near - np.eye(len(near))) <= _MAX_DEVIATION else None
         if second is not None:
             found = sla.solve_triangular(second, seen, trans=1, check_finite=False)
             return np.asarray(found), np.asarray(second @ first)
@@ -246,7 +233,7 @@ def energy_left(data: RealArray, columns: RealArray) -> RealArray:
     left = whole - np.einsum("kq,kq->q", seen, seen)
     # a direction is known to rounding times the condition, and takes that share of all others with it
     error = np.finfo(float).eps * np.sqrt(whole) * (spread @ np.abs(seen))
-    rounded = ~(left * _EXACT > error)
+    rounded = ~(left * _MAX_ENERGY_ERROR > error)
     if np.any(rounded):
         rest = _less(data[:, rounded], columns, W)
         left[rounded] = np.einsum("kq,kq->q", rest, rest)
@@ -266,7 +253,7 @@ def _spanned(gram: RealArray) -> tuple[RealArray, RealArray, RealArray]:
     size = np.sqrt(np.diag(gram))
     used = np.flatnonzero(size)
     values, vectors = np.linalg.eigh(gram[np.ix_(used, used)] / np.outer(size[used], size[used]))
-    kept = values > _DEPENDENT * values.max(initial=0.0)
+    kept = values > _ROUNDING_OF_GRAM * values.max(initial=0.0)
     root, V = np.sqrt(values[kept]), vectors[:, kept]
     W, R = np.zeros((size.size, root.size)), np.zeros((root.size, size.size))
     W[used], R[:, used] = V / root / size[used, None], (root[:, None] * V.T) * size[used]
@@ -277,7 +264,7 @@ def _less(data: RealArray, columns: RealArray, W: RealArray) -> RealArray:
     left = data
     for _ in range(2):
         left = left - columns @ (W @ (W.T @ (columns.T @ left)))
-    if np.sum(left**2) < _LEAST * np.sum(data**2):
+    if np.sum(left**2) < _ROUNDING_OF_RESIDUAL * np.sum(data**2):
         Q = np.asarray(np.linalg.qr(columns[:, np.any(W, axis=1)])[0])
         left = data - Q @ (Q.T @ data)
     return left

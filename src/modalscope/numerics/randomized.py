@@ -10,20 +10,20 @@ from modalscope.numerics.checks import RealArray
 from modalscope.numerics.operators import Operator
 from modalscope.numerics.orthonormal import orthonormal
 
-#: Blocks that as many directions as are carried come in: of smaller ones fewer products serve, of larger ones each is quicker.
-_BLOCKS = 4
+#: Blocks in which the directions of a range are computed: smaller ones need fewer products, larger ones quicker ones.
+_BLOCKS_PER_RANGE = 4
 
-#: Directions of a range at least, so that the last one carried is known to about a tenth in noise alone, and at most, in multiples of
-#: those that are carried.
-_LEAST, _MOST = 2, 4
+#: Minimum and maximum size of a range, in multiples of the wanted directions. With the minimum the last wanted singular value of
+#: noise alone is accurate to about a tenth.
+_MIN_MULTIPLE, _MAX_MULTIPLE = 2, 4
 
 #: Directions this many times above the last one carried stand out of the bulk that a range cannot resolve; they must be singular
 #: vectors to this share of the bulk, which is noise, or to rounding of the largest.
-_ABOVE, _SHARE, _ROUNDING = 2.0, 0.01, 1e-13
+_MIN_GAP, _MAX_ERROR_OF_BULK, _ROUNDING_OF_LARGEST = 2.0, 0.01, 1e-13
 
 #: Columns that keep this part of their length, however combined, have nothing in common with a basis but rounding once its part is
 #: taken off; others take it off again, so many times at most.
-_KEPT, _PASSES = 0.1, 4
+_MIN_REMAINDER, _MAX_PASSES = 0.1, 4
 
 _TINY = float(np.finfo(float).tiny)
 
@@ -67,11 +67,11 @@ class _Basis:
         """
         known, rest = self.columns, block
         common = seen = known.T @ block
-        for _ in range(_PASSES):
+        for _ in range(_MAX_PASSES):
             size = np.linalg.norm(rest, axis=0)
             rest = rest - known @ seen
             new = orthonormal(rest)
-            if np.linalg.svd(new.T @ rest / np.maximum(size, _TINY), compute_uv=False)[-1] > _KEPT:
+            if np.linalg.svd(new.T @ rest / np.maximum(size, _TINY), compute_uv=False)[-1] > _MIN_REMAINDER:
                 break
             rest, seen = new, known.T @ new
         self._all[:, self.size : self.size + new.shape[1]] = new
@@ -95,9 +95,9 @@ def by_range(matrix: Operator, carried: int, seed: int = 0) -> Triplets:
     approximate singular value decomposition", NIPS (2015).
     """
     rows, columns = matrix.shape
-    least, most = (min(times * carried, columns) for times in (_LEAST, _MOST))
+    least, most = (min(times * carried, columns) for times in (_MIN_MULTIPLE, _MAX_MULTIPLE))
     U, V, B = _Basis(rows, most), _Basis(columns, most), np.zeros((most, most))
-    last, _ = V.grow(np.random.default_rng(seed).standard_normal((columns, -(-carried // _BLOCKS))))
+    last, _ = V.grow(np.random.default_rng(seed).standard_normal((columns, -(-carried // _BLOCKS_PER_RANGE))))
     while True:
         start, n = U.size, V.size
         left, B[:n, start:n] = U.grow(matrix.times(last))
@@ -105,9 +105,9 @@ def by_range(matrix: Operator, carried: int, seed: int = 0) -> Triplets:
         if n >= least:
             X, d, Yt = np.linalg.svd(B[:n, :n])
             d = d[:carried]
-            out = np.flatnonzero(d > _ABOVE * d[-1])
+            out = np.flatnonzero(d > _MIN_GAP * d[-1])
             missed = np.linalg.norm(rest @ X[start:, out], axis=0)
-            reached = bool(np.all(missed <= max(_SHARE * d[-1], _ROUNDING * d[0])))
+            reached = bool(np.all(missed <= max(_MAX_ERROR_OF_BULK * d[-1], _ROUNDING_OF_LARGEST * d[0])))
             if reached or n == most:
                 return Triplets(U.columns @ X[:, :carried], d, V.columns @ Yt[:carried].T, reached, n)
         last, _ = V.grow(rest[:, : most - n])

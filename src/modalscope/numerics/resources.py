@@ -24,9 +24,6 @@ from modalscope.numerics.checks import Array
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.extras import optional_package
 
-# -------------------------------------------------------------------------------------------------------------- device
-# Where large products are computed: NumPy, or PyTorch on the processor or a graphics card. Small eigenproblems stay with NumPy.
-
 #: What may be asked for: PyTorch on the processor, or on a graphics card.
 DEVICES = ("cpu", "cuda")
 
@@ -88,14 +85,11 @@ def fetched(array: Any) -> Array:
     return array if isinstance(array, np.ndarray) else np.asarray(array.cpu().numpy())
 
 
-# -------------------------------------------------------------------------------------------------------------- memory
-# How much memory work may take: what was set for the process, or what the machine has left.
+#: Memory that is assumed where the system does not report what is free.
+_DEFAULT_MEMORY_BYTES = 4_000_000_000
 
-#: Where the system does not say what it has left.
-_UNKNOWN = 4_000_000_000
-
-#: What work may take at any time: the same data give the same numbers, on a machine that is busy, too.
-_ALWAYS = 500_000_000
+#: Memory that work may always use, so that the same data give the same numbers on a busy machine.
+_MIN_MEMORY_BYTES = 500_000_000
 
 _allowed: int | None = None
 
@@ -120,8 +114,8 @@ def allowed_memory() -> int:
         try:
             left = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
         except (AttributeError, ValueError, OSError):
-            left = _UNKNOWN
-    return max(left * 3 // 4, _ALWAYS)
+            left = _DEFAULT_MEMORY_BYTES
+    return max(left * 3 // 4, _MIN_MEMORY_BYTES)
 
 
 def check_fits(what: str, size: float, change: str) -> None:
@@ -160,8 +154,6 @@ def scratch(numbers: int, dtype: Any = float) -> Any:
     size = np.dtype(dtype).itemsize * numbers
     return np.frombuffer(mmap(-1, size), dtype) if size else np.zeros(0, dtype)
 
-
-# ------------------------------------------------------------------------------------------------------------- threads
 
 P = ParamSpec("P")
 R = TypeVar("R")

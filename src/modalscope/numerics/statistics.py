@@ -6,9 +6,6 @@ import numpy as np
 
 from modalscope.numerics.checks import Array, RealArray
 
-# -------------------------------------------------------------------------------------------------------------- robust
-# Statistics that a few outliers do not move: the scatter of values, and the threshold between modes and noise in a spectrum.
-
 #: Standard deviation of Gaussian values over their median absolute deviation, 1 / Phi^-1(3/4).
 NORMAL = 1.4826
 
@@ -49,10 +46,6 @@ def noise_threshold(singular_values: Array, ratio: float = 1.0) -> float:
     """
     omega = 0.56 * ratio**3 - 0.95 * ratio**2 + 1.82 * ratio + 1.43
     return float(omega * np.median(singular_values))
-
-
-# ------------------------------------------------------------------------------------------------------------- pairing
-# Pairs between two sets, at least cost in all.
 
 
 def assign(cost: RealArray) -> tuple[Array, Array]:

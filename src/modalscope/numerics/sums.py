@@ -75,19 +75,16 @@ def _triangle(rows: RealArray) -> RealArray:
     return np.asarray(sla.qr(rows, mode="r", overwrite_a=True, check_finite=False)[0], dtype=float)[:columns]
 
 
-# ---------------------------------------------------------------------------------------------------------- saved sums
-# Partial sums in a file: written beside it and moved into place, so that a run that is stopped goes on where it was.
-
 #: Files of sums that are under way, which can be gone on from once they are there, and temporary ones that are being written: what ends
 #: the process without an exception speaks of the first and takes the others away itself.
 UNDER_WAY: set[Path] = set()
 PENDING: set[Path] = set()
 
-#: Seconds from one writing to the next, at least, and so many times as long as it took: what is kept costs little.
-_SECONDS, _TIMES = 10.0, 20.0
+#: Minimum time between two writings: seconds, and multiples of the time that a writing takes.
+_MIN_SECONDS_BETWEEN, _MIN_MULTIPLE_OF_WRITING = 10.0, 20.0
 
 #: Bytes of the digest that a file begins with.
-_DIGEST = 32
+_DIGEST_BYTES = 32
 
 
 class SavedSums:
@@ -108,7 +105,7 @@ class SavedSums:
         self.done: BoolArray = np.zeros(tasks, dtype=bool)
         name = hashlib.sha256(f"{work} {shape} {tasks}".encode()).hexdigest()[:24]
         self._path = None if folder is None else folder / f"sums-{name}.npz"
-        self._next = time.monotonic() + _SECONDS
+        self._next = time.monotonic() + _MIN_SECONDS_BETWEEN
         self._kept = 0
         if self._path is not None:
             UNDER_WAY.add(self._path)
@@ -130,7 +127,7 @@ class SavedSums:
         PENDING.add(temporary)
         try:
             with temporary.open("wb+") as file:
-                file.write(bytes(_DIGEST))
+                file.write(bytes(_DIGEST_BYTES))
                 np.savez(file, sums=self.sums, done=self.done)
                 digest = _digest(file)
                 file.seek(0)
@@ -140,7 +137,7 @@ class SavedSums:
             temporary.unlink(missing_ok=True)
             PENDING.discard(temporary)
         self._kept = int(self.done.sum())
-        self._next = time.monotonic() + max(_SECONDS, _TIMES * (time.monotonic() - began))
+        self._next = time.monotonic() + max(_MIN_SECONDS_BETWEEN, _MIN_MULTIPLE_OF_WRITING * (time.monotonic() - began))
 
     def forget(self) -> None:
         """Take the file away: all is done."""
@@ -153,9 +150,9 @@ class SavedSums:
         if self._path is None or not self._path.exists():
             return
         with self._path.open("rb") as file:
-            if file.read(_DIGEST) != _digest(file):
+            if file.read(_DIGEST_BYTES) != _digest(file):
                 return
-            file.seek(_DIGEST)
+            file.seek(_DIGEST_BYTES)
             with np.load(file, allow_pickle=False) as kept:
                 self.sums, self.done = kept["sums"], kept["done"]
         self._kept = int(self.done.sum())
@@ -163,7 +160,7 @@ class SavedSums:
 
 def _digest(file: IO[bytes]) -> bytes:
     """Return what tells that all after the digest itself is as it was written."""
-    file.seek(_DIGEST)
+    file.seek(_DIGEST_BYTES)
     digest = hashlib.sha256()
     while part := file.read(1 << 20):
         digest.update(part)

@@ -28,9 +28,6 @@ from modalscope.realizations.balanced import balanced
 from modalscope.realizations.realization import Realization, Sides
 from modalscope.realizations.shift import check_blocks, shift_grams
 
-# ------------------------------------------------------------------------------------------------------------ fraction
-# The matrix fraction's denominators as companion matrices: poles and participation of every degree (LSCF).
-
 
 @dataclass(frozen=True, eq=False)
 class ReciprocalTriple(Triple):
@@ -104,9 +101,6 @@ def fraction_companion(matrix: Fraction, factors: Factors) -> FractionCompanion:
     `factors`: of the normal equations: for the singular values, the companion needs the Gram blocks alone.
     """
     return FractionCompanion(factors=factors, matrix=matrix)
-
-
-# ----------------------------------------------------------------------------------------------------------- companion
 
 
 def companion_matrix(last: Array, shift: RowShift, degree: int) -> RealArray:
@@ -313,9 +307,6 @@ def least_squares_companion(matrix: DataMatrix, factors: Factors) -> LeastSquare
     stand_in = shift.unweighted(factors.P * factors.d)
     return LeastSquaresCompanion(factors=factors, matrix=matrix, shift=shift, stand_in=stand_in, B=_input(matrix))
 
-
-# ----------------------------------------------------------------------------------------------------------- reduction
-# From a canonical form to minimum order (after Eq. 54): three ways to be rid of the extraneous poles, in the time domain.
 
 #: By projection on the factor's own states, by ERA on the model's Markov parameters, by the sign of time.
 REDUCTIONS = ("projection", "markov", "reversed")

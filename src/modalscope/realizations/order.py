@@ -10,11 +10,11 @@ from modalscope.blocks.factor import Factors
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.statistics import noise_threshold
 
-#: A gap this many times wider than any after it is clear: in white noise of ten to sixty decibels those of the bulk reached 5.
-_CLEAR = 6.5
+#: Minimum ratio of the gap at the order to any later gap: in white noise of 10 to 60 dB those of the bulk reached 5.
+_MIN_GAP_RATIO = 6.5
 
-#: Below this fraction of the largest singular value a sudden end of the spectrum is rounding, and the data have no noise.
-_NOISE_FREE = 1e-10
+#: Share of the largest singular value below which a sudden end of the spectrum is rounding: the data have no noise.
+_ROUNDING_OF_LARGEST = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,10 +91,10 @@ def recommend_order(factors: Factors) -> OrderAdvice:
     by_threshold = max(int(np.count_nonzero(d > floor)), 1)
     by_gap, width = gap_after(d, rounding)
     rank = factors.rank
-    if rank < factors.spectrum.size and factors.spectrum[rank] < _NOISE_FREE * d[0]:
+    if rank < factors.spectrum.size and factors.spectrum[rank] < _ROUNDING_OF_LARGEST * d[0]:
         reason = f"the data have no noise: singular values end at rounding after {rank}"
         return OrderAdvice(rank, rank, rank, rounding, "certain", reason)
-    clear = width >= _CLEAR and by_threshold <= 2 * by_gap <= 4 * by_threshold
+    clear = width >= _MIN_GAP_RATIO and by_threshold <= 2 * by_gap <= 4 * by_threshold
     order = min(by_gap if clear else by_threshold, rank)
     apart = abs(by_gap - by_threshold)
     if clear and apart == 0:

@@ -11,8 +11,8 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import RealArray
 from modalscope.numerics.errors import DataError
 
-#: Beyond this condition the sensors do not tell the states apart.
-_SINGULAR = 1e8
+#: Maximum condition of [C; C A] at which the sensors separate the states.
+_MAX_CONDITION = 1e8
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -71,7 +71,7 @@ def equations_of_motion(model: StateSpace) -> EquationsOfMotion:
     scale = float(np.abs(model.poles).max()) or 1.0
     V = np.vstack([model.C, model.C @ model.A / scale])
     condition = _condition(V, n)
-    if condition > _SINGULAR:
+    if condition > _MAX_CONDITION:
         raise DataError(
             f"M^-1 K of {n} states was asked",
             f"[C; CA] has condition {condition:.1e}: the sensors do not tell the degrees of freedom apart",
@@ -110,7 +110,7 @@ def first_order_form(model: StateSpace) -> StateSpace:
     _need_continuous(model)
     n = model.order
     condition = _condition(model.C / np.maximum(np.linalg.norm(model.C, axis=1, keepdims=True), 1e-300), n)
-    if model.C.shape[0] < n or condition > _SINGULAR:
+    if model.C.shape[0] < n or condition > _MAX_CONDITION:
         raise DataError(
             f"the first-order form of {n} states was asked",
             f"the {model.C.shape[0]} outputs reach {np.linalg.matrix_rank(model.C, tol=1e-8 * np.linalg.norm(model.C))} of them",

@@ -16,8 +16,8 @@ from modalscope.numerics.errors import DataError
 from modalscope.realizations.balanced import first_blocks
 from modalscope.realizations.realization import Realization, Sides
 
-#: Beyond this condition of (E0 P)'(E0 P) the last block row carries what the others lack: too few block rows.
-_SINGULAR = 1e13
+#: Maximum condition of (E0 P)'(E0 P): beyond, there are too few block rows.
+_MAX_CONDITION = 1e13
 
 
 def shift_grams(matrix: DataMatrix, factors: Factors) -> tuple[RealArray, RealArray]:
@@ -29,7 +29,7 @@ def shift_grams(matrix: DataMatrix, factors: Factors) -> tuple[RealArray, RealAr
 def check_blocks(gram: RealArray, n: int, block_rows: int) -> None:
     """Raise when E0 P has lost rank: fewer block rows than the observability index (57, the inverse of I - p' p)."""
     weights = np.linalg.eigvalsh(gram[:n, :n])
-    if weights[0] * _SINGULAR < weights[-1]:
+    if weights[0] * _MAX_CONDITION < weights[-1]:
         raise DataError(
             f"order={n} from the shift of one factor was asked",
             f"{block_rows} block rows without the last leave a factor of condition {np.sqrt(weights[-1] / max(weights[0], 1e-300)):.1e}: "
@@ -57,7 +57,7 @@ class Shift(Realization):
     def _sound(self) -> bool:
         """Whether E0 P has full rank at the largest order, and so at all: eigenvalues of leading blocks lie between the whole's."""
         weights = np.linalg.eigvalsh(self.gram)
-        return bool(weights[0] * _SINGULAR >= weights[-1])
+        return bool(weights[0] * _MAX_CONDITION >= weights[-1])
 
     def triple(self, n: int) -> Triple:
         """Return the model of order n from the leading blocks."""
