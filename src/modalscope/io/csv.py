@@ -258,10 +258,14 @@ def _check_header(path: Path, thing: Signals | Response, header: Sequence[str]) 
     _put(path, notes, header, [[k] * len(header) for k in (1, 2)])
     try:
         again: Any = read(path, {}).thing
-        kept = (again.output_dofs, again.input_dofs, again.units) == (thing.output_dofs, thing.input_dofs, thing.units)
+        restored = (again.output_dofs, again.input_dofs, again.units) == (
+            thing.output_dofs,
+            thing.input_dofs,
+            thing.units,
+        )
     except DataError:
-        kept = False
-    if not kept:
+        restored = False
+    if not restored:
         labels = (*thing.output_dofs, *thing.input_dofs, *thing.units[0], *thing.units[1])
         odd = [repr(label) for label in dict.fromkeys(labels) if not _PLAIN.fullmatch(label)]
         asked = f"writing the labels and units {', '.join(odd or map(repr, labels))} as .csv was asked"

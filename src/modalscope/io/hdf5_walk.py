@@ -207,8 +207,12 @@ def _bound(seconds: int, memory: int) -> None:
     except ImportError:  # Windows: the parent waits a while and ends it
         return
     status = Path("/proc/self/statm")
-    own = int(status.read_text().split()[0]) * resource.getpagesize() if status.exists() else _BYTES_OF_PROGRAM
-    for kind, most in ((resource.RLIMIT_CPU, seconds), (resource.RLIMIT_AS, own + memory), (resource.RLIMIT_CORE, 0)):
+    program = int(status.read_text().split()[0]) * resource.getpagesize() if status.exists() else _BYTES_OF_PROGRAM
+    for kind, most in (
+        (resource.RLIMIT_CPU, seconds),
+        (resource.RLIMIT_AS, program + memory),
+        (resource.RLIMIT_CORE, 0),
+    ):
         hard = resource.getrlimit(kind)[1]
         resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
 

@@ -264,7 +264,7 @@ def _read_new(path: Path, space: Room, ignore: Collection[str]) -> dict[str, Arr
     h5py = optional_package("reading a MATLAB 7.3 file", "h5py", "mat")
     check_hdf5(path, space)
     arrays: dict[str, Array] = {}
-    seen: set[int] = set()
+    visited: set[int] = set()
 
     def take(name: str, item: Any, depth: int = 0) -> None:
         if depth > _MAX_DEPTH:
@@ -275,7 +275,7 @@ def _read_new(path: Path, space: Room, ignore: Collection[str]) -> dict[str, Arr
             for key, part in item.items():
                 if not key.startswith("#"):
                     take(f"{name}.{key}" if name else key, part, depth + 1)
-        elif (members := _members(name, item, space, seen)) is not None:
+        elif (members := _members(name, item, space, visited)) is not None:
             for key, part in members:
                 take(key, part, depth + 1)
         else:
@@ -289,10 +289,10 @@ def _read_new(path: Path, space: Room, ignore: Collection[str]) -> dict[str, Arr
     return arrays
 
 
-def _members(name: str, item: Any, space: Room, seen: set[int]) -> list[tuple[str, Any]] | None:
+def _members(name: str, item: Any, space: Room, visited: set[int]) -> list[tuple[str, Any]] | None:
     """Return the names and datasets that a dataset refers to: members of a cell, or one field of an array of structures.
 
-    None for cells of text, and for a dataset of values. `seen` holds the addresses of those visited: a cell that contains itself is
+    None for cells of text, and for a dataset of values. `visited` holds the addresses of those visited: a cell that contains itself is
     damage.
     """
     import h5py
@@ -300,9 +300,9 @@ def _members(name: str, item: Any, space: Room, seen: set[int]) -> list[tuple[st
     if item.attrs.get("MATLAB_empty", 0) or h5py.check_ref_dtype(item.dtype) is not h5py.Reference:
         return None
     place = h5py.h5o.get_info(item.id).addr
-    if place in seen:
+    if place in visited:
         raise ValueError(f"{name} stands in several places")
-    seen.add(place)
+    visited.add(place)
     space.take(
         f"the members of {name}", BYTES_OF_MEMBER * item.size
     )  # the same part may be referred to again and again

@@ -210,8 +210,8 @@ def stacked_runs(where: str, runs: Sequence[object]) -> Signals:
         fault = f"they have {min(lengths)} to {max(lengths)} samples"
         remedy = f"Take of each what all have: --rows 1-{min(lengths)}"
         raise unreadable(f"the {len(records)} runs of {where}", fault, remedy)
-    kept = ("output_dofs", "input_dofs", "units", "sampling_rate", "quantities")
-    odd = [name for name in kept if any(getattr(record, name) != getattr(first, name) for record in records)]
+    shared = ("output_dofs", "input_dofs", "units", "sampling_rate", "quantities")
+    odd = [name for name in shared if any(getattr(record, name) != getattr(first, name) for record in records)]
     if odd:
         fault = f"they differ in {' and '.join(odd).replace('_', ' ')}"
         remedy = "Save runs of the same channels at the same rate."
@@ -220,5 +220,5 @@ def stacked_runs(where: str, runs: Sequence[object]) -> Signals:
     return Signals(
         outputs=np.stack([record.outputs for record in records]),
         inputs=np.stack(inputs) if inputs else None,
-        **{name: getattr(first, name) for name in kept},
+        **{name: getattr(first, name) for name in shared},
     )

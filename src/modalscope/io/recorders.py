@@ -77,8 +77,8 @@ def read_tdms(path: Path, options: Options) -> Contents:
 
 
 def _of_tdms(number: int, channel: Any) -> Column:
-    said = channel.properties
-    unit = str(said.get("unit_string") or said.get("NI_UnitDescription") or "")
+    properties = channel.properties
+    unit = str(properties.get("unit_string") or properties.get("NI_UnitDescription") or "")
     values = np.asarray(channel[:])
     if values.dtype.kind == "M":
         seconds = (values - values[0]) / np.timedelta64(1, "ns") * 1e-9

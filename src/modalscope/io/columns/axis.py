@@ -13,23 +13,26 @@ from modalscope.io.columns.table import Column, Table, as_word
 from modalscope.io.contents import needs
 from modalscope.numerics.checks import Array, BoolArray, RealArray
 
-#: Times may lie off the even grid by this part of a step.
-_OFF = 0.02
-#: Rates that differ by less are one: headers are rounded.
-_SAME = 1e-3
-#: A step longer than this times the usual one has a sample missing in it, unless the clock is as coarse as the steps; then such
-#: steps are frequent, and a few are gaps.
-_GAP, _FEW = 1.9, 0.01
-#: Seconds since 1970 between 1990 and 2100; nobody counts so many milliseconds, or more, from the start of a test.
+#: Largest distance of times from the even grid, in steps.
+_MAX_OFF_GRID = 0.02
+#: Relative difference up to which rates are equal: headers are rounded.
+_SAME_RATE = 1e-3
+#: Steps longer than this times the usual one lack samples; of a clock as coarse as the steps only if they are fewer than this share.
+_STEPS_OF_GAP, _MAX_SHARE_OF_GAPS = 1.9, 0.01
+#: Seconds since 1970 in the years 1990 and 2100: no test lasts as many milliseconds.
 _EPOCH = (631152000.0, 4102444800.0)
-#: Parts of a second that clocks count, the longest step in s between samples of a vibration, and the fewest samples a second where times
-#: are no seconds: the slowest towers sway in 10 s, which 2 s follow; 5 Hz is the slowest rate of recorders that count milliseconds.
-_PARTS = (1e3, 1e6, 1e9)
-_LONGEST_STEP, _SLOWEST = 2.0, 5.0
-#: No clock of a sampler is better known.
-_CLOCK = 1e-6
-#: So many times at each end tell the digits; printed ones have at most so many behind the point.
-_ENDS, _DIGITS = 5000, 9
+#: Parts of a second that clocks count; the longest step between samples of a vibration in s (the slowest towers sway in 10 s); and the
+#: lowest rate in Hz of recorders that count milliseconds.
+_PARTS_OF_SECOND = (1e3, 1e6, 1e9)
+_LONGEST_STEP, _SLOWEST_RATE = 2.0, 5.0
+#: Relative accuracy of the clocks of samplers, at best.
+_CLOCK_ACCURACY = 1e-6
+#: Times examined at each end for their digits, and decimals at most.
+_TIMES_AT_END, _MAX_DECIMALS = 5000, 9
+#: Relative difference of steps of one even stretch from the usual one, at most; share of the rows of a stretch that is offered, at least.
+_STEP_TOLERANCE, _MIN_SHARE_OF_ROWS = 0.5, 0.25
+
+_RANGE = re.compile(r"\s*(\d*)\s*-\s*(\d*)\s*\Z")
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,13 +71,13 @@ def grain_of(times: RealArray) -> float:
     """
 
     def of(part: RealArray) -> float:
-        for digits in range(_DIGITS + 1):
+        for digits in range(_MAX_DECIMALS + 1):
             scaled = part * 10.0**digits
             if np.all(np.abs(scaled - np.rint(scaled)) <= 1e-6 + 1e-12 * np.abs(scaled)):
                 return float(10.0**-digits)
         return 0.0
 
-    return max(of(times[:_ENDS]), of(times[-_ENDS:]))
+    return max(of(times[:_TIMES_AT_END]), of(times[-_TIMES_AT_END:]))
 
 
 def parts_of_second(times: RealArray, rate: float | None = None) -> float:
@@ -94,7 +97,7 @@ def parts_of_second(times: RealArray, rate: float | None = None) -> float:
     """
     low, high = _EPOCH
     ends = times[[0, -1]] if times.size else np.zeros(2)
-    since = next((parts for parts in _PARTS if np.all((low * parts < ends) & (ends < high * parts))), 1.0)
+    since = next((parts for parts in _PARTS_OF_SECOND if np.all((low * parts < ends) & (ends < high * parts))), 1.0)
     if since > 1 or times.size < 2:
         return since
     with np.errstate(all="ignore"):
@@ -102,8 +105,10 @@ def parts_of_second(times: RealArray, rate: float | None = None) -> float:
     if not 0 < step < np.inf:
         return 1.0
     if rate is not None:
-        return next((parts for parts in (1.0, *_PARTS) if same_rate(rate, parts / step)), 1.0)
-    return 1.0 if step <= _LONGEST_STEP else next((parts for parts in _PARTS if parts / step >= _SLOWEST), 1.0)
+        return next((parts for parts in (1.0, *_PARTS_OF_SECOND) if same_rate(rate, parts / step)), 1.0)
+    if step <= _LONGEST_STEP:
+        return 1.0
+    return next((parts for parts in _PARTS_OF_SECOND if parts / step >= _SLOWEST_RATE), 1.0)
 
 
 def sampling_of(times: RealArray) -> Sampling:
@@ -131,21 +136,21 @@ def sampling_of(times: RealArray) -> Sampling:
     distance = np.abs(times - times[0] - step * np.arange(times.size))
     ulp = float(np.spacing(np.float32(np.abs(times).max()))) if _is_single(times) and not grain else 0.0
     off = float(distance.max())
-    if off > max(_OFF * step, 1.01 * grain, 2 * ulp) or _has_gaps(steps, grain):
+    if off > max(_MAX_OFF_GRID * step, 1.01 * grain, 2 * ulp) or _has_gaps(steps, grain):
         raise _uneven(
             f"the steps lie between {steps[back]:.6g} and {steps[widest]:.6g} s (usual {np.median(steps):.6g} s), the longest at row "
             f"{widest + 2}, and times leave the even grid by up to {off / step:.3g} steps"
         )
     same = steps[widest] - steps[back] <= 1e-6 * step  # whoever writes 0.00, 0.01, 0.02 ... means what stands there
     doubt = 0.0 if same else (grain + 2 * ulp) / (step * steps.size) / step
-    return Sampling(roundest(1 / step, doubt + _CLOCK / step), doubt, off / step)
+    return Sampling(roundest(1 / step, doubt + _CLOCK_ACCURACY / step), doubt, off / step)
 
 
 def _has_gaps(steps: RealArray, grain: float) -> bool:
     """Whether some steps are so long that samples are missing in them."""
     usual = float(np.median(steps))
-    long = steps > _GAP * usual
-    return bool(usual > 0 and long.any() and (grain < 0.4 * usual or long.mean() < _FEW))
+    long = steps > _STEPS_OF_GAP * usual
+    return bool(usual > 0 and long.any() and (grain < 0.4 * usual or long.mean() < _MAX_SHARE_OF_GAPS))
 
 
 def _is_single(times: RealArray) -> bool:
@@ -154,8 +159,8 @@ def _is_single(times: RealArray) -> bool:
         return bool(np.array_equal(times.astype(np.float32).astype(float), times))
 
 
-def _uneven(found: str) -> DataError:
-    return DataError("evenly sampled, increasing times were needed", found, "Resample the record evenly.")
+def _uneven(fault: str) -> DataError:
+    return DataError("evenly sampled, increasing times were needed", fault, "Resample the record evenly.")
 
 
 def roundest(value: float, doubt: float) -> float:
@@ -181,16 +186,7 @@ def same_rate(one: float, other: float, doubt: float = 0.0) -> bool:
     >>> same_rate(1000.0, 1000.5), same_rate(1000.0, 1024.0)
     (True, False)
     """
-    return abs(one - other) <= max(_SAME * max(one, other), doubt)
-
-
-# ---------------------------------------------------------------------------------------------------------------- rows
-# Rows of a table: which of them are taken, and that every cell of these holds a number.
-
-#: Steps that differ from the usual one by less than this part of it may belong to one stretch, and the part of a table that is worth it.
-_STEP, _WORTH = 0.5, 0.25
-
-_RANGE = re.compile(r"\s*(\d*)\s*-\s*(\d*)\s*\Z")
+    return abs(one - other) <= max(_SAME_RATE * max(one, other), doubt)
 
 
 def with_rows(table: Table, asked: object) -> Table:
@@ -206,10 +202,10 @@ def with_rows(table: Table, asked: object) -> Table:
     """
     if asked is None:
         return table
-    found = _RANGE.match(str(asked)[:40])
-    first, last = (int(found[1] or 1), int(found[2] or table.rows)) if found else (0, 0)
+    match = _RANGE.match(str(asked)[:40])
+    first, last = (int(match[1] or 1), int(match[2] or table.rows)) if match else (0, 0)
     if not 1 <= first < last <= table.rows:
-        fault = f"it has the rows 1 to {table.rows}" if found else "that is no range of rows"
+        fault = f"it has the rows 1 to {table.rows}" if match else "that is no range of rows"
         remedy = f"Write the first and the last: --rows 1-{table.rows}"
         raise DataError(f"rows {str(asked)[:40]!r} of {table.where} were asked", fault, remedy)
     columns = tuple(replace(column, values=column.values[first - 1 : last]) for column in table.columns)
@@ -236,12 +232,10 @@ def check_numbers(table: Table, columns: Sequence[Column]) -> None:
     first, last = longest_stretch(~np.any(holes, axis=0))
     ways = {"leave the column out": f"--ignore {as_word(column.label)}"} if len(columns) > 1 else {}
     ways |= {"take the longest stretch of whole rows": f"--rows {above + first}-{above + last}"} if last > first else {}
-    raise needs(
-        table.where,
-        "a finite number in every row",
-        f"{int(bad.sum())} of {bad.size} in {column} are empty or no numbers, the first in row {above + int(np.argmax(bad)) + 1}",
-        " or ".join(["Fill these rows", *ways]) + (f": {', or '.join(ways.values())}" if ways else "."),
-    )
+    where = f"the first in row {above + int(np.argmax(bad)) + 1}"
+    fault = f"{int(bad.sum())} of {bad.size} in {column} are empty or no numbers, {where}"
+    remedy = " or ".join(["Fill these rows", *ways]) + (f": {', or '.join(ways.values())}" if ways else ".")
+    raise needs(table.where, "a finite number in every row", fault, remedy)
 
 
 def longest_even(times: RealArray) -> tuple[int, int] | None:
@@ -255,13 +249,13 @@ def longest_even(times: RealArray) -> tuple[int, int] | None:
     if len(times) < 3:  # two rows are always even, and no stretch
         return None
     steps = np.diff(times)
-    first, last = longest_stretch(np.abs(steps - np.median(steps)) < _STEP * np.median(steps))
+    first, last = longest_stretch(np.abs(steps - np.median(steps)) < _STEP_TOLERANCE * np.median(steps))
     last += 1  # of so many steps one row more
     try:
         sampling_of(times[first - 1 : last])
     except DataError:
         return None
-    return (first, last) if last - first >= _WORTH * len(times) else None
+    return (first, last) if last - first >= _MIN_SHARE_OF_ROWS * len(times) else None
 
 
 def longest_stretch(whole: BoolArray) -> tuple[int, int]:

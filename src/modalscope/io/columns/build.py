@@ -20,10 +20,17 @@ from modalscope.io.contents import Contents, Finding, Options, needs
 #: Options of every format that gives columns.
 COLUMN_OPTIONS = ("columns", "ignore", "transpose", "rows", "resample")
 
-#: A first column that rises evenly by less than this is time: nobody measures lines so near each other (s or Hz).
-_FINE = 0.02
+#: A first column that rises evenly by less than this (s or Hz) is time: lines are never as close.
+_MAX_TIME_STEP = 0.02
 #: Why a column is what `--columns` says.
-_SPOKEN = "--columns says so"
+_REASON_OF_OPTION = "--columns says so"
+_WORDS_OF_PARTS = {
+    "real": "real part",
+    "imag": "imaginary part",
+    "mag": "magnitude",
+    "phase": "phase",
+    "coh": "coherence",
+}
 
 
 def contents_from_table(table: Table, options: Options) -> Contents:
@@ -37,104 +44,102 @@ def contents_from_table(table: Table, options: Options) -> Contents:
     """
     table = _with_units(with_rows(table, options.get("rows")), options.get("units"))
     ignored = ignored_columns(table.columns, options.get("ignore"))
-    left = {column.number: "ignore names it" for column in ignored}
-    columns = [column for column in table.columns if column.number not in left]
+    reasons_left = {column.number: "ignore names it" for column in ignored}
+    columns = [column for column in table.columns if column.number not in reasons_left]
     spoken = spoken_roles(columns, options["columns"]) if options.get("columns") else {}
     roles = {column.number: _role(column, spoken, table.roles) for column in columns}
     for column in columns:
         if roles[column.number].role in ("ignore", "index"):
-            left[column.number] = roles[column.number].reason or "it counts rows"
-    kept = [column for column in columns if column.number not in left]
-    axis, kind, notes = _axis(table, kept, roles, spoken, options)
-    left |= {c.number: roles[c.number].reason for c in kept if roles[c.number].role == "index"}
-    others = [column for column in kept if column is not axis and column.number not in left]
+            reasons_left[column.number] = roles[column.number].reason or "it counts rows"
+    candidates = [column for column in columns if column.number not in reasons_left]
+    axis, kind, notes = _axis(table, candidates, roles, spoken, options)
+    reasons_left |= {c.number: roles[c.number].reason for c in candidates if roles[c.number].role == "index"}
+    others = [column for column in candidates if column is not axis and column.number not in reasons_left]
     _check_axis(table, axis, kind)
     check_numbers(table, others)
     if not others:
         raise nothing_measured(table, axis, kind, options)
     thing: FrequencyResponse | ImpulseResponse | Signals
     if kind == "frequency" and axis is not None:
-        thing, more, unused = frequency_response(table, axis, others, spoken)
+        thing, notes_of_data, unused = frequency_response(table, axis, others, spoken)
     else:
-        record, more, unused = records(table, axis, others, roles, options)
+        record, notes_of_data, unused = records(table, axis, others, roles, options)
         thing = free_decay(record, table.where) if "decay" in spoken.values() else record
-    left |= unused
+    reasons_left |= unused
     reasons = {number: role.reason for number, role in roles.items()}
-    return Contents(
-        thing=thing,
-        findings=(*_layout(table), *(_finding(column, kind, axis, left, reasons) for column in table.columns)),
-        notes=tuple(dict.fromkeys([*table.notes, *notes, *more])),
-    )
+    findings = [Finding(part=part, what=what) for part, what in table.layout]
+    findings += [_finding(column, kind, axis, reasons_left, reasons) for column in table.columns]
+    notes = list(dict.fromkeys([*table.notes, *notes, *notes_of_data]))
+    return Contents(thing=thing, findings=tuple(findings), notes=tuple(notes))
 
 
 def _with_units(table: Table, units: Any) -> Table:
     """Return a table with the units that the option names, all written short."""
-    given = {
+    units_by_number = {
         column.number: str(unit)
         for name, unit in (units.items() if isinstance(units, Mapping) else ())
         if name not in ("outputs", "inputs")
         for column in named_columns(table.columns, [str(name)], "units")
     }
-    columns = (replace(column, unit=short_unit(given.get(column.number, column.unit))) for column in table.columns)
+    columns = (
+        replace(column, unit=short_unit(units_by_number.get(column.number, column.unit))) for column in table.columns
+    )
     return replace(table, columns=tuple(columns))
 
 
-def _role(column: Column, spoken: Mapping[int, str], said: Mapping[int, str]) -> Role:
+def _role(column: Column, spoken: Mapping[int, str], stated: Mapping[int, str]) -> Role:
     if column.number in spoken:
-        return Role(role=spoken[column.number], reason=_SPOKEN)
+        return Role(role=spoken[column.number], reason=_REASON_OF_OPTION)
     if {"out", "decay", "real", "mag"} & set(spoken.values()):
         return Role(role="ignore", reason="--columns does not name it")
-    if column.number in said:
-        return Role(role=said[column.number], reason="its array is one by its name")
+    if column.number in stated:
+        return Role(role=stated[column.number], reason="its array is one by its name")
     return role_by_words(column)
 
 
 def _axis(
-    table: Table, kept: Sequence[Column], roles: dict[int, Role], spoken: Mapping[int, str], options: Options
+    table: Table, columns: Sequence[Column], roles: dict[int, Role], spoken: Mapping[int, str], options: Options
 ) -> tuple[Column | None, str, list[str]]:
-    """Return the column of times or frequencies, which of both it is, and what to say of it."""
+    """Return the column of times or frequencies, which of both it is, and notes."""
     for kind in ("time", "frequency"):
-        named = [column for column in kept if roles[column.number].role == kind]
+        named = [column for column in columns if roles[column.number].role == kind]
         if named:
             return named[0], kind, []
-    rising = kept[0] if kept and not roles[kept[0].number].role else None
+    rising = columns[0] if columns and not roles[columns[0].number].role else None
     rate = options.get("sampling_rate") or table.rate
-    step = 0.0 if rising is None or len(kept) < 2 or spoken else _even_step(rising)
-    if rising is not None and not step and not spoken and rate is None and _is_clock(rising, len(kept)):
+    step = 0.0 if rising is None or len(columns) < 2 or spoken else _even_step(rising)
+    if rising is not None and not step and not spoken and rate is None and _is_clock(rising, len(columns)):
         roles[rising.number] = Role(role="time", reason="it rises by nearly even steps")
-        say = f"{rising} rises by nearly even steps: taken as time in s (else: --ignore {rising.number})"
-        return rising, "time", [say]
+        note = f"{rising} rises by nearly even steps: taken as time in s (else: --ignore {rising.number})"
+        return rising, "time", [note]
     if rising is None or not step:
         return None, "", []
     if step == 1.0 and rate != 1.0 and np.array_equal(rising.values, np.rint(rising.values)):
         roles[rising.number] = Role(role="index", reason="it counts rows")
         return None, "", [f"{rising} counts rows: it was left"]
-    rest = [column.number for column in kept[1:]]
-    if parts_by_name(kept[1:], spoken):
+    rest = [column.number for column in columns[1:]]
+    if parts_by_name(columns[1:], spoken):
         roles[rising.number] = Role(role="frequency", reason="it rises evenly beside complex values")
         return rising, "frequency", [f"{rising} rises evenly beside complex values: taken as frequency in Hz"]
-    beside = any(roles[column.number].role == "in" for column in kept[1:])
-    if step < _FINE or beside or (rate is not None and abs(step * rate - 1) < 1e-2):
+    with_force = any(roles[column.number].role == "in" for column in columns[1:])
+    if step < _MAX_TIME_STEP or with_force or (rate is not None and abs(step * rate - 1) < 1e-2):
         roles[rising.number] = Role(role="time", reason="it rises evenly")
-        say = (
-            f'{rising} rises evenly by {step:.6g}: taken as time in s (else: --columns "frequency={rising.number},...")'
-        )
-        return rising, "time", [say]
+        option = f'--columns "frequency={rising.number},..."'
+        return rising, "time", [f"{rising} rises evenly by {step:.6g}: taken as time in s (else: {option})"]
     pairs = ",".join(f"real={a},imag={b}" for a, b in zip(rest[::2], rest[1::2], strict=False))
-    raise needs(
-        table.where,
-        "a column of time or frequency, told by its name or unit",
-        f"{rising} rises evenly by {step:.6g} from {rising.values[0]:g}, which may be either",
-        f'Say which: --columns "time={rising.number},out={span(rest)}"'
-        + (f', or --columns "frequency={rising.number},{pairs}".' if pairs else "."),
-    )
+    fault = f"{rising} rises evenly by {step:.6g} from {rising.values[0]:g}, which may be either"
+    remedy = f'Say which: --columns "time={rising.number},out={span(rest)}"'
+    remedy += f', or --columns "frequency={rising.number},{pairs}".' if pairs else "."
+    raise needs(table.where, "a column of time or frequency by its name or unit", fault, remedy)
 
 
 def _is_clock(column: Column, count: int) -> bool:
     """Whether a first column is of times whose clock is uneven."""
     values = np.asarray(column.values)
     real = not column.textual and not np.iscomplexobj(values) and bool(np.isfinite(values).all())
-    return real and count > 1 and nearly_even(values.astype(float)) and float(np.median(np.diff(values))) < _FINE
+    return (
+        real and count > 1 and nearly_even(values.astype(float)) and float(np.median(np.diff(values))) < _MAX_TIME_STEP
+    )
 
 
 def _even_step(column: Column) -> float:
@@ -154,22 +159,15 @@ def _check_axis(table: Table, axis: Column | None, kind: str) -> None:
         raise needs(table.where, f"real numbers as {kind}", fault, f"Leave it out: --ignore {as_word(axis.label)}")
 
 
-def _layout(table: Table) -> list[Finding]:
-    return [Finding(part=part, what=what) for part, what in table.layout]
-
-
-_WORDS = {"real": "real part", "imag": "imaginary part", "mag": "magnitude", "phase": "phase", "coh": "coherence"}
-
-
 def _finding(
-    column: Column, kind: str, axis: Column | None, left: Mapping[int, str], reasons: Mapping[int, str]
+    column: Column, kind: str, axis: Column | None, omitted: Mapping[int, str], reasons: Mapping[int, str]
 ) -> Finding:
     name = f"{column.label} [{column.unit}]" if column.unit else column.label
-    if column.number in left:
-        return Finding(part=f"column {column.number}", what=name, taken=False, reason=left[column.number])
+    if column.number in omitted:
+        return Finding(part=f"column {column.number}", what=name, taken=False, reason=omitted[column.number])
     reason = reasons.get(column.number)
-    part = part_of(column.name) if kind == "frequency" and reason != _SPOKEN else None
-    reason = reason if part is None else _WORDS[part[1]]
+    part = part_of(column.name) if kind == "frequency" and reason != _REASON_OF_OPTION else None
+    reason = reason if part is None else _WORDS_OF_PARTS[part[1]]
     why = f" ({reason})" if reason else ""
     if axis is not None and column.number == axis.number:
         return Finding(part=f"column {column.number}", what=f"{name}: {kind}{why}")

@@ -18,16 +18,16 @@ from modalscope.io.columns.axis import longest_stretch, rises, roundest, samplin
 from modalscope.io.columns.table import Column
 from modalscope.numerics.checks import RealArray, check_positive
 
-#: A step longer than this times the usual one has a sample missing in it.
-_GAP = 1.9
-#: Without being asked, records are resampled where at most this part of the motion (-30 dB) and a fifth of the rows are lost.
-_LOST, _KEPT = 0.03, 0.8
-#: Splines through every other sample that miss more than this part of the motion say nothing of those through all.
-_KNOWN = 0.5
-#: So much of the usual step nearly even times may vary, and so many of them must not by more.
-_VARIES, _MOST = 0.5, 0.98
-#: Fewer rows than this are no record.
-_LEAST = 8
+#: Steps longer than this times the usual one lack samples.
+_STEPS_OF_GAP = 1.9
+#: Resampling without being asked: largest loss of the motion (-30 dB), and least share of the rows.
+_MAX_LOSS, _MIN_SHARE_OF_ROWS = 0.03, 0.8
+#: Share of the motion that splines through every other sample may miss for the loss of those through all to be known.
+_MAX_KNOWN_LOSS = 0.5
+#: Nearly even times: relative variation of a step, at most, of this share of the steps at least.
+_STEP_TOLERANCE, _MIN_SHARE_OF_STEPS = 0.5, 0.98
+#: Rows of a record, at least.
+_MIN_ROWS = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,10 +44,10 @@ class Clock:
     gaps: tuple[tuple[int, int], ...]
 
     def __str__(self) -> str:
-        said = [f"jitter of {self.jitter:.2g} steps", f"drift of {1e6 * self.drift:.0f} ppm"]
+        words = [f"jitter of {self.jitter:.2g} steps", f"drift of {1e6 * self.drift:.0f} ppm"]
         missing = sum(count for _, count in self.gaps)
-        said += [f"{counted(len(self.gaps), 'gap')} with {missing} samples missing"] if self.gaps else []
-        return ", ".join(said)
+        words += [f"{counted(len(self.gaps), 'gap')} with {missing} samples missing"] if self.gaps else []
+        return ", ".join(words)
 
 
 def nearly_even(values: RealArray) -> bool:
@@ -58,11 +58,11 @@ def nearly_even(values: RealArray) -> bool:
     >>> nearly_even(np.arange(20.0) + 0.1 * np.sin(np.arange(20.0))), nearly_even(np.arange(20.0) ** 2)
     (True, False)
     """
-    if values.size < _LEAST or not rises(values):
+    if values.size < _MIN_ROWS or not rises(values):
         return False
     steps = np.diff(values)
     usual = np.median(steps)
-    return bool(np.mean(np.abs(steps - usual) < _VARIES * usual) >= _MOST)
+    return bool(np.mean(np.abs(steps - usual) < _STEP_TOLERANCE * usual) >= _MIN_SHARE_OF_STEPS)
 
 
 def clock_of(times: RealArray) -> Clock:
@@ -75,7 +75,7 @@ def clock_of(times: RealArray) -> Clock:
     """
     steps = np.diff(times)
     usual = float(np.median(steps))
-    places = np.flatnonzero(steps > _GAP * usual) + 1
+    places = np.flatnonzero(steps > _STEPS_OF_GAP * usual) + 1
     missing = [round(float(steps[place - 1]) / usual) - 1 for place in places]
     k = np.arange(times.size, dtype=float)
     for place, count in zip(places, missing, strict=True):
@@ -95,10 +95,10 @@ def resampled(times: RealArray, values: RealArray, rate: float) -> tuple[RealArr
     from scipy.interpolate import CubicSpline
 
     grid = times[0] + np.arange(int(np.floor((times[-1] - times[0]) * rate * (1 + 1e-9))) + 1) / rate
-    found = CubicSpline(times, values)(grid)
+    even = CubicSpline(times, values)(grid)
     missed = _missed(times, values)
     coarser = (times.size - 1) / (rate * (times[-1] - times[0]))
-    return np.asarray(found), missed / 16 if missed <= _KNOWN and coarser <= 1.001 else np.nan
+    return np.asarray(even), missed / 16 if missed <= _MAX_KNOWN_LOSS and coarser <= 1.001 else np.nan
 
 
 def _missed(times: RealArray, values: RealArray) -> float:
@@ -121,31 +121,30 @@ def evened(
 
     Raises `DataError`: times that do not increase where resampling was asked, a rate above that of the samples.
     """
-    given = None if asked in (None, "auto") else check_positive("resample", asked)
-    if given is None and _is_even(times):
+    rate_asked = None if asked in (None, "auto") else check_positive("resample", asked)
+    if rate_asked is None and _is_even(times):
         return axis, channels, []
-    usable = times.size >= _LEAST and bool(np.isfinite(times).all()) and rises(times)
+    usable = times.size >= _MIN_ROWS and bool(np.isfinite(times).all()) and rises(times)
     if not usable or any(np.iscomplexobj(c.values) for c in channels):
         return axis, channels, []
     clock = clock_of(times)
-    if given is not None and given * clock.step > 1 + 1e-3:
+    if rate_asked is not None and rate_asked * clock.step > 1 + 1e-3:
         fault = f"its samples follow each other {1 / clock.step:.6g} times a second"
         remedy = "Give a lower rate: nothing stands between the samples."
-        raise DataError(f"resampling {where} to {given:g} Hz was asked", fault, remedy)
+        raise DataError(f"resampling {where} to {rate_asked:g} Hz was asked", fault, remedy)
     whole = np.ones(times.size - 1, bool)
     whole[[place - 1 for place, _ in clock.gaps]] = False
     first, last = longest_stretch(whole)
     last += 1
     part, rows = slice(first - 1, last), f"{first}-{last}"
-    if asked is None and last - first + 1 < _KEPT * times.size:
+    if asked is None and last - first + 1 < _MIN_SHARE_OF_ROWS * times.size:
         return axis, channels, []
-    rate = given or roundest(1 / clock.step, 1e-4 / clock.step)
-    kept, taken = times[part], np.stack([c.values[part] for c in channels], axis=1).astype(float)
-    values, lost = resampled(kept, taken, rate)
-    even_samples = _missed(np.arange(kept.size, dtype=float), taken) <= _missed(
-        kept, taken
-    )  # then the clock alone is uneven
-    if asked is None and (even_samples or not lost <= _LOST):
+    rate = rate_asked or roundest(1 / clock.step, 1e-4 / clock.step)
+    stretch, samples = times[part], np.stack([c.values[part] for c in channels], axis=1).astype(float)
+    values, lost = resampled(stretch, samples, rate)
+    # the clock alone is uneven where samples on an even grid are smoother
+    even_samples = _missed(np.arange(stretch.size, dtype=float), samples) <= _missed(stretch, samples)
+    if asked is None and (even_samples or not lost <= _MAX_LOSS):
         return axis, channels, []
     share = (
         "not known: there is motion near half the sampling rate"

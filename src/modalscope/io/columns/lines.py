@@ -13,12 +13,9 @@ from modalscope.data.geometry import label_of
 from modalscope.data.units import plain_unit
 from modalscope.io.arrays import joined
 from modalscope.io.columns.table import Column, Table, as_word, span
-from modalscope.io.columns.words import LONGEST, factor_to_base, is_spectrum, kind_of_unit
+from modalscope.io.columns.words import MAX_CHARACTERS, factor_to_base, is_spectrum, kind_of_unit
 from modalscope.io.contents import needs
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
-
-# --------------------------------------------------------------------------------------------------------------- parts
-# Complex values out of real columns: real and imaginary parts, magnitudes and phases, in decibels, degrees or radians.
 
 _PARTS = {
     "real": "real|re|realteil|réel|reell",
@@ -33,10 +30,22 @@ _PATTERNS = {
 }
 _BARS = re.compile(r"\|([^|]+)\|\Z")
 _DECIBEL = re.compile(r"(?<![A-Za-z])d[bB](?![A-Za-z])")
-_LOOSE = " _-.,:;|()"
+_SEPARATORS = " _-.,:;|()"
 
-#: A phase within these bounds (rad) and beyond the lower one is in radians; a degree or three is no phase of a resonance.
-_RADIANS = (2.0, 2 * np.pi + 0.01)
+#: Phases whose largest lies between these bounds (rad) are radians: a resonance turns by more than three degrees.
+_BOUNDS_OF_RADIANS = (2.0, 2 * np.pi + 0.01)
+
+#: Parts that `--columns` may name, and which of them make one complex value.
+_FAMILY_OF_PART = {"real": "parts", "imag": "parts", "mag": "polar", "phase": "polar", "coh": "coherence"}
+#: The parts of one response by what they are.
+Parts = dict[str, Column]
+
+#: The input where no name says one.
+_ONLY_INPUT = "u1"
+_PREFIX = re.compile(r"^(?:frequency response|frf|transfer function|tf|h[12v]?)(?![A-Za-z0-9])[\s:_(]*", re.IGNORECASE)
+_PAIR = re.compile(r"^(?P<out>[^/]+?)\s*(?:/|<-|->)\s*(?P<in>[^/]+?)$")
+_OTHER_PART = {"real": "imag", "imag": "real", "mag": "phase", "phase": "mag"}
+_WORDS_OF_PARTS = {"real": "real part", "imag": "imaginary part", "mag": "magnitude", "phase": "phase"}
 
 
 def part_of(name: str) -> tuple[str, str] | None:
@@ -47,25 +56,25 @@ def part_of(name: str) -> tuple[str, str] | None:
     >>> part_of("H11 Real"), part_of("Im(H11)"), part_of("|3Z/1Z|"), part_of("Phase"), part_of("AccA")
     (('H11', 'real'), ('H11', 'imag'), ('3Z/1Z', 'mag'), ('', 'phase'), None)
     """
-    text = name.strip()[:LONGEST]
+    text = name.strip()[:MAX_CHARACTERS]
     bars = _BARS.match(text)
     if bars:
         return bars[1].strip(), "mag"
     for part, pattern in _PATTERNS.items():
-        found = pattern.search(text)
-        if found:
-            rest = _DECIBEL.sub("", text[: found.start()] + " " + text[found.end() :])
+        match = pattern.search(text)
+        if match:
+            rest = _DECIBEL.sub("", text[: match.start()] + " " + text[match.end() :])
             return " ".join(_unwrapped(rest).split()), part
     return None
 
 
 def _unwrapped(text: str) -> str:
     """Return what is left of a name without the brackets and signs that joined the part to it."""
-    text = text.strip(_LOOSE.replace("(", "").replace(")", ""))
+    text = text.strip(_SEPARATORS.replace("(", "").replace(")", ""))
     while text.startswith("(") and text.endswith(")"):
         text = text[1:-1]
     text = text.replace("()", "")
-    return text.strip(_LOOSE if text.count("(") != text.count(")") else " _-.,:;|")
+    return text.strip(_SEPARATORS if text.count("(") != text.count(")") else " _-.,:;|")
 
 
 def is_decibel(name: str, unit: str) -> bool:
@@ -107,7 +116,7 @@ def phase_unit(unit: str, phases: RealArray) -> str:
     if plain.startswith("rad"):
         return "rad"
     largest = float(np.abs(phases).max(initial=0.0))
-    return "deg" if largest > _RADIANS[1] else "rad" if largest > _RADIANS[0] else ""
+    return "deg" if largest > _BOUNDS_OF_RADIANS[1] else "rad" if largest > _BOUNDS_OF_RADIANS[0] else ""
 
 
 def joined_polar(where: str, magnitude: Array, phase: Array, unit: str, example: str) -> ComplexArray:
@@ -121,21 +130,8 @@ def joined_polar(where: str, magnitude: Array, phase: Array, unit: str, example:
         fault = f"they lie within {np.abs(phase).max(initial=0.0):.3g} of zero, which may be degrees or radians"
         remedy = f'Say which: --units "{example}=deg" or --units "{example}=rad".'
         raise needs(where, "the unit of its phases", fault, remedy)
-    turned = np.exp(1j * (np.deg2rad(phase) if unit == "deg" else phase))
-    return np.asarray(magnitude * turned, complex)
-
-
-# --------------------------------------------------------------------------------------------------------------- lines
-
-#: Parts that `--columns` may name, and which of them make one complex value.
-_FAMILY = {"real": "parts", "imag": "parts", "mag": "polar", "phase": "polar", "coh": "coherence"}
-#: The parts of one response by what they are.
-Parts = dict[str, Column]
-
-#: The input where names say nothing of one.
-_ONE = "u1"
-_PREFIX = re.compile(r"^(?:frequency response|frf|transfer function|tf|h[12v]?)(?![A-Za-z0-9])[\s:_(]*", re.IGNORECASE)
-_PAIR = re.compile(r"^(?P<out>[^/]+?)\s*(?:/|<-|->)\s*(?P<in>[^/]+?)$")
+    factor = np.exp(1j * (np.deg2rad(phase) if unit == "deg" else phase))
+    return np.asarray(magnitude * factor, complex)
 
 
 def parts_by_name(columns: Sequence[Column], spoken: Mapping[int, str]) -> dict[tuple[str, int], Parts]:
@@ -143,10 +139,10 @@ def parts_by_name(columns: Sequence[Column], spoken: Mapping[int, str]) -> dict[
 
     `spoken`: what `--columns` says. It pairs, too, whatever the names are: the first real part with the first imaginary one.
     """
-    found = _spoken_parts(columns, spoken)
+    groups = _spoken_parts(columns, spoken)
     for column in columns:
         named = part_of(column.name)
-        if spoken.get(column.number) in _FAMILY:
+        if spoken.get(column.number) in _FAMILY_OF_PART:
             continue
         if np.iscomplexobj(column.values):
             base, part = column.name, "complex"
@@ -155,27 +151,27 @@ def parts_by_name(columns: Sequence[Column], spoken: Mapping[int, str]) -> dict[
         else:
             continue
         place = 0
-        while part in found.setdefault((base, place), {}):
+        while part in groups.setdefault((base, place), {}):
             place += 1
-        found[base, place][part] = column
-    return found
+        groups[base, place][part] = column
+    return groups
 
 
 def _spoken_parts(columns: Sequence[Column], spoken: Mapping[int, str]) -> dict[tuple[str, int], Parts]:
     """Return the parts that `--columns` names: the k-th real part and the k-th imaginary one are one response, likewise polar ones."""
-    order: dict[str, list[Column]] = {part: [] for part in _FAMILY}
+    order: dict[str, list[Column]] = {part: [] for part in _FAMILY_OF_PART}
     for column in columns:
-        if spoken.get(column.number) in _FAMILY:
+        if spoken.get(column.number) in _FAMILY_OF_PART:
             order[spoken[column.number]].append(column)
     groups: dict[tuple[str, int], Parts] = {}
-    for part, held in order.items():
-        for k, column in enumerate(held):
-            groups.setdefault((_FAMILY[part], k), {})[part] = column
-    found: dict[tuple[str, int], Parts] = {}
+    for part, columns_of_part in order.items():
+        for k, column in enumerate(columns_of_part):
+            groups.setdefault((_FAMILY_OF_PART[part], k), {})[part] = column
+    named: dict[tuple[str, int], Parts] = {}
     for parts in sorted(groups.values(), key=lambda parts: min(column.number for column in parts.values())):
         base = _shared_stem(parts)
-        found[base, sum(name == base for name, _ in found)] = parts
-    return found
+        named[base, sum(name == base for name, _ in named)] = parts
+    return named
 
 
 def _shared_stem(parts: Parts) -> str:
@@ -193,30 +189,30 @@ def frequency_response(
 
     Raises `DataError`: magnitudes without phases, a part without its other, an unknown unit of phases, pairs that make no matrix.
     """
-    found = parts_by_name(columns, spoken)
+    groups = parts_by_name(columns, spoken)
     notes: list[str] = []
     used: dict[int, str] = {}
     responses: dict[tuple[str, str], tuple[Array, str]] = {}
     coherences: list[tuple[str, Column]] = []
-    for (base, place), parts in found.items():
+    for (base, place), parts in groups.items():
         if set(parts) == {"coh"}:
             coherences.append((base, parts["coh"]))
             continue
         pair = _pair_of(base if place == 0 else f"{base} {place + 1}".strip(), len(responses) + 1)
         values = _values(table, parts, notes)
         if values is None:
-            raise _incomplete(table, axis, parts, found, spoken)
+            raise _incomplete(table, axis, parts, groups, spoken)
         first = next(iter(parts.values()))
         responses[pair] = (values, first.unit)
         used |= {column.number: "" for column in parts.values()}
         coherences += [(base, parts["coh"])] if "coh" in parts else []
-    if len(responses) > 1 and {into for _, into in responses} == {_ONE}:
+    if len(responses) > 1 and {into for _, into in responses} == {_ONLY_INPUT}:
         notes.append("no name is a pair such as 3Z/1Z: all responses are taken as those to one input")
     if not responses:
         raise _no_phases(table, axis, columns)
-    left = {column.number: "it belongs to no frequency response" for column in columns if column.number not in used}
+    unused = {column.number: "it belongs to no frequency response" for column in columns if column.number not in used}
     outputs, inputs, units, values = _matrix(table, responses)
-    coherence = _coherence(coherences, outputs, inputs, left)
+    coherence = _coherence(coherences, outputs, inputs, unused)
     quantities = {kind_of_unit(unit) for unit in units[0]} & {"acceleration", "velocity", "displacement"}
     thing = FrequencyResponse(
         values=values,
@@ -227,7 +223,7 @@ def frequency_response(
         units=units,
         coherence=coherence,
     )
-    return thing, notes, left
+    return thing, notes, unused
 
 
 def _pair_of(base: str, count: int) -> tuple[str, str]:
@@ -236,7 +232,7 @@ def _pair_of(base: str, count: int) -> tuple[str, str]:
     match = _PAIR.match(bare)
     if match and kind_of_unit(match["in"]) == "":
         return label_of(match["out"].strip()), label_of(match["in"].strip())
-    return label_of(base) if base else f"y{count}", _ONE
+    return label_of(base) if base else f"y{count}", _ONLY_INPUT
 
 
 def _values(table: Table, parts: Parts, notes: list[str]) -> Array | None:
@@ -257,53 +253,39 @@ def _values(table: Table, parts: Parts, notes: list[str]) -> Array | None:
     return None
 
 
-_OTHER = {"real": "imag", "imag": "real", "mag": "phase", "phase": "mag"}
-_WORDS = {"real": "real part", "imag": "imaginary part", "mag": "magnitude", "phase": "phase"}
-
-
 def _incomplete(
     table: Table, axis: Column, parts: Parts, found: Mapping[tuple[str, int], Parts], spoken: Mapping[int, str]
 ) -> DataError:
     """Return the error of a part that lacks its other; the example names columns where as many of both kinds are left."""
-    part = next(part for part in parts if part in _OTHER)
-    first = part if part in ("real", "mag") else _OTHER[part]
-    second = _OTHER[first]
-    alone = {
-        kind: [held[kind].number for held in found.values() if {first, second} & set(held) == {kind}]
-        for kind in (first, second)
-    }
+    part = next(part for part in parts if part in _OTHER_PART)
+    first = part if part in ("real", "mag") else _OTHER_PART[part]
+    second = _OTHER_PART[first]
+    groups = found.values()
+    alone = {kind: [g[kind].number for g in groups if {first, second} & set(g) == {kind}] for kind in (first, second)}
     pairs = zip(alone[first], alone[second], strict=False)
     example = ",".join(f"{first}={a},{second}={b}" for a, b in pairs) or f"{first}=...,{second}=..."
-    whole = any(len(held) > 1 or "complex" in held for held in found.values())
-    change = (
-        f"Export it, {f'leave the column out with --ignore {as_word(parts[part].label)}, ' if whole else ''}or say what the columns are: "
-        f'--columns "frequency={axis.number},{example}"'
-    )
+    whole = any(len(group) > 1 or "complex" in group for group in groups)
+    ignored = f"leave the column out with --ignore {as_word(parts[part].label)}, " if whole else ""
+    option = f'--columns "frequency={axis.number},{example}"'
+    remedy = f"Export it, {ignored}or say what the columns are: {option}"
     if spoken.get(parts[part].number) == part:
-        change = f"Name as many columns {_OTHER[part]}= as {part}= in --columns, in the same order."
-    return needs(table.where, "complex values", f"{parts[part]} has no {_WORDS[_OTHER[part]]} beside it", change)
+        remedy = f"Name as many columns {_OTHER_PART[part]}= as {part}= in --columns, in the same order."
+    fault = f"{parts[part]} has no {_WORDS_OF_PARTS[_OTHER_PART[part]]} with it"
+    return needs(table.where, "complex values", fault, remedy)
 
 
 def _no_phases(table: Table, axis: Column, columns: Sequence[Column]) -> DataError:
     numbers = [column.number for column in columns]
-    alone = len(numbers) == 1
-    change = "Export real and imaginary parts, or magnitudes and phases; spectra alone hold no phases to identify from."
+    remedy = "Export real and imaginary parts, or magnitudes and phases; spectra alone hold no phases to identify from."
     if len(numbers) % 2 == 0 and numbers and not any(map(is_spectrum, columns)):
-        example = ",".join(f"real={a},imag={b}" for a, b in zip(numbers[::2], numbers[1::2], strict=True))
-        polar = example.replace("real", "mag").replace("imag", "phase")
-        said = f'--columns "frequency={axis.number},{example}", or --columns "frequency={axis.number},{polar}"'
-        change = (
-            f"{change} If they are such parts: {said}."
-            if any(column.name for column in columns)
-            else f"Say what they are: {said}."
-        )
-    return needs(
-        table.where,
-        "complex values beside its frequencies",
-        f"{'column' if alone else 'columns'} {span(numbers)} {'is' if alone else 'are'} real "
-        f"({', '.join(column.label for column in columns[:6])})",
-        change,
-    )
+        parts = ",".join(f"real={a},imag={b}" for a, b in zip(numbers[::2], numbers[1::2], strict=True))
+        polar = parts.replace("real", "mag").replace("imag", "phase")
+        option = f'--columns "frequency={axis.number},{parts}", or --columns "frequency={axis.number},{polar}"'
+        named = any(column.name for column in columns)
+        remedy = f"{remedy} If they are such parts: {option}." if named else f"Say what they are: {option}."
+    words = f"column {span(numbers)} is" if len(numbers) == 1 else f"columns {span(numbers)} are"
+    fault = f"{words} real ({', '.join(column.label for column in columns[:6])})"
+    return needs(table.where, "complex values with its frequencies", fault, remedy)
 
 
 def _matrix(table: Table, responses: Mapping[tuple[str, str], tuple[Array, str]]) -> tuple[Any, Any, Any, Array]:
@@ -333,15 +315,15 @@ def _unit_pair(unit: str) -> tuple[str, str]:
 
 
 def _coherence(
-    found: Sequence[tuple[str, Column]], outputs: Sequence[str], inputs: Sequence[str], left: dict[int, str]
+    coherences: Sequence[tuple[str, Column]], outputs: Sequence[str], inputs: Sequence[str], unused: dict[int, str]
 ) -> Array | None:
     """Return coherence where there is one for every output, in the order of the responses."""
-    if not found or len(found) != len(outputs) * len(inputs):
+    if not coherences or len(coherences) != len(outputs) * len(inputs):
         return None
-    values = np.stack([column.values for _, column in found], axis=-1)
+    values = np.stack([column.values for _, column in coherences], axis=-1)
     if values.min() < 0 or values.max() > 1 + 1e-6:
-        left |= {column.number: "a coherence lies between 0 and 1" for _, column in found}
+        unused |= {column.number: "a coherence lies between 0 and 1" for _, column in coherences}
         return None
-    for _, column in found:
-        left.pop(column.number, None)
+    for _, column in coherences:
+        unused.pop(column.number, None)
     return np.asarray(values.reshape(-1, len(outputs), len(inputs)))

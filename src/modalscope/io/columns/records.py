@@ -18,9 +18,9 @@ from modalscope.io.columns.words import Role, factor_to_base, ignored_columns, i
 from modalscope.io.contents import Options, needs, unreadable
 from modalscope.numerics.checks import RealArray, check_positive
 
-#: The digits of times may leave so much of their rate open: frequencies would be as wrong.
-_OPEN = 1e-3
-_PARTS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
+#: Relative uncertainty of a rate by the digits of the times, at most: frequencies have the same.
+_MAX_DOUBT_OF_RATE = 1e-3
+_PARTS_OF_SECOND = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
 
 
 def records(
@@ -43,18 +43,17 @@ def records(
         raise needs(table.where, "frequencies beside complex values", fault, remedy)
     spectra = [column for column in channels if is_spectrum(column)] if options.get("columns") is None else []
     if spectra:
-        raise unreadable(
-            f"{table.where} as a record",
-            f"{spectra[0]} is by its name a spectrum{' in dB' if _in_decibels(spectra[0]) else ''}: the phase between signals is gone",
-            "Save the waveform that it was computed from, or frequency responses with real and imaginary parts; "
-            f'if it is a record: --columns "out={spectra[0].number}"',
-        )
+        in_decibels = " in dB" if np.min(spectra[0].values) < 0 else ""  # powers and magnitudes are never negative
+        fault = f"{spectra[0]} is by its name a spectrum{in_decibels}: the phase between signals is gone"
+        waveform = "the waveform that it was computed from, or frequency responses with real and imaginary parts"
+        remedy = f'Save {waveform}; if it is a record: --columns "out={spectra[0].number}"'
+        raise unreadable(f"{table.where} as a record", fault, remedy)
     refuse_transposed(table.where, table.rows, len(channels), bool(options.get("transpose")))
     evenly: list[str] = []
     if axis is not None:
-        axis, said = _with_seconds(table, axis, options)
+        axis, unit_notes = _with_seconds(table, axis, options)
         axis, channels, evenly = evened(table.where, axis, seconds_of(axis), channels, options.get("resample"))
-        evenly = [*said, *evenly]
+        evenly = [*unit_notes, *evenly]
     rate, notes = sampling_rate(table, axis, options)
     notes = [*evenly, *notes]
     if axis and options.get("columns") is None:
@@ -87,8 +86,8 @@ def nothing_measured(table: Table, axis: Column | None, kind: str, options: Opti
     `kind`: of the axis, "time" or "frequency".
     """
     ignored = {column.number for column in ignored_columns(table.columns, options.get("ignore"))}
-    left = ignored | ({axis.number} if axis is not None else set())
-    others = [column.number for column in table.columns if not column.textual and column.number not in left]
+    excluded = ignored | ({axis.number} if axis is not None else set())
+    others = [column.number for column in table.columns if not column.textual and column.number not in excluded]
     change = "Export the measured channels, too."
     if others and kind == "frequency":
         change = "Export real and imaginary parts beside the frequencies."
@@ -99,25 +98,6 @@ def nothing_measured(table: Table, axis: Column | None, kind: str, options: Opti
         change = "Leave fewer columns out with --ignore."
     fault = f"its columns are {', '.join(map(str, table.columns[:6])) or '(none)'}"
     return needs(table.where, "a column of measured values", fault, change)
-
-
-def _in_decibels(column: Column) -> bool:
-    """Whether a spectrum is given in dB: powers and magnitudes are never negative."""
-    return bool(np.min(column.values) < 0)
-
-
-def _said(table: Table, rate: float | None) -> float:
-    """Return the rate that a header or an option says where no column is of times."""
-    if rate is None:
-        fault = "no column is of times, and no header says a rate"
-        raise needs(table.where, "a sampling rate", fault, "Give it in samples per second: --sampling-rate HZ")
-    return rate
-
-
-def _even_rows(times: RealArray, above: int) -> str:
-    """Return the way out of uneven times that some of the rows are; nothing where all are uneven."""
-    even = longest_even(times)
-    return "" if even is None else f", or --rows {above + even[0]}-{above + even[1]}, the longest even stretch"
 
 
 def free_decay(record: Signals, where: str) -> ImpulseResponse:
@@ -175,13 +155,11 @@ def refuse_transposed(where: str, samples: int, channels: int, transposed: bool)
     `transposed`: whether `--transpose` was given already.
     """
     if channels > samples:
-        raise unreadable(
-            f"{where} as records",
-            f"it has {channels} channels of {samples} samples, which is more channels than samples",
-            "Leave --transpose out: channels stand in columns."
-            if transposed
-            else "If every row is a channel, exchange rows and columns: --transpose",
-        )
+        fault = f"it has {channels} channels of {samples} samples, which is more channels than samples"
+        remedy = "If every row is a channel, exchange rows and columns: --transpose"
+        if transposed:
+            remedy = "Leave --transpose out: channels stand in columns."
+        raise unreadable(f"{where} as records", fault, remedy)
 
 
 def seconds_of(axis: Column) -> RealArray:
@@ -199,13 +177,10 @@ def _with_seconds(table: Table, axis: Column, options: Options) -> tuple[Column,
     parts = 1.0 if axis.unit else parts_of_second(times, rate)
     if parts == 1.0:
         return axis, []
-    since = parts == parts_of_second(times[:1])
-    why = (
-        " since 1970"
-        if since
-        else f' by their step of {float(np.median(np.diff(times))):.6g} (else: --units "{axis.label}=s")'
-    )
-    note = f"the times of column {axis.number} have no unit: taken as {_PARTS[parts]}{why}"
+    why = " since 1970"
+    if parts != parts_of_second(times[:1]):
+        why = f' by their step of {float(np.median(np.diff(times))):.6g} (else: --units "{axis.label}=s")'
+    note = f"the times of column {axis.number} have no unit: taken as {_PARTS_OF_SECOND[parts]}{why}"
     return replace(axis, values=(times - times[:1]) / parts, unit="s"), [note]
 
 
@@ -217,38 +192,34 @@ def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[
     Raises `DataError`: times that are not even, or of another rate than the option or the header says; nothing that says a rate.
     """
     given = options.get("sampling_rate")
-    said, source = (
-        (table.rate, table.rate_from) if given is None else (check_positive("sampling_rate", given), "the option")
-    )
+    option = None if given is None else check_positive("sampling_rate", given)
+    stated, source = (table.rate, table.rate_from) if option is None else (option, "the option")
+    remedy = "Give it in samples per second: --sampling-rate HZ"
     if axis is None:
-        return _said(table, said), [] if given is not None else [f"sampling rate {said:g} Hz by {source}"]
+        if stated is None:
+            fault = "no column is of times, and no header says a rate"
+            raise needs(table.where, "a sampling rate", fault, remedy)
+        return stated, [] if given is not None else [f"sampling rate {stated:g} Hz by {source}"]
     times = seconds_of(axis)
     way_out = f"--ignore {as_word(axis.label)} --sampling-rate"
     try:
         sampling = sampling_of(times)
     except DataError as error:
-        raise needs(
-            table.where,
-            f"evenly sampled times in {axis}",
-            error.found,
-            "Resample the record, or leave its clock out where that alone is uneven, not the samples: --resample auto, or "
-            f"{way_out} HZ{_even_rows(times, table.first_row - 1)}",
-        ) from None
-    if said is None and sampling.doubt > _OPEN * sampling.rate:
-        raise needs(
-            table.where,
-            "a sampling rate",
-            f"the digits of the times in {axis} leave it open: {sampling.rate:.6g} Hz, give or take {sampling.doubt:.2g}",
-            "Give it in samples per second: --sampling-rate HZ",
-        )
-    if said is not None and not same_rate(said, sampling.rate, sampling.doubt):
-        raise DataError(
-            f"reading {table.where} at {said:g} Hz, as {source} says, was asked",
-            f"the times of {axis} say {sampling.rate:.6g} Hz",
-            f"If the times are wrong, leave them out: {way_out} {said:g}"
-            if given is not None
-            else f"Say what is right: --sampling-rate {sampling.rate:.6g}, or {way_out} {said:g}",
-        )
-    rate = sampling.rate if said is None else said
+        even = longest_even(times)
+        above = table.first_row - 1
+        rows = "" if even is None else f", or --rows {above + even[0]}-{above + even[1]}, the longest even stretch"
+        clock = "or leave its clock out where that alone is uneven, not the samples"
+        remedy = f"Resample the record, {clock}: --resample auto, or {way_out} HZ{rows}"
+        raise needs(table.where, f"evenly sampled times in {axis}", error.found, remedy) from None
+    if stated is None and sampling.doubt > _MAX_DOUBT_OF_RATE * sampling.rate:
+        rate = f"{sampling.rate:.6g} Hz, give or take {sampling.doubt:.2g}"
+        raise needs(table.where, "a sampling rate", f"the digits of the times in {axis} leave it open: {rate}", remedy)
+    if stated is not None and not same_rate(stated, sampling.rate, sampling.doubt):
+        asked = f"reading {table.where} at {stated:g} Hz, as {source} says, was asked"
+        remedy = f"Say what is right: --sampling-rate {sampling.rate:.6g}, or {way_out} {stated:g}"
+        if given is not None:
+            remedy = f"If the times are wrong, leave them out: {way_out} {stated:g}"
+        raise DataError(asked, f"the times of {axis} say {sampling.rate:.6g} Hz", remedy)
+    rate_taken = sampling.rate if stated is None else stated
     coarse = " (rounded more coarsely than they follow each other)" if sampling.off > 0.5 else ""
-    return rate, [f"sampling rate {rate:.9g} Hz by the times of column {axis.number}{coarse}"]
+    return rate_taken, [f"sampling rate {rate_taken:.9g} Hz by the times of column {axis.number}{coarse}"]

@@ -29,13 +29,13 @@ UNITS: dict[str, tuple[str, ...]] = {
     "none": ("-", "1", "none", "n/a", "counts", "count", "LSB", "EU"),
 }  # fmt: skip
 
-#: So many of the base unit (s, Hz, rad) is one of these.
-_FACTORS = {
+#: Units by how many of the base unit (s, Hz, rad) they are.
+_FACTORS_TO_BASE = {
     "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "usec": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "hr": 3600.0, "kHz": 1e3,
     "rad/s": 0.15915494309189535, "rad/sec": 0.15915494309189535, **FACTORS["angle"][1],
 }  # fmt: skip
 
-_KIND = {unit: kind for kind, units in UNITS.items() for unit in units}
+_KIND_OF_UNIT = {unit: kind for kind, units in UNITS.items() for unit in units}
 
 #: Units written out or in capitals: in small letters, without the sign of several, and how they are written short.
 _WRITTEN_OUT = {
@@ -51,11 +51,11 @@ _ENDS_OF_TIMES = {
     "usec": "us", "nanos": "ns", "nanosecond": "ns", "nanoseconds": "ns", "nsec": "ns",
 }  # fmt: skip
 
-#: Units that are as often a number or letter of a channel, outside of square brackets.
-_WEAK = {"1", "-", "A", "C", "F", "G", "K", "W"}
+#: Units that may as well be a number or letter of a channel, outside of square brackets.
+_AMBIGUOUS_UNITS = {"1", "-", "A", "C", "F", "G", "K", "W"}
 
-#: Characters of a head that are looked at: nobody writes longer ones.
-LONGEST = 400
+#: Characters of a head that are examined.
+MAX_CHARACTERS = 400
 
 #: Two numbers in the brackets are places, as in `H[1/1]`.
 _BRACKETED = re.compile(r"^(?P<name>.*?)\s*[\[<{](?!\d+/\d+[\]>}])(?P<unit>[^\[\]<>{}]*)[\]>}]\s*(?P<rest>\S*)$")
@@ -73,6 +73,133 @@ _UNDERSCORE = re.compile(r"^(?P<name>.*[A-Za-z0-9])_(?P<unit>s|ms|us|hz|Hz|kHz|N
 _WORD = re.compile(r"[A-ZÀ-Þ]?[a-zà-ÿ]+|[A-ZÀ-Þ]+(?![a-zà-ÿ])|\d+|#")
 
 
+#: Strokes of a unit at most: a ratio of ratios has three.
+_MAX_STROKES = 3
+
+#: What `--columns` may call a column.
+ROLES = ("time", "frequency", "in", "out", "decay", "real", "imag", "mag", "phase", "coh", "ignore")
+
+_TIME_WORDS = {
+    *[
+        "time",
+        "times",
+        "zeit",
+        "temps",
+        "tiempo",
+        "tempo",
+        "tid",
+        "tijd",
+        "elapsed",
+        "timestamp",
+        "timestamps",
+        "datetime",
+        "seconds",
+    ]
+}
+_CLOCK_WORDS = {"date", "datum", "fecha", "clock", "uhrzeit"}
+_FREQUENCY_WORDS = {
+    *[
+        "frequency",
+        "frequencies",
+        "freq",
+        "freqs",
+        "frequenz",
+        "fréquence",
+        "frequence",
+        "frecuencia",
+        "frequenza",
+        "hz",
+    ]
+}
+_INDEX_WORDS = {
+    *[
+        "index",
+        "idx",
+        "sample",
+        "samples",
+        "no",
+        "nr",
+        "row",
+        "line",
+        "point",
+        "count",
+        "counter",
+        "scan",
+        "#",
+        "id",
+        "record",
+    ]
+}
+_FORCE_WORDS = {
+    *[
+        "force",
+        "forces",
+        "hammer",
+        "shaker",
+        "input",
+        "inputs",
+        "exc",
+        "excit",
+        "excitation",
+        "exciter",
+        "kraft",
+        "hammerkraft",
+        "impact",
+        "load",
+        "loadcell",
+        "stinger",
+        "fuerza",
+        "forza",
+        "actuator",
+        "drive",
+    ]
+}
+#: Whole names; a capital F is a force.
+_ROLES_OF_LETTERS = {
+    "t": "time", "T": "time", "X_Value": "time", "x_value": "time", "f": "frequency", "F": "in", "n": "index", "N": "index", "k": "index",
+    "i": "index",
+}  # fmt: skip
+_SENSOR_WORDS = {"acc", "accel", "acceleration", "vel", "disp", "response", "output", "out"}
+#: Quantities that are no vibration, whatever their unit.
+_OTHER_QUANTITIES = {
+    *[
+        "temperature",
+        "temp",
+        "temperatur",
+        "humidity",
+        "tacho",
+        "rpm",
+        "speed",
+        "trigger",
+        "voltage",
+        "battery",
+        "comment",
+        "remark",
+    ]
+}
+
+#: Spectra of one signal: they have no phase against another, so that modes cannot be identified from them.
+_SPECTRUM_WORDS = {
+    *[
+        "fft",
+        "psd",
+        "spectrum",
+        "spectra",
+        "autospectrum",
+        "autospectra",
+        "spektrum",
+        "autopower",
+        "apsd",
+        "spectre",
+        "espectro",
+    ]
+}
+#: Share of the steps of times that turn back, at most: half way from a clock (none) to a vibration (every second one).
+_MAX_SHARE_OF_TURNS = 0.25
+#: Names that stand for a whole range in `--columns`.
+_RANGE = re.compile(r"(\d+)-(\d*)\Z")
+
+
 @cache
 def kind_of_unit(unit: str) -> str:
     """Return what a unit measures; nothing where it is not known, and for an empty one.
@@ -82,11 +209,7 @@ def kind_of_unit(unit: str) -> str:
     >>> kind_of_unit("m/s^2"), kind_of_unit("lbf"), kind_of_unit("Newtons"), kind_of_unit("furlong")
     ('acceleration', 'force', 'force', '')
     """
-    return _KIND.get(plain_unit(short_unit(unit)), "")
-
-
-#: Strokes of a unit at most: a ratio of ratios has three.
-_MAX_STROKES = 3
+    return _KIND_OF_UNIT.get(plain_unit(short_unit(unit)), "")
 
 
 @cache
@@ -105,7 +228,7 @@ def short_unit(unit: str) -> str:
     ('N', 'lbf', 'lbf', 'm/s^2/N', 'm/s²')
     """
     plain = plain_unit(unit)
-    if plain in _KIND or unit.count("/") > _MAX_STROKES:
+    if plain in _KIND_OF_UNIT or unit.count("/") > _MAX_STROKES:
         return unit
     word = plain.lower().replace("-", "").replace("'", "")
     short = _WRITTEN_OUT.get(word) or _WRITTEN_OUT.get(word.removesuffix("s"))
@@ -126,7 +249,7 @@ def is_unit(text: str) -> bool:
 
 def is_weak(text: str) -> bool:
     """Whether a unit is as often a number or letter of a channel."""
-    return text in _WEAK
+    return text in _AMBIGUOUS_UNITS
 
 
 def factor_to_base(unit: str) -> float:
@@ -137,7 +260,7 @@ def factor_to_base(unit: str) -> float:
     >>> factor_to_base("ms"), factor_to_base("kHz"), factor_to_base("")
     (0.001, 1000.0, 1.0)
     """
-    return _FACTORS.get(plain_unit(short_unit(unit)), 1.0)
+    return _FACTORS_TO_BASE.get(plain_unit(short_unit(unit)), 1.0)
 
 
 def split_head(head: str) -> tuple[str, str]:
@@ -159,19 +282,21 @@ def split_head(head: str) -> tuple[str, str]:
     ... )
     (('AccA', 'm/s^2'), ('Force', 'N'), ('H (1)', ''), ('Zeit', 's'), ('time', 's'), ('a_1', 'm/s^2'), ('3Z/1Z', ''), ('3Z/1Z', 'm/s2/N'))
     """
-    text = _PART_OF.sub(r"\g<part>(\g<name>)", head.strip()[:LONGEST].strip("\"'").strip())
-    found = None if _ENDS_BRACKETED.match(text) else _STROKE.match(text)
-    if found:
-        unit = (found["round"] or found["plain"]).strip()
-        whole = plain_unit(text) in _KIND or (found["name"] not in _WEAK and is_unit(text))  # m/s is no column `m` in s
-        return (found["name"], unit) if is_unit(unit) and unit not in _WEAK and not whole else (text, "")
-    found = _BRACKETED.match(text)
-    if found and found["name"]:
-        return " ".join(f"{found['name']} {found['rest']}".split()), found["unit"].strip()
+    text = _PART_OF.sub(r"\g<part>(\g<name>)", head.strip()[:MAX_CHARACTERS].strip("\"'").strip())
+    match = None if _ENDS_BRACKETED.match(text) else _STROKE.match(text)
+    if match:
+        unit = (match["round"] or match["plain"]).strip()
+        whole = plain_unit(text) in _KIND_OF_UNIT or (
+            match["name"] not in _AMBIGUOUS_UNITS and is_unit(text)
+        )  # m/s is no column `m` in s
+        return (match["name"], unit) if is_unit(unit) and unit not in _AMBIGUOUS_UNITS and not whole else (text, "")
+    match = _BRACKETED.match(text)
+    if match and match["name"]:
+        return " ".join(f"{match['name']} {match['rest']}".split()), match["unit"].strip()
     for pattern in (_ROUND, _SLASH, _UNDERSCORE):
-        found = pattern.match(text)
-        if found and is_unit(found["unit"]) and found["unit"] not in _WEAK:
-            return found["name"].strip(), found["unit"].strip()
+        match = pattern.match(text)
+        if match and is_unit(match["unit"]) and match["unit"] not in _AMBIGUOUS_UNITS:
+            return match["name"].strip(), match["unit"].strip()
     return text, _ENDS_OF_TIMES.get(next(reversed(words_of(text)), ""), "")
 
 
@@ -183,104 +308,7 @@ def words_of(name: str) -> list[str]:
     >>> words_of("InputForce_1"), words_of("AccA"), words_of("x-value")
     (['input', 'force', '1'], ['acc', 'a'], ['x', 'value'])
     """
-    return [word.lower() for word in _WORD.findall(name[:LONGEST])]
-
-
-# --------------------------------------------------------------------------------------------------------------- roles
-# What each column of a table is: by what `--columns` says, by its unit, and by the words of its name.
-
-#: What `--columns` may call a column.
-ROLES = ("time", "frequency", "in", "out", "decay", "real", "imag", "mag", "phase", "coh", "ignore")
-
-_TIME = {
-    "time",
-    "times",
-    "zeit",
-    "temps",
-    "tiempo",
-    "tempo",
-    "tid",
-    "tijd",
-    "elapsed",
-    "timestamp",
-    "timestamps",
-    "datetime",
-    "seconds",
-}
-_CLOCK = {"date", "datum", "fecha", "clock", "uhrzeit"}
-_FREQUENCY = {
-    "frequency",
-    "frequencies",
-    "freq",
-    "freqs",
-    "frequenz",
-    "fréquence",
-    "frequence",
-    "frecuencia",
-    "frequenza",
-    "hz",
-}
-_INDEX = {
-    "index",
-    "idx",
-    "sample",
-    "samples",
-    "no",
-    "nr",
-    "row",
-    "line",
-    "point",
-    "count",
-    "counter",
-    "scan",
-    "#",
-    "id",
-    "record",
-}
-_FORCE = {
-    "force", "forces", "hammer", "shaker", "input", "inputs", "exc", "excit", "excitation", "exciter", "kraft", "hammerkraft", "impact",
-    "load", "loadcell", "stinger", "fuerza", "forza", "actuator", "drive",
-}  # fmt: skip
-#: Whole names; a capital F is a force.
-_ALONE = {
-    "t": "time", "T": "time", "X_Value": "time", "x_value": "time", "f": "frequency", "F": "in", "n": "index", "N": "index", "k": "index",
-    "i": "index",
-}  # fmt: skip
-_SENSORS = {"acc", "accel", "acceleration", "vel", "disp", "response", "output", "out"}
-#: Quantities that are no vibration, whatever their unit.
-_OTHERS = {
-    "temperature",
-    "temp",
-    "temperatur",
-    "humidity",
-    "tacho",
-    "rpm",
-    "speed",
-    "trigger",
-    "voltage",
-    "battery",
-    "comment",
-    "remark",
-}
-
-#: What is computed from one signal alone: it has no phase against another, and no modes are found in it.
-_SPECTRA = {
-    "fft",
-    "psd",
-    "spectrum",
-    "spectra",
-    "autospectrum",
-    "autospectra",
-    "spektrum",
-    "autopower",
-    "apsd",
-    "spectre",
-    "espectro",
-}
-#: Times turn back in fewer of their steps than this: half way from a clock (none) to a vibration (every second one).
-_TURNS = 0.25
-#: Names that stand for a whole range in `--columns`.
-_RANGE = re.compile(r"(\d+)-(\d*)\Z")
+    return [word.lower() for word in _WORD.findall(name[:MAX_CHARACTERS])]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -311,7 +339,7 @@ def is_spectrum(column: Column) -> bool:
     ... ]
     [True, True, False]
     """
-    return not _SPECTRA.isdisjoint(words_of(column.name))
+    return not _SPECTRUM_WORDS.isdisjoint(words_of(column.name))
 
 
 def role_by_words(column: Column) -> Role:
@@ -332,14 +360,14 @@ def role_by_words(column: Column) -> Role:
         return Role(role="index", reason="it counts rows")
     if unit == "force":
         return Role(role="in", reason=f"its unit is that of a force, {column.unit}")
-    if unit == "no vibration" or (not unit and set(words) & _OTHERS and not set(words) & _SENSORS):
+    if unit == "no vibration" or (not unit and set(words) & _OTHER_QUANTITIES and not set(words) & _SENSOR_WORDS):
         return Role(role="ignore", reason=f"{column.unit or words[0]} is no vibration")
     if unit in ("acceleration", "velocity", "displacement", "strain", "pressure", "angle"):
         return Role(role="out", reason=f"its unit is that of {'an' if unit[0] in 'a' else 'a'} {unit}, {column.unit}")
-    found = _by_name(whole, words)
-    vibrates = found.role == "time" and not goes_one_way(column.values)
-    letter = found.role == "index" and whole in _ALONE and not counts_rows(column.values)
-    return Role() if vibrates or letter else found
+    role = _by_name(whole, words)
+    vibrates = role.role == "time" and not goes_one_way(column.values)
+    letter = role.role == "index" and whole in _ROLES_OF_LETTERS and not counts_rows(column.values)
+    return Role() if vibrates or letter else role
 
 
 def goes_one_way(values: Array) -> bool:
@@ -356,7 +384,7 @@ def goes_one_way(values: Array) -> bool:
     with np.errstate(all="ignore"):
         steps = np.diff(values.astype(float))
     ups, downs = np.count_nonzero(steps > 0), np.count_nonzero(steps < 0)
-    return bool(min(ups, downs) <= _TURNS * (ups + downs))
+    return bool(min(ups, downs) <= _MAX_SHARE_OF_TURNS * (ups + downs))
 
 
 def counts_rows(values: Array) -> bool:
@@ -376,19 +404,19 @@ def counts_rows(values: Array) -> bool:
 
 
 def _by_name(whole: str, words: Sequence[str]) -> Role:
-    held = set(words)
-    if whole in _ALONE:
-        return Role(role=_ALONE[whole], reason=f"its name is {whole!r}")
-    said = f"its name says {next((word for word in words), whole)!r}"
-    for role, known in (("time", _TIME | _CLOCK), ("frequency", _FREQUENCY)):
-        if words and held & known and not held & (_FORCE | _SENSORS):
-            return Role(role=role, reason=f"its name says {next(word for word in words if word in known)!r}")
-    if held & _FORCE or (len(words) > 1 and words[0] == "in"):
-        return Role(role="in", reason=f"its name says {next((w for w in words if w in _FORCE), 'in')!r}")
-    if held & _SENSORS:
-        return Role(role="out", reason=f"its name says {next(word for word in words if word in _SENSORS)!r}")
-    if held and (held <= _INDEX | set("0123456789")) and held & _INDEX:
-        return Role(role="index", reason=said)
+    unique = set(words)
+    if whole in _ROLES_OF_LETTERS:
+        return Role(role=_ROLES_OF_LETTERS[whole], reason=f"its name is {whole!r}")
+    reason = f"its name says {next((word for word in words), whole)!r}"
+    for role, vocabulary in (("time", _TIME_WORDS | _CLOCK_WORDS), ("frequency", _FREQUENCY_WORDS)):
+        if words and unique & vocabulary and not unique & (_FORCE_WORDS | _SENSOR_WORDS):
+            return Role(role=role, reason=f"its name says {next(word for word in words if word in vocabulary)!r}")
+    if unique & _FORCE_WORDS or (len(words) > 1 and words[0] == "in"):
+        return Role(role="in", reason=f"its name says {next((w for w in words if w in _FORCE_WORDS), 'in')!r}")
+    if unique & _SENSOR_WORDS:
+        return Role(role="out", reason=f"its name says {next(word for word in words if word in _SENSOR_WORDS)!r}")
+    if unique and (unique <= _INDEX_WORDS | set("0123456789")) and unique & _INDEX_WORDS:
+        return Role(role="index", reason=reason)
     return Role()
 
 
@@ -397,7 +425,7 @@ def named_columns(columns: Sequence[Column], items: Iterable[str], option: str) 
 
     Raises `DataError`: A column that is not there.
     """
-    found: list[Column] = []
+    selected: list[Column] = []
     by_number = {column.number: column for column in columns}
     last = max(by_number, default=0)
     for item in items:
@@ -407,17 +435,17 @@ def named_columns(columns: Sequence[Column], items: Iterable[str], option: str) 
         ]
         ranged = _RANGE.match(text)
         if alike:
-            found += alike
+            selected += alike
         elif ranged and int(ranged[1]) <= int(ranged[2] or last):
             numbers = range(int(ranged[1]), min(int(ranged[2] or last), last) + 1)
             if int(ranged[1]) not in by_number or int(ranged[2] or last) > last:
                 raise _absent(columns, text, option)
-            found += [by_number[number] for number in numbers if number in by_number]
+            selected += [by_number[number] for number in numbers if number in by_number]
         elif text.isdecimal() and int(text[:9]) in by_number:
-            found.append(by_number[int(text[:9])])
+            selected.append(by_number[int(text[:9])])
         else:
             raise _absent(columns, text, option)
-    return found
+    return selected
 
 
 def ignored_columns(columns: Sequence[Column], asked: object) -> list[Column]:

@@ -25,11 +25,11 @@ from modalscope.io.text.cells import (
 )
 from modalscope.numerics.checks import Array
 
-#: Lines that are made arrays of at a time, and lines that may stand under a table.
-_PIECE, _FOOT = 20_000, 20
-_SHOWN = 20
-#: With one of these, or a blank, a line begins that may be a comment.
-_SIGNS = frozenset("#%/! \t")
+#: Lines parsed at a time, and lines under a table at most.
+_LINES_OF_PIECE, _MAX_LINES_OF_FOOT = 20_000, 20
+_CHARACTERS_SHOWN = 20
+#: Signs, or blanks, with which a comment may begin.
+_FIRST_OF_COMMENT = frozenset("#%/! \t")
 
 
 def kinds_of(rows: Sequence[Sequence[str]]) -> list[str]:
@@ -44,15 +44,15 @@ def kinds_of(rows: Sequence[Sequence[str]]) -> list[str]:
     """
     kinds = []
     for cells in zip(*rows, strict=True):
-        held = [cell for cell in cells if not is_missing(cell)]
-        if not held:
+        present = [cell for cell in cells if not is_missing(cell)]
+        if not present:
             kinds.append("empty")
-        elif all(map(is_stamp, held)):
+        elif all(map(is_stamp, present)):
             kinds.append("stamp")
-        elif not all(map(is_number, held)) and all(is_number(cell) or is_complex(cell) for cell in held):
+        elif not all(map(is_number, present)) and all(is_number(cell) or is_complex(cell) for cell in present):
             kinds.append("complex")
         else:
-            kinds.append("number" if 2 * sum(map(is_number, held)) >= len(held) else "text")
+            kinds.append("number" if 2 * sum(map(is_number, present)) >= len(present) else "text")
     return kinds
 
 
@@ -66,20 +66,18 @@ def read_body(
     Raises `DataError`: A row of another length, or a cell that holds something else than its column.
     """
     pieces: list[list[Array]] = []
-    source = ((number, line) for number, line in lines if line[0] not in _SIGNS or not uncommented(line)[1])
-    while piece := list(islice(source, _PIECE)):
+    source = ((number, line) for number, line in lines if line[0] not in _FIRST_OF_COMMENT or not uncommented(line)[1])
+    while piece := list(islice(source, _LINES_OF_PIECE)):
         space.take("its numbers", 8 * len(piece) * width)
         arrays = _fast(piece, kinds, dialect, width)
         if arrays is None:
             arrays, bad = _slow(piece, kinds, dialect, width, space)
             if bad is not None:
-                foot = list(islice(source, _FOOT + 1))
+                foot = list(islice(source, _MAX_LINES_OF_FOOT + 1))
                 rest = [*piece[bad:], *foot]
                 _check_foot(where, rest, kinds, dialect, width)
-                pieces.append(arrays)
-                return _joined(pieces), [
-                    f"{len(rest)} lines under the table were left ({rest[0][1].strip()[:_SHOWN]!r} ...)"
-                ]
+                shown = rest[0][1].strip()[:_CHARACTERS_SHOWN]
+                return _joined([*pieces, arrays]), [f"{len(rest)} lines under the table were left ({shown!r} ...)"]
         pieces.append(arrays)
     return _joined(pieces), []
 
@@ -142,19 +140,20 @@ def _check_foot(where: str, rest: list[tuple[int, str]], kinds: Sequence[str], d
     """Raise unless what follows a line that is no row is a few lines of text at the end."""
     number, line = rest[0]
     cells = split(line, dialect)
-    values = [
-        row for _, text in rest for row in [split(text, dialect)] if len(row) == width and all(map(is_value, row))
-    ]
-    if len(rest) <= _FOOT and not values and not (len(cells) == width > 1 and is_value(cells[0]) and cells[0]):
+    rows = (split(text, dialect) for _, text in rest)
+    values = [row for row in rows if len(row) == width and all(map(is_value, row))]
+    if (
+        len(rest) <= _MAX_LINES_OF_FOOT
+        and not values
+        and not (len(cells) == width > 1 and is_value(cells[0]) and cells[0])
+    ):
         return
-    odd = next(
-        (k for k, (cell, kind) in enumerate(zip(cells, kinds, strict=False)) if not _fits([cell], [kind], dialect)),
-        None,
-    )
+    pairs = enumerate(zip(cells, kinds, strict=False))
+    odd = next((k for k, (cell, kind) in pairs if not _fits([cell], [kind], dialect)), None)
     if len(cells) != width or odd is None:
-        fault = f"line {number} has {len(cells)}: {[cell[:_SHOWN] for cell in cells[:6]]}"
+        fault = f"line {number} has {len(cells)}: {[cell[:_CHARACTERS_SHOWN] for cell in cells[:6]]}"
         remedy = "Correct that line; lines above the table may be left out: --skip N"
         raise needs(where, f"{width} cells in every row", fault, remedy)
-    fault = f"line {number} holds {cells[odd][:_SHOWN]!r} there"
+    fault = f"line {number} holds {cells[odd][:_CHARACTERS_SHOWN]!r} there"
     remedy = f"Correct that cell, or leave the column out: --ignore {odd + 1}"
     raise needs(where, f"a number in every cell of column {odd + 1}", fault, remedy)

@@ -12,9 +12,6 @@ import numpy as np
 
 from modalscope.numerics.checks import Array, RealArray
 
-# -------------------------------------------------------------------------------------------------------------- stamps
-# Dates and times of day as seconds.
-
 _CLOCK = r"(?P<h>\d{1,2}):(?P<min>\d{2})(?::(?P<s>\d{1,2})(?:[.,:](?P<part>\d{1,9}))?)?\s?(?P<half>[AaPp][Mm])?"
 _ZONE = r"(?:Z|[+-]\d{2}:?\d{2})?"
 _FORMS = tuple(
@@ -26,10 +23,31 @@ _FORMS = tuple(
         _CLOCK,
     )
 )
-_DAY = 86400.0
-_LONGEST_STAMP = 40
-#: Digits of a second that stamps have.
-_PLACES = 9
+_SECONDS_OF_DAY = 86400.0
+_MAX_CHARACTERS_OF_STAMP = 40
+#: Decimals of a second in stamps.
+_DECIMALS_OF_SECOND = 9
+
+#: Characters of a cell that is examined, at most.
+_MAX_CHARACTERS = 400
+
+
+def _unsigned(name: str) -> str:
+    """Return the pattern of a number without its sign; the groups of thousands in it are parted by one sign, of this name."""
+    groups = rf"\d{{1,3}}(?P<{name}>[.,'’\u00a0\u202f ])\d{{3}}(?:(?P={name})\d{{3}})*(?:[.,]\d+)?"
+    return rf"(?:\d+\.?|\d*[.,]\d+|{groups})(?:[eEdD][+-]?\d{{1,4}})?"
+
+
+_NUMBER = re.compile(rf"[+-]?\s?{_unsigned('a')}\Z")
+_COMPLEX = re.compile(
+    rf"\(?\s*(?:[+-]?\s?{_unsigned('a')}\s*[+-]\s*)?[+-]?(?:{_unsigned('b')}\s*\*?\s*[ijIJ]|[ijIJ]\s*\*?\s*{_unsigned('c')})\s*\)?\Z"
+)
+_IMAGINARY_FIRST = re.compile(r"([+-])[ijIJ]\*?(.+)\Z")
+_MISSING_WORDS = {
+    "",
+    *["nan", "n/a", "na", "-", "--", "null", "none", "#n/a", "inf", "+inf", "-inf", "-nan", "1.#qnan", "-1.#ind", "*"],
+}
+_MARKERS = ("#", "%", "//", "!")
 
 
 def is_stamp(cell: str) -> bool:
@@ -43,15 +61,19 @@ def is_stamp(cell: str) -> bool:
     ... ]
     [True, True, True, False, False]
     """
-    return 4 <= len(cell) <= _LONGEST_STAMP and not cell[-1].isspace() and any(form.match(cell) for form in _FORMS)
+    return (
+        4 <= len(cell) <= _MAX_CHARACTERS_OF_STAMP
+        and not cell[-1].isspace()
+        and any(form.match(cell) for form in _FORMS)
+    )
 
 
 def _day_and_seconds(cell: str) -> tuple[int, float]:
     """Return the number of a day, 0 where there is none, and the seconds in it: together they would lose digits."""
-    found = next((match for form in _FORMS if (match := form.match(cell))), None)
-    if found is None:
+    match = next((match for form in _FORMS if (match := form.match(cell))), None)
+    if match is None:
         raise ValueError(f"{cell!r} is no date or time")
-    part = found.groupdict()
+    part = match.groupdict()
     day = 0
     if part.get("y"):
         month, day_of = int(part["m"]), int(part["d"])
@@ -87,51 +109,13 @@ def seconds_of(cells: Iterable[str], more: Iterable[str] | None = None) -> RealA
         other_days, other_seconds = _columns(more)
         days, seconds = days + other_days, seconds + other_seconds
     elif days.size and not days.any():
-        days = np.concatenate([[0], np.cumsum(np.diff(seconds) < -_DAY / 2)])
-    return np.round((days - days[:1]) * _DAY + (seconds - seconds[:1]), _PLACES)
+        days = np.concatenate([[0], np.cumsum(np.diff(seconds) < -_SECONDS_OF_DAY / 2)])
+    return np.round((days - days[:1]) * _SECONDS_OF_DAY + (seconds - seconds[:1]), _DECIMALS_OF_SECOND)
 
 
 def _columns(cells: Iterable[str]) -> tuple[RealArray, RealArray]:
     pairs = np.array([_day_and_seconds(cell) for cell in cells], float).reshape(-1, 2)
     return pairs[:, 0], pairs[:, 1]
-
-
-# --------------------------------------------------------------------------------------------------------------- cells
-
-#: Characters of a cell that are looked at.
-_LONGEST = 400
-
-
-def _unsigned(name: str) -> str:
-    """Return the pattern of a number without its sign; the groups of thousands in it are parted by one sign, of this name."""
-    groups = rf"\d{{1,3}}(?P<{name}>[.,'’\u00a0\u202f ])\d{{3}}(?:(?P={name})\d{{3}})*(?:[.,]\d+)?"
-    return rf"(?:\d+\.?|\d*[.,]\d+|{groups})(?:[eEdD][+-]?\d{{1,4}})?"
-
-
-_NUMBER = re.compile(rf"[+-]?\s?{_unsigned('a')}\Z")
-_COMPLEX = re.compile(
-    rf"\(?\s*(?:[+-]?\s?{_unsigned('a')}\s*[+-]\s*)?[+-]?(?:{_unsigned('b')}\s*\*?\s*[ijIJ]|[ijIJ]\s*\*?\s*{_unsigned('c')})\s*\)?\Z"
-)
-_IMAGINARY_FIRST = re.compile(r"([+-])[ijIJ]\*?(.+)\Z")
-_MISSING = {
-    "",
-    "nan",
-    "n/a",
-    "na",
-    "-",
-    "--",
-    "null",
-    "none",
-    "#n/a",
-    "inf",
-    "+inf",
-    "-inf",
-    "-nan",
-    "1.#qnan",
-    "-1.#ind",
-    "*",
-}
-_MARKERS = ("#", "%", "//", "!")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -195,24 +179,24 @@ def is_value(cell: str) -> bool:
     >>> [is_value(cell) for cell in ("1.5e-3", "1.234,5", "1+2i", "12:00:01.5", "", "Force", "5;2")]
     [True, True, True, True, True, False, False]
     """
-    if len(cell) > _LONGEST:
+    if len(cell) > _MAX_CHARACTERS:
         return False
-    return bool(_NUMBER.match(cell)) or cell.lower() in _MISSING or bool(_COMPLEX.match(cell)) or is_stamp(cell)
+    return bool(_NUMBER.match(cell)) or cell.lower() in _MISSING_WORDS or bool(_COMPLEX.match(cell)) or is_stamp(cell)
 
 
 def is_number(cell: str) -> bool:
     """Whether a cell holds one real number in any writing."""
-    return len(cell) <= _LONGEST and bool(_NUMBER.match(cell))
+    return len(cell) <= _MAX_CHARACTERS and bool(_NUMBER.match(cell))
 
 
 def is_missing(cell: str) -> bool:
     """Whether a cell says that there is no number."""
-    return cell.lower() in _MISSING
+    return cell.lower() in _MISSING_WORDS
 
 
 def is_complex(cell: str) -> bool:
     """Whether a cell holds a complex number."""
-    return len(cell) <= _LONGEST and bool(_COMPLEX.match(cell))
+    return len(cell) <= _MAX_CHARACTERS and bool(_COMPLEX.match(cell))
 
 
 def _pointed(cell: str, dialect: Dialect) -> str:

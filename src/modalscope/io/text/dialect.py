@@ -1,4 +1,7 @@
-"""Determine the encoding, delimiter and decimal sign of a text table from its content."""
+"""Determine the encoding, lines, delimiter and decimal sign of a text table from its content.
+
+Text is UTF-8 or UTF-16, else Windows-1252.
+"""
 
 from __future__ import annotations
 
@@ -12,15 +15,19 @@ from modalscope.io.contents import unreadable
 from modalscope.io.limits import Room
 from modalscope.io.text.cells import Dialect, is_complex, is_missing, is_number, is_value, split
 
-# -------------------------------------------------------------------------------------------------------------- source
-# Text of a file as lines: in UTF-8 or UTF-16, or else as Windows wrote it in the west; never more than there is room for.
+#: Bytes by which the encoding is determined.
+_BYTES_EXAMINED = 1 << 16
+#: Characters of a line and blank lines of a table, at most.
+_MAX_CHARACTERS_OF_LINE, _MAX_BLANK_LINES = 1 << 25, 10_000_000
+_BYTE_ORDER_MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 
-_HEAD = 1 << 16
-#: A line longer than this is none of a table.
-_LONGEST = 1 << 25
-#: Nor has one so many blank lines.
-_BLANK = 10_000_000
-_MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
+#: Delimiters in order of preference; an empty one stands for blanks.
+DELIMITERS = ("\t", ";", ",", "|", "")
+
+_WORDS_OF_DELIMITERS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", "": "blanks"}
+_ONE_SIGN = re.compile(r"[+-]?(\d*)([.,])(\d*)([eEdD][+-]?\d+)?\Z")
+_GROUPS = re.compile(r"[+-]?\d{1,3}(?:([.,'’\u00a0\u202f ])\d{3})(?:\1\d{3})*(?:([.,])\d+)?\Z")
+_ONE_COMMA = re.compile(r"\s*[+-]?\d+,\d+(?:[eE][+-]?\d+)?\s*\Z")
 
 
 def encoding_of(path: Path) -> str:
@@ -29,8 +36,8 @@ def encoding_of(path: Path) -> str:
     Raises `DataError`: it is no text.
     """
     with path.open("rb") as file:
-        head = file.read(_HEAD)
-    for mark, encoding in _MARKS:
+        head = file.read(_BYTES_EXAMINED)
+    for mark, encoding in _BYTE_ORDER_MARKS:
         if head.startswith(mark):
             return encoding
     if b"\0" in head:
@@ -50,31 +57,20 @@ def lines_of(path: Path, encoding: str, skip: int, space: Room) -> Iterator[tupl
     """
     with path.open(encoding=encoding, errors="replace", newline=None) as file:
         number = blank = 0
-        while line := file.readline(_LONGEST):
+        while line := file.readline(_MAX_CHARACTERS_OF_LINE):
             number += 1
-            if len(line) == _LONGEST:
+            if len(line) == _MAX_CHARACTERS_OF_LINE:
                 space.take(f"line {number}", 100 * len(line))
             if line.isspace():
                 blank += 1
-                space.parts("blank lines", blank, _BLANK)
+                space.parts("blank lines", blank, _MAX_BLANK_LINES)
             elif number > skip:
                 yield number, line
 
 
-# ------------------------------------------------------------------------------------------------------------- dialect
-
-#: What may part cells, in the order in which they are preferred; nothing stands for blanks.
-DELIMITERS = ("\t", ";", ",", "|", "")
-
-_WORDS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", "": "blanks"}
-_ONE_SIGN = re.compile(r"[+-]?(\d*)([.,])(\d*)([eEdD][+-]?\d+)?\Z")
-_GROUPS = re.compile(r"[+-]?\d{1,3}(?:([.,'’\u00a0\u202f ])\d{3})(?:\1\d{3})*(?:([.,])\d+)?\Z")
-_ONE_COMMA = re.compile(r"\s*[+-]?\d+,\d+(?:[eE][+-]?\d+)?\s*\Z")
-
-
 def words_of_delimiter(delimiter: str) -> str:
     """Return what parts cells, in words."""
-    return _WORDS.get(delimiter, repr(delimiter))
+    return _WORDS_OF_DELIMITERS.get(delimiter, repr(delimiter))
 
 
 def value_rows(rows: Sequence[Sequence[str]]) -> tuple[int, list[bool]]:
@@ -85,12 +81,12 @@ def value_rows(rows: Sequence[Sequence[str]]) -> tuple[int, list[bool]]:
     >>> value_rows([["t", "a"], ["0", "1"], ["1", "2"]])
     (2, [False, True, True])
     """
-    held = [all(map(is_value, row)) and any(not is_missing(cell) for cell in row) for row in rows]
-    widths = Counter(len(row) for row, good in zip(rows, held, strict=True) if good)
+    of_values = [all(map(is_value, row)) and any(not is_missing(cell) for cell in row) for row in rows]
+    widths = Counter(len(row) for row, good in zip(rows, of_values, strict=True) if good)
     if not widths:
         return 0, [False] * len(rows)
     width = max(widths, key=lambda n: (widths[n], n))
-    return width, [good and len(row) == width for row, good in zip(rows, held, strict=True)]
+    return width, [good and len(row) == width for row, good in zip(rows, of_values, strict=True)]
 
 
 def dialect_of(where: str, lines: Sequence[str], delimiter: str | None = None, decimal: str | None = None) -> Dialect:
@@ -110,19 +106,19 @@ def dialect_of(where: str, lines: Sequence[str], delimiter: str | None = None, d
     (';', ',')
     """
     quoted = any('"' in line for line in lines)
-    told = next((line[4:5] for line in lines[:1] if line.lower().startswith("sep=")), None)  # as Excel reads it
-    delimiter = told if delimiter is None and told else delimiter
+    stated = next((line[4:5] for line in lines[:1] if line.lower().startswith("sep=")), None)  # as Excel reads it
+    delimiter = stated if delimiter is None and stated else delimiter
     best, most = Dialect(delimiter="", quoted=quoted), (0, False)
     for sign in DELIMITERS if delimiter is None else (delimiter,):
         dialect = Dialect(delimiter=sign, quoted=quoted)
-        width, held = value_rows([split(line, dialect) for line in lines])
-        score = (sum(held), width > 1)
+        width, of_values = value_rows([split(line, dialect) for line in lines])
+        score = (sum(of_values), width > 1)
         if score > most:
             best, most = dialect, score
     if best.delimiter == "," and delimiter is None and decimal != ".":
         best = _commas(where, lines, best, decimal)
-    width, held = value_rows([split(line, best) for line in lines])
-    rows = [split(line, best) for line, good in zip(lines, held, strict=True) if good]
+    width, of_values = value_rows([split(line, best) for line in lines])
+    rows = [split(line, best) for line, good in zip(lines, of_values, strict=True) if good]
     sign, thousands = decimal_sign(where, [cell for row in rows for cell in row], decimal)
     return Dialect(delimiter=best.delimiter, decimal=sign, thousands=thousands, quoted=quoted, paired=best.paired)
 
@@ -130,9 +126,9 @@ def dialect_of(where: str, lines: Sequence[str], delimiter: str | None = None, d
 def _commas(where: str, lines: Sequence[str], best: Dialect, decimal: str | None) -> Dialect:
     """Return the dialect of lines that commas part, or that are one column of decimal commas, or both."""
     rows = [split(line, best) for line in lines]
-    width, held = value_rows(rows)
-    cells = [row for row, good in zip(rows, held, strict=True) if good]
-    head = next((row for row, good in zip(reversed(rows), reversed(held), strict=True) if not good), None)
+    width, of_values = value_rows(rows)
+    cells = [row for row, good in zip(rows, of_values, strict=True) if good]
+    head = next((row for row, good in zip(reversed(rows), reversed(of_values), strict=True) if not good), None)
     whole = all(re.fullmatch(r"[+-]?\d+|\d+[eE][+-]?\d+", cell) for row in cells for cell in row)
     if best.quoted or not whole or width % 2:
         return best
@@ -142,11 +138,11 @@ def _commas(where: str, lines: Sequence[str], best: Dialect, decimal: str | None
         return best
     if named == width // 2 or (padded and decimal == ","):
         return Dialect(delimiter=",", quoted=best.quoted, paired=True) if width > 2 else Dialect(delimiter="")
-    one = width == 2 and all(_ONE_COMMA.match(line) for line, good in zip(lines, held, strict=True) if good)
+    one = width == 2 and all(_ONE_COMMA.match(line) for line, good in zip(lines, of_values, strict=True) if good)
     if one and (padded or decimal == ","):
         return Dialect(delimiter="")
     if one or padded:
-        fault = f"in {lines[held.index(True)].strip()[:60]!r} a comma may part columns or be the decimal sign"
+        fault = f"in {lines[of_values.index(True)].strip()[:60]!r} a comma may part columns or be the decimal sign"
         raise unreadable(where, fault, 'Say which: --decimal "," or --delimiter ","')
     return best
 
@@ -169,7 +165,7 @@ def decimal_sign(where: str, cells: Sequence[str], decimal: str | None = None) -
     ... )
     ((',', ''), ('.', ','), ('.', "'"))
     """
-    allowed, thousands, seen = {".", ","}, "", ""
+    allowed, thousands, grouping = {".", ","}, "", ""
     for cell in cells:
         if is_complex(cell):
             allowed -= {"."} if "," in cell and "." not in cell else {","} if "." in cell else set()
@@ -179,18 +175,18 @@ def decimal_sign(where: str, cells: Sequence[str], decimal: str | None = None) -
         if single and not (groups and single[1] not in ("", "0")):
             allowed &= {single[2]}
         elif single:
-            seen = single[2] if seen in ("", single[2]) else "both"
+            grouping = single[2] if grouping in ("", single[2]) else "both"
         elif groups:
             thousands = groups[1]
             allowed -= {groups[1]} if not groups[2] else {".", ","} - {groups[2]}
     if decimal is not None:
         other = {".": ",", ",": "."}.get(decimal, "")
-        return decimal, thousands or (other if seen == other else "")
+        return decimal, thousands or (other if grouping == other else "")
     if len(allowed) == 1:
         sign = allowed.pop()
         other = {".": ",", ",": "."}[sign]
-        return sign, thousands or (other if seen in (other, "both") else "")
-    if seen == ",":
+        return sign, thousands or (other if grouping in (other, "both") else "")
+    if grouping == ",":
         example = next(cell for cell in cells if "," in cell)
         fault = f"the comma in numbers such as {example[:20]!r} may be the decimal sign or part thousands"
         raise unreadable(where, fault, 'Say which: --decimal "," or --decimal "."')

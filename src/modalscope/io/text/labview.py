@@ -21,11 +21,11 @@ from modalscope.numerics.checks import RealArray
 
 Line = tuple[int, str]
 
-_FIRST, _END = "labview measurement", "***End_of_Header***"
+_FIRST_LINE, _END_OF_HEADER = "labview measurement", "***End_of_Header***"
 _SPECIAL = ("***Start_Special***", "***End_Special***")
 _SEPARATORS = {"tab": "\t", "comma": ","}
 #: Rows that become numbers at a time.
-_PIECE = 20_000
+_ROWS_OF_PIECE = 20_000
 
 
 @dataclass(slots=True)
@@ -39,13 +39,13 @@ class _Segment:
 
     @property
     def channels(self) -> int:
-        said = self.head.get("Channels", [""])[0]
-        return int(said) if said.isdecimal() else 0
+        cells = self.head.get("Channels", [""])[0]
+        return int(cells) if cells.isdecimal() else 0
 
     def column(self, key: str, k: int) -> str:
         """Return what a line of the header says of channel k."""
-        said = self.head.get(key, [])
-        return said[k].strip() if k < len(said) else ""
+        cells = self.head.get(key, [])
+        return cells[k].strip() if k < len(cells) else ""
 
 
 def is_labview(first: Sequence[str]) -> bool:
@@ -56,7 +56,7 @@ def is_labview(first: Sequence[str]) -> bool:
     >>> is_labview(["LabVIEW Measurement\t", "Writer_Version\t2"]), is_labview(["Time,Force"])
     (True, False)
     """
-    return bool(first) and first[0].strip("\ufeff \t,;\r\n").lower() == _FIRST
+    return bool(first) and first[0].strip("\ufeff \t,;\r\n").lower() == _FIRST_LINE
 
 
 def labview_contents(where: str, lines: Iterable[Line], space: Room, options: Options) -> Contents:
@@ -70,11 +70,11 @@ def labview_contents(where: str, lines: Iterable[Line], space: Room, options: Op
         fault = "it holds no rows of numbers"
         raise unreadable(f"{where} as a LabVIEW measurement file", fault, "Save the measurement again.")
     joined = _joined(tables)
-    found = [contents_from_table(table, options) for table in joined]
-    if len(found) == 1:
-        return found[0]
-    thing = stacked_runs(where, [each.thing for each in found])
-    return replace(found[0], thing=thing, notes=(*found[0].notes, f"{len(found)} segments are as many runs"))
+    contents = [contents_from_table(table, options) for table in joined]
+    if len(contents) == 1:
+        return contents[0]
+    thing = stacked_runs(where, [record.thing for record in contents])
+    return replace(contents[0], thing=thing, notes=(*contents[0].notes, f"{len(contents)} segments are as many runs"))
 
 
 def _segments(where: str, lines: Iterable[Line], space: Room) -> tuple[Mapping[str, list[str]], list[_Segment]]:
@@ -95,7 +95,9 @@ def _segments(where: str, lines: Iterable[Line], space: Room) -> tuple[Mapping[s
             segments.append(_Segment(dict(_header(_again(line, number, rows), separator))))
             segments[-1].names = [name.strip() for name in next(rows, (0, ""))[1].rstrip("\r\n").split(separator)]
         elif segments:
-            _add(where, number, text, segments[-1], separator, decimal, space)
+            segments[-1].waiting.append(text.replace(decimal, "."))
+            if len(segments[-1].waiting) >= _ROWS_OF_PIECE:
+                _flush(where, number, segments[-1], separator, space)
     for segment in segments:
         _flush(where, 0, segment, separator, space)
     return head, segments
@@ -110,18 +112,12 @@ def _header(rows: Iterator[Line], separator: str | None) -> Iterator[tuple[str, 
     """Yield keys and their values up to the end of a header; without a separator, that of the first line's own."""
     for _, line in rows:
         text = line.rstrip("\r\n")
-        if text.startswith(_END):
+        if text.startswith(_END_OF_HEADER):
             return
         sign = separator or ("\t" if "\t" in text else ",")
         key, *values = text.split(sign)
         if key.strip():
             yield key.strip(), values
-
-
-def _add(where: str, number: int, text: str, segment: _Segment, separator: str, decimal: str, space: Room) -> None:
-    segment.waiting.append(text.replace(decimal, ".") if decimal != "." else text)
-    if len(segment.waiting) >= _PIECE:
-        _flush(where, number, segment, separator, space)
 
 
 def _flush(where: str, number: int, segment: _Segment, separator: str, space: Room) -> None:
@@ -165,8 +161,8 @@ def _table(where: str, head: Mapping[str, list[str]], segment: _Segment) -> Tabl
     step = re.sub(",", ".", segment.column("Delta_X", 0))
     rate = 1 / float(step) if places[0] == 0 and _positive(step) else None
     begun = " ".join(segment.column(key, 0)[:19] for key in ("Date", "Time"))
-    said = (("segment", f"{len(values)} rows, {count} channels{f', begun {begun}' if begun.strip() else ''}"),)
-    return Table(where=where, columns=tuple(columns), rate=rate, rate_from="Delta_X in its header", layout=said)
+    layout = (("segment", f"{len(values)} rows, {count} channels{f', begun {begun}' if begun.strip() else ''}"),)
+    return Table(where=where, columns=tuple(columns), rate=rate, rate_from="Delta_X in its header", layout=layout)
 
 
 def _positive(text: str) -> bool:

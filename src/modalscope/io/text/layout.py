@@ -19,8 +19,8 @@ from modalscope.io.text.cells import Dialect, is_missing, is_number, number_of, 
 from modalscope.io.text.dialect import DELIMITERS, value_rows
 
 #: So many rows of values in a row are the body; fewer where the file ends before.
-_BODY = 3
-_LONGEST_KEY, _LONGEST = 60, 400
+_MIN_ROWS_OF_BODY = 3
+_MAX_CHARACTERS_OF_KEY, _MAX_CHARACTERS = 60, 400
 #: Signs may follow each other: `Sample rate:,4096` is a key and the cell behind it.
 _FACT = re.compile(
     r"\s*\"?(?P<key>[^:=;,\t\"]{1,60}?)\"?\s*(?:[:=;,\t][\s:=;,\t\"]*|\s{2,})(?P<value>[^\s:=;,\t\"].*)\Z"
@@ -48,21 +48,8 @@ _CLOCK = re.compile(r"h{1,2}:m{2}(?::s{1,2}(?:[.,:][0fsm]+)?)?\Z", re.IGNORECASE
 _WORDS_OF_RATE = {"s/s", "sps", "samples/s", "sa/s", "hz", "1/s", ""}
 #: What stands before the names of columns, or their units, in a column of its own.
 _ROW_NAMES = {
-    "channel",
-    "channels",
-    "name",
-    "names",
-    "unit",
-    "units",
-    "einheit",
-    "kanal",
-    "label",
-    "title",
-    "channel name",
-    "ch no.",
-    "ch no",
-    "ch name",
-    "y-unit",
+    *["channel", "channels", "name", "names", "unit", "units", "einheit", "kanal", "label", "title", "y-unit"],
+    *("channel name", "ch no.", "ch no", "ch name"),
 }
 
 
@@ -96,8 +83,8 @@ def layout_of(lines: Sequence[str], dialect: Dialect) -> Layout | None:
     (3, ('Time', 'AccA'), ('s', 'g'), ((0, 'Rate', '100 Hz'),))
     """
     rows = [split(line, dialect) for line in lines]
-    width, held = value_rows(rows)
-    body = next((k for k in range(len(rows)) if all(held[k : k + _BODY])), None)
+    width, of_values = value_rows(rows)
+    body = next((k for k in range(len(rows)) if all(of_values[k : k + _MIN_ROWS_OF_BODY])), None)
     if body is None or not width:
         return None
     names, units, name_line, unit_line = _head(lines, rows, body, width, dialect)
@@ -105,7 +92,7 @@ def layout_of(lines: Sequence[str], dialect: Dialect) -> Layout | None:
     facts = tuple(
         (k, *fact)
         for k, line in enumerate(lines[:body])
-        if k not in used and (fact := _fact(line[:_LONGEST], dialect)) is not None
+        if k not in used and (fact := _fact(line[:_MAX_CHARACTERS], dialect)) is not None
     )
     return Layout(
         width=width, body=body, names=names, units=units, name_line=name_line, unit_line=unit_line, facts=facts
@@ -119,10 +106,10 @@ def _fact(line: str, dialect: Dialect) -> tuple[str, str] | None:
     """
     cells = [bare for cell in split(line, dialect) if (bare := cell.strip(' "'))] if dialect.delimiter else []
     key = cells[0].rstrip(":= ") if cells else ""
-    if len(cells) > 1 and key and len(key) <= _LONGEST_KEY and not _FACT.match(cells[0]):
+    if len(cells) > 1 and key and len(key) <= _MAX_CHARACTERS_OF_KEY and not _FACT.match(cells[0]):
         return key, " ".join(cells[1:])
-    found = _FACT.match(line) or _LOOSE_FACT.match(line)
-    return (found["key"].strip(), found["value"].strip()) if found else None
+    match = _FACT.match(line) or _LOOSE_FACT.match(line)
+    return (match["key"].strip(), match["value"].strip()) if match else None
 
 
 def _head(
@@ -154,7 +141,7 @@ def _head(
     units = [unit for _, unit in split_cells]
     if unit_line >= 0:
         below = [split_head(cell)[1] if k < heading else _bare(cell) for k, cell in enumerate(dict(heads)[unit_line])]
-        units = [own or unit for own, unit in zip(below, units, strict=True)]
+        units = [unit_below or unit for unit_below, unit in zip(below, units, strict=True)]
     return tuple(name for name, _ in split_cells), tuple(units), line, unit_line
 
 
@@ -192,16 +179,16 @@ def _units_after(cells: Sequence[str]) -> int | None:
     Each is known or in brackets, and one at least is there. Behind the name of an axis (`t,N,g`) there are two, none of which may be a
     letter of a channel; behind what the row is called (`Unit,g,V`) any.
     """
-    held = [cell for cell in cells if _bare(cell)]
-    bracketed = [cell for cell in held if cell[0] + cell[-1] in ("[]", "()")]
-    known = [cell for cell in held if is_unit(_bare(cell)) or cell in bracketed or _CLOCK.match(_bare(cell))]
-    if known and len(known) == len(held) and (len(held) > 1 or len(cells) == 1 or bracketed):
+    filled = [cell for cell in cells if _bare(cell)]
+    bracketed = [cell for cell in filled if cell[0] + cell[-1] in ("[]", "()")]
+    units = [cell for cell in filled if is_unit(_bare(cell)) or cell in bracketed or _CLOCK.match(_bare(cell))]
+    if units and len(units) == len(filled) and (len(filled) > 1 or len(cells) == 1 or bracketed):
         return 0
-    if not held or held[0] != cells[0]:
+    if not filled or filled[0] != cells[0]:
         return None
     named = _is_row_name(cells[0])
-    sure = [cell for cell in held[1:] if is_unit(_bare(cell)) and (named or not is_weak(_bare(cell)))]
-    return 1 if len(sure) > 1 - named and sure == held[1:] and (named or _names_axis(cells[0])) else None
+    sure = [cell for cell in filled[1:] if is_unit(_bare(cell)) and (named or not is_weak(_bare(cell)))]
+    return 1 if len(sure) > 1 - named and sure == filled[1:] and (named or _names_axis(cells[0])) else None
 
 
 def _is_row_name(cell: str) -> bool:
@@ -243,12 +230,12 @@ def rate_of_facts(where: str, facts: Sequence[tuple[int, str, str]], decimal: st
     ... )
     ((1024.0, 0, 'Sampling rate 1.024 kHz'), (2000.0, 3, 'dt [ms] 0,5'))
     """
-    found: list[tuple[float, int, str]] = []
+    rates: list[tuple[float, int, str]] = []
     for line, key, value in facts:
         name, unit = split_head(key)
         match = _QUANTITY.match(value)
         kind = "rate" if _RATE.search(name) else "step" if _STEP.search(name) else ""
-        if match is None or not kind or len(key) > _LONGEST_KEY:
+        if match is None or not kind or len(key) > _MAX_CHARACTERS_OF_KEY:
             continue
         unit = plain_unit(match["unit"] or unit)
         scale = factor_to_base(unit)
@@ -261,18 +248,18 @@ def rate_of_facts(where: str, facts: Sequence[tuple[int, str, str]], decimal: st
         if number is None or number <= 0:
             continue
         if len(set(takewhile(is_number, value.split()))) > 1:
-            raise _several_rates(where, [f"{key} {value[:_LONGEST_KEY]}"])
+            raise _several_rates(where, [f"{key} {value[:_MAX_CHARACTERS_OF_KEY]}"])
         if kind == "step" and kind_of_unit(unit) in ("time", ""):
-            found.append((1 / (number * scale), line, f"{key} {value[:_LONGEST_KEY]}"))
+            rates.append((1 / (number * scale), line, f"{key} {value[:_MAX_CHARACTERS_OF_KEY]}"))
         elif kind == "rate" and (kind_of_unit(unit) == "frequency" or unit.lower() in _WORDS_OF_RATE):
-            found.append((number * scale, line, f"{key} {value[:_LONGEST_KEY]}"))
-    if found and max(rate for rate, *_ in found) > 1.001 * min(rate for rate, *_ in found):
-        raise _several_rates(where, [words for _, _, words in found[:4]])
-    return found[0] if found else None
+            rates.append((number * scale, line, f"{key} {value[:_MAX_CHARACTERS_OF_KEY]}"))
+    if rates and max(rate for rate, *_ in rates) > 1.001 * min(rate for rate, *_ in rates):
+        raise _several_rates(where, [words for _, _, words in rates[:4]])
+    return rates[0] if rates else None
 
 
-def _several_rates(where: str, said: Sequence[str]) -> DataError:
-    fault = f"its header says several: {', '.join(map(repr, said))}"
+def _several_rates(where: str, statements: Sequence[str]) -> DataError:
+    fault = f"its header says several: {', '.join(map(repr, statements))}"
     return needs(where, "one sampling rate", fault, "Say it: --sampling-rate HZ")
 
 

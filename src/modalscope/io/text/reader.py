@@ -30,12 +30,12 @@ from modalscope.numerics.errors import check_choice
 
 TEXT_OPTIONS = (*COLUMN_OPTIONS, "skip", "decimal", "delimiter")
 
-#: Lines, and characters of them, by which a file is judged.
-_LINES, _CHARACTERS = 1000, 1 << 20
-#: Nobody measures so many channels into a table; rows that are channels have as many cells as samples.
-_COLUMNS, _SAMPLES = 20_000, 10_000_000
-#: What a row and a cell take while they are lists.
-_ROW, _CELL = 120, 60
+#: Lines, and characters of them, from which the layout is determined.
+_LINES_EXAMINED, _CHARACTERS_EXAMINED = 1000, 1 << 20
+#: Cells of a row at most: channels, or samples where rows are channels.
+_MAX_COLUMNS, _MAX_SAMPLES = 20_000, 10_000_000
+#: Bytes of a row and of a cell as lists.
+_BYTES_OF_ROW, _BYTES_OF_CELL = 120, 60
 
 Line = tuple[int, str]
 
@@ -67,7 +67,7 @@ def contents_of_lines(
 
     Raises `DataError`: as `read`.
     """
-    first = _first(lines, space, _SAMPLES if options.get("transpose") else _COLUMNS)
+    first = _first(lines, space, _MAX_SAMPLES if options.get("transpose") else _MAX_COLUMNS)
     bare = [uncommented(line)[0] for _, line in first]
     if is_labview(bare):
         return labview_contents(where, chain(first, lines), space, options)
@@ -75,9 +75,9 @@ def contents_of_lines(
     if head is not None:
         below = gathered(head, chain(islice(first, head.lines, None), lines), len(first), space)
         if runs_on(head, below, _given_rate(options)):
-            found = wrapped_contents(where, head, chain(below, lines), space, options)
+            contents = wrapped_contents(where, head, chain(below, lines), space, options)
             _refuse_cells(where, options, signs[0])
-            return replace(found, notes=(*found.notes, *notes))
+            return replace(contents, notes=(*contents.notes, *notes))
         lines = chain(below[len(first) - head.lines :], lines)
         bare[head.first : head.lines] = [""] * (head.lines - head.first)  # no names of columns
     dialect = dialect_of(where, bare, *signs)
@@ -105,13 +105,11 @@ def _refuse_cells(where: str, options: Options, delimiter: str | None) -> None:
         "delimiter": options.get("delimiter") is not None and delimiter != "",
         "decimal": options.get("decimal") == ",",
     }
-    asked = [name for name, said in meant.items() if said]
-    if asked:
-        raise DataError(
-            f"{' and '.join(asked)} of {where} were asked" if len(asked) > 1 else f"{asked[0]} of {where} was asked",
-            "it is one channel whose samples run on over the lines, parted by blanks, as its head counts them (NPTS)",
-            f"Leave {' and '.join(asked)} out.",
-        )
+    given = [name for name, refused in meant.items() if refused]
+    if given:
+        names, verb = " and ".join(given), "were" if len(given) > 1 else "was"
+        fault = "it is one channel, its samples separated by blanks and continued over the lines (NPTS)"
+        raise DataError(f"{names} of {where} {verb} asked", fault, f"Leave {names} out.")
 
 
 def _signs(options: Options) -> tuple[str | None, str | None]:
@@ -128,18 +126,18 @@ def _signs(options: Options) -> tuple[str | None, str | None]:
 
 
 def _first(lines: Iterator[Line], space: Room, most: int) -> list[Line]:
-    """Return the first lines, as many as the file is judged by."""
-    found: list[Line] = []
+    """Return the first lines, from which the layout is determined."""
+    first: list[Line] = []
     size = 0
     for line in lines:
-        found.append(line)
+        first.append(line)
         size += len(line[1])
-        if len(line[1]) > 2 * _COLUMNS:
+        if len(line[1]) > 2 * _MAX_COLUMNS:
             _check_width(line, space, most)
-        if len(found) >= _LINES or (size > _CHARACTERS and len(found) > 1):
+        if len(first) >= _LINES_EXAMINED or (size > _CHARACTERS_EXAMINED and len(first) > 1):
             break
     space.take("its first lines", size)
-    return found
+    return first
 
 
 def _check_width(line: Line, space: Room, most: int) -> None:
@@ -147,7 +145,7 @@ def _check_width(line: Line, space: Room, most: int) -> None:
     try:
         space.parts(f"cells in line {line[0]}", max(line[1].count(sign) for sign in "\t;,| "), most)
     except DataError as error:
-        if most > _COLUMNS:
+        if most > _MAX_COLUMNS:
             raise
         remedy = f"If every row is a channel, exchange rows and columns: --transpose. {error.change}"
         raise DataError(error.asked, error.found, remedy) from None
@@ -161,7 +159,7 @@ def _transposed(lines: Iterator[Line], dialect: Dialect, space: Room) -> tuple[l
     rows = []
     for _, line in chain([first], lines):
         cells = split(uncommented(line)[0], dialect)
-        space.take("its cells", _ROW + _CELL * len(cells))
+        space.take("its cells", _BYTES_OF_ROW + _BYTES_OF_CELL * len(cells))
         rows.append(cells)
     width = max(map(len, rows), default=0)
     whole = [row for row in rows if len(row) == width]
@@ -175,17 +173,12 @@ def _no_body(where: str, bare: list[str], options: Options) -> DataError:
         rows = [split(line, Dialect(delimiter=sign)) for line in bare[:200]]
         named = [row for row in rows if len(row) > 2 and all(map(is_value, row[1:]))]
         if len(named) > 1 and max(map(len, named)) > len(named):
-            return unreadable(
-                where,
-                f"{len(named)} of its rows are a name and {len(named[0]) - 1} numbers, as if every row were a channel",
-                "Exchange rows and columns: --transpose",
-            )
-    return unreadable(
-        f"{where} as a table",
-        f"no rows of numbers begin in the first {len(bare)} lines{f' below the {skip} skipped' if skip else ''} "
-        f"(the first is {bare[0][:40] if bare else ''!r})",
-        "Export the table as text with one row a sample or line; lines above it may be left out: --skip N",
-    )
+            cells = f"a name and {len(named[0]) - 1} numbers, as if every row were a channel"
+            return unreadable(where, f"{len(named)} of its rows are {cells}", "Exchange rows and columns: --transpose")
+    skipped = f" below the {skip} skipped" if skip else ""
+    fault = f"no rows of numbers begin in the first {len(bare)} lines{skipped} (the first is {bare[0][:40] if bare else ''!r})"
+    remedy = "Export the table as text with one row a sample or line; lines above it may be left out: --skip N"
+    return unreadable(f"{where} as a table", fault, remedy)
 
 
 def _table(
@@ -203,24 +196,24 @@ def _table(
     arrays, notes = read_body(
         where, chain(islice(first, layout.body, None), lines), kinds, dialect, layout.width, space
     )
-    told = None if options.get("sampling_rate") is not None else rate_of_facts(where, layout.facts, dialect.decimal)
-    columns, more = _columns(layout, kinds, arrays)
-    place = "" if told is None else f"line {first[told[1]][0]} ({told[2]})"
+    stated = None if options.get("sampling_rate") is not None else rate_of_facts(where, layout.facts, dialect.decimal)
+    columns, column_notes = _columns(layout, kinds, arrays)
+    place = "" if stated is None else f"line {first[stated[1]][0]} ({stated[2]})"
     return Table(
         where=where,
         columns=columns,
-        rate=None if told is None else told[0],
+        rate=None if stated is None else stated[0],
         rate_from=place,
-        notes=(*notes, *more),
-        layout=_evidence(first, dialect, layout, (told is not None and place) or ""),
+        notes=(*notes, *column_notes),
+        layout=_evidence(first, dialect, layout, (stated is not None and place) or ""),
     )
 
 
 def _but_ignored(kinds: list[str], layout: Layout, options: Options) -> list[str]:
     """Return the kinds of columns; those that are ignored may hold anything."""
     heads = [Column(number=k, name=name, values=np.zeros(0)) for k, name in enumerate(layout.names, 1)]
-    left = {column.number for column in ignored_columns(heads, options.get("ignore"))}
-    return ["text" if k in left else kind for k, kind in enumerate(kinds, 1)]
+    ignored = {column.number for column in ignored_columns(heads, options.get("ignore"))}
+    return ["text" if k in ignored else kind for k, kind in enumerate(kinds, 1)]
 
 
 def _columns(layout: Layout, kinds: list[str], arrays: list[Array]) -> tuple[tuple[Column, ...], list[str]]:
@@ -249,18 +242,18 @@ def _evidence(first: list[Line], dialect: Dialect, layout: Layout, rate: str) ->
     commas = "commas that are both" if dialect.paired else words_of_delimiter(dialect.delimiter)
     signs = f"decimal {'comma' if dialect.decimal == ',' else 'point'}"
     signs += f", thousands parted by {dialect.thousands!r}" if dialect.thousands else ""
-    told = [("cells", f"parted by {commas}, {signs}")]
+    evidence = [("cells", f"parted by {commas}, {signs}")]
     for line, words in ((layout.name_line, "names of columns"), (layout.unit_line, "their units")):
         if line >= 0:
-            told.append((f"line {first[line][0]}", words))
+            evidence.append((f"line {first[line][0]}", words))
     if rate:
-        told.append((rate.partition(" (")[0], "sampling rate: " + rate.partition(" (")[2].rstrip(")")))
+        evidence.append((rate.partition(" (")[0], "sampling rate: " + rate.partition(" (")[2].rstrip(")")))
     above = [fact for fact in layout.facts if f"line {first[fact[0]][0]}" != rate.partition(" (")[0]]
     for line, key, value in above[:3]:
-        told.append((f"line {first[line][0]}", f"{key}: {value[:60]}"))
+        evidence.append((f"line {first[line][0]}", f"{key}: {value[:60]}"))
     used = {layout.name_line, layout.unit_line, *(line for line, *_ in layout.facts)}
     unused = [str(first[k][0]) for k in range(layout.body) if k not in used and first[k][1].strip(" \t,;\r\n")]
     if unused:
-        told.append((f"line{'s' if len(unused) > 1 else ''} {', '.join(unused[:6])}", "above the table, not used"))
-    told.append((f"line {first[layout.body][0]}", f"first of the rows of {layout.width} cells"))
-    return tuple(told)
+        evidence.append((f"line{'s' if len(unused) > 1 else ''} {', '.join(unused[:6])}", "above the table, not used"))
+    evidence.append((f"line {first[layout.body][0]}", f"first of the rows of {layout.width} cells"))
+    return tuple(evidence)

@@ -22,8 +22,8 @@ from modalscope.io.limits import Room
 
 Line = tuple[int, str]
 
-#: Lines among which the head is looked for.
-_LINES = 12
+#: Lines in which the head is searched.
+_LINES_OF_HEAD = 12
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][-+]?\d+)?"
 _COUNT = re.compile(r"\bNPTS\s*=\s*(\d{1,9})", re.IGNORECASE)
 _STEP = re.compile(rf"\bDT\s*=\s*({_NUMBER})", re.IGNORECASE)
@@ -35,10 +35,10 @@ _SERIES = re.compile(
 _BARE = re.compile(r"[-+.\dEeDd\s]*\d[-+.\dEeDd\s]*\Z")
 #: How squares of seconds are written.
 _SQUARED = re.compile(r"/s(?:/s|(?:\*\*|\^)?2)\Z")
-#: Bytes that a sample takes while it is a text, and a line beside its text.
-_CELL, _LINE = 70, 60
-#: So many rows at least tell that a column rises; times lie off their grid by this part of a step.
-_ROWS, _OFF = 3, 0.5
+#: Bytes of a sample as text, and of a line without its text.
+_BYTES_OF_SAMPLE, _BYTES_OF_LINE = 70, 60
+#: Rows by which a column is known to rise, at least; distance of times from their grid in steps, at most.
+_MIN_ROWS, _MAX_OFF_GRID = 3, 0.5
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -70,21 +70,21 @@ def head_of(first: Sequence[str]) -> WrappedHead | None:
     >>> head.lines, head.count, head.step, head.series, head.unit
     (2, 4000, 0.01, 'acceleration', 'cm/s^2')
     """
-    for k, line in enumerate(first[:_LINES]):
+    for k, line in enumerate(first[:_LINES_OF_HEAD]):
         count, old = _COUNT.search(line), _OLD.search(line)
         if not (count or old):
             continue
         steps = {
-            place: found
+            place: match
             for place in (k, k + 1, k - 1)
-            if 0 <= place < len(first) and (found := _STEP.search(first[place]))
+            if 0 <= place < len(first) and (match := _STEP.search(first[place]))
         }
         end = k + 2 if k + 1 in steps else k + 1
         if not _BARE.match(" ".join(first[end : end + 1])):
             continue
-        step = old[2] if old else next((found[1] for found in steps.values()), "")
-        said = _SERIES.search(" ".join(first[:end]))
-        series, unit = (said[1].lower(), _plain(said[2])) if said else ("", "")
+        step = old[2] if old else next((match[1] for match in steps.values()), "")
+        series_match = _SERIES.search(" ".join(first[:end]))
+        series, unit = (series_match[1].lower(), _plain(series_match[2])) if series_match else ("", "")
         number = int(old[1] if old else count[1] if count else 0)
         return WrappedHead(first=k, lines=end, count=number, step=_step(step), said=step, series=series, unit=unit)
     return None
@@ -114,8 +114,8 @@ def _number(text: str) -> float:
 
 def _numbers(line: str) -> list[str] | None:
     """Return the numbers of a line, which may follow each other without a blank; None where anything else stands there."""
-    found = re.findall(_NUMBER, line)
-    return found if "".join(found) == "".join(line.split()) else None
+    numbers = re.findall(_NUMBER, line)
+    return numbers if "".join(numbers) == "".join(line.split()) else None
 
 
 def gathered(head: WrappedHead, lines: Iterable[Line], least: int, space: Room) -> list[Line]:
@@ -123,11 +123,11 @@ def gathered(head: WrappedHead, lines: Iterable[Line], least: int, space: Room) 
 
     `lines`: those below it. `least`: lines that are wanted in any case.
     """
-    found = []
+    gathered_lines = []
     for line in islice(lines, max(head.count + 1, least)):
-        space.take("its lines", _LINE + len(line[1]))
-        found.append(line)
-    return found
+        space.take("its lines", _BYTES_OF_LINE + len(line[1]))
+        gathered_lines.append(line)
+    return gathered_lines
 
 
 def runs_on(head: WrappedHead, body: Sequence[Line], rate: float | None) -> bool:
@@ -145,10 +145,10 @@ def runs_on(head: WrappedHead, body: Sequence[Line], rate: float | None) -> bool
     if len(rows) == head.count or (len(rows) > 1 and widths == {head.count}):
         return False
     step = 1 / rate if rate else head.step
-    if step is None or len(rows) < _ROWS:
+    if step is None or len(rows) < _MIN_ROWS:
         return True
     times = np.array([_number(row[0]) for row in rows if row])
-    return not bool(np.all(np.abs(times - times[0] - step * np.arange(times.size)) <= _OFF * step))
+    return not bool(np.all(np.abs(times - times[0] - step * np.arange(times.size)) <= _MAX_OFF_GRID * step))
 
 
 def wrapped_contents(where: str, head: WrappedHead, body: Iterable[Line], space: Room, options: Options) -> Contents:
@@ -160,13 +160,9 @@ def wrapped_contents(where: str, head: WrappedHead, body: Iterable[Line], space:
     """
     values = _values(where, head, body, space)
     if head.step is None and options.get("sampling_rate") is None:
-        raise needs(
-            where,
-            "a sampling rate",
-            f"the head that counts {head.count} samples (NPTS) "
-            + (f"says DT= {head.said}, which is no step" if head.said else "says no step (DT)"),
-            "Give it in samples per second: --sampling-rate HZ",
-        )
+        step = f"says DT= {head.said}, which is no step" if head.said else "says no step (DT)"
+        fault = f"the head that counts {head.count} samples (NPTS) {step}"
+        raise needs(where, "a sampling rate", fault, "Give it in samples per second: --sampling-rate HZ")
     table = Table(
         where=where,
         columns=(Column(number=1, name=head.series, unit=head.unit, values=np.array(values)),),
@@ -174,10 +170,10 @@ def wrapped_contents(where: str, head: WrappedHead, body: Iterable[Line], space:
         rate_from="DT in its head",
         layout=(("head", f"{counted(head.lines, 'line')}, {head.count} samples run on over the lines below"),),
     )
-    found = contents_from_table(table, options)
-    if isinstance(found.thing, Signals) and found.thing.quantities == (None,) and head.series:
-        return replace(found, thing=replace(found.thing, quantities=(head.series,)))
-    return found
+    contents = contents_from_table(table, options)
+    if isinstance(contents.thing, Signals) and contents.thing.quantities == (None,) and head.series:
+        return replace(contents, thing=replace(contents.thing, quantities=(head.series,)))
+    return contents
 
 
 def _values(where: str, head: WrappedHead, body: Iterable[Line], space: Room) -> list[float]:
@@ -185,18 +181,18 @@ def _values(where: str, head: WrappedHead, body: Iterable[Line], space: Room) ->
     values: list[float] = []
     above = lines = 0
     for number, line in body:
-        found = _numbers(line)
-        if found is None:
+        numbers = _numbers(line)
+        if numbers is None:
             fault = f"line {number} holds {line.strip()[:20]!r}"
             raise needs(where, "nothing but numbers below its head", fault, "Correct that line.")
-        space.take("its samples", _CELL * len(found))
-        values += map(_number, found)
+        space.take("its samples", _BYTES_OF_SAMPLE * len(numbers))
+        values += map(_number, numbers)
         above, lines = above if lines else number - 1, lines + 1
     if len(values) != head.count or not values:
-        raise needs(
-            where,
-            f"the {head.count} samples that its head counts (NPTS)",
+        need, fault = (
+            f"the {head.count} samples of its head (NPTS)",
             f"{len(values)} stand in the {lines} lines below it",
-            f"Correct the number, or copy the file again; if they are rows of a table, leave the head out: --skip {above}",
         )
+        table = f"if they are rows of a table, leave the head out: --skip {above}"
+        raise needs(where, need, fault, f"Correct the number, or copy the file again; {table}")
     return values

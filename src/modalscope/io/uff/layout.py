@@ -153,8 +153,8 @@ def dof_fields(label: str) -> tuple[str, int, int]:
     node, direction = (label, 0) if dof is None else (dof.node, CODES.get(dof.direction, 0))
     if dof is not None and node.isdecimal() and int(node) < 10**10 and str(int(node)) == node:
         return "NONE", int(node), direction
-    kept = node.isascii() and node.isprintable() and 0 < len(node) <= _MAX_LETTERS
-    if not kept or label_from("", node, 0, direction) != label:
+    writable = node.isascii() and node.isprintable() and 0 < len(node) <= _MAX_LETTERS
+    if not writable or label_from("", node, 0, direction) != label:
         fault = f"that has a node number or a name of up to {_MAX_LETTERS} ASCII characters"
         remedy = "Give labels of node and direction, such as 3:+Z, as output_dofs and input_dofs."
         raise DataError(f"writing the channel {label!r} to a universal file was asked", fault, remedy)

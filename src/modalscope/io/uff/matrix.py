@@ -261,8 +261,8 @@ def sort_impulse(functions: Sequence[Function], options: dict[str, Any], si: boo
     # a kind that is asked for and not there is what the functions are meant to be
     chosen = [f for f in functions if kind not in kinds or _impulse_kind(f) == kind]
     for other in functions:
-        if kind in kinds and (found := _impulse_kind(other)) != kind:
-            out.left[other.place] = f'it is a {found} response; expected {kind}: kind="{found}" reads it'
+        if kind in kinds and (other_kind := _impulse_kind(other)) != kind:
+            out.left[other.place] = f'it is a {other_kind} response; expected {kind}: kind="{other_kind}" reads it'
     group = largest_group(_evenly(chosen, out, "impulse responses"), out, options.get("quantity"), by_quantity=True)
     pairs = by_pair(group, out, options.get("repeated"))
     outputs, inputs = complete_block(pairs, out)

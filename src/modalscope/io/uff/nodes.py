@@ -113,10 +113,10 @@ def _read_elements(parts: Parts, block: Block, where: str) -> str:
             next(rows)  # orientation and cross sections of a beam
         nodes: list[int] = []
         while len(nodes) < head["number of nodes"]:
-            more = _numbers(next(rows), where)
-            if not more:
+            numbers = _numbers(next(rows), where)
+            if not numbers:
                 raise _short(where)
-            nodes += more
+            nodes += numbers
         if len(nodes) != head["number of nodes"] or not nodes:
             asked = f"{where} needs {head['number of nodes']} nodes for element {head['element']}"
             raise DataError(asked, f"there are {len(nodes)}", DAMAGED)
