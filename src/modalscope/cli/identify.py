@@ -91,8 +91,8 @@ def _print(result: Result, *, everything: bool = False) -> None:
     kinds = ("file", "places", "base", "units", "units not known", "bands chosen")
     remark(*(note for note in result.notes if note.kind in kinds))
     _print_diagrams(result)
-    known = len(result.modes) > 0 and not result.analysis.apart
-    fit = fit_of_bands(result.modes, result.diagrams) if known else None
+    rebuildable = len(result.modes) > 0 and not result.analysis.apart
+    fit = fit_of_bands(result.modes, result.diagrams) if rebuildable else None
     verdict = verdict_of(result.modes, result.diagrams[0].response, fit)
     remark(*verdict.taken)
     if result.findings:

@@ -31,20 +31,20 @@ def is_page(path: Path) -> bool:
     return path.suffix.lower() in _PAGES
 
 
-def check_outputs(options: argparse.Namespace, sources: Iterable[Path], known: tuple[str, ...] = _RESULTS) -> None:
+def check_outputs(options: argparse.Namespace, sources: Iterable[Path], suffixes: tuple[str, ...] = _RESULTS) -> None:
     """Raise for output names that cannot be written, before the work is done."""
     for path in options.outputs:
         if str(path) != STDOUT:
-            check_output(path, sources, options.force, known)
-        elif ".json" not in known:
-            raise DataError("JSON on stdout was asked", f"the formats are {', '.join(known)}", "Name a file.")
+            check_output(path, sources, options.force, suffixes)
+        elif ".json" not in suffixes:
+            raise DataError("JSON on stdout was asked", f"the formats are {', '.join(suffixes)}", "Name a file.")
 
 
-def check_output(path: Path, sources: Iterable[Path], force: bool, known: tuple[str, ...] = _RESULTS) -> None:
+def check_output(path: Path, sources: Iterable[Path], force: bool, suffixes: tuple[str, ...] = _RESULTS) -> None:
     """Raise for a name that cannot be written: never overwrite a source, and only with --force a file of another program."""
     asked = f"writing {str(path)!r} was asked"
-    if path.suffix.lower() not in known:
-        raise DataError(asked, f"the formats are {', '.join(known)}", "Choose one of these suffixes.")
+    if path.suffix.lower() not in suffixes:
+        raise DataError(asked, f"the formats are {', '.join(suffixes)}", "Choose one of these suffixes.")
     target = check_target(path, tuple(sources))
     if not target.parent.is_dir():
         raise DataError(asked, f"there is no folder {target.parent}", "Name a file in an existing folder.")

@@ -37,8 +37,8 @@ class Parser(argparse.ArgumentParser):
     def _hint(self, word: str) -> str:
         from difflib import get_close_matches
 
-        known = [option for action in self._actions for option in action.option_strings if option.startswith("--")]
-        near = get_close_matches(word.partition("=")[0], known, n=2)
+        options = [option for action in self._actions for option in action.option_strings if option.startswith("--")]
+        near = get_close_matches(word.partition("=")[0], options, n=2)
         return f" (did you mean {' or '.join(near)}?)" if near else f" (see {self.prog} --help)"
 
     def error(self, message: str) -> NoReturn:

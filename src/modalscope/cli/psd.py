@@ -34,11 +34,11 @@ def run(options: argparse.Namespace) -> None:
     check_outputs(options, options.files, PICTURES)
     data, notes = read_test(options)
     check_kind("spectra of records", data, Signals)
-    found = decomposition(data, segment=options.segment, overlap=options.overlap, window=options.window)
-    written = [write_picture(path, spectra(found, peaks=options.peaks or 12)) for path in options.outputs]
-    step = found.frequencies[1] - found.frequencies[0]
-    remark(*notes, f"{found.averages} averages, line spacing {step:.4g} Hz")
-    peaks = found.damped_peaks(options.peaks)
+    decomposed = decomposition(data, segment=options.segment, overlap=options.overlap, window=options.window)
+    written = [write_picture(path, spectra(decomposed, peaks=options.peaks or 12)) for path in options.outputs]
+    step = decomposed.frequencies[1] - decomposed.frequencies[0]
+    remark(*notes, f"{decomposed.averages} averages, line spacing {step:.4g} Hz")
+    peaks = decomposed.damped_peaks(options.peaks)
     say("peak    f [Hz]  zeta [%]" if len(peaks.frequencies) else "no significant peak")
     for number, (frequency, zeta) in enumerate(zip(peaks.frequencies, peaks.damping_ratios, strict=True), 1):
         say(f"{number:4d}  {frequency:8.4f}  " + (f"{100 * zeta:8.3f}" if zeta == zeta else "       -"))

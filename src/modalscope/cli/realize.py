@@ -27,8 +27,12 @@ def run(options: argparse.Namespace) -> None:
     require_output(options, "model.mat")
     check_outputs(options, options.files, (".mat", ".npz", ".h5", ".hdf5", ".json"))
     data, notes = read_test(options)
-    found = identify(data, method=options.method, domain=options.domain, order=options.order, **choices(options))
-    written = write_outputs(options, found.state_space, data={"file": ""})
-    remark(*notes, *found.notes)
-    explain(", ".join(f"{name}={value!r}" for name, value in found.settings.items()))
-    say(f"{summary_of(found.state_space)}; fit error {100 * found.fit_error:.3g} %", found.modes.table(), *written)
+    identified = identify(data, method=options.method, domain=options.domain, order=options.order, **choices(options))
+    written = write_outputs(options, identified.state_space, data={"file": ""})
+    remark(*notes, *identified.notes)
+    explain(", ".join(f"{name}={value!r}" for name, value in identified.settings.items()))
+    say(
+        f"{summary_of(identified.state_space)}; fit error {100 * identified.fit_error:.3g} %",
+        identified.modes.table(),
+        *written,
+    )

@@ -19,7 +19,7 @@ from modalscope.numerics.checks import ComplexArray, RealArray, check_count, che
 from modalscope.numerics.extras import optional_package
 from modalscope.plot._camera import extent, view_of
 from modalscope.plot._style import BLUE, INK, MUTED, PALE, VERMILLION, decimals, diverging, frameless, headline
-from modalscope.plot.shapes import check_mode, turned
+from modalscope.plot.shapes import check_mode, has_channels, turned
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -111,14 +111,17 @@ def _figure(modes: ModalModel, chosen: list[int], geometry: Geometry | None, sca
     rows = -(-len(chosen) // wide)
     figure = Figure(figsize=(_SIZE[0] * wide, _SIZE[1] * rows), dpi=_DPI, layout="constrained")
     geometry = modes.geometry if geometry is None else geometry
-    known = geometry is not None and any(geometry.motion_of(label) for label in modes.output_dofs)
     parts: list[Paint] = []
     for k, j in enumerate(chosen):
         ax = figure.add_subplot(rows, wide, k + 1)
         shape = turned(modes.shapes[:, j])
         f = f"{modes.frequencies[j]:.{decimals(modes.frequencies)}f} Hz"
         headline(ax, f"{j + 1}: {f}, {100 * modes.damping_ratios[j]:.2f} %" if modes.damping_ratios[j] else f)
-        parts.append(_structure(ax, geometry, modes, shape, scale) if known and geometry else _bars(ax, modes, shape))
+        parts.append(
+            _structure(ax, geometry, modes, shape, scale)
+            if has_channels(geometry, modes.output_dofs)
+            else _bars(ax, modes, shape)
+        )
 
     def paint(phase: float) -> None:
         for part in parts:

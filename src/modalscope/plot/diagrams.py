@@ -237,9 +237,9 @@ def fit_errors(diagram: StabilizationDiagram, ax: Axes | None = None) -> Axes:
     """
     check_kind("a plot of fit errors", diagram, StabilizationDiagram)
     ax = new_axes(ax, (9.0, 4.8))
-    known = np.isfinite(diagram.fit_errors) & (diagram.fit_errors > 0)
-    ax.plot(np.asarray(diagram.orders)[known], diagram.fit_errors[known], **DOTTED)
-    if np.any(known):
+    positive = np.isfinite(diagram.fit_errors) & (diagram.fit_errors > 0)
+    ax.plot(np.asarray(diagram.orders)[positive], diagram.fit_errors[positive], **DOTTED)
+    if np.any(positive):
         from matplotlib.ticker import LogLocator, NullFormatter
 
         # plain numbers 1, 2, 5, 10: the axis may cover less than a decade

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 
@@ -144,6 +144,11 @@ def shape(
     return ax
 
 
+def has_channels(geometry: Geometry | None, labels: tuple[str, ...]) -> TypeGuard[Geometry]:
+    """Return whether there is a geometry, and one of the channels moves it."""
+    return geometry is not None and any(geometry.motion_of(label) for label in labels)
+
+
 def check_mode(modes: ModalModel, index: int) -> None:
     """Raise if there is no mode of that index."""
     check_kind("a plot of shapes", modes, ModalModel)
@@ -201,16 +206,16 @@ def _over_length(ax: Axes, geometry: Geometry, motion: RealArray, measured: Arra
     """Draw displacement over position, with the axes exchanged for an upright structure."""
     position = geometry.coordinates @ view.matrix[:, 0]
     order = np.argsort(position, kind="stable")
-    known, along = order[measured[order]], position[order]
+    nodes, along = order[measured[order]], position[order]
     moving = np.flatnonzero(np.max(np.abs(motion), axis=0) > 1e-6 * float(np.max(np.abs(motion))))
     upright = view.names[0] == "z"
     flip = slice(None, None, -1) if upright else slice(None)
     ax.plot(*(along, np.zeros(order.size))[flip], color=PALE, linewidth=2.0, zorder=1)
     for axis, colour in zip(moving, (BLUE, VERMILLION, GREEN), strict=False):
         style: dict[str, Any] = {"color": colour, "linewidth": 1.8, "marker": "o", "markersize": 6, "zorder": 3}
-        ax.plot(*(position[known], motion[known, axis])[flip], label=AXES[axis], **style)
+        ax.plot(*(position[nodes], motion[nodes, axis])[flip], label=AXES[axis], **style)
         stems = ax.hlines if upright else ax.vlines
-        stems(position[known], 0, motion[known, axis], color=colour, linewidth=0.7, alpha=0.5, zorder=2)
+        stems(position[nodes], 0, motion[nodes, axis], color=colour, linewidth=0.7, alpha=0.5, zorder=2)
     directions = ", ".join(AXES[axis] for axis in moving) or "no direction"
     words = [f"position along {view.names[0]}", f"motion in {directions} (largest 1)"]
     xlabel, ylabel = words[flip]

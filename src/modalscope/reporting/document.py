@@ -200,21 +200,25 @@ def _limits(bands: Sequence[sections.Band]) -> str:
 
 
 def identification_sections(
-    found: Identification, *, source: str | None = None, command: str | None = None
+    identified: Identification, *, source: str | None = None, command: str | None = None
 ) -> Iterator[Section]:
     """Yield the sections on one identification in the order of reading, each drawn when it is asked for."""
-    modes, response = found.modes, found.response
+    modes, response = identified.modes, identified.response
     fit = fit_of(modes, response) if len(modes) else None
-    yield identification_summary(found)
+    yield identification_summary(identified)
     yield modes_section(modes)
-    yield sections.model_section(found)
+    yield sections.model_section(identified)
     yield from sections.mode_pictures(modes)
     yield sections.responses_section(modes, response, fit)
     yield record.data_section(response, source)
-    settings = {"method": cell_label(found.method, found.domain), "domain": found.domain, "order": str(found.order)}
-    yield Section("settings", "Settings", listing((settings | record.settings_listed(found.settings)).items()))
-    yield record.notes_section(found.notes)
-    yield record.repeat_section(record.identification_script(found, source), command)
+    settings = {
+        "method": cell_label(identified.method, identified.domain),
+        "domain": identified.domain,
+        "order": str(identified.order),
+    }
+    yield Section("settings", "Settings", listing((settings | record.settings_listed(identified.settings)).items()))
+    yield record.notes_section(identified.notes)
+    yield record.repeat_section(record.identification_script(identified, source), command)
 
 
 def _subtitle(response: Response) -> str:

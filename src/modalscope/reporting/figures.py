@@ -12,6 +12,7 @@ from modalscope.checking.certificate import Certificate
 from modalscope.data import ModalModel, StabilizationDiagram
 from modalscope.data.response import Response
 from modalscope.numerics.checks import RealArray
+from modalscope.plot.shapes import has_channels
 from modalscope.preprocess.singular_spectra import Decomposition
 
 if TYPE_CHECKING:
@@ -60,9 +61,7 @@ def response_svg(data: Response, modes: ModalModel, output: int, input: int) -> 
 
 def shape_svg(modes: ModalModel, index: int) -> bytes:
     """Draw one mode shape on the geometry, or as bars if that has none of the channels."""
-    geometry = modes.geometry
-    known = geometry is not None and any(geometry.motion_of(label) for label in modes.output_dofs)
-    drawn = modes if known else replace(modes, geometry=None)
+    drawn = modes if has_channels(modes.geometry, modes.output_dofs) else replace(modes, geometry=None)
     return draw((6.4, 4.0), lambda figure: plot.shape(drawn, index, ax=figure.add_subplot()))
 
 

@@ -103,7 +103,7 @@ def summary_section(
 
     `diagrams`: one a band. `fit`: fit error in all and per channel. `band`: sentence on the chosen band.
     """
-    diagram, ends = diagrams[0], [asked_ends(each) for each in diagrams]
+    diagram, ends = diagrams[0], [asked_ends(d) for d in diagrams]
     low, high = min(low for low, _ in ends), max(high for _, high in ends)
     orders = f"orders {diagram.orders[0]} to {diagram.orders[-1]}" if diagram.orders else "no order"
     lead = f"{counted(len(modes), 'mode')} between {low:.5g} and {high:.5g} Hz, by {cell_label(diagram.method, diagram.domain)}, {orders}."
@@ -115,19 +115,19 @@ def summary_section(
     return Section("summary", "Summary", body + "".join(paragraph(text) for text in lines if text))
 
 
-def identification_summary(found: Identification) -> Section:
+def identification_summary(identified: Identification) -> Section:
     """Write the verdict on one identification: number of modes, share explained, poles that are no modes."""
-    modes, (low, high) = found.modes, found.response.span
-    method = cell_label(found.method, found.domain)
+    modes, (low, high) = identified.modes, identified.response.span
+    method = cell_label(identified.method, identified.domain)
     body = paragraph(
-        f"{counted(len(modes), 'mode')} between {low:.5g} and {high:.5g} Hz, by {method}, order {found.order}.",
+        f"{counted(len(modes), 'mode')} between {low:.5g} and {high:.5g} Hz, by {method}, order {identified.order}.",
         "verdict",
     )
-    if explains_enough(found.fit_error):
+    if explains_enough(identified.fit_error):
         # the fit error includes real and unstable poles of the model
-        body += paragraph(explained(found.fit_error).replace("modes explain", "whole model explains", 1))
+        body += paragraph(explained(identified.fit_error).replace("modes explain", "whole model explains", 1))
     else:
-        body = paragraph(explained(found.fit_error), "loud") + body
+        body = paragraph(explained(identified.fit_error), "loud") + body
     odd = odd_poles(modes)
     body += paragraph(odd) if odd else ""
     body += paragraph("One order cannot separate modes from noise; use stabilize and select.", "muted")

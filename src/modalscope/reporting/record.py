@@ -55,10 +55,10 @@ def result_script(result: Result) -> str:
     return f'{_imports(lines)}{call}print(result.modes.table())\nms.report(result, "report.html")\n'
 
 
-def identification_script(found: Identification, source: str | None) -> str:
+def identification_script(identified: Identification, source: str | None) -> str:
     """Return the script that repeats an identification at one order."""
-    cell = {"method": found.method, "domain": found.domain, "order": int(found.order)}
-    lines = [*_options(cell), *_options(found.settings)]
+    cell = {"method": identified.method, "domain": identified.domain, "order": int(identified.order)}
+    lines = [*_options(cell), *_options(identified.settings)]
     after = 'print(found.modes.table())\nms.report(found, "report.html")\n'
     return _call("found", "identify", source, lines) + after
 

@@ -133,20 +133,20 @@ def singular_values_picture(values: RealArray, orders: Sequence[int]) -> str:
     return picture(singular_values_svg(values, orders), title, caption) if values.size > 1 else ""
 
 
-def model_section(found: Identification) -> Section:
+def model_section(identified: Identification) -> Section:
     """Describe the state-space model, its extraneous poles and the singular values of the data matrix."""
-    model = found.state_space
+    model = identified.state_space
     stable = np.all(model.poles.real < 0) if model.dt is None else np.all(np.abs(model.poles) < 1)
     facts = {
         "states": str(model.A.shape[0]),
-        "order": f"{found.order}, the rank of the truncation",
+        "order": f"{identified.order}, the rank of the truncation",
         "kind": "continuous" if model.dt is None else f"sampled every {model.dt:.6g} s",
         "stable": "yes" if stable else "no",
-        "fit error": percent(found.fit_error),
+        "fit error": percent(identified.fit_error),
     }
-    if len(found.extraneous):
-        facts["extraneous poles"] = f"{len(found.extraneous)}, beyond the rank; identified by their amplitude"
-    drawn = singular_values_picture(found.singular_values, (found.order,))
+    if len(identified.extraneous):
+        facts["extraneous poles"] = f"{len(identified.extraneous)}, beyond the rank; identified by their amplitude"
+    drawn = singular_values_picture(identified.singular_values, (identified.order,))
     return Section("model", "Model", listing(facts.items()) + (f'<div class="narrow">{drawn}</div>' if drawn else ""))
 
 

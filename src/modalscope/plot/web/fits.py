@@ -105,9 +105,9 @@ def channel_blob(diagrams: Sequence[StabilizationDiagram], modes: ModalModel, ou
 
 def _channel_lines(response: Response, modes: ModalModel, output: int, column: int) -> tuple[Array, Array, Array]:
     """Return lines, measured and rebuilt values of one channel; samples are transformed."""
-    known = len(modes) and modes.participation is not None
+    complete = len(modes) and modes.participation is not None
     shown = response.picture()
-    fitted = rebuilt(shown, modes) if known else np.full_like(shown.values, np.nan)
+    fitted = rebuilt(shown, modes) if complete else np.full_like(shown.values, np.nan)
     if isinstance(shown, ImpulseResponse):
         f, H = shown.spectrum()
         G = np.fft.rfft(fitted[:, output, column], n=8 * shown.samples) / shown.sampling_rate

@@ -12,7 +12,7 @@ from modalscope.data.analysis import named_near
 from modalscope.modal.indicators import mac, mpc
 from modalscope.numerics.checks import Array, ComplexArray
 from modalscope.plot._camera import extent
-from modalscope.plot.shapes import turned
+from modalscope.plot.shapes import has_channels, turned
 from modalscope.plot.web.blob import pack
 
 
@@ -88,7 +88,7 @@ def _moved(
     geometry: Geometry | None, labels: tuple[str, ...], shapes: ComplexArray
 ) -> tuple[tuple[str, ...], dict[str, Array]] | None:
     """Return nodes and motion, scaled to a structure of size 1 and a largest motion of 1; None if the geometry has no channel."""
-    if geometry is None or not any(geometry.motion_of(label) for label in labels):
+    if not has_channels(geometry, labels):
         return None
     size = extent(geometry.coordinates) or 1.0
     middle = (geometry.coordinates.max(axis=0) + geometry.coordinates.min(axis=0)) / 2
