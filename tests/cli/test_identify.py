@@ -96,7 +96,7 @@ def test_a_delay_is_taken_out_unless_the_command_line_refuses(tmp_path, capsys):
     np.savetxt(file, table, delimiter=",", header=",".join(names), comments="")
     words = ["realize", str(file), "--order", "10", "-o"]
     assert main([*words, str(tmp_path / "back.npz")]) == 0
-    assert "12 samples late after the forces, which was taken out" in capsys.readouterr().out
+    assert "shifted back by 12 samples, their delay after the forces" in capsys.readouterr().out
     assert main([*words, str(tmp_path / "left.npz"), "--delays", "none"]) == 0
     assert "taken out" not in capsys.readouterr().out
     assert main([*words, str(tmp_path / "known.npz"), "--delays", *(f"a{i}={late}" for i in range(4))]) == 0

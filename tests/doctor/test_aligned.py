@@ -11,7 +11,7 @@ import modalscope as ms
 from modalscope import DataError
 from modalscope.comparing.routes import witnesses
 from modalscope.data.records import Records
-from modalscope.doctor.delays import DELAYS, aligned, seen_delays
+from modalscope.doctor.delays import DELAYS, aligned, common_delays
 from modalscope.identification.prepare import measure
 from modalscope.identification.routes import USUAL
 from tests.shaker import Shaker, shaker
@@ -37,7 +37,7 @@ def late(delays: dict[str, int], seed: int = 3) -> tuple[ms.Signals, np.ndarray]
 @pytest.mark.parametrize("delays", [LATE, {f"y{i + 1}": 25 for i in range(6)}])
 def test_what_was_shifted_is_shifted_back(delays: dict[str, int]) -> None:
     record, longest = late(delays)[0], max(delays.values())
-    assert seen_delays(Records(runs=(record,))) == delays
+    assert common_delays(Records(runs=(record,))) == delays
     (moved,) = aligned(Records(runs=(record,)), delays)[0].runs
     count = record.samples - longest
     assert moved.samples == count
@@ -90,9 +90,9 @@ def test_a_comparison_looks_for_delays_once(monkeypatch: pytest.MonkeyPatch) -> 
 
     def counted(records: Records) -> dict[str, int]:
         looked.append(records)
-        return seen_delays(records)
+        return common_delays(records)
 
-    monkeypatch.setattr("modalscope.identification.routes.seen_delays", counted)
+    monkeypatch.setattr("modalscope.identification.routes.common_delays", counted)
     record, _ = late(LATE)
     ways, _ = witnesses(record, None, None)
     assert [way.delays for way in ways] == [LATE] * len(USUAL)
@@ -116,8 +116,8 @@ def test_delays_that_are_given_are_taken_and_others_are_refused() -> None:
 
 def test_runs_that_do_not_say_the_same_are_left_as_they_are() -> None:
     one, other = late(LATE)[0], late({}, seed=4)[0]
-    assert seen_delays(Records(runs=(one, one))) == LATE
-    assert seen_delays(Records(runs=(one, other))) == {}
+    assert common_delays(Records(runs=(one, one))) == LATE
+    assert common_delays(Records(runs=(one, other))) == {}
 
 
 def test_periods_are_left_whole() -> None:
@@ -125,5 +125,5 @@ def test_periods_are_left_whole() -> None:
     u = np.tile(rng.standard_normal((1500, 1)), (4, 1))
     whole = ms.systems.chain5().simulate(inputs=u, at=[0], sampling_rate=12.0, quantity="acceleration")
     record = ms.Signals(outputs=np.roll(whole.outputs, 25, axis=0), inputs=u, sampling_rate=12.0)
-    assert set(seen_delays(Records(runs=(record,))).values()) == {25}
+    assert set(common_delays(Records(runs=(record,))).values()) == {25}
     assert ms.identify(record, order=10).settings.get("delays") is None

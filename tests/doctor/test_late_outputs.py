@@ -25,7 +25,7 @@ def test_outputs_that_all_come_late_are_named_with_the_delay(samples: int) -> No
     (found,) = late(shifted(samples, slice(None)))
     assert found.kind == "delay"
     assert len(found.channels) == 6
-    assert f"about {samples} samples" in found.reason
+    assert f"by {samples} samples" in found.reason
     assert "delays={} (--delays none) leaves it in" in found.change
 
 
@@ -33,7 +33,7 @@ def test_outputs_that_all_come_late_are_named_with_the_delay(samples: int) -> No
 def test_an_output_that_alone_comes_late_is_named(samples: int) -> None:
     (found,) = late(shifted(samples, slice(2, 3)))
     assert found.channels == ("y3",)
-    assert f"about {samples} samples" in found.reason
+    assert f"by {samples} samples" in found.reason
 
 
 def test_nothing_is_said_of_sound_records_short_ones_and_those_without_forces() -> None:

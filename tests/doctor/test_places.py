@@ -10,7 +10,7 @@ import pytest
 import modalscope as ms
 from modalscope.cli import main
 from modalscope.doctor import examine
-from modalscope.doctor.places import _explained, named_by_place, same_places
+from modalscope.doctor.runs import _explained, named_by_place, same_places
 from modalscope.identification.routes import usual_route
 from modalscope.preprocess import estimate_frf
 from modalscope.systems import chain5

@@ -8,7 +8,7 @@ import pytest
 from modalscope.data import DataError, FrequencyResponse, Signals
 from modalscope.doctor import examine
 from modalscope.doctor.responses import isolated_lines, no_phase
-from modalscope.doctor.samples import holds, lone_samples, wraps
+from modalscope.doctor.samples import equal_stretches, spikes_of, wraps
 from modalscope.numerics.checks import Array
 from modalscope.systems import chain5
 
@@ -80,22 +80,22 @@ def test_a_value_holds_only_between_motion_and_for_longer_than_chance() -> None:
     x = rng.standard_normal(2000)
     quiet = x.copy()
     quiet[:500] = 0.0  # before the first hit
-    assert holds(quiet) == []
+    assert equal_stretches(quiet) == []
     held = x.copy()
     held[700:712] = 3.0
-    assert holds(held) == [(700, 712)]
-    assert holds(np.sign(x)) == []  # two levels: runs of a dozen are chance
-    assert holds(np.zeros(100)) == []
+    assert equal_stretches(held) == [(700, 712)]
+    assert equal_stretches(np.sign(x)) == []  # two levels: runs of a dozen are chance
+    assert equal_stretches(np.zeros(100)) == []
 
 
 def test_only_a_sample_that_isolated_lines_is_a_spike() -> None:
     rng = np.random.default_rng(0)
     x = rng.standard_normal(5000)
-    assert lone_samples(x).size == 0
+    assert spikes_of(x).size == 0
     onset = np.concatenate([0.01 * x[:2000], 5 * np.exp(-np.arange(3000) / 300) * np.cos(np.arange(3000) / 5)])
-    assert lone_samples(onset).size == 0
+    assert spikes_of(onset).size == 0
     x[1234] += 30
-    assert lone_samples(x).tolist() == [1234]
+    assert spikes_of(x).tolist() == [1234]
 
 
 def test_more_channels_than_samples_are_named() -> None:

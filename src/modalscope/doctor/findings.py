@@ -17,173 +17,157 @@ from modalscope.numerics.checks import Array, RealArray
 #: One side of the data: "output" or "input", its channels as columns (N, c), and their labels.
 Side = tuple[str, Array, tuple[str, ...]]
 
-#: What was found and what to do about it, by kind; rows of one kind differ in what follows the colon.
+_EXCLUDE = "Check cable and sensor, or leave it out: exclude=[{channels[0]!r}]."
+_AS_RUNS = "Give the parts before and after as runs: merge([...])."
+_ALIGNED = "Outputs are shifted back before modes are identified; keep them with delays={{}} (--delays none)."
+
+#: Reason and remedy of every kind of finding; rows of one kind differ in what follows the colon.
 ROWS = {
-    "overload": ("hit {number}: {reason}", "estimate_frf leaves it out by itself{effect}"),
+    "overload": ("hit {number}: {reason}", "estimate_frf excludes it{effect}"),
     "double hit": (
         "hit {number}: {reason}",
-        "It was kept, the force being recorded; hits={others} leaves it out{effect}",
+        "It is used, as its force is recorded; hits={others} leaves it out{effect}",
     ),
     "clipped": (
-        "{count} samples stand at its largest or smallest value{where}",
+        "{count} samples at its largest or smallest value{where}",
         "Measure again with a wider range, or leave these runs or this channel out.",
     ),
-    "dead": ("it never changes", "Check cable and sensor, or leave it out: exclude=[{channels[0]!r}]."),
+    "dead": ("it never changes", _EXCLUDE),
     "noisy: coherence": (
-        "{percent:.0f} % of its power follows from {source}, of the usual channel's {usual:.0f} %",
-        "Check sensor and cable, or leave it out: exclude=[{channels[0]!r}].",
+        "{percent:.0f} % of its power is predicted by {source}, {usual:.0f} % in the median",
+        _EXCLUDE,
     ),
     "noisy: unexplained": (
-        "{percent:.0f} % of its power follows from no other sample of any channel, of the usual channel's {usual:.2g} %",
-        "Check sensor and cable, or leave it out: exclude=[{channels[0]!r}].",
+        "{percent:.0f} % of its power is predicted by no other sample of any channel, {usual:.2g} % in the median",
+        _EXCLUDE,
     ),
     "duplicate": (
         "{channels[1]} is {factor:.6g} times {channels[0]}, to rounding",
-        "Leave one out if a channel was recorded twice; of a symmetric structure without noise it is to be expected.",
+        "Leave one out if it was recorded twice; a symmetric structure without noise does it, too.",
     ),
-    "swapped: run": ("in run {run} they have changed places", "Exchange them in that run, or leave the run out."),
+    "swapped: run": ("exchanged in run {run}", "Exchange them in that run, or leave the run out."),
     "swapped: driving point": (
-        "its response to its own force has resonances of both signs, which a driving point cannot have",
+        "driving-point response has resonances of both signs",
         "Check which channel was at the force, the directions, and the quantity.",
     ),
     "swapped: reciprocity": (
-        "the responses between them are the same both ways only when the two outputs are exchanged",
+        "reciprocal only if the two outputs are exchanged",
         "Exchange the labels of these two outputs.",
     ),
-    "polarity: run": (
-        "in run {run} it has the opposite sign of the other runs",
-        "Turn its sign in that run, or leave the run out.",
-    ),
+    "polarity: run": ("opposite sign in run {run}", "Change its sign in that run, or leave the run out."),
     "polarity: driving point": (
-        "the force takes energy out of the structure at its own point",
-        "Turn the sign of {channels[0]} or of its force; or correct the quantity, {quantity}.",
+        "driving-point response has the wrong sign: force or sensor reversed",
+        "Change the sign of {channels[0]} or of its force; or correct the quantity, {quantity}.",
     ),
     "polarity: reciprocity": (
-        "the negative of the way back: {pairs}",
-        "Turn the sign of {channels[0]} or of its force.",
+        "opposite sign of the reciprocal response: {pairs}",
+        "Change its sign, or that of its force.",
     ),
     "polarity: one of several": (
-        "the negative of the way back: {pairs}",
-        "Turn the sign of one of these sensors (or of its force), after comparing it with the others.",
+        "opposite sign of the reciprocal response: {pairs}",
+        "Compare these sensors, and change the sign of one or of its force.",
     ),
     "leakage": (
-        "{percent:.0f} % of its largest vibration is left at the end of the {what}",
-        "{longer}, or give exponential=0.01: its damping is taken off again.",
+        "{percent:.0f} % of its largest vibration remains at the end of the {what}",
+        "{longer}, or give exponential=0.01, which is corrected for in the damping.",
     ),
     "low coherence": (
-        "{explained:.2f} around its resonances: so much of its power follows from the inputs",
+        "coherence {explained:.2f} at its resonances",
         "Look for overloaded hits, forces that were not measured, noise, or too short segments.",
     ),
     "reciprocity": (
-        "the responses between them differ by {percent:.0f} % from one way to the other",
-        "Check labels, directions and calibration of these points; a structure that changes with level does it, too.",
+        "reciprocal responses differ by {percent:.0f} %",
+        "Check labels, directions and calibration of these points; nonlinear structures do it, too.",
     ),
     "wrong quantity": (
-        "called {given}, they look like {better}: {why}",
-        'Give quantity="{better}" if that is what was measured.',
+        "given as {given}, looks like {better}: {why}",
+        'Give quantity="{better}" if that was measured.',
     ),
     "short record: decay": (
-        "{seconds:.4g} s are {count:.1f} times the decay time of the resonance at {frequency:.4g} Hz (damping near {damping:.2g} %)",
-        "Damping will scatter by some {scatter:.0f} %: measure {needed:.4g} s or more.",
+        "{seconds:.4g} s are {count:.1f} decay times of the resonance at {frequency:.4g} Hz (damping near {damping:.2g} %)",
+        "Measure {needed:.4g} s or more: damping scatters by some {scatter:.0f} %.",
     ),
     "short record: lines": (
-        "the resonances at {where} Hz are narrower than {resolved:.1f} lines of {step:.3g} Hz: within one over the line spacing "
-        "their vibration does not decay to one per cent",
+        "the resonances at {where} Hz are narrower than {resolved:.1f} lines of {step:.3g} Hz",
         "Measure longer, use longer segments, or an exponential window for hits.",
     ),
     "overflow": (
-        "at {count} samples it jumps from one end of its range to the other, as a number that overflowed",
+        "{count} jumps from one end of its range to the other: the converter overflowed",
         "Measure again with a wider range, or leave the channel out.",
     ),
-    "frozen": (
-        "it holds one value over {stretches}, while there is motion before and after",
-        "Cut the record there: give the parts before and after as runs, merge([...]).",
-    ),
-    "gap": (
-        "all channels hold their values over {stretches}, while there is motion before and after",
-        "Cut the record there: give the parts before and after as runs, merge([...]).",
-    ),
+    "frozen": ("constant over {stretches}, with motion before and after", _AS_RUNS),
+    "gap": ("all channels constant over {stretches}, with motion before and after", _AS_RUNS),
     "spikes": (
-        "{count} single samples stand far out, at {times}",
-        "Look for a loose contact; replace these samples by the mean of their neighbours, or leave the channel out.",
+        "{count} outlying single samples, at {times}",
+        "Look for a loose contact; replace them by the mean of their neighbours, or leave the channel out.",
     ),
     "transposed": (
-        "there are {count} channels of {samples} samples",
+        "{count} channels of {samples} samples",
         "Exchange rows and columns: samples come first, outputs=y.T.",
     ),
     "conjugated": (
-        "phases rise along the resonances: energy would arrive before the impulse",
-        "Take the complex conjugate of the values, or change the sign of the phases; for the time convention exp(-j w t).",
+        "phases rise along the resonances: energy arrives before the impulse",
+        "Take the complex conjugate of the values (time convention exp(-j w t)), or change the sign of the phases.",
     ),
-    "no phase: magnitudes": (
-        "all values are real: magnitudes without a phase",
-        "Give complex values, magnitude times exp(j phase).",
-    ),
+    "no phase: magnitudes": ("all values are real: magnitudes without phase", "Give magnitude times exp(j phase)."),
     "no phase: decibels": (
-        "values look like decibels without a phase",
+        "values look like decibels without phase",
         "Give complex values, 10^(dB / 20) exp(j phase).",
     ),
     "lone lines": (
-        "{count} lines stand far out of their neighbours in every pair, at {where} Hz",
+        "{count} outlying lines in every pair, at {where} Hz",
         "Look for mains or an edited line; leave these lines out: response.at_lines(...).",
     ),
     "exchanged": (
-        "the output {outputs} comes before the input {inputs}: a cause does not follow its effect",
+        "the output {outputs} precedes the input {inputs}: force and response exchanged",
         "Exchange them: the force belongs to the inputs, columns='in=...,out=...'.",
     ),
-    "delay: all": (
-        "all outputs come about {samples} samples, {seconds:.4g} s, after the forces",
-        "Modes are identified with that taken out, which moves neither poles nor shapes; delays={{}} (--delays none) leaves it in.",
-    ),
-    "delay: one": (
-        "it comes about {samples} samples, {seconds:.4g} s, after the forces, others do not",
-        "Modes are identified with that taken out, which moves neither poles nor shapes; delays={{}} (--delays none) leaves it in.",
-    ),
+    "delay: all": ("all outputs are delayed by {samples} samples, {seconds:.4g} s, after the forces", _ALIGNED),
+    "delay: one": ("delayed by {samples} samples, {seconds:.4g} s, after the forces, unlike others", _ALIGNED),
     "delay: phase": (
-        "it comes {size:.4g} s, {samples:.3g} samples, {side} than most other outputs",
-        "Look for another filter or recorder; shift it back by {seconds:.4g} s, or leave it out: exclude=[{channels[0]!r}].",
+        "{size:.4g} s, {samples:.3g} samples, {side} than most other outputs",
+        "Look for another filter or recorder; shift it by {seconds:.4g} s, or leave it out: exclude=[{channels[0]!r}].",
     ),
     "missing samples": (
-        "at {count} times all channels go on as if some {lost} samples were missing: at {where}",
-        "Look for lost blocks or a clock that jumped; give the parts before and after as runs, merge([...]).",
+        "some {lost} samples are missing in all channels at {count} times: {where}",
+        "Look for lost blocks or a clock that jumped. " + _AS_RUNS,
     ),
     "no complex values: parts": (
-        "imaginary parts lie within +-{limit:.6g} and jump {jumps} times from end to end: they are phases in {unit}, and real parts {kind}",
+        "imaginary parts are phases in {unit} (within +-{limit:.6g}, {jumps} jumps from end to end), real parts {kind}",
         "Give {magnitude} exp(j {angle}).",
     ),
     "no complex values: turned": (
-        "{percent:.0f} % of the phases are near +-{limit:.0f} degrees, where 180 lies when degrees are taken for radians",
+        "{percent:.0f} % of the phases are near +-{limit:.0f} degrees, that is 180 with degrees taken for radians",
         "Give magnitude exp(j radians(phase)).",
     ),
     "no complex values: rough": (
-        "phases jump from line to line where magnitudes are smooth: degrees were taken for radians",
+        "phases jump from line to line, magnitudes do not: degrees taken for radians",
         "Give magnitude exp(j radians(phase)).",
     ),
     "no complex values: levels": (
-        "magnitudes lie between {low:.3g} and {high:.3g} and are small where the phase falls: they are levels in dB",
+        "magnitudes lie between {low:.3g} and {high:.3g} and are small at resonances: levels in dB",
         "Give 10^(dB / 20) exp(j phase).",
     ),
     "places": (
-        "runs {runs} are as if driven at {count} places: alike line by line, as wholes not",
+        "runs {runs} look like {count} drive points",
         "Give every place a file, or its own label: input_dofs, --input-dofs.",
     ),
     "event": (
-        "{share:.0f} % of the power lies between {start:.4g} and {stop:.4g} s: averages over the record are worth no more than "
-        "{worth:.3g} s of steady vibration",
-        "Cut the event out, and give the parts before and after it as runs, merge([...]); or identify it by itself. A free decay is "
-        "one from its release on: --rows FIRST- --columns \"time=1,decay=2-\", or ImpulseResponse(..., kind='free decay').",
+        "{share:.0f} % of the power lies between {start:.4g} and {stop:.4g} s: averages are worth {worth:.3g} s of steady vibration",
+        "Cut the event out. " + _AS_RUNS + " Or identify it alone, a free decay from its release on: "
+        "--rows FIRST- --columns \"time=1,decay=2-\", or ImpulseResponse(..., kind='free decay').",
     ),
 }
 
 #: All kinds of findings.
 KINDS = tuple(dict.fromkeys(name.partition(":")[0] for name in ROWS))
 
-#: Channels whose RMS about their mean is at most so many times the rounding of their largest value are dead. The size of other channels
-#: does not matter: their unit may be another.
-_DEAD = 32 * float(np.finfo(float).eps)
+#: Maximum RMS of a dead channel about its mean, over its largest value: 32 times the rounding. The size of other channels does not matter,
+#: as they may have other units.
+_DEAD_LEVEL = 32 * float(np.finfo(float).eps)
 
-#: Channels are the same when the difference of one from a multiple of the other is below this part of it.
-_SAME = 1e-6
+#: Maximum difference of a channel from a multiple of its duplicate, as a part of it.
+_DUPLICATE = 1e-6
 
 
 def finding(name: str, *channels: str, at: Iterable[float] = (), **measured: Any) -> Finding:
@@ -241,13 +225,13 @@ def channels_of(signals: Signals, *, inputs: bool = True) -> list[tuple[str, lis
 
 def dead_channels(samples: Array, labels: Sequence[str]) -> list[Finding]:
     """Find channels (N, c) that are constant, but for the rounding of their values."""
-    found = []
+    findings = []
     for label, x in zip(labels, samples.T, strict=True):
         largest = float(np.max(np.abs(x), initial=0.0))
         # the difference from the first sample has no rounding of a mean; over the largest, its square is finite at any scale
-        if largest == 0 or float(np.std((x - x[0]) / largest)) < _DEAD:
-            found.append(finding("dead", label))
-    return found
+        if largest == 0 or float(np.std((x - x[0]) / largest)) < _DEAD_LEVEL:
+            findings.append(finding("dead", label))
+    return findings
 
 
 def identical_channels(samples: Array, labels: Sequence[str]) -> list[Finding]:
@@ -274,15 +258,14 @@ def _copies(unit: RealArray, moving: Array) -> list[list[int]]:
     groups: list[list[int]] = []
     near = deque[list[int]]()
     for j in sorted(moving.tolist(), key=lambda k: float(place[k])):
-        while near and place[near[0][0]] < place[j] - 2 * _SAME:
+        while near and place[near[0][0]] < place[j] - 2 * _DUPLICATE:
             near.popleft()
         u = unit[:, j]
         # the norm of the difference: 1 - (u_i u_j)^2 would lose half of the digits
-        same = (own for own in near if np.linalg.norm(u - (unit[:, own[0]] @ u) * unit[:, own[0]]) < _SAME)
-        group = next(same, None)
-        if group is None:
+        same = (group for group in near if np.linalg.norm(u - (unit[:, group[0]] @ u) * unit[:, group[0]]) < _DUPLICATE)
+        if group := next(same, None):
+            group.append(j)
+        else:
             near.append([j])
             groups.append(near[-1])
-        else:
-            group.append(j)
     return sorted(sorted(group) for group in groups if len(group) > 1)

@@ -1,10 +1,10 @@
-"""Check signs: turned and exchanged channels by driving points and reciprocity, wrong quantities by the slope below the first resonance.
+"""Check signs: reversed and exchanged channels by driving points and reciprocity, wrong quantities by the slope below the first resonance.
 
 driving point
     A force does work on the structure where it acts: Re(velocity / force) >= 0 at every frequency (and, of samples, on the line
     s = alpha + j w of an exponential window, where a mobility is positive real, too).
 reciprocity
-    H_ij = H_ji, once the channels found at driving points are turned; a channel turned against most others is named.
+    H_ij = H_ji, once the channels reversed at driving points are corrected; a channel of opposite sign to most others is named.
 """
 
 from __future__ import annotations
@@ -22,13 +22,26 @@ from modalscope.doctor.findings import finding
 from modalscope.functions.poles import QUANTITIES
 from modalscope.numerics.checks import Array, BoolArray, ComplexArray, RealArray
 
-# ------------------------------------------------------------------------------------------------------------ quantity
-
 #: Slopes of log |H| over log f below the first resonance, for fixed and for free structures.
 _SLOPES = {"displacement": (0.0, -2.0), "velocity": (1.0, -1.0), "acceleration": (2.0, 0.0)}
 
-#: A slope contradicts a quantity when farther than this from both of its own, and points to one when nearer than that.
-_FAR, _NEAR = 0.7, 0.4
+#: Minimum distance from both slopes of a quantity at which a slope contradicts it, and maximum distance at which it supports another.
+_CONTRADICTION, _SUPPORT = 0.7, 0.4
+
+#: Lines and differences are significant when their power is this many times the variance of the estimates.
+_SIGNIFICANT_POWER = 4.0
+
+#: Maximum relative difference of reciprocal responses, in measurements, too.
+_MAX_DIFFERENCE = 0.5
+
+#: An exchange or a change of sign is accepted when it reduces the difference below this part.
+_MAX_CORRECTED = 0.3
+
+#: Minimum size of the mean sign of the work at a driving point that is correct, or reversed, as a whole.
+_CLEAR_WORK = 0.9
+
+#: Decay of the exponential window over the samples, in nepers.
+_WINDOW_DECAY = 5.0
 
 
 def check_slope(response: FrequencyResponse) -> list[Finding]:
@@ -36,18 +49,18 @@ def check_slope(response: FrequencyResponse) -> list[Finding]:
     slope = _low_slope(response)
     if response.quantity is None or slope is None:
         return []
-    near = {q: min(abs(slope - s) for s in slopes) for q, slopes in _SLOPES.items()}
-    best = min(near, key=lambda q: near[q])
-    if near[response.quantity] < _FAR or near[best] > _NEAR:
+    distance = {q: min(abs(slope - s) for s in slopes) for q, slopes in _SLOPES.items()}
+    best = min(distance, key=lambda q: distance[q])
+    if distance[response.quantity] < _CONTRADICTION or distance[best] > _SUPPORT:
         return []
-    why = f"below the first resonance |H| goes with the power {slope:.1f} of the frequency"
+    why = f"|H| ~ f^{slope:.1f} below the first resonance"
     return [finding("wrong quantity", *response.output_dofs, given=response.quantity, better=best, why=why)]
 
 
 def fits_slope(response: Response, quantity: str) -> bool:
-    """Whether the lines below the first resonance show the slope of a quantity."""
+    """Return whether the lines below the first resonance show the slope of a quantity."""
     slope = _low_slope(response) if isinstance(response, FrequencyResponse) else None
-    return slope is not None and min(abs(slope - s) for s in _SLOPES[quantity]) < _NEAR
+    return slope is not None and min(abs(slope - s) for s in _SLOPES[quantity]) < _SUPPORT
 
 
 def level(response: FrequencyResponse) -> RealArray:
@@ -85,35 +98,17 @@ def _low_slope(response: FrequencyResponse) -> float | None:
     return float(slope) if straight and on_axis else None
 
 
-# ------------------------------------------------------------------------------------------------------------ polarity
-
-#: Lines and differences are significant when their power is this many times the variance of the estimates.
-_CERTAIN = 4.0
-
-#: Reciprocal responses differ by less than this part of their size, in measurements, too.
-_RECIPROCAL = 0.5
-
-#: An exchange or a change of sign is accepted when it reduces the difference below this part of what it was.
-_REPAIRED = 0.3
-
-#: Mean sign of the work at a driving point from which it is turned, or right, as a whole.
-_CLEAR = 0.9
-
-#: Decay of the exponential window over the samples, in nepers.
-_WINDOW = 5.0
-
-
 def check_polarity(response: Response) -> list[Finding]:
-    """Return channels that are turned or exchanged, responses that are not reciprocal, and a quantity that cannot be right.
+    """Return channels that are reversed or exchanged, responses that are not reciprocal, and a quantity that cannot be right.
 
-    Correlations show none of them: a turned channel turns its row and its column.
+    Correlations show none of them: a reversed channel changes the sign of its row and its column.
     """
     if isinstance(response, ImpulseResponse) and response.kind == "correlation":
         return []
     pairs = _pairs(response)
-    found, turned = _driving_points(response, pairs)
-    signed = [(i, j, -sign if (i, j) in turned else sign) for i, j, sign in pairs]
-    return found + _reciprocity(response, signed)
+    findings, reversed_ = _driving_points(response, pairs)
+    signed = [(i, j, -sign if (i, j) in reversed_ else sign) for i, j, sign in pairs]
+    return findings + _reciprocity(response, signed)
 
 
 def _pairs(response: Response) -> list[tuple[int, int, float]]:
@@ -132,34 +127,34 @@ def _pairs(response: Response) -> list[tuple[int, int, float]]:
 def _driving_points(
     response: Response, pairs: list[tuple[int, int, float]]
 ) -> tuple[list[Finding], set[tuple[int, int]]]:
-    """Check the work done at driving points; return also the (output, input) that are turned as a whole."""
-    found: list[Finding] = []
-    turned: set[tuple[int, int]] = set()
-    if response.quantity is None or not pairs or _lacks_impulse(response):
-        return found, turned
+    """Check the work done at driving points; return also the (output, input) that are reversed as a whole."""
+    findings: list[Finding] = []
+    reversed_: set[tuple[int, int]] = set()
+    # an acceleration without the impulse at time zero, which carries the sign
+    no_impulse = (
+        isinstance(response, ImpulseResponse) and response.kind != "pulse" and response.quantity == "acceleration"
+    )
+    if response.quantity is None or not pairs or no_impulse:
+        return findings, reversed_
     s, H = _transforms(response, pairs)
     for k, (i, j, sign) in enumerate(pairs):
         clear = _clear(response, i, j, s)
         scores = {q: _work(sign * H[clear, k], s[clear], q) for q in QUANTITIES}
-        own = scores[response.quantity]
-        if own > 0:
+        score = scores[response.quantity]
+        if score > 0:
             continue
         dof = response.output_dofs[i]
         best = max(scores, key=lambda q: scores[q])
-        if best != response.quantity and scores[best] > _CLEAR and own > -_CLEAR and fits_slope(response, best):
-            why = f"the force at {dof} does work only then"
-            found.append(finding("wrong quantity", dof, given=response.quantity, better=best, why=why))
-        elif own < -_CLEAR:
-            turned.add((i, j))
-            found.append(finding("polarity: driving point", dof, quantity=response.quantity))
+        clearly = best != response.quantity and scores[best] > _CLEAR_WORK and score > -_CLEAR_WORK
+        if clearly and fits_slope(response, best):
+            why = f"only then the force at {dof} does work"
+            findings.append(finding("wrong quantity", dof, given=response.quantity, better=best, why=why))
+        elif score < -_CLEAR_WORK:
+            reversed_.add((i, j))
+            findings.append(finding("polarity: driving point", dof, quantity=response.quantity))
         else:
-            found.append(finding("swapped: driving point", dof))
-    return found, turned
-
-
-def _lacks_impulse(response: Response) -> bool:
-    """Whether the samples are an acceleration without the impulse at time zero, which carries the sign."""
-    return isinstance(response, ImpulseResponse) and response.kind != "pulse" and response.quantity == "acceleration"
+            findings.append(finding("swapped: driving point", dof))
+    return findings, reversed_
 
 
 def _transforms(response: Response, pairs: list[tuple[int, int, float]]) -> tuple[ComplexArray, ComplexArray]:
@@ -172,7 +167,7 @@ def _transforms(response: Response, pairs: list[tuple[int, int, float]]) -> tupl
     assert isinstance(response, ImpulseResponse)
     t = (np.arange(response.samples) + response.first_sample) / response.sampling_rate
     t = t + (0.5 / response.sampling_rate if response.kind == "pulse" else 0.0)
-    alpha, length = _WINDOW / t[-1], 2 * response.samples
+    alpha, length = _WINDOW_DECAY / t[-1], 2 * response.samples
     f = np.fft.rfftfreq(length, 1 / response.sampling_rate)
     H = np.fft.rfft(driving * np.exp(-alpha * t)[:, None], n=length, axis=0)
     return alpha + 2j * np.pi * f, H * np.exp(-2j * np.pi * f * t[0])[:, None]
@@ -183,7 +178,7 @@ def _clear(response: Response, i: int, j: int, s: ComplexArray) -> BoolArray:
     inside = s.imag > 0
     if response.variance is None:
         return inside
-    clear = inside & (np.abs(response.values[:, i, j]) ** 2 > _CERTAIN * response.variance[:, i, j])
+    clear = inside & (np.abs(response.values[:, i, j]) ** 2 > _SIGNIFICANT_POWER * response.variance[:, i, j])
     return np.asarray(clear if clear.any() else inside)
 
 
@@ -201,27 +196,27 @@ def _work(H: ComplexArray, s: ComplexArray, quantity: str) -> float:
 
 def _reciprocity(response: Response, pairs: list[tuple[int, int, float]]) -> list[Finding]:
     """Compare H_ij with H_ji where both sides have the same dofs; test a change of sign and exchanged outputs as the cause."""
-    H, found, negative = response.values, [], []
+    H, findings, negative = response.values, [], []
     for (i, a, sa), (j, b, sb) in combinations(pairs, 2):
         if i == j or a == b:
             continue
-        one, other = sb * H[:, i, b], sa * H[:, j, a]
-        off = _difference(one, other)
-        if off < _RECIPROCAL or not _certain(one - other, response, (i, b), (j, a)):
+        H_ij, H_ji = sb * H[:, i, b], sa * H[:, j, a]
+        difference = _difference(H_ij, H_ji)
+        if difference < _MAX_DIFFERENCE or not _significant(H_ij - H_ji, response, (i, b), (j, a)):
             continue
-        if _difference(one, -other) < _REPAIRED * off:
+        if _difference(H_ij, -H_ji) < _MAX_CORRECTED * difference:
             negative.append((i, j))
             continue
         names = (response.output_dofs[i], response.output_dofs[j])
-        if _difference(sb * H[:, j, b], sa * H[:, i, a]) < _REPAIRED * off:
-            found.append(finding("swapped: reciprocity", *names))
+        if _difference(sb * H[:, j, b], sa * H[:, i, a]) < _MAX_CORRECTED * difference:
+            findings.append(finding("swapped: reciprocity", *names))
         else:
-            found.append(finding("reciprocity", *names, percent=100 * off))
-    return _turned(response, negative) + found
+            findings.append(finding("reciprocity", *names, percent=100 * difference))
+    return _reversed_outputs(response, negative) + findings
 
 
-def _turned(response: Response, negative: list[tuple[int, int]]) -> list[Finding]:
-    """Name the output that is turned against most others, or the several that are so alike."""
+def _reversed_outputs(response: Response, negative: list[tuple[int, int]]) -> list[Finding]:
+    """Name the output of opposite sign to most others, or the several of which that is true alike."""
     if not negative:
         return []
     times: Array = np.bincount(np.ravel(negative))
@@ -236,16 +231,16 @@ def _difference(a: Array, b: Array) -> float:
     return float(2 * np.linalg.norm(a - b) / size) if size else 0.0
 
 
-def _certain(difference: Array, response: Response, *pairs: tuple[int, int]) -> bool:
-    """Whether two estimates differ significantly, in the sum over the lines and on most significant lines.
+def _significant(difference: Array, response: Response, *pairs: tuple[int, int]) -> bool:
+    """Return whether two estimates differ significantly, in the sum over the lines and on most significant lines.
 
-    One or two lines dominate the sum: at a resonance for which the segments are too short the estimates leak, and scatter
+    The sum alone is dominated by one or two lines: at a resonance for which the segments are too short the estimates leak, and scatter
     more than their variance. Of equal estimates |difference|^2 over the sum of both variances has the median .7.
     """
     if response.variance is None:
         return True
     scatter = sum((response.variance[:, i, j] for i, j in pairs), np.zeros(response.count))
     power = sum((np.abs(response.values[:, i, j]) ** 2 for i, j in pairs), np.zeros(response.count))
-    off, clear = np.abs(difference) ** 2, power > _CERTAIN * scatter
-    most = bool(clear.any()) and np.mean(off[clear] > _CERTAIN * scatter[clear]) > 0.5
-    return bool(most and off.sum() > _CERTAIN * scatter.sum())
+    squares, clear = np.abs(difference) ** 2, power > _SIGNIFICANT_POWER * scatter
+    most = bool(clear.any()) and np.mean(squares[clear] > _SIGNIFICANT_POWER * scatter[clear]) > 0.5
+    return bool(most and squares.sum() > _SIGNIFICANT_POWER * scatter.sum())

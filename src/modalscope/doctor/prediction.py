@@ -1,4 +1,7 @@
-"""Predict samples from their neighbours in time and in other channels, by the block Toeplitz covariance of groups of channels."""
+"""Predict samples from their neighbours in time and in other channels, and find those that disagree: isolated and missing ones.
+
+The prediction is linear, by the block Toeplitz covariance of groups of channels.
+"""
 
 from __future__ import annotations
 
@@ -8,31 +11,47 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from modalscope.numerics.checks import RealArray
+from modalscope.data.notes import Finding
+from modalscope.data.records import Signals
+from modalscope.doctor.findings import finding
+from modalscope.numerics.checks import Array, RealArray
+from modalscope.numerics.statistics import NORMAL
 from modalscope.preprocess.stored_correlation import LagSum
 
-#: Channels of a group, and rows of one side of its matrix: samples of the past times channels.
-_TOGETHER, _ROWS = 6, 120
+#: Maximum number of channels of a group, and of rows of one side of its matrix: samples of the past times channels.
+_MAX_GROUP, _MAX_ROWS = 6, 120
 
-#: Samples of the past, the fewest and the most.
-_FEWEST, _DEPTH = 6, 40
+#: Minimum and maximum number of samples of the past.
+_MIN_DEPTH, _MAX_DEPTH = 6, 40
 
-#: Lags beyond the past and the future: how many samples may be missing.
-FARTHEST = 60
+#: Maximum number of missing samples: lags beyond the past and the future.
+_MAX_MISSING = 60
 
 #: Samples for every coefficient that is estimated: its error adds a fortieth of the prediction's variance at most.
-_SAMPLES = 40
+_SAMPLES_PER_COEFFICIENT = 40
 
 #: Part of a channel's variance that is added to it: filtered records would be predicted to rounding.
-_ROUNDING = 1e-8
+_ADDED_VARIANCE = 1e-8
+
+#: How often a sound record of any length may have a finding; and the factor by which an isolated sample exceeds that limit.
+_FALSE_ALARM, _ISOLATED_FACTOR = 1e-3, 1.5
+
+#: Maximum of the errors around an isolated sample, once it is subtracted, as a part of it.
+_MAX_RESIDUAL = 0.25
+
+#: Samples on either side over which the usual error is computed.
+_NEIGHBOURS = 100
+
+#: Past and future are compared in the canonical variates whose correlation exceeds this, and in so many at most.
+_MIN_CORRELATION, _MAX_VARIATES = 0.5, 24
 
 
-class Joint(NamedTuple):
+class Correlations(NamedTuple):
     """Records of a group of channels, each of variance one, and their correlations."""
 
     runs: RealArray  # (R, N, l), without means
     depth: int  # p, samples of the past and of the future
-    lags: RealArray  # E y(t + k) y(t)', (2 p + FARTHEST + 1, l, l)
+    lags: RealArray  # E y(t + k) y(t)', (2 p + _MAX_MISSING + 1, l, l)
 
     def between(self, distance: int) -> RealArray:
         """Return E f p' (p l, p l) of a future f that begins `distance` samples late after the past p; block i, j is R(d + p + i - j)."""
@@ -48,50 +67,42 @@ class Joint(NamedTuple):
         return np.asarray(whole.transpose(0, 2, 1, 3).reshape(size, size))
 
 
-def side_by_side(channels: int) -> list[list[int]]:
-    """Return groups of up to six channels, each taking every so many.
-
-    Examples
-    --------
-    >>> side_by_side(8)
-    [[0, 2, 4, 6], [1, 3, 5, 7]]
-    """
-    groups = -(-channels // _TOGETHER)
-    return [list(range(first, channels, groups)) for first in range(groups)]
-
-
-def joint(runs: RealArray) -> Joint | None:
+def _correlations(runs: RealArray) -> Correlations | None:
     """Return the correlations of runs (R, N, l) of a group of channels; None where they are too short, or singular."""
     count, l = runs.shape[0] * runs.shape[1], runs.shape[2]
-    depth = min(_DEPTH, _ROWS // l, count // (2 * _SAMPLES * l))
+    depth = min(_MAX_DEPTH, _MAX_ROWS // l, count // (2 * _SAMPLES_PER_COEFFICIENT * l))
     y = runs - runs.mean(axis=1, keepdims=True)
     size = np.sqrt(np.mean(y**2, axis=(0, 1)))
-    far = 2 * depth + FARTHEST
-    if depth < _FEWEST or runs.shape[1] < 4 * far or not np.all(size > 0):
+    max_lag = 2 * depth + _MAX_MISSING
+    if depth < _MIN_DEPTH or runs.shape[1] < 4 * max_lag or not np.all(size > 0):
         return None
     y = y / size
-    total = LagSum(l, range(l), far)
+    total = LagSum(l, range(l), max_lag)
     for run in y:
-        of_run = LagSum(l, range(l), far)
+        of_run = LagSum(l, range(l), max_lag)
         of_run.add(run)
         total.merge(of_run)
     lags = total.finish() / count
-    lags[0] += _ROUNDING * np.eye(l)
-    found = Joint(np.asarray(y), depth, lags)
+    lags[0] += _ADDED_VARIANCE * np.eye(l)
+    model = Correlations(np.asarray(y), depth, lags)
     try:
-        scipy.linalg.cholesky(found.within(2 * depth + 1), lower=True)
+        scipy.linalg.cholesky(model.within(2 * depth + 1), lower=True)
     except np.linalg.LinAlgError:  # channels that depend on each other, to rounding
         return None
-    return found
+    return model
 
 
-def joints(runs: RealArray) -> Iterator[tuple[list[int], Joint]]:
-    """Yield groups of the channels of runs (R, N, l) that are not constant, and their correlations where they can be estimated."""
-    alive = np.flatnonzero(np.ptp(runs, axis=(0, 1)) > 0)
-    for group in side_by_side(alive.size):
-        known = joint(runs[:, :, alive[group]])
-        if known is not None:
-            yield alive[group].tolist(), known
+def groups_of(runs: RealArray) -> Iterator[tuple[list[int], Correlations]]:
+    """Yield groups of the channels of runs (R, N, l) that are not constant, and their correlations where they can be estimated.
+
+    With k groups each takes every k-th channel.
+    """
+    moving = np.flatnonzero(np.ptp(runs, axis=(0, 1)) > 0)
+    count = -(-moving.size // _MAX_GROUP)
+    for group in (moving[first::count] for first in range(count)):
+        model = _correlations(runs[:, :, group])
+        if model is not None:
+            yield group.tolist(), model
 
 
 def unexplained(runs: RealArray) -> RealArray:
@@ -101,7 +112,183 @@ def unexplained(runs: RealArray) -> RealArray:
     all others. White noise of the channel alone cannot exceed it; forces on its own mass show in the later motion.
     """
     part = np.zeros(runs.shape[2])
-    for channels, known in joints(runs):
-        p, l = known.depth, len(channels)
-        part[channels] = 1 / np.diagonal(np.linalg.inv(known.within(2 * p + 1)))[p * l : (p + 1) * l]
+    for channels, model in groups_of(runs):
+        p, l = model.depth, len(channels)
+        part[channels] = 1 / np.diagonal(np.linalg.inv(model.within(2 * p + 1)))[p * l : (p + 1) * l]
     return part
+
+
+class IsolatedSample(NamedTuple):
+    """An isolated sample: its value and the one expected from all others, relative to the mean of the channel."""
+
+    run: int
+    sample: int
+    channel: int
+    value: float
+    expected: float
+
+
+def isolated_samples(signals: Signals) -> list[IsolatedSample]:
+    """Return the samples of the outputs that a number added to one sample explains, and a disturbance of the motion does not.
+
+    With the inverse covariance W of p samples on either side, (W x)_k is the error of predicting sample k from its neighbours, in time and
+    in the other channels, times W_kk: normal with variance W_kk, and of all linear tests for one added number the most powerful. A blow
+    disturbs what follows: its size, in standard deviations of the prediction from the past, exceeds that of any such number.
+    """
+    outputs, _ = signals.by_run()
+    samples = []
+    for channels, model in groups_of(outputs):
+        size = np.std(outputs[:, :, channels], axis=(0, 1))
+        for run, sample, channel, value, expected in _isolated(model):
+            scale = float(size[channel])
+            samples.append(IsolatedSample(run, sample, channels[channel], value * scale, expected * scale))
+    return sorted(samples)
+
+
+def _isolated(model: Correlations) -> list[IsolatedSample]:
+    """Return the isolated samples of a group of channels, normalized to variance one."""
+    p, l = model.depth, model.lags.shape[1]
+    W = np.linalg.inv(model.within(2 * p + 1))[p * l : (p + 1) * l].reshape(l, 2 * p + 1, l)
+    ahead = np.asarray(np.linalg.inv(model.within(p + 1))[p * l :].reshape(l, p + 1, l), dtype=float)
+    root = np.sqrt(np.diagonal(W[:, p]))
+    limit = _ISOLATED_FACTOR * np.sqrt(2 * np.log(model.runs.shape[0] * model.runs.shape[1] * l / _FALSE_ALARM))
+    # errors at the times -p ... p of a number added to channel i at time 0
+    pattern = W[:, ::-1].transpose(1, 0, 2) / root[:, None] / root
+    samples = []
+    for r, run in enumerate(model.runs):
+        z = sum(run[i : i + len(run) - 2 * p] @ W[:, i].T for i in range(2 * p + 1)) / root
+        # e' S^-1 e of the prediction from the past at the samples p ..., the largest of three: the size of a blow
+        e = sum(run[i : i + len(run) - p] @ ahead[:, i].T for i in range(p + 1))
+        squares = np.sum(e * np.linalg.solve(ahead[:, p], np.asarray(e).T).T, axis=1)
+        blow = scipy.ndimage.maximum_filter1d(squares, 3)[: len(z)]
+        for k, i in np.argwhere(np.abs(z) > limit):
+            if _explains(z, int(k), int(i), blow, pattern[:, :, i], limit):
+                x = float(run[k + p, i])
+                samples.append(IsolatedSample(r, int(k) + p, int(i), x, x - float(z[k, i] / root[i])))
+    return samples
+
+
+def _explains(z: RealArray, k: int, i: int, blow: RealArray, pattern: RealArray, limit: float) -> bool:
+    """Return whether a number at time k of channel i explains the errors z (N, l) around it, and a disturbance does not."""
+    p = len(pattern) // 2
+    first, last = max(k - p, 0), min(k + p + 1, len(z))
+    size = abs(z[k, i])
+    if size < np.abs(z[first:last]).max():
+        return False
+    residual = z[first:last] - z[k, i] * pattern[first - k + p : last - k + p]
+    usual = NORMAL * float(np.median(np.abs(z[max(k - _NEIGHBOURS, 0) : k + _NEIGHBOURS, i])))
+    return bool(size**2 > blow[k] and np.abs(residual).max() < _MAX_RESIDUAL * size and size > limit * usual)
+
+
+class Gap(NamedTuple):
+    """The first sample of a run after missing ones, and how many are missing, most likely."""
+
+    run: int
+    sample: int
+    missing: int
+
+
+def missing_samples(signals: Signals, kind: str) -> list[Finding]:
+    """Find times at which samples are missing from all channels, or clocks jumped, in random vibration: hits and sweeps begin at once."""
+    outputs, _ = signals.by_run()
+    gaps = gaps_in(outputs) if kind in ("random", "ambient") else []
+    if not gaps:
+        return []
+    runs = [f" of run {gap.run + 1}" if signals.runs > 1 else "" for gap in gaps]
+    times = [f"{gap.sample / signals.sampling_rate:.6g} s{run}" for gap, run in zip(gaps, runs, strict=True)]
+    where = ", ".join([*times[:3], "..."] if len(times) > 3 else times)
+    lost = int(np.median([gap.missing for gap in gaps]))
+    return [finding("missing samples", *signals.output_dofs, count=len(gaps), lost=lost, where=where)]
+
+
+def gaps_in(runs: RealArray) -> list[Gap]:
+    """Return where samples of runs (R, N, l) are missing, the clearest first: the past agrees with what would follow later.
+
+    u and v are the canonical variates of the p samples before and after a time: E u v' = C_0, diagonal, and C_g where g samples lie in
+    between. The likelihood of (u, v) with C_g over that with C_0 exceeds x by chance with probability 1 / x at most,
+    whatever else is estimated: its expectation is 1. Times at which that is less than 1e-3 over all times and g <= 60 are events. A blow
+    is one, too: there v - C_0 u is large, with variances of its variates by maximum likelihood. The likelihood ratio of all events
+    together must exceed 1e3 times the number of g. Their number of samples is common, or differs at an event whose ratio exceeds that by
+    the number of g.
+
+    References
+    ----------
+    The likelihood ratio's bound is Markov's inequality; canonical variates as in Larimore, "Canonical variate analysis in
+    identification, filtering, and adaptive control", 1990.
+    """
+    model = next((model for _, model in groups_of(runs)), None)
+    if model is None:
+        return []
+    U, V, C = _variates(model)
+    events = [(r, *event) for r, run in enumerate(model.runs) for event in _events(run, model, U, V, C)]
+    if not events:
+        return []
+    ratios = np.array([ratio for _, _, ratio in events])  # logarithms, (events, g)
+    penalty = np.log(ratios.shape[1])
+    best = ratios.max(axis=1) - penalty
+    total = np.maximum(ratios, best[:, None])
+    common = int(np.argmax(total.sum(axis=0)))
+    if float(total[:, common].sum()) - penalty < -np.log(_FALSE_ALARM):
+        return []
+    lost = np.where(ratios[:, common] >= best, common, np.argmax(ratios, axis=1)) + 1
+    order = np.argsort(-total[:, common])
+    return [Gap(events[i][0], events[i][1] + model.depth, int(lost[i])) for i in order]
+
+
+def _variates(model: Correlations) -> tuple[RealArray, RealArray, RealArray]:
+    """Return the weights (p, l, n) of u in the past and of v in the future, and C_g for g = 0 ... 60."""
+    p, l = model.depth, model.lags.shape[1]
+    L = scipy.linalg.cholesky(model.within(p), lower=True)
+
+    def whitened(M: Array) -> Array:
+        half = scipy.linalg.solve_triangular(L, M, lower=True)
+        return np.asarray(scipy.linalg.solve_triangular(L, half.T, lower=True).T)
+
+    left, d, right = np.linalg.svd(whitened(model.between(0)))
+    n = min(int(np.count_nonzero(d > _MIN_CORRELATION)), _MAX_VARIATES)
+    left, right = left[:, :n], right[:n].T
+    C = np.array([left.T @ whitened(model.between(g)) @ right for g in range(_MAX_MISSING + 1)])
+    U, V = (scipy.linalg.solve_triangular(L, side, lower=True, trans=1).reshape(p, l, n) for side in (right, left))
+    return U, V, C
+
+
+def _events(
+    run: RealArray, model: Correlations, U: RealArray, V: RealArray, C: RealArray
+) -> list[tuple[int, RealArray]]:
+    """Return the events of a run (N, l): time, and log likelihood ratios of g = 1, 2, ... missing samples over a blow."""
+    if not C.shape[1]:
+        return []
+    p = model.depth
+    count = len(run) - 2 * p + 1
+    u = np.asarray(sum(run[i : i + count] @ U[i] for i in range(p)))
+    v = np.asarray(sum(run[p + i : p + i + count] @ V[i] for i in range(p)))
+    limit = np.log(len(model.runs) * count * (len(C) - 1) / _FALSE_ALARM)
+    w, Q = _spread(C[0])
+    squares = ((v - u @ C[0].T) @ Q) ** 2
+    # no log ratio exceeds half of this sum
+    k = np.flatnonzero(np.sum(squares / w, axis=1) > 2 * limit)
+    if not k.size:
+        return []
+    densities = np.array([_log_density(u[k], v[k], M) for M in C])
+    free = np.maximum(w, squares[k])
+    blow = -0.5 * np.sum(np.log(free) + squares[k] / free, axis=1)
+    ratio = densities[1:].max(axis=0) - densities[0]
+    events: list[tuple[int, RealArray]] = []
+    for i in np.argsort(-ratio):
+        if ratio[i] < limit:
+            break
+        if all(abs(k[i] - other) > _MAX_MISSING for other, _ in events):
+            events.append((int(k[i]), densities[1:, i] - blow[i]))
+    return events
+
+
+def _spread(C: RealArray) -> tuple[RealArray, RealArray]:
+    """Return the variances of v - C u and their directions."""
+    w, Q = np.linalg.eigh(np.eye(len(C)) - C @ C.T)
+    return np.maximum(w, 1e-6), Q
+
+
+def _log_density(u: RealArray, v: RealArray, C: RealArray) -> RealArray:
+    """Return the log density of v given u, up to a constant."""
+    w, Q = _spread(C)
+    return np.asarray(-0.5 * np.sum(np.log(w)) - 0.5 * np.sum(((v - u @ C.T) @ Q) ** 2 / w, axis=1))

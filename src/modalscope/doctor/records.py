@@ -1,6 +1,8 @@
-"""Check records: clipped and noisy channels, overloaded and double hits, leakage, records too short for their damping."""
+"""Check records: clipped and noisy channels, overloaded and double hits, leakage, short records, events."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import scipy
@@ -13,49 +15,53 @@ from modalscope.doctor.prediction import unexplained
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.bands import useful_lines
+from modalscope.preprocess.excitation import EVENT, powers_of_stretches
 from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.harmonics import find_lines
 from modalscope.preprocess.impacts import Hit, clipped_samples, find_hits
 from modalscope.preprocess.plans import plan_hits, without_offset
 from modalscope.preprocess.spectra import Segments, cross_spectra
 
-#: A channel is noisy when less than this part of its power follows from the inputs, and this much less than the median's.
-_NOISY, _BELOW = 0.5, 0.25
+#: Maximum part of the power of a noisy channel that the inputs predict; and its minimum distance from the median of the channels.
+_MAX_PREDICTED, _MIN_BELOW_MEDIAN = 0.5, 0.25
 
-#: The same when only other outputs are there to compare with: the response of a damped mass to its own force follows from none.
-_NOISY_ALONE = 0.08
+#: The same part when only the other outputs predict: they do not show the response of a damped mass to its own force.
+_MAX_PREDICTED_BY_OUTPUTS = 0.08
 
 #: The force of a hit was cut when its outputs are this much larger than the other hits predict from it, and by so many standard
 #: deviations of the other hits.
-_CUT, _UNLIKE = 0.01, 20.0
+_MIN_CUT, _CUT_DEVIATIONS = 0.01, 20.0
 
-#: Noise of half the amplitude of a channel has a fifth of its power. Among the channels of one structure the forces on their own masses
-#: make parts that differ by a factor of three at most, so far.
-_ALONE, _HIGHER = 0.15, 5.0
+#: Minimum part of a noisy channel that no other sample explains, and its ratio to the median. Noise of half the amplitude of a channel has
+#: a fifth of its power. In the structures of the study, parts due to forces on a channel's own mass differ by a factor of three.
+_MIN_UNEXPLAINED, _UNEXPLAINED_RATIO = 0.15, 5.0
 
 #: A harmonic and its leakage under a window lie within this part of its frequency.
-_HUM = 0.01
+_HARMONIC_WIDTH = 0.01
 
-#: Vibration remaining at the end of a run, as a part of the largest, that an untapered transform turns into leakage.
-_LEFT = 0.05
+#: Vibration at the end of a run, as a part of the largest, that an untapered transform turns into leakage.
+_MAX_REMAINING = 0.05
 
 #: A random record shorter than this many times 1 / (zeta omega) determines the damping poorly.
 _TIME_CONSTANTS = 4.0
 
 #: Fewer periods in a record than this are drift: a resonance of 2 % has then decayed once.
-_CYCLES = 10.0
+_MIN_PERIODS = 10.0
+
+#: A stretch belongs to an event where its power exceeds the median of all by this factor.
+_EVENT_POWER = 4.0
 
 
 def clipped(signals: Signals, kind: str) -> list[Finding]:
     """Find channels clipped at their extremes; the force of a hammer is checked hit by hit instead."""
-    found = []
+    findings = []
     for dof, records in channels_of(signals, inputs=kind != "impact"):
         counts = [clipped_samples(run) for run in records]
         if any(counts):
             runs = [str(r + 1) for r, count in enumerate(counts) if count]
             where = f" in run {', '.join(runs)}" if signals.runs > 1 else ""
-            found.append(finding("clipped", dof, count=sum(counts), where=where))
-    return found
+            findings.append(finding("clipped", dof, count=sum(counts), where=where))
+    return findings
 
 
 def transposed(signals: Signals) -> list[Finding]:
@@ -73,17 +79,13 @@ def bad_hits(signals: Signals) -> list[Finding]:
     if inputs.shape[2] != 1:
         return []
     hits = _cut_hits(signals, find_hits(inputs[:, :, 0]))
-    found = []
-    for hit in hits:
-        if not hit.reason:
-            continue
+    findings = []
+    for hit in (hit for hit in hits if hit.reason):
         others = [h.number for h in hits if h.number != hit.number and not h.unfit]
         effect = _without(signals, hit.number, others)
-        kind = "overload" if hit.unfit else "double hit"
-        found.append(
-            finding(kind, *signals.input_dofs, number=hit.number, reason=hit.reason, others=others, effect=effect)
-        )
-    return found
+        measured: dict[str, Any] = {"number": hit.number, "reason": hit.reason, "others": others, "effect": effect}
+        findings.append(finding("overload" if hit.unfit else "double hit", *signals.input_dofs, **measured))
+    return findings
 
 
 def _cut_hits(signals: Signals, hits: list[Hit]) -> list[Hit]:
@@ -107,9 +109,9 @@ def _cut_hits(signals: Signals, hits: list[Hit]) -> list[Hit]:
     others = np.delete(size, k)
     more = float(size[k] / others.mean() - 1)
     # hit k is in the mean from which the others are predicted, alike for all
-    if more < max(_CUT, _UNLIKE * float(np.std(others, ddof=1))):
+    if more < max(_MIN_CUT, _CUT_DEVIATIONS * float(np.std(others, ddof=1))):
         return hits
-    reason = f"outputs are {100 * more:.2g} % larger for its force than in the other hits: its top was cut, or it fell elsewhere"
+    reason = f"outputs {100 * more:.2g} % larger relative to its force than in the other hits: force clipped, or another place"
     return [hit._replace(reason=reason, unfit=True) if hit is hits[k] else hit for hit in hits]
 
 
@@ -143,7 +145,7 @@ def leakage(signals: Signals, kind: str) -> list[Finding]:
     return [
         finding("leakage", dof, percent=100 * part, what=what, longer=longer)
         for dof, part, going in zip(signals.output_dofs, remaining, falling, strict=True)
-        if part > _LEFT and going
+        if part > _MAX_REMAINING and going
     ]
 
 
@@ -177,22 +179,22 @@ def noisy_channels(signals: Signals, kind: str) -> list[Finding]:
         rows = spectra.cross @ np.linalg.pinv(spectra.inputs, rcond=1e-12, hermitian=True)  # inputs may be alike
         explained = np.sum(rows * np.conj(spectra.cross), axis=2).real
     part = explained.sum(axis=0) / power.sum(axis=0)
-    # the coherence of independent channels from a finite number of averages is taken off
+    # without the coherence of independent channels from a finite number of averages
     part = 1 - (1 - part) * spectra.effective / (spectra.effective - others)
-    limit = _NOISY_ALONE if inputs is None else _NOISY
+    limit = _MAX_PREDICTED_BY_OUTPUTS if inputs is None else _MAX_PREDICTED
     usual = float(np.median(part))
     source = "the other outputs" if inputs is None else "the inputs"
-    found = {
-        dof: finding("noisy: coherence", dof, percent=100 * own, source=source, usual=100 * usual)
-        for dof, own in zip(signals.output_dofs, part, strict=True)
-        if own < limit and own < usual - _BELOW
+    findings = {
+        dof: finding("noisy: coherence", dof, percent=100 * share, source=source, usual=100 * usual)
+        for dof, share in zip(signals.output_dofs, part, strict=True)
+        if share < limit and share < usual - _MIN_BELOW_MEDIAN
     }
-    alone = unexplained(outputs) if inputs is None else np.zeros(l)
-    usual = float(np.median(alone))
-    for dof, own in zip(signals.output_dofs, alone, strict=True):
-        if own > max(_ALONE, _HIGHER * usual):
-            found.setdefault(dof, finding("noisy: unexplained", dof, percent=100 * own, usual=100 * usual))
-    return list(found.values())
+    noise = unexplained(outputs) if inputs is None else np.zeros(l)
+    usual = float(np.median(noise))
+    for dof, share in zip(signals.output_dofs, noise, strict=True):
+        if share > max(_MIN_UNEXPLAINED, _UNEXPLAINED_RATIO * usual):
+            findings.setdefault(dof, finding("noisy: unexplained", dof, percent=100 * share, usual=100 * usual))
+    return list(findings.values())
 
 
 def _from_others(S: Array) -> RealArray:
@@ -213,36 +215,26 @@ def too_short(signals: Signals) -> list[Finding]:
     length = fft.next_fast_len(2 * signals.samples, real=True)
     power = np.mean(np.abs(fft.rfft(y[:, :, i], n=length, axis=1)) ** 2, axis=0)
     lines = fft.rfftfreq(length, 1 / signals.sampling_rate)
-    found = _slowest(signals, power, lines)
-    if found is not None:  # only here, as it takes longer than all the rest
+    slowest = _slowest(signals, power, lines)
+    if slowest is not None:  # only here, as it takes longer than all the rest
         for line in find_lines(signals.select(outputs=[i])):
-            power[np.abs(lines - line.frequency) < _HUM * line.frequency] = 0
-        found = _slowest(signals, power, lines)
-    if found is None:
+            power[np.abs(lines - line.frequency) < _HARMONIC_WIDTH * line.frequency] = 0
+        slowest = _slowest(signals, power, lines)
+    if slowest is None:
         return []
-    f0, constant = found
+    f0, constant = slowest
     seconds = signals.runs * signals.duration
-    count = seconds / constant
-    return [
-        finding(
-            "short record: decay",
-            signals.output_dofs[i],
-            at=(f0,),
-            seconds=seconds,
-            count=count,
-            frequency=f0,
-            damping=100 / (2 * np.pi * f0 * constant),
-            scatter=100 / np.sqrt(count),
-            needed=100 * constant,
-        )
-    ]
+    damping, count = 100 / (2 * np.pi * f0 * constant), seconds / constant
+    measured: dict[str, Any] = {"seconds": seconds, "count": count, "frequency": f0, "damping": damping}
+    measured |= {"scatter": 100 / np.sqrt(count), "needed": 100 * constant}
+    return [finding("short record: decay", signals.output_dofs[i], at=(f0,), **measured)]
 
 
 def _slowest(signals: Signals, power: RealArray, lines: RealArray) -> tuple[float, float] | None:
     """Return frequency (Hz) and decay time (s) of the strongest resonance where the record is short for it."""
     smooth = scipy.signal.oaconvolve(power, np.ones(17) / 17, mode="same")
-    first = int(np.searchsorted(lines, _CYCLES / signals.duration))
-    if first >= smooth.size:  # the record is shorter than _CYCLES samples
+    first = int(np.searchsorted(lines, _MIN_PERIODS / signals.duration))
+    if first >= smooth.size:  # a record of a few samples
         return None
     top = first + int(np.argmax(smooth[first:]))
     f0 = float(lines[top])
@@ -262,3 +254,22 @@ def _decay_time(signals: Signals, power: RealArray, lines: RealArray, f0: float)
     # half an e-fold: further down the correlation of a short record is scatter
     below = np.flatnonzero(envelope < envelope[0] * np.exp(-0.5))
     return 2 * float(below[0] if below.size else envelope.size) / signals.sampling_rate
+
+
+def events(signals: Signals) -> list[Finding]:
+    """Find an earthquake, a blow or a passage that dominates a record without inputs, of one run (see `powers_of_stretches`)."""
+    outputs, inputs = signals.by_run()
+    if inputs is not None or len(outputs) != 1:
+        return []
+    powers = powers_of_stretches(outputs[0])
+    variation = float(np.var(powers))
+    if variation <= EVENT:
+        return []
+    largest = int(np.argmax(powers))
+    quiet = np.flatnonzero(powers <= _EVENT_POWER * np.median(powers))
+    first = int(np.max(quiet[quiet < largest], initial=-1)) + 1
+    last = int(np.min(quiet[quiet > largest], initial=len(powers)))
+    seconds = signals.samples // len(powers) / signals.sampling_rate
+    worth = signals.samples / signals.sampling_rate / (1 + variation)
+    measured: dict[str, Any] = {"share": 100 * float(powers[first:last].sum() / powers.sum()), "worth": worth}
+    return [finding("event", *signals.output_dofs, start=first * seconds, stop=last * seconds, **measured)]

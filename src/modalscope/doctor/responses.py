@@ -1,4 +1,4 @@
-"""Check responses: single lines, phases, complex values, coherence, resolution; signs and slopes are in `polarity`."""
+"""Check responses: outlying lines, phases, complex values, coherence, resolution; signs and slopes are in `polarity`."""
 
 from __future__ import annotations
 
@@ -14,21 +14,43 @@ from modalscope.doctor.findings import dead_channels, finding, identical_channel
 from modalscope.doctor.polarity import check_polarity, check_slope, level
 from modalscope.numerics.checks import Array, RealArray
 
-# --------------------------------------------------------------------------------------------------------- line checks
-# Faults of frequency responses line by line: isolated lines, phases that rise along resonances, missing phases.
+#: Minimum factor between an isolated line and the value interpolated from its neighbours, in every pair; its square where there are fewer
+#: than three pairs: two narrow modes next to each other differ as much in one pair, hardly in all.
+_MIN_FACTOR, _MIN_PAIRS = 2.0, 3
 
-#: An isolated line differs from the value interpolated from its neighbours by this factor in every pair, and by its square where there
-#: are fewer than three pairs: two narrow modes side by side do so in one pair, hardly in all ...
-_ALONE, _PAIRS = 2.0, 3
+#: Minimum distance of an isolated line from that value, over the median of so many lines on either side.
+_MIN_DISTANCE, _NEIGHBOURS = 6.0, 10
 
-#: ... and so many times further than the lines of this neighbourhood, on either side, usually do.
-_UNUSUAL, _AROUND = 6.0, 10
+#: Minimum sum of products of neighbouring lines, in standard deviations of noise alone (one of 700 sets of noise exceeds it).
+_MIN_PHASE_RISE = 3.0
 
-#: The sum of products of neighbouring lines exceeds so many standard deviations of noise alone (one of 700 sets of noise does).
-_SURE = 3.0
+#: Maximum energy of the imaginary parts of real values, as a part of the whole.
+_REAL_ENERGY = 1e-12
 
-#: Less than this part of the energy in imaginary parts is none.
-_REAL = 1e-12
+#: Minimum number of lines whose complex values are checked.
+_MIN_LINES = 16
+
+#: An angle that wraps jumps from above this part of its limit to below minus that.
+_WRAP_LEVEL = 0.8
+
+#: Angles in degrees taken for radians put the real axis at 0 and +-233 degrees. At least the first part of the phases lies within 8 degrees
+#: of the latter, and at most the second within 8 degrees of 180, which no structure does.
+_REAL_AXIS, _PHASE_TOLERANCE = np.radians(np.degrees(180.0) % 360), np.radians(8)
+_MIN_AT_REAL_AXIS, _MAX_AT_180 = 0.25, 0.05
+
+#: From line to line ln |H| and the phase (rad) change by as much: noise changes both alike, and between resonances the phase is constant.
+#: Degrees taken for radians change 57 times as much. Minimum ratio that neither noise nor a structure has, and minimum change in radians.
+_MIN_CHANGE_RATIO, _MIN_PHASE_CHANGE = 8.0, 0.1
+
+#: Levels in dB lie between plus and minus the first number, and within the second factor of their median; no response has so small a range
+#: around its resonances.
+_MAX_DECIBELS, _MAX_LEVEL_RANGE = 200.0, 6.0
+
+#: Minimum part of an output's power that the inputs explain: short segments alone leave more.
+_MIN_COHERENCE = 0.6
+
+#: Minimum half-power bandwidth in lines: a vibration then decays to one per cent within one over the line spacing.
+_MIN_BANDWIDTH = np.log(100) / np.pi
 
 
 def conjugated(response: FrequencyResponse) -> list[Finding]:
@@ -46,7 +68,7 @@ def conjugated(response: FrequencyResponse) -> list[Finding]:
     products = (np.conj(H[:-1]) * H[1:])[even]
     size = np.abs(products)
     total = float(np.sum(products.imag / np.sqrt(np.maximum(size, np.finfo(float).tiny))))
-    if total <= _SURE * float(np.sqrt(np.sum(size) / 2)):
+    if total <= _MIN_PHASE_RISE * float(np.sqrt(np.sum(size) / 2)):
         return []
     return [finding("conjugated", *response.output_dofs)]
 
@@ -54,7 +76,7 @@ def conjugated(response: FrequencyResponse) -> list[Finding]:
 def no_phase(response: FrequencyResponse) -> list[Finding]:
     """Find responses without imaginary parts: magnitudes, or levels in decibels where negative values are among them."""
     H = response.values
-    if response.lines < 3 or np.sum(H.imag**2) > _REAL * np.sum(np.abs(H) ** 2):
+    if response.lines < 3 or np.sum(H.imag**2) > _REAL_ENERGY * np.sum(np.abs(H) ** 2):
         return []
     decibels = bool(np.any(H.real < 0)) and float(np.ptp(H.real)) > 10
     return [finding(f"no phase: {'decibels' if decibels else 'magnitudes'}", *response.output_dofs)]
@@ -62,14 +84,13 @@ def no_phase(response: FrequencyResponse) -> list[Finding]:
 
 def lone_lines(response: FrequencyResponse) -> list[Finding]:
     """Find lines that are isolated in every pair: mains, an overload, an edited line. See `isolated_lines`."""
-    if response.lines < 2 * _AROUND:
+    if response.lines < 2 * _NEIGHBOURS:
         return []
-    found = isolated_lines(response.values.reshape(response.lines, -1))
-    if not found.size:
+    at = response.frequencies[isolated_lines(response.values.reshape(response.lines, -1))]
+    if not at.size:
         return []
-    where = ", ".join(f"{response.frequencies[k]:.6g}" for k in found[:5]) + (", ..." if found.size > 5 else "")
-    frequencies = response.frequencies[found]
-    return [finding("lone lines", *response.output_dofs, at=frequencies, count=found.size, where=where)]
+    where = ", ".join(f"{f:.6g}" for f in at[:5]) + (", ..." if at.size > 5 else "")
+    return [finding("lone lines", *response.output_dofs, at=at, count=at.size, where=where)]
 
 
 def isolated_lines(H: Array) -> Array:
@@ -78,17 +99,17 @@ def isolated_lines(H: Array) -> Array:
     A mode on a constant level is H_c(x) = (a_c + b_c x) / (1 + g x), with x in lines and g common to all channels, however narrow it is.
     The lines at x = -2, -1, 1, 2 determine g, by least squares over all channels, and a_c, the expected value of line 0. So does a cubic,
     H_c(0) = (-H_c(-2) + 4 H_c(-1) + 4 H_c(1) - H_c(2)) / 6. The line must differ from both by a factor, in the same direction, and by
-    more than the noise, in every channel where they exceed it: near an antiresonance a factor is one of noise. A line that is found is
+    more than the noise, in every channel where they exceed it: near an antiresonance a factor is one of noise. An isolated line is
     replaced by its expected value, and the search is repeated, as it spoils the values expected of its neighbours.
     """
-    H, found = H.copy(), np.zeros(len(H), dtype=bool)
+    H, isolated = H.copy(), np.zeros(len(H), dtype=bool)
     while True:
         size, mode = _sizes(H)
         # a line spoils the values expected of its neighbours
-        top = [k for k in np.flatnonzero(size) if size[k] == size[max(k - 2, 0) : k + 3].max() and not found[k + 2]]
+        top = [k for k in np.flatnonzero(size) if size[k] == size[max(k - 2, 0) : k + 3].max() and not isolated[k + 2]]
         if not top:
-            return np.flatnonzero(found)
-        found[np.array(top) + 2] = True
+            return np.flatnonzero(isolated)
+        isolated[np.array(top) + 2] = True
         H[np.array(top) + 2] = mode[top]
 
 
@@ -98,125 +119,100 @@ def _sizes(H: Array) -> tuple[RealArray, Array]:
     here, tiny = H[2:-2], np.finfo(float).tiny
     level, given = np.log(np.maximum(np.abs(here), tiny)), np.maximum(np.abs(np.stack([mode, cubic])), tiny)
     factors = level - np.log(given)
-    away = np.abs(here - mode)
-    noise = _UNUSUAL * _usual(away)
+    distance = np.abs(here - mode)
+    noise = _MIN_DISTANCE * _local_medians(distance)
     significant = given.min(axis=0) > noise
     one_side = np.all((factors > 0) | ~significant, axis=(0, 2)) | np.all((factors < 0) | ~significant, axis=(0, 2))
     least = np.abs(factors).min(axis=0)
     size = np.where(significant, least, np.inf).min(axis=1)
     # noise of one size, and noise as large as the lines are
-    far = np.all((away > noise) | ~significant, axis=1) & (
-        size > _UNUSUAL * _usual(np.median(least, axis=1, keepdims=True))[:, 0]
-    )
+    usual = _local_medians(np.median(least, axis=1, keepdims=True))[:, 0]
+    unusual = np.all((distance > noise) | ~significant, axis=1) & (size > _MIN_DISTANCE * usual)
     count = significant.sum(axis=1)
-    enough = (count >= min(_PAIRS, H.shape[1])) & (size > np.log(_ALONE) * np.where(count >= _PAIRS, 1, 2))
-    return np.where(one_side & far & enough, size, 0.0), mode
+    enough = (count >= min(_MIN_PAIRS, H.shape[1])) & (size > np.log(_MIN_FACTOR) * np.where(count >= _MIN_PAIRS, 1, 2))
+    return np.where(one_side & unusual & enough, size, 0.0), mode
 
 
 def _expected(H: Array) -> tuple[Array, Array]:
     """Return the values of the inner lines expected from a mode on a constant level, and from a cubic, (F - 4, c) each."""
     x = np.array([-2.0, -1.0, 1.0, 2.0])
     neighbours = np.stack([H[:-4], H[1:-3], H[3:-1], H[4:]])
-    turned = neighbours * x[:, None, None]
-    # orthogonal to straight lines in x
-    free = np.eye(4) - 1 / 4 - np.outer(x, x) / 10
-    own, other = np.tensordot(free, neighbours, 1), np.tensordot(free, turned, 1)
-    size = np.maximum(np.sum(np.abs(other) ** 2, axis=(0, 2)), np.finfo(float).tiny)
-    g = -np.sum(np.conj(other) * own, axis=(0, 2)) / size
-    mode = neighbours.mean(axis=0) + g[:, None] * turned.mean(axis=0)
+    times_x = neighbours * x[:, None, None]
+    # H (1 + g x) = a + b x: without the part that is straight in x, H + g x H = 0
+    projector = np.eye(4) - 1 / 4 - np.outer(x, x) / 10
+    constant, slope = np.tensordot(projector, neighbours, 1), np.tensordot(projector, times_x, 1)
+    size = np.maximum(np.sum(np.abs(slope) ** 2, axis=(0, 2)), np.finfo(float).tiny)
+    g = -np.sum(np.conj(slope) * constant, axis=(0, 2)) / size
+    mode = neighbours.mean(axis=0) + g[:, None] * times_x.mean(axis=0)
     return mode, np.tensordot(np.array([-1.0, 4.0, 4.0, -1.0]) / 6, neighbours, 1)
 
 
-def _usual(x: RealArray) -> RealArray:
+def _local_medians(x: RealArray) -> RealArray:
     """Return the medians of x (n, c) over the neighbourhood of every row."""
-    padded = np.pad(x, ((_AROUND, _AROUND), (0, 0)), mode="reflect")
-    wide = np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1, axis=0)
-    return np.asarray(np.median(wide, axis=2))
+    padded = np.pad(x, ((_NEIGHBOURS, _NEIGHBOURS), (0, 0)), mode="reflect")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEIGHBOURS + 1, axis=0)
+    return np.asarray(np.median(windows, axis=2))
 
 
-# -------------------------------------------------------------------------------------------------------- phase checks
-# Levels and angles in place of complex values: decibels, degrees, magnitude and phase.
-
-#: Fewest lines that are checked.
-_LEAST = 16
-
-#: An angle that wraps jumps by nearly a turn, from above this part of its limit to below minus that.
-_WRAPS = 0.8
-
-#: Angles in degrees taken for radians put the real axis at 0 and +-233 degrees. At least this part of the phases lies within 8 degrees
-#: of the latter, and at most this part within 8 degrees of 180, which no structure does.
-_TURNED, _NEAR, _MANY, _FEW = np.radians(np.degrees(180.0) % 360), np.radians(8), 0.25, 0.05
-
-#: From line to line ln |H| and the phase (rad) change by as much: noise changes both alike, and between resonances the phase is constant.
-#: Degrees taken for radians change 57 times as much. So many times more is neither noise nor a structure, where phases change by so many
-#: radians at all.
-_MORE, _JUMP = 8.0, 0.1
-
-#: Levels in dB lie between these, and seldom far from their median; no response has so small a range around its resonances.
-_DECIBELS, _RANGE = 200.0, 6.0
-
-
-def odd_phases(response: FrequencyResponse) -> list[Finding]:
+def no_complex_values(response: FrequencyResponse) -> list[Finding]:
     """Find magnitude and phase in the places of real and imaginary part, degrees taken for radians, and levels in dB with a phase."""
     H = response.values
-    if response.lines < _LEAST or not np.any(H.imag):
+    if response.lines < _MIN_LINES or not np.any(H.imag):
         return []
     for check in (_parts, _degrees, _levels):
-        if found := check(H):
-            name, measured = found
+        if fault := check(H):
+            name, measured = fault
             return [finding(f"no complex values: {name}", *response.output_dofs, **measured)]
     return []
 
 
 def _parts(H: Array) -> tuple[str, dict[str, Any]] | None:
-    """Whether imaginary parts are angles: they never leave +-180 or +-pi, and jump from the one to the other."""
+    """Return measures of imaginary parts that are angles: they never leave +-180 or +-pi, and jump from the one to the other."""
     for limit, unit in ((180.0, "degrees"), (np.pi, "radians")):
         x = H.imag / limit
         if np.abs(x).max() > 1 + 1e-6:
             continue
-        high, low = x > _WRAPS, x < -_WRAPS
+        high, low = x > _WRAP_LEVEL, x < -_WRAP_LEVEL
         jumps = int(np.sum((high[:-1] & low[1:]) | (low[:-1] & high[1:])))
         if jumps < 2 or np.abs(x).max() < 0.95:
             continue
         decibels = bool(np.any(H.real < 0))
-        return "parts", {
-            "limit": limit,
-            "jumps": jumps,
-            "unit": unit,
-            "kind": "levels in dB" if decibels else "magnitudes",
-            "magnitude": "10^(dB / 20)" if decibels else "magnitude",
-            "angle": "phase" if unit == "radians" else "radians(phase)",
-        }
+        kind, magnitude = ("levels in dB", "10^(dB / 20)") if decibels else ("magnitudes", "magnitude")
+        angle = "phase" if unit == "radians" else "radians(phase)"
+        numbers = {"limit": limit, "jumps": jumps}
+        return "parts", {**numbers, "unit": unit, "kind": kind, "magnitude": magnitude, "angle": angle}
     return None
 
 
 def _degrees(H: Array) -> tuple[str, dict[str, Any]] | None:
-    """Whether phases cluster where degrees that were taken for radians put the real axis, or jump from line to line."""
+    """Return measures of phases that cluster where degrees taken for radians put the real axis, or that jump from line to line."""
     phase = np.angle(H[np.abs(H) > 0])
     if not phase.size:
         return None
-    limit = 2 * np.pi - _TURNED
-    share = float(np.mean(np.abs(np.abs(phase) - limit) < _NEAR))
-    if share > _MANY and np.mean(np.abs(np.abs(phase) - np.pi) < _NEAR) < _FEW:
+    limit = 2 * np.pi - _REAL_AXIS
+    share = float(np.mean(np.abs(np.abs(phase) - limit) < _PHASE_TOLERANCE))
+    at_180 = np.mean(np.abs(np.abs(phase) - np.pi) < _PHASE_TOLERANCE)
+    if share > _MIN_AT_REAL_AXIS and at_180 < _MAX_AT_180:
         return "turned", {"percent": 100 * share, "limit": np.degrees(limit)}
     return ("rough", {}) if _rough(H) else None
 
 
 def _rough(H: Array) -> bool:
-    """Whether phases change from line to line many times as much as the logarithms of magnitudes do, in the median of all."""
+    """Return whether phases change from line to line many times as much as the logarithms of magnitudes, in the median of all."""
     size = np.maximum(np.abs(H), np.finfo(float).tiny)
     steps = np.conj(H[:-1]) * H[1:]
     steps = steps / np.maximum(np.abs(steps), np.finfo(float).tiny)
     # a delay turns all lines of a pair alike
     change = np.median(np.abs(np.angle(steps * np.conj(steps.sum(axis=0)))))
-    return bool(change > max(_JUMP, _MORE * float(np.median(np.abs(np.diff(np.log(size), axis=0))))))
+    log_change = float(np.median(np.abs(np.diff(np.log(size), axis=0))))
+    return bool(change > max(_MIN_PHASE_CHANGE, _MIN_CHANGE_RATIO * log_change))
 
 
 def _levels(H: Array) -> tuple[str, dict[str, Any]] | None:
-    """Whether magnitudes are levels: of the size of dB, of little range, and small where the phase falls, at the resonances."""
+    """Return measures of magnitudes that are levels: of the size of dB, of little range, and small where the phase falls, at resonances."""
     size = np.abs(H)
     middle = float(np.median(size))
-    if not (2 < middle < _DECIBELS and size.max() < min(_DECIBELS, _RANGE * middle)):
+    if not (2 < middle < _MAX_DECIBELS and size.max() < min(_MAX_DECIBELS, _MAX_LEVEL_RANGE * middle)):
         return None
     fall = -np.angle(H[1:] * np.conj(H[:-1]))
     local = (size[1:] + size[:-1]) / 2
@@ -226,33 +222,19 @@ def _levels(H: Array) -> tuple[str, dict[str, Any]] | None:
     return "levels", {"low": size.min(), "high": size.max()}
 
 
-# ----------------------------------------------------------------------------------------------------- response checks
-
-#: Less than this part of an output's power explained by the inputs is little: short segments alone leave more.
-_COHERENT = 0.6
-
-#: A decay to one per cent within the record of one line spacing: half-power bandwidth of this many lines.
-_RESOLVED = np.log(100) / np.pi
-
-
 def examine_response(response: Response) -> list[Finding]:
     """Return the findings on a response; coherence, slopes and resolution are those of lines."""
     sides = sides_of(response)
-    found = [each for _, columns, labels in sides for each in dead_channels(columns, labels)]
+    findings = [f for _, columns, labels in sides for f in dead_channels(columns, labels)]
     _, columns, labels = sides[0]
-    found += identical_channels(columns, labels) + check_polarity(response)
+    findings += identical_channels(columns, labels) + check_polarity(response)
     if isinstance(response, FrequencyResponse):
-        no_values = odd_phases(response) or no_phase(response)
-        if no_values:  # the other checks need complex values
-            return found + no_values
-        found += (
-            conjugated(response)
-            + _coherence(response)
-            + check_slope(response)
-            + _resolution(response)
-            + lone_lines(response)
-        )
-    return found
+        unusable = no_complex_values(response) or no_phase(response)
+        if unusable:  # the other checks need complex values
+            return findings + unusable
+        for check in (conjugated, _coherence, check_slope, _resolution, lone_lines):
+            findings += check(response)
+    return findings
 
 
 def _coherence(response: FrequencyResponse) -> list[Finding]:
@@ -260,13 +242,10 @@ def _coherence(response: FrequencyResponse) -> list[Finding]:
         return []
     c = response.coherence if response.coherence.ndim == 2 else response.coherence.min(axis=2)
     power = np.sum(np.abs(response.values) ** 2, axis=2)
-    found = []
-    for i, dof in enumerate(response.output_dofs):
-        total = float(power[:, i].sum())
-        explained = float(c[:, i] @ power[:, i]) / total if total > 0 else 1.0
-        if explained < _COHERENT:
-            found.append(finding("low coherence", dof, explained=explained))
-    return found
+    total = power.sum(axis=0)
+    explained = np.divide(np.sum(c * power, axis=0), total, out=np.ones(len(total)), where=total > 0)
+    pairs = zip(response.output_dofs, explained.tolist(), strict=True)
+    return [finding("low coherence", dof, explained=part) for dof, part in pairs if part < _MIN_COHERENCE]
 
 
 def bandwidths(response: FrequencyResponse) -> tuple[Array, RealArray]:
@@ -287,9 +266,9 @@ def _resolution(response: FrequencyResponse) -> list[Finding]:
     if response.lines < 3 or peaks.size == 0:
         return []
     step = line_step(response)
-    narrow = widths < _RESOLVED * step
-    if not np.any(narrow):
+    at = response.frequencies[peaks[widths < _MIN_BANDWIDTH * step]]
+    if not at.size:
         return []
-    at = response.frequencies[peaks[narrow]]
     where = ", ".join(f"{f:.4g}" for f in at[:5])
-    return [finding("short record: lines", *response.output_dofs, at=at, where=where, resolved=_RESOLVED, step=step)]
+    measured = {"where": where, "resolved": _MIN_BANDWIDTH, "step": step}
+    return [finding("short record: lines", *response.output_dofs, at=at, **measured)]

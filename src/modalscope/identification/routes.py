@@ -21,7 +21,7 @@ from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import Records, Signals
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
-from modalscope.doctor.delays import aligned, seen_delays
+from modalscope.doctor.delays import aligned, common_delays
 from modalscope.identification.method_names import find_method
 from modalscope.identification.table import methods
 from modalscope.numerics.errors import DataError
@@ -100,7 +100,7 @@ def without_delays(
     records: Records, delays: Mapping[str, int] | None
 ) -> tuple[Records, Mapping[str, int] | None, tuple[Note, ...]]:
     """Return records with delayed outputs shifted back, the delays and notes; periodic records only where delays are given."""
-    chosen = seen_delays(records) if delays is None else delays
+    chosen = common_delays(records) if delays is None else delays
     if delays is None and (not chosen or _periodic(records) is not None):
         return records, None, ()
     moved, notes = aligned(records, chosen)
