@@ -9,10 +9,10 @@ from modalscope import systems
 from modalscope.blocks.hankel import Hankel
 from modalscope.comparing import CAUSES, Comparison, compare, run
 from modalscope.comparing.agreement import pair
-from modalscope.comparing.comparison import find_by_name
 from modalscope.comparing.identities import check_identities
 from modalscope.comparing.kinship import SAME, kinship, pole_distance, subspace_angle
-from modalscope.comparing.run import MethodResult, plan
+from modalscope.comparing.routes import plan
+from modalscope.comparing.run import MethodResult, find_by_name
 from modalscope.data import DataError, FrequencyResponse, ImpulseResponse
 from modalscope.identification import sweep as cut
 from modalscope.identification.method_names import cell_label
@@ -160,7 +160,7 @@ def test_a_biased_method_is_named_as_the_witness_of_its_bias(lines: Comparison) 
     assert biased == {"lscf (z)"}
     said = [cause for d in lines.disagreements for cause in d.causes if cause.name == "bias"]
     assert said
-    assert all("PolyMAX (lscf, z) is the witness" in cause.evidence for cause in said)
+    assert all("by PolyMAX (lscf, z) is" in cause.evidence for cause in said)
     assert "deviations of the difference" in next(d.what for d in lines.disagreements if d.mode is not None)
 
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from modalscope.comparing.agreement import Group
-from modalscope.comparing.comparison import changed
-from modalscope.comparing.diagnosis import CAUSES, HEAVY, Cause, disagreements, mode_causes, order_cause
+from modalscope.comparing.data_causes import changed, order_cause
+from modalscope.comparing.diagnosis import CAUSES, HEAVY, Cause, disagreements, mode_causes
 from modalscope.comparing.run import MethodResult
 from modalscope.comparing.scatter import Biased, Scatter
 from modalscope.data import FrequencyResponse, ImpulseResponse
@@ -179,7 +179,7 @@ def test_transformed_data_are_the_cause_when_they_alone_differ() -> None:
     assert named(group(10), results=results, differing=[ERA, "era (s)"]) == []
     assert named(group(10), results=results) == []
     evidence = mode_causes(0, [group(10)], SAMPLES, results, [ERA])[0].evidence
-    assert evidence == "only methods differ whose data were transformed to lines"
+    assert evidence == "only methods on data transformed to lines differ"
 
 
 # ----------------------------------------------------------------------------------------------------------------- order
@@ -253,13 +253,13 @@ def test_an_order_is_too_low_by_the_rule_that_fired() -> None:
 
     # 0.2 / 0.32 in two pairs of states is 21 % each; 0.15 to 0.115 is more than a fifth in all, and 12 % each
     assert why([0.8, 0.7, 0.6, 0.5, 0.4, 0.32, 0.24, 0.2]) == (
-        "at order 16 20 % is left to explain, and every two states still take 21 % of it away"
+        "fit error 20 % at order 16, still falling by 21 % with every two states"
     )
     assert why([0.5, 0.4, 0.3, 0.2, 0.2, 0.15, 0.115, 0.115]) == (
-        "at order 16 12 % is left to explain; the last quarter of the orders still took it to 77 % of what it was"
+        "fit error 12 % at order 16, 77 % of that before the last quarter of the orders"
     )
     assert why([0.05] * 8, singular=[3.0] * 17 + [1.0] * 40) == (
-        "at order 16 5 % is left to explain, and 17 singular values stand out of the noise"
+        "fit error 5 % at order 16, and 17 singular values exceed the noise"
     )
 
 
@@ -328,10 +328,8 @@ def test_bias_is_named_with_its_witness_and_small_distances_count_when_the_noise
     nothing = (np.zeros(1),) * 6
     far = Scatter(*nothing, biased=({ALL[1]: (Biased("damping", 0.001, 12.3),)},), known=(frozenset(ALL[:2]),))
     (found,) = disagreements([g], SAMPLES, EVERY, [], far)
-    assert found.what == "SSI-cov (alternate): damping 2.1 % (12.3 deviations of the difference)"
-    assert [str(c) for c in found.causes] == [
-        "bias (SSI-cov (alternate) is the witness: its damping lies 12.3 deviations off)"
-    ]
+    assert found.what == "SSI-cov (alternate): damping 2.1 % (12.3 standard deviations of the difference)"
+    assert [str(c) for c in found.causes] == ["bias (damping by SSI-cov (alternate) is 12.3 standard deviations off)"]
     # what the noise explains is no disagreement, however far; where that is not known a quarter counts
     g = replace(g, damping_ratios={ALL[0]: 0.02, ALL[1]: 0.03, ALL[2]: 0.03})
     near = replace(far, biased=({},))

@@ -10,7 +10,7 @@ import pytest
 
 from modalscope import systems
 from modalscope.comparing import Comparison, compare
-from modalscope.comparing.diagnosis import without_dead
+from modalscope.comparing.data_causes import without_dead
 from modalscope.data import FrequencyResponse, ImpulseResponse, Signals
 from modalscope.preprocess import estimate_correlation, merge
 
@@ -99,7 +99,7 @@ def test_a_channel_of_noise_is_named_bad() -> None:
     c = run(replace(clean, values=values))
     assert channels(c, "bad channel") == {"4:+X"}
     # noise of 400 samples is explained by chance, as little as its few parameters can
-    assert re.search(r"the modes leave (99|100) % of it", c.findings[0].evidence)
+    assert re.search(r"fit error (99|100) %", c.findings[0].evidence)
 
 
 @pytest.mark.parametrize("make", [chain, chain_lines])

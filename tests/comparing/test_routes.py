@@ -49,7 +49,7 @@ def test_a_way_whose_orders_cannot_hold_the_modes_has_no_vote(most, votes):
     judged, causes = route_causes([result("records", 0.1), result("markov", 0.02, most)])
     assert [r.exact for r in judged] == [True, votes]
     assert [c.name for c in causes] == ([] if votes else ["too few blocks"])
-    assert all(f"no order above {most}, and 5 modes want 10" in c.evidence for c in causes)
+    assert all(f"orders up to {most}, 5 modes need 10" in c.evidence for c in causes)
 
 
 def test_data_that_are_no_records_keep_all_votes():

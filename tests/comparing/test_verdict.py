@@ -9,8 +9,8 @@ import pytest
 
 from modalscope.checking.certificate import Certificate
 from modalscope.comparing.diagnosis import Cause
-from modalscope.comparing.scatter import Scatter, Tried, interval_trouble
-from modalscope.comparing.verdict import GRADES, Trust, judge, words
+from modalscope.comparing.scatter import Scatter
+from modalscope.comparing.verdict import GRADES, Tried, Trust, interval_trouble, judge, words
 from modalscope.data.modes import ModalModel
 from tests.comparing.made import ALL, ERA, PRCE, group, result
 from tests.judging.made import NUDGE
@@ -62,18 +62,18 @@ def test_no_mode_is_trusted_when_the_order_is_too_low_whatever_else_was_found() 
 
 
 def test_without_an_interval_that_holds_only_the_frequency_is_trusted() -> None:
-    found = judge(group(10, 0.02), 0, 0, (), (), "no deviation of its damping is known")
+    found = judge(group(10, 0.02), 0, 0, (), (), "standard deviation of its damping unknown")
     assert (found.grade, found.why) == (
         FREQUENCY,
-        "found by 3 of 3 independent methods; no deviation of its damping is known",
+        "found by 3 of 3 independent methods; standard deviation of its damping unknown",
     )
 
 
 def test_an_interval_is_in_trouble_when_it_is_not_known_or_its_certificate_refutes_it() -> None:
     g = replace(group(10, 0.02), members={ERA: 1})
     assert interval_trouble(g, 0.1, 0.1, None) == ""
-    assert interval_trouble(g, np.nan, np.nan, None) == "no deviation of its frequency and damping is known"
-    assert interval_trouble(g, 0.1, np.nan, None) == "no deviation of its damping is known"
+    assert interval_trouble(g, np.nan, np.nan, None) == "standard deviation of its frequency and damping unknown"
+    assert interval_trouble(g, 0.1, np.nan, None) == "standard deviation of its damping unknown"
 
     def tried(*holds: bool) -> Tried:
         nothing = {k: np.zeros(2) for k in ("bias", "ratio", "coverage")}
@@ -91,7 +91,7 @@ def test_an_interval_is_in_trouble_when_it_is_not_known_or_its_certificate_refut
         return Tried(ERA, made)
 
     assert interval_trouble(g, 0.1, 0.1, tried(False, True)) == ""
-    assert interval_trouble(g, 0.1, 0.1, tried(True, False)) == "its interval does not hold, by its certificate"
+    assert interval_trouble(g, 0.1, 0.1, tried(True, False)) == "its interval is refuted by its certificate"
     assert interval_trouble(group(10, 0.02, (PRCE,), 1), 0.1, 0.1, tried(False, False)) == ""
 
 
@@ -102,8 +102,8 @@ def test_why_names_votes_scatter_and_causes() -> None:
     )
     g = group(10, 0.02)
     assert judge(g, 0, 0, (), ()).why == "found by 3 of 3 independent methods"
-    assert judge(g, 0.5, 0, (CLOSE,), ()).why.endswith("but its frequency is open by ±0.5 Hz: close pair")
-    assert judge(g, 0.01, 0.01, (), ()).why.endswith("; its damping is open by ±50 %")
+    assert judge(g, 0.5, 0, (CLOSE,), ()).why.endswith("; frequency uncertain by ±0.5 Hz: close pair")
+    assert judge(g, 0.01, 0.01, (), ()).why.endswith("; damping uncertain by ±50 %")
     assert judge(g, 0, 0, (), (LOW,)).why.endswith("but order too low")
     assert [Trust(name, "", ()).trusted for name in GRADES] == [True, False, False]
 
@@ -128,13 +128,11 @@ def test_all_some_one_or_none_can_be_trusted() -> None:
     assert said([TRUSTED, DOUBTFUL])[0].startswith("1 of 2 modes can be trusted in frequency and damping: 1 Hz.")
     assert said([TRUSTED])[0].startswith("1 of 1 modes can be trusted")
     assert said([DOUBTFUL])[0] == "None of the 1 modes can be trusted in full."
-    assert said([]) == ["No mode stands out of the data by any method."]
+    assert said([]) == ["No method found a mode."]
 
 
 def test_the_widest_scatter_is_that_of_the_trusted() -> None:
-    assert said([TRUSTED, TRUSTED, DOUBTFUL])[0].endswith(
-        "The widest stated scatter among them is ±2 % of the damping, at 2 Hz."
-    )
+    assert said([TRUSTED, TRUSTED, DOUBTFUL])[0].endswith("Widest damping interval: ±2 % at 2 Hz.")
 
 
 def test_every_other_mode_has_its_line_and_findings_their_remedy() -> None:

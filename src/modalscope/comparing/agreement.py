@@ -14,12 +14,13 @@ from modalscope.modal.indicators import mac
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.statistics import assign, scatter
 
-#: Two modes of different methods can be the same within this many half bandwidths, but at least and at most these fractions of f ...
-_HALF_BANDWIDTHS, _LEAST, _MOST = 1.5, 0.002, 0.05
-#: ... and with a MAC above this; repeated modes may be any basis of their plane, so that it is low.
-_LIKE = 0.4
+#: Maximum distance of two modes of different methods that can be the same: in half bandwidths, between these parts of the frequency.
+_MAX_HALF_BANDWIDTHS, _MIN_TOLERANCE, _MAX_TOLERANCE = 1.5, 0.002, 0.05
 
-#: Passes over all modes until every one lies with the group it is nearest to.
+#: Minimum MAC of these modes; repeated modes may be any basis of their plane, so that it is low.
+_MIN_MAC = 0.4
+
+#: Maximum number of passes over all modes until every one lies in the nearest group.
 _PASSES = 4
 
 
@@ -27,10 +28,10 @@ _PASSES = 4
 class Group:
     """One mode as every method identified it.
 
-    `members`: which mode of each method it is. `mac`: likeness of each member's shape to that of the consensus. `votes`: the methods
-    whose values count: they worked on the data themselves, and of several that are the same one only. `voters`: methods that had a vote.
+    `members`: index of the mode in each method's result. `mac`: of each member's shape with that of the consensus. `votes`: the methods
+    whose values count: on untransformed data, and one of several that are the same. `voters`: number of methods with a vote.
     `frequency`, `damping`: median over the votes (over all members when none of them has one). `frequency_between`, `damping_between`:
-    standard deviation between methods, robustly. `shape` (l,).
+    robust standard deviation between methods. `shape` (l,).
     """
 
     members: Mapping[str, int]
@@ -68,9 +69,9 @@ class _Flat:
 
 
 def pair(results: Sequence[MethodResult], kin: Kinship) -> tuple[tuple[Group, ...], tuple[Group, ...]]:
-    """Pair the modes of all methods by frequency, damping and shape, one mode of a method in a group, and sum every group up.
+    """Pair the modes of all methods by frequency, damping and shape, at most one of a method in a group.
 
-    Returns the modes that at least one method with a vote found, and those that only transformed data show.
+    Returns the modes of at least one method with a vote, and those of transformed data alone.
 
     `kin`: methods that are the same on these data have one vote together.
     """
@@ -80,10 +81,9 @@ def pair(results: Sequence[MethodResult], kin: Kinship) -> tuple[tuple[Group, ..
     flat = _flatten(kept)
     votes = _voters(kept, kin)
     names = [r.name for r in kept]
-    groups = _grouped(flat, len(kept), votes)
-    found = [_summed(members, flat, kept, names, votes) for members in groups]
-    found.sort(key=lambda g: g.frequency)
-    return tuple(g for g in found if g.votes), tuple(g for g in found if not g.votes)
+    members = _grouped(flat, len(kept), votes)
+    groups = sorted((_group(m, flat, kept, names, votes) for m in members), key=lambda g: g.frequency)
+    return tuple(g for g in groups if g.votes), tuple(g for g in groups if not g.votes)
 
 
 def _flatten(kept: Sequence[MethodResult]) -> _Flat:
@@ -98,25 +98,22 @@ def _flatten(kept: Sequence[MethodResult]) -> _Flat:
 
 
 def _voters(kept: Sequence[MethodResult], kin: Kinship) -> list[int]:
-    """Return the methods with a vote, one of each class of equals, or one of each way from records."""
-    seen: set[int | str] = set()
-    votes = []
+    """Return the methods with a vote, the first of each class of equals, or of each route from records."""
+    votes: dict[int | str, int] = {}
     for k, r in enumerate(kept):
-        kind = r.route or kin.class_of(r.name)
-        if r.exact and kind not in seen:
-            seen.add(kind)
-            votes.append(k)
-    return votes or list(range(len(kept)))
+        if r.exact:
+            votes.setdefault(r.route or kin.class_of(r.name), k)
+    return list(votes.values()) or list(range(len(kept)))
 
 
 def _cost(flat: _Flat, new: Array, f: RealArray, zeta: RealArray, shapes: ComplexArray) -> RealArray:
-    """Return what it costs to take modes for groups, infinity where they cannot be the same."""
+    """Return the costs of assigning modes to groups, infinity where they cannot be the same."""
     wide = np.maximum(flat.zeta[new][:, None], zeta)
-    apart = np.abs(flat.f[new][:, None] - f) / np.minimum(flat.f[new][:, None], f)
+    distance = np.abs(flat.f[new][:, None] - f) / np.minimum(flat.f[new][:, None], f)
     like = mac(flat.shape[new].T, shapes.T)
-    limit = np.clip(_HALF_BANDWIDTHS * wide, _LEAST, _MOST)
+    limit = np.clip(_MAX_HALF_BANDWIDTHS * wide, _MIN_TOLERANCE, _MAX_TOLERANCE)
     damping = np.abs(flat.zeta[new][:, None] - zeta) / np.maximum(wide, 1e-12)
-    return np.where((apart < limit) & (like > _LIKE), apart / limit + damping + 4 * (1 - like), np.inf)
+    return np.where((distance < limit) & (like > _MIN_MAC), distance / limit + damping + 4 * (1 - like), np.inf)
 
 
 def _grouped(flat: _Flat, count: int, votes: Sequence[int]) -> list[list[int]]:
@@ -127,27 +124,26 @@ def _grouped(flat: _Flat, count: int, votes: Sequence[int]) -> list[list[int]]:
         before = [sorted(g) for g in groups]
         for k in order:
             new = np.flatnonzero(flat.method == k)
-            groups = [[i for i in g if flat.method[i] != k] for g in groups]
-            groups = [g for g in groups if g]
-            groups = _placed(flat, new, groups)
+            others = [[i for i in g if flat.method[i] != k] for g in groups]
+            groups = _placed(flat, new, [g for g in others if g])
         if turn and [sorted(g) for g in groups] == before:
             break
     return groups
 
 
 def _placed(flat: _Flat, new: Array, groups: list[list[int]]) -> list[list[int]]:
-    taken: set[int] = set()
+    """Return the groups with the modes of one method, those that fit none in new groups."""
+    assigned: set[int] = set()
     if groups and new.size:
         f = np.array([np.median(flat.f[g]) for g in groups])
         zeta = np.array([np.median(flat.zeta[g]) for g in groups])
         shapes = np.array([flat.shape[_central(flat, g)] for g in groups])
         cost = _cost(flat, new, f, zeta, shapes)
-        never = 1e6
-        for a, b in zip(*assign(np.where(np.isfinite(cost), cost, never)), strict=True):
+        for a, b in zip(*assign(np.where(np.isfinite(cost), cost, 1e6)), strict=True):
             if np.isfinite(cost[a, b]):
                 groups[b].append(int(new[a]))
-                taken.add(int(new[a]))
-    return groups + [[int(i)] for i in new if int(i) not in taken]
+                assigned.add(int(new[a]))
+    return groups + [[int(i)] for i in new if int(i) not in assigned]
 
 
 def _central(flat: _Flat, group: Sequence[int]) -> int:
@@ -155,27 +151,27 @@ def _central(flat: _Flat, group: Sequence[int]) -> int:
     return group[int(np.argmax(mac(flat.shape[list(group)].T).sum(axis=1)))]
 
 
-def _summed(
+def _group(
     members: Sequence[int], flat: _Flat, kept: Sequence[MethodResult], names: Sequence[str], votes: Sequence[int]
 ) -> Group:
-    count = np.array([i for i in members if flat.method[i] in votes] or list(members))
-    central = _central(flat, list(count))
+    """Return one mode with the values of its members."""
+    counted = [i for i in members if flat.method[i] in votes] or list(members)
+    central = _central(flat, counted)
     # of several routes from records the usual one gives the value, and the others confirm it
     usual = [i for i in members if flat.method[i] == votes[0]] if kept[votes[0]].route else []
-    valued = usual or list(count)
-    of = {names[flat.method[i]]: i for i in members}
+    valued = usual or counted
+    by_name = {names[flat.method[i]]: i for i in members}
     like = mac(flat.shape[list(members)].T, flat.shape[central][:, None])[:, 0]
-    voted = [i for i in members if flat.method[i] in votes]
     return Group(
-        members={name: int(flat.index[i]) for name, i in of.items()},
-        frequencies={name: float(flat.f[i]) for name, i in of.items()},
-        damping_ratios={name: float(flat.zeta[i]) for name, i in of.items()},
+        members={name: int(flat.index[i]) for name, i in by_name.items()},
+        frequencies={name: float(flat.f[i]) for name, i in by_name.items()},
+        damping_ratios={name: float(flat.zeta[i]) for name, i in by_name.items()},
         mac={names[flat.method[i]]: float(v) for i, v in zip(members, like, strict=True)},
-        votes=tuple(names[flat.method[i]] for i in voted),
+        votes=tuple(names[flat.method[i]] for i in members if flat.method[i] in votes),
         voters=len(votes),
         frequency=float(np.median(flat.f[valued])),
         damping=float(np.median(flat.zeta[valued])),
-        frequency_between=scatter(flat.f[count]),
-        damping_between=scatter(flat.zeta[count]),
+        frequency_between=scatter(flat.f[counted]),
+        damping_between=scatter(flat.zeta[counted]),
         shape=flat.shape[central],
     )

@@ -4,29 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
 
-from modalscope.checking.certificate import matched
 from modalscope.comparing.agreement import Group, pair
-from modalscope.comparing.diagnosis import (
-    Cause,
-    Disagreement,
+from modalscope.comparing.data_causes import (
+    changed_by_more_orders,
     channel_causes,
-    disagreements,
-    mode_causes,
     order_cause,
     sign_causes,
     without_dead,
 )
+from modalscope.comparing.diagnosis import Cause, Disagreement, disagreements, mode_causes
 from modalscope.comparing.identities import Identity, check_identities
 from modalscope.comparing.kinship import Kinship, kinship
 from modalscope.comparing.routes import route_causes, tasks_of, witnesses
-from modalscope.comparing.run import Cell, MethodResult, Progress, run
-from modalscope.comparing.scatter import LEVEL, Scatter, Tried, certified_best, interval_trouble, stated
-from modalscope.comparing.verdict import Trust, judge, words
+from modalscope.comparing.run import MethodResult, Progress, find_by_name, run
+from modalscope.comparing.scatter import LEVEL, Scatter, stated
+from modalscope.comparing.verdict import Tried, Trust, certified_best, interval_trouble, judge, words
 from modalscope.data.geometry import DofLike
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note, notes_of
@@ -35,76 +31,37 @@ from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.setups import Setups, as_test
 from modalscope.data.shown import Shown, cells_of, summary_of, text_table
-from modalscope.identification.method import Method
 from modalscope.identification.options import AllOptions
-from modalscope.identification.prepare import Data, Measured, pose
-from modalscope.identification.stabilize import stabilized
-from modalscope.judging.select import select
+from modalscope.identification.prepare import Data
 from modalscope.modal.rebuilt import explained, explains_enough, fit_error_heard, rebuilt, share_explained
 from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_count, check_kind
-from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
 
-# -------------------------------------------------------------------------------------------------------------- labels
-# What methods are called in tables and pictures, and how a result is found by any of its method's names.
+#: Modes in a row of a table of text.
+_MODES_A_TABLE = 5
 
-
-def find_by_name(results: Sequence[MethodResult], name: str | tuple[str, str]) -> MethodResult:
-    """Return the one result whose method has a name: `era (s)`, `ERA/s`, `ssi_cov`, `PolyMAX`; case, blanks and signs do not matter.
-
-    Raises `DataError`: no such result, with the nearest name; or one name of several.
-    """
-    asked = name if isinstance(name, str) else "/".join(map(str, name))
-    wanted = _plain(asked)
-    found = [r for r in results if wanted in {n + r.method.domain for n in _names(r.method)}]
-    found = found or [r for r in results if wanted in _names(r.method)]
-    if len(found) == 1:
-        return found[0]
-    there = [str(r.method) for r in found or results]
-    if found:
-        raise DataError(f"the result of {asked!r} was asked", f"that is {' and '.join(there)}", "Name one of these.")
-    spelt = {_plain(word): word for r in results for word in (str(r.method), r.method.label)}
-    near = get_close_matches(wanted, spelt, n=1, cutoff=0.5)
-    hint = f"Did you mean {spelt[near[0]]!r}? " if near else ""
-    raise DataError(
-        f"the result of {asked!r} was asked", f"there are {', '.join(there) or 'none'}", f"{hint}Name one of these."
-    )
-
-
-def _names(method: Method) -> set[str]:
-    words = (method.name, method.label, method.common, *method.known_as, *method.aliases)
-    return {_plain(word.partition(" on ")[0].partition(" with ")[0]) for word in words} | {_plain(method.label)}
-
-
-def _plain(text: str) -> str:
-    """Return letters and digits alone, in lower case."""
-    return "".join(c for c in str(text).casefold() if c.isalnum())
-
-
-# -------------------------------------------------------------------------------------------------------------- result
-
-#: Modes that stand beside each other in a table of text.
-_BESIDE = 5
+#: Maximum rank at which identities are checked; that of the consensus where it is lower.
+_MAX_IDENTITY_ORDER = 20
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Comparison(Shown):
-    """What all methods found on the same data, the modes that they agree on, and how far to trust each.
+    """Results of all methods on the same data, the modes on which they agree, and how far to trust each.
 
     Parameters
     ----------
     response : FrequencyResponse or ImpulseResponse
-        What all methods were given.
+        The data of all methods.
     results : tuple of MethodResult
         One a method: modes, diagram, fit error, seconds, or the failure.
     modes : ModalModel
         The consensus; `frequencies_spread` and `damping_ratios_spread` are the standard deviations between methods.
     groups : tuple of Group
-        For every mode of the consensus what each method found.
+        For every mode of the consensus the values of each method.
     unconfirmed : tuple of Group
-        What only methods on transformed data found: not in the consensus.
+        Modes of methods on transformed data alone: not in the consensus.
     scatter : Scatter
         Stated scatter of every mode.
     fit_error : float
@@ -114,12 +71,12 @@ class Comparison(Shown):
     identities : tuple of Identity
     disagreements : tuple of Disagreement
     findings : tuple of Cause
-        What was found about channels and orders.
+        Causes that concern channels and orders.
     verdict : str
     certified : Tried, optional
         The certificate of the method that fits best, where one was asked.
     settings : mapping
-        What was asked: methods, orders, band, excluded channels.
+        Arguments: methods, orders, band, excluded channels.
     notes : tuple of Note
     """
 
@@ -142,10 +99,9 @@ class Comparison(Shown):
 
     @property
     def causes(self) -> frozenset[str]:
-        """Names of all causes that were named, of the data or of a mode."""
-        every = [*self.findings, *(c for t in self.trust for c in t.causes)]
-        every += [c for d in self.disagreements for c in d.causes]
-        return frozenset(c.name for c in every)
+        """Names of all causes, of the data or of a mode."""
+        causes = [*self.findings, *(c for t in self.trust for c in t.causes)]
+        return frozenset(c.name for c in (*causes, *(c for d in self.disagreements for c in d.causes)))
 
     def __getitem__(self, name: str | tuple[str, str]) -> MethodResult:
         """Return the result of one method, by any of its names: `comparison["era (s)"]`, `comparison["ssi-cov"]`.
@@ -158,7 +114,7 @@ class Comparison(Shown):
         return find_by_name(self.results, name)
 
     def label(self, name: str) -> str:
-        """Return what the literature calls a method that groups and disagreements name.
+        """Return the name in the literature of a method that groups and disagreements name.
 
         Parameters
         ----------
@@ -173,7 +129,7 @@ class Comparison(Shown):
         Parameters
         ----------
         each : bool
-            Whether what every method says of every mode follows.
+            Whether the values of every method for every mode follow.
         """
         parts = [self._modes_table(), self.verdict, self._methods_table(), *(self._each_tables() if each else ())]
         return "\n\n".join(part for part in parts if part)
@@ -194,7 +150,7 @@ class Comparison(Shown):
             ]
             for k, (g, t) in enumerate(zip(self.groups, self.trust, strict=True))
         ]
-        lead = f"Consensus (+-: the truth within it in {100 * LEVEL:g} %, by the noise and by what methods disagree beyond it)"
+        lead = f"Consensus (+-: {100 * LEVEL:g} % intervals, of noise and of disagreement beyond it)"
         return f"{lead}\n{text_table([head, *rows], (0,))}" if rows else "No mode in common."
 
     def _methods_table(self) -> str:
@@ -204,95 +160,41 @@ class Comparison(Shown):
             if r.modes is None or r.fit_error is None:
                 rows.append([r.label, "-", "-", f"{r.seconds:.1f}", f"failed: {r.failure}"])
                 continue
-            note = "" if r.exact else "no vote" if r.route else "transformed data, no vote"
-            if not explains_enough(r.fit_error):
-                note = f"EXPLAINS ONLY {100 * share_explained(r.fit_error):.0f} %" + (f"; {note}" if note else "")
-            rows.append([r.label, str(len(r.modes)), f"{100 * r.fit_error:.2f}", f"{r.seconds:.1f}", note])
+            notes = (
+                [] if explains_enough(r.fit_error) else [f"EXPLAINS ONLY {100 * share_explained(r.fit_error):.0f} %"]
+            )
+            notes += [] if r.exact else ["no vote" if r.route else "transformed data, no vote"]
+            rows.append([r.label, str(len(r.modes)), f"{100 * r.fit_error:.2f}", f"{r.seconds:.1f}", "; ".join(notes)])
         return f"Methods\n{text_table([head, *rows], (0, 4))}"
 
     def _each_tables(self) -> list[str]:
-        """Return what every method says of every mode, as tables of a few modes: lines that wrap cannot be read."""
+        """Return the values of every method for every mode, as tables of a few modes that fit on a line."""
         names = [r.name for r in self.results if r.modes is not None]
-        starts = range(0, len(self.groups), _BESIDE) if names else ()
-        return [self._each_table(names, range(first, min(first + _BESIDE, len(self.groups)))) for first in starts]
+        tables = []
+        for first in range(0, len(self.groups) if names else 0, _MODES_A_TABLE):
+            groups = self.groups[first : first + _MODES_A_TABLE]
+            head = ["f [Hz] / zeta [%]", *(f"mode {k + 1}" for k in range(first, first + len(groups)))]
+            rows = [[self.label(name), *(_value(g, name) for g in groups)] for name in names]
+            lead = "Every method, further modes" if first else "Every method"
+            tables.append(f"{lead}\n{text_table([head, *rows], (0,))}")
+        return tables
 
-    def _each_table(self, names: Sequence[str], modes: Sequence[int]) -> str:
-        head = ["f [Hz] / zeta [%]", *(f"mode {k + 1}" for k in modes)]
-        groups = [self.groups[k] for k in modes]
-        rows = [
-            [
-                self.label(name),
-                *(
-                    f"{g.frequencies[name]:.5g} / {100 * g.damping_ratios[name]:.3g}" if name in g.members else "-"
-                    for g in groups
-                ),
-            ]
-            for name in names
-        ]
-        lead = "Every method" if modes[0] == 0 else "Every method, further modes"
-        return f"{lead}\n{text_table([head, *rows], (0,))}"
+
+def _value(group: Group, name: str) -> str:
+    if name not in group.members:
+        return "-"
+    return f"{group.frequencies[name]:.5g} / {100 * group.damping_ratios[name]:.3g}"
 
 
 @summary_of.register
-def _(found: Comparison) -> str:
-    return f"comparison of {len(found.results)} methods: {summary_of(found.modes)}; {found.verdict.splitlines()[0]}"
+def _(comparison: Comparison) -> str:
+    lead = f"comparison of {len(comparison.results)} methods"
+    return f"{lead}: {summary_of(comparison.modes)}; {comparison.verdict.splitlines()[0]}"
 
 
 @cells_of.register
-def _(found: Comparison) -> list[list[str]]:
-    return cells_of(found.modes)
-
-
-# ------------------------------------------------------------------------------------------------------------- further
-# Whether orders above those that were asked change the modes that are reported.
-
-#: The largest order is raised twofold, by so many states at most, and by so many orders at least: a mode must be seen at some.
-_MORE, _ORDERS = 40, 8
-
-#: A mode has moved by this share of its half bandwidth (frequency), or of its damping.
-_MOVED = 0.25
-
-
-def changed_by_more_orders(
-    tasks: Sequence[tuple[Measured, Cell]], results: Sequence[MethodResult], options: dict[str, Any]
-) -> bool:
-    """Return whether the method with a vote that fits best reports other modes when it is given more orders.
-
-    Where they are out of reach nobody can tell, and they are taken to.
-
-    `results`: one a task. `options`: of `compare`, for every method.
-    """
-    able = [(t, r) for t, r in zip(tasks, results, strict=True) if r.exact and r.modes is not None]
-    if not able:
-        return True
-    (measured, cell), best = min(able, key=lambda pair: np.inf if pair[1].fit_error is None else pair[1].fit_error)
-    top = cell.orders[-1]
-    step = top - cell.orders[-2] if len(cell.orders) > 1 else top
-    more = range(top + step, max(min(2 * top, top + _MORE), top + _ORDERS * step) + 1, step)
-    try:
-        diagram = stabilized(pose(measured, cell.method, {**cell.options, **options}), [*cell.orders, *more])
-        found = select(diagram)
-    except DataError:
-        return True
-    assert best.modes is not None
-    return diagram.orders[-1] <= top or changed(best.modes, found)
-
-
-def changed(before: ModalModel, after: ModalModel) -> bool:
-    """Return whether modes are not the same: another number, another shape, or values moved by a quarter of the half bandwidth."""
-    mine, theirs = matched(before, after)
-    if not len(mine) == len(before) == len(after):
-        return True
-    old, new = before.take(mine), after.take(theirs)
-    f = np.abs(new.frequencies - old.frequencies) > _MOVED * old.frequencies * old.damping_ratios
-    zeta = np.abs(new.damping_ratios - old.damping_ratios) > _MOVED * old.damping_ratios
-    return bool(np.any(f | zeta))
-
-
-# ---------------------------------------------------------------------------------------------------------- comparison
-
-#: Rank at which identities are checked: the consensus' own, but no more.
-_IDENTITY_ORDER = 20
+def _(comparison: Comparison) -> list[list[str]]:
+    return cells_of(comparison.modes)
 
 
 @named(AllOptions.__annotations__, ("tolerances",))
@@ -309,11 +211,11 @@ def compare(
     replicates: int = 0,
     **options: Any,
 ) -> Comparison:
-    """Compare all methods on the same data: which modes they agree on, where they differ and why, and which to trust.
+    """Compare all methods on the same data: the modes on which they agree, where they differ and why, and which to trust.
 
-    Records are turned into responses once, for all methods. Each method has its own stabilization diagram and selection; modes are
-    paired across methods by frequency, damping and shape. A method that fails is a row that says why. What has to be transformed from lines
-    to samples or back is compared, but has no vote.
+    Responses are estimated from records once, for all methods. Each method has a stabilization diagram and a selection; modes are paired
+    across methods by frequency, damping and shape. A method that fails is a row with its reason. A method on data transformed from lines to
+    samples or back is compared, but has no vote.
 
     Parameters
     ----------
@@ -325,13 +227,13 @@ def compare(
     band : (float, float), optional
         Lowest and highest frequency in Hz.
     exclude : labels, optional
-        Channels to leave out. Channels of zeros are left out in any case, as a finding.
+        Channels to leave out. Dead channels are left out in any case, as a finding.
     progress : callable, optional
         Called with (orders done, orders in all), over all methods.
     workers : int, optional
         Methods at a time.
     replicates : int
-        So many simulations of the method that fits best certify the intervals (see `certify`); by default none are made.
+        Number of simulations of the method that fits best, which certify the intervals (see `certify`); none by default.
     **options
         Of `stabilize`, for every method.
 
@@ -359,79 +261,65 @@ def compare(
     if workers is not None:
         check_count("workers", workers)
     check_count("replicates", replicates, least=0)
-    data, findings = without_dead(data)
-    way = {name: options.pop(name, None) for name in ("route", "delays")}
-    ways, failed = witnesses(data, band, **way)
-    tasks, more = tasks_of(ways, methods, orders)
-    given, cells = [w for w, _ in tasks], [cell for _, cell in tasks]
-    results, causes = route_causes(run(given, cells, progress=progress, workers=workers, **options))
-    response = ways[0].response
-    tried = certified_best(results, [way.held for way in given], replicates)
+    data, causes = without_dead(data)
+    route_options = {name: options.pop(name, None) for name in ("route", "delays")}
+    routes, failed = witnesses(data, band, **route_options)
+    tasks, refused = tasks_of(routes, methods, orders)
+    measured, cells = [data for data, _ in tasks], [cell for _, cell in tasks]
+    results, of_routes = route_causes(run(measured, cells, progress=progress, workers=workers, **options))
+    causes += of_routes
+    tried = certified_best(results, [data.held for data in measured], replicates)
     low = order_cause(results)
     if low is not None and changed_by_more_orders(tasks, results, options):
         causes.append(low)
-    judged = _judged(response, results, [*findings, *causes], tried)
-    same = [
-        f"one and the same on these data, with one vote: {'; '.join(labels)}" for labels in judged["kinship"].equals
-    ]
-    return Comparison(
-        response=response,
-        results=results,
-        settings={
-            "methods": methods if isinstance(methods, str) else tuple(str(m) for m in methods),
-            "orders": None if orders is None else tuple(int(n) for n in orders),
-            "band": band,
-            "exclude": exclude,
-            **way,
-            **options,
-        },
-        notes=notes_of((*ways[0].notes, *failed, *more, *same)),
-        **judged,
-    )
+    judged = _judged(routes[0].response, results, causes, tried)
+    equal = [f"Identical on these data, with one vote: {'; '.join(labels)}" for labels in judged["kinship"].equals]
+    settings = {
+        "methods": methods if isinstance(methods, str) else tuple(map(str, methods)),
+        "orders": None if orders is None else tuple(map(int, orders)),
+        "band": band,
+        "exclude": exclude,
+    }
+    notes = notes_of((*routes[0].notes, *failed, *refused, *equal))
+    settings |= {**route_options, **options}
+    return Comparison(response=routes[0].response, results=results, settings=settings, notes=notes, **judged)
 
 
 def _judged(
     response: Response, results: tuple[MethodResult, ...], findings: list[Cause], tried: Tried | None
 ) -> dict[str, Any]:
-    """Return what the results say together, by the fields of a `Comparison`: the consensus, its trust, and what differs and why."""
+    """Return the consensus, its trust, and what differs and why, by the fields of a `Comparison`."""
     kin = kinship(results)
     groups, unconfirmed = pair(results, kin)
     scatter = stated(groups, results)
     modes = _consensus(response, groups, scatter)
     fitted = rebuilt(response, modes) if groups else 0 * response.values
-    left = fit_error_heard(response, fitted)[0]
+    fit_error = fit_error_heard(response, fitted)[0]
     if groups:
-        # channels are examined one by one: of records that is their picture
-        drawn = response.picture()
-        shown = fitted if drawn is response else rebuilt(drawn, modes)
-        findings += sign_causes(drawn)
+        picture = response.picture()  # of records: channels are examined one by one
+        of_picture = fitted if picture is response else rebuilt(picture, modes)
+        findings += sign_causes(picture)
         errors = (float(r.diagram.fit_errors.min()) for r in results if r.diagram is not None and r.exact)
         best = min(errors, default=np.inf)  # of the models of any order, real poles and all
-        findings += channel_causes(drawn, shown, modes.poles - response.added_damping, best)
-    trust = tuple(
-        judge(
-            g,
-            scatter.frequency[k],
-            scatter.damping[k],
-            mode_causes(k, groups, response, results),
-            findings,
-            interval_trouble(g, scatter.frequency_noise[k], scatter.damping_noise[k], tried),
-        )
-        for k, g in enumerate(groups)
-    )
-    warned = f"{explained(left)}\n" if groups and not explains_enough(left) else ""
+        findings += channel_causes(picture, of_picture, modes.poles - response.added_damping, best)
+    trust = []
+    for k, g in enumerate(groups):
+        causes = mode_causes(k, groups, response, results)
+        trouble = interval_trouble(g, scatter.frequency_noise[k], scatter.damping_noise[k], tried)
+        trust.append(judge(g, scatter.frequency[k], scatter.damping[k], causes, findings, trouble))
+    warning = f"{explained(fit_error)}\n" if groups and not explains_enough(fit_error) else ""
     return {
         "modes": modes,
         "groups": groups,
         "unconfirmed": unconfirmed,
         "scatter": scatter,
-        "fit_error": left,
-        "trust": trust,
+        "fit_error": fit_error,
+        "trust": tuple(trust),
         "kinship": kin,
-        "identities": check_identities(response.picture(), min(max(2 * len(groups), 2), _IDENTITY_ORDER)),
+        "identities": check_identities(response.picture(), min(max(2 * len(groups), 2), _MAX_IDENTITY_ORDER)),
         "disagreements": disagreements(groups, response, results, findings, scatter),
         "findings": tuple(findings),
-        "verdict": f"{warned}{words(groups, trust, scatter, results, findings)}",
+        "verdict": f"{warning}{words(groups, trust, scatter, results, findings)}",
         "certified": tried,
     }
 

@@ -1,7 +1,7 @@
-"""Check on the data at hand identities between methods that hold with noise, too.
+"""Check identities between methods on given data; they are valid with noise, too.
 
-They relate different realizations of one data matrix. Each residual here is computed from two separate routes; on any record it is
-rounding, about 100 eps sigma_1 / sigma_n, and more would mean a fault of the programs or the machine.
+They relate different realizations of one data matrix. Each residual is computed from two separate routes; on any record it is
+rounding, about 100 eps sigma_1 / sigma_n, and more is a fault of the program or the machine.
 """
 
 from __future__ import annotations
@@ -14,8 +14,7 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.data.response import Response
-from modalscope.identification.method import DOMAINS, Method
-from modalscope.identification.method_names import find_method
+from modalscope.identification.method import DOMAINS
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
 from modalscope.numerics.checks import Array
@@ -23,16 +22,16 @@ from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import assign
 from modalscope.realizations.balanced import projected_general
 
-#: Small blocks: identities hold at any size, and dense second routes should be quick.
-_ROWS, _COLUMNS, _DEGREE = 24, 60, 12
+#: Block rows, block columns and degree: identities are valid at any size, and dense second routes should be quick.
+_BLOCK_ROWS, _BLOCK_COLUMNS, _DEGREE = 24, 60, 12
 
 
 @dataclass(frozen=True)
 class Identity:
-    """One identity on the data at hand.
+    """One identity on given data.
 
-    `name`: what equals what. `source`: where the report has it. `order`: rank of the truncation. `residual`: relative; NaN when it could
-    not be checked. `note`: why it could not be checked.
+    `name`: both sides. `source`: equations of the report. `order`: rank of the truncation. `residual`: relative; NaN when it could not be
+    checked. `note`: why it could not be checked.
     """
 
     name: str
@@ -48,50 +47,23 @@ def check_identities(response: Response, order: int) -> tuple[Identity, ...]:
 
     `order`: rank of the truncation; lowered where small data matrices carry less.
     """
-    rows = [find_method("era", domain, domain) for domain in DOMAINS]
-    checks = [check for row in rows if _suits(row, response) for check in _checks(row)]
-    return tuple(_checked(response, max(order, 2), *c) for c in checks)
-
-
-_Check = Callable[[Response, str, int], float]
+    identities = []
+    for row in (find_method("era", domain, domain) for domain in DOMAINS):
+        # only data matrices without loss, where identities are valid to rounding
+        if row.refusal(response, False) or row.reservation(response) or not row.exact_on(response):
+            continue
+        for name, source, check in _CHECKS if len(row.forms) > 1 else _CHECKS[:2]:
+            residual, note = np.nan, ""
+            try:
+                residual = check(response, row.domain, max(order, 2))
+            except DataError as error:
+                note = f"{error.asked}: {error.found}"
+            identities.append(Identity(name, row.domain, source, max(order, 2), residual, note))
+    return tuple(identities)
 
 
 def _built(response: Response, method: str, domain: str, order: int, **options: Any) -> Pipeline:
     return factor(prepare(response, method, domain, **options), order)
-
-
-def _suits(row: Method, response: Response) -> bool:
-    """Whether a domain's data matrices take the data without loss, so that identities hold to rounding."""
-    return not row.refusal(response, False) and not row.reservation(response) and row.exact_on(response)
-
-
-def _checks(row: Method) -> list[tuple[str, str, str, _Check]]:
-    """Return the identities of a domain; those of transposed responses need both forms of a row."""
-    domain = row.domain
-    both: list[tuple[str, str, str, _Check]] = [
-        ("poles of ERA = nonzero poles of truncated least squares", domain, "Eqs. 28 and 65", _era_and_least_squares),
-        (
-            "alternate = Galerkin projection of the polyreference companion form",
-            domain,
-            "Eqs. 56 and 57",
-            _alternate_and_polyreference,
-        ),
-    ]
-    if len(row.forms) == 1:
-        return both
-    return [
-        *both,
-        ("poles of ERA = poles of ERA on the transposed responses", domain, "Eqs. 17 and 28", _dual),
-        ("poles do not depend on the factorization of H(0)", domain, "Eqs. 23 and 28, remark", _factorization),
-        ("untruncated least squares = polyreference complex exponential", domain, "Eqs. 53 and 66", _prce),
-    ]
-
-
-def _checked(response: Response, order: int, name: str, domain: str, source: str, check: _Check) -> Identity:
-    try:
-        return Identity(name, domain, source, order, check(response, domain, order))
-    except DataError as error:
-        return Identity(name, domain, source, order, np.nan, f"{error.asked}: {error.found}")
 
 
 def pole_residual(a: Array, b: Array) -> float:
@@ -103,17 +75,17 @@ def pole_residual(a: Array, b: Array) -> float:
     0.0
     """
     s, t = np.asarray(a, complex), np.asarray(b, complex)
-    apart = np.abs(s[:, None] - t)
-    rows, columns = assign(apart)
-    return float(apart[rows, columns].max() / np.abs(t).max())
+    distance = np.abs(s[:, None] - t)
+    rows, columns = assign(distance)
+    return float(distance[rows, columns].max() / np.abs(t).max())
 
 
 def _sizes(response: Response) -> dict[str, Any]:
     count, outputs = response.values.shape[:2]
     if response.grid is not None:
         return {"block_rows": max(min(_DEGREE, 240 // outputs), 4)}
-    rows = min(_ROWS, count // 3)
-    return {"block_rows": rows, "block_columns": min(_COLUMNS, count - rows - 1)}
+    rows = min(_BLOCK_ROWS, count // 3)
+    return {"block_rows": rows, "block_columns": min(_BLOCK_COLUMNS, count - rows - 1)}
 
 
 def _era_and_least_squares(response: Response, domain: str, order: int) -> float:
@@ -136,11 +108,10 @@ def _alternate_and_polyreference(response: Response, domain: str, order: int) ->
 
 def _dual(response: Response, domain: str, order: int) -> float:
     sizes = _sizes(response)
-    plain, turned = (
-        _built(response, "era", domain, order, form=form, **sizes) for form in ("observable", "controllable")
-    )
+    forms = (_built(response, "era", domain, order, form=form, **sizes) for form in ("observable", "controllable"))
+    plain, transposed = forms
     n = min(order, plain.factors.rank)
-    return pole_residual(np.linalg.eigvals(turned.triple(n).A), np.linalg.eigvals(plain.triple(n).A))
+    return pole_residual(np.linalg.eigvals(transposed.triple(n).A), np.linalg.eigvals(plain.triple(n).A))
 
 
 def _factorization(response: Response, domain: str, order: int) -> float:
@@ -162,9 +133,23 @@ def _prce(response: Response, domain: str, order: int) -> float:
     degree = max(min(-(-order // inputs), 12), 1)
     sizes = _sizes(response)
     sizes["block_columns"] = degree
-    sizes["block_rows"] = min(10 * _ROWS, response.count - degree - 1)
+    sizes["block_rows"] = min(10 * _BLOCK_ROWS, response.count - degree - 1)
     companion = _built(response, "prce", domain, degree * inputs, form="controllable", **sizes)
     M = companion.matrix.observable.tall().dense()
-    known, target = M[: degree * inputs], M[inputs : (degree + 1) * inputs]
-    A = sla.lstsq(known.T, target.T)[0].T
+    M_0, M_1 = M[: degree * inputs], M[inputs : (degree + 1) * inputs]
+    A = sla.lstsq(M_0.T, M_1.T)[0].T
     return pole_residual(np.linalg.eigvals(A), np.linalg.eigvals(companion.triple(degree * inputs).A))
+
+
+#: Both sides of an identity, its source, and the check. From the third on both forms of a row are needed.
+_CHECKS: tuple[tuple[str, str, Callable[[Response, str, int], float]], ...] = (
+    ("poles of ERA = nonzero poles of truncated least squares", "Eqs. 28 and 65", _era_and_least_squares),
+    (
+        "alternate = Galerkin projection of the polyreference companion form",
+        "Eqs. 56 and 57",
+        _alternate_and_polyreference,
+    ),
+    ("poles of ERA = poles of ERA on the transposed responses", "Eqs. 17 and 28", _dual),
+    ("poles do not depend on the factorization of H(0)", "Eqs. 23 and 28, remark", _factorization),
+    ("untruncated least squares = polyreference complex exponential", "Eqs. 53 and 66", _prce),
+)

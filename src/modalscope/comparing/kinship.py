@@ -17,22 +17,21 @@ from modalscope.judging.tracking import Poles
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.statistics import assign
 
-#: Methods whose poles lie nearer than this (in half bandwidths) are one method on these data: rounding, with room.
+#: Maximum distance (in half bandwidths) of the poles of methods that are one on these data: rounding, with room.
 SAME = 1e-6
 
-#: Samples a period of the highest mode, and samples in all, on which shapes evolve when subspaces are compared.
-_PER_PERIOD, _BLOCKS = 2.56, 128
+#: Samples a period of the highest mode, and minimum samples in all, of the observability subspaces that are compared.
+_SAMPLES_PER_PERIOD, _MIN_SAMPLES = 2.56, 128
 
 
 @dataclass(frozen=True, eq=False)
 class Kinship:
-    """Which methods are the same on these data and which differ.
+    """Distances between methods, and which are the same on these data.
 
-    `names`: methods that found modes, as `era (s)`. `order`: the order at which pole sets are compared. `distances` (k, k): mean distance
-    of paired poles in half bandwidths, each weighted by its share of the response; 0 the same poles, 1 no pole in common. `angles` (k,
-    k): largest principal angle, in degrees, between the observability subspaces of the reported modes. `places` (k, 2): A map of the
-    methods whose distances are nearest to those between the pole sets (classical scaling). `classes`: methods that are one and the same
-    on these data. `methods`: the same as `names`.
+    `names`: methods with modes, as `era (s)`. `order`: the order at which pole sets are compared. `distances` (k, k): mean distance
+    of paired poles in half bandwidths, each weighted by its share of the response; 0 the same poles, 1 no pole in common. `angles` (k, k):
+    largest principal angle, in degrees, between the observability subspaces of the reported modes. `places` (k, 2): a map of the methods
+    by classical scaling of the distances. `classes`: methods that are one and the same on these data. `methods`: those of `names`.
     """
 
     names: tuple[str, ...]
@@ -45,7 +44,7 @@ class Kinship:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """What the literature calls the methods."""
+        """Names of the methods in the literature."""
         return tuple(m.label for m in self.methods) or self.names
 
     @property
@@ -54,13 +53,13 @@ class Kinship:
         return tuple(tuple(self.labels[i] for i in members) for members in self.classes if len(members) > 1)
 
     def class_of(self, name: str) -> int:
-        """Return which class a method belongs to, -1 for one that is not compared."""
+        """Return the class of a method, -1 for one that is not compared."""
         index = self.names.index(name) if name in self.names else -1
         return next((k for k, members in enumerate(self.classes) if index in members), -1)
 
 
 def kinship(results: Sequence[MethodResult]) -> Kinship:
-    """Compare the methods that found something, at the order at which the best of them explain the data."""
+    """Compare the methods with modes, at the order at which the best of them explain the data."""
     kept = [r for r in results if r.diagram is not None and r.modes is not None]
     diagrams = [r.diagram for r in kept if r.diagram is not None]
     models = [r.modes for r in kept if r.modes is not None]
@@ -70,11 +69,10 @@ def kinship(results: Sequence[MethodResult]) -> Kinship:
     distances, angles = np.zeros((k, k)), np.zeros((k, k))
     for a in range(k):
         for b in range(a):
-            n, there = _orders_to_compare(kept[a], kept[b], order)
-            distances[a, b] = distances[b, a] = pole_distance(_poles(sets[a], n), _poles(sets[b], there))
+            n_a, n_b = _orders_to_compare(kept[a], kept[b], order)
+            distances[a, b] = distances[b, a] = pole_distance(_poles(sets[a], n_a), _poles(sets[b], n_b))
             angles[a, b] = angles[b, a] = subspace_angle(models[a], models[b])
-    names = tuple(r.name for r in kept)
-    methods = tuple(r.method for r in kept)
+    names, methods = tuple(r.name for r in kept), tuple(r.method for r in kept)
     return Kinship(names, order, distances, angles, _map(distances), _classes(distances), methods)
 
 
@@ -97,15 +95,15 @@ def _states(result: MethodResult) -> int:
 
 def _poles(poles: Poles, order: int) -> tuple[ComplexArray, RealArray]:
     """Return the decaying oscillations of one order and the share of each in the response; the nearest order where it is missing."""
-    there = min(poles.orders, key=lambda n: (abs(n - order), n))
-    one = poles.take(np.flatnonzero(poles.order == there))
-    return one.pole, one.own
+    nearest = min(poles.orders, key=lambda n: (abs(n - order), n))
+    of_order = poles.take(np.flatnonzero(poles.order == nearest))
+    return of_order.pole, of_order.own
 
 
 def pole_distance(a: tuple[ComplexArray, RealArray], b: tuple[ComplexArray, RealArray]) -> float:
     """Return the distance of two pole sets, 0 to 1: |s_a - s_b| over the half bandwidth, at most 1, weighted by the poles' shares.
 
-    Every pole has a partner of its own, chosen so that the sum is least; one without a partner is at distance 1.
+    Poles are paired one to one so that the sum is least; one without a partner is at distance 1.
 
     Examples
     --------
@@ -119,12 +117,12 @@ def pole_distance(a: tuple[ComplexArray, RealArray], b: tuple[ComplexArray, Real
         return 0.0 if s.size == t.size else 1.0
     v, w = v / v.sum(), w / w.sum()
     half = np.maximum(np.abs(s.real)[:, None], np.abs(t.real))
-    apart = np.minimum(np.abs(s[:, None] - t) / np.maximum(half, 1e-300), 1.0)
+    distance = np.minimum(np.abs(s[:, None] - t) / np.maximum(half, 1e-300), 1.0)
     weight = (v[:, None] + w) / 2
-    rows, columns = assign(weight * (apart - 1))
+    rows, columns = assign(weight * (distance - 1))
     paired = weight[rows, columns]
-    # what stands alone counts in full: the shares of both sides sum to one
-    return float(np.clip(1 - np.sum(paired * (1 - apart[rows, columns])), 0, 1))
+    # a pole without a partner counts in full: the shares of both sides sum to one
+    return float(np.clip(1 - np.sum(paired * (1 - distance[rows, columns])), 0, 1))
 
 
 def subspace_angle(a: ModalModel, b: ModalModel) -> float:
@@ -135,13 +133,13 @@ def subspace_angle(a: ModalModel, b: ModalModel) -> float:
     """
     if not len(a) or not len(b):
         return 0.0 if len(a) == len(b) else 90.0
-    step = 1 / (_PER_PERIOD * max(a.frequencies.max(), b.frequencies.max()))
+    step = 1 / (_SAMPLES_PER_PERIOD * max(a.frequencies.max(), b.frequencies.max()))
     angles = sla.subspace_angles(_evolution(a, step), _evolution(b, step))
     return float(np.degrees(angles.max()))
 
 
 def _evolution(modes: ModalModel, step: float) -> RealArray:
-    blocks = max(_BLOCKS, -(-4 * len(modes) // modes.shapes.shape[0]))
+    blocks = max(_MIN_SAMPLES, -(-4 * len(modes) // modes.shapes.shape[0]))
     decay = np.exp(np.outer(np.arange(blocks) * step, modes.poles))
     V = (decay[:, None, :] * modes.shapes).reshape(-1, len(modes))
     V = V / np.linalg.norm(V, axis=0)
@@ -157,17 +155,17 @@ def _map(distances: RealArray) -> RealArray:
     values, vectors = np.linalg.eigh(-0.5 * centre @ distances**2 @ centre)
     size = np.sqrt(np.clip(values[::-1][:2], 0, None))
     places = vectors[:, ::-1][:, :2] * size
-    # signs of eigenvectors are arbitrary: the entry farthest out is positive
-    turn = np.sign(places[np.argmax(np.abs(places), axis=0), np.arange(places.shape[1])])
-    placed = np.zeros((k, 2))
-    placed[:, : places.shape[1]] = places * np.where(turn == 0, 1, turn)
-    return placed
+    # signs of eigenvectors are arbitrary: the largest entry is positive
+    sign = np.sign(places[np.argmax(np.abs(places), axis=0), np.arange(places.shape[1])])
+    signed = np.zeros((k, 2))
+    signed[:, : places.shape[1]] = places * np.where(sign == 0, 1, sign)
+    return signed
 
 
 def _classes(distances: Array) -> tuple[tuple[int, ...], ...]:
-    left, classes = list(range(len(distances))), []
-    while left:
-        same = tuple(i for i in left if distances[left[0], i] < SAME)
+    remaining, classes = list(range(len(distances))), []
+    while remaining:
+        same = tuple(i for i in remaining if distances[remaining[0], i] < SAME)
         classes.append(same)
-        left = [i for i in left if i not in same]
+        remaining = [i for i in remaining if i not in same]
     return tuple(classes)

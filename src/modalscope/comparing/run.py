@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from functools import partial
 from itertools import chain
 from threading import Lock
@@ -19,32 +20,27 @@ from modalscope.checking.certificate import nearest_order
 from modalscope.data.modes import ModalModel
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
-from modalscope.identification.method import DOMAINS, Built, Method, Problem
-from modalscope.identification.method_names import find_method
+from modalscope.identification.method import Built, Method, Problem
 from modalscope.identification.options import Options
-from modalscope.identification.orders import STATES, checked_orders
 from modalscope.identification.pipeline import Factored, built, factored
 from modalscope.identification.prepare import Measured, pose
 from modalscope.identification.stabilize import swept
 from modalscope.identification.sweep import Sweep, start
-from modalscope.identification.table import methods
 from modalscope.judging.evidence import Gathered
 from modalscope.judging.select import chosen_of, weighed
 from modalscope.likelihood.covariance import PoleInfluence, covariances_of_poles, influence_on
 from modalscope.likelihood.noise import SPLIT, Noise
 from modalscope.modal.rebuilt import fit_of
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
-from modalscope.numerics.errors import DataError, check_choice
-
-# ---------------------------------------------------------------------------------------------------------------- plan
+from modalscope.numerics.errors import DataError
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One method as the comparison runs it.
+    """One method of a comparison, with its orders and options.
 
-    `options`: block sizes other than the defaults. `exact`: whether the method works on the data themselves; one on data transformed
-    from lines to samples or back has no vote.
+    `options`: block sizes other than the defaults. `exact`: whether the data are not transformed from lines to samples or back for it; only
+    then it has a vote.
     """
 
     method: Method
@@ -53,91 +49,19 @@ class Cell:
     exact: bool = True
 
 
-def plan(
-    response: Response,
-    wanted: str | Iterable[Any],
-    orders: Iterable[int] | None,
-    *,
-    records: bool = False,
-    route: str | None = None,
-) -> tuple[tuple[Cell, ...], tuple[str, ...]]:
-    """Return the cells to try and notes on those that the data do not allow.
+#: Minimum number of lines on which influences are computed, and the maximum number of lines that one of them represents.
+_INFLUENCE_LINES, _MAX_LINE_STEP = 2000, 8
 
-    `wanted`: "era" is the row in every domain that the data allow, "era/s" or ("era", "s") one cell. `orders`: by default 2, 4, ... up to
-    80 for frequency responses, 60 for impulse responses and 40 for correlations. `records`: whether the records without inputs that the
-    response was estimated from are there. `route`: from records with inputs: only rows that this way was made for.
-
-    Raises `DataError`: an unknown name, or no method at all.
-    """
-    out: dict[str, list[str]] = {}
-    found: list[Method] = []
-    if isinstance(wanted, str) and wanted != "all":
-        wanted = [wanted]
-    table = [m for m in methods() if (not m.driven if route is None else m.route == route)]
-    if isinstance(wanted, str):
-        found = [m for m in table if _allowed(m, response, out, records)]
-    else:
-        for item in wanted:
-            allowed = _named(item, response, out, records, None if route is None else table)
-            found += [m for m in allowed if m not in found]
-    notes = tuple(f"{', '.join(dict.fromkeys(names))} left out: {why}" for why, names in out.items())
-    if not found and route is None:
-        raise DataError(
-            "a comparison was asked", notes[0] if notes else "no method was named", 'Name methods, or methods="all".'
-        )
-    asked = STATES.ladder(response) if orders is None else checked_orders(orders)
-    return tuple(_cell(m, response, asked) for m in found), notes
-
-
-def _named(
-    item: Any, response: Response, out: dict[str, list[str]], records: bool, served: list[Method] | None
-) -> list[Method]:
-    """Return the cells that a name means, of those that a way from records serves where there is one."""
-    if isinstance(item, Method):
-        return [item] if served is None or item in served else []
-    if not isinstance(item, str) and not (isinstance(item, tuple | list) and len(item) == 2):
-        raise DataError(
-            "methods to compare were asked",
-            f"one of methods is {type(item).__name__}",
-            'Name rows such as "era", or cells such as "era/s".',
-        )
-    name, _, domain = item.partition("/") if isinstance(item, str) else (item[0], "", item[1])
-    if served is not None:
-        row = find_method(name, None, "time").name
-        return [m for m in served if m.name == row and domain in ("", m.domain)]
-    if domain:
-        return [find_method(name, check_choice("domain", domain, DOMAINS), domain)]
-    row = find_method(name, None, "time").name  # an unknown name is an error
-    return [m for m in methods() if m.name == row and not m.driven and _allowed(m, response, out, records)]
-
-
-def _allowed(method: Method, response: Response, out: dict[str, list[str]], records: bool) -> bool:
-    """Whether the data suit a cell; what does not is noted."""
-    refusal = method.refusal(response, records)
-    why = refusal.reason if refusal else method.reservation(response)
-    if why:
-        out.setdefault(why, []).append(str(method))
-    return not why
-
-
-def _cell(method: Method, response: Response, asked: Sequence[int]) -> Cell:
-    return Cell(method, *method.orders.compared(asked, response), method.exact_on(response))
-
-
-# --------------------------------------------------------------------------------------------------------------- moved
-# First-order effect of the noise on the modes of a method, and their covariance with those of another on the same data.
-
-#: Lines that influences are kept on; of more every second to eighth stands for its neighbours.
-_LINES, _MOST = 2000, 8
+Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Moved:
     """First-order effect of the noise in the data on the modes of one method.
 
-    `response`: the data: only methods on the same ones share their noise value by value. `influence`: on the poles nearest to the modes,
-    at the order that is nearest to all of them. `poles` (k,): these poles, rad/s. `row` (n,): where each mode stands among them; -1 for a
-    mode that this order has not, or has split in two.
+    `response`: the data; only methods on the same data share their noise value by value. `influence`: on the poles nearest to the modes,
+    at the order that is nearest to all of them. `poles` (k,): these poles, rad/s. `row` (n,): the pole of each mode; -1 for a mode that
+    this order does not have, or that it splits in two.
     """
 
     response: Response
@@ -147,66 +71,57 @@ class Moved:
     row: IntArray
 
 
-def moved_by_noise(found: Sweep, diagram: StabilizationDiagram, modes: ModalModel) -> Moved | None:
-    """Return how the noise moves modes that were selected from the diagram of a sweep; None where that is not known."""
-    if found.noise is None or not len(modes):
+def moved_by_noise(sweep: Sweep, diagram: StabilizationDiagram, modes: ModalModel) -> Moved | None:
+    """Return the effect of the noise on modes that were selected from the diagram of a sweep; None where it is unknown."""
+    if sweep.noise is None or not len(modes):
         return None
-    pipeline = found.pipeline
-    cut = found.cut(nearest_order(diagram, modes))
+    pipeline = sweep.pipeline
+    cut = sweep.cut(nearest_order(diagram, modes))
     response = pipeline.matrix.judged
     poles = cut.modal.poles + response.added_damping
-    away = np.abs(poles[:, None] - modes.poles) / np.abs(modes.poles.real)
-    nearest = np.argmin(away, axis=0)
-    there = away[nearest, np.arange(len(modes))] < 1
+    distance = np.abs(poles[:, None] - modes.poles) / np.abs(modes.poles.real)
+    nearest = np.argmin(distance, axis=0)
+    matched = distance[nearest, np.arange(len(modes))] < 1
     if cut.std is not None and modes.frequencies_std is not None:  # a split mode is not the mode
-        there &= ~(cut.std.frequency[nearest] > SPLIT * modes.frequencies_std)
-    index = nearest[there]
-    if not index.size:  # modes that no pole of the order is: what the orders do not show was found in the residual
+        matched &= ~(cut.std.frequency[nearest] > SPLIT * modes.frequencies_std)
+    index = nearest[matched]
+    if not index.size:  # modes of the residual, which no order has
         return None
+    # the same lines for every method on the same data
+    step = int(np.clip(response.count // _INFLUENCE_LINES, 1, _MAX_LINE_STEP))
+    lines = None
+    if step > 1 and response.grid is not None and response.added_damping <= 0:
+        places = np.arange(step // 2, response.count, step)
+        lines = Lines(places, np.full(places.size, float(step)))
+    eigen = cut.modal.eigen.take(index)
     try:
-        influence = influence_on(
-            pipeline.matrix, pipeline.realization, cut.order, cut.triple, cut.modal.eigen.take(index), _lines(response)
-        )
-    except DataError:  # a way of reading poles off whose first order is not known
+        influence = influence_on(pipeline.matrix, pipeline.realization, cut.order, cut.triple, eigen, lines)
+    except DataError:  # a realization without first-order influence
         return None
-    noise = found.noise_beside(cut)
-    row = np.where(there, np.cumsum(there) - 1, -1)
+    noise = sweep.noise_beside(cut)
+    row = np.where(matched, np.cumsum(matched) - 1, -1)
     return None if noise is None else Moved(response, noise, influence, poles[index], row)
 
 
-def _lines(response: Response) -> Lines | None:
-    """Return the same lines for every method on the same data; None for all."""
-    every = int(np.clip(response.count // _LINES, 1, _MOST))
-    if every == 1 or response.grid is None or response.added_damping > 0:
-        return None
-    index = np.arange(every // 2, response.count, every)
-    return Lines(index, np.full(index.size, float(every)))
+def covariance(a: Moved, b: Moved, rows_a: IntArray, rows_b: IntArray, noise: Noise) -> tuple[RealArray, RealArray]:
+    """Return the covariances of frequencies (Hz) and of damping ratios of modes of two methods on the same data, one to one.
 
-
-def covariance(one: Moved, other: Moved, rows: IntArray, beside: IntArray, noise: Noise) -> tuple[RealArray, RealArray]:
-    """Return the covariances of frequencies (Hz) and of damping ratios of modes of two methods, one to one.
-
-    `one`, `other`: of the same data. `rows`, `beside` (k,): which of their poles.
+    `rows_a`, `rows_b` (k,): which of their poles.
     """
     with np.errstate(all="ignore"):
-        moments = noise.moments(one.influence.take(rows), other.influence.take(beside))
-        f, zeta = covariances_of_poles(one.poles[rows], other.poles[beside], moments.covariance)
-        return f, np.where(noise.damping_is_told(one.poles[rows]), zeta, np.nan)
-
-
-# ----------------------------------------------------------------------------------------------------------------- run
-
-Progress = Callable[[int, int], None]
+        moments = noise.moments(a.influence.take(rows_a), b.influence.take(rows_b))
+        f, zeta = covariances_of_poles(a.poles[rows_a], b.poles[rows_b], moments.covariance)
+        return f, np.where(noise.damping_is_told(a.poles[rows_a]), zeta, np.nan)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MethodResult:
-    """What one method made of the data.
+    """Result of one method.
 
-    `exact`: whether it worked on the data themselves, not on a transform of them; only then it has a vote. `modes`: none when the method
-    failed. `fit_error`: norm(measured - rebuilt from the modes) / norm(measured), in the method's own domain. `moved`: how the noise
-    moves the modes, where that is known. `route`: the way from records with inputs; empty for other data. Each way has one vote.
-    `seconds`: from the response to the selected modes. `failure`: why there are no modes; empty when there are.
+    `exact`: whether it has a vote: its data were not transformed. `modes`: None when the method failed. `fit_error`:
+    norm(measured - rebuilt from the modes) / norm(measured), in the method's domain. `moved`: effect of the noise on the modes, where it is
+    known. `route`: from records with inputs; empty for other data. Each route has one vote. `seconds`: from the response to the selected
+    modes. `failure`: why there are no modes; empty when there are.
     """
 
     method: Method
@@ -221,17 +136,17 @@ class MethodResult:
 
     @property
     def name(self) -> str:
-        """Row and domain, as in `era (s)`: what results are told apart by."""
+        """Row and domain, as in `era (s)`: unique among the results."""
         return str(self.method)
 
     @property
     def label(self) -> str:
-        """What the literature calls the method, for tables and pictures."""
+        """The method's name in the literature, for tables and pictures."""
         return self.method.label
 
 
 class _Group:
-    """What cells with one data matrix share: the matrix, its factors, and results that are the same; `gathered`: of all groups."""
+    """Cells that may share a data matrix, its factors, and results that are the same; `gathered`: of all groups."""
 
     def __init__(self, gathered: Gathered) -> None:
         self.gathered = gathered
@@ -240,43 +155,43 @@ class _Group:
         self._done: list[tuple[Sweep, MethodResult]] = []
 
     def factored(self, problem: Problem, cell: Cell) -> Factored:
-        """Return the factors of a row's data matrix, each made for the first cell that asks."""
-        made, largest = self._made(problem, cell), cell.orders[-1]
-        key = id(made.matrix), problem.method.factor
+        """Return the factors of a row's data matrix, each made for the first cell that needs them."""
+        matrix, largest = self._matrix(problem, cell), cell.orders[-1]
+        key = id(matrix.matrix), problem.method.factor
         if key not in self._factored:
-            self._factored[key] = factored(problem, largest, made)
+            self._factored[key] = factored(problem, largest, matrix)
         return self._factored[key]
 
-    def _made(self, problem: Problem, cell: Cell) -> Built:
-        """Return a row's data matrix: that of a row which chooses its sizes alike, or of one whose sizes have come out the same."""
+    def _matrix(self, problem: Problem, cell: Cell) -> Built:
+        """Return a row's data matrix: that of a row which chooses its sizes alike, or of one with the same sizes."""
         sizes = problem.method.orders, tuple(sorted(cell.options.items())), cell.orders
         if sizes not in self._built:
-            mine = built(problem, cell.orders[-1])
-            same = (known for known in self._built.values() if _same_settings(known.settings, mine.settings))
-            self._built[sizes] = mine._replace(matrix=next(same, mine).matrix)
+            candidate = built(problem, cell.orders[-1])
+            same = (b for b in self._built.values() if _same_settings(b.settings, candidate.settings))
+            self._built[sizes] = candidate._replace(matrix=next(same, candidate).matrix)
         return self._built[sizes]
 
-    def keep(self, found: Sweep, result: MethodResult) -> None:
-        """Keep what a cell has found."""
-        self._done.append((found, result))
+    def keep(self, sweep: Sweep, result: MethodResult) -> None:
+        """Keep the result of a cell."""
+        self._done.append((sweep, result))
 
-    def with_poles_of(self, found: Sweep) -> Sweep | None:
+    def with_poles_of(self, sweep: Sweep) -> Sweep | None:
         """Return the sweep of a cell that has the same poles at every order; None without one."""
-        return next((other for other, _ in self._done if other.has_poles_of(found)), None)
+        return next((other for other, _ in self._done if other.has_poles_of(sweep)), None)
 
-    def with_modes_of(self, found: Sweep) -> MethodResult | None:
+    def with_modes_of(self, sweep: Sweep) -> MethodResult | None:
         """Return the result of a cell that has the same modes at every order; None without one."""
-        return next((result for other, result in self._done if other.has_modes_of(found)), None)
+        return next((result for other, result in self._done if other.has_modes_of(sweep)), None)
 
 
 def _same_settings(one: Options, other: Options) -> bool:
-    """Whether two rows have made their data matrix in the same way; arrays that were given count as different."""
+    """Return whether two rows make their data matrix in the same way; given arrays count as different."""
 
     def same(a: Any, b: Any) -> bool:
         return a is b or (type(a) is type(b) and not isinstance(a, np.ndarray) and bool(a == b))
 
-    values = dict(one.items()), dict(other.items())
-    return values[0].keys() == values[1].keys() and all(same(values[0][name], values[1][name]) for name in values[0])
+    a, b = dict(one.items()), dict(other.items())
+    return a.keys() == b.keys() and all(same(a[name], b[name]) for name in a)
 
 
 def _grouped(cells: Sequence[Cell], given: Sequence[Measured]) -> list[list[int]]:
@@ -297,61 +212,61 @@ def run(
     workers: int | None = None,
     **options: Any,
 ) -> tuple[MethodResult, ...]:
-    """Run every cell on the measured data; a failure is the result of its cell, and the others go on.
+    """Run every cell on the measured data; a failure is the result of its cell.
 
     `progress`: called with (orders done, orders in all), over all methods. `workers`: methods at a time, by default the number of
     processors, at most four. `**options`: of `stabilize`, for every method.
     """
-    lock, each_done, total = Lock(), [0] * len(cells), sum(len(c.orders) for c in cells)
+    lock, orders_done, total = Lock(), [0] * len(cells), sum(len(c.orders) for c in cells)
 
     def report(index: int, done: int, _: int = 0) -> None:
         with lock:
-            each_done[index] = done
+            orders_done[index] = done
             if progress is not None:
-                progress(sum(each_done), total)
+                progress(sum(orders_done), total)
 
     given = [measured] * len(cells) if isinstance(measured, Measured) else measured
     groups, gathered = _grouped(cells, given), Gathered()
 
     def of_group(indices: Sequence[int]) -> list[MethodResult]:
-        group, found = _Group(gathered), []
+        group, results = _Group(gathered), []
         for index in indices:
-            found.append(_one(given[index], cells[index], group, partial(report, index), options))
+            results.append(_timed(given[index], cells[index], group, partial(report, index), options))
             report(index, len(cells[index].orders))
-        return found
+        return results
 
     at_once = workers or min(os.cpu_count() or 1, 4)
     if at_once == 1:
-        found = [of_group(indices) for indices in groups]
+        results = [of_group(indices) for indices in groups]
     else:
         with ThreadPoolExecutor(at_once) as pool:
-            found = list(pool.map(of_group, groups))
-    each = dict(zip(chain(*groups), chain(*found), strict=True))
-    return tuple(each[i] for i in range(len(cells)))
+            results = list(pool.map(of_group, groups))
+    by_index = dict(zip(chain(*groups), chain(*results), strict=True))
+    return tuple(by_index[i] for i in range(len(cells)))
 
 
-def _one(measured: Measured, cell: Cell, group: _Group, progress: Progress, options: dict[str, Any]) -> MethodResult:
-    started = time.perf_counter()
+def _timed(measured: Measured, cell: Cell, group: _Group, progress: Progress, options: dict[str, Any]) -> MethodResult:
+    """Return the result of a cell with its time, or its failure."""
+    begin = time.perf_counter()
     try:
-        result = _found(measured, cell, group, progress, options)
-    except (DataError, ValueError, ArithmeticError, MemoryError) as trouble:  # NumPy's: no convergence, no memory
-        kind = "" if isinstance(trouble, DataError) else f"{type(trouble).__name__}: "
-        failure = f"{kind}{' '.join(str(trouble).split())}"
+        result = _result(measured, cell, group, progress, options)
+    except (DataError, ValueError, ArithmeticError, MemoryError) as error:  # NumPy's: no convergence, no memory
+        kind = "" if isinstance(error, DataError) else f"{type(error).__name__}: "
+        failure = f"{kind}{' '.join(str(error).split())}"
         result = MethodResult(method=cell.method, exact=cell.exact, route=measured.route or "", failure=failure)
-    return replace(result, seconds=time.perf_counter() - started)
+    return replace(result, seconds=time.perf_counter() - begin)
 
 
-def _found(measured: Measured, cell: Cell, group: _Group, progress: Progress, options: dict[str, Any]) -> MethodResult:
-    """Return what a cell finds; where another cell of its group has the same modes at every order, what that one has found."""
+def _result(measured: Measured, cell: Cell, group: _Group, progress: Progress, options: dict[str, Any]) -> MethodResult:
+    """Return the result of a cell; that of another cell of its group with the same modes at every order where there is one."""
     method = cell.method
     problem = pose(measured, method, {**cell.options, **options})
-    given = group.factored(problem, cell)
-    found = start(problem, list(cell.orders), automatic=False, given=given)
-    same = group.with_modes_of(found)
+    sweep = start(problem, list(cell.orders), automatic=False, given=group.factored(problem, cell))
+    same = group.with_modes_of(sweep)
     if same is not None and same.diagram is not None:
         return replace(same, method=method, exact=cell.exact, diagram=replace(same.diagram, method=method.name))
-    found.take_deviations_of(group.with_poles_of(found))
-    diagram = swept(found, cell.orders, progress=progress)
+    sweep.take_deviations_of(group.with_poles_of(sweep))
+    diagram = swept(sweep, cell.orders, progress=progress)
     modes = chosen_of(diagram, weighed(diagram, group.gathered))
     result = MethodResult(
         method=method,
@@ -360,7 +275,38 @@ def _found(measured: Measured, cell: Cell, group: _Group, progress: Progress, op
         diagram=diagram,
         modes=modes,
         fit_error=fit_of(modes, diagram.response),
-        moved=moved_by_noise(found, diagram, modes),
+        moved=moved_by_noise(sweep, diagram, modes),
     )
-    group.keep(found, result)
+    group.keep(sweep, result)
     return result
+
+
+def find_by_name(results: Sequence[MethodResult], name: str | tuple[str, str]) -> MethodResult:
+    """Return the one result whose method has a name: `era (s)`, `ERA/s`, `ssi_cov`, `PolyMAX`; case, blanks and signs do not matter.
+
+    Raises `DataError`: no such result, with the nearest name; or one name of several.
+    """
+    asked = name if isinstance(name, str) else "/".join(map(str, name))
+    wanted = _plain(asked)
+    matches = [r for r in results if wanted in {n + r.method.domain for n in _names(r.method)}]
+    matches = matches or [r for r in results if wanted in _names(r.method)]
+    if len(matches) == 1:
+        return matches[0]
+    listed = [r.name for r in matches or results]
+    if matches:
+        raise DataError(f"the result of {asked!r} was asked", f"that is {' and '.join(listed)}", "Name one of these.")
+    spelt = {_plain(word): word for r in results for word in (r.name, r.label)}
+    near = get_close_matches(wanted, spelt, n=1, cutoff=0.5)
+    change = f"Did you mean {spelt[near[0]]!r}? Name one of these." if near else "Name one of these."
+    raise DataError(f"the result of {asked!r} was asked", f"there are {', '.join(listed) or 'none'}", change)
+
+
+def _names(method: Method) -> set[str]:
+    """Return all names of a method, plain."""
+    words = (method.name, method.label, method.common, *method.known_as, *method.aliases)
+    return {_plain(word.partition(" on ")[0].partition(" with ")[0]) for word in words} | {_plain(method.label)}
+
+
+def _plain(text: str) -> str:
+    """Return letters and digits alone, in lower case."""
+    return "".join(c for c in str(text).casefold() if c.isalnum())

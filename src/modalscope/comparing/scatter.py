@@ -13,68 +13,22 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
-from modalscope.checking.certificate import LARGEST_BIAS, Certificate, certified, replicates_of
+from modalscope.checking.certificate import LARGEST_BIAS
 from modalscope.comparing.agreement import Group
 from modalscope.comparing.run import MethodResult, Moved, covariance
-from modalscope.data.records import Signals
 from modalscope.numerics.checks import RealArray
 
-# ----------------------------------------------------------------------------------------------------------- certified
-# Intervals of a comparison tried on simulations of its own case, by the method that fits best.
-
-
-class Tried(NamedTuple):
-    """The certificate of one method, by its `MethodResult.name`."""
-
-    method: str
-    certificate: Certificate
-
-
-def certified_best(results: Sequence[MethodResult], records: Sequence[Signals | None], replicates: int) -> Tried | None:
-    """Return the certificate of the method that fits best of those whose deviations are known; None where none was asked.
-
-    `records`: behind the responses of each, where they are correlations.
-    """
-    able = [
-        (r, signals)
-        for r, signals in zip(results, records, strict=True)
-        if r.exact and r.moved is not None and r.modes is not None and r.diagram is not None
-    ]
-    if not replicates or not able:
-        return None
-    best, signals = min(able, key=lambda pair: np.inf if pair[0].fit_error is None else pair[0].fit_error)
-    assert best.diagram is not None
-    assert best.modes is not None
-    made = replicates_of(best.diagram, best.modes, signals)
-    return Tried(best.name, certified(made, replicates, np.random.default_rng(0)))
-
-
-def interval_trouble(group: Group, frequency_noise: float, damping_noise: float, tried: Tried | None) -> str:
-    """Say what is wrong with the interval of a mode: it is not known, or its certificate refutes it; nothing otherwise.
-
-    `frequency_noise`, `damping_noise`: deviations; NaN where they are not known.
-    """
-    unknown = [w for w, v in (("frequency", frequency_noise), ("damping", damping_noise)) if not np.isfinite(v)]
-    if unknown:
-        return f"no deviation of its {' and '.join(unknown)} is known"
-    if tried is None or tried.method not in group.members or tried.certificate.holds[group.members[tried.method]]:
-        return ""
-    return "its interval does not hold, by its certificate"
-
-
-# ------------------------------------------------------------------------------------------------------------- scatter
-
 #: Probability that the truth lies within the stated scatter, and that any of all comparisons calls noise a bias.
-LEVEL, FALSE = 0.95, 0.01
+LEVEL, _FALSE_ALARM = 0.95, 0.01
 
-#: Nothing is stated more exactly than this (relative): rounding and the noise-free case.
-_LEAST = 1e-9
+#: Minimum stated scatter, relative: rounding and the noise-free case.
+_MIN_SCATTER = 1e-9
 
 _KINDS = ("frequency", "damping")
 
 
 class Biased(NamedTuple):
-    """How far a method's value lies from the consensus: as it is, and in deviations of the difference."""
+    """Distance of a method's value from the consensus: as it is, and in standard deviations of the difference."""
 
     kind: str
     away: float
@@ -83,12 +37,12 @@ class Biased(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Scatter:
-    """Half-widths within which the truth is expected in 95 %, and what they are made of (standard deviations).
+    """Half widths of 95 % intervals, and their parts (standard deviations).
 
     `frequency`, `damping` (n,): stated scatter: Hz and ratio. `frequency_noise`, `damping_noise` (n,): of the consensus, by the noise in
-    the data; NaN where it is not known. `frequency_bias`, `damping_bias` (n,): what the votes scatter by beyond what the noise moves them
-    apart. `biased`: for every mode the methods that the noise does not explain. `known`: for every mode the methods of which it is known
-    how the noise moves them.
+    the data; NaN where unknown. `frequency_bias`, `damping_bias` (n,): scatter of the votes beyond their differences by noise. `biased`:
+    for every mode the methods that the noise does not explain. `known`: for every mode the methods on which the effect of the noise is
+    known.
     """
 
     frequency: RealArray
@@ -105,38 +59,35 @@ class Scatter:
         return np.asarray(np.hypot(getattr(self, f"{kind}_noise"), getattr(self, f"{kind}_bias")))
 
 
-class _Known(NamedTuple):
-    """What is known of one mode: variances of the consensus, of every method's distance from it, (2,) each."""
+class _Variances(NamedTuple):
+    """Variances of one mode, of frequency and damping (2,): of the consensus, and of every method's distance from it."""
 
     consensus: RealArray
-    apart: dict[str, RealArray]
+    distance: dict[str, RealArray]
     degrees: float
 
 
 def stated(groups: Sequence[Group], results: Sequence[MethodResult]) -> Scatter:
-    """Return the stated scatter of every mode: z sqrt(noise^2 + bias^2), bias^2 = between methods^2 - what noise puts between them."""
-    shared = _Shared(groups, results)
-    known = [shared.known(k, g) for k, g in enumerate(groups)]
-    count = 2 * sum(max(len(k.apart) - 1, 0) for k in known)
+    """Return the stated scatter of every mode: z sqrt(noise^2 + bias^2), bias^2 = between methods^2 - variance of differences by noise."""
+    shared = _Covariances(groups, results)
+    variances = [shared.variances(k, g) for k, g in enumerate(groups)]
+    count = 2 * sum(max(len(v.distance) - 1, 0) for v in variances)
     columns: dict[str, list[float]] = {f"{kind}{part}": [] for part in ("", "_noise", "_bias") for kind in _KINDS}
     biased: list[dict[str, tuple[Biased, ...]]] = []
-    for g, k in zip(groups, known, strict=True):
-        z = _quantile((1 + LEVEL) / 2, k.degrees)
+    for g, v in zip(groups, variances, strict=True):
+        z = _quantile((1 + LEVEL) / 2, v.degrees)
         for i, kind in enumerate(_KINDS):
-            by_noise = [k.apart[name][i] for name in g.votes if name in k.apart]
+            by_noise = [v.distance[name][i] for name in g.votes if name in v.distance]
             between = getattr(g, f"{kind}_between") ** 2
             bias = np.sqrt(max(between - (float(np.mean(by_noise)) if by_noise else 0.0), 0.0))
-            noise = float(np.sqrt(k.consensus[i]))
+            noise = float(np.sqrt(v.consensus[i]))
             half = z * np.sqrt(np.nan_to_num(noise) ** 2 + bias**2)
-            columns[kind].append(max(half, _LEAST * getattr(g, kind)))
+            columns[kind].append(max(half, _MIN_SCATTER * getattr(g, kind)))
             columns[f"{kind}_noise"].append(noise)
             columns[f"{kind}_bias"].append(float(bias))
-        biased.append(_biased(g, k, _quantile(1 - FALSE / 2 / max(count, 1), k.degrees)))
-    return Scatter(
-        **{name: np.array(values) for name, values in columns.items()},
-        biased=tuple(biased),
-        known=tuple(frozenset(k.apart) for k in known),
-    )
+        biased.append(_biased(g, v, _quantile(1 - _FALSE_ALARM / 2 / max(count, 1), v.degrees)))
+    arrays = {name: np.array(values) for name, values in columns.items()}
+    return Scatter(**arrays, biased=tuple(biased), known=tuple(frozenset(v.distance) for v in variances))
 
 
 def _quantile(probability: float, degrees: float) -> float:
@@ -144,61 +95,61 @@ def _quantile(probability: float, degrees: float) -> float:
     return float(stdtrit(degrees, probability) if np.isfinite(degrees) else ndtri(probability))
 
 
-def _biased(g: Group, known: _Known, limit: float) -> dict[str, tuple[Biased, ...]]:
-    """Return the methods whose distance from the consensus no noise explains, and is no small share of a deviation."""
-    found: dict[str, tuple[Biased, ...]] = {}
-    for name, variance in known.apart.items():
-        each = []
+def _biased(g: Group, variances: _Variances, limit: float) -> dict[str, tuple[Biased, ...]]:
+    """Return the methods whose distance from the consensus is beyond the noise, and no small part of a standard deviation."""
+    biased: dict[str, tuple[Biased, ...]] = {}
+    for name, variance in variances.distance.items():
+        of_method = []
         for i, (kind, values) in enumerate(zip(_KINDS, (g.frequencies, g.damping_ratios), strict=True)):
-            away, size = values[name] - getattr(g, kind), getattr(g, kind)
-            deviation = np.sqrt(max(float(variance[i]), 0.0)) + _LEAST * size
-            if abs(away) > limit * deviation and away**2 > LARGEST_BIAS**2 * known.consensus[i]:
-                each.append(Biased(kind, away, away / deviation))
-        if each:
-            found[name] = tuple(each)
-    return found
+            distance, size = values[name] - getattr(g, kind), getattr(g, kind)
+            deviation = np.sqrt(max(float(variance[i]), 0.0)) + _MIN_SCATTER * size
+            if abs(distance) > limit * deviation and distance**2 > LARGEST_BIAS**2 * variances.consensus[i]:
+                of_method.append(Biased(kind, distance, distance / deviation))
+        if of_method:
+            biased[name] = tuple(of_method)
+    return biased
 
 
-class _Shared:
+class _Covariances:
     """Covariances of the methods that read the same data, mode by mode, each pair of methods computed once."""
 
     def __init__(self, groups: Sequence[Group], results: Sequence[MethodResult]) -> None:
         self._groups, self._modes = groups, {r.name: r.modes for r in results}
-        there = {r.name: r.moved for r in results if r.moved is not None and r.exact}
-        first = next((there[name] for g in groups for name in g.votes if name in there), None)
-        self._moved = {name: m for name, m in there.items() if first is not None and _same(m, first)}
+        moved = {r.name: r.moved for r in results if r.moved is not None and r.exact}
+        first = next((moved[name] for g in groups for name in g.votes if name in moved), None)
+        self._moved = {name: m for name, m in moved.items() if first is not None and _same_data(m, first)}
         errors = {r.name: np.inf if r.fit_error is None else r.fit_error for r in results}
         best = min(self._moved, key=lambda name: errors[name], default=None)
         self._noise = None if best is None else self._moved[best].noise
         self._pairs: dict[tuple[str, str], dict[int, RealArray]] = {}
 
-    def known(self, k: int, g: Group) -> _Known:
-        """Return what is known of one mode."""
+    def variances(self, k: int, g: Group) -> _Variances:
+        """Return the variances of one mode."""
         names = [name for name, j in g.members.items() if name in self._moved and self._moved[name].row[j] >= 0]
         middle = self._middle(g, names)
         if not any(middle):
-            return _Known(self._reported(g), {}, np.inf)
+            return _Variances(self._reported(g), {}, np.inf)
         consensus = np.array([np.mean([self._pair(a, b, k)[i] for a in m for b in m]) for i, m in enumerate(middle)])
-        apart = {}
+        distance = {}
         for name in names:
-            own = self._pair(name, name, k)
+            variance = self._pair(name, name, k)
             across = np.array([np.mean([self._pair(name, m, k)[i] for m in part]) for i, part in enumerate(middle)])
-            apart[name] = own + consensus - 2 * across
+            distance[name] = variance + consensus - 2 * across
         degrees = self._noise.note.numbers.get("degrees_of_freedom", np.inf) if self._noise is not None else np.inf
-        return _Known(np.maximum(consensus, 0), apart, degrees)
+        return _Variances(np.maximum(consensus, 0), distance, degrees)
 
     def _reported(self, g: Group) -> RealArray:
-        """Return the variances (2,) that methods report themselves, in the middle; NaN where none does."""
-        found = []
+        """Return the median of the variances (2,) that methods report themselves; NaN where none does."""
+        variances = []
         for name in g.votes:
             modes, j = self._modes[name], g.members[name]
             if modes is not None and modes.frequencies_std is not None and modes.damping_ratios_std is not None:
-                found.append([modes.frequencies_std[j] ** 2, modes.damping_ratios_std[j] ** 2])
-        return np.asarray(np.median(found, axis=0) if found else np.full(2, np.nan))
+                variances.append([modes.frequencies_std[j] ** 2, modes.damping_ratios_std[j] ** 2])
+        return np.asarray(np.median(variances, axis=0) if variances else np.full(2, np.nan))
 
     @staticmethod
     def _middle(g: Group, names: Sequence[str]) -> tuple[list[str], list[str]]:
-        """Return whose values the consensus is, of frequency and damping: the one or two votes nearest to it."""
+        """Return the methods whose values are the consensus of frequency and damping: the one or two votes nearest to it."""
         votes = [name for name in g.votes if name in names] or list(names)
         parts = []
         for values, middle in ((g.frequencies, g.frequency), (g.damping_ratios, g.damping)):
@@ -215,20 +166,16 @@ class _Shared:
 
     def _computed(self, one: str, other: str) -> dict[int, RealArray]:
         a, b = self._moved[one], self._moved[other]
-        modes, rows, beside = [], [], []
-        for k, g in enumerate(self._groups):
-            if one in g.members and other in g.members:
-                i, j = a.row[g.members[one]], b.row[g.members[other]]
-                if min(i, j) >= 0:
-                    modes.append(k)
-                    rows.append(i)
-                    beside.append(j)
+        common = [(k, g.members) for k, g in enumerate(self._groups) if one in g.members and other in g.members]
+        rows = [(k, a.row[members[one]], b.row[members[other]]) for k, members in common]
+        rows = [row for row in rows if min(row[1:]) >= 0]
         assert self._noise is not None
-        f, zeta = covariance(a, b, np.array(rows, dtype=np.intp), np.array(beside, dtype=np.intp), self._noise)
-        return {k: np.array([f[i], zeta[i]]) for i, k in enumerate(modes)}
+        rows_a, rows_b = np.array([row[1:] for row in rows], dtype=np.intp).reshape(-1, 2).T
+        f, zeta = covariance(a, b, rows_a, rows_b, self._noise)
+        return {k: np.array([f[i], zeta[i]]) for i, (k, _, _) in enumerate(rows)}
 
 
-def _same(one: Moved, other: Moved) -> bool:
-    """Whether two methods read the same data, value by value."""
+def _same_data(one: Moved, other: Moved) -> bool:
+    """Return whether two methods have the same data, value by value."""
     a, b = one.response.values, other.response.values
-    return a is b or (a.shape == b.shape and bool(np.array_equal(a, b)))
+    return a is b or bool(np.array_equal(a, b))

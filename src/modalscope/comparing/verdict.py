@@ -1,4 +1,4 @@
-"""Grade how far each mode can be trusted, and state the verdict in words.
+"""Grade how far each mode can be trusted, and state the verdict.
 
 A mode is **trusted** when at least two thirds of the methods with a vote (and two at least, where two have one) found it, it has an
 interval, which its certificate does not refute (where one was asked), and its stated scatter is within a half bandwidth in
@@ -10,19 +10,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
+import numpy as np
+
+from modalscope.checking.certificate import Certificate, certified, replicates_of
 from modalscope.comparing.agreement import Group
 from modalscope.comparing.diagnosis import Cause
 from modalscope.comparing.run import MethodResult
 from modalscope.comparing.scatter import Scatter
+from modalscope.data.records import Signals
 
 GRADES = ("trusted", "frequency only", "doubtful")
 
-_SHARE = 2 / 3
-_FREQUENCY, _DAMPING = 1.0, 0.3
+#: Minimum part of the methods with a vote.
+_MIN_VOTES = 2 / 3
 
-#: Findings that throw doubt on every mode.
-_FATAL = ("order too low",)
+#: Maximum stated scatter of a trusted mode: of its frequency in half bandwidths, of its damping, relative.
+_MAX_FREQUENCY_SCATTER, _MAX_DAMPING_SCATTER = 1.0, 0.3
+
+#: Causes that make every mode doubtful.
+_FATAL_CAUSES = ("order too low",)
 
 
 @dataclass(frozen=True)
@@ -42,6 +50,45 @@ class Trust:
         return self.grade == GRADES[0]
 
 
+class Tried(NamedTuple):
+    """The certificate of one method, by its `MethodResult.name`."""
+
+    method: str
+    certificate: Certificate
+
+
+def certified_best(results: Sequence[MethodResult], records: Sequence[Signals | None], replicates: int) -> Tried | None:
+    """Return the certificate of the method that fits best of those whose standard deviations are known; None without replicates.
+
+    `records`: of the responses of each, where they are correlations.
+    """
+    able = [
+        (r, signals)
+        for r, signals in zip(results, records, strict=True)
+        if r.exact and r.moved is not None and r.modes is not None and r.diagram is not None
+    ]
+    if not replicates or not able:
+        return None
+    best, signals = min(able, key=lambda pair: np.inf if pair[0].fit_error is None else pair[0].fit_error)
+    assert best.diagram is not None
+    assert best.modes is not None
+    simulated = replicates_of(best.diagram, best.modes, signals)
+    return Tried(best.name, certified(simulated, replicates, np.random.default_rng(0)))
+
+
+def interval_trouble(group: Group, frequency_noise: float, damping_noise: float, tried: Tried | None) -> str:
+    """Return the fault of the interval of a mode: it is unknown, or refuted by its certificate; "" otherwise.
+
+    `frequency_noise`, `damping_noise`: standard deviations; NaN where unknown.
+    """
+    unknown = [w for w, v in (("frequency", frequency_noise), ("damping", damping_noise)) if not np.isfinite(v)]
+    if unknown:
+        return f"standard deviation of its {' and '.join(unknown)} unknown"
+    if tried is None or tried.method not in group.members or tried.certificate.holds[group.members[tried.method]]:
+        return ""
+    return "its interval is refuted by its certificate"
+
+
 def judge(
     group: Group,
     frequency_scatter: float,
@@ -53,27 +100,22 @@ def judge(
     """Grade one mode by the rules of this module.
 
     `frequency_scatter`, `damping_scatter`: stated, Hz and ratio. `causes`, `data_causes`: of the mode, and of the data as a whole.
-    `interval`: what is wrong with its interval; empty when nothing is.
+    `interval`: the fault of its interval; "" without one.
     """
     votes, voters = len(group.votes), group.voters
-    found = f"found by {votes} of {voters} independent methods"
-    fatal = [c for c in data_causes if c.name in _FATAL]
+    support = f"found by {votes} of {voters} independent methods"
+    because = f": {', '.join(c.name for c in causes)}" if causes else ""
+    fatal = [c.name for c in data_causes if c.name in _FATAL_CAUSES]
     if fatal:
-        return Trust("doubtful", f"{found}, but {fatal[0].name}", causes)
-    if votes < _SHARE * voters or votes < min(2, voters):
-        return Trust("doubtful", f"only {found}" + _because(causes), causes)
-    if frequency_scatter > _FREQUENCY * group.half_bandwidth:
-        return Trust(
-            "doubtful", f"{found}, but its frequency is open by ±{frequency_scatter:.2g} Hz" + _because(causes), causes
-        )
-    if damping_scatter > _DAMPING * group.damping:
+        return Trust("doubtful", f"{support}, but {fatal[0]}", causes)
+    if votes < _MIN_VOTES * voters or votes < min(2, voters):
+        return Trust("doubtful", f"only {support}{because}", causes)
+    if frequency_scatter > _MAX_FREQUENCY_SCATTER * group.half_bandwidth:
+        return Trust("doubtful", f"{support}; frequency uncertain by ±{frequency_scatter:.2g} Hz{because}", causes)
+    if damping_scatter > _MAX_DAMPING_SCATTER * group.damping:
         share = 100 * damping_scatter / group.damping
-        return Trust("frequency only", f"{found}; its damping is open by ±{share:.0f} %" + _because(causes), causes)
-    return Trust("frequency only", f"{found}; {interval}", causes) if interval else Trust("trusted", found, causes)
-
-
-def _because(causes: tuple[Cause, ...]) -> str:
-    return f": {', '.join(c.name for c in causes)}" if causes else ""
+        return Trust("frequency only", f"{support}; damping uncertain by ±{share:.0f} %{because}", causes)
+    return Trust("frequency only", f"{support}; {interval}", causes) if interval else Trust("trusted", support, causes)
 
 
 def words(
@@ -84,38 +126,31 @@ def words(
     data_causes: Sequence[Cause],
 ) -> str:
     """Return the verdict, one statement a line."""
-    ran = [r for r in results if r.modes is not None]
     failed = [r for r in results if r.modes is None]
-    if not ran:
+    if len(failed) == len(results):
         return f"No method could use these data. {failed[0].failure if failed else ''}".strip()
-    lines = []
-    sure = [k for k, t in enumerate(trust) if t.trusted]
-    if sure:
-        which = ", ".join(f"{groups[k].frequency:.5g}" for k in sure)
-        count = f"All {len(sure)} modes" if len(sure) == len(groups) > 1 else f"{len(sure)} of {len(groups)} modes"
-        worst = max(sure, key=lambda k: scatter.damping[k] / groups[k].damping)
-        lines.append(
-            f"{count} can be trusted in frequency and damping: {which} Hz. "
-            f"The widest stated scatter among them is ±{100 * scatter.damping[worst] / groups[worst].damping:.2g} % "
-            f"of the damping, at {groups[worst].frequency:.5g} Hz."
-        )
-    elif groups:
-        lines.append(f"None of the {len(groups)} modes can be trusted in full.")
+    trusted = [k for k, t in enumerate(trust) if t.trusted]
+    if trusted:
+        listed = ", ".join(f"{groups[k].frequency:.5g}" for k in trusted)
+        count = f"All {len(groups)}" if len(trusted) == len(groups) > 1 else f"{len(trusted)} of {len(groups)}"
+        worst = max(trusted, key=lambda k: scatter.damping[k] / groups[k].damping)
+        widest = f"±{100 * scatter.damping[worst] / groups[worst].damping:.2g} % at {groups[worst].frequency:.5g} Hz"
+        lines = [
+            f"{count} modes can be trusted in frequency and damping: {listed} Hz. Widest damping interval: {widest}."
+        ]
     else:
-        lines.append("No mode stands out of the data by any method.")
-    for grade, lead in (
-        ("frequency only", "Trust the frequency, but not the damping, of"),
-        ("doubtful", "Do not trust"),
-    ):
+        lines = [f"None of the {len(groups)} modes can be trusted in full." if groups else "No method found a mode."]
+    leads = {"frequency only": "Trust the frequency, but not the damping, of", "doubtful": "Do not trust"}
+    for grade, lead in leads.items():
         lines += [f"{lead} {groups[k].frequency:.5g} Hz: {t.why}." for k, t in enumerate(trust) if t.grade == grade]
-    lines += [f"{_lead(c)}. {c.remedy}" for c in data_causes]
+    for c in data_causes:  # the name of the cause once
+        evidence = c.evidence.removesuffix(".")
+        named = evidence.lower().startswith(c.name)
+        lines.append(
+            f"{evidence[:1].upper()}{evidence[1:]}. {c.remedy}"
+            if named
+            else f"{c.name.capitalize()}: {evidence}. {c.remedy}"
+        )
     if failed:
         lines.append(f"{len(failed)} of {len(results)} methods failed: {'; '.join(r.label for r in failed)}.")
     return "\n".join(lines)
-
-
-def _lead(cause: Cause) -> str:
-    """Return the name of a cause and its evidence as the beginning of a sentence, the name once."""
-    evidence = cause.evidence.removesuffix(".")
-    said = evidence.lower().startswith(cause.name)
-    return evidence[:1].upper() + evidence[1:] if said else f"{cause.name.capitalize()}: {evidence}"
