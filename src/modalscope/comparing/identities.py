@@ -15,6 +15,7 @@ import scipy.linalg as sla
 
 from modalscope.data.response import Response
 from modalscope.identification.method import DOMAINS
+from modalscope.identification.method_names import find_method
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
 from modalscope.numerics.checks import Array
