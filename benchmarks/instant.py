@@ -92,7 +92,7 @@ def cases() -> list[Case]:
         Case(
             "16 x 16 FRFs x 1000 lines, 40 orders",
             lambda: diagram(many),
-            without("modalscope.blocks.transfer._MANY_ROWS", 10**9, lambda: diagram(many)),
+            without("modalscope.blocks.transfer._MIN_PRODUCT_ROWS", 10**9, lambda: diagram(many)),
         ),
         Case(
             "300 x 2 FRFs x 300 lines, 20 orders",

@@ -25,6 +25,7 @@ from modalscope.data.response import Response
 from modalscope.functions.poles import frequencies_and_damping, one_of_each_pair, poles_from
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
+from modalscope.identification.sweep import Cut, Shared
 
 #: The project, and the measured beam that comes with it.
 ROOT = Path(__file__).resolve().parents[1]
@@ -57,6 +58,11 @@ def wanted_extra(error: str) -> str | None:
     if told is None or find_spec(told["package"].partition(".")[0]):
         return None
     return f"{told['package']} is not installed: {told['extra']}"
+
+
+def cut_order(pipeline: Pipeline, order: int, *, deviations: bool = True) -> Cut:
+    """Return one order of a pipeline."""
+    return Shared(pipeline, deviations).of_order(order)
 
 
 def built(data: Signals | Response, order: int, **options: Any) -> Pipeline:

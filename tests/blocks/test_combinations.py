@@ -49,7 +49,7 @@ def noisy(values: np.ndarray, level: float) -> np.ndarray:
 @pytest.mark.parametrize("make", [lines, samples])
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_few_combinations_leave_out_what_the_smallest_singular_values_hold(make, noise: float, monkeypatch) -> None:  # type: ignore[no-untyped-def]
-    monkeypatch.setattr(module, "_AT_A_TIME", 5000)
+    monkeypatch.setattr(module, "_BLOCK_NUMBERS", 5000)
     response = make(noise)
     few = combinations(response, 30)
     level = response.values / output_scale(response)[:, None]

@@ -43,7 +43,7 @@ def test_many_rows_of_few_blocks_meet_at_few_lags_and_few_over_all_samples() -> 
 
 def test_every_pole_may_have_its_own_noise(monkeypatch: pytest.MonkeyPatch) -> None:
     one, variance = gradient(6, 40, 0), np.random.default_rng(3).uniform(1, 2, (5, 1, 3, 2))
-    monkeypatch.setattr(convolved_module, "_AT_A_TIME", 200)  # two poles at a time
+    monkeypatch.setattr(convolved_module, "_BLOCK_NUMBERS", 200)  # two poles at a time
     found = one.joint(one, variance)
     for j in range(5):
         alone = one.take(np.array([j]))
@@ -64,7 +64,7 @@ def test_transposed_and_by_transforms() -> None:
 def test_poles_some_at_a_time_have_the_moments_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
     one, variance = gradient(6, 40, 0), np.random.default_rng(3).uniform(1, 2, (3, 2))
     whole = one.joint(one, variance)
-    monkeypatch.setattr(convolved_module, "_AT_A_TIME", 400)
+    monkeypatch.setattr(convolved_module, "_BLOCK_NUMBERS", 400)
     assert all(np.allclose(*both, rtol=1e-13, atol=0) for both in zip(one.joint(one, variance), whole, strict=True))
     nothing = one.take(np.arange(0))
     assert nothing.joint(nothing, variance).size.shape == (0,)

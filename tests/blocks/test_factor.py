@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from modalscope.blocks import factor as costs, structure as block_hankel
-from modalscope.blocks.factor import costs_of, factorize, left_factor
+from modalscope.blocks.block_hankel import BlockHankel
+from modalscope.blocks.costs import costs_of
+from modalscope.blocks.factor import factorize, left_factor
 from modalscope.blocks.hankel import hankel
-from modalscope.blocks.structure import BlockHankel
 from modalscope.data import DataError, ImpulseResponse
 from modalscope.functions.poles import frequencies_and_damping, poles_from
 from modalscope.numerics.operators import DenseMatrix
@@ -119,9 +120,9 @@ def test_products_by_transforms_are_those_by_block_rows(
     rng = np.random.default_rng(0)
     H = BlockHankel(rng.standard_normal((3 * blocks, outputs, inputs)), blocks, 2 * blocks - 1, first=1)
     X, Z = rng.standard_normal((H.shape[1], 7)), rng.standard_normal((H.shape[0], 7))
-    monkeypatch.setattr(block_hankel, "_AT_A_TIME", 5000)
+    monkeypatch.setattr(block_hankel, "_BLOCK_NUMBERS", 5000)
     for slower in (0, 1e9):
-        monkeypatch.setattr(block_hankel, "_SLOWER", slower)
+        monkeypatch.setattr(block_hankel, "_TRANSFORM_COST", slower)
         assert H.by_transforms == (slower == 0)
         assert relative(H.times(X), H.dense() @ X) < 1e-12
         assert relative(H.transposed_times(Z), H.dense().T @ Z) < 1e-12
@@ -146,7 +147,7 @@ def test_where_the_gram_matrix_takes_long_products_serve_and_what_does_not_fit_i
     response, _ = response_of(1.0, outputs=10, inputs=10, samples=240)
     H = hankel(add_noise(response, 40), block_rows=100, block_columns=120)
     assert factorize(H.shifted(0), 8).how.startswith("structured Gram matrix of 1200 x 1000")
-    monkeypatch.setattr(costs, "_PATIENCE", 1e8)
+    monkeypatch.setattr(costs, "_EXACT_OPERATIONS", 1e8)
     assert factorize(H.shifted(0), 8).how.startswith("randomized range of")
     try:
         set_allowed_memory(1_000_000)

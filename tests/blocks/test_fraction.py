@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from modalscope import DataError, FrequencyResponse, identify
-from modalscope.blocks.fraction import fraction, trigonometric_sums
+from modalscope.blocks.fraction import fraction
+from modalscope.blocks.normal_equations import trigonometric_sums
 from tests.support import FIVE, add_noise, match_poles, random_system, relative
 
 seeds = st.integers(0, 2**32 - 1)

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from modalscope import FrequencyResponse
-from modalscope.blocks.fraction import Arc, FractionInfluence, fraction, moments_on, nodes_needed, weights_at
+from modalscope.blocks.few_points import Arc, moments_on, nodes_needed, weights_at
+from modalscope.blocks.fraction import fraction
+from modalscope.blocks.fraction_noise import FractionInfluence
 from modalscope.blocks.influence import LineInfluence
 from modalscope.realizations.companion import fraction_companion
 from tests.support import add_noise, random_system, relative
@@ -64,7 +66,7 @@ def test_moments_are_those_of_every_line(inputs: int, low: float, high: float, w
 def test_points_are_fewer_than_lines_and_taken() -> None:
     gradient = influence(response(1, 0.01, 0.49), 14)
     gradient.joint(gradient, np.ones((4, 1)))
-    assert gradient.matrix.sums.nodes(14) < 120
+    assert gradient.sums.nodes(14) < 120
     assert "_on_lines" not in vars(gradient)
 
 

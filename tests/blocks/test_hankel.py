@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.blocks.hankel import hankel, leading_directions, random_projection, selection, sums
-from modalscope.blocks.structure import BlockHankel
+from modalscope.blocks.block_hankel import BlockHankel
+from modalscope.blocks.hankel import hankel
+from modalscope.blocks.sides import leading_directions, random_projection, selection, sums
 from modalscope.data import DataError, ImpulseResponse
 from modalscope.numerics.operators import DenseMatrix
 from tests.support import EPS, relative

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.blocks.matrix import RowShift, line_pencil
+from modalscope.blocks.lines import line_pencil
+from modalscope.blocks.matrix import RowShift
 from modalscope.blocks.polynomials import both_sums, orthogonal_basis
 from tests.support import relative
 

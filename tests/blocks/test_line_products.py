@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from modalscope import FrequencyResponse, stabilize
-from modalscope.blocks import transfer as line_products, transfer as module
-from modalscope.blocks.transfer import LineProducts, transfer
+from modalscope.blocks import line_products, transfer as module
+from modalscope.blocks.line_products import LineProducts
+from modalscope.blocks.transfer import transfer
 from modalscope.functions.poles import poles_from
 from tests.support import relative
 
@@ -31,8 +32,8 @@ def responses(outputs: int, inputs: int, *, noise: float, weak: float = 1.0, lin
 @pytest.mark.parametrize("few", [-1, 1000])  # sums over pairs of functions, and over the rows themselves
 @pytest.mark.parametrize("weighted", [False, True])
 def test_products_are_those_of_the_array(weighted: bool, few: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(line_products, "_FEW", few)
-    monkeypatch.setattr(line_products, "_AT_A_TIME", 1000)
+    monkeypatch.setattr(line_products, "_MAX_ROW_SUM_SIZE", few)
+    monkeypatch.setattr(line_products, "_BLOCK_NUMBERS", 1000)
     response = responses(9, 2, noise=0.1, lines=120)
     w = np.linspace(0.5, 2, 120) if weighted else None
     matrix = transfer(response, domain="s", block_rows=29, weights=w)
@@ -78,7 +79,7 @@ def test_both_routes_give_one_diagram(method: str, noise: float, weak: float, mo
     orders = range(16, 29 if noise else 21, 4)
     found = []
     for many in (200, 10**9):
-        monkeypatch.setattr(module, "_MANY_ROWS", many)
+        monkeypatch.setattr(module, "_MIN_PRODUCT_ROWS", many)
         found.append(stabilize(response, method=method, orders=orders, deviations=False))
     ours, theirs = found
     assert "Gram" in str(ours.notes)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.blocks import records as cost
+from modalscope.blocks import costs as cost
 from tests.support import random_system, refused
 
 

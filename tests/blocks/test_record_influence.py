@@ -7,18 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modalscope.blocks import records as record_influence
+from modalscope.blocks import record_influence
+from modalscope.blocks.few_points import few_points
 from modalscope.blocks.influence import LineInfluence
-from modalscope.blocks.polynomials import few_points, orthogonal_basis
+from modalscope.blocks.polynomials import orthogonal_basis
 from modalscope.blocks.records import RecordInfluence
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import Records
-from modalscope.identification.sweep import Cut, cut_order
+from modalscope.identification.sweep import Cut
 from modalscope.likelihood.covariance import PoleInfluence, influence_on
 from modalscope.likelihood.deviations import Asked, deviations_of
 from modalscope.likelihood.noise import White
 from tests.blocks.test_record_lines import runs_of
-from tests.support import built, random_system, relative
+from tests.support import built, cut_order, random_system, relative
 
 ORDER = 8
 
@@ -116,12 +117,12 @@ def test_lines_of_a_long_record_that_are_kept_stand_for_the_others(monkeypatch: 
         pipeline = built(data, ORDER, route="records", method="alternate")
         cut = cut_order(pipeline, ORDER, deviations=False)
         every, noise = np.arange(4), White(np.ones((4, 1)), "here", True)
-        assert pipeline.matrix.influence_lines.each.sum() == pipeline.response.whole.count
+        assert pipeline.matrix.influence_lines.lines.each.sum() == pipeline.response.whole.count
         asked = Asked(ORDER, cut.triple, cut.modal, every, noise)
         return deviations_of(pipeline.matrix, pipeline.realization, asked)[0].damping_ratio
 
     whole = deviations()
-    monkeypatch.setattr(record_influence, "_INFLUENCE_LINES", 1500)
+    monkeypatch.setattr(record_influence, "_MAX_LINES", 1500)
     assert np.all(np.abs(deviations() / whole - 1) < 0.2)
 
 
@@ -135,6 +136,6 @@ def test_so_they_do_between_two_gradients(monkeypatch: pytest.MonkeyPatch) -> No
         return gradient.joint(equal, np.ones((4, 1))).size.real
 
     whole = variances()
-    monkeypatch.setattr(record_influence, "_INFLUENCE_LINES", 1500)
+    monkeypatch.setattr(record_influence, "_MAX_LINES", 1500)
     # deviations within a fifth, as above: variances within the square of that
     assert np.all(np.abs(variances() / whole - 1) < 1.2**2 - 1)

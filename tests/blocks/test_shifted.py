@@ -235,7 +235,7 @@ def test_arbitrary_shifts_of_samples() -> None:
     [
         ({"band": (1.001, 1.002)}, r"none of them inside"),
         ({"block_columns": 500}, r"reads 510 samples"),
-        ({"initial_values": "rest"}, r"no initial terms to eliminate"),
+        ({"initial_values": "rest"}, r"have no initial terms"),
         ({"source": "elimination"}, r"the data are samples"),
         ({"column_subsets": [[0, 1]]}, r"columns .* are lines"),
     ],
@@ -246,5 +246,5 @@ def test_what_samples_cannot_give_is_an_error(options: dict[str, object], text: 
 
 
 def test_samples_have_no_s_domain() -> None:
-    with pytest.raises(DataError, match="no rational function of j w"):
+    with pytest.raises(DataError, match="no rational transform in j w"):
         identify(FIVE["chain5"]().impulse_response(200), method="era", domain="s", order=10)

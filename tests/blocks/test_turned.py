@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modalscope.blocks.controllable import TurnedHankel
 from modalscope.blocks.evolved import Evolved, ModalSide
+from modalscope.blocks.hankel import TurnedHankel
 from tests.support import FIVE, built, relative
 
 WHOLE = FIVE["chain5"]().impulse_response(200)

@@ -8,7 +8,8 @@ from scipy.signal import lfilter
 
 from modalscope import Signals, stabilize
 from modalscope.blocks import projections as module
-from modalscope.blocks.projections import projection, triangle_of, window_gram
+from modalscope.blocks.projections import projection
+from modalscope.blocks.sampled_rows import triangle_of, window_gram
 from tests.support import relative
 
 ROUNDING = 1e-12

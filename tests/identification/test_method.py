@@ -39,9 +39,9 @@ def test_all_lines_of_a_sampled_system_are_its_samples() -> None:
 
 
 def test_what_does_not_suit_says_why() -> None:
-    assert "there are none" in str(row("ssi-data", "time").refusal(CORRELATIONS, False))
+    assert "records without inputs" in str(row("ssi-data", "time").refusal(CORRELATIONS, False))
     assert row("ssi-data", "time").refusal(CORRELATIONS, True) is None
-    assert "no rational function" in str(row("era", "s").refusal(SAMPLES, False))
+    assert "no rational transform" in str(row("era", "s").refusal(SAMPLES, False))
     assert "has not decayed" in row("lscf", "z").reservation(chain5().impulse_response(60))
     assert row("lscf", "z").reservation(chain5().impulse_response(12_000)) == ""
     assert "equally spaced" in row("era", "time").reservation(MEASURED.at_lines(np.r_[0:300, 301:700]))

@@ -64,7 +64,7 @@ def test_what_does_not_fit_is_said() -> None:
         found = plan(noise_lines(10, 3), orders=[20])
         assert not found.fits
         assert found.way is None
-        assert "that does not fit" in str(found)
+        assert "Not enough memory" in str(found)
         with pytest.raises(DataError, match=r"takes about .* of memory, and 300 kB are there"):
             stabilize(noise_lines(10, 3), orders=[20])
     finally:

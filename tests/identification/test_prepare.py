@@ -176,7 +176,7 @@ def test_an_exponential_window_goes_with_the_response_through_every_conversion()
 
 
 def test_samples_have_no_rational_function_of_frequency() -> None:
-    with pytest.raises(DataError, match="no rational function of j w"):
+    with pytest.raises(DataError, match="no rational transform in j w"):
         prepare(samples(), "era", "s")
 
 

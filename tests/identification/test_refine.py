@@ -298,7 +298,7 @@ def test_nothing_is_added_to_a_coloured_residual():
 def test_what_cannot_be_refined_is_refused():
     truth = model(4, 2)
     data = samples(truth)
-    refused("errors are correlated from lag to lag", ms.refine, replace(data, kind="correlation"), truth)
+    refused("errors of correlations are correlated", ms.refine, replace(data, kind="correlation"), truth)
     refused("4 outputs and 2 inputs, the modes others", ms.refine, data, model(3, 2))
     refused("36 unknowns", ms.refine, replace(data, values=data.values[:4]), truth)
     refused("one positive number a line", ms.refine, lines(truth), truth, weights=np.ones(7))

@@ -111,7 +111,7 @@ def test_a_mode_that_is_missed_is_found_in_what_the_others_leave(lengths):
         # the same optimum, where the descent stops
         assert np.allclose(np.sort(found.frequencies), whole.frequencies, rtol=1e-6)
         assert np.allclose(found.damping_ratios[np.argsort(found.frequencies)], whole.damping_ratios, rtol=1e-4)
-        assert "modes added" in " ".join(str(note) for note in found.notes)
+        assert "Modes added" in " ".join(str(note) for note in found.notes)
 
 
 def test_noise_gives_no_mode_to_add():

@@ -12,12 +12,11 @@ import pytest
 import modalscope as ms
 from modalscope.data import ImpulseResponse
 from modalscope.data.response import Response
-from modalscope.identification.sweep import cut_order
 from modalscope.likelihood.covariance import PoleInfluence, influence_on
 from modalscope.systems import chain5
 from modalscope.systems.records import white_noise
 from tests.studies import Study
-from tests.support import add_noise, built, relative
+from tests.support import add_noise, built, cut_order, relative
 
 #: Noise, dB; sets of it, changes of each, and their size in deviations of the noise (smaller ones leave rounding at 80 dB).
 LEVELS, SETS, CHANGES, STEP = (80, 40, 20), 5, 4, 0.1

@@ -11,12 +11,11 @@ import scipy.linalg as sla
 from modalscope.blocks.influence import Influence
 from modalscope.data import FrequencyResponse, ImpulseResponse
 from modalscope.data.response import Response
-from modalscope.identification.sweep import cut_order
 from modalscope.likelihood.covariance import influence_on
 from modalscope.preprocess import estimate_correlation
 from modalscope.systems import chain5
 from modalscope.systems.records import white_noise
-from tests.support import built, relative
+from tests.support import built, cut_order, relative
 
 #: 110 dB: what is left of the second order is small, and so is the step. Formulas that hold without noise are off by as much as the noise.
 QUIET, STEP = 3e-6, 1e-2

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from modalscope.blocks.factor import Factors, factorize, left_factor
-from modalscope.blocks.hankel import hankel, random_projection
+from modalscope.blocks.hankel import hankel
+from modalscope.blocks.sides import random_projection
 from modalscope.data import ImpulseResponse
 from modalscope.identification.identify import identify
 from modalscope.realizations.balanced import balanced, projected_general

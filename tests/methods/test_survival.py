@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.blocks.hankel import leading_directions, random_projection, selection, sums
+from modalscope.blocks.sides import leading_directions, random_projection, selection, sums
 from modalscope.data import DataError
 from modalscope.identification.identify import identify
 from modalscope.numerics.operators import DenseMatrix

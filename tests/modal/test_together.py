@@ -15,9 +15,9 @@ from modalscope.functions.poles import poles_from
 from modalscope.identification import sweep as cutting
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
-from modalscope.identification.sweep import Shared, Sweep, cut_order, judged
+from modalscope.identification.sweep import Shared, Sweep, judged
 from modalscope.modal.rebuilt import fit_error, rebuilt
-from tests.support import FIVE, relative
+from tests.support import FIVE, cut_order, relative
 
 ORDERS = tuple(range(1, 25))
 
@@ -88,7 +88,7 @@ def test_the_strongest_mode_of_every_order_is_one() -> None:
 
 
 def test_large_data_are_judged_order_by_order(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cutting, "_TOGETHER", 1)
+    monkeypatch.setattr(cutting, "_MAX_NUMBERS_TOGETHER", 1)
     pipeline = pipeline_of(response(), method="era")
     assert len(judged(pipeline, ORDERS, Shared(pipeline, deviations=False))) == 1
 

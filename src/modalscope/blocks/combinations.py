@@ -29,26 +29,26 @@ from modalscope.numerics.resources import check_fits
 #: A response of one kind or the other.
 Some = TypeVar("Some", bound=Response)
 
-#: Combinations in excess of the order: terms of the polynomials, and directions to spare.
-_EXTRA = 40
+#: Combinations in excess of the order: terms of the polynomials, and spare directions.
+_EXTRA_COMBINATIONS = 40
 
-#: Least ratio of outputs to combinations at which combining saves time.
-_WORTH = 3
+#: Minimum ratio of outputs to combinations at which combining saves time.
+_MIN_OUTPUTS_PER_COMBINATION = 3
 
-#: Rows of the sketch for every combination: eight leave out as much as a range of two powers does, sixteen hardly more than the best.
-_ROWS = 16
+#: Rows of the sketch for every combination: eight discard as much as a range of two powers, sixteen hardly more than the best range.
+_SKETCH_ROWS_PER_COMBINATION = 16
 
-#: Powers of the range of the sketch, which is small.
-_POWERS = 2
+#: Power iterations for the range of the sketch, which is small.
+_RANGE_POWERS = 2
 
-#: Numbers of the data that are processed at a time.
-_AT_A_TIME = 1_000_000
+#: Count of numbers of the data processed at a time.
+_BLOCK_NUMBERS = 1_000_000
 
-#: Share of the energy below which what is discarded is measured itself, for the difference of the sums would be rounding.
-_ROUNDING = 1e-10
+#: Below this share of the energy the discarded part is computed directly: the difference of sums would be rounding.
+_MIN_DISCARDED_SHARE = 1e-10
 
-#: Directions below this share of the first are rounding.
-_NOTHING = 1e-12
+#: Directions below this fraction of the first are rounding.
+_ROUNDING = 1e-12
 
 
 def enough(outputs: int, order: int) -> int | None:
@@ -59,8 +59,8 @@ def enough(outputs: int, order: int) -> int | None:
     >>> enough(1000, 80), enough(300, 80)
     (120, None)
     """
-    count = order + _EXTRA
-    return count if outputs >= _WORTH * count else None
+    count = order + _EXTRA_COMBINATIONS
+    return count if outputs >= _MIN_OUTPUTS_PER_COMBINATION * count else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +139,7 @@ def found_combinations(rows: OutputRows, count: int, seed: int = 0, *, keep: boo
     Halko, Martinsson and Tropp, "Finding structure with randomness", SIAM Review 53 (2011); Rokhlin and Tygert, "A fast randomized
     algorithm for overdetermined linear least-squares regression", PNAS 105 (2008), for the sketch that conditions X V.
     """
-    V = _directions(_sketch(rows, _ROWS * count, seed), count, seed)
+    V = _directions(_sketch(rows, _SKETCH_ROWS_PER_COMBINATION * count, seed), count, seed)
     r = V.shape[1]
     Y, scale = np.empty((rows.outputs if keep else 0, r)), np.empty(rows.outputs)
     products, gram, energy = np.zeros((r, rows.columns)), np.zeros((r, r)), 0.0
@@ -154,11 +154,11 @@ def found_combinations(rows: OutputRows, count: int, seed: int = 0, *, keep: boo
     # the sketch has made X V nearly orthonormal
     inverse = np.asarray(sla.solve_triangular(sla.cholesky(gram, check_finite=False), np.eye(r), check_finite=False))
     columns = inverse.T @ products
-    step = max(_AT_A_TIME // r, 1)
+    step = max(_BLOCK_NUMBERS // r, 1)
     for start in range(0, len(Y), step):
         Y[start : start + step] @= inverse
     left = 1 - float(np.vdot(columns, columns)) / energy
-    if left < _ROUNDING and keep:
+    if left < _MIN_DISCARDED_SHARE and keep:
         left = sum(_left_by(X / scale[part, None], Y[part], columns) for part, X in rows.parts()) / energy
     return Found(Y, columns, scale, max(left, 0.0))
 
@@ -192,10 +192,10 @@ def _sketch(rows: OutputRows, count: int, seed: int) -> RealArray:
 def _directions(sketch: RealArray, count: int, seed: int) -> RealArray:
     """Return leading directions of the columns, (columns, r), such that the sketch times them is orthonormal."""
     V = np.random.default_rng(seed).standard_normal((sketch.shape[1], min(count, *sketch.shape)))
-    for _ in range(_POWERS + 1):
+    for _ in range(_RANGE_POWERS + 1):
         V = orthonormal(sketch.T @ orthonormal(sketch @ V))
     _, d, turn = np.linalg.svd(sketch @ V, full_matrices=False)
-    kept = d > _NOTHING * d[0]
+    kept = d > _ROUNDING * d[0]
     return np.asarray(V @ (turn[kept].T / d[kept]))
 
 
@@ -234,7 +234,7 @@ class _InMemory:
 
     def parts(self) -> Iterator[tuple[slice, RealArray]]:
         """Yield outputs as rows; see `OutputRows`."""
-        step = max(_AT_A_TIME // self.columns, 1)
+        step = max(_BLOCK_NUMBERS // self.columns, 1)
         for start in range(0, self.outputs, step):
             part = self.values[:, start : start + step]
             some = np.empty((part.shape[1], self.count, part.shape[2]), dtype=part.dtype)
@@ -246,10 +246,6 @@ class _InMemory:
         """Return columns U'X as lines or samples of r outputs, (K, r, m)."""
         values = np.ascontiguousarray(columns.reshape(-1, self.count, self.each).transpose(1, 0, 2))
         return values.view(complex) if np.iscomplexobj(self.values) else values
-
-
-# ------------------------------------------------------------------------------------------------------------ combined
-# The data matrix of few combinations of many outputs; its models and modes are those of all outputs.
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,14 +297,11 @@ class CombinedOutputs(OfCombinations):
         return Misfit(response, np.ones(response.values.shape[1]))
 
 
-# ------------------------------------------------------------------------------------------------- stored combinations
-# Responses that stay in their file through few combinations of their outputs, in memory.
-
-#: Combinations: what diagrams of eighty states need.
+#: Combinations of a stored response: enough for diagrams of eighty states.
 COUNT = 120
 
-#: Copies of the sketch's size that are there at a time.
-_COPIES = 3
+#: Simultaneous copies of the sketch in memory.
+_COPIES_OF_SKETCH = 3
 
 
 @dataclass(frozen=True)
@@ -345,7 +338,7 @@ def combined(stored: StoredResponse, count: int = COUNT) -> tuple[ImpulseRespons
     rows = _Rows(stored)
     check_fits(
         f"combinations of {rows.outputs} outputs of {rows.columns} samples each",
-        8.0 * _COPIES * 16 * count * rows.columns,
+        8.0 * _COPIES_OF_SKETCH * 16 * count * rows.columns,
         "Store fewer samples.",
     )
     found = found_combinations(rows, count, keep=False)

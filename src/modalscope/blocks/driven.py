@@ -16,7 +16,7 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.lib.stride_tricks import sliding_window_view
 
-from modalscope.blocks.projections import MixedRows
+from modalscope.blocks.sampled_rows import MixedRows
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.record_transform import record_spectra
@@ -26,21 +26,14 @@ from modalscope.numerics.checks import Array, RealArray, check_count
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.sums import TriangleSum
 
-# --------------------------------------------------------------------------------------------------------- innovations
-# The noise model that belongs to a model of records: what is new in a sample beside the inputs, and what it changes later on.
-#
-# What a model does not simulate, v = y - y^(u, x(0)), is the output of x(k+1) = A x + K e, v = C x + e. In triangular coordinates of
-# [v(t - p); ...; v(t - 1); v(t); ...; v(t + q)] the rows of v(t) hold the innovation e(t), what the past does not predict, and of the
-# later v(t + k) what follows from it, C A^(k-1) K e(t).
+#: Innovations below this fraction of the outputs are rounding.
+_MIN_INNOVATION = 1e-11
 
-#: Innovations below this share of the outputs are rounding.
-_ROUNDING = 1e-11
+#: Maximum number of samples of the past, of its rows, and of its share of the times: prediction by chance.
+_MAX_PAST, _MAX_PAST_ROWS, _MAX_PAST_SHARE = 60, 400, 0.02
 
-#: Samples of the past, rows of it, and its share of the times: what is predicted by chance.
-_PAST, _ROWS, _SHARE = 60, 400, 0.02
-
-#: Samples of the future beyond what the states need.
-_FUTURE = 10
+#: Samples of the future in excess of those that the states need.
+_EXTRA_FUTURE = 10
 
 
 def innovations(model: StateSpace, runs: Iterable[tuple[RealArray, RealArray]]) -> tuple[RealArray, RealArray] | None:
@@ -52,8 +45,8 @@ def innovations(model: StateSpace, runs: Iterable[tuple[RealArray, RealArray]]) 
         return None
     left = [_not_simulated(model, y, u) for y, u in runs]
     l, times = model.C.shape[0], sum(len(v) for v in left)
-    future = -(-model.order // l) + _FUTURE
-    past = max(min(_PAST, _ROWS // l, int(_SHARE * times / l)), 1)
+    future = -(-model.order // l) + _EXTRA_FUTURE
+    past = max(min(_MAX_PAST, _MAX_PAST_ROWS // l, int(_MAX_PAST_SHARE * times / l)), 1)
     total, count, width = TriangleSum(l * (past + 1 + future)), 0, past + 1 + future
     for v in left:
         if len(v) >= width:
@@ -97,13 +90,13 @@ def kalman_gain(future: RealArray, A: RealArray, C: RealArray) -> tuple[RealArra
     l, n = C.shape
     E, F = future[:, :l], future[:, l:]
     covariance = np.asarray(E.T @ E)
-    if np.abs(E).max() < _ROUNDING:
+    if np.abs(E).max() < _MIN_INNOVATION:
         return np.zeros((n, l)), covariance
     rows, power = [], np.array(C)
     for _ in range(F.shape[1] // l):
         rows.append(power)
         power = power @ A
-    follows = np.linalg.lstsq(E, F, rcond=_ROUNDING)[0]
+    follows = np.linalg.lstsq(E, F, rcond=_MIN_INNOVATION)[0]
     K = np.asarray(np.linalg.lstsq(np.concatenate(rows), follows.T, rcond=None)[0])
     if np.abs(np.linalg.eigvals(A - K @ C)).max() < 1:
         return K, covariance
@@ -121,16 +114,14 @@ def _by_riccati(A: RealArray, C: RealArray, K: RealArray, R: RealArray) -> tuple
     return np.asarray(np.linalg.solve(covariance, (A @ P @ C.T + S).T).T), np.asarray(covariance)
 
 
-# -------------------------------------------------------------------------------------------------------------- driven
+#: Times of the triangular factorization processed at once, in multiples of the rows.
+_CHUNK_TIMES = 4
 
-#: Times that the triangular factorization takes at once, in multiples of the rows.
-_CHUNK = 4
+#: Ratio of successive intervals of the past.
+_INTERVAL_GROWTH = 1.5
 
-#: How intervals of the past grow.
-_GROWTH = 1.5
-
-#: Noise below this part of the outputs' root mean square is not whitened: records without any have no colour to take away.
-_FLOOR = 1e-6
+#: Noise below this fraction of the root mean square of the outputs is not whitened: noise-free records.
+_MIN_NOISE = 1e-6
 
 
 def driven_projection(
@@ -206,7 +197,7 @@ def intervals(samples: int, single: int) -> RealArray:
     """
     ends, length = list(range(min(single, samples) + 1)), 1.0
     while ends[-1] < samples:
-        length *= _GROWTH
+        length *= _INTERVAL_GROWTH
         ends.append(min(ends[-1] + round(length), samples))
     T = np.zeros((len(ends) - 1, samples))
     for row, (first, last) in zip(T, pairwise(ends), strict=True):
@@ -227,11 +218,6 @@ class DrivenProjection(MixedRows):
     future_blocks: int
     past_blocks: int
     sums: RealArray
-
-    @property
-    def judged(self) -> RecordSpectra:
-        """The records' own lines."""
-        return self.response
 
     @property
     def block_rows(self) -> int:
@@ -305,8 +291,8 @@ class DrivenProjection(MixedRows):
             windows = sliding_window_view(both, p + self.block_rows + 1, axis=0).transpose(
                 0, 2, 1
             )  # (times, blocks, l + m)
-            for start in range(0, len(windows), _CHUNK * self.rows):
-                part = windows[start : start + _CHUNK * self.rows]
+            for start in range(0, len(windows), _CHUNK_TIMES * self.rows):
+                part = windows[start : start + _CHUNK_TIMES * self.rows]
                 count = len(part)
                 ones = np.zeros((count, self.offsets))
                 ones[:, r] = 1.0
@@ -333,7 +319,7 @@ class DrivenProjection(MixedRows):
     def mixing(self) -> RealArray:
         """L (l (q + 1), l (q + 1)) of what past and inputs do not predict, L33 L33' and a floor: lower triangular."""
         beyond = self.factor[self.known + self.past :, self.known + self.past :]
-        floor = _FLOOR * np.eye(beyond.shape[1])
+        floor = _MIN_NOISE * np.eye(beyond.shape[1])
         R = np.asarray(sla.qr(np.vstack([beyond, floor]), mode="r", check_finite=False)[0])
         return np.ascontiguousarray(R[: R.shape[1]].T)
 

@@ -8,122 +8,33 @@ decomposition) brings them back.
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
-from typing import NamedTuple, Protocol
+from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 import scipy.linalg as sla
 
+from modalscope.blocks.costs import DENSE_ENTRIES, EXTRA, Cost, costs_of
 from modalscope.numerics.checks import RealArray
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.operators import Operator, Product
 from modalscope.numerics.orthonormal import orthonormal_by
 from modalscope.numerics.randomized import Triplets, by_lanczos, by_range
-from modalscope.numerics.resources import allowed_memory, check_fits, one_thread
+from modalscope.numerics.resources import allowed_memory, check_fits
 from modalscope.numerics.sums import TriangleSum
 
-# --------------------------------------------------------------------------------------------------------------- costs
-# Predicted operations, seconds and memory of each route, from the shape of the matrix and the cost of its products.
-
-#: Directions in excess of those wanted, so that the last one wanted is as accurate as the first.
-EXTRA = 20
-
-#: Up to this many entries, and while the shorter side stays below `_DENSE_SIDE`, the dense route takes a fraction of a second.
-_DENSE_ENTRIES, _DENSE_SIDE = 250_000, 400
-
-#: How much longer than a matrix product an operation takes: of reflections, of an orthogonalization by two Cholesky factors, of
-#: eigenvectors, of a singular value decomposition. Measured on one thread.
-_QR, _CHOLESKY, _EIGEN, _SINGULAR = 5.0, 2.0, 2.0, 4.0
-
-#: Operations below which exact noise directions are preferred: half a second.
-_PATIENCE = 2e10
-
-#: Directions of a randomized range by those that are carried, each of which takes a product from either side.
-_DIRECTIONS = 2
-
-
-class Cost(NamedTuple):
-    """One way of factoring.
-
-    `route`: as `factorize` takes it. `operations`: in units of those of a matrix product. `memory`: bytes beside the data. `passing`:
-    operations among them of a refinement pass, which only data without noise, or with modes far below the strongest, need.
-    """
-
-    route: str
-    operations: float
-    memory: float
-    passing: float = 0.0
-
-    @property
-    def exact_enough(self) -> bool:
-        """Whether it gives every direction to rounding and takes little time."""
-        return self.route in ("gram", "dense") and self.operations < _PATIENCE
-
-    @property
-    def seconds(self) -> float:
-        """On this machine, one thread."""
-        return self.operations / speed()
-
-
-def costs_of(matrix: Operator, wanted: int) -> tuple[Cost, ...]:
-    """Return the ways that there are for the leading triplets of a tall matrix, in the order in which they are tried.
-
-    The cheapest comes first, but the Gram matrix and the dense decomposition before a range where they are a matter of half a second: a
-    range knows directions in the bulk of the noise, into which diagrams reach, to a few per cent.
-    """
-    rows, columns = matrix.shape
-    if rows < columns:
-        return costs_of(matrix.transposed(), wanted)
-    k = min(wanted + EXTRA, columns)
-    dense = Cost("dense", _SINGULAR * 6 * rows * columns**2, 8.0 * 3 * rows * columns)
-    if k == columns or (rows * columns <= _DENSE_ENTRIES and columns <= _DENSE_SIDE):
-        return (dense,)
-    product = matrix.product_operations * k
-    both = 8.0 * k * (rows + columns)
-    sides = _CHOLESKY * 2.0 * _DIRECTIONS * (_DIRECTIONS + 1) * k**2 * (rows + columns)
-    ranged = 2 * _DIRECTIONS * product + sides
-    found = [dense, Cost("randomized", ranged, (_DIRECTIONS + 1) * both)]
-    if matrix.gram_operations is not None:
-        eigen = _EIGEN * (4 / 3 * columns**3 + 4 * columns**2 * k)
-        refined = 2 * product + _CHOLESKY * 4.0 * k**2 * rows
-        memory = 8.0 * 3 * columns**2 + 2 * both
-        found.append(Cost("gram", matrix.gram_operations + eigen + refined, memory, refined))
-    return tuple(sorted(found, key=lambda cost: (not cost.exact_enough, cost.operations)))
-
-
-def cost_of_triangle(rows: int, columns: int, together: int) -> Cost:
-    """Return what a matrix of many columns costs through its triangular factor, `together` columns at a time."""
-    operations = _QR * 2.0 * columns * rows**2 + _SINGULAR * 6.0 * rows**3
-    return Cost("triangular factor", operations, 8.0 * (3 * together * rows + 2 * rows**2))
-
-
-@cache
-@one_thread
-def speed() -> float:
-    """Return operations a second of a matrix product on one thread, measured once (some milliseconds)."""
-    a, times = np.ones((400, 400)), []
-    for _ in range(5):
-        start = time.process_time()
-        a @ a
-        times.append(time.process_time() - start)
-    return float(2 * 400**3 / min(times))
-
-
-# -------------------------------------------------------------------------------------------------------------- factor
-
-#: What may be asked for.
+#: Routes of factorization.
 FACTORIZATIONS = ("auto", "dense", "gram", "randomized", "lanczos")
 
-#: Ratio of singular values below which the Gram route alone loses more digits than noise-free work may.
-_PASS_BELOW = 1e-3
+#: Ratio of singular values below which the Gram route needs a refinement pass to keep its digits.
+_REFINED_BELOW = 1e-3
 
-#: Condition of all rows up to which their Gram matrix serves a regression: its error, eps times the square, stays below 1e-8.
-_GRAM_CONDITION = 1e4
+#: Maximum condition of all rows for a regression by their Gram matrix: its error, eps times the square, stays below 1e-8.
+_MAX_GRAM_CONDITION = 1e4
 
-#: Rows that a streamed triangular factorization takes at a time, in multiples of the columns.
-_CHUNK = 2
+#: Rows of a streamed triangular factorization processed at a time, in multiples of the columns.
+_CHUNK_ROWS = 2
 
 
 class RightFactor(Protocol):
@@ -267,18 +178,18 @@ def left_factor(matrix: Operator, route: str = "auto") -> Factors:
     """
     rows, columns = matrix.shape
     nothing = np.zeros((columns, 0))
-    if route == "dense" or rows * columns <= _DENSE_ENTRIES or rows > columns:
+    if route == "dense" or rows * columns <= DENSE_ENTRIES or rows > columns:
         found = _dense(matrix, min(rows, columns))
         return Factors(found.P, found.d, nothing, found.spectrum, found.rank, found.how)
     gram = matrix.transposed().gram()
     if gram is not None:
         weights, P = sla.eigh(gram, check_finite=False)
-        if weights[0] * _GRAM_CONDITION**2 > weights[-1]:
+        if weights[0] * _MAX_GRAM_CONDITION**2 > weights[-1]:
             d = np.sqrt(weights[::-1])
             how = f"structured Gram matrix of the rows of {rows} x {columns}"
             return Factors(np.ascontiguousarray(P[:, ::-1]), d, nothing, d, d.size, how)
     total = TriangleSum(rows)
-    for chunk in matrix.transposed().row_chunks(_CHUNK * rows):
+    for chunk in matrix.transposed().row_chunks(_CHUNK_ROWS * rows):
         total.add(chunk)
     P, d, _ = sla.svd(total.finish().T, full_matrices=False, check_finite=False)
     how = f"triangular factor of {rows} x {columns}"
@@ -339,7 +250,7 @@ def _by_gram(matrix: Operator, gram: RealArray, wanted: int) -> Factors:
     weights, Q = np.clip(weights[::-1], 0, None), Q[:, ::-1]
     d = np.sqrt(weights)
     size = f"{matrix.shape[0]} x {columns}"
-    if d[0] > 0 and d[wanted - 1] > _PASS_BELOW * d[0]:
+    if d[0] > 0 and d[wanted - 1] > _REFINED_BELOW * d[0]:
         P = Product(matrix, np.ascontiguousarray(Q[:, :wanted]) / d[:wanted])
         how = f"structured Gram matrix of {size}"
         return _finish(P, d[:wanted], Q[:, :wanted], d, columns * eps, how, gram)

@@ -6,27 +6,26 @@ to the samples and keeps that structure; anything else is a `GeneralHankel`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import fft
 
-from modalscope.blocks.evolved import Agreement, Compared, Evolved, ModalSide, compared, squares
-from modalscope.blocks.factor import Cost, Factors, costs_of, factorize
-from modalscope.blocks.influence import ConvolvedInfluence, Lines, convolved
-from modalscope.blocks.matrix import RowShift
-from modalscope.blocks.structure import BlockHankel, SampledMatrix, Side, block_shifts, side_of
+from modalscope.blocks.block_hankel import BlockHankel
+from modalscope.blocks.costs import Cost, costs_of
+from modalscope.blocks.evolved import Evolved, ModalSide, RowSums
+from modalscope.blocks.factor import Factors
+from modalscope.blocks.influence import ConvolvedInfluence, Influence, Lines, convolved
+from modalscope.blocks.matrix import DerivedMatrix, RowShift
+from modalscope.blocks.sampled_rows import SampledMatrix
+from modalscope.blocks.sides import Side, adds_channels, block_shifts, side_of
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.data.responses import ImpulseResponse
-from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, check_count
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import DenseMatrix, Operator, real_times
-
-# ---------------------------------------------------------------------------------------------------------- sample fit
-# Modes of a model of samples, referred to the impulse.
 
 
 def fit_of_samples(response: ImpulseResponse, model: Triple, eigen: Eigen) -> ModalFit:
@@ -38,176 +37,6 @@ def fit_of_samples(response: ImpulseResponse, model: Triple, eigen: Eigen) -> Mo
     known = response.feedthrough
     direct = np.zeros(response.values.shape[1:]) if known is None else known
     return ModalFit(np.asarray(model.C @ eigen.vectors), participation, direct[None])
-
-
-# --------------------------------------------------------------------------------------------------------- compression
-# Row compressions T for a small computer (Eqs. 31-41): selection, sums, random projection, leading directions.
-#
-# Each function returns an array for the option `row_compression` (or `column_compression`). With as many columns as there are
-# outputs it is T_0 and acts within every block row, I (x) T_0, which every realization survives. With as many columns as H(0) has
-# rows it is T_r, which leaves nothing of the row shift: it serves "era", "least_squares" and the controllable forms. What is needed is
-# that the rank of T V equals the order; what is wanted is that noise is not raised with it.
-
-
-def selection(kept: Iterable[int], rows: int) -> RealArray:
-    """Return T that keeps some rows, (len(kept), rows).
-
-    `kept`: rows to keep, counted from zero. `rows`: outputs, or rows of H(0).
-
-    Raises `DataError`: A row that does not exist.
-
-    Examples
-    --------
-    >>> selection([0, 2], 3)
-    array([[1., 0., 0.],
-           [0., 0., 1.]])
-    """
-    index = [int(i) for i in kept]
-    outside = [i for i in index if not 0 <= i < rows]
-    if outside or not index:
-        raise DataError(
-            f"rows 0 to {rows - 1} can be kept",
-            f"{outside[0]} was asked" if outside else "none was asked",
-            "Correct the indices.",
-        )
-    return np.eye(rows)[index]
-
-
-def sums(groups: Sequence[Sequence[int]], rows: int) -> RealArray:
-    """Return T that adds rows up, one sum a group, (len(groups), rows).
-
-    A mode whose sum over a group vanishes, as an antisymmetric one over symmetric sensors, is lost with it, and of repeated
-    modes all but one: `identify` repeats that warning in the notes of its result. Sums are also the noisiest of the four.
-
-    Raises `DataError`: A row that does not exist.
-
-    Examples
-    --------
-    >>> sums([[0, 1], [2]], 3)
-    array([[1., 1., 0.],
-           [0., 0., 1.]])
-    """
-    return np.array([selection(group, rows).sum(axis=0) for group in groups])
-
-
-def random_projection(kept: int, rows: int, *, seed: int = 0) -> RealArray:
-    """Return T with orthonormal random rows, (kept, rows), the same for the same seed.
-
-    Its rank is full with probability one, but a random direction sees little of a weak mode: in noise the damping found is worse by one or
-    two decades than that of `leading_directions` with as many rows.
-    """
-    if not 1 <= check_count("kept", kept) <= rows:
-        raise DataError(f"{kept} random directions were asked", f"there are {rows} rows", f"Keep at most {rows}.")
-    square = np.random.default_rng(seed).standard_normal((rows, kept))
-    return np.ascontiguousarray(np.linalg.qr(square)[0].T)
-
-
-def leading_directions(matrix: Operator, kept: int) -> RealArray:
-    """Return T = P_n', the leading left singular directions of a matrix, (kept, rows): with them nothing of rank n is lost.
-
-    `matrix`: h(0), for T_r; or for T_0 the samples side by side, `DenseMatrix` of (outputs, samples x inputs).
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from modalscope.numerics.operators import DenseMatrix
-    >>> abs(leading_directions(DenseMatrix(np.diag([3.0, 1.0])), 1)).round(6)
-    array([[1., 0.]])
-    """
-    if check_count("kept", kept) > min(matrix.shape):
-        raise DataError(
-            f"{kept} leading directions were asked",
-            f"the matrix is {matrix.shape[0]} x {matrix.shape[1]}",
-            f"Keep at most {min(matrix.shape)}.",
-        )
-    return np.ascontiguousarray(factorize(matrix, kept).P.T)
-
-
-def adds_channels(T: RealArray) -> bool:
-    """Whether T sums rows: entries of one value only, and more than one in a row."""
-    return bool(np.all((T == 0) | (T.max() == T)) and np.any(np.count_nonzero(T, axis=1) > 1))
-
-
-# ------------------------------------------------------------------------------------------------------------ row sums
-# The rows of a block Hankel matrix in modal coordinates by sums over the samples: the left factor is never made.
-#
-# Block i of the row factor is the samples Y(i), Y(i + 1), ... times one small array X, so that every sum over blocks with weights g_i is
-# a sum of the samples with the convolution of g and X.
-
-#: Rows that lie within this part of the columns of each other are taken together: a quarter more is multiplied, mostly by zeros.
-_NEAR = 4
-
-
-def projected_by_gram(matrix: BlockHankel, factors: Factors) -> RealArray:
-    """Return K = P' H(1) Q = d^-1 Q' (H(0)' H(1)) Q: all block columns of H(0)' H(1) but the last are those of the Gram matrix.
-
-    `matrix`: h(0). `factors`: with the Gram matrix H(0)' H(0).
-    """
-    gram, Q, m = factors.gram, factors.Q, matrix.values.shape[2]
-    assert gram is not None
-    first, columns = matrix.first + matrix.block_columns, matrix.shape[0]
-    last = matrix.values[first : first + matrix.block_rows].reshape(columns, m)
-    product = gram[:, m:] @ Q[:-m] + matrix.transposed_times(last) @ Q[-m:]
-    return np.asarray(Q.T @ product / factors.d[:, None])
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class RowSums:
-    """Rows P d^a of a Hankel matrix, compared with the evolution of modes by sums over the samples.
-
-    `right` (columns, k): X = Q d^-1 times the states: H X are the rows in modal coordinates. `states` (N, k): those of the orthonormal P,
-    which tell the size of the rows. `first` (l, k): the block that starts the evolution. `evolution` (K, k): g_k.
-    """
-
-    matrix: BlockHankel
-    right: ComplexArray
-    states: ComplexArray
-    first: ComplexArray
-    evolution: ComplexArray
-
-    def compare(self, agreement: Agreement, step: Callable[[Array], Array]) -> Compared:
-        """Compare all blocks by their sums, and by agreement the one that `step` chooses; see `ModalSide`."""
-        chosen = step(self.evolution)
-        inner = np.sum(self.first * self._sums().conj(), axis=0)
-        return compared(inner, squares(self.states), self._at(chosen), self.first, self.evolution, chosen, agreement)
-
-    @property
-    def _blocks(self) -> ComplexArray:
-        """X by block columns, (blocks, m, k)."""
-        return self.right.reshape(-1, self.matrix.values.shape[2], self.right.shape[1])
-
-    def _sums(self) -> ComplexArray:
-        """Return sum_i conj(g_i) H_i X over the block rows H_i, (l, k)."""
-        X = self._blocks
-        length = len(self.evolution) + len(X) - 1
-        whole = fft.next_fast_len(length)  # the sum of two numbers of blocks is often prime
-        spectrum = fft.fft(X, n=whole, axis=0)
-        spectrum *= fft.fft(self.evolution.conj(), n=whole, axis=0)[:, None]
-        return self._of_samples(fft.ifft(spectrum, axis=0, overwrite_x=True)[:length], 0)
-
-    def _at(self, chosen: Array) -> ComplexArray:
-        """Return H_i X of the block row that is chosen for each mode, (l, k): of rows close to each other by one product."""
-        X, by_row = self._blocks, np.argsort(chosen, kind="stable")
-        found, near = np.empty((self.matrix.values.shape[1], len(chosen)), dtype=complex), max(len(X) // _NEAR, 1)
-        while by_row.size:
-            first = chosen[by_row[0]]
-            some = by_row[chosen[by_row] < first + near]
-            filters = np.zeros((chosen[some[-1]] - first + len(X), *X.shape[1:-1], some.size), dtype=complex)
-            for j, k in enumerate(some):
-                start = chosen[k] - first
-                filters[start : start + len(X), :, j] = X[:, :, k]
-            found[:, some] = self._of_samples(filters, int(first))
-            by_row = by_row[some.size :]
-        return found
-
-    def _of_samples(self, filters: ComplexArray, first: int) -> ComplexArray:
-        """Return the samples from `first` on times filters (samples, m, k), (l, k)."""
-        columns = np.ascontiguousarray(filters).reshape(-1, filters.shape[2]).view(np.float64)
-        product = self.matrix.samples_times(columns, first)
-        return np.asarray(np.ascontiguousarray(product).view(np.complex128))
-
-
-# -------------------------------------------------------------------------------------------------------------- hankel
 
 
 def hankel(
@@ -284,16 +113,6 @@ class Hankel(SampledMatrix):
     by_mode = True
 
     @property
-    def judged(self) -> ImpulseResponse:
-        """The samples themselves."""
-        return self.response
-
-    @property
-    def outputs(self) -> int:
-        """Outputs of the response."""
-        return int(self.response.values.shape[1])
-
-    @property
     def block_rows(self) -> int:
         """Number of different row shifts in H(0)."""
         return int(self.rows.shifts.size)
@@ -340,16 +159,19 @@ class Hankel(SampledMatrix):
 
     @property
     def row_shift(self) -> RowShift:
-        """E0 and E1 for factors of `tall()`: E0 drops the last block, E1 the first (Eq. 57, with the words the right way)."""
-        block = self.values.shape[1]
-        before = np.arange(self.block_rows * block)
-        return RowShift(block=block, before=before, after=before + block)
+        """E0 and E1 for factors of `tall()`."""
+        return RowShift.by_block(self.values.shape[1], self.block_rows)
 
     def projected(self, factors: Factors) -> RealArray:
-        """K = P' H(1) Q: of left vectors that are not made, from the Gram matrix."""
-        if factors.unmade:
-            return projected_by_gram(BlockHankel(self.values, self.block_rows, self.block_columns), factors)
-        return super().projected(factors)
+        """K = P' H(1) Q, from the Gram matrix where the left vectors are not computed."""
+        if not factors.unmade:
+            return super().projected(factors)
+        # d^-1 Q' (H(0)' H(1)) Q: the block columns of H(0)' H(1) but the last are those of the Gram matrix H(0)' H(0)
+        gram, Q, m, r, s = factors.gram, factors.Q, self.values.shape[2], self.block_rows, self.block_columns
+        assert gram is not None
+        last = self.values[s : s + r].reshape(-1, m)
+        product = gram[:, m:] @ Q[:-m] + self.shifted(0).transposed_times(last) @ Q[-m:]
+        return np.asarray(Q.T @ product / factors.d[:, None])
 
     def row_blocks(self, P: Array) -> RealArray | None:
         """Return a left factor (rows, k) by block rows, (blocks, l', k)."""
@@ -443,13 +265,6 @@ class Hankel(SampledMatrix):
                 "of repeated ones) are lost, and noise weighs more",
             )
         return ()
-
-
-# ------------------------------------------------------------------------------------------------------ general hankel
-# Block Hankel matrices in full generality (Eqs. 20-21, 31): uneven shifts, subsets of channels, weights and compression of whole columns.
-#
-# Block (j, i) of H(k) is Y_{J_j I_i}(s_j + k + t_i) = C_{J_j} A^{s_j} A^k A^{t_i} B_{I_i}: any sensors in every block row but the
-# first, any inputs in every block column but the first, any shifts. There is no structure to use: the matrix is an array.
 
 
 @dataclass(frozen=True, eq=False)
@@ -550,3 +365,50 @@ def _scattered(rows: Array, entries: IntArray, channels: int) -> ComplexArray:
     blocks = np.zeros((int(entries[0].max()) + 1, channels, len(rows)), dtype=complex)
     np.add.at(blocks, (entries[0], entries[1]), rows.T)
     return np.ascontiguousarray(blocks.reshape(-1, len(rows)).T)
+
+
+@dataclass(frozen=True, eq=False)
+class TurnedHankel(DerivedMatrix):
+    """A Hankel matrix of the transposed response, whose models are turned back: (A, B, C) -> (A', C', B').
+
+    `response`: as it was measured. `inner`: of the transposed response.
+    """
+
+    response: ImpulseResponse
+    inner: Hankel
+    by_mode = True
+
+    @property
+    def observable(self) -> Hankel:
+        """The Hankel matrix of the transposed response, which is factored."""
+        return self.inner
+
+    @property
+    def block_rows(self) -> int:
+        """Blocks on the side of the outputs."""
+        return self.inner.block_columns
+
+    def model(self, triple: Triple) -> Triple:
+        """Return the model with inputs and outputs in their own places."""
+        return triple.dual()
+
+    def as_measured(self, influence: Influence) -> Influence:
+        """Return the gradient by the response as it was measured."""
+        return influence.transposed()
+
+    def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
+        """Return shapes C X and participation X^-1 B, referred to the impulse."""
+        return fit_of_samples(self.response, model, eigen)
+
+    def row_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
+        """Return the columns of the transposed response's matrix: the side of the outputs."""
+        return self.inner.column_side(model, eigen.dual(), self._exchanged(eigen, fit))
+
+    def column_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
+        """Return the rows of the transposed response's matrix: the side of the inputs."""
+        return self.inner.row_side(model, eigen.dual(), self._exchanged(eigen, fit))
+
+    def _exchanged(self, eigen: Eigen, fit: ModalFit) -> ModalFit:
+        """Return shapes and participation in each other's places; the steps to the first sample stay on the side of the columns."""
+        late = eigen.values[:, None] ** self.response.first_sample
+        return ModalFit((fit.participation * late).T, fit.shapes.T / late, fit.terms.transpose(0, 2, 1))

@@ -263,17 +263,8 @@ def _backwards(term: Outer) -> Outer:
     return Outer(left, right)
 
 
-# ----------------------------------------------------------------------------------------------------------- convolved
-# Gradients of poles by samples that are convolutions of a row and a column: what noise makes of them, by their correlations.
-#
-#     g_oi[t] = sum_(a + b = t) L_o[a] v_i[b],   sum_t g h* = sum_u P(u) Q(-u),
-#
-# P the correlation of the rows L with those of h over the lags u, outputs summed, and Q that of the columns. Only lags shorter than the
-# shorter side are needed: many rows of few blocks meet columns of many without ever being as long. Where rows and columns are few the
-# transforms of both over all samples are less: their products are summed as they are.
-
-#: Numbers of rows and columns that are transformed at a time.
-_AT_A_TIME = 20_000
+#: Count of numbers in the rows and columns transformed at a time.
+_BLOCK_NUMBERS = 20_000
 
 
 class Convolution(NamedTuple):
@@ -337,7 +328,7 @@ class ConvolvedInfluence(SampleInfluence):
 def _moments(mine: tuple[Convolution, ...], its: tuple[Convolution, ...], variance: RealArray) -> Moments:
     """Return sum_t g h* and sum_t g h, weighted by the variance of output and input: of so many poles at a time as stay in the cache."""
     each = sum(side.shape[1] * side.shape[2] for part in (*mine, *its) for side in part)
-    most = max(2 * _AT_A_TIME // each, 1)
+    most = max(2 * _BLOCK_NUMBERS // each, 1)
     found = []
     for start in range(0, max(len(mine[0].rows), 1), most):
         own, level = _some(mine, start, most), variance if variance.ndim == 2 else variance[start : start + most]

@@ -7,6 +7,7 @@ and products, and stands in for it. The right factor, rows over lines, is brough
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -15,11 +16,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from modalscope.blocks.costs import Cost, cost_of_triangle
 from modalscope.blocks.evolved import ModalSide, OnLines
-from modalscope.blocks.factor import Cost, Factors, cost_of_triangle
+from modalscope.blocks.factor import Factors
 from modalscope.blocks.influence import LineInfluence, Lines, Outer, all_lines
 from modalscope.blocks.matrix import DataMatrix, RowShift
-from modalscope.blocks.polynomials import Plane, evaluate
+from modalscope.blocks.polynomials import Plane, both_sums, evaluate
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse
@@ -28,11 +30,37 @@ from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import DenseMatrix, Operator, real_times
 from modalscope.numerics.sums import TriangleSum
 
-#: So many lines of each input are compared for the indicators of the columns.
-_COMPARED = 1000
 
-#: Below this share the elimination takes a mode for a polynomial, to rounding: its columns say nothing.
-_SEEN = 1e-8
+@dataclass(frozen=True, eq=False)
+class LinePencil:
+    """What rows F_j (E1 - x_j E0) of polynomials are on lines: (x - x_j) sum_k F_k p_k(x), for E1 is multiplication by x there.
+
+    `sums`: lines -> sum_k F_k p_k and sum_k F_k p_k* on them, (k, lines, l) each. `values` (k,): x_j. `points` (F,): x of all lines.
+    """
+
+    sums: Callable[[IntArray], tuple[ComplexArray, ComplexArray]]
+    values: Array
+    points: ComplexArray
+
+    def on(self, lines: IntArray) -> tuple[ComplexArray, ComplexArray]:
+        """Return the rows at some lines and at their mirror images, (k, lines, l) each."""
+        (at, mirrored), x = self.sums(lines), self.points[lines]
+        at *= (x - self.values[:, None])[:, :, None]
+        mirrored *= (x.conj() - self.values[:, None])[:, :, None]
+        return at, mirrored
+
+
+def line_pencil(polynomials: ComplexArray, points: ComplexArray, left: Array, values: Array) -> LinePencil:
+    """Return the pencil of rows F_j (k, q, l), outputs in their own unit; polynomials (F, q) of the block rows."""
+    F = np.asarray(left, dtype=complex)
+    return LinePencil(lambda lines: both_sums(polynomials[lines], F), values, points)
+
+
+#: Maximum number of lines of each input in the indicators of the columns.
+_MAX_COMPARED_LINES = 1000
+
+#: Minimum share of a mode in its columns after elimination: below it columns are rounding.
+_MIN_SHARE_LEFT = 1e-8
 
 
 def line_weights(response: FrequencyResponse, weights: str | ArrayLike | None) -> RealArray | None:
@@ -220,10 +248,10 @@ class LineMatrix(RowsOnLines):
     def compared_lines(self) -> IntArray:
         """Lines on which the right factor is compared with what modes must be: all, of many some evenly and the strongest."""
         level = self.level
-        if level.size <= _COMPARED:
+        if level.size <= _MAX_COMPARED_LINES:
             return np.arange(level.size)
-        evenly = np.linspace(0, level.size - 1, _COMPARED // 2).astype(int)
-        return np.union1d(evenly, np.argsort(-level, kind="stable")[: _COMPARED // 2])
+        evenly = np.linspace(0, level.size - 1, _MAX_COMPARED_LINES // 2).astype(int)
+        return np.union1d(evenly, np.argsort(-level, kind="stable")[: _MAX_COMPARED_LINES // 2])
 
     def with_columns(self, factors: Factors) -> Factors:
         """Return the factors with their rows of Q over the lines: Q itself, or H' P d^-1 for when they are asked."""
@@ -242,7 +270,7 @@ class LineMatrix(RowsOnLines):
         real, imaginary = np.split(functions[self.both_parts].T, 2, axis=1)
         both = np.stack([real + 1j * imaginary, real - 1j * imaginary])
         participation = self.residue_scale(eigen.values) * fit.participation.T
-        return OnLines(model.factors.right.blocks[:, :n], states, both, participation, share > _SEEN)
+        return OnLines(model.factors.right.blocks[:, :n], states, both, participation, share > _MIN_SHARE_LEFT)
 
     @cached_property
     def both_parts(self) -> IntArray:
@@ -278,10 +306,6 @@ class LineColumns:
         back = factors.P[:, :n] / factors.d[:n]
         pick = slice(None) if kept.size == matrix.triangle.shape[0] else kept
         return np.stack([matrix.columns_array(i)[:, pick] @ back for i in range(matrix.inputs)])
-
-
-# ----------------------------------------------------------------------------------------------------- polynomial rows
-# Block rows C p_k(A) of polynomials orthogonal on lines: their shift is the recurrence, and shapes are read off all of them.
 
 
 class PolynomialRows(RowsOnLines):

@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar, NoReturn
 
 import numpy as np
 
+from modalscope.blocks.costs import Cost
 from modalscope.blocks.evolved import Evolved, ModalSide
-from modalscope.blocks.factor import Cost, Factors
+from modalscope.blocks.factor import Factors
 from modalscope.blocks.influence import Influence, Lines
-from modalscope.blocks.polynomials import both_sums
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
-from modalscope.data.response import Response
 from modalscope.data.statespace import StateSpace
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import Operator, real_times, times_real
-
-# --------------------------------------------------------------------------------------------------------------- shift
-# E0 and E1: the two row selections, or recurrences, that a realization reads the state matrix off.
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +39,12 @@ class RowShift:
     weight: RealArray | None = None
     mixing: RealArray | None = None
     whole: bool = True
+
+    @classmethod
+    def by_block(cls, block: int, blocks: int, mixing: RealArray | None = None) -> RowShift:
+        """Return the shift of whole consecutive blocks: E0 drops the last one, E1 the first (Eq. 57)."""
+        before = np.arange(blocks * block)
+        return cls(block=block, before=before, after=before + block, mixing=mixing)
 
     def unweighted(self, V: Array) -> RealArray:
         """Return V without the row weights, or taken back by the mixing."""
@@ -95,38 +97,6 @@ def _place(index: IntArray) -> slice | IntArray:
     return index
 
 
-# --------------------------------------------------------------------------------------------------------- line pencil
-# Rows F (E1 - x E0) of polynomials on lines.
-
-
-@dataclass(frozen=True, eq=False)
-class LinePencil:
-    """What rows F_j (E1 - x_j E0) of polynomials are on lines: (x - x_j) sum_k F_k p_k(x), for E1 is multiplication by x there.
-
-    `sums`: lines -> sum_k F_k p_k and sum_k F_k p_k* on them, (k, lines, l) each. `values` (k,): x_j. `points` (F,): x of all lines.
-    """
-
-    sums: Callable[[IntArray], tuple[ComplexArray, ComplexArray]]
-    values: Array
-    points: ComplexArray
-
-    def on(self, lines: IntArray) -> tuple[ComplexArray, ComplexArray]:
-        """Return the rows at some lines and at their mirror images, (k, lines, l) each."""
-        (at, mirrored), x = self.sums(lines), self.points[lines]
-        at *= (x - self.values[:, None])[:, :, None]
-        mirrored *= (x.conj() - self.values[:, None])[:, :, None]
-        return at, mirrored
-
-
-def line_pencil(polynomials: ComplexArray, points: ComplexArray, left: Array, values: Array) -> LinePencil:
-    """Return the pencil of rows F_j (k, q, l), outputs in their own unit; polynomials (F, q) of the block rows."""
-    F = np.asarray(left, dtype=complex)
-    return LinePencil(lambda lines: both_sums(polynomials[lines], F), values, points)
-
-
-# -------------------------------------------------------------------------------------------------------------- matrix
-
-
 class DataMatrix(ABC):
     """The object between the data and the factorizations.
 
@@ -141,15 +111,17 @@ class DataMatrix(ABC):
     fits_states: ClassVar[bool] = False
 
     # ------------------------------------------------------------------------------------------------ the matrix itself
-    @property
-    @abstractmethod
-    def judged(self) -> Response:
-        """The response that a model of this matrix is compared with."""
+    response: Any
 
     @property
-    @abstractmethod
+    def judged(self) -> Any:
+        """The response that a model of this matrix is compared with."""
+        return self.response
+
+    @property
     def outputs(self) -> int:
         """Outputs of the response (inputs, when it was transposed)."""
+        return int(self.response.values.shape[1])
 
     @property
     @abstractmethod

@@ -9,15 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg as sla
 from numpy.typing import ArrayLike
 
 from modalscope.data.response import Response
 from modalscope.functions.poles import to_continuous, to_discrete
-from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError, check_choice
 
 
@@ -116,10 +114,6 @@ def remainders(recurrence: RealArray, first: float, points: ArrayLike, count: in
     return parts[:, :-1]
 
 
-# --------------------------------------------------------------------------------------------------------------- plane
-# Where the lines of a response lie: the s-plane, scaled to the band, or a z-plane.
-
-
 @dataclass(frozen=True)
 class Plane:
     """The plane in which the polynomials live: where a line lies, and how poles go back to rad/s.
@@ -189,77 +183,3 @@ def _bilinear(half: float) -> Plane:
         return np.asarray(half / 2 * (1 + np.asarray(z)) ** 2, dtype=complex)
 
     return Plane("z-plane, bilinear map", lambda f: into(2j * np.pi * f), back, into, residue_scale=residue_scale)
-
-
-# ---------------------------------------------------------------------------------------------------------- few points
-# Few points that stand for all lines where products of two polynomials are summed: as many as such a product has coefficients.
-
-#: Lines among which each of the few points is chosen.
-_CHOICE = 8
-
-
-class Few(NamedTuple):
-    """Points that stand for all lines where products of two polynomials of a degree are concerned.
-
-    `place` (G,): indices of the points. `spread` (F, G): maps values of a product at the points to all lines.
-    """
-
-    place: IntArray
-    spread: RealArray
-
-
-def few_points(points: ComplexArray, degree: int, *, circle: bool) -> Few:
-    """Return 2 q + 1 of the points, and how they give any product p(x) r(x)* of two polynomials of degree q on all of them.
-
-    On the unit circle, where x* = 1 / x, and on the imaginary axis such a product is x^-q, or one, times a polynomial of degree 2 q. The
-    points are those that a pivoted factorization takes first: the matrix to invert is as well conditioned as any. All points are
-    returned where there are hardly more.
-
-    `points` (F,). `degree`: q. `circle`: whether they lie on the unit circle; else on the imaginary axis.
-
-    Examples
-    --------
-    >>> x = np.exp(1j * np.linspace(0.5, 2.0, 400))
-    >>> few = few_points(x, 3, circle=True)
-    >>> product = np.abs(x**3 - 0.4 * x + 1) ** 2
-    >>> few.place.size, bool(np.allclose(few.spread @ product[few.place], product))
-    (7, True)
-    """
-    place = _place(points, circle)
-    distinct, first = np.unique(place, return_index=True)
-    if distinct.size <= 2 * (2 * degree + 1):
-        return Few(first, (place[:, None] == distinct).astype(float))
-    wanted = 2 * degree + 1
-    dense_at_ends = (1 - np.cos(np.linspace(0, np.pi, _CHOICE * wanted))) / 2
-    chosen = np.unique(np.searchsorted(distinct, distinct[0] + dense_at_ends * (distinct[-1] - distinct[0])))
-    among = first if chosen.size < 2 * wanted else first[chosen]
-    basis, recurrence = _orthonormal(points[among], wanted - 1)
-    index = among[np.sort(sla.qr(basis.T, mode="r", pivoting=True, check_finite=False)[1][:wanted])]
-    level = float(basis[0, 0].real)
-    solved = sla.inv(_values(recurrence, level, points[index], circle), check_finite=False)
-    return Few(index, (solved @ _values(recurrence, level, points, circle)).real.T)
-
-
-def _place(points: ComplexArray, circle: bool) -> RealArray:
-    return np.asarray(np.angle(points) if circle else np.imag(points))
-
-
-def _values(recurrence: ComplexArray, first: float, points: ComplexArray, circle: bool) -> ComplexArray:
-    """Return polynomials of degree 2 q at points, (2 q + 1, points); on the circle times x^-q, as products of two of degree q are."""
-    whole = evaluate(recurrence, first, points)
-    return whole * points ** -(len(whole) // 2) if circle else whole
-
-
-def _orthonormal(points: ComplexArray, degree: int) -> tuple[ComplexArray, ComplexArray]:
-    """Return polynomials orthonormal on the points alone, without their conjugates, and their recurrence, as `orthogonal_basis` does."""
-    basis, h = np.zeros((points.size, degree + 1), complex), np.zeros((degree + 1, degree), complex)
-    basis[:, 0] = 1 / np.sqrt(points.size)
-    for k in range(degree):
-        v = points * basis[:, k]
-        for _ in range(2):
-            c = basis[:, : k + 1].conj().T @ v
-            h[: k + 1, k] += c
-            v -= basis[:, : k + 1] @ c
-        h[k + 1, k] = np.linalg.norm(v)
-        basis[:, k + 1] = v / h[k + 1, k]
-    return basis, h

@@ -6,7 +6,6 @@ L^-1 L21 instead of L21. A weak mode beside strong noise then counts by how well
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -16,138 +15,17 @@ import scipy.linalg as sla
 from numpy.lib.stride_tricks import sliding_window_view
 
 from modalscope.blocks.influence import ConvolvedInfluence, Lines, convolved
-from modalscope.blocks.matrix import RowShift
-from modalscope.blocks.structure import SampledMatrix
+from modalscope.blocks.sampled_rows import MixedRows, SampleRows, triangle_of, window_gram
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.data.geometry import DofLike, indices_of
 from modalscope.data.records import Signals
 from modalscope.data.responses import ImpulseResponse
 from modalscope.numerics.checks import Array, IntArray, RealArray, check_count
 from modalscope.numerics.errors import DataError
-from modalscope.numerics.operators import DenseMatrix
 from modalscope.numerics.sums import TriangleSum
 
-# --------------------------------------------------------------------------------------------------------- sample rows
-# What projections of records in time have in common: block rows of samples, and one triangular factor that stands in for the times.
-
-
-class SampleRows(SampledMatrix):
-    """Block row k holds what is known of the outputs k samples on; `triangle` is the matrix times an orthonormal one."""
-
-    @property
-    @abstractmethod
-    def triangle(self) -> RealArray:
-        """All block rows, (l (q + 1), k)."""
-
-    def tall(self) -> DenseMatrix:
-        """Return all q + 1 block rows."""
-        return DenseMatrix(self.triangle)
-
-    def shifted(self, k: int) -> DenseMatrix:
-        """Return H(k): the first q block rows, or the last."""
-        return DenseMatrix(self.row_shift.split(self.triangle)[k])
-
-    @property
-    def row_shift(self) -> RowShift:
-        """E0 drops the last block, E1 the first."""
-        before = np.arange(self.block_rows * self.outputs)
-        return RowShift(block=self.outputs, before=before, after=before + self.outputs)
-
-    def first_rows(self, right: Array, k: int = 0) -> RealArray:
-        """Return the first block row of H(k), times X: C = first_rows(Q d^-1/2)."""
-        return np.asarray(self.triangle[k * self.outputs : (k + 1) * self.outputs] @ right)
-
-    def row_blocks(self, P: Array) -> RealArray:
-        """Return a left factor (rows, k) by block rows, (blocks, l, k)."""
-        return np.asarray(P.reshape(-1, self.outputs, P.shape[1]))
-
-
-class MixedRows(SampleRows):
-    """Rows that are whitened before they are factored: L^-1 times the triangle, and L takes the rows back to outputs."""
-
-    @property
-    @abstractmethod
-    def mixing(self) -> RealArray:
-        """L (l (q + 1), l (q + 1)), lower triangular: what takes whitened rows back to outputs."""
-
-    def tall(self) -> DenseMatrix:
-        """Return all q + 1 block rows, whitened."""
-        return DenseMatrix(sla.solve_triangular(self.mixing, self.triangle, lower=True, check_finite=False))
-
-    def shifted(self, k: int) -> DenseMatrix:
-        """Return H(k): the first q block rows, or the last, whitened by those of the first."""
-        rows = self.block_rows * self.outputs
-        part = self.triangle[k * self.outputs : k * self.outputs + rows]
-        return DenseMatrix(sla.solve_triangular(self.mixing[:rows, :rows], part, lower=True, check_finite=False))
-
-    @property
-    def row_shift(self) -> RowShift:
-        """E0 drops the last block, E1 the first, of rows that are taken back to outputs first."""
-        before = np.arange(self.block_rows * self.outputs)
-        return RowShift(block=self.outputs, before=before, after=before + self.outputs, mixing=self.mixing)
-
-    def row_blocks(self, P: Array) -> RealArray:
-        """Return a left factor (rows, k) by block rows in outputs, (blocks, l, k)."""
-        return super().row_blocks(self.mixing[: len(P), : len(P)] @ P)
-
-
-# --------------------------------------------------------------------------------------------------------- window gram
-# Gram matrices of all windows of a record, by structure: the windows themselves are never made.
-
-#: Condition of a Gram matrix up to which its Cholesky factor keeps nine digits; past it rows are orthogonalized.
-_CONDITION = 1e7
-
-
-def window_gram(run: RealArray, blocks: int) -> RealArray:
-    """Return G[i, j] = sum_t y(t + i) y(t + j)', i, j < blocks, over all t such that a window lies inside, (blocks l) square.
-
-    The first block row takes `blocks` products of the record with itself, the others an update each,
-    G[i + 1, j + 1] = G[i, j] - y(i) y(j)' + y(T + i) y(T + j)', with T windows.
-
-    `run` (N, l). `blocks`: samples in a window.
-
-    Examples
-    --------
-    >>> y = np.random.default_rng(0).standard_normal((40, 2))
-    >>> windows = np.lib.stride_tricks.sliding_window_view(y, 3, axis=0).transpose(0, 2, 1).reshape(-1, 6)
-    >>> bool(np.allclose(window_gram(y, 3), windows.T @ windows))
-    True
-    """
-    samples, channels = run.shape
-    count = samples - blocks + 1
-    gram = np.zeros((blocks * channels, blocks * channels))
-    for j in range(blocks):
-        gram[:channels, j * channels : (j + 1) * channels] = run[:count].T @ run[j : j + count]
-    first, behind = run[: blocks - 1].ravel(), run[count:].ravel()  # samples that leave, and that enter
-    for i in range(blocks - 1):
-        row, below = slice(i * channels, (i + 1) * channels), slice((i + 1) * channels, (i + 2) * channels)
-        update = np.outer(behind[row], behind[i * channels :]) - np.outer(first[row], first[i * channels :])
-        gram[below, (i + 1) * channels :] = gram[row, i * channels : -channels] + update
-    return np.asarray(np.triu(gram) + np.triu(gram, 1).T)
-
-
-def triangle_of(gram: RealArray) -> RealArray | None:
-    """Return L with L L' = G, rows brought to one size first; None where the condition leaves too few digits."""
-    size = np.sqrt(np.diag(gram))
-    if not np.all(size > 0):
-        return None
-    level = gram / np.outer(size, size)
-    try:
-        L = sla.cholesky(level, lower=True, check_finite=False)
-    except sla.LinAlgError:
-        return None
-    inverse, _ = sla.lapack.dpocon(L, np.linalg.norm(level, 1), uplo="L")
-    return np.asarray(size[:, None] * L) if inverse * _CONDITION > 1 else None
-
-
-# ---------------------------------------------------------------------------------------------------------- projection
-# Records without inputs as a data matrix: future outputs projected on past reference outputs, through one exact triangular factor.
-#
-# Under white forces the projection is V X, the observability matrix times the states that the past predicts, as a Hankel matrix of
-# correlations is V times what correlates with the past: the same left factor, weighted by the inverse of the past's own covariance.
-
-#: Columns that the triangular factorization takes at a time, in multiples of the rows.
-_CHUNK = 4
+#: Columns of the triangular factorization processed at a time, in multiples of the rows.
+_CHUNK_COLUMNS = 4
 
 
 def projection(
@@ -268,8 +146,8 @@ class Projection(SampleRows):
         p = self.past_blocks
         for run in self.values:
             windows = sliding_window_view(run, p + self.block_rows + 1, axis=0)  # (columns, l, blocks)
-            for start in range(0, len(windows), _CHUNK * self.rows):
-                part = windows[start : start + _CHUNK * self.rows].transpose(0, 2, 1)
+            for start in range(0, len(windows), _CHUNK_COLUMNS * self.rows):
+                part = windows[start : start + _CHUNK_COLUMNS * self.rows].transpose(0, 2, 1)
                 before = part[:, p - 1 :: -1][:, :, self.references]
                 count = len(part)
                 yield np.hstack([before.reshape(count, -1), part[:, p:].reshape(count, -1)])
@@ -336,9 +214,6 @@ class Projection(SampleRows):
             f"{self.block_rows + 1} future blocks of {self.outputs} outputs projected on {self.past_blocks} past blocks "
             f"of {self.references.size} references, over {self.columns} times"
         )
-
-
-# ----------------------------------------------------------------------------------------------------------- canonical
 
 
 def canonical_projection(

@@ -1,14 +1,20 @@
-"""Block matrix of the Fourier transforms of records with inputs, and the sensitivity of its poles to noise.
+"""Block matrix of the Fourier transforms of records with inputs: inputs and both ends of every run are eliminated.
 
-A pole moves by dp = sum over lines of a . dY + b . dY*, with a = P(x) u / 2 and b = P~(x) t / 2: vectors of polynomials of degree q, smooth
-from line to line, and one number u and t a line, which follow the input and are not. White noise asks for sums of |P|^2 |u|^2 and the
-like. Such a product is a polynomial of 2 q + 1 coefficients, which as many points determine: every sum over lines is a sum over these
-points, |u|^2 being spread over them once. Nothing of lines times outputs times poles is ever formed.
+On the lines x of a whole run of N samples x X = A X + B U + x (x(0) - x(N)) / sqrt(N), Y = C X + D U, exactly, so that with polynomials p_k
+orthogonal on the lines
+
+    p_k(x) Y = C p_k(A) X + sum_(j <= k) G_kj p_j(x) U + sum_(j <= k) t_kj p_j(x).
+
+The rows p_j and p_j U are projected out, each run with its own inputs and ends; the remainders lie side by side. The polynomials are
+those of the lines of all runs together, so that all runs share the left factor [C p_0(A); ...; C p_q(A)].
+
+Every line may have a weight, since the equations hold line by line; the rows of white noise remain white where the polynomials are
+orthogonal under the same weights. Weights that follow the resonances adapt the polynomials to them: equal weights need a degree half as
+large again for the same damping.
 """
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -18,29 +24,26 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.blocks.factor import Factors
-from modalscope.blocks.influence import LineInfluence, Lines, Moments, Outer
+from modalscope.blocks.influence import Lines
 from modalscope.blocks.lines import PolynomialRows
-from modalscope.blocks.polynomials import Few, Plane, both_sums, evaluate, few_points, orthogonal_basis, plane_of
+from modalscope.blocks.polynomials import Plane, evaluate, orthogonal_basis, plane_of
+from modalscope.blocks.record_influence import Driven, InfluenceLines, RecordInfluence, lines_of_influence
 from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.data.line_choice import resonance_weights
-from modalscope.data.notes import Note
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.response import output_scale
 from modalscope.data.statespace import StateSpace
-from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, check_count, freeze
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, check_count
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import LargeMatrix
 from modalscope.numerics.orthonormal import stacked_factor, triangle_of
 
-# -------------------------------------------------------------------------------------------------------- output noise
-# How noisy each output is, seen on block rows whose noise is white: what brings outputs to one level of noise.
+#: The noise is read off the eigenvalue at one in so many from below: modes take the strongest, two each, so that a quarter is noise up
+#: to 3 (q + 1) / 8 modes. More modes count as noise that is level with them.
+_NOISE_QUANTILE = 4
 
-#: Where modes leave nothing the directions of an output's rows are noise; modes take the strongest, two each, so that a quarter is left
-#: to noise up to 3 (q + 1) / 8 modes. More than that can only be taken for noise that is level with the modes.
-_QUARTER = 4
-
-#: Noise below this part of an output is not what limits it: forces that were not held and what is no structure leave as much.
-_LEAST = 1e-4
+#: Minimum noise of an output relative to its root mean square: other errors exceed it.
+_MIN_NOISE = 1e-4
 
 
 def noise_beside_quietest(rows: RealArray, outputs: int) -> RealArray:
@@ -60,86 +63,16 @@ def noise_beside_quietest(rows: RealArray, outputs: int) -> RealArray:
     >>> noise_beside_quietest(mode + noise, 3).round(-1)
     array([  0.,   0., 100.])
     """
-    noise = np.full(outputs, _LEAST)
+    noise = np.full(outputs, _MIN_NOISE)
     for o in range(outputs):
         own = rows[o::outputs]
         values = np.linalg.eigvalsh(own @ own.T)
-        noise[o] = max(np.sqrt(max(values[len(values) // _QUARTER], 0.0)), _LEAST)
+        noise[o] = max(np.sqrt(max(values[len(values) // _NOISE_QUANTILE], 0.0)), _MIN_NOISE)
     return np.asarray(noise / noise.min(initial=np.inf))
 
 
-# --------------------------------------------------------------------------------------------------------- record cost
-# What records on lines will take, before anything is computed: seconds of one core, and memory in addition to the records.
-
-#: Products of two columns that a core takes in a second, with the columns themselves: measured from 1e10 to 1e12 of them.
-_RATE = 2.5e10
-
-#: Triangular factors in memory at a time, and bytes of all small arrays.
-_TRIANGLES, _SMALL = 4, 32e6
-
-
-class Cost(NamedTuple):
-    """Predicted cost: seconds of one core for the factor, bytes of the transforms and triangles, and (q + 1)(1 + m + l) columns."""
-
-    seconds: float
-    bytes: float
-    columns: int
-    lines: int
-
-    @property
-    def note(self) -> Note:
-        """The cost in words."""
-        seconds = "less than a second" if self.seconds < 1 else f"about {self.seconds:.2g} s"
-        text = f"{self.columns} columns on {self.lines} lines: {seconds} of one core and {_words(self.bytes)} of memory predicted"
-        return Note("cost", {"seconds": self.seconds, "bytes": self.bytes}, text)
-
-
-def record_cost(lines: int, outputs: int, inputs: int, degree: int) -> Cost:
-    """Return the cost of records on lines: 2 F ((q + 1)(1 + m + l))^2 products, 16 F (l + m) bytes and four triangles of the columns.
-
-    `lines`: f, of all runs. `degree`: q.
-
-    Examples
-    --------
-    >>> print(record_cost(999_999, 62, 2, 8).note)
-    585 columns on 999999 lines: about 27 s of one core and 1.1 GB of memory predicted
-    """
-    columns = (degree + 1) * (1 + inputs + outputs)
-    size = 16.0 * lines * (outputs + inputs) + _TRIANGLES * 8.0 * columns**2 + _SMALL
-    return Cost(2.0 * lines * columns**2 / _RATE, size, columns, lines)
-
-
-def refuse_beyond_memory(cost: Cost) -> None:
-    """Raise where records on lines would take more memory than the machine has.
-
-    Raises `DataError`: names both, and what takes less.
-    """
-    there = _memory()
-    if there is not None and cost.bytes > there:
-        raise DataError(
-            "records on lines were asked",
-            f"{cost.columns} columns on {cost.lines} lines take {_words(cost.bytes)} beside the records, the machine has {_words(there)}",
-            "Give a band, lower block_rows, leave out channels, or identify the runs one by one.",
-        )
-
-
-def _memory() -> float | None:
-    """Return the bytes of memory of the machine; None where it does not tell."""
-    try:
-        return float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
-    except (AttributeError, ValueError, OSError):
-        return None
-
-
-def _words(size: float) -> str:
-    return f"{size / 1e9:.2g} GB" if size >= 1e9 else f"{size / 1e6:.2g} MB"
-
-
-# --------------------------------------------------------------------------------------------------------- run columns
-# The columns of one run of records on lines: polynomials times a one, the inputs that the run has, and the outputs.
-
-#: Numbers in the columns of the lines that are taken at a time, complex ones: 2 MB, or an eighth of their products.
-_NUMBERS_OF_COLUMNS, _EIGHTH = 1 << 17, 8
+#: Count of complex numbers in the columns of the lines taken at a time, 2 MB, or one in so many of their products.
+_BLOCK_NUMBERS, _BLOCK_SHARE = 1 << 17, 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +120,7 @@ class RunColumns:
         """Yield which of the lines, all or some, and the columns on them, real parts above imaginary ones."""
         own, drives, given, wide = self.own, self.drives, self.given, self.count
         step, count = (
-            max(_NUMBERS_OF_COLUMNS // wide, wide // _EIGHTH),
+            max(_BLOCK_NUMBERS // wide, wide // _BLOCK_SHARE),
             own.stop - own.start if some is None else some.size,
         )
         for start in range(0, count, step):
@@ -202,121 +135,6 @@ class RunColumns:
                 flat = values.reshape(len(basis), -1)
                 columns[0, :, side], columns[1, :, side] = flat.real, flat.imag
             yield s, columns.reshape(-1, wide)
-
-
-# ---------------------------------------------------------------------------------------------------- record influence
-
-#: Number of lines of long records on which the influence is kept.
-_INFLUENCE_LINES = 8192
-
-#: Numbers of each of the arrays that are made of some poles at a time.
-_NUMBERS = 1 << 16
-
-
-def spread_over(weights: Array, few: Few) -> Array:
-    """Return what weights of the lines (k, F) are at the points, (k, G)."""
-    if not np.iscomplexobj(weights):
-        return np.asarray(weights @ few.spread)
-    both = np.concatenate([weights.real, weights.imag]) @ few.spread
-    return np.asarray(both[: len(weights)] + 1j * both[len(weights) :])
-
-
-def lines_of_influence(matrix: RecordLines) -> Lines:
-    """Return the lines on which the influence is kept, as places among all: all, of long records some, each for those nearest to it."""
-    judged, every = matrix.judged, matrix.response
-    if judged.count == every.count <= _INFLUENCE_LINES:
-        return Lines(np.arange(every.count), np.ones(every.count))
-    thin = np.arange(0, judged.count, -(-judged.count // _INFLUENCE_LINES))
-    used, each = [], []
-    for r, own_lines in enumerate(every.spans_of_runs):
-        there = every.frequencies[own_lines]
-        own = np.searchsorted(there, judged.frequencies[thin[judged.run[thin] == r]])
-        if own.size:
-            edges = np.concatenate([[0], (own[1:] + own[:-1] + 1) // 2, [there.size]])
-            used.append(own + own_lines.start)
-            each.append(np.diff(edges))
-    return Lines(np.concatenate(used), np.concatenate(each).astype(float))
-
-
-class RecordInfluence(LineInfluence):
-    """The gradient of poles by the outputs' transforms.
-
-    `left` (k, q + 1, l): coefficients of P, outputs in their own unit. `right`: what the columns of real and of imaginary parts have on
-    the lines of the influence.
-    """
-
-    def __init__(self, matrix: RecordLines, left: ComplexArray, right: Driven) -> None:
-        freeze(self, matrix=matrix, left=left, right=right)
-
-    matrix: RecordLines
-    left: ComplexArray
-    right: Driven
-
-    @property
-    def lines(self) -> Lines:
-        """The lines of the influence."""
-        return self.matrix.influence_lines
-
-    @property
-    def direct(self) -> tuple[Outer, ...]:
-        """A = P u on every line: for small problems and for tests."""
-        return (Outer(self.at(self.lines.used)[0], self.drives[0][:, :, None]),)
-
-    @property
-    def mirrored(self) -> tuple[Outer, ...]:
-        """B = P~ t on every line."""
-        return (Outer(self.at(self.lines.used)[1], self.drives[1][:, :, None]),)
-
-    @property
-    def drives(self) -> tuple[ComplexArray, ComplexArray]:
-        """U and t of every pole on the lines of the influence, (k, F) each."""
-        (real, beside), (imaginary, pair) = self.right.parts(slice(None)).transpose(2, 0, 1, 3)
-        weights = self.matrix.influence_weights / 2
-        u, t = (real + pair) + 1j * (beside - imaginary), (real - pair) + 1j * (beside + imaginary)
-        return np.asarray(u * weights), np.asarray(t * weights)
-
-    def at(self, lines: IntArray) -> tuple[ComplexArray, ComplexArray]:
-        """Return P and P~ on some lines, (k, lines, l) each."""
-        return both_sums(self.matrix.polynomials(lines), self.left)
-
-    def joint(self, other: LineInfluence, variance: RealArray, fading: Array | None = None) -> Moments:
-        """Return the moments under circular noise; of one variance an output, (l, 1), by the few points."""
-        if fading is not None or variance.ndim != 2 or not isinstance(other, RecordInfluence):
-            return super().joint(other, variance, fading)
-        if other is self:
-            return self._own(variance[:, 0])
-        finer = max(self.matrix, other.matrix, key=lambda one: one.block_rows)
-        few, (used, each) = finer.few, finer.influence_lines
-        (P, M), (u, t) = self.at(used[few.place]), self.drives
-        (R, N), (v, s) = other.at(used[few.place]), other.drives
-
-        def summed(one: ComplexArray, two: ComplexArray, drive: Array) -> ComplexArray:
-            at = (one * two) @ variance[:, 0]
-            return np.asarray(np.sum(at * spread_over(drive * each, few), axis=1))
-
-        size = summed(P, R.conj(), u * v.conj()) + summed(M, N.conj(), t * s.conj())
-        return Moments(size, summed(P, N, u * s) + summed(M, R, t * v))
-
-    def _own(self, variance: RealArray) -> Moments:
-        """Return E|dp|^2 and E dp dp, some poles at a time: sums of |u|^2, |t|^2 and u t, in real numbers."""
-        P, M = self.at(self.matrix.influence_lines.used[self.matrix.few.place])
-        plain, mirrored, both = np.abs(P) ** 2 @ variance, np.abs(M) ** 2 @ variance, (P * M) @ variance
-        size, square = np.empty(len(P)), np.empty(len(P), complex)
-        spread = self.matrix.influence_spread
-        step = max(_NUMBERS // len(spread), 1)
-        for start in range(0, len(P), step):
-            s = slice(start, start + step)
-            # u = a + b + j (c - d), t = a - b + j (c + d), over two
-            (a, d), (c, b) = self.right.parts(s).transpose(0, 2, 1, 3)
-            a2, b2, c2, d2 = a * a, b * b, c * c, d * d
-            sums = np.stack([a2 + b2 + c2 + d2, 2 * (a * b - c * d), a2 - b2 - c2 + d2, 2 * (a * c + b * d)]) @ spread
-            size[s] = np.sum((plain + mirrored)[s] * sums[0] + (plain - mirrored)[s] * sums[1], axis=1)
-            square[s] = np.sum(both[s] * (sums[2] + 1j * sums[3]), axis=1)
-        return Moments(size, 2 * square)
-
-    def take(self, index: Array) -> RecordInfluence:
-        """Return the gradients of some poles."""
-        return RecordInfluence(self.matrix, self.left[index], self.right.take(index))
 
 
 @dataclass(frozen=True, eq=False)
@@ -345,50 +163,14 @@ class RecordColumns:
         return matrix.on_lines(rows)[None]
 
 
-@dataclass(frozen=True, eq=False)
-class Driven:
-    """Columns of the matrix on the lines of the influence, as combinations of those of the right factor: they are not kept.
+#: Maximum number of lines on which polynomials are made orthogonal: on all lines of a longer record they nearly are.
+_MAX_ORTHOGONAL_LINES = 32_768
 
-    `columns` (2 F, K): rows of Q, those of real parts above those of imaginary ones. `coefficients` (n, k): of the first n of them.
-    """
+#: Minimum relative length of a column after projection on the preceding ones for its products to suffice.
+_MIN_COLUMN_REMAINDER = 1e-3
 
-    columns: RealArray
-    coefficients: ComplexArray
-
-    def parts(self, some: slice) -> RealArray:
-        """Return what real and imaginary parts of coefficients give on rows of real and of imaginary parts, (2, k, 2, F), of some poles."""
-        chosen = self.coefficients[:, some]
-        both = np.hstack([chosen.real, chosen.imag]).T @ self.columns[:, : len(chosen)].T
-        return np.asarray(both.reshape(2, chosen.shape[1], 2, -1))
-
-    def take(self, index: Array) -> Driven:
-        """Return the columns of some poles."""
-        return Driven(self.columns, self.coefficients[:, index])
-
-
-# -------------------------------------------------------------------------------------------------------- record lines
-# Records on lines: block rows of the outputs' transforms, from which the inputs and both ends of every run are eliminated.
-#
-# On the lines x of a whole run of N samples x X = A X + B U + x (x(0) - x(N)) / sqrt(N), Y = C X + D U, exactly, so that with
-# polynomials p_k orthogonal on the lines
-#
-#     p_k(x) Y = C p_k(A) X + sum_(j <= k) G_kj p_j(x) U + sum_(j <= k) t_kj p_j(x).
-#
-# The rows p_j and p_j U are projected away, each run with its own inputs and its own ends; what is left lies side by side. The
-# polynomials are those of the lines of all runs together: the left factor [C p_0(A); ...; C p_q(A)] is one for all.
-#
-# Every line may have a weight, since the equations hold line by line, and the rows of white noise stay white when the polynomials are
-# orthogonal under the same weights. Weights that follow the resonances bend the polynomials to them: a degree then shows damping that
-# would take half as many more with equal weights.
-
-#: Lines on which polynomials are made orthogonal: those of a longer record are nearly so on all lines, which is as good.
-_ORTHOGONAL = 32_768
-
-#: Relative residual norm of a column given the preceding ones from which products suffice: those by few points are known to 1e-12.
-_KEPT = 1e-3
-
-#: Rows p_j U below this share of the largest, in multiples of rounding, are linearly dependent.
-_ROUNDING = 16.0
+#: Rows p_j U below this fraction of the largest, in multiples of rounding, are linearly dependent.
+_RANK_TOLERANCE = 16.0
 
 
 def record_lines(
@@ -413,7 +195,7 @@ def record_lines(
     plane = plane_of(domain, response)
     scale = output_scale(response) if equal_outputs else np.ones(response.values.shape[1])
     w = resonance_weights(response.power(), response.run)
-    every = -(-response.count // _ORTHOGONAL)
+    every = -(-response.count // _MAX_ORTHOGONAL_LINES)
     thin = plane.point(response.frequencies[::every])
     basis, recurrence = orthogonal_basis(thin, q, w[::every] * np.sqrt(response.count / thin.size))
     made = RecordLines(response, plane, float(basis[0, 0].real), recurrence, scale, w)
@@ -473,11 +255,6 @@ class RecordLines(PolynomialRows):
         return found if self.known is None else replace(found, level=self.output_scale)
 
     @property
-    def outputs(self) -> int:
-        """Rows of a block."""
-        return int(self.response.values.shape[1])
-
-    @property
     def parts(self) -> tuple[_Taken, ...]:
         """What was taken from every run that has lines."""
         return self._eliminated[1]
@@ -515,13 +292,13 @@ class RecordLines(PolynomialRows):
         """
         columns = RunColumns(self, own)
         given = columns.given
-        R = triangle_of(lambda: (rows for _, rows in columns.rows()), columns.count, _KEPT)
+        R = triangle_of(lambda: (rows for _, rows in columns.rows()), columns.count, _MIN_COLUMN_REMAINDER)
         known, beside = R[:given, :given], R[:given, given:]
         size = np.linalg.norm(known, axis=0)
         size = np.where(size > 0, size, 1)
         Q, T, order = sla.qr(known / size, pivoting=True, check_finite=False)
         diagonal = np.abs(np.diag(T))
-        floor = _ROUNDING * max(R.shape) * np.finfo(float).eps
+        floor = _RANK_TOLERANCE * max(R.shape) * np.finfo(float).eps
         rank = int(np.count_nonzero(diagonal > floor * diagonal[0]))
         taken_off = np.zeros((given, R.shape[1] - given))
         seen = Q[:, :rank].T @ beside
@@ -539,7 +316,7 @@ class RecordLines(PolynomialRows):
 
     def on_lines(self, rows: RealArray) -> RealArray:
         """Return H' X of the matrix over the lines of the influence, (2 F, k), inputs and ends eliminated: X (l (q + 1), k)."""
-        used = self.influence_lines.used
+        used = self.influence_lines.lines.used
         found = np.zeros((2, used.size, rows.shape[1]))
         for own, part in zip(self.spans, self.parts, strict=True):
             weights = np.vstack([-part.taken_off @ rows, rows])
@@ -549,25 +326,12 @@ class RecordLines(PolynomialRows):
         return found.reshape(-1, rows.shape[1])
 
     @cached_property
-    def influence_lines(self) -> Lines:
-        """The lines on which the influence of noise is kept."""
-        return lines_of_influence(self)
-
-    @cached_property
-    def few(self) -> Few:
-        """Points that stand for the lines of the influence where products of two of the polynomials are summed."""
-        points = self.plane.point(self.response.frequencies[self.influence_lines.used])
-        return few_points(points, self.block_rows, circle=self.dt is not None)
-
-    @cached_property
-    def influence_weights(self) -> RealArray:
-        """The weights of the lines of the influence."""
-        return np.asarray(self.line_weights[self.influence_lines.used], dtype=float)
-
-    @cached_property
-    def influence_spread(self) -> RealArray:
-        """Weights that map values on the lines of the influence to the few points, (F, points); a quarter for both halves."""
-        return self.few.spread * (self.influence_lines.each * self.influence_weights**2 / 4)[:, None]
+    def influence_lines(self) -> InfluenceLines:
+        """The lines on which the influence of noise is stored."""
+        lines = lines_of_influence(self.response, self.judged)
+        points = self.plane.point(self.response.frequencies[lines.used])
+        weights = self.line_weights[lines.used].astype(float)  # squared weights need double precision
+        return InfluenceLines(lines, points, weights, self.block_rows, self.dt is not None, self.polynomials)
 
     def right_vectors(self, factors: Factors, coefficients: Array) -> Driven:
         """Return v_j on the lines of the influence, to be made of the right factor some at a time."""
@@ -577,7 +341,7 @@ class RecordLines(PolynomialRows):
     def influence(self, left: Array, right: Driven, lines: Lines | None = None) -> RecordInfluence:
         """Return the gradient on the lines of the influence, whichever are asked; see `RecordInfluence`."""
         coefficients = np.asarray(left.reshape(len(left), -1, self.outputs) / self.output_scale, dtype=complex)
-        return RecordInfluence(self, coefficients, right)
+        return RecordInfluence(self.influence_lines, coefficients, right)
 
     def with_columns(self, factors: Factors) -> Factors:
         """Return the factors with their rows of Q over the lines, for when they are asked."""

@@ -36,9 +36,6 @@ from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray,
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.linear_systems import HELD
 
-# ------------------------------------------------------------------------------------------------------------- windows
-# Transfer functions over a finite window of samples, Y_t(z) = sum_(k < K) Y(k + t) z^-k, and what modes and models give there.
-
 
 def model_transfer(model: StateSpace, frequencies: ArrayLike, shift: int = 0) -> ComplexArray:
     """Return C A^i (x I - A)^-1 B on lines in Hz, (F, l, m): the i-th derivative (Eqs. 71, 75), or the shift by i samples (Eq. 81).
@@ -118,9 +115,6 @@ def window_sum(poles: Array, points: ComplexArray, window: int) -> ComplexArray:
     with np.errstate(under="ignore", divide="ignore", invalid="ignore", over="ignore"):
         total = (1 - r**window) / (1 - r)
     return np.where(np.abs(1 - r) < 1e-14, complex(window), total)
-
-
-# ------------------------------------------------------------------------------------------------------------- shifted
 
 
 def shifted(
@@ -204,11 +198,6 @@ class Shifted(LineMatrix):
     row_shifts: tuple[int, ...] | None = None
 
     @property
-    def judged(self) -> Response:
-        """The samples, or the lines that they were made of."""
-        return self.response
-
-    @property
     def block_rows(self) -> int:
         """Blocks in a column of H(0), q."""
         return self.degree
@@ -258,9 +247,8 @@ class Shifted(LineMatrix):
 
     @property
     def full_shift(self) -> RowShift:
-        """E0 drops the last block, E1 the first."""
-        rows = np.arange(self.outputs * self.degree)
-        return RowShift(block=self.outputs, before=rows, after=rows + self.outputs)
+        """E0 and E1."""
+        return RowShift.by_block(self.outputs, self.degree)
 
     def first_rows(self, right: Array, k: int = 0) -> RealArray:
         """Return (first block row of H(k)) X."""

@@ -14,11 +14,11 @@ from modalscope.functions.pole_basis import ModalBasis
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.operators import real_times
 
-#: Condition of eigenvectors beyond which their inverse is rounding.
-_DEFECTIVE = 1e13
+#: Maximum condition of eigenvectors for their inverse; above it they are nearly dependent (defective poles).
+_MAX_CONDITION = 1e13
 
-#: Models of one data matrix are the same to this part of their largest entry: rounding.
-_SAME = 1e-12
+#: Models of one data matrix are the same within this fraction of their largest entry: rounding.
+_SAME_MODEL = 1e-12
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -31,6 +31,10 @@ class Eigen:
     values: ComplexArray
     vectors: ComplexArray
     left: ComplexArray
+
+    def dual(self) -> Eigen:
+        """Return the eigenvalues of A' with its vectors."""
+        return Eigen(self.values, self.left.T, self.vectors.T)
 
     def take(self, index: Array) -> Eigen:
         """Return some of them."""
@@ -138,7 +142,7 @@ class Triple:
 
 
 def _same(one: RealArray, other: RealArray) -> bool:
-    return bool(np.all(np.abs(one - other) <= _SAME * np.max(np.abs(one), initial=0.0)))
+    return bool(np.all(np.abs(one - other) <= _SAME_MODEL * np.max(np.abs(one), initial=0.0)))
 
 
 def inverse_vectors(vectors: Array) -> ComplexArray:
@@ -148,7 +152,7 @@ def inverse_vectors(vectors: Array) -> ComplexArray:
         inverse = np.asarray(np.linalg.inv(X), dtype=complex)
     except np.linalg.LinAlgError:
         return np.asarray(np.linalg.pinv(X), dtype=complex)
-    if np.linalg.norm(X, 1) * np.linalg.norm(inverse, 1) < _DEFECTIVE:
+    if np.linalg.norm(X, 1) * np.linalg.norm(inverse, 1) < _MAX_CONDITION:
         return inverse
     return np.asarray(np.linalg.pinv(X), dtype=complex)
 
@@ -160,10 +164,6 @@ def padded(rows: Sequence[Array]) -> ComplexArray:
         found[start : start + len(part), : part.shape[1]] = part
         start += len(part)
     return found
-
-
-# -------------------------------------------------------------------------------------------------------------- misfit
-# How much a fit leaves of the data, outputs brought level: from its own coefficients, or by rebuilding.
 
 
 @dataclass(frozen=True, eq=False)

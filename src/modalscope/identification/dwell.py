@@ -15,16 +15,16 @@ from modalscope.data.responses import FrequencyResponse
 from modalscope.functions.poles import QUANTITIES, poles_from
 from modalscope.modal.indicators import mac, mmif, mpc
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_band, check_kind, check_positive
+from modalscope.numerics.checks import ComplexArray, RealArray, check_band, check_kind, check_positive
 from modalscope.numerics.errors import DataError
 
-#: Lines on either side of a minimum that the single-mode fit uses at least.
-_LEAST_LINES = 3
+#: Minimum number of lines on either side of a minimum for the single-mode fit.
+_MIN_LINES = 3
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Dwell:
-    """What a tuned sine dwell finds.
+    """Result of a tuned sine dwell.
 
     Parameters
     ----------
@@ -79,22 +79,23 @@ def tuned_dwell(
     check_kind("a tuned dwell", response, FrequencyResponse)
     check_positive("threshold", threshold)
     cut = response if band is None else response.band(*check_band(band))
-    if cut.lines < 2 * _LEAST_LINES + 1:
-        raise DataError(
-            f"a tuned dwell needs at least {2 * _LEAST_LINES + 1} lines", f"there are {cut.lines}", "Widen the band."
-        )
+    least = 2 * _MIN_LINES + 1
+    if cut.lines < least:
+        raise DataError(f"a tuned dwell needs at least {least} lines", f"there are {cut.lines}", "Widen the band.")
     curves, forces = mmif(cut)
-    found = [
-        one
+    inner = curves[1:-1]
+    minima = (inner <= curves[:-2]) & (inner < curves[2:]) & (inner < threshold)
+    modes = [
+        mode
         for c in range(curves.shape[1])
-        for k in _minima(curves[:, c], threshold)
-        if (one := _isolated(cut, k, forces[k, :, c], float(curves[k, c]))) is not None
+        for k in np.flatnonzero(minima[:, c]) + 1
+        if (mode := _isolated(cut, int(k), forces[k, :, c], float(curves[k, c]))) is not None
     ]
-    found = _without_doubles(sorted(found, key=lambda one: one.value))
-    found.sort(key=lambda one: abs(one.pole))
+    modes = _without_doubles(sorted(modes, key=lambda mode: mode.value))
+    modes.sort(key=lambda mode: abs(mode.pole))
     return Dwell(
-        modes=_modal_model(cut, found),
-        forces=np.array([one.force for one in found]).reshape(len(found), cut.values.shape[2]),
+        modes=_modal_model(cut, modes),
+        forces=np.array([mode.force for mode in modes]).reshape(len(modes), cut.values.shape[2]),
         indicator=curves,
         frequencies=cut.frequencies,
     )
@@ -107,13 +108,8 @@ class _Isolated(NamedTuple):
     value: float
 
 
-def _minima(curve: RealArray, threshold: float) -> Array:
-    inner = curve[1:-1]
-    return np.flatnonzero((inner <= curve[:-2]) & (inner < curve[2:]) & (inner < threshold)) + 1
-
-
 def _isolated(response: FrequencyResponse, line: int, force: RealArray, value: float) -> _Isolated | None:
-    """Return the mode at a minimum; None when what is isolated is no resonance."""
+    """Return the mode at a minimum, or None where the isolated response is no resonance."""
     w = 2 * np.pi * response.frequencies
     power = QUANTITIES[response.quantity or ""]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -131,7 +127,7 @@ def _isolated(response: FrequencyResponse, line: int, force: RealArray, value: f
         low_end -= 1
     while high_end < w.size - 1 and high[high_end + 1]:
         high_end += 1
-    lines = np.arange(max(min(low_end, line - _LEAST_LINES), 0), min(max(high_end, line + _LEAST_LINES) + 1, w.size))
+    lines = np.arange(max(min(low_end, line - _MIN_LINES), 0), min(max(high_end, line + _MIN_LINES) + 1, w.size))
     lines = lines[w[lines] > 0]
     pole = _one_mode(w[lines] / w[line], q[lines] / abs(q[line]))
     return None if pole is None else _Isolated(pole * w[line], shape, force, value)
@@ -151,24 +147,23 @@ def _one_mode(w: RealArray, q: ComplexArray) -> complex | None:
     return complex(poles_from([w0 / (2 * np.pi)], [damping / (2 * w0)])[0])
 
 
-def _without_doubles(found: list[_Isolated]) -> list[_Isolated]:
-    """Keep the best isolated of minima that show one mode: within its bandwidth, with its shape."""
+def _without_doubles(modes: list[_Isolated]) -> list[_Isolated]:
+    """Keep the best isolated mode of each group within a bandwidth and with one shape."""
     kept: list[_Isolated] = []
-    for one in found:
-        near = (abs(one.pole - other.pole) < 2 * abs(other.pole.real) for other in kept)
-        alike = (float(mac(one.shape, other.shape)[0, 0]) > 0.9 for other in kept)
-        if not any(n and a for n, a in zip(near, alike, strict=True)):
-            kept.append(one)
+    for mode in modes:
+        near = (other for other in kept if abs(mode.pole - other.pole) < 2 * abs(other.pole.real))
+        if not any(mac(mode.shape, other.shape)[0, 0] > 0.9 for other in near):
+            kept.append(mode)
     return kept
 
 
-def _modal_model(response: FrequencyResponse, found: list[_Isolated]) -> ModalModel:
-    shapes = np.array([one.shape for one in found]).reshape(len(found), response.values.shape[1]).T
+def _modal_model(response: FrequencyResponse, modes: list[_Isolated]) -> ModalModel:
+    shapes = np.array([mode.shape for mode in modes]).reshape(len(modes), response.values.shape[1]).T
     return ModalModel(
-        poles=np.array([one.pole + response.added_damping for one in found], dtype=complex),
+        poles=np.array([mode.pole + response.added_damping for mode in modes], dtype=complex),
         shapes=shapes,
         quantity=response.quantity,
-        indicators={"mmif": np.array([one.value for one in found]), "mpc": mpc(shapes)},
+        indicators={"mmif": np.array([mode.value for mode in modes]), "mpc": mpc(shapes)},
         output_dofs=response.output_dofs,
         units=(response.units[0], ()),
         geometry=response.geometry,

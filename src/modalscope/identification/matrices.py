@@ -1,21 +1,22 @@
-"""Build the data matrix of each method for its problem, with block sizes by default."""
+"""Build and factor the data matrix of each method for its problem, with default block sizes."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 from modalscope.blocks.combinations import Combinations, CombinedOutputs, combinations, enough
-from modalscope.blocks.controllable import TurnedHankel
+from modalscope.blocks.costs import record_cost, refuse_beyond_memory
 from modalscope.blocks.driven import driven_projection
 from modalscope.blocks.factor import Factors, factorize, left_factor
 from modalscope.blocks.fraction import Fraction, fraction
-from modalscope.blocks.hankel import hankel
+from modalscope.blocks.hankel import TurnedHankel, hankel
 from modalscope.blocks.lines import line_weights
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.projections import Projection, canonical_projection, projection
-from modalscope.blocks.records import record_cost, record_lines, refuse_beyond_memory
+from modalscope.blocks.records import record_lines
 from modalscope.blocks.shifted import shifted
 from modalscope.blocks.transfer import transfer
 from modalscope.data.notes import Note
@@ -37,8 +38,6 @@ from modalscope.identification.sizes import (
 )
 from modalscope.numerics.errors import DataError
 
-# ------------------------------------------------------------------------------------------------------- line matrices
-
 
 def matrix_fraction(problem: Problem, order: int) -> Built:
     """Return the normal equations of a matrix fraction; the order is its degree."""
@@ -49,24 +48,21 @@ def matrix_fraction(problem: Problem, order: int) -> Built:
 
 
 def transfer_of_response(problem: Problem, order: int) -> Built:
-    """Return shifted transfer functions: of the window of samples where those are the data, of lines with elimination else.
+    """Return shifted transfer functions: of a window of samples for samples, of lines with elimination for lines.
 
-    A sampled system's full grid of lines may be turned into periodised samples (source="samples"); in noise elimination is steadier, by a
-    factor of 1.5 in frequency and up to 6 in damping on the structures of the tests.
+    A full grid of lines of a sampled system may also become periodised samples (source="samples"); under noise elimination has smaller
+    standard deviations, by a factor of 1.5 in frequency and up to 6 in damping on the structures of the tests.
     """
-    source = problem.options.source
-    if source is None:
-        source = "elimination" if isinstance(problem.response, FrequencyResponse) else "samples"
+    default = "elimination" if isinstance(problem.response, FrequencyResponse) else "samples"
+    source = problem.options.source or default
     return _of_window(problem, order) if source == "samples" else transfer_of_lines(problem, order)
 
 
 def _of_window(problem: Problem, order: int) -> Built:
     options: LineOptions = problem.options
     shifts = options.block_rows or default_shifts(problem.response, order, truncates=problem.method.orders.truncates)
-    _refuse(
-        "shifted transfer functions of samples have no initial terms to eliminate", options, "initial_values", "basis"
-    )
-    _refuse("samples are transformed to lines of their own, which it could not name", options, "weights")
+    _refuse(options, "shifted transfer functions of samples have no initial terms", "initial_values", "basis")
+    _refuse(options, "the lines are those of the transformed samples", "weights")
     matrix = shifted(
         problem.response,
         block_rows=shifts,
@@ -85,14 +81,12 @@ def transfer_of_lines(problem: Problem, order: int) -> Built:
     if options.source == "samples":
         raise DataError(
             f"source='samples' in domain {problem.method.domain!r} was asked",
-            "samples have a z-plane, and lines of a continuous structure are not the full grid of a sampled one",
-            "Leave it out, or use domain='z'.",
+            "samples need domain='z'",
+            "Omit it, or use domain='z'.",
         )
     if not isinstance(response, FrequencyResponse):
-        raise DataError(
-            "source='elimination' was asked", "the data are samples, not lines", "Leave it out: samples are exact."
-        )
-    _refuse("the columns of a frequency-domain matrix are lines", options, "block_columns")
+        raise DataError("source='elimination' was asked", "the data are samples, not lines", "Omit it.")
+    _refuse(options, "the columns of a frequency-domain matrix are lines", "block_columns")
     few = fewer_outputs(response, order, options, options.initial_values)
     taken: Any = response if few is None else few.response
     matrix: DataMatrix = transfer(
@@ -112,47 +106,25 @@ def transfer_of_lines(problem: Problem, order: int) -> Built:
 
 
 def fewer_outputs(response: Response, order: int, options: Any, *given: Any) -> Combinations | None:
-    """Return combinations of the outputs where there are far more than states can need, and nothing was asked of single ones."""
+    """Return combinations of the outputs where these far exceed the states, and no option concerns single ones."""
     count = enough(len(response.output_dofs), order)
     plain = options.factorization == "auto" and all(one is None for one in given)
     return combinations(response, count) if count is not None and plain and not response.ambient else None
 
 
-def _refuse(why: str, options: LineOptions, *names: str) -> None:
-    """Raise when an option was given that this matrix has no use for."""
+def _refuse(options: LineOptions, why: str, *names: str) -> None:
+    """Raise `DataError` for a given option that this matrix does not have."""
     for name in names:
         if getattr(options, name) is not None:
-            raise DataError(f"option {name!r} was asked", why, "Leave it out, or use another domain.")
+            raise DataError(f"option {name!r} was asked", why, "Omit it, or use another domain.")
 
 
-# ------------------------------------------------------------------------------------------------------------ factors
-def h0_factors(matrix: DataMatrix, order: int, route: str) -> Factors:
-    """Factor H(0)."""
-    return matrix.with_columns(factorize(matrix.shifted(0), order, route))
-
-
-def tall_factors(matrix: DataMatrix, order: int, route: str) -> Factors:
-    """Factor the matrix with one block row more."""
-    return matrix.with_columns(factorize(matrix.tall(), order, route))
-
-
-def complete_factors(matrix: DataMatrix, order: int, route: str) -> Factors:
-    """Factor the matrix with one block row more, whole: all of the left factor."""
-    return left_factor(matrix.tall(), route)
-
-
-def fraction_factors(matrix: Fraction, order: int, route: str) -> Factors:
-    """Return the eigenvectors of the normal equations, all there is to factor in a matrix fraction."""
-    return matrix.factors
-
-
-# ------------------------------------------------------------------------------------------------------------ samples
 #: Block rows and columns of a response for a largest order, where either is not given.
 _Sizes = Callable[[ImpulseResponse, int, int | None, int | None], tuple[int, int]]
 
 
 def plain_hankel(problem: Problem, order: int) -> Built:
-    """Return the Hankel matrix of samples, observable unless asked otherwise."""
+    """Return the Hankel matrix of samples, by default in observable form."""
     options: HankelOptions = problem.options
     turned = options.form == "controllable" or (options.form == "smaller" and _fewer_inputs(problem, options))
     rows, columns = default_windows(_samples(problem), order, *options.spans)
@@ -160,7 +132,7 @@ def plain_hankel(problem: Problem, order: int) -> Built:
 
 
 def canonical_hankel(problem: Problem, order: int) -> Built:
-    """Return the Hankel matrix whose companion form has fewer states, unless asked otherwise; its side is the short one."""
+    """Return the Hankel matrix whose companion form has fewer states, by default."""
     options: HankelOptions = problem.options
     turned = options.form == "controllable" or (options.form != "observable" and _fewer_inputs(problem, options))
     rows, columns = _canonical_sizes(companion_windows, _samples(problem), order, turned, *options.spans)
@@ -192,7 +164,7 @@ def _canonical_sizes(
 
 
 def _fewer_inputs(problem: Problem, options: HankelOptions) -> bool:
-    """Whether the side of the inputs is the smaller; sizes that are not given will be chosen alike, and fewer channels make finer steps."""
+    """Whether the side of the inputs is the smaller one; by channels where sizes are not given."""
     _, outputs, inputs = problem.response.values.shape
     if options.block_rows is None or options.block_columns is None:
         return bool(inputs < outputs)
@@ -201,11 +173,10 @@ def _fewer_inputs(problem: Problem, options: HankelOptions) -> bool:
 
 def _hankel(problem: Problem, turned: bool, rows: int, columns: int, order: int) -> Built:
     options: HankelOptions = problem.options
-    measured = _samples(problem)
     settings = replace(options, block_rows=rows, block_columns=columns, form="controllable" if turned else "observable")
-    measured, notes = _lags_read(measured, rows + columns)
+    measured, notes = _lags_read(_samples(problem), rows + columns)
     notes = (*_unfiltered(problem), *notes)
-    general = options.general
+    general: dict[str, Any] = options.general
     few = fewer_outputs(measured, order, options, *general.values())
     response: Any = measured if few is None else few.response
     sizes: dict[str, Any] = {
@@ -213,7 +184,10 @@ def _hankel(problem: Problem, turned: bool, rows: int, columns: int, order: int)
         "block_columns": None if options.column_shifts else columns,
     }
     if turned:
-        exchanged: dict[str, Any] = {_other_side(name): value for name, value in {**sizes, **general}.items()}
+        side = {"row": "column", "column": "row"}
+        exchanged = {
+            re.sub("row|column", lambda m: side[m[0]], name): value for name, value in {**sizes, **general}.items()
+        }
         matrix: DataMatrix = TurnedHankel(response, hankel(_transposed(response), **exchanged))
     else:
         matrix = hankel(response, **sizes, **general)
@@ -221,16 +195,12 @@ def _hankel(problem: Problem, turned: bool, rows: int, columns: int, order: int)
 
 
 def _unfiltered(problem: Problem) -> tuple[Note, ...]:
-    """Tell that a band does not change measured samples; lines were cut to it, and records were filtered."""
+    """Return a note where a band does not change the data: measured samples are not filtered."""
     band = problem.options.band
     if band is None or problem.records is not None or problem.response is not problem.measured:
         return ()
-    text = f"samples are not filtered: the model has all modes, a diagram those from {band[0]:g} to {band[1]:g} Hz"
+    text = f"Samples are not filtered: the model has all modes, the diagram those of {band[0]:g} to {band[1]:g} Hz"
     return (Note("not filtered", {"lowest": band[0], "highest": band[1]}, text),)
-
-
-def _other_side(name: str) -> str:
-    return name.replace("row", "column") if "row" in name else name.replace("column", "row")
 
 
 def _samples(problem: Problem) -> ImpulseResponse:
@@ -239,7 +209,7 @@ def _samples(problem: Problem) -> ImpulseResponse:
 
 
 def _lags_read(response: ImpulseResponse, read: int) -> tuple[ImpulseResponse, tuple[Note, ...]]:
-    """Return a correlation without the lags that no block holds: they carry estimation errors and little else."""
+    """Return a correlation without the lags that no block contains."""
     if response.kind != "correlation" or response.samples <= read:
         return response, ()
     note = Note("lags used", {"used": read, "there": response.samples}, f"{read} of {response.samples} lags are used")
@@ -259,13 +229,12 @@ def _transposed(response: ImpulseResponse) -> ImpulseResponse:
     )
 
 
-# ------------------------------------------------------------------------------------------------------------ records
-#: How future and past are weighted.
+#: Weighting -> projection.
 _PROJECTIONS: dict[str | None, Callable[..., Projection]] = {None: projection, "cva": canonical_projection}
 
 
 def projected_records(problem: Problem, order: int) -> Built:
-    """Return the projection of the records' future on their past; participation belongs to their correlation."""
+    """Return the projection of the future of records on their past; participation is that of their correlation."""
     options = problem.options
     assert isinstance(problem.records, Signals)
     correlation = _samples(problem)
@@ -278,7 +247,7 @@ def projected_records(problem: Problem, order: int) -> Built:
 
 
 def records_on_lines(problem: Problem, order: int) -> Built:
-    """Return the records' own lines, inputs and ends eliminated."""
+    """Return the lines of records, inputs and end effects eliminated."""
     options: SpectraOptions = problem.options
     assert isinstance(problem.response, RecordSpectra)
     truncates = problem.method.orders.truncates
@@ -295,7 +264,7 @@ def records_on_lines(problem: Problem, order: int) -> Built:
 
 
 def driven_records(problem: Problem, order: int) -> Built:
-    """Return the projection of records with inputs on their past; the band is that of the lines on which models are judged."""
+    """Return the projection of records with inputs on their past; the band restricts the lines of the fit error."""
     options: DrivenOptions = problem.options
     assert problem.driven is not None
     assert isinstance(problem.response, RecordSpectra)
@@ -303,3 +272,23 @@ def driven_records(problem: Problem, order: int) -> Built:
     matrix = driven_projection(problem.driven, rows, columns, single, problem.response)
     settings = replace(options, block_rows=rows, block_columns=columns, form="observable")
     return Built(matrix, settings, _unfiltered(problem))
+
+
+def h0_factors(matrix: DataMatrix, order: int, route: str) -> Factors:
+    """Factor H(0)."""
+    return matrix.with_columns(factorize(matrix.shifted(0), order, route))
+
+
+def tall_factors(matrix: DataMatrix, order: int, route: str) -> Factors:
+    """Factor the matrix with one block row more."""
+    return matrix.with_columns(factorize(matrix.tall(), order, route))
+
+
+def complete_factors(matrix: DataMatrix, order: int, route: str) -> Factors:
+    """Factor the matrix with one block row more, with all columns of the left factor."""
+    return left_factor(matrix.tall(), route)
+
+
+def fraction_factors(matrix: Fraction, order: int, route: str) -> Factors:
+    """Return the eigenvectors of the normal equations of a matrix fraction."""
+    return matrix.factors

@@ -23,13 +23,12 @@ from modalscope.identification.orders import OrderRule
 from modalscope.numerics.errors import DataError
 from modalscope.realizations.realization import Realization
 
-# --------------------------------------------------------------------------------------------------------------- takes
-#: A response has decayed when its last tenth holds less than this share of the energy.
-_DECAYED = 1e-3
+#: Maximum share of the energy in the last tenth of a response that has decayed.
+_MAX_LATE_ENERGY = 1e-3
 
 
 class Takes(Enum):
-    """Data that the data matrix of a row is made of; `prepare` provides them."""
+    """Kind of data of a row; `prepare` provides them."""
 
     SAMPLES = "samples"
     LINES = "lines"
@@ -40,7 +39,7 @@ class Takes(Enum):
     DRIVEN = "records with inputs projected on their past"
 
 
-#: The route from records with inputs to the data that a row takes.
+#: The route from records with inputs to the data of a row.
 ROUTES = {
     Takes.SAMPLES: "markov",
     Takes.LINES: "frf",
@@ -53,42 +52,27 @@ ROUTES = {
 
 
 class Refusal(NamedTuple):
-    """Why a row cannot take data, and the remedy."""
+    """Why data do not suit a row, and the remedy."""
 
     reason: str
     change: str
 
 
-def _no_samples(response: Response, records: bool) -> Refusal | None:
-    if response.origin == "lines":
-        return None
-    return Refusal(
-        "the data are samples: their transform is no rational function of j w",
-        "Use domain='z', which is exact for samples, or give measured frequency responses.",
-    )
+_NO_LINES = Refusal(
+    "samples have no rational transform in j w",
+    "Use domain='z', which is exact for samples, or give measured frequency responses.",
+)
+_NO_RECORDS = Refusal(
+    "it needs records without inputs",
+    "Give Signals with outputs alone, or use method='alternate', which accepts any response.",
+)
+_NO_INPUTS = Refusal("it needs records with inputs", "Give Signals with inputs, or omit route.")
 
-
-def _no_records(response: Response, records: bool) -> Refusal | None:
-    if records:
-        return None
-    return Refusal(
-        "it projects records without inputs, and there are none",
-        "Give Signals with outputs alone, or use method='alternate', which takes any response.",
-    )
-
-
-def _no_spectra(response: Response, records: bool) -> Refusal | None:
-    if response.origin == "records":
-        return None
-    return Refusal("it takes records with inputs, and these are none", "Give Signals with inputs, or leave route out.")
-
-
-#: Why a row cannot take the data, given whether records without inputs are there. Other rows take all data.
-REFUSALS: dict[Takes, Callable[[Response, bool], Refusal | None]] = {
-    Takes.CONTINUOUS: _no_samples,
-    Takes.PAST: _no_records,
-    Takes.RECORDS: _no_spectra,
-    Takes.DRIVEN: _no_spectra,
+#: Origin of a response that a row needs, and the refusal of others. Other rows accept all data.
+REFUSALS: dict[Takes, tuple[str, Refusal]] = {
+    Takes.CONTINUOUS: ("lines", _NO_LINES),
+    Takes.RECORDS: ("records", _NO_INPUTS),
+    Takes.DRIVEN: ("records", _NO_INPUTS),
 }
 
 
@@ -101,36 +85,34 @@ def _no_even_lines(response: Response) -> str:
 
 
 def _sampled_lines(response: Response) -> str:
-    return "the lines are those of a sampled system, which domain z takes as they are" if response.held_input else ""
+    return "lines of a sampled system need domain z" if response.held_input else ""
 
 
 def _not_decayed(response: Response) -> str:
     if response.exact_lines or has_decayed(response):
         return ""
-    return "the response has not decayed at its last sample, so that its lines are biased"
+    return "the response has not decayed at its last sample: its lines are biased"
 
 
 def has_decayed(response: Response) -> bool:
     """Whether a response has decayed at its last samples, so that a transform of the samples is unbiased."""
     energy = np.sum(np.abs(response.values) ** 2, axis=(1, 2))
-    return bool(energy[-max(energy.size // 10, 1) :].sum() < _DECAYED * energy.sum())
+    return bool(energy[-max(energy.size // 10, 1) :].sum() < _MAX_LATE_ENERGY * energy.sum())
 
 
-#: Why a comparison leaves a row out although it can take the data; empty where it does not. Other rows are compared.
+#: Why a comparison omits a row although the data suit it, or an empty text. Other rows are compared.
 RESERVATIONS: dict[Takes, Callable[[Response], str]] = {
     Takes.SAMPLES: _no_even_lines,
     Takes.LINES: _not_decayed,
     Takes.CONTINUOUS: _sampled_lines,
 }
 
-#: Whether a row works on the data themselves, not on a transform that loses something. Other rows do.
+#: Whether a row uses the data themselves, not a lossy transform. Other rows do.
 EXACT: dict[Takes, Callable[[Response], bool]] = {
     Takes.SAMPLES: lambda response: response.exact_samples,
     Takes.LINES: lambda response: response.exact_lines,
 }
 
-
-# -------------------------------------------------------------------------------------------------------------- method
 
 DOMAINS = {
     "time": "Hankel matrix of Markov parameters",
@@ -175,14 +157,12 @@ Realize = Callable[[Any, Factors], Realization]
 class Method:
     """One cell of the table: everything that the stages ask of a method.
 
-    `name`, `domain`: the row and the column. `realization`: how the model is read off, in words. `section`: where the report has it.
-    `common`: the name that most people know it by. `known_as`: names in the literature of this cell, with the options that make them.
-    `aliases`: other words for `name` that mean this cell. `takes`: what it is given. `matrix`: (problem, largest order) -> data matrix
-    and settings. `factor`: (data matrix, largest order, route) -> factors. `realize`: (data matrix, factors) -> models of all orders.
-    `orders`: what an order is: states, blocks of states, or the degree of a polynomial. `options_type`: the options of its data matrix.
-    `forms`: observable and controllable forms that exist; the first is the default, "smaller" takes the one with fewer states. `fixed`:
-    options that make the row. `from_records`: the way from records with inputs to what it takes, where that is not the one of all rows
-    that take the same.
+    `name`, `domain`: row and column. `realization`: in words. `section`: of the report. `common`: the most common name. `known_as`: names
+    in the literature, with the options that give them. `aliases`: further accepted names. `takes`: the kind of data. `matrix`: (problem,
+    largest order) -> data matrix and settings. `factor`: (data matrix, largest order, route) -> factors. `realize`: (data matrix, factors)
+    -> models of all orders. `orders`: what an order counts: states, blocks of states, or the degree of a polynomial. `options_type`: of its
+    data matrix. `forms`: available forms, the default first; "smaller" is the one with fewer states. `fixed`: options that define the row.
+    `from_records`: the route from records with inputs, where it is not that of all rows with these data.
     """
 
     name: str
@@ -207,21 +187,21 @@ class Method:
 
     @property
     def route(self) -> str:
-        """The route from records with inputs to the data that the row takes; empty where there is none."""
+        """The route from records with inputs to the data of the row, or an empty text."""
         return self.from_records or ROUTES[self.takes]
 
     def served_by(self, route: str) -> bool:
-        """Whether a route from records with inputs gives the data that the row takes; frequency responses give samples, too."""
+        """Whether a route from records with inputs gives the data of the row; frequency responses also give samples."""
         return route == self.route or (route == "frf" and self.takes is Takes.SAMPLES)
 
     @property
     def driven(self) -> bool:
-        """Whether it takes nothing but records with inputs."""
+        """Whether it needs records with inputs."""
         return self.takes in (Takes.RECORDS, Takes.DRIVEN)
 
     @property
     def of_past(self) -> bool:
-        """Whether it projects the records themselves on their past."""
+        """Whether it projects records on their past."""
         return self.takes in (Takes.PAST, Takes.DRIVEN)
 
     @property
@@ -232,47 +212,38 @@ class Method:
     @property
     def label(self) -> str:
         """The common name first, with the name and domain of the table behind it: "SSI-cov (alternate)"."""
-        same = plain(self.common) == plain(self.name)
-        inside = [] if same else [self.name]
-        if self.domain != "time":
-            inside.append(self.domain)
-        inside += self._of_records
-        return f"{self.common} ({', '.join(inside)})" if inside else self.common
+        name = () if plain(self.common) == plain(self.name) else (self.name,)
+        domain = () if self.domain == "time" else (self.domain,)
+        details = ", ".join((*name, *domain, *self._of_records))
+        return f"{self.common} ({details})" if details else self.common
 
     def refusal(self, response: Response, records: bool) -> Refusal | None:
-        """Return why the row cannot take these data and what to do, None when it can.
-
-        `records`: whether records without inputs are there.
-        """
-        refused = REFUSALS.get(self.takes)
-        return None if refused is None else refused(response, records)
+        """Return why these data do not suit the row, or None. `records`: whether there are records without inputs."""
+        if self.takes is Takes.PAST:
+            return None if records else _NO_RECORDS
+        needed = REFUSALS.get(self.takes)
+        return needed[1] if needed and response.origin != needed[0] else None
 
     def reservation(self, response: Response) -> str:
-        """Return why a comparison leaves the row out although it can take the data, empty when it does not."""
-        reserved = RESERVATIONS.get(self.takes)
-        return "" if reserved is None else reserved(response)
+        """Return why a comparison omits the row although the data suit it, or an empty text."""
+        reservation = RESERVATIONS.get(self.takes)
+        return reservation(response) if reservation else ""
 
     def rows_span(self, settings: Settings, dt: float | None) -> float | None:
-        """Return the time that the block rows span, seconds; None where they are no samples, or all of them are states.
+        """Return the time span of the block rows, seconds; None where they are no samples, or all of them are states.
 
         `dt`: sampling interval of the identified system.
         """
         rows = settings.get("block_rows")
-        if (
-            rows is None
-            or dt is None
-            or self.takes not in (Takes.SAMPLES, Takes.PAST, Takes.DRIVEN)
-            or not self.orders.truncates
-        ):
-            return None
-        return float(rows * dt)
+        of_samples = self.takes in (Takes.SAMPLES, Takes.PAST, Takes.DRIVEN) and self.orders.truncates
+        return None if rows is None or dt is None or not of_samples else float(rows * dt)
 
     def exact_on(self, response: Response) -> bool:
-        """Return whether the row works on the data themselves, not on a transform that loses something."""
+        """Return whether the row uses the data themselves, not a lossy transform."""
         exact = EXACT.get(self.takes)
         return exact is None or exact(response)
 
 
 def plain(name: str) -> str:
-    """Return a name without what people write differently: case, hyphens, underscores and blanks."""
+    """Return a name in small letters without hyphens, underscores and blanks."""
     return "".join(c for c in name.lower() if c not in "-_ ")

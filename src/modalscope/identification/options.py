@@ -18,7 +18,7 @@ from modalscope.data.results import Settings
 from modalscope.numerics.checks import check_band, check_count, check_each, check_kind, freeze
 from modalscope.numerics.errors import check_choice
 
-#: Ways from records with inputs into the table; "auto" follows the rule of `modalscope.identification.routes`.
+#: Routes from records with inputs into the table; "auto" follows the rule of `modalscope.identification.routes`.
 ROUTES = ("auto", "records", "frf", "markov", "subspace")
 
 
@@ -54,8 +54,8 @@ def _shifts(name: str, value: Any) -> tuple[int, ...]:
     return tuple(check_count(name, s, least=0) for s in check_each(name, value, "whole numbers that increase from 0"))
 
 
-#: Sizes and shifts of the blocks, which many types have.
-_CHECKED: dict[str, Callable[[str, Any], Any]] = {
+#: Checks of sizes and shifts of blocks.
+_CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "block_rows": check_count,
     "block_columns": check_count,
     "row_shifts": _shifts,
@@ -65,17 +65,17 @@ _CHECKED: dict[str, Callable[[str, Any], Any]] = {
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Options(Settings):
-    """What every row takes; see `Settings`."""
+    """Options of every row; see `Settings`."""
 
-    #: Why an option of other data matrices has no meaning for this one.
+    #: Why options of other data matrices do not apply.
     why_not: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         exclude: Any = self.exclude
-        given = {name: value for name in _CHECKED if (value := getattr(self, name, None)) is not None}
+        given = {name: value for name in _CHECKS if (value := getattr(self, name, None)) is not None}
         freeze(
             self,
-            **{name: _CHECKED[name](name, value) for name, value in given.items()},
+            **{name: _CHECKS[name](name, value) for name, value in given.items()},
             band=None if self.band is None else check_band(self.band),
             exclude=None if exclude is None else labels_of(exclude),
             route=None if self.route is None else check_choice("route", self.route, ROUTES),
@@ -90,7 +90,7 @@ def delays_of(delays: Any) -> dict[str, int]:
 
 
 def labels_of(exclude: Any) -> tuple[Any, ...]:
-    """Return channels as a tuple; one label or index alone is one."""
+    """Return channels as a tuple, also one label or index."""
     if isinstance(exclude, str | Integral | Dof):
         return (exclude,)
     return tuple(check_each("exclude", exclude, "labels"))
@@ -127,7 +127,7 @@ class HankelOptions(Options):
 
     @property
     def general(self) -> dict[str, Any]:
-        """What shapes the matrix beyond its size, by name."""
+        """Options of the matrix beyond its size, by name."""
         names = [
             f"{side}_{what}" for what in ("shifts", "subsets", "weights", "compression") for side in ("row", "column")
         ]
@@ -135,7 +135,7 @@ class HankelOptions(Options):
 
     @property
     def spans(self) -> tuple[int | None, int | None]:
-        """Samples that rows and columns span, where they are given."""
+        """Samples spanned by rows and columns, where given."""
         rows = self.block_rows if not self.row_shifts else max(self.row_shifts) + 1
         columns = self.block_columns if not self.column_shifts else max(self.column_shifts) + 1
         return rows, columns
@@ -145,8 +145,8 @@ class HankelOptions(Options):
 class LineOptions(Options):
     """Of a matrix of transfer functions, on lines or on those of a window of samples; see `modalscope.blocks.transfer` and `shifted`.
 
-    `block_rows`: the degree of the polynomials. `block_columns`: samples in the window, with source="samples". `form`: the only one there
-    is. `weights` (lines,).
+    `block_rows`: the degree of the polynomials. `block_columns`: samples in the window, with source="samples". `form`: "observable".
+    `weights` (lines,).
     """
 
     why_not = "the columns of a frequency-domain matrix are lines"
@@ -170,10 +170,10 @@ class LineOptions(Options):
 class FractionOptions(Options):
     """Of a matrix fraction; see `modalscope.blocks.fraction`.
 
-    `form`: the only one there is. `weights` (lines,).
+    `form`: "controllable". `weights` (lines,).
     """
 
-    why_not = "a matrix fraction is fitted on all lines, and has no blocks"
+    why_not = "a matrix fraction is fitted to all lines and has no blocks"
 
     form: str | None = None
     weights: Any = None
@@ -183,7 +183,7 @@ class FractionOptions(Options):
 class DrivenOptions(Options):
     """Of records with inputs projected on their past; see `modalscope.blocks.driven`.
 
-    `block_rows`, `block_columns`: blocks of the future and of the past. `form`: the only one there is.
+    `block_rows`, `block_columns`: blocks of the future and of the past. `form`: "observable".
     """
 
     why_not = "a projection of records has whole, equal blocks of samples"
@@ -197,7 +197,7 @@ class DrivenOptions(Options):
 class RecordOptions(DrivenOptions):
     """Of records projected on their past; see `modalscope.blocks.projections`.
 
-    `block_rows`, `block_columns`: blocks of the future and of the past. `form`: the only one there is. `references`: outputs of the past;
+    `block_rows`, `block_columns`: blocks of the future and of the past. `form`: "observable". `references`: outputs of the past;
     all by default. `weighting`: "cva": both sides are whitened, so that the singular values are canonical correlations.
     """
 
@@ -214,10 +214,10 @@ class RecordOptions(DrivenOptions):
 class SpectraOptions(Options):
     """Of records on lines; see `modalscope.blocks.records`.
 
-    `block_rows`: the degree of the polynomials. `form`: the only one there is.
+    `block_rows`: the degree of the polynomials. `form`: "observable".
     """
 
-    why_not = "the columns of records on lines are the lines of whole runs, as they are"
+    why_not = "the columns of records on lines are all lines of whole runs"
 
     block_rows: int | None = None
     form: str | None = None

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from modalscope.blocks.factor import Factors
-from modalscope.blocks.fraction import largest_degree
 from modalscope.blocks.matrix import DataMatrix
+from modalscope.blocks.normal_equations import largest_degree
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram

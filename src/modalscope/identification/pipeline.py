@@ -3,25 +3,76 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 from modalscope.blocks.factor import Factors
-from modalscope.blocks.matrix import DataMatrix
-from modalscope.blocks.triple import Triple
-from modalscope.blocks.whitened import WhitenedChannels
+from modalscope.blocks.matrix import DataMatrix, OfCombinations
+from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.response import Response
+from modalscope.data.whitening import Whitening
 from modalscope.identification.method import Built, Method, Problem
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_count, check_kind
 from modalscope.numerics.resources import one_thread
 from modalscope.realizations.realization import Realization
 
-#: What the columns of a sequence without inputs are, and participation with them.
+
+@dataclass(frozen=True, eq=False)
+class WhitenedChannels(OfCombinations):
+    """A data matrix of W R V', whose models are taken back: C by W^-1, B by V'^-1.
+
+    `response`: R as it was measured. `whitening`: W and V. `inner`: of W R V', to which modes are fitted.
+    """
+
+    response: Response
+    whitening: Whitening
+    inner: DataMatrix
+
+    @cached_property
+    def judged(self) -> Response:
+        """The response of the channels, over the lags or lines that the inner matrix takes."""
+        count = self.inner.judged.count
+        return (
+            self.response
+            if count == self.response.count
+            else replace(self.response, values=self.response.values[:count])
+        )
+
+    @property
+    def outputs(self) -> int:
+        """Outputs of the response."""
+        return self.inner.outputs
+
+    def describe(self) -> str:
+        """Say what the matrix is, in words."""
+        return f"{self.inner.describe()}; channels whitened"
+
+    def of_all_outputs(self, model: Triple) -> Triple:
+        """Return the model of the channels as they were measured."""
+        B = None if model.B is None else self.whitening.references_back(model.B)
+        return replace(model, B=B, C=self.whitening.outputs_back(model.C))
+
+    def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
+        """Return the fit to the whitened channels, its shapes, participation and terms taken back; `fitted` is the fit itself."""
+        found = self.inner.fit(model, eigen)
+        return replace(
+            found,
+            shapes=self.whitening.outputs_back(found.shapes),
+            participation=self.whitening.references_back(found.participation),
+            terms=self.whitening.values_back(found.terms),
+            basis=None,
+            unexplained=None,
+            fitted=found,
+        )
+
+
+#: Origin of a response without inputs -> meaning of its participation.
 _PARTICIPATION = {
-    "free decay": "participation is the amplitude of each mode in each initial state, not a modal input vector",
-    "correlation": "participation is the correlation of each mode with each reference channel, not a modal input vector",
+    "free decay": "Participation is the amplitude of each mode in each initial state, not a modal input vector",
+    "correlation": "Participation is the correlation of each mode with each reference channel, not a modal input vector",
 }
 
 
@@ -45,18 +96,19 @@ class Pipeline:
 
     @property
     def response(self) -> Response:
-        """What a model is compared with."""
-        return self.matrix.judged
+        """The response that models are compared with."""
+        response: Response = self.matrix.judged
+        return response
 
     @property
     def transformed(self) -> Response | None:
-        """The lines that the row was given as samples; None where it was given what was measured, or lines of measured samples."""
+        """The measured lines that the row uses as samples; None without such a transform."""
         measured = self.problem.measured
         return measured if measured.grid is not None and self.response.grid is None else None
 
     @property
     def factors(self) -> Factors:
-        """The factors that all orders are cut from."""
+        """The factors of all orders."""
         return self.realization.factors
 
     @property

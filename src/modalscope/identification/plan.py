@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.blocks.combinations import enough
-from modalscope.blocks.factor import Cost, speed
+from modalscope.blocks.costs import Cost, speed
 from modalscope.data.response import Response
 from modalscope.data.shown import counted
 from modalscope.identification.method import Problem
@@ -20,26 +20,25 @@ from modalscope.identification.sizes import default_degree, default_windows
 from modalscope.numerics.resources import allowed_memory, in_words
 
 #: Passes over the data of a randomized range: products from either side.
-_PASSES = 12
+_PASSES_OF_RANGE = 12
 
-#: Operations of a product that other work takes as long as, measured: of eigenvalues, n^3 times; of a number that indicators compare;
-#: of a number of the functions that are fitted.
-_EIGENVALUES, _COMPARED, _FITTED = 800.0, 1200.0, 4000.0
+#: Measured cost in operations of a matrix product: of eigenvalues a state cubed, of an indicator a number, and of a fit a number of its
+#: functions.
+_EIGENVALUE_OPERATIONS, _INDICATOR_OPERATIONS, _FIT_OPERATIONS = 800.0, 1200.0, 4000.0
 
-#: Seconds an order takes beside its arithmetic.
-_ORDER = 0.005
+#: Seconds of an order besides its arithmetic.
+_SECONDS_AN_ORDER = 0.005
 
-#: Lines that indicators compare, and copies of the data that one order makes.
-_LINES, _COPIES = 1000, 3
+#: Maximum number of lines of an indicator, and copies of the data made by one order.
+_INDICATOR_LINES, _COPIES_OF_DATA = 1000, 3
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Plan:
-    """What a diagram will take.
+    """Time and memory of a stabilization diagram.
 
-    `method`, `data`, `matrix`: the row, what it is made of and the matrix, in words. `ways`: of factoring, in the order in which they are
-    tried; nothing where that is not known. `reading`, `sweeping`: seconds of what comes before the factors, and of all orders after them.
-    `memory`: bytes beside the data, at most.
+    `method`, `data`, `matrix`: in words. `ways`: routes of factoring in the order of trial; empty where unknown. `reading`, `sweeping`:
+    seconds before the factors, and of all orders. `memory`: bytes besides the data, at most.
     """
 
     method: str
@@ -53,17 +52,17 @@ class Plan:
 
     @property
     def way(self) -> Cost | None:
-        """The first way that memory allows; None where there is none, or nothing is known."""
+        """The first route that fits into memory, or None."""
         return next((cost for cost in self.ways if cost.memory <= allowed_memory()), None)
 
     @property
     def seconds(self) -> float:
-        """In all, on one thread of this machine."""
+        """Total time on one thread of this machine."""
         return self.reading + self.sweeping + (0.0 if self.way is None else self.way.seconds)
 
     @property
     def fits(self) -> bool:
-        """Whether it may take what it takes."""
+        """Whether it fits into memory."""
         return self.memory <= allowed_memory() and (self.way is not None or not self.ways)
 
     def __str__(self) -> str:
@@ -74,11 +73,11 @@ class Plan:
         lines.append(f"  {len(self.orders)} orders          {self.sweeping:8.2g} s")
         there = in_words(allowed_memory())
         lines.append(
-            f"about {self.seconds:.2g} s on one thread, {in_words(self.memory)} beside the data ({there} are there)"
+            f"about {self.seconds:.2g} s on one thread, {in_words(self.memory)} besides the data ({there} available)"
         )
         if not self.fits:
             lines.append(
-                "that does not fit: lower the order or the block sizes, choose fewer channels or a narrower band"
+                "Not enough memory: lower the order or the block sizes, or select fewer channels or a narrower band"
             )
         return "\n".join(lines)
 
@@ -91,11 +90,11 @@ def plan(
     orders: Iterable[int] | None = None,
     **options: Any,
 ) -> Plan:
-    """Return what a stabilization diagram without deviations will take; nothing of its size is made.
+    """Estimate time and memory of a stabilization diagram without standard deviations; no large array is made.
 
-    `method`, `domain`: A cell of the table of methods. `orders`: as in `stabilize`. `**options`: as in `stabilize`.
+    `method`, `domain`: a cell of the table of methods. `orders`, `**options`: as in `stabilize`.
 
-    Raises `DataError`: data that the row cannot take.
+    Raises `DataError`: data unsuited to the row.
     """
     problem = prepare(data, method, domain, **options)
     asked = tuple(problem.method.orders.ladder(problem.measured) if orders is None else checked_orders(orders))
@@ -105,11 +104,11 @@ def plan(
     ways = matrix.observable.costs(largest)
     rows = matrix.block_rows * matrix.observable.outputs
     each = float(problem.method.orders.states_each(measured))
-    if not ways:  # normal equations: half of their poles are unstable and left out, and there are no rows to compare
+    if not ways:  # normal equations: half of the poles are unstable and dropped, and there are no rows to compare
         rows, each = 0, each / 2
     sweeping = sum(_operations(small.response, rows, n * each) for n in asked) / speed()
     stored = 16.0 * len(measured.output_dofs) * sum(n // 2 for n in asked)
-    passing = _COPIES * small.response.values.nbytes + stored
+    passing = _COPIES_OF_DATA * small.response.values.nbytes + stored
     taken = next((cost.memory for cost in ways if cost.memory <= allowed_memory()), 0.0)
     return Plan(
         method=problem.method.label,
@@ -119,13 +118,13 @@ def plan(
         orders=asked,
         ways=ways,
         reading=reading,
-        sweeping=sweeping + _ORDER * len(asked),
+        sweeping=sweeping + _SECONDS_AN_ORDER * len(asked),
         memory=taken + passing,
     )
 
 
 def _thinned(problem: Problem, largest: int) -> tuple[Problem, float, str]:
-    """Return the problem with as many outputs as combinations will stand for them, what making these takes, and words."""
+    """Return the problem with as many outputs as combinations represent them, the seconds of making these, and words."""
     response, options = problem.response, problem.options
     outputs = len(response.output_dofs)
     count = enough(outputs, largest)
@@ -133,7 +132,7 @@ def _thinned(problem: Problem, largest: int) -> tuple[Problem, float, str]:
     if count is None or sized is None or options.factorization != "auto" or response.ambient:
         return problem, 0.0, ""
     numbers = response.values.size * (2 if np.iscomplexobj(response.values) else 1)
-    seconds = _PASSES * (numbers * count + 30 * numbers) / speed()
+    seconds = _PASSES_OF_RANGE * (numbers * count + 30 * numbers) / speed()
     thin = replace(problem, response=response.select(outputs=range(count)), options=replace(options, **sized))
     return thin, seconds, f"; {outputs} outputs through {count} combinations ({seconds:.2g} s)"
 
@@ -151,9 +150,11 @@ def _sizes(response: Any, largest: int, options: Any) -> dict[str, int] | None:
 
 
 def _operations(response: Response, rows: int, states: float) -> float:
-    """Return what one order costs: its eigenvalues, the fit to the data, and the indicators of the matrix' rows and columns."""
+    """Return the cost of one order: eigenvalues, fit to the data, and indicators of the rows and columns of the matrix."""
     real = response.count * (2 if np.iscomplexobj(response.values) else 1)
     _, outputs, inputs = response.values.shape
-    fit = real * states * (_FITTED + 16 * states + 4 * outputs * inputs)
-    compared = rows + 2 * inputs * min(response.count, _LINES)
-    return float(_EIGENVALUES * states**3 + fit + compared * states / 2 * (_COMPARED + 4 * states))
+    fit = real * states * (_FIT_OPERATIONS + 16 * states + 4 * outputs * inputs)
+    compared = rows + 2 * inputs * min(response.count, _INDICATOR_LINES)
+    return float(
+        _EIGENVALUE_OPERATIONS * states**3 + fit + compared * states / 2 * (_INDICATOR_OPERATIONS + 4 * states)
+    )

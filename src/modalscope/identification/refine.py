@@ -17,54 +17,52 @@ from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.data.results import Settings
 from modalscope.data.setups import Setups, as_test
+from modalscope.data.shown import counted
 from modalscope.identification.prepare import measure
 from modalscope.likelihood.descent import residual
 from modalscope.likelihood.refine_setups import refine_setups
 from modalscope.likelihood.refined import refined
 from modalscope.likelihood.settling import Settled, Task, least_gain, settle, task_of
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_kind
+from modalscope.numerics.checks import Array, ComplexArray, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
 
-# ---------------------------------------------------------------------------------------------------------- completion
-# Add poles at peaks of the residual to a list of modes, where the residual is then white.
-
-#: Modes added at most.
-_ROUNDS = 8
+#: Maximum number of added modes.
+_MAX_ADDED = 8
 
 #: Poles, shapes and participation.
-_Found = tuple[ComplexArray, ComplexArray, ComplexArray]
+_Modes = tuple[ComplexArray, ComplexArray, ComplexArray]
 
 
 def completed(task: Task, modes: ModalModel, participation: ComplexArray) -> ModalModel:
-    """Return the modes, and behind them those at significant peaks of the residual, strongest first; `participation` (n, m).
+    """Return the modes, followed by those at significant peaks of the residual, strongest first; `participation` (n, m).
 
-    The first peak is searched before anything is refined: a missing mode biases its neighbours. Nothing is added while the residual is
-    coloured, for poles would then be fitted to the error of the model.
+    The first peak is searched before any refinement: a missing mode biases its neighbours. Nothing is added where the residual remains
+    coloured: poles would then fit the error of the model.
     """
     count = len(modes)
-    found: _Found = (modes.poles - task.response.added_damping, modes.shapes, participation)
-    settled = settle(task, *found, most=0)
-    for _ in range(_ROUNDS):
+    best: _Modes = (modes.poles - task.response.added_damping, modes.shapes, participation)
+    settled = settle(task, *best, most=0)
+    for _ in range(_MAX_ADDED):
         more = _with_peak(task, settled)
         if more is None:
             break
         settled = _pruned(task, settle(task, *more), count)
-        if len(settled.descent.point.poles) <= len(found[0]):
+        if len(settled.descent.point.poles) <= len(best[0]):
             break
-        found = (settled.descent.point.poles, *settled.residues)
-    if len(found[0]) == count:
+        best = (settled.descent.point.poles, *settled.residues)
+    if len(best[0]) == count:
         return modes
     # an insignificant mode of the list drifts, and is no evidence against the others
     significant = _pruned(task, settled, 0)
     if significant.colour.coloured or not significant.descent.converged:
         return modes
-    poles, shapes, participation = found
+    poles, shapes, participation = best
     return joined([modes, _added_modes(task, modes, poles[count:], shapes[:, count:], participation[count:])])
 
 
-def _with_peak(task: Task, settled: Settled) -> _Found | None:
+def _with_peak(task: Task, settled: Settled) -> _Modes | None:
     """Return the modes with one at the strongest peak of the residual; None where no peak is significant."""
     point, fitted = settled.descent.point, settled.descent.fitted
     least = 2 * least_gain(task) * settled.variance
@@ -94,7 +92,7 @@ def _added_modes(
 ) -> ModalModel:
     """Return the added modes alone; columns that only the given modes have are NaN."""
     unknown = np.full(len(poles), np.nan)
-    text = "stands out of the residual of the other modes"
+    text = "significant in the residual of the other modes"
     columns: dict[str, Any] = {name: unknown for name in PER_MODE if getattr(modes, name) is not None}
     return ModalModel(
         poles=poles + task.response.added_damping,
@@ -107,8 +105,6 @@ def _added_modes(
         **task.response.labelled(),
     )
 
-
-# -------------------------------------------------------------------------------------------------------------- refine
 
 Progress = Callable[[int, int], None]
 
@@ -141,7 +137,7 @@ def refine(
         their lines (`refine_setups`), whose options are none of those below.
         In the band of the identification: what no mode explains biases the modes.
     modes : ModalModel
-        Where to start. Poles that are no decaying oscillations stay fixed, and are not reported.
+        Starting values. Poles that are no decaying oscillations are kept fixed, and not reported.
     groups : "auto", None or sequence of labels
         One an input (of records: a run): those of the data, none, or others.
     weights : array (F,), optional
@@ -149,7 +145,7 @@ def refine(
     fixed : array of complex, optional
         rad/s: fixed poles with free residues in every channel; they are not reported.
     complete : bool
-        Whether poles that stand out of the residual are added, where it is white.
+        Whether modes at significant peaks of the residual are added, where it is then white.
     settings : Settings or mapping, optional
         Those that the modes were found with: the data are taken in their `band`, without what they `exclude`, records with inputs
         by their `route` and with their `delays`. By default all that was measured, as `identify` would take it.
@@ -177,27 +173,34 @@ def refine(
     (True, True)
     """
     check_kind("modes of refine", modes, ModalModel)
-    ambient = _ambient(data)
-    if ambient is not None:
-        return refine_setups(_with_channels(ambient, modes), modes)
+    setups = _ambient(data)
+    if setups is not None:
+        missing = [dof for dof in setups.output_dofs if dof not in modes.output_dofs]
+        return refine_setups(setups.select(exclude=missing) if missing else setups, modes)
     response = _response(data, modes, Settings() if settings is None else settings).around(modes.poles)
     chosen = check_groups(groups, *response.parts, response.groups)
     poles = modes.poles - response.added_damping
     able = (poles.real < 0) & np.array([kind == "mode" for kind in modes.kinds], dtype=bool)
-    beside = np.asarray(fixed, dtype=complex).ravel() - response.added_damping
+    given = np.asarray(fixed, dtype=complex).ravel() - response.added_damping
     task = task_of(
-        response, np.concatenate([beside, poles[~able]]), None if weights is None else np.asarray(weights), progress
+        response, np.concatenate([given, poles[~able]]), None if weights is None else np.asarray(weights), progress
     )
-    notes = [_held(len(task.fixed))] if len(task.fixed) else []
+    notes = []
+    if count := len(task.fixed):
+        text = f"{counted(count, 'computational pole')} kept fixed during refinement"
+        notes.append(Note("held", {"poles": count}, text))
     start = modes.take(able)
     if complete and len(start):
         more = completed(task, start, _participation(task, start))
-        notes.append(_added(more.frequencies[len(start) :]))
+        added = more.frequencies[len(start) :]
+        where = ", ".join(f"{f:.5g} Hz" for f in added)
+        text = f"Modes added at peaks of the residual: {where}" if where else "no mode was added"
+        notes.append(Note("added", {"modes": len(added)}, text))
         start = more
     settled, kept, lost = _significant(task, start)
     if settled is not None and not settled.descent.converged:
         descent = settled.descent
-        text = f"the refinement did not converge: {descent.why}; the values are those of the best point"
+        text = f"Refinement did not converge: {descent.why}; values are the best so far"
         notes.append(Note("not converged", {"iterations": descent.iterations}, text))
     return refined(task, start.take(kept), settled, chosen, lost, notes)
 
@@ -210,29 +213,22 @@ def _ambient(data: Any) -> Setups | None:
     return Setups(parts=(test,), groups=None) if isinstance(test, Signals) and not test.input_dofs else None
 
 
-def _with_channels(setups: Setups, modes: ModalModel) -> Setups:
-    """Return setups of which the modes have all outputs."""
-    missing = [dof for dof in setups.output_dofs if dof not in modes.output_dofs]
-    return setups.select(exclude=missing) if missing else setups
-
-
 def _response(data: Any, modes: ModalModel, settings: Settings | Mapping[str, Any]) -> Response:
     """Return the response that the modes are of."""
     check_kind("settings", settings, (Settings, Mapping))
-    way = {name: settings.get(name) for name in ("band", "exclude", "route", "delays")}
-    response = measure(data, **way).response
+    response = measure(data, **{name: settings.get(name) for name in ("band", "exclude", "route", "delays")}).response
     if response.ambient:
         raise DataError(
-            "modes of correlations were to be refined",
-            "their errors are correlated from lag to lag, so that least squares is no maximum of their likelihood",
-            "Give the records themselves: their lines have a likelihood.",
+            "refinement on correlations was asked",
+            "errors of correlations are correlated between lags: least squares do not maximize the likelihood",
+            "Give the records of the correlations.",
         )
-    there, given = (response.values.shape[1], len(response.input_dofs)), len(modes.shapes)
-    if given != there[0] or (modes.participation is not None and modes.participation.shape[1] != there[1]):
+    outputs, inputs = response.values.shape[1], len(response.input_dofs)
+    if len(modes.shapes) != outputs or (modes.participation is not None and modes.participation.shape[1] != inputs):
         raise DataError(
-            "modes were to be refined",
-            f"the data have {there[0]} outputs and {there[1]} inputs, the modes others",
-            "Give the data that the modes were identified from, or select the same channels in both.",
+            "refinement of modes was asked",
+            f"the data have {outputs} outputs and {inputs} inputs, the modes others",
+            "Give the data of the identification, or select the same channels in both.",
         )
     return response
 
@@ -270,33 +266,17 @@ def _candidate(modes: ModalModel, j: int, gain: float) -> Candidate:
         frequency=float(modes.frequencies[j]),
         damping_ratio=float(modes.damping_ratios[j]),
         gain=float(np.sqrt(gain / 2)),
-        reason="refined jointly with the others it explains no more than noise does",
-        remedy="Measure longer or with less noise; refine=False reports it as it was found.",
+        reason="not significant in the joint refinement",
+        remedy="Measure longer or with less noise; refine=False reports it unrefined.",
     )
 
 
-def _held(count: int) -> Note:
-    words = "pole that is no mode takes" if count == 1 else "poles that are no modes take"
-    text = f"{count} {words} part in the refinement: fixed, with free residues"
-    return Note("held", {"poles": count}, text)
-
-
-def _added(frequencies: RealArray) -> Note:
-    listed = ", ".join(f"{f:.5g} Hz" for f in frequencies)
-    text = f"modes added, which stand out of the residual: {listed}" if listed else "no mode was added"
-    return Note("added", {"modes": len(frequencies)}, text)
-
-
-# ------------------------------------------------------------------------------------------------------------ in place
-# Standard deviations of modes at given values, by noise and between groups.
-
-
 def in_place(response: Response, modes: ModalModel, fixed: Array, groups: Any = AUTO) -> ModalModel:
-    """Return modes by frequency with both standard deviations, poles unmoved: information and scores are those at the given values.
+    """Return modes by frequency with both standard deviations at the given poles, from information and scores there.
 
-    Repeatability follows from the scores of each group of inputs or runs, whether or not they add to zero.
+    Repeatability follows from the scores of each group of inputs or runs; their sum need not vanish.
 
-    `modes`: decaying oscillations. `fixed` (k,): rad/s: poles given beside them. `groups`: as in `refine`.
+    `modes`: decaying oscillations. `fixed` (k,): rad/s: further poles. `groups`: as in `refine`.
     """
     added = response.added_damping
     task = task_of(response, np.asarray(fixed, dtype=np.complex128) - added, None, None)

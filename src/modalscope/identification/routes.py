@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modalscope.blocks.records import record_cost, refuse_beyond_memory
+from modalscope.blocks.costs import record_cost, refuse_beyond_memory
 from modalscope.data.notes import Note
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.record_transform import record_spectra

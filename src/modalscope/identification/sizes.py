@@ -4,56 +4,57 @@ from __future__ import annotations
 
 import numpy as np
 
+from modalscope.blocks.block_hankel import BlockHankel
 from modalscope.blocks.combinations import enough
-from modalscope.blocks.factor import costs_of
-from modalscope.blocks.structure import BlockHankel
+from modalscope.blocks.costs import costs_of
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 
-#: Parts of the samples that the short side of a truncation spans: a sixth, see `default_windows`.
-_PARTS = 6
+#: The short side of a truncation spans one in so many samples: a sixth, see `default_windows`.
+_SHORT_SIDE_SHARE = 6
 
-#: Rows or columns in all on the short side of a Hankel matrix of samples, and on the long one: a hundred thousand together.
-_SHORT, _LONG = 33_000, 67_000
+#: Maximum number of rows on the short side of a Hankel matrix of samples, and on the long side.
+_MAX_SHORT_ROWS, _MAX_LONG_ROWS = 33_000, 67_000
 
-#: Variances within less than this factor are alike, and operations that are worth rows on the long side: five milliseconds.
-_ALIKE, _WORTH = 2.0, 2e8
+#: Variances within this factor count as equal; the long side becomes rows where that saves this many operations: five milliseconds.
+_SAME_PRECISION, _MIN_SAVED_OPERATIONS = 2.0, 2e8
 
-#: Rows in all of shifted transfer functions, whose triangular factor is whole.
-_WINDOW_ROWS = 600
+#: Maximum number of rows of shifted transfer functions, whose triangular factor is complete.
+_MAX_WINDOW_ROWS = 600
 
-#: Rows in all of transfer functions on lines, whose cube counts, and rows times lines. Rows and degree that are always worth it.
-_LINE_ROWS, _LINE_NUMBERS, _ALWAYS_ROWS, _ALWAYS_DEGREE = 800, 1_500_000, 600, 48
+#: Maximum number of rows of transfer functions on lines, whose cube counts, and of rows times lines. Rows and degree that are always
+#: allowed.
+_MAX_LINE_ROWS, _MAX_LINE_NUMBERS, _CHEAP_ROWS, _CHEAP_DEGREE = 800, 1_500_000, 600, 48
 
-#: States of a companion form, whose eigenvalues cost their cube.
-_COMPANION = 240
+#: Maximum number of states of a companion form, whose eigenvalues cost their cube.
+_MAX_COMPANION_STATES = 240
 
-#: Rows of the past over times: what the past predicts by chance lowers damping (by 3 % at this share, by 12 % at 8 %).
-_PAST_SHARE = 0.02
+#: Maximum ratio of rows of the past to times: prediction by chance lowers damping by 3 % at this ratio, by 12 % at 8 %.
+_MAX_PAST_SHARE = 0.02
 
-#: Columns of the stack of records on lines up to which a higher degree is worth its time, and the highest degree.
-_STACK, _DEGREE = 1400, 100
+#: Maximum number of columns of the stack of records on lines, and maximum degree.
+_MAX_STACK_COLUMNS, _MAX_DEGREE = 1400, 100
 
-#: Part of the data that the terms of inputs and ends may take with them: deviations grow by 1 / sqrt(1 - share), by 29 % at most, while
-#: a degree that does not resolve the slowest mode costs several times as much.
-_SHARE = 0.4
+#: Maximum share of the data in the eliminated terms of inputs and ends: standard deviations grow by 1 / sqrt(1 - share), by 29 % at
+#: most, while a degree that does not resolve the slowest mode costs several times as much.
+_MAX_ELIMINATED_SHARE = 0.4
 
-#: Products of columns over all lines that are worth it: 2 F columns^2, some twenty seconds at 40 a nanosecond.
-_PRODUCTS = 8e11
+#: Maximum number of products of columns over all lines, 2 F columns^2: some twenty seconds at 40 a nanosecond.
+_MAX_PRODUCTS = 8e11
 
-#: Rows of the past beyond which the triangular factor takes long.
-_PAST_ROWS = 600
+#: Maximum number of rows of the past, for the time of the triangular factor.
+_MAX_PAST_ROWS = 600
 
-#: Rows in all of a matrix of joined setups.
+#: Maximum number of rows of a matrix of joined setups.
 SETUP_ROWS = 1300
 
-#: Periods of the slowest mode that the lags of joined setups span, and the fewest lags.
-_PERIODS, _FEWEST_LAGS = 6.0, 40
+#: Periods of the slowest mode spanned by the lags of joined setups, and minimum number of lags.
+_LAG_PERIODS, _MIN_LAGS = 6.0, 40
 
-#: Samples of the past that records with inputs are predicted from, and rows of their future.
-_DRIVEN_PAST, _DRIVEN_FUTURE = 120, 800
+#: Maximum number of samples of the past for records with inputs, and of rows of their future.
+_MAX_DRIVEN_PAST, _MAX_DRIVEN_FUTURE = 120, 800
 
 
 def default_windows(
@@ -83,12 +84,12 @@ def default_windows(
     if block_rows is not None or block_columns is not None:
         return lying if block_rows is not None else standing
     rough, precise = sorted((lying, standing), key=lambda sizes: _precision(*sizes))
-    if _precision(*rough) * _ALIKE <= _precision(*precise):
+    if _precision(*rough) * _SAME_PRECISION <= _precision(*precise):
         return precise
     like = np.broadcast_to(0.0, (samples, outputs, inputs))
     costs = [costs_of(BlockHankel(like, *sizes), order)[0] for sizes in (lying, standing)]
     saved = costs[0].operations - costs[0].passing - costs[1].operations + costs[1].passing
-    return standing if saved > _WORTH else lying
+    return standing if saved > _MIN_SAVED_OPERATIONS else lying
 
 
 def _precision(rows: int, columns: int) -> float:
@@ -97,14 +98,18 @@ def _precision(rows: int, columns: int) -> float:
 
 
 def _spans(
-    samples: int, channels: tuple[int, int], order: int, given: tuple[int | None, int | None], most: int = _SHORT
+    samples: int,
+    channels: tuple[int, int],
+    order: int,
+    given: tuple[int | None, int | None],
+    most: int = _MAX_SHORT_ROWS,
 ) -> tuple[int, int]:
     """Return blocks on the short side and on the long one, of so many channels each; `most` rows in all on the short side."""
     short, long = given
     least = min(max(-(-3 * order // channels[0]), 10), max(samples // 2, 1))
     room = samples if long is None else max(samples - long, 1)
-    short = short or min(max(min(samples // _PARTS, most // channels[0]), least), room)
-    return short, long or max(min(samples - short, max(_LONG // channels[1], short)), 1)
+    short = short or min(max(min(samples // _SHORT_SIDE_SHARE, most // channels[0]), least), room)
+    return short, long or max(min(samples - short, max(_MAX_LONG_ROWS // channels[1], short)), 1)
 
 
 def companion_windows(
@@ -115,7 +120,7 @@ def companion_windows(
         return default_blocks(response, order, block_rows, block_columns)
     samples, channels, inputs = response.values.shape
     outputs = enough(channels, order) or channels
-    return _spans(samples, (outputs, inputs), order, (block_rows, block_columns), _COMPANION)
+    return _spans(samples, (outputs, inputs), order, (block_rows, block_columns), _MAX_COMPANION_STATES)
 
 
 def default_blocks(
@@ -145,8 +150,8 @@ def setup_blocks(response: ImpulseResponse, lowest: float | None = None) -> dict
     `response`: its lags end where nothing is heard. `lowest`: hz: where the slowest mode stands out; all lags without it.
     """
     samples = response.samples
-    seen = samples if lowest is None else min(int(_PERIODS * response.sampling_rate / lowest), samples)
-    lags = max(seen, min(_FEWEST_LAGS, samples))
+    seen = samples if lowest is None else min(int(_LAG_PERIODS * response.sampling_rate / lowest), samples)
+    lags = max(seen, min(_MIN_LAGS, samples))
     rows = max(min(lags // 4, SETUP_ROWS // response.values.shape[1]), min(10, samples // 2), 1)
     return {"block_rows": rows, "block_columns": max(min(lags, samples - 1) - rows, 1)}
 
@@ -161,7 +166,7 @@ def default_projection(
     """
     least, lags = default_blocks(correlation, order, None, None)
     outputs = len(records.output_dofs)
-    most = min(_PAST_SHARE * records.runs * records.samples, _PAST_ROWS) / outputs
+    most = min(_MAX_PAST_SHARE * records.runs * records.samples, _MAX_PAST_ROWS) / outputs
     alike = max(min((least + lags) // 2, int(most)), least)
     return block_rows or alike, block_columns or alike
 
@@ -172,8 +177,8 @@ def default_shifts(response: Response, order: int, *, truncates: bool = True) ->
     But three times as many rows as states and ten blocks at least, and never more than a third of the samples.
     """
     outputs, samples = response.values.shape[1], response.as_samples().response.count
-    most = _WINDOW_ROWS if truncates else _COMPANION
-    wanted = max(-(-3 * order // outputs), 10, min(samples // _PARTS, most // outputs))
+    most = _MAX_WINDOW_ROWS if truncates else _MAX_COMPANION_STATES
+    wanted = max(-(-3 * order // outputs), 10, min(samples // _SHORT_SIDE_SHARE, most // outputs))
     return int(max(min(wanted, samples // 3), 1))
 
 
@@ -190,9 +195,9 @@ def default_degree(response: FrequencyResponse, order: int, *, truncates: bool =
     `truncates`: whether directions are cut off, so that more rows are no more states.
     """
     lines, outputs, inputs = response.values.shape
-    most = min(_LINE_ROWS, _LINE_NUMBERS // lines) if truncates else _COMPANION
-    rows = max(most, min(_ALWAYS_ROWS, _ALWAYS_DEGREE * outputs))
-    wanted = max(min(2 * lines // _PARTS, rows // outputs), 8, -(-order // outputs) + 1)
+    most = min(_MAX_LINE_ROWS, _MAX_LINE_NUMBERS // lines) if truncates else _MAX_COMPANION_STATES
+    rows = max(most, min(_CHEAP_ROWS, _CHEAP_DEGREE * outputs))
+    wanted = max(min(2 * lines // _SHORT_SIDE_SHARE, rows // outputs), 8, -(-order // outputs) + 1)
     carried = (2 * lines * inputs - order) // inputs - 1
     return int(max(min(wanted, carried), 1))
 
@@ -208,11 +213,13 @@ def default_record_degree(spectra: RecordSpectra, order: int, *, truncates: bool
     _, outputs, _ = spectra.values.shape
     channels, terms = spectra.eliminated
     least = max(8, -(-order // outputs) + 4)
-    stack = int(min(_STACK, np.sqrt(_PRODUCTS / (2 * spectra.count))))
+    stack = int(min(_MAX_STACK_COLUMNS, np.sqrt(_MAX_PRODUCTS / (2 * spectra.count))))
     wanted = (
         least
         if not truncates
-        else min(_DEGREE, stack // (channels + outputs) - 1, int(2 * _SHARE * spectra.count / terms) - 1)
+        else min(
+            _MAX_DEGREE, stack // (channels + outputs) - 1, int(2 * _MAX_ELIMINATED_SHARE * spectra.count / terms) - 1
+        )
     )
     most = (2 * spectra.count - order) // terms - 1
     return int(max(min(max(wanted, least), most), -(-order // outputs), 1))
@@ -228,9 +235,9 @@ def default_driven(
     """
     outputs, inputs = len(records.output_dofs), len(records.input_dofs)
     least = -(-order // outputs) + 1
-    past = block_columns or max(min(_DRIVEN_PAST, min(records.samples) // 20), least)
+    past = block_columns or max(min(_MAX_DRIVEN_PAST, min(records.samples) // 20), least)
     single = min(max(-(-order // (outputs + inputs)) + 1, 4), past)
     rows = (single + 2.5 * np.log1p(past / 2)) * (outputs + inputs)  # about: intervals grow by a half
     room = (sum(records.samples) / 2 - rows) / (outputs + inputs)
-    future = block_rows or max(min(100, _DRIVEN_FUTURE // (outputs + inputs), int(room)), least)
+    future = block_rows or max(min(100, _MAX_DRIVEN_FUTURE // (outputs + inputs), int(room)), least)
     return future, past, single

@@ -31,12 +31,11 @@ from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
 
-# ----------------------------------------------------------------------------------------------------------------- cut
-#: Orders are judged together while their states times lines or samples are no more than this: arrays in between stay in the cache.
-_TOGETHER = 100_000
+#: Maximum sum of states times lines or samples of orders that are computed together: their arrays fit into the cache.
+_MAX_NUMBERS_TOGETHER = 100_000
 
 #: Relative distance below which poles are the same: standard deviations are given to three digits.
-_SAME = 1e-8
+_SAME_POLE = 1e-8
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -66,50 +65,43 @@ class Cut:
         return replace(modes, frequencies_std=self.std.frequency, damping_ratios_std=self.std.damping_ratio)
 
 
-def cut_order(pipeline: Pipeline, order: int, *, deviations: bool = True) -> Cut:
-    """Return one order of a pipeline."""
-    return Shared(pipeline, deviations).of_order(order)
-
-
 def judged(pipeline: Pipeline, orders: Sequence[int], measured: Shared) -> list[Cut | DataError]:
-    """Return the first of increasing orders, or their errors: as many of them as are computed faster together, at least one."""
-    found: list[tuple[int, Triple, Eigenmodes] | DataError] = []
+    """Return the first of increasing orders, or their errors: as many as are faster computed together, at least one."""
+    results: list[tuple[int, Triple, Eigenmodes] | DataError] = []
     size = 0
     for order in orders:
         try:
             model = pipeline.triple(order)
-            found.append((order, model, _checked(pipeline, eigenmodes(pipeline.matrix, model))))
+            modes = eigenmodes(pipeline.matrix, model)
+            if not all(np.all(np.isfinite(values)) for values in (modes.poles, modes.shapes, modes.participation)):
+                modal_model(pipeline.matrix, modes, {})  # raises its error
+            results.append((order, model, modes))
         except DataError as error:
-            found.append(error)
+            results.append(error)
             continue
         size += len(model.A) * pipeline.response.count
-        if size > _TOGETHER or not (pipeline.matrix.fitted.by_mode and model.span is None):
+        if size > _MAX_NUMBERS_TOGETHER or not (pipeline.matrix.fitted.by_mode and model.span is None):
             break
-    good = [part for part in found if not isinstance(part, DataError)]
-    modes = measured.with_bases([modal for _, _, modal in good])
-    cuts = iter(measured.cuts([(order, model, modal) for (order, model, _), modal in zip(good, modes, strict=True)]))
-    return [part if isinstance(part, DataError) else next(cuts) for part in found]
+    computed = [result for result in results if not isinstance(result, DataError)]
+    bases = measured.with_bases([modal for _, _, modal in computed])
+    cuts = iter(
+        measured.cuts([(order, model, modal) for (order, model, _), modal in zip(computed, bases, strict=True)])
+    )
+    return [result if isinstance(result, DataError) else next(cuts) for result in results]
 
 
-def _checked(pipeline: Pipeline, modal: Eigenmodes) -> Eigenmodes:
-    """Return modes of finite numbers; others raise the error of making their model."""
-    if not all(np.all(np.isfinite(values)) for values in (modal.poles, modal.shapes, modal.participation)):
-        modal_model(pipeline.matrix, modal, {})
-    return modal
-
-
-class _Known(NamedTuple):
-    """Standard deviations of the poles `asked` (indices) of all poles of an order."""
+class _Computed(NamedTuple):
+    """Standard deviations of the poles with indices `which` of all poles of an order."""
 
     poles: ComplexArray
-    asked: IntArray
+    which: IntArray
     deviations: Deviations
 
-    def of(self, poles: ComplexArray, asked: IntArray) -> bool:
-        """Whether these are the same poles, in the same order, and the same ones are asked."""
-        if self.poles.shape != poles.shape or not np.array_equal(self.asked, asked):
+    def of(self, poles: ComplexArray, which: IntArray) -> bool:
+        """Whether poles and indices are the same, in the same order."""
+        if self.poles.shape != poles.shape or not np.array_equal(self.which, which):
             return False
-        return bool(np.all(np.abs(self.poles - poles) <= _SAME * np.abs(poles)))
+        return bool(np.all(np.abs(self.poles - poles) <= _SAME_POLE * np.abs(poles)))
 
 
 class Shared:
@@ -124,7 +116,7 @@ class Shared:
         self._complex = bool(np.iscomplexobj(self._response.values))
         self._weighted = getattr(self._matrix, "weights", None) is not None
         self.noise = noise_of(self._response, pipeline.problem.records, whitening) if deviations else None
-        self._known: dict[int, _Known] = {}
+        self._computed: dict[int, _Computed] = {}
 
     def cuts(self, parts: Sequence[tuple[int, Triple, Eigenmodes]]) -> list[Cut]:
         """Return orders, computed together, with their indicators and the standard deviations of their poles where asked."""
@@ -138,27 +130,27 @@ class Shared:
     def _deviations(
         self, parts: Sequence[tuple[int, Triple, Eigenmodes]], reported: Sequence[IntArray]
     ) -> list[Deviations | None]:
-        """Return the standard deviations of the reported poles of every order, known ones from the cache; None where not asked."""
+        """Return the standard deviations of the reported poles of every order, cached; None where not asked."""
         if self.noise is None:
             return [None] * len(parts)
         asked = []
         for part, which in zip(parts, reported, strict=True):
             order, _, modal = part
-            known = self._known.get(order)
-            if known is None or not known.of(modal.poles, which):
+            computed = self._computed.get(order)
+            if computed is None or not computed.of(modal.poles, which):
                 noise = self.noise_beside(modal)
                 assert noise is not None
                 asked.append(Asked(*part, which, noise))
-        for one, found in zip(asked, deviations_of(self._matrix, self._pipeline.realization, *asked), strict=True):
-            self._known[one.order] = _Known(one.modal.poles, one.which, found)
-        return [self._known[order].deviations for order, _, _ in parts]
+        for one, std in zip(asked, deviations_of(self._matrix, self._pipeline.realization, *asked), strict=True):
+            self._computed[one.order] = _Computed(one.modal.poles, one.which, std)
+        return [self._computed[order].deviations for order, _, _ in parts]
 
     def take_deviations_of(self, other: Shared) -> None:
-        """Take over the standard deviations of the same poles: they follow from the poles and the data alone."""
-        self._known.update(other._known)
+        """Take the standard deviations of another sweep: they depend on poles and data alone."""
+        self._computed.update(other._computed)
 
     def _reported(self, model: Triple, modal: Eigenmodes) -> IntArray:
-        """Return the poles that a rank explains and that lie in the band."""
+        """Return the indices of the poles in the band that are not extraneous."""
         kept, _ = split_extraneous(modal, model)
         f, _ = frequencies_and_damping(modal.poles)
         low, high = self._pipeline.reported_band
@@ -172,7 +164,7 @@ class Shared:
         std: Deviations | None,
     ) -> Cut:
         order, model, modal = part
-        bare = _with_basis(modal, None)  # every order's columns together would be large
+        bare = _with_basis(modal, None)  # the columns of all orders would need much memory
         return Cut(
             order=order,
             triple=model,
@@ -186,13 +178,13 @@ class Shared:
 
     def of_order(self, order: int) -> Cut:
         """Return one order, or raise its `DataError`."""
-        (found,) = judged(self._pipeline, [order], self)
-        if isinstance(found, DataError):
-            raise found
-        return found
+        (result,) = judged(self._pipeline, [order], self)
+        if isinstance(result, DataError):
+            raise result
+        return result
 
     def with_bases(self, several: Sequence[Eigenmodes]) -> list[Eigenmodes]:
-        """Return modes of one order or several with the basis of their poles, computed once, where the fit has no misfit yet."""
+        """Return the modes of several orders with the basis of their poles, computed at once, where the fit has no misfit."""
         if self._weighted or self._response is not self._compared:
             return list(several)
         fits = [modes.fit.fitted or modes.fit for modes in several]
@@ -200,8 +192,8 @@ class Shared:
             return list(several)
         basis = self._response.basis(np.concatenate([modes.poles for modes in several]), fits[0].powers)
         ends = 2 * np.cumsum([0, *(modes.poles.size for modes in several)])
-        each = (replace(basis, functions=basis.functions[:, a:b]) for a, b in pairwise(ends))
-        parts = each if len(several) > 1 else [basis]  # which may have columns of inputs and ends, too
+        several_bases = (replace(basis, functions=basis.functions[:, a:b]) for a, b in pairwise(ends))
+        parts = several_bases if len(several) > 1 else [basis]  # one may have columns of inputs and ends, too
         return [_with_basis(modes, part) for modes, part in zip(several, parts, strict=True)]
 
     def misfit(self, modes: Eigenmodes) -> float:
@@ -215,7 +207,7 @@ class Shared:
         if self.noise is None or not self.noise.of_residual:
             return self.noise
         fit = modal.fit if self._pipeline.problem.whitening is None else modal.fit.fitted or modal.fit
-        rows = self._response.count * (1 + self._complex)  # of compressed ones there are fewer
+        rows = self._response.count * (1 + self._complex)  # not those of a compressed basis
         if fit.unexplained is not None and np.all(np.isfinite(fit.unexplained)):
             unknown = len(fit.terms) + 2 * modal.poles.size
             return self.noise.beside(residual_variance(fit.unexplained, rows - unknown, self._complex))
@@ -225,13 +217,10 @@ class Shared:
 
 
 def _with_basis(modes: Eigenmodes, basis: ModalBasis | None) -> Eigenmodes:
-    """Return modes whose fit has a basis of their poles: that of the whitened channels where they were fitted there."""
+    """Return modes whose fit has this basis, or the fit of the whitened channels where there is one."""
     if modes.fit.fitted is None:
         return replace(modes, fit=replace(modes.fit, basis=basis))
     return replace(modes, fit=replace(modes.fit, basis=None, fitted=replace(modes.fit.fitted, basis=basis)))
-
-
-# --------------------------------------------------------------------------------------------------------------- sweep
 
 
 class Sweep:
@@ -250,11 +239,11 @@ class Sweep:
 
     @property
     def noise(self) -> Noise | None:
-        """What is known of the noise; None where no deviations were asked."""
+        """The noise model of the data; None without standard deviations."""
         return self._measured.noise
 
     def noise_beside(self, cut: Cut) -> Noise | None:
-        """Return the noise of the residual of a model; None where no standard deviations were asked."""
+        """Return the noise model given the residual of an order; None without standard deviations."""
         return self._measured.noise_beside(cut.modal)
 
     def has_poles_of(self, other: Sweep) -> bool:
@@ -265,9 +254,9 @@ class Sweep:
         """Whether another sweep over the same factors has the same modes, notes and settings at every order."""
         if not self.has_poles_of(other):
             return False
-        mine, its = self.pipeline, other.pipeline
-        said = mine.notes == its.notes and mine.settings == its.settings
-        return said and (mine.matrix.fits_states or self._model.has_ends_of(other._model))
+        ours, theirs = self.pipeline, other.pipeline
+        alike = ours.notes == theirs.notes and ours.settings == theirs.settings
+        return alike and (ours.matrix.fits_states or self._model.has_ends_of(other._model))
 
     @cached_property
     def _model(self) -> Triple:
@@ -275,7 +264,7 @@ class Sweep:
         return self.pipeline.realization.triple(self.orders[-1])
 
     def take_deviations_of(self, other: Sweep | None) -> None:
-        """Take the deviations that a sweep with the same poles has found."""
+        """Take the standard deviations of a sweep with the same poles."""
         if other is not None:
             self._measured.take_deviations_of(other._measured)
 
@@ -284,18 +273,17 @@ class Sweep:
         return self._measured.of_order(order)
 
     def notes_on(self, cuts: Iterable[Cut]) -> tuple[Note, ...]:
-        """Return a note on how the standard deviations were estimated, or why not; none where they were not asked."""
+        """Return a note on how the standard deviations were estimated, or why there are none."""
         if self.noise is None:
             return ()
-        known = any(np.any(np.isfinite(cut.std.frequency)) for cut in cuts if cut.std is not None)
-        nothing = Unknown(
-            "it is not known how the data move the poles of this method, or no residual is left to estimate noise from"
-        )
-        return (self.noise.note if known or isinstance(self.noise, Unknown) else nothing.note,)
+        finite = any(np.any(np.isfinite(cut.std.frequency)) for cut in cuts if cut.std is not None)
+        if finite or isinstance(self.noise, Unknown):
+            return (self.noise.note,)
+        return (Unknown("this method has no propagation of errors to its poles, or the data have no residual").note,)
 
     @property
     def remaining(self) -> tuple[int, ...]:
-        """The orders that are still to come."""
+        """The remaining orders."""
         return tuple(self._pending)
 
     def __iter__(self) -> Sweep:
@@ -326,8 +314,8 @@ def sweep(
 ) -> Sweep:
     """Identify at many orders from one factorization, one order at a time.
 
-    The data are factored before this returns; each order is computed when it is asked for. Leave the loop whenever you like, and go on
-    with the same object later.
+    The data are factored before this returns; each order is computed when the iteration reaches it. The iteration can be interrupted and
+    continued.
 
     Parameters
     ----------
@@ -364,13 +352,12 @@ def sweep(
 
 
 def problem_of(data: Any, method: str | None, domain: str | None, options: Mapping[str, Any]) -> Problem:
-    """Return the problem of data, or that of a pipeline, whose method and options stand already."""
+    """Return the problem of data, or that of a pipeline, whose method and options are fixed."""
     if not isinstance(data, Pipeline):
         return prepare(data, method, domain, **options)
-    asked = [name for name, value in {"method": method, "domain": domain, **options}.items() if value is not None]
-    if asked:
-        there = "the problem is factored already"
-        raise DataError(f"{asked[0]}= was asked", there, f"Give {asked[0]}= to prepare().")
+    for name, value in {"method": method, "domain": domain, **options}.items():
+        if value is not None:
+            raise DataError(f"{name}= was asked", "the problem is factored already", f"Give {name}= to prepare().")
     return data.problem
 
 
