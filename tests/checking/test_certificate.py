@@ -170,7 +170,7 @@ def test_a_reported_deviation_that_is_wrong_by_two_does_not_hold() -> None:
 def test_few_replicates_say_how_little_they_tell() -> None:
     # 1.96 / sqrt(5), 1 + 1.96 / sqrt(8)
     (note,) = certificate.note_on_few(5)
-    assert "biased by 0.9 deviations, or 1.7 times too narrow" in str(note)
+    assert "a bias of 0.9 standard deviations, or 1.7 times too narrow" in str(note)
     assert not certificate.note_on_few(20)
 
 

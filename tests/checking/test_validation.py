@@ -31,7 +31,7 @@ def test_true_modes_explain_what_they_were_not_fitted_to_up_to_the_noise(leaving
     assert np.all(np.abs(seen.fit_errors / 0.01 - 1) < 0.1)
     assert np.all(seen.fit_errors >= 0.999 * seen.fit_errors_with)
     assert seen.white
-    assert str(seen.notes[0]).endswith("what is left of all is no more than white noise")
+    assert str(seen.notes[0]).endswith("residual of all white")
     assert len(seen.table().splitlines()) == len(seen.parts) + 2
 
 

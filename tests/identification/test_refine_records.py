@@ -132,7 +132,7 @@ def test_analyze_refines_what_passes_the_test_of_the_residual_and_nothing_else()
     assert np.all(np.abs(result.modes.frequencies - test.frequencies) < 4 * result.modes.frequencies_std)
     past = ms.analyze(test.signals, route="subspace").modes
     hidden = ms.analyze(shaker(0, modes=4, outputs=4, seconds=4.0, unmeasured=0.5).signals, route="records").modes
-    for modes, why in ((past, "as instruments"), (hidden, "not measured")):
+    for modes, why in ((past, "no instruments"), (hidden, "unmeasured forces")):
         assert modes.unrefined is None
         assert why in " ".join(str(note) for note in modes.notes if note.kind == "not refined")
 

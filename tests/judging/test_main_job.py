@@ -9,7 +9,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.modal.rebuilt import fit_of
-from modalscope.workflow.bands import refined_where_it_helps
+from modalscope.workflow.refining import refined_where_it_helps
 from tests.support import BEAM, FIVE, add_noise, measured
 
 

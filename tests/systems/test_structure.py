@@ -114,7 +114,7 @@ def test_structures_that_do_not_fit_are_refused(change: dict, message: str) -> N
     [
         (lambda s: s.state_space(quantity="force"), "quantity='force' was asked"),
         (lambda s: s.modes(outputs=["9:+X"]), "output '9:\\+X' was asked"),
-        (lambda s: s.impulse_response(10), "chain has no sampling interval of its own.*\nGive sampling_rate"),
+        (lambda s: s.impulse_response(10), "chain has no sampling interval.*\nGive sampling_rate"),
         (lambda s: s.free_decay(10, velocity=[1], sampling_rate=10), "velocity needs 2 entries"),
         (lambda s: s.frequency_response([1.0], noise=-1), "noise needs a fraction"),
         (lambda s: s.simulate(sampling_rate=10), "its length is not given"),

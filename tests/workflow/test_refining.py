@@ -7,7 +7,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.likelihood.settling import needed_beside
-from modalscope.workflow.bands import _with_others
+from modalscope.workflow.refining import _with_others
 from tests.support import FIVE, add_noise, match_poles
 
 
@@ -72,7 +72,7 @@ def test_data_that_were_transformed_keep_their_values_and_say_why():
 def test_an_optimum_far_away_is_not_reported_as_the_mode(monkeypatch):
     """A list that lacks modes, with nothing beside it: the refined values are another mode's."""
     data = add_noise(FIVE["over4"]().frequency_response(np.linspace(0.3, 8, 340)), 40, 5)
-    monkeypatch.setattr("modalscope.workflow.bands.needed_beside", lambda *_: np.zeros(0, complex))
+    monkeypatch.setattr("modalscope.workflow.refining.needed_beside", lambda *_: np.zeros(0, complex))
     found = ms.analyze(data).modes
     assert "the optimum lies far from" in told(found, "not refined")
     assert found.unrefined is None

@@ -113,7 +113,7 @@ def test_data_without_a_file_are_known_by_their_numbers() -> None:
     with pytest.raises(ms.DataError, match="these are others"):
         ms.replay(result.analysis, other)
     assert len(ms.replay(result.analysis, other, force=True).modes) == len(result.modes)
-    with pytest.raises(ms.DataError, match="came from no file"):
+    with pytest.raises(ms.DataError, match="names no file"):
         ms.replay(result.analysis)
 
 

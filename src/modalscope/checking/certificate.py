@@ -1,7 +1,7 @@
 """Calibrate intervals by simulation: replicates of the test are identified as the measured data were.
 
-First-order deviations see neither bias nor thresholds nor modes that split. Replicates do: the rebuilt response plus noise of the estimated
-variance, taken through the same row at the same order, and refined where the reported modes were.
+First-order standard deviations contain neither bias nor thresholds nor modes that split. Replicates do: the rebuilt response plus noise of
+the estimated variance, identified by the same row at the same order, and refined where the reported modes were.
 """
 
 from __future__ import annotations
@@ -35,11 +35,8 @@ from modalscope.numerics.checks import Array, BoolArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import assign
 
-# ---------------------------------------------------------------------------------------------------------- replicates
-# Replicates of a result: the response that its modes give plus noise like that of the data, identified as the reported modes were.
-
-#: A replicate finds a mode within so many half bandwidths or deviations, with a shape this much alike.
-_NEAR_BANDWIDTHS, _NEAR_DEVIATIONS, _ALIKE = 2.0, 10.0, 0.5
+#: Maximum distance of a mode of a replicate, in half bandwidths or standard deviations, and minimum MAC of its shape.
+_MAX_HALF_BANDWIDTHS, _MAX_DEVIATIONS, _MIN_MAC = 2.0, 10.0, 0.5
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -58,26 +55,24 @@ class Replicates:
 
     def one(self, rng: np.random.Generator) -> RealArray:
         """Return frequencies, damping ratios and their deviations of one replicate, (4, n); NaN where a mode is not found."""
-        values = self.clean + self.noise.drawn(self.clean.shape, rng)
-        response: Response = replace(self.diagram.response, values=values)
-        found = np.full((4, len(self.modes)), np.nan)
+        noisy = self.clean + self.noise.drawn(self.clean.shape, rng)
+        response: Response = replace(self.diagram.response, values=noisy)
+        values = np.full((4, len(self.modes)), np.nan)
         try:
             modes = self._identified(response)
-        except DataError:  # no model, no mode: not found
-            return found
-        mine, theirs = matched(self.modes, modes)
-        if self.modes.unrefined is not None and len(theirs):
-            modes = refine(response, modes.take(np.sort(theirs)))
-            mine, theirs = matched(self.modes, modes)
-        found[0, mine], found[1, mine] = modes.frequencies[theirs], modes.damping_ratios[theirs]
+        except DataError:  # no model, no mode
+            return values
+        true, of_replicate = matched(self.modes, modes)
+        if self.modes.unrefined is not None and len(of_replicate):
+            modes = refine(response, modes.take(np.sort(of_replicate)))
+            true, of_replicate = matched(self.modes, modes)
+        values[0, true], values[1, true] = modes.frequencies[of_replicate], modes.damping_ratios[of_replicate]
         for row, name in ((2, "frequencies_std"), (3, "damping_ratios_std")):
-            told, std = getattr(self.modes, name), getattr(modes, name)
-            if (
-                told is not None
-            ):  # where a replicate has none of its own, as of correlations without records, what is tried itself
-                own = np.full(len(mine), np.nan) if std is None else std[theirs]
-                found[row, mine] = np.where(np.isfinite(own), own, told[mine])
-        return found
+            reported, std = getattr(self.modes, name), getattr(modes, name)
+            if reported is not None:  # also used where a replicate has none, as of correlations without records
+                of_modes = np.full(len(true), np.nan) if std is None else std[of_replicate]
+                values[row, true] = np.where(np.isfinite(of_modes), of_modes, reported[true])
+        return values
 
     def _identified(self, response: Response) -> ModalModel:
         diagram, settings = self.diagram, self.diagram.settings
@@ -106,11 +101,8 @@ def replicates_of(
         raise DataError("a certificate was asked", "there are no modes", "Give a result with modes.")
     row = find_method(diagram.method, diagram.domain, diagram.domain, diagram.settings.route)
     if row.of_past:
-        raise DataError(
-            f"a certificate of {row.label} was asked",
-            "it projects the records themselves on their past, and replicates are made of responses",
-            "Certify another method on the same record.",
-        )
+        have = "it projects records on their past, and replicates are responses"
+        raise DataError(f"a certificate of {row.label} was asked", have, "Certify another method on the same record.")
     response, order = diagram.response, nearest_order(diagram, modes.unrefined or modes)
     clean = rebuilt(response, modes)
     noise = _noise_beside(diagram, modes, order, records)
@@ -167,17 +159,15 @@ def matched(truth: ModalModel, found: ModalModel) -> tuple[IntArray, IntArray]:
         return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
     half = np.abs(truth.poles.real) / (2 * np.pi)
     std = np.zeros(len(truth)) if truth.frequencies_std is None else np.nan_to_num(truth.frequencies_std)
-    near = np.maximum(_NEAR_BANDWIDTHS * half, _NEAR_DEVIATIONS * std)[:, None]
-    away = np.abs(truth.frequencies[:, None] - found.frequencies) / near
+    limit = np.maximum(_MAX_HALF_BANDWIDTHS * half, _MAX_DEVIATIONS * std)[:, None]
+    away = np.abs(truth.frequencies[:, None] - found.frequencies) / limit
     likeness = mac(truth.shapes, found.shapes)
     distance = np.abs(truth.poles[:, None] - found.poles) / np.maximum(np.abs(truth.poles.real), 1e-300)[:, None]
-    allowed = (away <= 1) & (likeness >= _ALIKE)
+    allowed = (away <= 1) & (likeness >= _MIN_MAC)
     rows, columns = assign(np.where(allowed, np.minimum(distance, 1e3) + 1 - likeness, 1e6))
     good = allowed[rows, columns]
     return np.asarray(rows[good]), np.asarray(columns[good])
 
-
-# --------------------------------------------------------------------------------------------------------- certificate
 
 #: Limits of an interval that holds: |bias| in deviations, deviation found over predicted, coverage of the 95 % interval.
 LARGEST_BIAS, RATIOS, LEAST_COVERAGE = 0.5, (0.8, 1.25), 0.88
@@ -185,11 +175,11 @@ LARGEST_BIAS, RATIOS, LEAST_COVERAGE = 0.5, (0.8, 1.25), 0.88
 #: Replicates more, in multiples of the first, for what fails: a perfect interval of 40 replicates fails a figure by chance in 5 %.
 MORE = 4
 
-#: A reported deviation that replicates' own leave beyond this part of what may come, to either side, is unlike them.
-_UNLIKE = 0.9985
+#: Probability, to either side, beyond which a reported standard deviation is unlike those of the replicates.
+_UNLIKE_PROBABILITY = 0.9985
 
-#: Below so many replicates it is said how little they tell.
-_FEW = 20
+#: Number of replicates below which a note states their uncertainty.
+_MIN_REPLICATES = 20
 
 #: Normal quantile of the 95 % interval, and its level.
 _Z, _LEVEL = 1.959964, 0.95
@@ -337,7 +327,7 @@ def _judged(truth: ModalModel, own: RealArray) -> RealArray:
         away = np.abs(np.log(stated) - np.log(_median(own)))
         mean = np.nansum(log, axis=0) / count
         scatter = np.sqrt(np.nansum((log - mean) ** 2, axis=0) / (count - 1) * (1 + 1 / count))
-        unlike = away > np.maximum(np.log(RATIOS[1]), stdtrit(count - 1.0, _UNLIKE) * scatter)
+        unlike = away > np.maximum(np.log(RATIOS[1]), stdtrit(count - 1.0, _UNLIKE_PROBABILITY) * scatter)
     return np.where(unlike & (count > 1), np.broadcast_to(stated, own.shape), own)
 
 
@@ -385,11 +375,11 @@ def certified(
 
 def note_on_few(count: int) -> list[Note]:
     """Return how wrong an interval may be that so few replicates pass; nothing of as many as tell."""
-    if count >= _FEW:
+    if count >= _MIN_REPLICATES:
         return []
     bias, scatter = (float(v) for v in _by_chance(np.array(count)))
     text = (
-        f"{count} replicates tell little: an interval may pass that is biased by {bias:.1f} deviations, or {1 + scatter:.1f} times "
+        f"Only {count} replicates: an interval may pass with a bias of {bias:.1f} standard deviations, or {1 + scatter:.1f} times "
         f"too narrow (40 replicates: {LARGEST_BIAS:g}, {RATIOS[1]:g})"
     )
     return [Note("few replicates", {"replicates": float(count)}, text)]
@@ -420,14 +410,14 @@ def _why(modes: ModalModel, told: Calibration, j: int, i: int, word: str, given:
     bias, ratio, cover = (float(part[j, i]) for part in (told.bias, told.ratio, told.coverage))
     reasons = []
     if not abs(bias) < LARGEST_BIAS:
-        reasons.append(f"biased by {bias:.2g} deviations")
+        reasons.append(f"bias {bias:.2g} standard deviations")
     if not RATIOS[0] <= ratio <= RATIOS[1]:
-        reasons.append(f"scatters {ratio:.2g} times as much as predicted")
+        reasons.append(f"scatter {ratio:.2g} times the predicted")
     if not cover >= LEAST_COVERAGE:
-        reasons.append(f"the 95 % interval holds the truth in {100 * cover:.0f} %")
+        reasons.append(f"coverage {100 * cover:.0f} % instead of 95 %")
     if np.isnan(cover):
-        reasons = ["the replicates do not find the mode" if given else "no deviation is given"]
-    text = f"the interval of the {word} at {modes.frequencies[j]:.5g} Hz does not hold: {', '.join(reasons)}"
+        reasons = ["the replicates do not find the mode" if given else "no standard deviation is given"]
+    text = f"The interval of the {word} at {modes.frequencies[j]:.5g} Hz does not hold: {', '.join(reasons)}"
     numbers = {"frequency_hz": float(modes.frequencies[j]), "bias": bias, "ratio": ratio, "coverage": cover}
     return Note("interval does not hold", numbers, text)
 

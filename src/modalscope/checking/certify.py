@@ -82,18 +82,15 @@ def certify(
         result = replay(result.analysis, data)
     parts = [int(note.numbers["parts"]) for note in result.diagram.notes if note.kind == SPLIT]
     if len(result.diagrams) > 1 or parts:
-        raise DataError(
-            f"a certificate of {(*parts, len(result.diagrams))[0]} bands was asked",
-            "replicates are made of one band",
-            "Analyse the bands one by one: analyze(data, band=...).",
-        )
+        asked = f"a certificate of {(*parts, len(result.diagrams))[0]} bands was asked"
+        raise DataError(asked, "replicates need one band", "Analyse the bands one by one: analyze(data, band=...).")
     diagram = result.diagram
     made = replicates_of(diagram, result.modes, _records(result, diagram), whole=select)
     return certified(made, count, np.random.default_rng(start), progress)
 
 
 def _records(result: Result, diagram: StabilizationDiagram) -> Signals | None:
-    """Return the records behind correlations, filtered to the band; None of responses."""
+    """Return the records of correlations, filtered to the band; None for responses."""
     if not diagram.response.ambient or result.data is None:
         return None
     settings = diagram.settings

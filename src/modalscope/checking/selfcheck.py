@@ -16,9 +16,6 @@ from modalscope.numerics.resources import one_thread
 from modalscope.systems.chains import spring_chain
 from modalscope.systems.examples import iasc_asce, three_masses, three_masses_record
 
-# -------------------------------------------------------------------------------------------------------------- tables
-# Published numbers, as they were printed: each with its source and the last digit that it has.
-
 
 class Table(NamedTuple):
     """One published table.
@@ -46,7 +43,7 @@ def _column(name: str, source: str, column: str, digits: int, *values: float) ->
     return Table(name, source, (column,), (digits,), tuple((value,) for value in values))
 
 
-#: Hz: what the closed form gives, and what was identified.
+#: Hz, of the closed form and identified.
 _FIVE_STOREYS = (0.889952, 2.597758, 4.095108, 5.260697, 6.000096)
 
 _IASC = "Johnson, Lam, Katafygiotis and Beck, J. Eng. Mech. 130 (2004), 3-15: the IASC-ASCE benchmark, 12 degrees of freedom"
@@ -76,10 +73,8 @@ TABLES = (
 )
 
 
-# ----------------------------------------------------------------------------------------------------------- selfcheck
-
-#: Share of a unit of the last printed digit that a value may differ by: a printed number is rounded.
-_ROUNDED = 0.51
+#: Maximum difference in units of the last printed digit: a printed number is rounded.
+_MAX_ROUNDING = 0.51
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +95,7 @@ class Value:
     @property
     def same(self) -> bool:
         """Whether the computed value rounds to the published one."""
-        return bool(abs(self.computed - self.published) <= _ROUNDED * 10.0**-self.digits)
+        return bool(abs(self.computed - self.published) <= _MAX_ROUNDING * 10.0**-self.digits)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

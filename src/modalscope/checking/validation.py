@@ -19,8 +19,10 @@ from modalscope.numerics.checks import RealArray, check_kind
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import one_thread
 
-#: Two parts leave one another alone: nothing is common to what was left out and to what explains it.
-_FEWEST = 3
+#: Minimum number of parts: the others must have something in common with the one that is left out.
+_MIN_PARTS = 3
+
+_VALUES = ("frequencies", "damping_ratios")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
@@ -101,18 +103,12 @@ def validate(data: Any, modes: ModalModel, *, leaving: str = "inputs") -> Valida
     check_choice("leaving", leaving, ("inputs", "outputs"))
     response = measure(data).response
     if response.ambient or not response.separable:
-        raise DataError(
-            "modes were to be tried on channels left out",
-            "the data are correlations or records",
-            "Give frequency or impulse responses.",
-        )
+        have, change = "the data are correlations or records", "Give frequency or impulse responses."
+        raise DataError("a validation on channels left out was asked", have, change)
     labels = response.input_dofs if leaving == "inputs" else response.output_dofs
-    if len(labels) < _FEWEST:
-        raise DataError(
-            f"{leaving} were to be left out in turn",
-            f"there are {len(labels)}",
-            f"Give {_FEWEST} at least, or leave out the other side.",
-        )
+    if len(labels) < _MIN_PARTS:
+        change = f"Give {_MIN_PARTS} at least, or leave out the other side."
+        raise DataError(f"{leaving} were to be left out in turn", f"there are {len(labels)}", change)
     whole = refine(response, modes)
     without = [_without(response, whole, leaving, k, len(labels)) for k in range(len(labels))]
     kept = [_error(response, whole, leaving, k) for k in range(len(labels))]
@@ -130,9 +126,6 @@ def validate(data: Any, modes: ModalModel, *, leaving: str = "inputs") -> Valida
         white=not seen.coloured,
         notes=_told(labels, error, np.array(kept), seen),
     )
-
-
-_VALUES = ("frequencies", "damping_ratios")
 
 
 def _without(response: Response, modes: ModalModel, leaving: str, k: int, count: int) -> ModalModel:
@@ -179,14 +172,10 @@ def _by_leaving_out(values: RealArray) -> RealArray:
 
 def _told(labels: tuple[str, ...], out: RealArray, held: RealArray, seen: Colour) -> tuple[Note, ...]:
     worst = int(np.argmax(out / np.maximum(held, 1e-300)))
-    kind = (
-        "no more than white noise"
-        if not seen.coloured
-        else f"more than noise (neighbours correlate by {seen.correlation:.2g})"
-    )
+    residual = f"not white (lag-1 correlation {seen.correlation:.2g})" if seen.coloured else "white"
     text = (
-        f"of what was not fitted {100 * np.median(out):.3g} % are left in the median, {100 * np.median(held):.3g} % where it was; "
-        f"most is lost of {labels[worst]}, {100 * out[worst]:.3g} for {100 * held[worst]:.3g} %; what is left of all is {kind}"
+        f"Median fit error {100 * np.median(out):.3g} % of parts left out, {100 * np.median(held):.3g} % of fitted ones; "
+        f"worst {labels[worst]}, {100 * out[worst]:.3g} against {100 * held[worst]:.3g} %; residual of all {residual}"
     )
     return (Note("validation", {"out": float(np.median(out)), "with": float(np.median(held))}, text),)
 

@@ -16,7 +16,6 @@ from modalscope.systems.chains import joined, row_geometry
 from modalscope.systems.modal import modal_damping
 from modalscope.systems.structure import Structure
 
-# ---------------------------------------------------------------------------------------------------------------- iasc
 # The IASC-ASCE structural health monitoring benchmark, phase I: the shear-building model with 12 degrees of freedom.
 #
 # A four-storey steel frame of two by two bays, 2.5 m by 2.5 m in plan and 3.6 m tall, at the University of British Columbia.
@@ -105,9 +104,6 @@ def _frame() -> Geometry:
     return Geometry(
         nodes=names, coordinates=np.array([xyz for _, *xyz in nodes]), lines=np.array(lines), motions=motions
     )
-
-
-# ------------------------------------------------------------------------------------------------------------ examples
 
 
 def ring5() -> Structure:

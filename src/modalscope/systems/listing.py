@@ -62,7 +62,6 @@ def build(name: str) -> Structure:
     return catalog()[check_choice("system", name, catalog())]()
 
 
-# --------------------------------------------------------------------------------------------------------------- trial
 # A simulated test of a structure with nothing set: the band and the rate are those that hold all its modes.
 
 #: What is measured, and how many lines or samples of it when nothing is said.

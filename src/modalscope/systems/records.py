@@ -15,7 +15,6 @@ from modalscope.numerics.arguments import plainly
 from modalscope.numerics.checks import Array, RealArray, check_count, check_number, real_array
 from modalscope.numerics.errors import DataError, check_choice
 
-# --------------------------------------------------------------------------------------------------------------- noise
 # Measurement noise: white, a fraction of each channel's RMS.
 
 #: What makes random numbers repeatable; None draws new ones each time.
@@ -34,9 +33,8 @@ def generator(seed: Seed) -> np.random.Generator:
 def white_noise(values: Array, fraction: float, rng: np.random.Generator, axis: int = 0) -> Array:
     """Return Gaussian noise of the RMS `fraction` times that of `values` along `axis`; circular when values are complex."""
     if not (isinstance(fraction, int | float | np.number) and 0 <= fraction < np.inf):
-        raise DataError(
-            "noise needs a fraction of the channel's RMS, 0 or more", f"it is {fraction!r}", "Give 0.01 for 40 dB."
-        )
+        asked = "noise needs a fraction of the channel's RMS, 0 or more"
+        raise DataError(asked, f"it is {fraction!r}", "Give 0.01 for 40 dB.")
     scale = fraction * np.sqrt(np.mean(np.abs(values) ** 2, axis=axis, keepdims=True))
     if values.dtype.kind == "c":
         return np.asarray(
@@ -73,8 +71,6 @@ def add_noise(data: Noisy, fraction: float, seed: Seed = None) -> Noisy:
         return replace(data, outputs=data.outputs + white_noise(data.outputs, fraction, rng, axis=-2)).processed(note)
     return replace(data, values=data.values + white_noise(data.values, fraction, rng)).processed(note)
 
-
-# ------------------------------------------------------------------------------------------------------------- records
 
 #: "white", "ambient", or forces of shape (samples, inputs) or (runs, samples, inputs).
 Inputs = str | ArrayLike
@@ -130,17 +126,12 @@ def _forces(inputs: Inputs, count: int, samples: int | None, runs: int, rng: np.
     given = real_array("inputs", inputs, "(samples, inputs) or (runs, samples, inputs)", (2, 3))
     given = given[None] if given.ndim == 2 else given
     if given.shape[2] != count:
-        raise DataError(
-            f"forces on {count} degrees of freedom were asked",
-            f"inputs has {given.shape[2]} columns",
-            "Give one column for each, or name them by `at`.",
-        )
+        asked, have = f"forces on {count} degrees of freedom were asked", f"inputs has {given.shape[2]} columns"
+        raise DataError(asked, have, "Give one column for each, or name them by `at`.")
     if samples not in (None, given.shape[1]) or runs not in (1, given.shape[0]):
-        raise DataError(
-            f"{runs} runs of {samples} samples were asked",
-            f"the forces have {given.shape[0]} of {given.shape[1]}",
-            "Leave samples, duration and runs out: the forces give them.",
-        )
+        have = f"the forces have {given.shape[0]} of {given.shape[1]}"
+        change = "Leave samples, duration and runs out: the forces give them."
+        raise DataError(f"{runs} runs of {samples} samples were asked", have, change)
     return given
 
 
@@ -148,11 +139,8 @@ def _stationary_root(model: StateSpace, scale: RealArray) -> RealArray:
     """Return R with R R' = P, where P = A P A' + B diag(scale^2) B' is the state's covariance under white forces."""
     radius = float(np.abs(model.poles).max())
     if radius >= 1:
-        raise DataError(
-            "a stationary start was asked",
-            f"the model has a pole of modulus {radius:.6g} on the z-plane: its motion grows without end",
-            'Give damping and supports, or start="rest".',
-        )
+        have = f"the model has an unstable pole (modulus {radius:.6g} in the z-plane)"
+        raise DataError("a stationary start was asked", have, 'Give damping and supports, or start="rest".')
     B = model.B * scale
     values, vectors = np.linalg.eigh(_stationary_covariance(model.A, B @ B.T))
     return np.asarray(vectors * np.sqrt(np.clip(values, 0, None)))

@@ -21,7 +21,6 @@ from modalscope.numerics.errors import DataError, check_choice
 from modalscope.systems.modal import modal_model, undamped_modes
 from modalscope.systems.records import Inputs, Seed, add_noise, simulate
 
-# ----------------------------------------------------------------------------------------------------------- equations
 # From M, D, K to a state-space model and to frequency responses (Eqs. 1-4).
 
 
@@ -48,16 +47,15 @@ def dynamic_response(
         try:
             motion = np.linalg.solve(K + s * (D + s * M), force)
         except np.linalg.LinAlgError:
-            raise DataError(
+            asked, change = (
                 f"the frequency response at {lines[k]:g} Hz was asked",
-                "the structure has an undamped pole there",
-                "Leave that line out, or give damping or supports.",
-            ) from None
+                "Leave that line out, or give damping.",
+            )
+            raise DataError(asked, "the structure has an undamped pole there", change) from None
         values[k] = s ** QUANTITIES[quantity] * motion[rows]
     return values
 
 
-# ------------------------------------------------------------------------------------------------------------ assembly
 # Mass, damping and stiffness matrices on named degrees of freedom (Eq. 1).
 
 #: A choice of degrees of freedom: labels, or indices counted from zero.
@@ -92,11 +90,8 @@ class Assembly:
         }
         matrices = {name: _symmetric(name, values, M.shape[0]) for name, values in given.items()}
         if np.linalg.eigvalsh(M)[0] <= 0:
-            raise DataError(
-                "mass needs a positive definite matrix",
-                "it has an eigenvalue at or below zero",
-                "Give every degree of freedom a mass.",
-            )
+            have, change = "it has an eigenvalue at or below zero", "Give every degree of freedom a mass."
+            raise DataError("mass needs a positive definite matrix", have, change)
         labels = self.dofs if self.dofs is not None else tuple(f"{i + 1}:+X" for i in range(M.shape[0]))
         dofs = check_labels("dofs", labels, M.shape[0], "q")
         everything = tuple(range(len(dofs)))
@@ -128,9 +123,7 @@ class Assembly:
             return 1 / check_positive("sampling_rate", sampling_rate)
         if self.dt is None:
             raise DataError(
-                "a sampled response was asked",
-                f"{self.name} has no sampling interval of its own",
-                "Give sampling_rate.",
+                "a sampled response was asked", f"{self.name} has no sampling interval", "Give sampling_rate."
             )
         return self.dt
 
@@ -154,11 +147,8 @@ def initial_state(degrees: int, displacement: ArrayLike | None, velocity: ArrayL
         if values is not None:
             array = real_array(name, values, "(dofs,)", 1)
             if array.size != degrees:
-                raise DataError(
-                    f"{name} needs {degrees} entries, one a degree of freedom",
-                    f"it has {array.size}",
-                    "Give zeros where nothing moves.",
-                )
+                asked = f"{name} needs {degrees} entries, one a degree of freedom"
+                raise DataError(asked, f"it has {array.size}", "Give zeros where nothing moves.")
             start[part] = array
     return start
 
@@ -166,17 +156,12 @@ def initial_state(degrees: int, displacement: ArrayLike | None, velocity: ArrayL
 def _symmetric(name: str, values: ArrayLike, size: int) -> RealArray:
     matrix = real_array(name, values, "(dofs, dofs)", 2)
     if matrix.shape != (size, size):
-        raise DataError(
-            f"{name} needs shape {(size, size)}", f"it has {matrix.shape}", "Give square matrices of one size."
-        )
+        have, change = f"it has {matrix.shape}", "Give square matrices of one size."
+        raise DataError(f"{name} needs shape {(size, size)}", have, change)
     if np.abs(matrix - matrix.T).max(initial=0) > 1e-9 * np.abs(matrix).max(initial=0):
-        raise DataError(
-            f"{name} needs a symmetric matrix", "it is not", "Give A, B, C, D of other systems to StateSpace."
-        )
+        change = "Give A, B, C, D of other systems to StateSpace."
+        raise DataError(f"{name} needs a symmetric matrix", "it is not", change)
     return matrix
-
-
-# ----------------------------------------------------------------------------------------------------------- structure
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)

@@ -1,4 +1,4 @@
-"""Identify every band of an analysis, select its modes and refine them; a band with too many modes is cut in parts."""
+"""Identify every band of an analysis and select its modes, refined where it helps; a band with too many modes is cut in parts."""
 
 from __future__ import annotations
 
@@ -11,39 +11,28 @@ from typing import Any
 import numpy as np
 
 from modalscope.data.analysis import Analysis
-from modalscope.data.mode_fields import joined
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
-from modalscope.data.record_residual import DELAY, UNMEASURED
 from modalscope.data.records import Signals
-from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.setups import Setups, setups_of
 from modalscope.identification.ambient_records import bands_of_record, bands_of_setups, looked_through
-from modalscope.identification.orders import usable_orders
-from modalscope.identification.refine import in_place, refine
 from modalscope.identification.stabilize import Watch, stabilize
-from modalscope.judging.bands import Part, cut_of, evened, holds_too_little, joined_diagram, joined_modes, merge_bands
+from modalscope.judging.bands import Part, cut_of, holds_too_little, joined_diagram, joined_modes, merge_bands
 from modalscope.judging.select import select
 from modalscope.likelihood.refine_setups import refine_setups
-from modalscope.likelihood.refined import astray
-from modalscope.likelihood.settling import needed_beside
 from modalscope.modal.setups import merge_modes, with_repeatability
-from modalscope.modal.shapes import joint_residues
-from modalscope.numerics.checks import ComplexArray
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.correlation import estimate_correlation
-from modalscope.workflow.line_shapes import with_line_shapes
-
-# ---------------------------------------------------------------------------------------------------- diagrams of bands
+from modalscope.workflow.refining import refined_where_it_helps, with_line_shapes
 
 Progress = Callable[[int, int], None]
 Choose = Callable[..., ModalModel]
 Band = tuple[float, float] | None
 Sweep = Callable[[Band], StabilizationDiagram]
 
-#: A band is cut in two so many times after another at most: into eight parts.
-_DEEPEST = 3
+#: Maximum number of times that a band is cut in two: into eight parts.
+_MAX_CUTS = 3
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -109,20 +98,16 @@ def looked_at(
     band = bands[0] if bands else None
     whole = sweep(band)
     by_line = not isinstance(document.options.get("weights"), str | None)  # they belong to the lines of the whole band
-    parts = _parts(sweep, choose, _part(choose, band, whole), 0 if by_line else _DEEPEST)
+    parts = _parts(sweep, choose, _part(choose, band, whole), 0 if by_line else _MAX_CUTS)
     return [Look(whole if len(parts) == 1 else joined_diagram(whole, parts), band, tuple(parts), told)]
 
 
 def setups_apart(data: Any, document: Analysis) -> tuple[Signals, ...]:
     """Return the records of every setup without the excluded channels; raise `DataError` for other data and several bands."""
-    several = bool(setups_of(data))
-    if not several or len(document.bands) > 1:
-        what = f"{len(document.bands)} bands" if several else type(data).__name__
-        raise DataError(
-            "an identification of every setup apart was asked",
-            f"there {'are' if several else 'is'} {what}",
-            "Give several ambient records with common outputs, and one band or none.",
-        )
+    if not setups_of(data) or len(document.bands) > 1:
+        have = f"the data are {len(document.bands)} bands of {type(data).__name__}"
+        change = "Give several ambient records with common outputs, and one band or none."
+        raise DataError("an identification of every setup apart was asked", have, change)
     return setups_of(data.select(exclude=document.exclude) if document.exclude else data)
 
 
@@ -138,96 +123,6 @@ def _parts(sweep: Sweep, choose: Choose, part: Part, deeper: int) -> list[Part]:
         return [part]
     halves = (_part(choose, band, sweep(band), core) for core, band in cut.halves(part))
     return [found for half in halves for found in _parts(sweep, choose, half, deeper - 1)]
-
-
-# ------------------------------------------------------------------------------------------------------------ refining
-_DEVIATIONS = ("frequencies_std", "damping_ratios_std", "frequencies_repeatability", "damping_ratios_repeatability")
-
-#: Modes that drift away are fixed and the others refined again: rounds, and the least share of modes that are still refined.
-_ROUNDS, _LEAST = 4, 0.5
-
-
-def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> ModalModel:
-    """Return the modes selected from a diagram refined, or as they are with a note that says why.
-
-    Poles that the data need beside the modes (real ones, and those not selected) are fixed at their values in the diagram.
-    """
-    if not len(modes):
-        return modes
-    why = _unfit(diagram)
-    if why:
-        return modes.noted(_kept(why))
-    last = usable_orders(diagram)[0][-1]
-    beside = needed_beside(diagram.response, modes.poles, diagram.poles[diagram.order_of_pole == last])
-    stay = np.ones(len(modes), bool)
-    for _ in range(_ROUNDS):
-        try:
-            found = refine(diagram.response.whole, modes.take(stay), fixed=np.concatenate([beside, modes.poles[~stay]]))
-        except DataError as error:
-            return modes.noted(_kept(f"{error.asked}, but {error.found}"))
-        if not found.converged:
-            reasons = [str(note) for note in found.notes if note.kind == "not converged"]
-            return replace(modes, converged=False).noted(_kept(*reasons))
-        before = modes.poles[stay] if found.unrefined is None else found.unrefined.poles
-        away = astray(before, found.poles)
-        if not np.any(away):
-            return found if stay.all() else _with_others(diagram.response, modes, found, modes.take(~stay), beside)
-        stay &= ~np.isin(modes.poles, before[away])
-        if stay.mean() < _LEAST:
-            break
-    where = ", ".join(f"{abs(s) / (2 * np.pi):.5g} Hz" for s in modes.poles[~stay])
-    return modes.noted(_kept(f"the optimum lies far from {where}: the data hold more than these modes"))
-
-
-def _with_others(
-    response: Response, modes: ModalModel, found: ModalModel, others: ModalModel, beside: ComplexArray
-) -> ModalModel:
-    """Return the refined modes with others at their unrefined values: a stronger neighbour would draw these to its place.
-
-    Their standard deviations are those at these values, given the refined modes.
-    """
-    parts = evened([replace(part, left_out=(), shapes_std=None, unrefined=None) for part in (found, others)])
-    everything = joined(parts)
-    there = in_place(response.whole, everything, beside)
-    nearest = [int(np.argmin(np.abs(there.poles - s))) for s in others.poles]
-    known = {name: getattr(there, name)[nearest] for name in _DEVIATIONS if getattr(there, name) is not None}
-    merged = joined([parts[0], replace(parts[1], **known, converged=True)])
-    order = np.argsort(merged.frequencies, kind="stable")
-    merged = merged.take(order)
-    # the refinement may have left modes out, and frequencies may have passed each other
-    started = others.poles if found.unrefined is None else np.append(found.unrefined.poles, others.poles)
-    before = modes.take([int(np.argmin(np.abs(modes.poles - s))) for s in started[order]])
-    shapes, fitted = joint_residues(response, merged.poles, merged.shapes)
-    where = ", ".join(f"{f:.5g} Hz" for f in others.frequencies)
-    text = f"values are not refined at {where}: a stronger neighbour that shifts would draw them to its place"
-    note = Note("not refined", {"modes": len(others)}, text)
-    both = replace(merged, shapes=shapes, left_out=found.left_out, **fitted).normalized("unit")
-    return replace(both, unrefined=before).noted(note)
-
-
-def _unfit(diagram: StabilizationDiagram) -> str:
-    """Return why the modes of a diagram cannot be refined; empty where they can."""
-    response, band = diagram.response, diagram.settings.band
-    if response.ambient:
-        return "errors of correlations are correlated from lag to lag; refine(record, modes) takes the lines of the record itself"
-    if any(note.kind == "transformed" for note in diagram.notes):
-        return "the data were transformed before they were identified; choose a domain that takes them as they are"
-    if any(note.kind == UNMEASURED for note in diagram.notes):
-        return "what was not measured stands out of the residual, and least squares on the records' lines would be biased by it"
-    if any(note.kind == DELAY for note in diagram.notes):
-        return "channels come late, which the modes alone do not explain; align the channels"
-    if diagram.settings.route == "subspace":
-        return "past inputs and outputs were taken as instruments, and least squares on the records' lines has none"
-    if band is not None and response.in_band(band) is response:
-        return "samples are not filtered, so that modes outside the band are in them, too"
-    return ""
-
-
-def _kept(why: str) -> Note:
-    return Note("not refined", {}, f"values are not refined: {why}")
-
-
-# ------------------------------------------------------------------------------------------------------------ selection
 
 
 def modes_chosen(data: Any, document: Analysis, looks: Sequence[Look], choose: Choose = select) -> ModalModel:
@@ -269,9 +164,7 @@ def _of_bands(document: Analysis, looks: Sequence[Look], choose: Choose, *, betw
         )
         parts.append(((low, high), _repeated(_of_band(here, look, choose), look, between)))
     if not parts:
-        raise DataError(
-            "modes at given frequencies were asked", "none of these lies in a band", "Give bands that hold them."
-        )
+        raise DataError("modes at given frequencies were asked", "none lies in a band", "Give bands that contain them.")
     return merge_bands([modes for _, modes in parts], [band for band, _ in parts])
 
 
@@ -297,5 +190,5 @@ def _of_band(document: Analysis, look: Look, choose: Choose) -> ModalModel:
         found = choose(part.diagram, take=take, refuse=refuse) if take or refuse else part.modes
         return improved(part.diagram, found)
 
-    each = [reported(k, part) for k, part in enumerate(look.parts)]
-    return each[0] if len(each) == 1 else joined_modes(look.parts, each, look.diagram.response)
+    models = [reported(k, part) for k, part in enumerate(look.parts)]
+    return models[0] if len(models) == 1 else joined_modes(look.parts, models, look.diagram.response)

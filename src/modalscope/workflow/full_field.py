@@ -24,7 +24,7 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, eq=False)
 class FullField:
-    """What `full_field` wrote.
+    """Result of `full_field`.
 
     Parameters
     ----------
@@ -84,9 +84,8 @@ def full_field(
                 progress(found.outputs.stop, outputs)
         pending.replace(folder)
     except OSError as error:
-        raise DataError(
-            f"writing {folder} was asked", f"the system refuses: {error.strerror or error}", "Choose another place."
-        ) from None
+        have = f"the system refuses: {error.strerror or error}"
+        raise DataError(f"writing {folder} was asked", have, "Choose another place.") from None
     finally:
         shutil.rmtree(pending, ignore_errors=True)
     return FullField(folder, outputs, len(modes), float(np.sqrt(left / whole)) if whole else 0.0, errors)

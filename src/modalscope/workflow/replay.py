@@ -51,16 +51,15 @@ def replay(
     if isinstance(document, str | Path):
         document = read_analysis(Path(document))
     check_kind("document", document, Analysis)
-    known = document.files or (SourceFile(),)
-    if data is None and not all(file.path for file in known):
-        raise DataError(
-            "an analysis was to be done again", "its data came from no file", "Give the data: replay(document, data)."
-        )
-    given = [file.path for file in known] if data is None else data
-    found, sources, notes = opened(given, document.reading if data is None or are_paths(data) else {})
+    files = document.files or (SourceFile(),)
+    if data is None and not all(file.path for file in files):
+        have, change = "its document names no file", "Give the data: replay(document, data)."
+        raise DataError("a replay of an analysis was asked", have, change)
+    given = [file.path for file in files] if data is None else data
+    opened_data, sources, notes = opened(given, document.reading if data is None or are_paths(data) else {})
     if not force:
-        check_same(known, sources, found)
-    return analyzed(found, document, progress, notes)
+        check_same(files, sources, opened_data)
+    return analyzed(opened_data, document, progress, notes)
 
 
 def check_same(known: tuple[SourceFile, ...], sources: tuple[SourceFile, ...], thing: Any) -> None:

@@ -27,7 +27,7 @@ from modalscope.preprocess.merging import merge
 Reading = Mapping[str, Any] | Sequence[Mapping[str, Any]]
 
 #: Bytes of a file that are hashed at a time.
-_CHUNK = 1 << 20
+_CHUNK_BYTES = 1 << 20
 
 
 def opened(data: Any, reading: Reading) -> tuple[Any, tuple[SourceFile, ...], tuple[Note, ...]]:
@@ -74,10 +74,9 @@ def _of_each(reading: Reading, count: int) -> list[Mapping[str, Any]]:
     for options in each:
         check_kind("options of reading one file", options, Mapping)
     if len(each) != count:
+        have = f"the number of files is {count}"
         raise DataError(
-            f"{len(each)} sets of options of reading were asked",
-            f"there {'is 1 file' if count == 1 else f'are {count} files'}",
-            "Give one for all files, or one for each.",
+            f"{len(each)} sets of reading options were asked", have, "Give one for all files, or one for each."
         )
     return each
 
@@ -94,19 +93,15 @@ def _opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tup
         return made, source_of_data(made), ()
     if not isinstance(data, str | Path):
         if reading:
-            raise DataError(
-                f"reading with {', '.join(reading)} was asked",
-                f"the data are {type(data).__name__} already",
-                "Give a path, or make the data with these values.",
-            )
+            asked, have = f"reading with {', '.join(reading)} was asked", f"the data are {type(data).__name__} already"
+            raise DataError(asked, have, "Give a path, or make the data with these values.")
         runs = as_test(data) if isinstance(data, list | tuple) else data
         return runs, source_of_data(runs), ()
     path = Path(data)
     found = survey(path, **reading)
     if isinstance(found.thing, ModalModel):
-        raise DataError(
-            f"modes in {path} were asked", "the file holds modes already", "Give a file of responses or records."
-        )
+        change = "Give a file of responses or records."
+        raise DataError(f"modes in {path} were asked", "the file contains modes already", change)
     if isinstance(found.thing, Geometry):
         left = ", ".join(dict.fromkeys(finding.kind for finding in found.left if finding.kind))
         raise DataError(
@@ -125,7 +120,7 @@ def source_of_file(path: Path, reading: Mapping[str, Any]) -> SourceFile:
             digest.update(f"{part.relative_to(path).as_posix()}\n".encode())
         size += part.stat().st_size
         with part.open("rb") as file:
-            while chunk := file.read(_CHUNK):
+            while chunk := file.read(_CHUNK_BYTES):
                 digest.update(chunk)
     return SourceFile(path=str(path), size=size, sha256=digest.hexdigest(), reading=dict(reading))
 
