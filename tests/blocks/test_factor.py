@@ -7,7 +7,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from modalscope.blocks import factor as costs, structure as block_hankel
+from modalscope.blocks import block_hankel, costs
 from modalscope.blocks.block_hankel import BlockHankel
 from modalscope.blocks.costs import costs_of
 from modalscope.blocks.factor import factorize, left_factor

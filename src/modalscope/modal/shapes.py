@@ -42,9 +42,8 @@ def joint_residues(
     shapes held, then shapes with the participation held, and so on. No round can raise the misfit, so that the result explains at
     least what the given shapes explain. The data are compressed once to as many rows as there are functions.
 
-    `poles` (n,): rad/s, as the modes have them. `shapes` (l, n): where to start. `held`: poles, shapes and participation of modes whose
-    residues are known: they are taken off the data. `rows` (K,): what the rows of `whole_basis` are divided by, by default
-    nothing.
+    `poles` (n,): rad/s, as the modes have them. `shapes` (l, n): starting values. `held`: poles, shapes and participation of modes with
+    known residues, which are subtracted from the data. `rows` (K,): divisors of the rows of `whole_basis`; not with `held`.
 
     Returns
     -------
@@ -52,6 +51,8 @@ def joint_residues(
     fields : dict
         `participation` and the direct term or residuals, as a `ModalModel` has them.
     """
+    if held is not None and rows is not None:
+        raise TypeError("joint_residues() takes `held` or `rows`, not both: residuals of held modes are not divided")
     powers = response.outside_powers
     own = poles - response.added_damping
     basis = response.basis(own, powers) if rows is None else _divided(response.whole_basis(own, powers), rows)
