@@ -13,8 +13,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.app.steps import Stages, result_head
-from modalscope.app.tasks import TASKS, compared_view
-from modalscope.app.worker import error_parts
+from modalscope.app.worker import TASKS, compared_view, error_parts
 from modalscope.data import DataError
 from modalscope.data.analysis import Analysis
 from modalscope.workflow.sources import source_of_file

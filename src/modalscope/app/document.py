@@ -276,7 +276,7 @@ class OpenDocument:
     async def ask(self, what: str, **given: Any) -> Any:
         """Return the answer of a finished analysis, which is computed first if needed.
 
-        `what`: one of `tasks.TASKS`.
+        `what`: one of `worker.TASKS`.
         """
         self._count += 1
         number, answer = self._count, asyncio.get_running_loop().create_future()
