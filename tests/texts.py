@@ -105,7 +105,8 @@ def collect(files: Iterable[Path] | None = None) -> list[Text]:
                 for kind, value in _read(call, package, errors):
                     texts |= {(kind, words) for words in _resolved(value, names) if " " in words and "<" not in words}
         if place == "doctor/findings.py":
-            texts |= {("finding", words) for row in ast.literal_eval(constants["ROWS"][0]).values() for words in row}
+            cells = (node for node in ast.walk(constants["ROWS"][0]) if isinstance(node, ast.Tuple))
+            texts |= {("finding", words) for row in cells for cell in row.elts for words in _resolved(cell, constants)}
         if package == "cli" and any(isinstance(unit, ast.FunctionDef) and unit.name == "add" for unit in units):
             texts.add(("help", ast.get_docstring(tree) or ""))
         listed += [Text(place, kind, words) for kind, words in texts if words.strip()]

@@ -78,7 +78,7 @@ def test_degrees_end_where_lines_of_a_band_no_longer_tell_powers_apart(start: fl
     assert top == 60 if start in (0.0, 0.31) else 25 < top <= 60
     assert np.all(np.isfinite(fraction(measured, degree=top).lower_triangle))
     if start == 0.29:
-        with pytest.raises(DataError, match="fill too little of the unit circle"):
+        with pytest.raises(DataError, match="cover too little of the unit circle"):
             assert fraction(measured, degree=2 * top).lower_triangle is None
 
 

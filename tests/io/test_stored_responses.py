@@ -58,7 +58,7 @@ def test_modes_and_shapes_are_those_of_the_whole_in_memory(tmp_path: Path, noise
     np.testing.assert_array_equal(stored.part(60, 130).values, made.values[:, 60:130])
     found, whole = (ms.identify(each, method="era", order=2 * MODES) for each in (stored, made))
     assert relative(found.poles, whole.poles) < (1e-4 if noise else 1e-9)
-    assert "700 stored outputs are seen through" in str(found.notes)
+    assert "700 stored outputs are reduced to" in str(found.notes)
     seen: list[tuple[int, int]] = []
     field = ms.full_field(found.modes, stored, tmp_path / "shapes.zarr", progress=lambda *done: seen.append(done))
     assert seen[-1] == (OUTPUTS, OUTPUTS)

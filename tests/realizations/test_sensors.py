@@ -64,7 +64,7 @@ def test_too_few_sensors_and_sensors_that_see_the_same() -> None:
         equations_of_motion(s.state_space(outputs=[0, 1, 2]))
     ss = s.state_space(outputs=[0, 1, 2, 3])
     twice = StateSpace(A=ss.A, B=ss.B, C=ss.C[[0, 1, 2, 3, 3]])
-    with pytest.raises(DataError, match="do not tell the degrees of freedom apart"):
+    with pytest.raises(DataError, match="do not separate the degrees of freedom"):
         equations_of_motion(twice)
     with pytest.raises(DataError, match="sampled every"):
         equations_of_motion(s.state_space(dt=0.05))

@@ -345,7 +345,7 @@ def combined(stored: StoredResponse, count: int = COUNT) -> tuple[ImpulseRespons
     few = len(found.columns)
     values: RealArray = found.columns.reshape(few, stored.samples, -1).transpose(1, 0, 2)
     text = (
-        f"{rows.outputs} stored outputs are seen through {few} combinations, which leave out {found.discarded:.2g} of their energy; "
+        f"{rows.outputs} stored outputs are reduced to {few} combinations, which leave out {found.discarded:.2g} of their energy; "
         "full_field gives the shapes of all of them"
     )
     note = Note("combinations", {"outputs": rows.outputs, "combinations": few, "discarded": found.discarded}, text)

@@ -80,6 +80,83 @@ class Fraction(NormalEquations, DataMatrix):
         """What sums over the lines are made of where noise moves the poles."""
         return LineSums(self)
 
+<<<<<<< HEAD
+=======
+    @cached_property
+    def _sums(self) -> tuple[RealArray, RealArray, RealArray]:
+        """Return the Toeplitz entries of R (2p+1,), S (2p+1, l, m) and sum_o T_o (2p+1, m, m), lags -p ... p."""
+        angles = self.angles
+        w = np.ones(angles.size) if self.weights is None else self.weights**2
+        H = self.response.values / self.output_scale[:, None]
+        together = np.concatenate(
+            [
+                np.ones((angles.size, 1)),
+                -H.reshape(angles.size, -1),
+                np.einsum("foa,fob->fab", H.conj(), H, optimize=True).reshape(angles.size, -1),
+            ],
+            axis=1,
+        )
+        t = trigonometric_sums(np.asarray(together * w[:, None], dtype=complex), angles, self.degree)
+        cut = 1 + self.response.values[0].size
+        lags = t.shape[0]
+        return t[:, 0], t[:, 1:cut].reshape(lags, *H.shape[1:]), t[:, cut:].reshape(lags, self.inputs, self.inputs)
+
+    @cached_property
+    def lower_triangle(self) -> RealArray:
+        """L with L L' = R, the Gram matrix of the powers."""
+        lag = np.arange(self.degree + 1)
+        try:
+            return np.linalg.cholesky(self._sums[0][lag[None, :] - lag[:, None] + self.degree])
+        except np.linalg.LinAlgError:
+            low, high = self.response.span
+            raise DataError(
+                f"polynomials to degree {self.degree} in z were asked",
+                f"lines from {low:g} to {high:g} Hz cover too little of the unit circle to separate their powers",
+                f"Lower the orders to {self.degree // 2}, take a wider band, or method='alternate', whose polynomials are orthogonal.",
+            ) from None
+
+    @cached_property
+    def gram_blocks(self) -> tuple[RealArray, RealArray]:
+        """Return T (p+1, m, p+1, m) and U = L^-1 S (p+1, l, p+1, m), from which M of degree k is T - sum_(i <= k) U_i' U_i."""
+        _, s, t = self._sums
+        p, n = self.degree, self.degree + 1
+        lag = np.arange(n)[None, :] - np.arange(n)[:, None] + p  # entry (i, j) depends on j - i
+        S, T = s[lag], t[lag]  # (n, n, l, m), (n, n, m, m)
+        U = sla.solve_triangular(
+            self.lower_triangle, S.transpose(0, 2, 1, 3).reshape(n, -1), lower=True, check_finite=False
+        )
+        return T.transpose(0, 2, 1, 3), U.reshape(n, s.shape[1], n, self.inputs)
+
+    @cached_property
+    def gram_matrices(self) -> tuple[RealArray, ...]:
+        """Return M of every degree 0 ... p, ((k + 1) m square): the Gram matrix of the data without what numerators explain."""
+        T, U = self.gram_blocks
+        m, n = self.inputs, self.degree + 1
+        running = T.reshape(n * m, n * m).copy()
+        found = []
+        for k in range(n):
+            rows = U[k].reshape(-1, n * m)
+            running -= rows.T @ rows
+            found.append(running[: (k + 1) * m, : (k + 1) * m].copy())
+        return tuple(found)
+
+    def denominator(self, degree: int) -> RealArray:
+        """Return A_1, ..., A_p stacked, (p m, m), for A_0 = I: the minimum of the quadratic form of M.
+
+        With the lowest coefficient fixed, what no mode explains goes to roots outside the unit circle: unstable poles,
+        identified by their sign.
+        """
+        return self.solved(degree, -self.gram_matrices[degree][self.inputs :, : self.inputs])
+
+    def solved(self, degree: int, target: Array) -> Array:
+        """Return M_in^-1 X of one degree, M without the rows and columns of A_0."""
+        inner = self.gram_matrices[degree][self.inputs :, self.inputs :]
+        try:
+            return np.asarray(sla.cho_solve(sla.cho_factor(inner, check_finite=False), target, check_finite=False))
+        except sla.LinAlgError:  # singular to rounding: data without noise, more degrees than modes
+            return np.asarray(np.linalg.lstsq(inner, target, rcond=inner.shape[0] * np.finfo(float).eps)[0])
+
+>>>>>>> 9973d56 (Last texts with grown words in the terms of the field; the catalogue reads findings by their expressions)
     @property
     def thinned(self) -> bool:
         """No: few points of the arc stand for all lines."""

@@ -50,7 +50,7 @@ def _mass_factor(modes: ModalModel) -> tuple[ComplexArray, str]:
     if common and untold.issuperset(common):
         raise DataError(
             "shapes of unit modal mass were asked",
-            f"the driving points {', '.join(common)} are inputs whose shares in the response the record does not tell",
+            f"the driving points {', '.join(common)} are inputs whose shares in the response cannot be separated",
             "Drive each of them by a force of its own, or leave out what is no force of its own: exclude=[...].",
         )
     common = [dof for dof in common if dof not in untold]

@@ -79,8 +79,8 @@ def excess_notes(found: Excess) -> tuple[Note, ...]:
     if not (found.decibels >= _MIN_DECIBELS and found.share >= _MIN_SHARE):
         return ()
     text = (
-        f"unmeasured forces, or noise on the inputs: what the fit leaves is {found.decibels:.0f} dB higher at the modes than beside them "
-        f"({100 * found.share:.2g} % of the response there). Damping is biased; one record cannot tell which of the two it is."
+        f"unmeasured forces, or noise on the inputs: the residual is {found.decibels:.0f} dB higher at the modes than between them "
+        f"({100 * found.share:.2g} % of the response there). Damping is biased; one record cannot separate the two causes."
     )
     return (Note(UNMEASURED, {"decibels": found.decibels, "share": found.share}, text),)
 

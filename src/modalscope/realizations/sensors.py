@@ -74,7 +74,7 @@ def equations_of_motion(model: StateSpace) -> EquationsOfMotion:
     if condition > _MAX_CONDITION:
         raise DataError(
             f"M^-1 K of {n} states was asked",
-            f"[C; CA] has condition {condition:.1e}: the sensors do not tell the degrees of freedom apart",
+            f"[C; CA] has condition {condition:.1e}: the sensors do not separate the degrees of freedom",
             "Measure more of them, or lower the order to the modes that the sensors see.",
         )
     X = np.asarray(-np.linalg.lstsq(V.T, (model.C @ model.A @ model.A).T, rcond=None)[0].T, dtype=float)

@@ -140,6 +140,6 @@ def _coupled(M: RealArray, D: RealArray, K: RealArray) -> _Modes:
 def _critical() -> DataError:
     return DataError(
         "the modes of the structure were asked",
-        "a pole is repeated without an eigenvector of its own (critical damping, or a rigid motion beside coupled damping)",
+        "a pole is repeated without an eigenvector of its own (critical damping, or a rigid motion with coupled damping)",
         "Use state_space() and its modal_form(), or change the damping a little.",
     )

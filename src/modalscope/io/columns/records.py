@@ -40,7 +40,7 @@ def records(
     if wrong:
         fault = f"{wrong[0]} is complex, and no column is of frequencies"
         remedy = 'Say which it is: --columns "frequency=1".'
-        raise needs(table.where, "frequencies beside complex values", fault, remedy)
+        raise needs(table.where, "frequencies of the complex values", fault, remedy)
     spectra = [column for column in channels if is_spectrum(column)] if options.get("columns") is None else []
     if spectra:
         in_decibels = " in dB" if np.min(spectra[0].values) < 0 else ""  # powers and magnitudes are never negative
@@ -90,7 +90,7 @@ def nothing_measured(table: Table, axis: Column | None, kind: str, options: Opti
     others = [column.number for column in table.columns if not column.textual and column.number not in excluded]
     change = "Export the measured channels, too."
     if others and kind == "frequency":
-        change = "Export real and imaginary parts beside the frequencies."
+        change = "Export real and imaginary parts with the frequencies."
     elif others:
         time, rate = (f"time={axis.number},", "") if axis is not None else ("", " --sampling-rate HZ")
         change = f'If they are measured, say so: --columns "{time}out={span(others)}"{rate}'
