@@ -108,7 +108,7 @@ def side_map(name: str, T: ArrayLike | None, entries: IntArray, count: int, whol
             "Give one column for each row that is combined.",
         )
     if not np.all(np.any(array, axis=1)):
-        raise DataError(f"{name} needs rows that combine something", "a row of it is zero", "Leave that row out.")
+        raise DataError(f"{name} needs rows that are not zero", "a row of it is zero", "Leave that row out.")
     return array
 
 
