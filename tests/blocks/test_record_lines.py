@@ -328,7 +328,7 @@ def test_too_few_lines_are_an_error_that_says_how_many_are_left() -> None:
     record = Signals(outputs=y, inputs=u, sampling_rate=1.0)
     with pytest.raises(DataError, match=r"19 lines leave -?\d+ equations"):
         record_lines(record_spectra(Records(runs=(record,))), domain="z", block_rows=18, order=6)
-    with pytest.raises(DataError, match="no line there"):
+    with pytest.raises(DataError, match="no line lies there"):
         record_spectra(Records(runs=(record,)), (0.6, 0.7))
 
 

@@ -127,7 +127,7 @@ CASES = {
         "50",
     ),
     "all-zero channel": (npz(values=response() * np.array([1, 0, 1, 1])[:, None]), [], "--exclude y2"),
-    "labels twice": (npz(output_dofs=np.array(["1:+Z", "1:+Z", "2:+Z", "3:+Z"])), [], "more than once"),
+    "labels twice": (npz(output_dofs=np.array(["1:+Z", "1:+Z", "2:+Z", "3:+Z"])), [], "are repeated"),
     "descending lines": (npz(frequencies=LINES[::-1], values=response()[::-1]), [], "increas"),
     "repeated line": (npz(frequencies=np.r_[LINES[:-1], LINES[-2]]), [], "increas"),
     "uneven lines to samples": (npz(frequencies=LINES**1.1), ["--domain", "time"], "equally spaced"),

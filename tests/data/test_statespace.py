@@ -141,7 +141,7 @@ def test_scipy_and_control_models_come_back_as_they_were() -> None:
         theirs = np.stack([np.atleast_2d(model.to_control()(p, squeeze=False)) for p in points])
         assert relative(model.frequency_response(f).values, theirs.reshape(5, *model.D.shape)) < 1e3 * ROUNDING
     unknown = control.ss([[0.5]], [[1]], [[1]], [[0]], True)
-    with pytest.raises(DataError, match=r"says only that it is sampled \(dt=True\)"):
+    with pytest.raises(DataError, match=r"it has only dt=True"):
         StateSpace.from_other(unknown)
     with pytest.raises(DataError, match=r"TransferFunction.* has no A, B, C, D"):
         StateSpace.from_other(control.tf([1], [1, 1]))
@@ -163,9 +163,9 @@ def test_a_pole_on_the_negative_real_axis_has_no_continuous_model() -> None:
         (lambda: _one().to_discrete(0.1, "ramp"), "input='ramp' was asked, but there are only held, dirac"),
         (lambda: _one().markov_parameters(3), r"this one is continuous.*\nCall to_discrete\(dt\) first"),
         (lambda: _one().to_discrete(0.1).to_discrete(0.1), r"Call to_continuous\(\) first"),
-        (lambda: _one().transfer(-1.0), "at a pole of the model, but it is infinite there"),
+        (lambda: _one().transfer(-1.0), "at a pole was asked, but it is infinite there"),
         (lambda: _one().transformed([[0.0]]), "singular"),
-        (lambda: _one().to_discrete(0.1).simulate(np.ones((3, 2))), "inputs of 1 channels were asked, but there are 2"),
+        (lambda: _one().to_discrete(0.1).simulate(np.ones((3, 2))), "1 inputs were asked, but there are 2"),
         (lambda: _one().to_discrete(0.1).simulate(np.ones((3, 1)), [1, 2]), "initial needs 1 entries, but it has 2"),
         (lambda: _one().to_discrete(0.1).impulse_response(0), "samples needs a whole number of at least 1"),
     ],

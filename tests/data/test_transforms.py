@@ -115,7 +115,7 @@ def test_variance_turns_with_the_quantity() -> None:
         (lambda r: r.at_lines(slice(0, 1)).to_impulse_response(), "needs a band of lines, but there is one line"),
         (lambda r: r.at_lines(np.array([0, 1, 3])).to_impulse_response(), "equally spaced lines on multiples"),
         (lambda r: r.as_quantity("velocity"), "quantity of the response is not known"),
-        (lambda r: r.band(3, 2), "its ends do not increase"),
+        (lambda r: r.band(3, 2), "it does not increase"),
         (lambda r: r.band(0.6, 0.9), "the 10 lines lie from 0.5 to 5 Hz, none of them inside"),
     ],
 )
@@ -134,5 +134,5 @@ def test_a_sampled_response_on_lines_that_do_not_divide_the_rate_has_no_inverse(
 
 def test_an_integrated_response_needs_its_first_line_above_0_hz() -> None:
     response = FrequencyResponse(values=np.full((3, 1, 1), 1j), frequencies=[0, 1, 2], quantity="velocity")  # type: ignore[arg-type]
-    with pytest.raises(DataError, match="its first line lies at 0 Hz, where that divides by zero"):
+    with pytest.raises(DataError, match="a line lies at 0 Hz"):
         response.as_quantity("displacement")

@@ -65,7 +65,7 @@ def test_what_does_not_fit_is_said() -> None:
         assert not found.fits
         assert found.way is None
         assert "Not enough memory" in str(found)
-        with pytest.raises(DataError, match=r"takes about .* of memory, and 300 kB are there"):
+        with pytest.raises(DataError, match=r"takes about .* of memory, of 300 kB"):
             stabilize(noise_lines(10, 3), orders=[20])
     finally:
         set_allowed_memory(None)

@@ -70,7 +70,7 @@ def test_axes_put_arrays_in_order(tmp_path):
         ({"harmonics": '[{"frequency": "high"}]'}, "frequency needs a finite number"),
         ({"geometry_lines": np.array([[0, 9]])}, "geometry_lines needs indices 0 to 3 into the nodes"),
         ({"geometry_motions": "[[[]]]"}, "motions of a geometry: expected a mapping"),
-        ({"geometry_motions": '{"a": [3]}'}, "they are no lists of a node and a direction"),
+        ({"geometry_motions": '{"a": [3]}'}, "they are none"),
         ({"output_dofs": np.array(["x" * 1001, "b", "c"])}, "output_dofs in a.npz needs labels"),
     ],
 )

@@ -35,7 +35,7 @@ def test_the_modal_assurance_criterion_is_the_squared_cosine() -> None:
     np.testing.assert_allclose(mac(SHAPES, SHAPES * TURNS), mac(SHAPES))
     np.testing.assert_allclose(np.diag(mac(SHAPES)), 1)
     assert mac([0.0, 0.0], a)[0, 0] == 0
-    with pytest.raises(DataError, match="6 and 2 channels"):
+    with pytest.raises(DataError, match="6 and 2"):
         mac(SHAPES, a)
 
 

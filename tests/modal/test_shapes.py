@@ -201,7 +201,7 @@ def test_a_line_at_dc_has_no_lower_residual() -> None:
     with pytest.raises(DataError, match="line at 0 Hz, where they are infinite"):
         fit_residues(frf, s.modes())
     assert responses(frf, fit_residues(frf, s.modes(), residuals=False)) < FIT
-    with pytest.raises(DataError, match="divides by zero"):
+    with pytest.raises(DataError, match="a line lies at 0 Hz"):
         s.frequency_response(np.linspace(0, 8, 100), quantity="acceleration").as_quantity("displacement")
 
 
@@ -213,5 +213,5 @@ def test_fewer_lines_than_unknowns_and_modes_without_participation() -> None:
     with pytest.raises(DataError, match="the modes have none, the response has 2 inputs"):
         fit_residues(s.frequency_response(np.linspace(0.3, 8, 100)), bare, participation="given")
     o = FIVE["over4"]()
-    with pytest.raises(DataError, match="real poles, which do not oscillate"):
+    with pytest.raises(DataError, match="there are real poles"):
         fit_residues(o.frequency_response(np.linspace(0.3, 8, 100)), o.modes(), kind="real")

@@ -154,7 +154,7 @@ def test_small_hankel_singular_values_keep_their_digits() -> None:
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda m: m.controllability_gramian(), "over all time was asked, but 1 of the 1 poles do not decay"),
+        (lambda m: m.controllability_gramian(), "over all time was asked, but 1 poles do not decay"),
         (lambda m: m.balanced(), "do not decay"),
         (
             lambda m: m.to_discrete(0.1).controllability_gramian(2.5),

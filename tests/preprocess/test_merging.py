@@ -129,7 +129,7 @@ def test_ambient_records_with_common_outputs_become_one_correlation():
         ([Signals(outputs=np.ones((4, 1)), sampling_rate=f) for f in (1.0, 2.0)], "of the same sampling rate"),
         (
             [Signals(outputs=np.ones((4, 2)), sampling_rate=1.0, output_dofs=list(d)) for d in ("ab", "cd")],
-            "no output is common",
+            "they have no common output",
         ),
     ],
 )

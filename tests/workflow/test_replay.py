@@ -137,7 +137,7 @@ def test_a_document_is_a_file_of_its_own(tmp_path: Path) -> None:
     later = json.loads(path.read_text())
     later["analysis"]["schema"] = 2
     path.write_text(json.dumps(later))
-    with pytest.raises(ms.DataError, match="layouts up to 1"):
+    with pytest.raises(ms.DataError, match="reads up to 1"):
         ms.replay(path, SAMPLES)
     path.write_text("{}")
     with pytest.raises(ms.DataError, match='has no "analysis"'):

@@ -1,4 +1,4 @@
-"""Data classes: measurements, models and results, checked when they are made, and what they convert to."""
+"""Data _classes: measurements, models and results, checked when they are made, and what they convert to."""
 
 from importlib import import_module
 
@@ -39,19 +39,5 @@ __all__ = [
 
 import_module("modalscope.data.summaries")  # what data show of themselves
 
-plain_methods(
-    Analysis,
-    FrequencyResponse,
-    Geometry,
-    ImpulseResponse,
-    ModalModel,
-    Note,
-    Records,
-    Result,
-    Setups,
-    Signals,
-    StabilizationDiagram,
-    StateSpace,
-    StoredResponse,
-    StoredSignals,
-)
+_classes = [globals()[name] for name in __all__ if isinstance(globals()[name], type) and name != "DataError"]
+plain_methods(Analysis, Result, *_classes)

@@ -95,8 +95,8 @@ class Analysis:
         if check_count("schema", self.schema) > SCHEMA:
             raise DataError(
                 f"an analysis of layout {self.schema} was given",
-                f"this version knows layouts up to {SCHEMA}",
-                "Use the version that wrote it, or a later one.",
+                f"this version reads up to {SCHEMA}",
+                "Use a later version.",
             )
         check_kind("options of an analysis", self.options, Mapping)
         check_kind("refine", self.refine, bool)

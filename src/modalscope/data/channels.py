@@ -86,9 +86,7 @@ def check_groups(groups: Any, count: int, part: str, default: Groups) -> Groups:
     labels = tuple(str(label) for label in check_each("groups", groups, f"one label {part}"))
     if len(labels) != count:
         raise DataError(
-            f"groups needs {count} labels, one {part}",
-            f"{len(labels)} are given",
-            'Give one each, groups=None for no groups, or groups="auto".',
+            f"groups needs {count} labels, one {part}", f"{len(labels)} are given", "Give all, or groups=None."
         )
     return labels
 
@@ -128,11 +126,7 @@ def _one_side(name: str, unit: str | Sequence[str] | None, count: int) -> tuple[
         return (unit,) * count
     each = check_each(f"units of the {name}", unit, "one unit, or one a channel")
     if len(each) != count:
-        raise DataError(
-            f"{name} needs {count} units, one a channel",
-            f"{len(each)} are given",
-            "Give one a channel, or one for all.",
-        )
+        raise DataError(f"{name} needs {count} units", f"{len(each)} are given", "Give one a channel, or one for all.")
     return tuple(str(u) for u in each)
 
 
@@ -151,9 +145,7 @@ def choose_channels(
         rows = [i for i in rows if output_dofs[i] not in out]
         kept = [i for i in columns if input_dofs[i] not in out]
         if columns and not kept:
-            raise DataError(
-                f"excluding {', '.join(sorted(out))} was asked", "that leaves no input", "Exclude fewer channels."
-            )
+            raise DataError(f"excluding {', '.join(sorted(out))} was asked", "that leaves no input", "Exclude fewer.")
         columns = kept
     if not rows:
         raise DataError("a choice of channels needs at least one output", "none is left", "Exclude fewer channels.")
@@ -223,11 +215,7 @@ class Channels(Shown, ABC):
             else check_each("units", units, "one unit or a pair")
         )
         if len(pair) != 2:
-            raise DataError(
-                "units needs one unit or a pair (outputs, inputs)",
-                f"{len(pair)} are given",
-                'Give units=("m/s2", "N").',
-            )
+            raise DataError("units needs one unit or a pair", f"{len(pair)} are given", 'Give units=("m/s2", "N").')
         if self.geometry is not None:
             check_kind("geometry", self.geometry, Geometry)
         steps = [self.processing] if isinstance(self.processing, str) else self.processing

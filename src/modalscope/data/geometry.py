@@ -83,15 +83,11 @@ def check_labels(name: str, dofs: Iterable[DofLike] | None, count: int, prefix: 
         return dofs
     labels = _Checked(label_of(dof) for dof in ([dofs] if isinstance(dofs, str) else check_each(name, dofs, "labels")))
     if len(labels) != count:
-        raise DataError(
-            f"{name} needs {count} labels, one a channel", f"{len(labels)} are given", "Give one label a channel."
-        )
+        raise DataError(f"{name} needs {count} labels, one a channel", f"{len(labels)} are given", "Give all.")
     twice = sorted(label for label, times in Counter(labels).items() if times > 1)
     if twice:
         raise DataError(
-            f"{name} needs different labels",
-            f"{', '.join(twice)} stand there more than once",
-            "Rename the channels, or leave out the repeated ones.",
+            f"{name} needs different labels", f"{', '.join(twice)} are repeated", "Rename or drop channels."
         )
     return labels
 
@@ -109,9 +105,7 @@ def indices_of(name: str, wanted: Iterable[DofLike] | DofLike, labels: Sequence[
             continue
         label = label_of(item)
         if label not in positions:
-            raise DataError(
-                f"{name} {label!r} was asked", f"there are only {', '.join(labels)}", "Name one of these channels."
-            )
+            raise DataError(f"{name} {label!r} was asked", f"there are only {', '.join(labels)}", "Name one of these.")
         found.append(positions[label])
     return found
 
@@ -128,17 +122,15 @@ def _elements(name: str, elements: ArrayLike | None, width: tuple[int, ...], nod
         return locked(np.zeros((0, width[0]), dtype=np.int64))
     if array.ndim != 2 or array.shape[1] not in width:
         raise DataError(
-            f"{name} need rows of {' or '.join(map(str, width))} node names",
+            f"{name} need {' or '.join(map(str, width))} nodes a row",
             f"the shape is {array.shape}",
-            "Give one row an element.",
+            "Give one row each.",
         )
     position = {node: i for i, node in enumerate(nodes)}
     unknown = sorted({str(node) for node in array.ravel()} - set(position))
     if unknown:
         raise DataError(
-            f"{name} join nodes of the geometry",
-            f"there is no node {', '.join(unknown[:5])}",
-            "Add the nodes or drop the element.",
+            f"{name} join nodes", f"there is no node {', '.join(unknown[:5])}", "Add it or drop the element."
         )
     return locked(np.array([[position[str(node)] for node in row] for row in array], dtype=np.int64))
 
@@ -152,8 +144,8 @@ def _motions(given: Any) -> dict[str, tuple[Motion, ...]]:
         if isinstance(error, DataError):
             raise
         raise DataError(
-            "motions of a geometry were asked",
-            f"they are no lists of a node and a direction ({error})",
+            "motions need lists of (node, direction)",
+            f"they are none ({error})",
             'Give for instance {"a": [("1", (0, 0, 1))]}.',
         ) from None
 
@@ -192,15 +184,11 @@ class Geometry(Shown):
     def __post_init__(self) -> None:
         nodes = tuple(str(node) for node in check_each("nodes", self.nodes, "names"))
         if len(set(nodes)) != len(nodes):
-            raise DataError(
-                "geometry needs different node names", "some stand there twice", "Rename the repeated nodes."
-            )
+            raise DataError("geometry needs different node names", "some are repeated", "Rename the repeated nodes.")
         xyz = real_array("geometry coordinates", self.coordinates, "(nodes, 3)", 2)
         if xyz.shape != (len(nodes), 3):
             raise DataError(
-                f"geometry of {len(nodes)} nodes needs coordinates of shape ({len(nodes)}, 3)",
-                f"the shape is {xyz.shape}",
-                "Give x, y, z a node.",
+                f"coordinates needs shape ({len(nodes)}, 3)", f"it has {xyz.shape}", "Give x, y, z of every node."
             )
         freeze(
             self,
@@ -237,11 +225,7 @@ class Geometry(Shown):
             One value a channel.
         """
         if np.shape(shape) != (len(labels),):
-            raise DataError(
-                f"a shape of {len(labels)} channels was asked",
-                f"shape has {np.shape(shape)} entries",
-                "Give shape one value a channel.",
-            )
+            raise DataError(f"shape needs {len(labels)} values", f"it has {np.shape(shape)}", "Give one a channel.")
         moved = np.zeros((len(self.nodes), 3), dtype=np.result_type(np.asarray(shape), float))
         position = {node: i for i, node in enumerate(self.nodes)}
         for label, value in zip(labels, shape, strict=True):

@@ -172,9 +172,7 @@ class ModeFields(Channels, HasPoles):
         """
         if self.participation is None:
             raise DataError(
-                f"{asked} was asked",
-                "the participation of the modes is not known",
-                "Identify from data with inputs or references.",
+                f"{asked} was asked", "participation is not known", "Identify from data with inputs or references."
             )
         return self.participation
 
@@ -253,7 +251,7 @@ def mode_indices(which: ArrayLike, count: int) -> IntArray:
         raise DataError(
             f"mode {index.max() if index.max() >= count else index.min()} was asked",
             f"there are {count}, counted from 0",
-            "Choose modes that are there.",
+            "Choose others.",
         )
     return index.astype(np.intp) % count
 

@@ -56,9 +56,7 @@ def _mass_factor(modes: ModalModel) -> tuple[ComplexArray, str]:
     common = [dof for dof in common if dof not in untold]
     if not common:
         raise DataError(
-            "shapes of unit modal mass were asked",
-            "no output has the label of an input: no driving point",
-            "Measure one, or give it the same label on both sides.",
+            "shapes of unit modal mass were asked", "there is no driving point", "Give an output the label of an input."
         )
     power = derivatives_between(modes.quantity, "displacement")
     rows = [modes.output_dofs.index(dof) for dof in common]
@@ -319,9 +317,7 @@ class ModalModel(ModeFields):
         identified = None if self.dt is None else 1 / self.dt
         rate = identified if sampling_rate is None else check_positive("sampling_rate", sampling_rate)
         if rate is None:
-            raise DataError(
-                "an impulse response was asked", "the modes are of a continuous system", "Give sampling_rate."
-            )
+            raise DataError("an impulse response was asked", "the system is continuous", "Give sampling_rate.")
         if self.held_input and identified is not None and not np.isclose(rate, identified, rtol=1e-9):
             raise DataError(
                 f"a pulse response at {rate:g} Hz was asked",

@@ -170,7 +170,7 @@ class _Row:
             return cls(**known)
         except TypeError:  # an entry that has no default
             raise DataError(
-                f"an entry of a {cls.__name__} was asked", f"it has only {', '.join(entries)}", "Write the file again."
+                f"a {cls.__name__} was asked", f"its entries are {', '.join(entries)}", "Write the file again."
             ) from None
 
 

@@ -53,9 +53,7 @@ class Quadruple(Shown):
             )
         if self.dt is None and not (self.gain is self.innovation_covariance is None):
             raise DataError(
-                "a gain or an innovation covariance was given",
-                "the model is continuous",
-                "Give them for the sampled model.",
+                "a gain or covariance was given", "the model is continuous", "Give it for the sampled model."
             )
         l = len(C)
         freeze(
@@ -173,7 +171,7 @@ class Quadruple(Shown):
             have = "continuous" if self.dt is None else "sampled"
             other = "to_discrete(dt)" if self.dt is None else "to_continuous()"
             raise DataError(
-                f"{asked}() of a {'continuous' if continuous else 'sampled'} model was asked",
+                f"{asked}() needs a {'continuous' if continuous else 'sampled'} model",
                 f"this one is {have}",
                 f"Call {other} first.",
             )

@@ -322,9 +322,7 @@ class RecordSpectra(Response):
     def functions(self, poles: Array, *, slopes: bool = False, lines: slice = slice(None)) -> RealArray:
         """Raise: in records every pole is driven by all inputs together."""
         raise DataError(
-            "functions of poles alone were asked",
-            "in records every pole is driven by all inputs together",
-            "Use those of a frequency response.",
+            "functions of poles alone were asked", "inputs of records act together", "Use a frequency response."
         )
 
     def as_samples(self) -> Conversion:

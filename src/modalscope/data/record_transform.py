@@ -113,9 +113,7 @@ def _chosen(records: Records, band: tuple[float, float] | None) -> list[tuple[Re
     if not sum(f.size for f, _ in parts):
         asked = "all lines" if band is None else f"the band {band[0]:g} to {band[1]:g} Hz"
         raise DataError(
-            f"{asked} of records were asked",
-            f"runs of {', '.join(map(str, records.samples))} samples at {fs:g} Hz have no line there",
-            "Choose a wider band, or measure longer.",
+            f"{asked} of records were asked", "no line lies there", "Choose a wider band, or measure longer."
         )
     return parts
 

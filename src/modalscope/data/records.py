@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -85,9 +86,7 @@ class Signals(Channels, Convertible):
                 )
         if outputs.shape[-2] < 2 or 0 in outputs.shape or (inputs is not None and 0 in inputs.shape):
             raise DataError(
-                "a record needs at least two samples of one channel",
-                f"its shape is {outputs.shape}",
-                "Measure a longer record.",
+                "a record needs at least two samples", f"its shape is {outputs.shape}", "Measure a longer one."
             )
         given: Any = self.quantities
         count = outputs.shape[-1]
@@ -95,9 +94,7 @@ class Signals(Channels, Convertible):
         quantities = [given] * count if alike else check_each("quantities", given, "one for all, or one an output")
         if len(quantities) != count:
             raise DataError(
-                f"quantities needs {count}, one an output",
-                f"{len(quantities)} are given",
-                "Give one for all, or one each.",
+                f"quantities needs {count}", f"{len(quantities)} are given", "Give one for all, or one an output."
             )
         runs = 1 if outputs.ndim == 2 else outputs.shape[0]
         freeze(
@@ -162,8 +159,39 @@ class Signals(Channels, Convertible):
         return {"outputs": np.ascontiguousarray(self.outputs[..., outputs]), "inputs": chosen}
 
 
+class SeveralRecords(Shown, Convertible):
+    """What tests of several records have in common."""
+
+    __slots__ = ()
+
+    @property
+    @abstractmethod
+    def recordings(self) -> tuple[Signals, ...]:
+        """All records: a test is one record or several."""
+
+    @property
+    def sampling_rate(self) -> float:
+        """Samples per second, of all records."""
+        return self.recordings[0].sampling_rate
+
+    @property
+    def samples(self) -> tuple[int, ...]:
+        """Samples of every record."""
+        return tuple(record.samples for record in self.recordings)
+
+    @property
+    def geometry(self) -> Geometry | None:
+        """Where the channels are: that of the first record that knows it."""
+        return next((record.geometry for record in self.recordings if record.geometry is not None), None)
+
+    @property
+    def processing(self) -> tuple[str, ...]:
+        """What was done to the records so far, each step once."""
+        return tuple(dict.fromkeys(step for record in self.recordings for step in record.processing))
+
+
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
-class Records(Shown, Convertible):
+class Records(SeveralRecords):
     """Runs of one test: the same outputs at one sampling rate, any length, any of the inputs.
 
     Parameters
@@ -209,16 +237,6 @@ class Records(Shown, Convertible):
         )
 
     @property
-    def sampling_rate(self) -> float:
-        """Samples per second, of all runs."""
-        return self.runs[0].sampling_rate
-
-    @property
-    def samples(self) -> tuple[int, ...]:
-        """Samples of every run."""
-        return tuple(run.samples for run in self.runs)
-
-    @property
     def output_dofs(self) -> tuple[str, ...]:
         """Labels of the outputs, of all runs."""
         return self.runs[0].output_dofs
@@ -245,16 +263,6 @@ class Records(Shown, Convertible):
         return self.runs[0].units[0], tuple(known[dof] for dof in self.input_dofs)
 
     @property
-    def geometry(self) -> Geometry | None:
-        """Where the channels are: that of the first run that knows it."""
-        return next((run.geometry for run in self.runs if run.geometry is not None), None)
-
-    @property
-    def processing(self) -> tuple[str, ...]:
-        """What was done to the runs so far, each step once."""
-        return tuple(dict.fromkeys(step for run in self.runs for step in run.processing))
-
-    @property
     def recordings(self) -> tuple[Signals, ...]:
         """The runs: a test is one record or several."""
         return self.runs
@@ -277,9 +285,7 @@ class Records(Shown, Convertible):
         """
         chosen = check_count("run", run, least=0)
         if chosen >= len(self.runs):
-            raise DataError(
-                f"run {chosen} was asked", f"there are {len(self.runs)}, counted from 0", "Name one of these."
-            )
+            raise DataError(f"run {chosen} was asked", f"there are {len(self.runs)}, counted from 0", "Name one.")
         position = {dof: i for i, dof in enumerate(self.input_dofs)}
         return tuple(position[dof] for dof in self.runs[chosen].input_dofs)
 

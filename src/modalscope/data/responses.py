@@ -98,9 +98,7 @@ class ImpulseResponse(Response):
         values = real_array("values", self.values, "(samples, outputs, inputs)", 3)
         if values.shape[0] < 2 or 0 in values.shape:
             raise DataError(
-                "an impulse response needs at least two samples of one channel",
-                f"its shape is {values.shape}",
-                "Measure a longer response.",
+                "an impulse response needs two samples", f"its shape is {values.shape}", "Measure a longer one."
             )
         freeze(
             self,
@@ -290,7 +288,7 @@ def check_lines(lines: RealArray, values: ComplexArray) -> None:
         )
     if lines[0] < 0:
         raise DataError(
-            "frequencies needs lines at or above 0 Hz", f"the first is {lines[0]:g} Hz", "Leave negative lines out."
+            "frequencies needs lines from 0 Hz", f"the first is {lines[0]:g} Hz", "Leave negative lines out."
         )
     falling = np.flatnonzero(np.diff(lines) <= 0)
     if falling.size:
@@ -303,9 +301,7 @@ def check_lines(lines: RealArray, values: ComplexArray) -> None:
     # a single line may be real by chance, and an undamped model's real response changes sign
     if lines.size > 1 and not values.imag.any() and values.real.any() and values.real.min() >= 0:
         raise DataError(
-            "values needs complex frequency responses",
-            "they have no imaginary part and are never negative: magnitudes",
-            "Give real and imaginary parts.",
+            "values needs complex frequency responses", "they are magnitudes", "Give real and imaginary parts."
         )
 
 
@@ -316,9 +312,7 @@ def check_statistic(name: str, array: Array | None, shape: tuple[int, ...]) -> R
     checked = real_array(name, array, "(lines, outputs) or (lines, outputs, inputs)", (2, 3))
     if checked.shape not in (shape, shape[:2]) or (name == "variance" and checked.ndim != 3):
         raise DataError(
-            f"{name} needs the shape of values, {shape}",
-            f"it has {checked.shape}",
-            "Give one entry a line and channel.",
+            f"{name} needs the shape of values, {shape}", f"it has {checked.shape}", "Transpose or complete it."
         )
     low, high = float(checked.min()), float(checked.max())
     if low < -1e-9 or (name == "coherence" and high > 1 + 1e-6):
@@ -580,9 +574,7 @@ class FrequencyResponse(Response):
         power = derivatives_between(self.quantity, wanted)
         if power < 0 and self.frequencies[0] == 0:
             raise DataError(
-                f"the {self.quantity} as {wanted} was asked",
-                "its first line lies at 0 Hz, where that divides by zero",
-                "Leave that line out with band().",
+                f"the {self.quantity} as {wanted} was asked", "a line lies at 0 Hz", "Leave it out with band()."
             )
         factor = ((2j * np.pi * self.frequencies) ** power)[:, None, None]
         return replace(

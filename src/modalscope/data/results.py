@@ -147,9 +147,7 @@ class StabilizationDiagram(Shown, HasPoles):
             array = np.asarray(getattr(self, name))
             there = array.shape[-1 if name == "shapes" else 0]
             if there != count:
-                raise DataError(
-                    f"a diagram of {count} poles needs as many {name}", f"there are {there}", "Give one a pole."
-                )
+                raise DataError(f"a diagram of {count} poles needs as many {name}", f"there are {there}", "Give all.")
             freeze(self, **{name: locked(array)})
         freeze(
             self,
@@ -230,9 +228,7 @@ class Result(Shown):
         """The stabilization diagram; of several bands the first."""
         if not self.diagrams:
             raise DataError(
-                "the stabilization diagram of a result was asked",
-                "it was read from a file, which holds none",
-                "Make it again: modalscope.replay(result.analysis).",
+                "the diagram was asked", "a file holds none", "Make it again: modalscope.replay(result.analysis)."
             )
         return self.diagrams[0]
 

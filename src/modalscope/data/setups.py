@@ -17,16 +17,14 @@ from modalscope.data.channels import (
     chosen_groups,
     source_of,
 )
-from modalscope.data.geometry import Geometry, check_labels, indices_of
-from modalscope.data.records import Records, Signals, as_records
-from modalscope.data.shown import Shown
-from modalscope.data.units import Convertible
+from modalscope.data.geometry import check_labels, indices_of
+from modalscope.data.records import Records, SeveralRecords, Signals, as_records
 from modalscope.numerics.checks import check_each, check_kind, freeze
 from modalscope.numerics.errors import DataError
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
-class Setups(Shown, Convertible):
+class Setups(SeveralRecords):
     """Ambient records of one structure, taken one after another: some sensors stayed, the references, the others moved.
 
     Parameters
@@ -81,16 +79,6 @@ class Setups(Shown, Convertible):
         )
 
     @property
-    def sampling_rate(self) -> float:
-        """Samples per second, of all setups."""
-        return self.parts[0].sampling_rate
-
-    @property
-    def samples(self) -> tuple[int, ...]:
-        """Samples of every setup."""
-        return tuple(part.samples for part in self.parts)
-
-    @property
     def output_dofs(self) -> tuple[str, ...]:
         """Labels of all outputs that some setup has, in the order in which they come first."""
         return tuple(dict.fromkeys(dof for part in self.parts for dof in part.output_dofs))
@@ -116,16 +104,6 @@ class Setups(Shown, Convertible):
         """Units of the outputs; there are no inputs."""
         known = {dof: unit for part in self.parts for dof, unit in zip(part.output_dofs, part.units[0], strict=True)}
         return tuple(known[dof] for dof in self.output_dofs), ()
-
-    @property
-    def geometry(self) -> Geometry | None:
-        """Where the channels are: that of the first setup that knows it."""
-        return next((part.geometry for part in self.parts if part.geometry is not None), None)
-
-    @property
-    def processing(self) -> tuple[str, ...]:
-        """What was done to the setups so far, each step once."""
-        return tuple(dict.fromkeys(step for part in self.parts for step in part.processing))
 
     @property
     def recordings(self) -> tuple[Signals, ...]:
@@ -157,9 +135,7 @@ class Setups(Shown, Convertible):
         references = tuple(dof for dof in self.references if dof in wanted)
         if not references:
             raise DataError(
-                "a choice of outputs of setups was asked",
-                f"it leaves none of the references {', '.join(self.references)}",
-                "Keep one that every setup has.",
+                "a choice of outputs was asked", f"no reference is left of {', '.join(self.references)}", "Keep one."
             )
         return replace(self, parts=tuple(parts), references=references, groups=chosen_groups(self.groups, kept))
 
@@ -191,8 +167,8 @@ def check_setups(parts: list[Signals]) -> None:
         if part.input_dofs:
             raise DataError(
                 "ambient setups were asked",
-                f"setup {number} has the inputs {', '.join(part.input_dofs)}",
-                "Merge records with inputs as frequency responses: merge([...]).",
+                f"setup {number} has inputs",
+                "Merge their frequency responses: merge([...]).",
             )
         if part.sampling_rate != first.sampling_rate:
             raise DataError(
@@ -210,9 +186,7 @@ def check_setups(parts: list[Signals]) -> None:
                 )
     if not _common(parts):
         raise DataError(
-            "ambient setups to merge were asked",
-            "no output is common to all of them",
-            "Give the reference sensors the same labels in all setups.",
+            "setups to merge were asked", "they have no common output", "Give references the same labels in all."
         )
 
 

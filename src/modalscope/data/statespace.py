@@ -178,9 +178,7 @@ class StateSpace(Quadruple):
         u = real_array("inputs", inputs, "(samples, inputs)", 2)
         if u.shape[1] != self.B.shape[1]:
             raise DataError(
-                f"inputs of {self.B.shape[1]} channels were asked",
-                f"there are {u.shape[1]}",
-                "Give one column an input.",
+                f"{self.B.shape[1]} inputs were asked", f"there are {u.shape[1]}", "Give one column an input."
             )
         return self._states(self.A, u @ self.B.T, initial) @ self.C.T + u @ self.D.T
 
@@ -253,9 +251,9 @@ class StateSpace(Quadruple):
         matrix = real_array("T", T, "(states, states)", 2)
         if matrix.shape != self.A.shape or np.linalg.cond(matrix) > 1 / np.finfo(float).eps:
             raise DataError(
-                f"a regular {self.A.shape} change of coordinates was asked",
-                f"T has shape {matrix.shape} or is singular",
-                "Give a regular square matrix.",
+                f"T must be an invertible {self.A.shape} matrix",
+                f"its shape is {matrix.shape} or it is singular",
+                "Change T.",
             )
         return self._moved(matrix, np.linalg.solve(matrix, self.A @ matrix))
 
@@ -289,7 +287,7 @@ class StateSpace(Quadruple):
             raise DataError(
                 f"a balanced model of order {k} was asked",
                 f"{len(A)} states are both observable and controllable",
-                f"Lower the order to at most {len(A)}.",
+                "Lower it.",
             )
         if steady_state:  # the states that are cut are constant: the gain at 0 Hz stays
             rest = (np.eye(len(A) - k) if sampled else 0) - A[k:, k:]
@@ -360,10 +358,6 @@ class StateSpace(Quadruple):
             )
         dt = getattr(system, "dt", None)
         if dt is True:
-            raise DataError(
-                "a sampled model needs its sampling interval",
-                "it says only that it is sampled (dt=True)",
-                "Give dt in seconds.",
-            )
+            raise DataError("a sampled model needs its interval", "it has only dt=True", "Give dt in seconds.")
         # python-control writes 0 for continuous time
         return cls(**{name: getattr(system, name) for name in "ABCD"}, dt=dt or None)

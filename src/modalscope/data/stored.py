@@ -104,9 +104,7 @@ class StoredSignals(Channels):
         samples, count = self.rows.shape
         if samples < 2 or count < 1:
             raise DataError(
-                "a record needs at least two samples of one channel",
-                f"its shape is {self.rows.shape}",
-                "Measure a longer record.",
+                "a record needs at least two samples", f"its shape is {self.rows.shape}", "Measure a longer one."
             )
         given: Any = self.quantities
         each = (given,) * count if given is None or isinstance(given, str) else tuple(given)

@@ -126,13 +126,8 @@ def _(thing: Result) -> str:
 
 
 @cells_of.register
-def _(thing: ModalModel) -> list[list[str]]:
-    return cells_of_modes(thing)
-
-
-@cells_of.register
-def _(thing: Result) -> list[list[str]]:
-    return cells_of_modes(thing.modes)
+def _(thing: ModalModel | Result) -> list[list[str]]:
+    return cells_of_modes(thing.modes if isinstance(thing, Result) else thing)
 
 
 def _kind(thing: FrequencyResponse | ImpulseResponse | ModalModel | Signals | StoredSignals | Records | Setups) -> str:

@@ -192,7 +192,10 @@ def indicators_of_all(matrix: DataMatrix, parts: Sequence[Part]) -> list[dict[st
     model, modes = together(parts)
     found = _of_factors(matrix, model, modes)
     found["mpc"] = mpc(modes.shapes)
-    found["msv"] = _strength(matrix, modes)
+    # growing poles count as undamped ones
+    dt = matrix.dt or 1 / (2 * matrix.judged.span[1])
+    z = np.exp(np.minimum(modes.poles.real, 0) * dt + 1j * modes.poles.imag * dt)
+    found["msv"] = modal_singular_values(modes.shapes, modes.participation, z, matrix.judged.count)
     found["mpd"] = mpd(modes.shapes)
     ends = np.cumsum([0, *(modal.poles.size for _, modal in parts)])
     each = [{name: values[a:b] for name, values in found.items()} for a, b in pairwise(ends)]
@@ -228,11 +231,3 @@ def _of_factors(matrix: DataMatrix, model: Triple, modes: Eigenmodes) -> dict[st
     known = found.get("amplitude_coherence", by_rows)
     both = of_outputs if of_inputs is None else of_outputs * np.where(np.isnan(of_inputs), 1, of_inputs)
     return {"amplitude_coherence": np.where(np.isnan(known), by_rows, known), "emac": both, "emaco": of_outputs}
-
-
-def _strength(matrix: DataMatrix, modes: Eigenmodes) -> RealArray:
-    """Return the modal singular values; growing poles count as undamped ones."""
-    response = matrix.judged
-    dt = matrix.dt or 1 / (2 * response.span[1])
-    z = np.exp(np.minimum(modes.poles.real, 0) * dt + 1j * modes.poles.imag * dt)
-    return modal_singular_values(modes.shapes, modes.participation, z, response.count)

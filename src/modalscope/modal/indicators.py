@@ -154,11 +154,7 @@ def prominence(curves: ArrayLike, frequencies: ArrayLike, frequency: float, damp
     """
     f, c = real_array("frequencies", frequencies, "lines", 1), real_array("curves", curves, "lines, curves", 2)
     if len(c) != len(f):
-        raise DataError(
-            f"the prominence of peaks on {len(f)} lines was asked",
-            f"the curves have {len(c)}",
-            "Give both on one axis.",
-        )
+        raise DataError(f"curves on {len(f)} lines were asked", f"they have {len(c)}", "Give both on one axis.")
     step = float(np.median(np.diff(f)))
     half, far = max(damping_ratio * frequency, 2 * step), max(8 * damping_ratio * frequency, 8 * step)
     near = np.flatnonzero(np.abs(f - frequency) <= half)
@@ -170,14 +166,11 @@ def prominence(curves: ArrayLike, frequencies: ArrayLike, frequency: float, damp
             continue
         sides = curve[first:k][::-1], curve[k + 1 : min(int(last), f.size - 1) + 1]
         if min(side.size for side in sides):
-            saddle = max(_lowest_before_higher(side, curve[k]) for side in sides)
+            higher = [np.flatnonzero(side > curve[k]) for side in sides]
+            lowest = [side[: at[0] + 1 if at.size else None].min() for side, at in zip(sides, higher, strict=True)]
+            saddle = max(lowest)
             best = max(best, float(curve[k] / saddle)) if saddle > 0 else np.inf
     return best
-
-
-def _lowest_before_higher(side: Array, level: float) -> float:
-    higher = np.flatnonzero(side > level)
-    return float(np.min(side[: higher[0] + 1] if higher.size else side))
 
 
 #: Values of shapes that are turned at a time.
@@ -219,9 +212,7 @@ def mac(shapes_a: ArrayLike | ModalModel, shapes_b: ArrayLike | ModalModel | Non
     a, b = (x[:, None] if x.ndim == 1 else x for x in (a, b))
     if a.shape[0] != b.shape[0]:
         raise DataError(
-            "the MAC of two sets of shapes was asked",
-            f"they have {a.shape[0]} and {b.shape[0]} channels",
-            "Select the same channels in both.",
+            "MAC needs the same channels", f"there are {a.shape[0]} and {b.shape[0]}", "Select the same in both."
         )
     cross = np.abs(a.conj().T @ b) ** 2
     norms = np.sum(np.abs(a) ** 2, axis=0)[:, None] * np.sum(np.abs(b) ** 2, axis=0)

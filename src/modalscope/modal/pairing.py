@@ -158,9 +158,7 @@ def comac(shapes_a: ArrayLike, shapes_b: ArrayLike) -> RealArray:
     b = complex_array("shapes_b", shapes_b, "outputs, modes", 2)
     if a.shape != b.shape:
         raise DataError(
-            "COMAC of paired modes was asked",
-            f"the shapes are {a.shape} and {b.shape}",
-            "Give as many modes and outputs of both (see pair_modes).",
+            "COMAC needs paired modes", f"the shapes are {a.shape} and {b.shape}", "Pair them first: pair_modes."
         )
     a, b = (x / np.maximum(np.linalg.norm(x, axis=0), 1e-300) for x in (a, b))
     both = np.sum(np.abs(a * np.conj(b)), axis=1) ** 2

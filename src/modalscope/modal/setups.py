@@ -195,9 +195,7 @@ def _common(parts: Sequence[ModalModel]) -> tuple[str, ...]:
     common = tuple(dof for dof in parts[0].output_dofs if all(dof in part.output_dofs for part in parts))
     if not common:
         raise DataError(
-            "modes of setups with common outputs were asked",
-            "no output is common to all of them",
-            "Give the reference sensors the same labels in all setups.",
+            "setups to merge were asked", "they have no common output", "Give references the same labels in all."
         )
     return common
 

@@ -19,7 +19,7 @@ from modalscope.functions.pole_basis import ModalBasis, residual_powers, scaled_
 from modalscope.functions.poles import QUANTITIES
 from modalscope.modal.indicators import clusters, mpc, mpd
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, ComplexArray, RealArray, real_array
+from modalscope.numerics.checks import Array, ComplexArray, RealArray, optional_array
 from modalscope.numerics.errors import DataError
 
 #: The fit ends where a round lowers the squared misfit by less than this part of it: residues then change by about 1e-5 of the residual ...
@@ -207,8 +207,14 @@ def fit_residues(
     powers = _powers(response, residuals, kind)
     if len(modes) == 0:
         raise DataError("a fit of residues was asked", "there are no modes", "Identify modes first.")
-    _check_lines(response, len(modes), len(powers))
-    w = None if weights is None else _one_a_line(response, weights)
+    unknowns = 2 * len(modes) + len(powers)
+    if 2 * response.lines < unknowns:
+        raise DataError(
+            f"residues of {len(modes)} modes and {len(powers)} residual terms need {-(-unknowns // 2)} lines",
+            f"there are {response.lines}",
+            "Widen the band or leave modes out.",
+        )
+    w = optional_array("weights", weights, "(lines,)", (response.lines,))
     poles = modes.poles - response.added_damping
     groups = clusters(poles, _MAX_DISTANCE_OF_REPEATED)
     poles = np.array([poles[group].mean() for group in groups])
@@ -250,24 +256,6 @@ def _powers(response: FrequencyResponse, residuals: bool, kind: str) -> tuple[in
     return () if kind == "real" and not residuals else residual_powers(quantity, residuals)
 
 
-def _check_lines(response: FrequencyResponse, modes: int, terms: int) -> None:
-    if 2 * response.lines < 2 * modes + terms:
-        raise DataError(
-            f"residues of {modes} modes and {terms} residual terms need {-(-(2 * modes + terms) // 2)} lines",
-            f"there are {response.lines}",
-            "Widen the band or leave modes out.",
-        )
-
-
-def _one_a_line(response: FrequencyResponse, weights: ArrayLike) -> RealArray:
-    w = real_array("weights", weights, "(lines,)", 1)
-    if w.size != response.lines:
-        raise DataError(
-            f"weights of {response.lines} lines were asked", f"there are {w.size}", "Give weights one number a line."
-        )
-    return w
-
-
 def _basis(
     response: FrequencyResponse, poles: ComplexArray, kind: str, powers: tuple[int, ...], weights: Array | None
 ) -> ModalBasis:
@@ -275,9 +263,7 @@ def _basis(
     if kind == "complex":
         return basis
     if np.any(poles.imag == 0):
-        raise DataError(
-            "real modes were asked", "there are real poles, which do not oscillate", "Leave them out with take()."
-        )
+        raise DataError("real modes were asked", "there are real poles", "Leave them out with take().")
     s = 2j * np.pi * response.frequencies[:, None]
     power = QUANTITIES[response.quantity or ""]
     one = s**power / (s**2 - 2 * poles.real * s + np.abs(poles) ** 2)

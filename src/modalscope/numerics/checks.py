@@ -167,9 +167,7 @@ def _numeric(name: str, values: ArrayLike, axes: str, ndim: int | Sequence[int])
     try:
         array = np.asarray(values)
     except ValueError as error:  # ragged nested lists
-        raise DataError(
-            f"{name} needs one array of axes {axes}", f"it is ragged ({error})", "Give rows of equal length."
-        ) from None
+        raise DataError(f"{name} needs axes {axes}", f"it is ragged ({error})", "Give rows of equal length.") from None
     if array.dtype.kind not in "biufc":
         raise DataError(f"{name} needs numbers", f"its type is {array.dtype}", "Convert it to numbers.")
     allowed = (ndim,) if isinstance(ndim, int) else tuple(ndim)
@@ -271,9 +269,7 @@ def check_positive(name: str, value: float) -> float:
 def check_count(name: str, value: int, least: int = 1) -> int:
     """Return a whole number not below `least`, or raise."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value < 2**62:
-        raise DataError(
-            f"{name} needs a whole number of at least {least}", f"it is {value!r}", f"Raise {name} to {least} or more."
-        )
+        raise DataError(f"{name} needs a whole number of at least {least}", f"it is {value!r}", f"Raise it to {least}.")
     return int(value)
 
 
@@ -287,7 +283,7 @@ def check_axes(**arrays: tuple[Any, int]) -> None:
             raise DataError(
                 f"{name} needs an array of {axes} axes",
                 f"it is {type(array).__name__} of shape {np.shape(array)}",
-                "Add or move the missing axis, and give a NumPy array.",
+                "Change its axes.",
             )
 
 
@@ -296,9 +292,7 @@ def check_index(name: str, index: Any, count: int) -> None:
     try:
         np.empty(count)[index]
     except IndexError as error:
-        raise DataError(
-            f"some of {count} {name} were asked", f"{name} is not of them: {error}", "Count from 0."
-        ) from None
+        raise DataError(f"{name} of {count} were asked", f"the index is wrong: {error}", "Count from 0.") from None
 
 
 def check_number(name: str, value: Any) -> float:
@@ -315,11 +309,11 @@ def check_band(band: Any) -> tuple[float, float]:
         low, high = (float(end) for end in band)
     except (TypeError, ValueError):
         raise DataError(
-            "a band of two frequencies in Hz was asked", f"it is {band!r}", "Give band=(lowest, highest)."
+            "a band of two frequencies was asked", f"it is {band!r}", "Give band=(lowest, highest)."
         ) from None
     if not low < high:
         raise DataError(
-            f"the band {low:g} to {high:g} Hz was asked", "its ends do not increase", "Give the lower end first."
+            f"the band {low:g} to {high:g} Hz was asked", "it does not increase", "Give the lower end first."
         )
     return low, high
 

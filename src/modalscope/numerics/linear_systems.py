@@ -82,9 +82,7 @@ def gramian_factor(A: RealArray, B: RealArray, sampled: bool) -> RealArray:
     growing = np.abs(values) >= 1 if sampled else values.real >= 0
     if growing.any():
         raise DataError(
-            "a Gramian over all time was asked",
-            f"{int(growing.sum())} of the {values.size} poles do not decay",
-            "Give a finite horizon, or leave those poles out.",
+            "a Gramian over all time was asked", f"{int(growing.sum())} poles do not decay", "Give a finite horizon."
         )
     n, scale = A.shape[0], state_scale(A)
     A, B = scaled(A, scale), B / scale[:, None]
@@ -162,9 +160,7 @@ def transfer(A: RealArray, B: RealArray, C: RealArray, D: RealArray, points: Com
         x = points[first : first + step]
         if np.any(x[:, None] == poles):
             raise DataError(
-                "a transfer function was asked at a pole of the model",
-                "it is infinite there",
-                "Leave that frequency out.",
+                "a transfer function at a pole was asked", "it is infinite there", "Leave that frequency out."
             )
         solution = np.empty((n, x.size, m), dtype=complex)
         for i in range(n - 1, -1, -1):

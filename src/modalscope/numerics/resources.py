@@ -56,9 +56,7 @@ def device_named(name: str | None) -> Device | None:
     torch = optional_package(f"device={name!r}", "torch", "torch")
     optional_package(f"device={name!r}", "array_api_compat", "torch")
     if name == "cuda" and not torch.cuda.is_available():
-        raise DataError(
-            "device='cuda' was asked", "PyTorch finds no graphics card here", "Use device='cpu', or leave it out."
-        )
+        raise DataError("device='cuda' was asked", "PyTorch finds no graphics card", "Use device='cpu' or none.")
     return Device(name, torch)
 
 
@@ -125,9 +123,7 @@ def check_fits(what: str, size: float, change: str) -> None:
     """
     most = allowed_memory()
     if size > most:
-        raise DataError(
-            f"{what} was asked", f"it takes about {in_words(size)} of memory, and {in_words(most)} are there", change
-        )
+        raise DataError(f"{what} was asked", f"it takes about {in_words(size)} of memory, of {in_words(most)}", change)
 
 
 def in_words(size: float) -> str:

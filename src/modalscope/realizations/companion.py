@@ -211,17 +211,6 @@ def null_space_companion(matrix: DataMatrix, factors: Factors) -> NullSpaceCompa
     return NullSpaceCompanion(factors=factors, matrix=matrix, shift=shift, gram=gram, P=P, B=_input(matrix))
 
 
-def _check_explained(left: RealArray, whole: RealArray, blocks: int, limit: float) -> None:
-    """Raise when blocks that have lost rank do not give the next one: fewer than the observability index."""
-    share = float(np.linalg.norm(left) / max(np.linalg.norm(whole), np.finfo(float).tiny))
-    if share > limit:
-        raise DataError(
-            f"a least-squares companion of {blocks} blocks was asked",
-            f"these blocks are singular and leave {100 * share:.2g} % of the next one: fewer than the observability index",
-            "Raise the order by a block or more.",
-        )
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LeastSquaresCompanion(Realization):
     """Least-squares companion forms of every degree p, of p blocks.
@@ -289,7 +278,15 @@ class LeastSquaresCompanion(Realization):
         if n <= L.shape[1] and pivots.min() > np.sqrt(rcond) * pivots.max():
             return sla.solve_triangular(known, target.T, lower=True, trans="T", check_finite=False).T
         R = np.linalg.lstsq(known.T, target.T, rcond=rcond)[0].T
-        _check_explained(L[n : n + block] - R @ L[:n], L[n : n + block], n // block, np.sqrt(rcond))
+        share = np.linalg.norm(L[n : n + block] - R @ L[:n]) / max(
+            np.linalg.norm(L[n : n + block]), np.finfo(float).tiny
+        )
+        if share > np.sqrt(rcond):
+            raise DataError(
+                f"a least-squares companion of {n // block} blocks was asked",
+                f"they are singular and leave {100 * share:.2g} % of the next one: fewer than the observability index",
+                "Raise the order by a block or more.",
+            )
         return np.asarray(R)
 
 
@@ -373,9 +370,7 @@ def _from_reversal(companion: NullSpaceCompanion, n: int) -> Triple:
     T, Z, k = sla.schur(backward, output="real", sort="ouc")
     if k == 0:
         raise DataError(
-            f"order={n} with reduction='reversed' was asked",
-            "no pole of the reversed data lies outside the unit circle",
-            "Use reduction='projection'.",
+            f"order={n}, reduction='reversed' was asked", "no reversed pole grows", "Use reduction='projection'."
         )
     # [I, X] takes the part of a state that lies in the growing subspace along the decaying one
     X = sla.solve_sylvester(T[:k, :k], -T[k:, k:], T[:k, k:])

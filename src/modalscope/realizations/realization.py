@@ -55,9 +55,7 @@ class Realization(ABC):
         Raises `DataError`: the first-order change of its poles is not known.
         """
         raise DataError(
-            "the influence of the data on these poles was asked",
-            "it is not known for this way of reading them off",
-            "Leave the reduction out, or use method='alternate'.",
+            "standard deviations were asked", "a reduction has none", "Leave it out, or use method='alternate'."
         )
 
     def pairs(self, sides: Sides, values: ComplexArray) -> tuple[tuple[Any, Any], ...]:

@@ -124,9 +124,7 @@ def first_order_form(model: StateSpace) -> StateSpace:
 def _need_continuous(model: StateSpace) -> None:
     if model.dt is not None:
         raise DataError(
-            "a continuous model was asked",
-            f"this one is sampled every {model.dt:g} s",
-            "Identify in domain='s', or use to_continuous().",
+            "a continuous model was asked", f"it is sampled every {model.dt:g} s", "Use domain='s' or to_continuous()."
         )
 
 
