@@ -31,7 +31,7 @@ def write_analysis(path: Path, document: Analysis) -> None:
 
 
 def read_analysis(path: Path) -> Analysis:
-    """Return the analysis that a JSON file holds, by itself or beside modes.
+    """Return the analysis that a JSON file holds, by itself or with modes.
 
     Raises `DataError`: no such file, no JSON, or no analysis in it.
     """

@@ -232,7 +232,7 @@ def _records(path: Path, table: _Table, labels: list[re.Match[str]], values: Arr
 def write(path: Path, thing: DataObject, options: Options) -> None:
     """Write a response, a record of one run or a table of modes.
 
-    Raises `DataError`: A direct term, several runs, or labels that a header of columns does not give back.
+    Raises `DataError`: a direct term, several runs, or labels that a header of columns does not give back.
     """
     if isinstance(thing, ModalModel):
         _put(path, None, *_modes_table(thing))

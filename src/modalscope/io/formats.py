@@ -82,7 +82,7 @@ def read(path: str | Path, **options: Any) -> DataObject:
         For files of named arrays (.npz, .mat, .h5): `rename={"y": "outputs", "fs": "sampling_rate"}`, name in the file ->
         name of the layout; `axes={"values": "inputs outputs lines"}`, the axes of a stored array when they stand in
         another order or one of length 1 is left out; `ignore=["notes"]`, arrays to leave. For .h5 and .zarr: `stored=True`, the samples
-        stay in the file and are read stretch by stretch, which is so by itself where they are large beside the memory.
+        stay in the file and are read stretch by stretch, also without being asked where they are large for the memory.
 
         For universal files: `want="frequency response" | "impulse response" | "records" | "modes" | "geometry"` when a file
         holds several, and `repeated="first" | "last"` when a pair of dofs was measured more than once.
@@ -210,7 +210,7 @@ def write(path: str | Path, thing: Any, **options: Any) -> None:
         Of a result the modes are written, in JSON with the document of its analysis.
     **options
         Universal files: `text=True` (datasets 58 as text), `dataset=55 | 2414` (modes), `nodes=2411 | 15`,
-        `lines=82 | 2412`. JSON: `method`, `domain`, `orders`, `data`, written beside the modes.
+        `lines=82 | 2412`. JSON: `method`, `domain`, `orders`, `data`, written with the modes.
 
     Raises
     ------

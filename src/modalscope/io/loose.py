@@ -87,7 +87,7 @@ def meaning_of(where: str, arrays: Mapping[str, Array], options: Options) -> Mea
 
     `options`: `sampling_rate`, `transpose`.
 
-    Raises `DataError`: hits or channels, samples in rows or in columns, where nothing tells: the message names the options that do.
+    Raises `DataError`: hits or channels, samples in rows or in columns, where nothing decides: the message names the options that do.
     """
     evidence = _sorted(where, arrays)
     if not evidence.data or (evidence.axis is None and evidence.rate is None and options.get("sampling_rate") is None):
@@ -209,7 +209,7 @@ def _count(evidence: _Evidence, options: Options) -> int:
     shapes = {name: array.squeeze().shape for name, array in evidence.data.items()}
     single = {shape[0] for shape in shapes.values() if len(shape) == 1}
     if len(single) == 1 and all(min(single) in shape for shape in shapes.values()):
-        return int(min(single))  # a vector beside them counts the samples
+        return int(min(single))  # the vectors count the samples
     longest = int(max(max(shape) for shape in shapes.values()))
     odd = [name for name, shape in shapes.items() if len(shape) > 1 and shape[0] != longest]
     if odd and not options.get("transpose"):
@@ -224,7 +224,7 @@ def _is_input(name: str) -> bool:
 
 
 def _runs(evidence: _Evidence, arrays: Mapping[str, Array], forces: list[str], options: Options) -> Meant:
-    """Return runs where the shapes settle which axis counts them: forces (N, R) beside responses (N, c, R) or (N, R, c)."""
+    """Return runs where the shapes settle which axis counts them: forces (N, R) with responses (N, c, R) or (N, R, c)."""
     outputs = [name for name in arrays if name not in forces]
     if len(outputs) == 1 and len(forces) == 1 and arrays[outputs[0]].ndim == 3 and arrays[forces[0]].ndim <= 2:
         out, into = arrays[outputs[0]], arrays[forces[0]]
@@ -313,7 +313,7 @@ def with_vectors(arrays: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def _vector(of: str, arrays: Mapping[str, Array]) -> Array | None:
-    """Return the axis; None where a scalar is none, or the number is not that of the values beside it."""
+    """Return the axis; None where a scalar is none, or the number of values differs."""
     values = _values(of, arrays)
     step, start = _scalar(arrays.get(f"{of}x_values.increment")), _scalar(arrays.get(f"{of}x_values.start_value"))
     number = _scalar(arrays.get(f"{of}x_values.number_of_values"))
@@ -326,7 +326,7 @@ def _vector(of: str, arrays: Mapping[str, Array]) -> Array | None:
 
 
 def _values(of: str, arrays: Mapping[str, Array]) -> Array | None:
-    """Return the first numbers of the values beside an axis."""
+    """Return the first numeric values that belong to an axis."""
     named = (array for name, array in arrays.items() if name.startswith(f"{of}y_values"))
     return next((array for array in named if array.dtype.kind in "biufc" and array.size > 1), None)
 

@@ -70,7 +70,7 @@ def read_mat5(data: bytes, room: Room, ignore: Collection[str] = ()) -> dict[str
 
     Members of other cells are named `runs{1}`, those of arrays of structures `test(1).acc`.
 
-    Raises `DataError`: A damaged file, an older version, more than the room, or a variable of a class that is not read and not ignored.
+    Raises `DataError`: a damaged file, an older version, more than the room, or a variable of a class that is not read and not ignored.
     """
     order = {b"IM": "<", b"MI": ">"}.get(data[126:_BYTES_OF_HEADER])
     if order is None:
@@ -98,7 +98,7 @@ def _variable(file: _Reading, kind: int, body: memoryview, ignore: Collection[st
 
 
 def _inflated(body: memoryview, file: _Reading) -> memoryview:
-    """Return compressed data; they stay beside the arrays that are made of them."""
+    """Return data uncompressed; they stay in memory with the arrays that are made of them."""
     stream = zlib.decompressobj()
     data = stream.decompress(body, file.room.left + 1)
     if len(data) > file.room.left:

@@ -72,7 +72,7 @@ def lists_of(where: str, arrays: Mapping[str, Array]) -> Lists | None:
 
     `arrays`: as readers hand them on, members by their places.
 
-    Raises `DataError`: lists in lists, or runs beside another number of members.
+    Raises `DataError`: lists in lists, or runs with another number of members.
 
     Examples
     --------

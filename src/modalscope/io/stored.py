@@ -25,7 +25,7 @@ _PARTS_OF_MEMORY = 4
 
 
 def stays_stored(options: Options, size: int) -> bool:
-    """Whether a record of so many bytes stays in its file: as asked, or where it is large beside the memory that may be taken.
+    """Whether a record of so many bytes stays in its file: as asked, or where it is large for the memory.
 
     `options`: with `stored` True or False where that was asked.
     """
@@ -137,7 +137,7 @@ def _readable(path: str, what: str) -> Iterator[None]:
 def stored_contents(where: str, rows: Rows, arrays: Mapping[str, Array], options: Options) -> Contents:
     """Return a record whose samples stay where they are.
 
-    `rows`: the outputs. `arrays`: what stands beside them, by the names in the file: rate, labels, units. `options`: of files of named
+    `rows`: the outputs. `arrays`: the others, by the names in the file: rate, labels, units. `options`: of files of named
     arrays.
 
     Raises `DataError`: more than two axes, inputs, no sampling rate, what the data object refuses.
@@ -169,7 +169,7 @@ def stored_contents(where: str, rows: Rows, arrays: Mapping[str, Array], options
 def stored_response(where: str, blocks: ZarrOutputs, arrays: Mapping[str, Array], options: Options) -> Contents:
     """Return impulse responses whose samples stay where they are.
 
-    `arrays`: what stands beside them, by the names in the file. `options`: of files of named arrays.
+    `arrays`: the others, by the names in the file. `options`: of files of named arrays.
 
     Raises `DataError`: no sampling rate, what the data object refuses.
     """

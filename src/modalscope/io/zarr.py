@@ -70,7 +70,7 @@ def modes_in_pieces(folder: Path, modes: ModalModel, channels: Channels) -> Any:
 
 
 def read(path: Path, options: Options) -> Contents:
-    """Read a group of arrays, or one array; a record that is large beside the memory stays where it is.
+    """Read a group of arrays, or one array; a record that is large for the memory stays where it is.
 
     `path`: the folder. `options`: those of named arrays, and `stored`.
     """

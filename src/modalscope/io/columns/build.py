@@ -119,8 +119,8 @@ def _axis(
         return None, "", [f"{rising} counts rows: it was left"]
     rest = [column.number for column in columns[1:]]
     if parts_by_name(columns[1:], spoken):
-        roles[rising.number] = Role(role="frequency", reason="it rises evenly beside complex values")
-        return rising, "frequency", [f"{rising} rises evenly beside complex values: taken as frequency in Hz"]
+        roles[rising.number] = Role(role="frequency", reason="it rises evenly with complex values")
+        return rising, "frequency", [f"{rising} rises evenly with complex values: taken as frequency in Hz"]
     with_force = any(roles[column.number].role == "in" for column in columns[1:])
     if step < _MAX_TIME_STEP or with_force or (rate is not None and abs(step * rate - 1) < 1e-2):
         roles[rising.number] = Role(role="time", reason="it rises evenly")

@@ -115,7 +115,7 @@ def _missed(times: RealArray, values: RealArray) -> float:
 def evened(
     where: str, axis: Column, times: RealArray, channels: list[Column], asked: Any
 ) -> tuple[Column, list[Column], list[str]]:
-    """Return the axis and the channels on even times, and what to say of it; as they are where times are even and nothing is asked.
+    """Return the axis and the channels on even times, and notes; unchanged where times are even and nothing is asked.
 
     `times`: of the axis, s. `asked`: samples per second, "auto", or None, which resamples where the loss is known and small.
 

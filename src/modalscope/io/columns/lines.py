@@ -124,7 +124,7 @@ def joined_polar(where: str, magnitude: Array, phase: Array, unit: str, example:
 
     `magnitude`, `phase` (N,). `unit`: "deg", "rad", or "" where it is not known. `example`: how `--units` names the phase.
 
-    Raises `DataError`: A phase whose unit is not known.
+    Raises `DataError`: a phase whose unit is not known.
     """
     if not unit:
         fault = f"they lie within {np.abs(phase).max(initial=0.0):.3g} of zero, which may be degrees or radians"

@@ -26,7 +26,7 @@ _PARTS_OF_SECOND = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"
 def records(
     table: Table, axis: Column | None, columns: Sequence[Column], roles: Mapping[int, Role], options: Options
 ) -> tuple[Signals, list[str], dict[int, str]]:
-    """Return records, notes, and what was left with its reason.
+    """Return records, notes, and the reasons of columns that are left out.
 
     `axis`: the times. `columns`: all others that may be taken. `options`: `sampling_rate`.
 
@@ -170,7 +170,7 @@ def seconds_of(axis: Column) -> RealArray:
 
 
 def _with_seconds(table: Table, axis: Column, options: Options) -> tuple[Column, list[str]]:
-    """Return times without a unit in seconds from the first where they count parts of a second, and what to say of it."""
+    """Return times without a unit in seconds from the first where they count parts of a second, and a note."""
     times = np.asarray(axis.values, float)
     given = options.get("sampling_rate")
     rate = table.rate if given is None else check_positive("sampling_rate", given)

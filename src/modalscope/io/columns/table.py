@@ -39,7 +39,7 @@ class Column:
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Table:
-    """Columns of equal length, the sampling rate that stands beside them, and what was found on the way, in words.
+    """Columns of equal length, their sampling rate, and notes.
 
     `rate`: samples per second. `rate_from`: where the rate stands: `header line 3`. `notes`: what was found, in words. `layout`: the
     evidence on the layout: part, and what it is. `roles`: what the file itself says of its columns. `first_row`: the row of the file that

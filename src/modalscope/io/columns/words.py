@@ -423,7 +423,7 @@ def _by_name(whole: str, words: Sequence[str]) -> Role:
 def named_columns(columns: Sequence[Column], items: Iterable[str], option: str) -> list[Column]:
     """Return the columns that items name: numbers from 1, ranges `3-9` and `3-`, or names.
 
-    Raises `DataError`: A column that is not there.
+    Raises `DataError`: a column that is not there.
     """
     selected: list[Column] = []
     by_number = {column.number: column for column in columns}
@@ -466,7 +466,7 @@ def spoken_roles(columns: Sequence[Column], text: str) -> dict[int, str]:
 
     `text`: such as `time=1,in=2,out=3-9`; a part without a role belongs to the one before.
 
-    Raises `DataError`: A role or column that is not there, a column named twice.
+    Raises `DataError`: a role or column that is not there, a column named twice.
 
     Examples
     --------

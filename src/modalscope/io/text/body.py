@@ -59,11 +59,11 @@ def kinds_of(rows: Sequence[Sequence[str]]) -> list[str]:
 def read_body(
     where: str, lines: Iterable[tuple[int, str]], kinds: Sequence[str], dialect: Dialect, width: int, space: Room
 ) -> tuple[list[Array], list[str]]:
-    """Return the columns of a body, and what to say of lines under it.
+    """Return the columns of a body, and a note on lines under it.
 
     `lines`: the body, each line with its number. `kinds`: those of the columns. `width`: cells in a row.
 
-    Raises `DataError`: A row of another length, or a cell that holds something else than its column.
+    Raises `DataError`: a row of another length, or a cell that holds something else than its column.
     """
     pieces: list[list[Array]] = []
     source = ((number, line) for number, line in lines if line[0] not in _FIRST_OF_COMMENT or not uncommented(line)[1])

@@ -2,7 +2,7 @@
 
 What stands in the file decides: which sign parts cells and which is the decimal one (`dialect`), where the body begins, what its columns
 are called and in which units (`layout`), and which of them is time, an input or half of a complex value (`columns`). Options say what
-the file does not. `modalscope info` tells the evidence.
+the file does not. `modalscope info` shows the evidence.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def contents_of_lines(
 ) -> Contents:
     """Make the data object that the lines of a table hold.
 
-    `lines`: number and text. `signs`: delimiter and decimal sign, where they are known. `notes`: what to say of the file.
+    `lines`: number and text. `signs`: delimiter and decimal sign, where they are known. `notes`: on the file.
 
     Raises `DataError`: as `read`.
     """
@@ -73,8 +73,10 @@ def contents_of_lines(
         return labview_contents(where, chain(first, lines), space, options)
     head = head_of(bare)
     if head is not None:
+        rate = options.get("sampling_rate")
+        rate = None if rate is None else check_positive("sampling_rate", rate)
         below = gathered(head, chain(islice(first, head.lines, None), lines), len(first), space)
-        if runs_on(head, below, _given_rate(options)):
+        if runs_on(head, below, rate):
             contents = wrapped_contents(where, head, chain(below, lines), space, options)
             _refuse_cells(where, options, signs[0])
             return replace(contents, notes=(*contents.notes, *notes))
@@ -91,11 +93,6 @@ def contents_of_lines(
         layout = replace(layout, facts=(*layout.facts, (head.first, "DT", head.said)))
     table = _table(where, first, bare, lines, dialect, layout, space, options)
     return contents_from_table(replace(table, notes=(*table.notes, *notes)), options)
-
-
-def _given_rate(options: Options) -> float | None:
-    given = options.get("sampling_rate")
-    return None if given is None else check_positive("sampling_rate", given)
 
 
 def _refuse_cells(where: str, options: Options, delimiter: str | None) -> None:

@@ -46,7 +46,7 @@ class _Sets:
 def read(path: Path, options: Options) -> Contents:
     """Read a universal file (options `want`, `repeated`, `quantity`, `kind`).
 
-    Raises `DataError`: A file that is none, a set that is cut off, miscounted, NaN or in the wrong byte order, a pair measured twice, or
+    Raises `DataError`: a file that is none, a set that is cut off, miscounted, NaN or in the wrong byte order, a pair measured twice, or
     nothing in it that is read.
     """
     for name, choices in (("want", _WANTS), ("repeated", ("first", "last"))):

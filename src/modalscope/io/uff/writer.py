@@ -15,7 +15,6 @@ from modalscope.io.uff.function import Function, write_function
 from modalscope.io.uff.layout import QUANTITY_CODES, one_set
 from modalscope.io.uff.nodes import write_lines, write_nodes
 from modalscope.io.uff.shapes import write_shapes
-from modalscope.numerics.checks import RealArray
 from modalscope.numerics.errors import check_choice
 
 WRITE_OPTIONS = ("text", "dataset", "nodes", "lines")
@@ -23,7 +22,7 @@ WRITE_OPTIONS = ("text", "dataset", "nodes", "lines")
 _TIME, _FRF, _COHERENCE, _CORRELATION, _MULTIPLE = 1, 4, 6, 8, 26
 _FORCE, _TIME_AXIS, _FREQUENCY_AXIS = 13, 17, 18
 _SI = {"m", "m/s", "m/s2", "m/s^2", "N"}
-#: An abscissa is even when it leaves the straight line by no more than rounding.
+#: Relative distance of an even abscissa from a straight line, at most.
 _ROUNDING = 8 * np.finfo(float).eps
 
 
@@ -34,9 +33,10 @@ def write(path: Path, thing: ArrayData, options: Options) -> None:
 
     Raises `DataError`: labels that have neither a node number nor a short name, or something that has no place in the format.
     """
+    choices = {"dataset": (55, 2414), "nodes": (2411, 15), "lines": (82, 2412)}
     dataset, nodes, lines = (
-        _choice(options, name, choices)
-        for name, choices in (("dataset", (55, 2414)), ("nodes", (2411, 15)), ("lines", (82, 2412)))
+        int(check_choice(name, str(options.get(name, of_name[0])), map(str, of_name)))
+        for name, of_name in choices.items()
     )
     data = _header()
     if isinstance(thing, StateSpace):
@@ -51,12 +51,12 @@ def write(path: Path, thing: ArrayData, options: Options) -> None:
         data += write_shapes(thing, dataset)
     elif not isinstance(thing, Geometry):
         text = bool(options.get("text", False))
-        data += b"".join(write_function(function, text=text) for function in _functions(thing))
+        if isinstance(thing, Signals):
+            functions = _records(thing)
+        else:
+            functions = _frequency(thing) if isinstance(thing, FrequencyResponse) else _impulse(thing)
+        data += b"".join(write_function(function, text=text) for function in functions)
     path.write_bytes(data)
-
-
-def _choice(options: Options, name: str, choices: tuple[int, int]) -> int:
-    return int(check_choice(name, str(options.get(name, choices[0])), map(str, choices)))
 
 
 def _header() -> bytes:
@@ -75,16 +75,6 @@ def _units(thing: Any) -> bytes:
     return f"    -1\n{164:6d}\n{1:10d}{'SI: Meter (newton)':<20}{2:10d}\n{factors}\n{offset}\n    -1\n".encode("ascii")
 
 
-def _functions(thing: Signals | ImpulseResponse | FrequencyResponse) -> list[Function]:
-    if isinstance(thing, Signals):
-        return _records(thing)
-    return _frequency(thing) if isinstance(thing, FrequencyResponse) else _impulse(thing)
-
-
-def _even(x: RealArray) -> bool:
-    return bool(np.max(np.abs(x - np.linspace(x[0], x[-1], x.size))) <= _ROUNDING * max(abs(x[0]), abs(x[-1])))
-
-
 def _pairs(thing: FrequencyResponse | ImpulseResponse) -> list[tuple[int, int, dict[str, Any]]]:
     code = QUANTITY_CODES[thing.quantity]
     return [
@@ -96,8 +86,9 @@ def _pairs(thing: FrequencyResponse | ImpulseResponse) -> list[tuple[int, int, d
 
 
 def _frequency(frf: FrequencyResponse) -> list[Function]:
-    even = _even(frf.frequencies)
-    common: dict[str, Any] = {"x": frf.frequencies, "even": even, "abscissa_type": _FREQUENCY_AXIS}
+    x = frf.frequencies
+    even = np.max(np.abs(x - np.linspace(x[0], x[-1], x.size))) <= _ROUNDING * max(abs(x[0]), abs(x[-1]))
+    common: dict[str, Any] = {"x": x, "even": bool(even), "abscissa_type": _FREQUENCY_AXIS}
     functions = [Function(kind=_FRF, values=frf.values[:, i, j], **fields, **common) for i, j, fields in _pairs(frf)]
     gamma = frf.coherence
     if gamma is not None and gamma.ndim == 3:
