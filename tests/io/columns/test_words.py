@@ -190,7 +190,7 @@ def test_where_no_channel_is_left_the_message_names_what_may_be_one(tmp_path: Pa
     ("heads", "options", "text"),
     [
         ("Time", {}, "Export the measured channels"),
-        ("Frequency [Hz],Temp [degC]", {}, "Export real and imaginary parts beside"),
+        ("Frequency [Hz],Temp [degC]", {}, "Export real and imaginary parts with"),
         ("Time,a", {"ignore": "a"}, "Leave fewer columns out with --ignore"),
         ("Temp [degC],rpm", {}, r'--columns "out=1-2" --sampling-rate HZ'),
     ],
