@@ -6,7 +6,7 @@ from hypothesis import given, settings, strategies as st
 
 from modalscope.data import DataError
 from modalscope.preprocess import estimate_frf
-from modalscope.preprocess.zoom import chirp_z
+from modalscope.preprocess.plans import chirp_z
 from modalscope.systems import chain5
 from tests.support import relative
 

@@ -27,9 +27,8 @@ from modalscope.preprocess.estimators import (
 )
 from modalscope.preprocess.excitation import driven_records, find_excitation, find_period
 from modalscope.preprocess.local_models import LOCAL, local_models
-from modalscope.preprocess.plans import Plan, apply_windows, plan_hits, plan_runs, without_offset, zoom_plan
+from modalscope.preprocess.plans import ZOOMS, Plan, apply_windows, plan_hits, plan_runs, without_offset, zoom_plan
 from modalscope.preprocess.spectra import cross_spectra, silent_lines
-from modalscope.preprocess.zoom import ZOOMS
 
 #: Minimum lines in a half bandwidth: the leakage of a Hann window then is below a few per cent of the damping.
 _LINES_A_HALF_BANDWIDTH = 4.0

@@ -144,7 +144,7 @@ def cross_spectra(
 ) -> CrossSpectra:
     """Average the cross spectral matrices of records (R, N, l) and (R, N, m) over segments and runs.
 
-    The records are real, or complex ones that were shifted in frequency (see `modalscope.preprocess.zoom`). The lines are those of the
+    The records are real, or complex ones that were shifted in frequency (see `modalscope.preprocess.plans`). The lines are those of the
     discrete Fourier transform by default. `whole` computes the whole matrix of the outputs instead of their powers.
     """
     if transform is None:
