@@ -112,7 +112,7 @@ def test_sums_are_warned_of_and_selections_are_not(response):
         ({"row_shifts": [0, 2, 1]}, "increase from 0"),
         ({"row_shifts": [0, 1.5]}, "row_shifts"),
         ({"block_rows": 30, "block_columns": 11}, "reads samples 0 to 40, but the response has 40"),
-        ({"row_shifts": [0, 1, 38]}, "Lower the last shifts"),
+        ({"row_shifts": [0, 1, 38]}, "Lower the sum of the last shifts"),
         ({"block_rows": 0}, "block_rows"),
         ({"row_subsets": [[0, 1]] * 4}, "row_subsets needs all 3 outputs in the first block"),
         ({"row_subsets": [[0, 1, 2]] * 3}, "row_subsets needs 4 sets"),
@@ -121,7 +121,7 @@ def test_sums_are_warned_of_and_selections_are_not(response):
         ({"row_weights": [1, 0, 1]}, "row_weights needs positive weights"),
         ({"column_weights": [1, 1, 1]}, "column_weights needs 2 or 10 entries"),
         ({"row_compression": np.ones((2, 5))}, "row_compression needs 3 columns"),
-        ({"row_compression": np.zeros((1, 3))}, "a row of it is zero"),
+        ({"row_compression": np.zeros((1, 3))}, "one is zero"),
         ({"row_shifts": [0, 1], "block_rows": 3}, "row_shifts has 2 entries"),
     ],
 )

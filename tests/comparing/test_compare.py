@@ -178,7 +178,7 @@ def test_a_method_that_fails_is_a_row_that_says_why_and_stops_no_other() -> None
     c = compare(chain(), ["era", "era/s", "alternate/time"], orders=ORDERS, workers=1)
     failed = c["era (s)"]
     assert failed.modes is None
-    assert "no rational function" in failed.failure
+    assert "no rational transform" in failed.failure
     assert len(c["alternate (time)"].modes or ()) == 5
     assert "failed" in c.table()
     assert f"1 of 4 methods failed: {failed.label}" in c.verdict

@@ -78,7 +78,7 @@ def test_what_survives_what(operation, method, form):
             block = kept.shape[0]
         order = block * (ROWS if form == "observable" else COLUMNS)
     if not survives(method, form, destroyed):
-        with pytest.raises(DataError, match=r"(leaves nothing of that shift|not consecutive|not whole)"):
+        with pytest.raises(DataError, match=r"(has no row shift|not consecutive|not whole)"):
             identify(RESPONSE, method=method, form=form, order=order, **options)
         return
     found = identify(RESPONSE, method=method, form=form, order=order, **options)

@@ -86,7 +86,7 @@ class Combinations:
     def words(self) -> str:
         """What was done, in words."""
         outputs, count = self.U.shape
-        return f"{outputs} outputs through {count} combinations, which leave out {self.discarded:.2g} of their energy"
+        return f"{outputs} outputs through {count} combinations, {self.discarded:.2g} of their energy discarded"
 
 
 class OutputRows(Protocol):

@@ -150,8 +150,8 @@ def refuse_beyond_memory(cost: RecordCost) -> None:
     if there is not None and cost.bytes > there:
         raise DataError(
             "records on lines were asked",
-            f"{cost.columns} columns on {cost.lines} lines take {_words(cost.bytes)} with the records, the machine has {_words(there)}",
-            "Give a band, lower block_rows, leave out channels, or identify the runs one by one.",
+            f"{cost.columns} columns on {cost.lines} lines need {_words(cost.bytes)} besides the records, the machine has {_words(there)}",
+            "Give a band, lower block_rows, exclude channels, or identify runs one by one.",
         )
 
 

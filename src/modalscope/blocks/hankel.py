@@ -90,7 +90,7 @@ def hankel(
             f"the response has {samples}",
             f"Lower block_rows + block_columns to at most {samples}, or measure a longer response."
             if row_shifts is None and column_shifts is None
-            else f"Lower the last shifts to {samples - 2} in all, or measure a longer response.",
+            else f"Lower the sum of the last shifts to {samples - 2}, or measure a longer response.",
         )
     rows = side_of("row", outputs, s, row_subsets, row_weights, row_compression)
     columns = side_of("column", inputs, t, column_subsets, column_weights, column_compression)
@@ -261,8 +261,8 @@ class Hankel(SampledMatrix):
         maps = (self.rows.within, self.rows.over, self.columns.within, self.columns.over)
         if any(T is not None and adds_channels(T) for T in maps):
             return (
-                "compression by sums: modes whose sum over the added channels vanishes (antisymmetric ones, and all but one "
-                "of repeated ones) are lost, and noise weighs more",
+                "Compression by sums loses modes whose sum over the channels vanishes (antisymmetric ones, and all but one "
+                "of repeated ones), and raises noise",
             )
         return ()
 
@@ -294,7 +294,7 @@ class GeneralHankel(Hankel):
         if self.rows.over is not None:
             raise DataError(
                 asked,
-                "a compression over whole columns leaves nothing of that shift",
+                "a compression over whole columns has no row shift",
                 f"Compress within blocks (one column a channel), or {others}.",
             )
         shifts = self.rows.shifts

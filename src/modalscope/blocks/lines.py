@@ -178,8 +178,8 @@ class RowsOnLines(DataMatrix):
         if self.row_shifts is not None:
             raise DataError(
                 "a shift of the rows was asked",
-                f"of the block rows only {', '.join(map(str, self.row_shifts))} are kept: no row follows from its neighbours",
-                "Use method='era' or 'least_squares', or leave row_shifts out.",
+                f"only block rows {', '.join(map(str, self.row_shifts))} are kept, which have no shift",
+                "Use method='era' or 'least_squares', or omit row_shifts.",
             )
 
     def pencil(self, left: Array, values: Array, *, tall: bool) -> Any:

@@ -46,7 +46,7 @@ def orthogonal_basis(
     if degree + 1 > independent:
         raise DataError(
             f"polynomials to degree {degree} were asked",
-            f"{np.unique(x).size} lines carry {independent} of them",
+            f"{np.unique(x).size} lines determine {independent} of them",
             "Use more lines or fewer block rows.",
         )
     basis = np.zeros((x.size, degree + 1), dtype=complex)
@@ -143,8 +143,8 @@ def plane_of(domain: str, response: Response) -> Plane:
         if rate is not None:
             raise DataError(
                 "domain='s' was asked",
-                f"the response is that of a system sampled at {rate:g} Hz, which is no rational function of j w",
-                "Use domain='z', or leave sampling_rate out when the response is that of the structure itself.",
+                f"the response is that of a system sampled at {rate:g} Hz, not rational in j w",
+                "Use domain='z', or omit sampling_rate if the response is that of the structure itself.",
             )
         scale = top or 1.0
         return Plane(

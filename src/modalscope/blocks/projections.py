@@ -110,7 +110,7 @@ class Projection(SampleRows):
         if self.correlation is None:
             raise DataError(
                 "modes of projected records were asked",
-                "their correlation is not there",
+                "their correlation is missing",
                 "Give projection(..., correlation=estimate_correlation(signals)).",
             )
         return self.correlation

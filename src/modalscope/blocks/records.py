@@ -202,7 +202,7 @@ def record_lines(
     if made.left < max(order or 1, 1):
         raise DataError(
             f"order {order or 1} with block_rows={q} was asked",
-            f"{response.count} lines leave {made.left} equations when inputs and ends are eliminated",
+            f"{response.count} lines leave {made.left} equations after elimination of inputs and ends",
             "Measure longer, widen the band, or lower block_rows or the order.",
         )
     return made.by_noise() if equal_outputs else made
@@ -366,8 +366,8 @@ class RecordLines(PolynomialRows):
         told = [str(note) for note in self.judged.inseparable_inputs]
         if any(short):
             told.append(
-                f"{sum(short)} of {sum(part.given for part in self.parts)} rows of inputs and ends depend on the others and were left out: "
-                "inputs that are alike, or that hold few lines"
+                f"{sum(short)} of {sum(part.given for part in self.parts)} rows of inputs and ends are linearly dependent, and dropped: "
+                "similar inputs, or inputs with few lines"
             )
         return tuple(told)
 

@@ -64,7 +64,7 @@ def block_entries(
         raise DataError(
             f"{name} needs all {count} {what} in the first block",
             f"it holds {chosen[0]}",
-            "Leave channels out of later blocks only, or use select().",
+            "Drop channels from all but the first block, or use select().",
         )
     if any(c < 0 or c >= count for subset in chosen for c in subset):
         raise DataError(f"{name} names {what} 0 to {count - 1}", "there is an index outside", "Correct the index.")
@@ -88,7 +88,7 @@ def side_weights(name: str, weights: ArrayLike | None, entries: IntArray, count:
         raise DataError(
             f"{name} needs positive weights",
             f"the smallest is {array.min():g}",
-            "Leave channels out with select() instead of weighting by 0.",
+            "Drop channels with select() instead of a weight of 0.",
         )
     return array
 
@@ -108,7 +108,7 @@ def side_map(name: str, T: ArrayLike | None, entries: IntArray, count: int, whol
             "Give one column for each row that is combined.",
         )
     if not np.all(np.any(array, axis=1)):
-        raise DataError(f"{name} needs rows that are not zero", "a row of it is zero", "Leave that row out.")
+        raise DataError(f"{name} needs nonzero rows", "one is zero", "Drop that row.")
     return array
 
 

@@ -36,15 +36,15 @@ def initial_terms(given: ArrayLike | str, response: FrequencyResponse, plane: Pl
     if plane.scale is None:
         raise DataError(
             "initial_values were asked",
-            "under the bilinear map the direct term and the initial values mix",
-            "Use domain='s', or leave them out: they are eliminated.",
+            "the bilinear map mixes direct term and initial values",
+            "Use domain='s', or omit them: they are eliminated.",
         )
     if isinstance(given, str):
         if given != "rest" or plane.dt is not None:
             raise DataError(
                 f"initial_values={given!r} was asked",
                 f"there are arrays, and 'rest' in the s-domain (this is the {plane.name})",
-                "Give the terms (K, outputs, inputs), or leave them out.",
+                "Give the terms (K, outputs, inputs), or omit them.",
             )
         # the terms D, CB, ... that vanish for a structure at rest: two for displacements, one for velocities
         quantity = known_quantity(response.quantity, "initial_values='rest' was asked")
