@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from modalscope.cli import info, main
+from modalscope.cli import commands, main
+from modalscope.cli.files import add_info
 
 
 @pytest.mark.parametrize(
@@ -23,10 +24,10 @@ from modalscope.cli import info, main
 def test_what_no_command_can_help_is_one_line(
     error: BaseException, status: int, line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def run(_: Any) -> None:
+    def info(_: Any) -> None:
         raise error
 
-    monkeypatch.setattr(info, "run", run)
+    monkeypatch.setattr(commands, "COMMANDS", (commands.Command(info, add_info),))
     assert main(["info", "a.npz"]) == status
     told = capsys.readouterr()
     assert told.err.startswith(line)
@@ -35,10 +36,10 @@ def test_what_no_command_can_help_is_one_line(
 
 
 def test_a_fault_of_the_program_is_not_taken_for_one_of_the_data(monkeypatch: pytest.MonkeyPatch) -> None:
-    def run(_: Any) -> None:
+    def info(_: Any) -> None:
         raise ValueError("no DataError")
 
-    monkeypatch.setattr(info, "run", run)
+    monkeypatch.setattr(commands, "COMMANDS", (commands.Command(info, add_info),))
     with pytest.raises(ValueError, match="no DataError"):
         main(["info", "a.npz"])
 

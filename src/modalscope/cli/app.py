@@ -1,7 +1,4 @@
-"""Open the page in the browser: a file in, poles and modes to inspect and select.
-
-The page is served on this machine. It reads files of one folder and files dropped on it; documents are kept between sessions.
-"""
+"""The command `app`: the page in a browser."""
 
 from __future__ import annotations
 
@@ -13,8 +10,8 @@ from modalscope.cli.parser import Parser
 from modalscope.cli.process import say
 
 
-def add(parser: Parser) -> None:
-    """Add the arguments."""
+def add_app(parser: Parser) -> None:
+    """Add the arguments of `app`."""
     parser.add_argument("files", nargs="*", type=Path, metavar="FILE", help="data or an .analysis.json to open at once")
     parser.add_argument("--folder", type=Path, metavar="DIR", help="folder whose files the page may open")
     parser.add_argument("--port", type=int, default=0, metavar="N", help="port (default: any free port)")
@@ -24,8 +21,11 @@ def add(parser: Parser) -> None:
     parser.add_argument("--no-browser", action="store_true", help="print the address, open no browser")
 
 
-def run(options: argparse.Namespace) -> None:
-    """Serve the page until it is interrupted."""
+def app(options: argparse.Namespace) -> None:
+    """Open the page in the browser: a file in, poles and modes to inspect and select.
+
+    The page is served on this machine. It reads files of one folder and files dropped on it; documents are kept between sessions.
+    """
     from modalscope.numerics.extras import optional_package
 
     for package in ("starlette", "uvicorn"):

@@ -2,58 +2,55 @@
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Callable
+from inspect import cleandoc
+from typing import NamedTuple
+
 from modalscope import __version__
-from modalscope.cli import (
-    app,
-    certify,
-    compare,
-    completion,
-    convert,
-    frf,
-    identify,
-    info,
-    mac,
-    merge,
-    methods,
-    plan,
-    plot,
-    psd,
-    realize,
-    refine,
-    report,
-    selfcheck,
-    simulate,
-)
+from modalscope.cli import about, app, files, identify, results, spectra
 from modalscope.cli.parser import Parser, add_common
 
-#: The commands in the order of the help. Each is a module: the first line of its docstring is the help, all of it the description,
-#: `add` adds its arguments and `run` runs it. `run` imports what it needs, so that the help loads no numerical library.
+
+class Command(NamedTuple):
+    """A command: `run` gives its name, and its docstring the help; `add` adds its arguments to a parser."""
+
+    run: Callable[[argparse.Namespace], None]
+    add: Callable[[Parser], None]
+
+    @property
+    def name(self) -> str:
+        """The name that is typed."""
+        return self.run.__name__
+
+
+#: The commands in the order of the help. `run` imports what it needs, so that the help loads no numerical library.
 COMMANDS = (
-    identify,
-    app,
-    compare,
-    certify,
-    refine,
-    report,
-    mac,
-    plot,
-    info,
-    plan,
-    frf,
-    psd,
-    merge,
-    convert,
-    realize,
-    methods,
-    simulate,
-    selfcheck,
-    completion,
+    Command(identify.identify, identify.add_identify),
+    Command(app.app, app.add_app),
+    Command(results.compare, results.add_compare),
+    Command(results.certify, results.add_certify),
+    Command(results.refine, results.add_refine),
+    Command(results.report, results.add_report),
+    Command(results.mac, results.add_mac),
+    Command(results.plot, results.add_plot),
+    Command(files.info, files.add_info),
+    Command(files.plan, files.add_plan),
+    Command(spectra.frf, spectra.add_frf),
+    Command(spectra.psd, spectra.add_psd),
+    Command(files.merge, files.add_merge),
+    Command(files.convert, files.add_convert),
+    Command(results.realize, results.add_realize),
+    Command(about.methods, about.add_methods),
+    Command(files.simulate, files.add_simulate),
+    Command(about.selfcheck, about.add_selfcheck),
+    Command(about.completion, about.add_completion),
 )
 
 
 def names() -> tuple[str, ...]:
-    """Return the names of the commands, those of their modules."""
-    return tuple(command.__name__.rpartition(".")[2] for command in COMMANDS)
+    """Return the names of the commands."""
+    return tuple(command.name for command in COMMANDS)
 
 
 def build_parser() -> Parser:
@@ -61,10 +58,10 @@ def build_parser() -> Parser:
     parser = Parser(prog="modalscope", description="Modal identification: from measured data to modes of a structure.")
     parser.add_argument("--version", action="version", version=__version__, help="print the version and exit")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND")
-    for name, command in zip(names(), COMMANDS, strict=True):
-        text = (command.__doc__ or name).strip()
+    for command in COMMANDS:
+        text = cleandoc(command.run.__doc__ or command.name)
         title = text.partition("\n")[0].rstrip(".")
-        added = commands.add_parser(name, help=title[0].lower() + title[1:], description=text)
+        added = commands.add_parser(command.name, help=title[0].lower() + title[1:], description=text)
         added.set_defaults(run=command.run)
         command.add(added)
         add_common(added)

@@ -1,7 +1,4 @@
-"""Identify the modes in a file, automatically.
-
-Several files are the parts of one test; with --each, every file is a test of its own.
-"""
+"""The command `identify`: from files to modes."""
 
 from __future__ import annotations
 
@@ -20,8 +17,8 @@ if TYPE_CHECKING:
     from modalscope.numerics.checks import RealArray
 
 
-def add(parser: Parser) -> None:
-    """Add the arguments."""
+def add_identify(parser: Parser) -> None:
+    """Add the arguments of `identify`."""
     add_files(parser)
     add_method(parser)
     add_orders(parser)
@@ -39,8 +36,11 @@ def add(parser: Parser) -> None:
     add_outputs(parser, "write .json, .csv, .uff or an .html report")
 
 
-def run(options: argparse.Namespace) -> None:
-    """Identify the modes, write the outputs, then print the modes: a closed pipe loses no file."""
+def identify(options: argparse.Namespace) -> None:
+    """Identify the modes in a file, automatically.
+
+    Several files are the parts of one test; with --each, every file is a test of its own.
+    """
     from modalscope.cli.output import check_outputs, is_page, write_outputs
     from modalscope.data import DataError
 

@@ -135,7 +135,7 @@ class Setups(SeveralRecords):
         references = tuple(dof for dof in self.references if dof in wanted)
         if not references:
             raise DataError(
-                "a choice of outputs was asked", f"no reference is left of {', '.join(self.references)}", "Keep one."
+                "a choice of outputs was asked", f"no reference remains of {', '.join(self.references)}", "Keep one."
             )
         return replace(self, parts=tuple(parts), references=references, groups=chosen_groups(self.groups, kept))
 

@@ -1,0 +1,56 @@
+"""Commands on the program itself: its methods, its published figures, its completion in shells."""
+
+from __future__ import annotations
+
+import argparse
+
+from modalscope.cli.parser import Parser
+from modalscope.cli.process import say
+
+
+def add_methods(parser: Parser) -> None:
+    """`methods` takes no argument."""
+
+
+def methods(_: argparse.Namespace) -> None:
+    """Print the table of methods."""
+    from modalscope.data.shown import text_table
+    from modalscope.identification.table import methods
+
+    rows = [("name", "method", "domain", "realization", "report", "known as")]
+    rows += [(m.common, m.name, m.domain, m.realization, m.section, "; ".join(m.known_as)) for m in methods()]
+    print(text_table(rows, left=range(6)))
+
+
+def add_selfcheck(parser: Parser) -> None:
+    """`selfcheck` takes no argument."""
+
+
+def selfcheck(options: argparse.Namespace) -> None:
+    """Recompute published tables with this installation, value by value."""
+    from modalscope.checking.selfcheck import selfcheck
+    from modalscope.data import DataError
+
+    check = selfcheck()
+    print(check.table())
+    wrong = [value for value in check.values if not value.same]
+    if wrong:
+        first = f"the first in {wrong[0].table}: {wrong[0].computed:.8g}, not {wrong[0].published:g}"
+        asked, differences = f"{len(check.values)} published values were recomputed", f"{len(wrong)} differ, {first}"
+        raise DataError(asked, differences, "Check the versions of numpy and scipy, and report the difference.")
+
+
+def add_completion(parser: Parser) -> None:
+    """Add the arguments of `completion`."""
+    parser.add_argument("shell", choices=("bash", "zsh", "fish", "tcsh"), help="bash, zsh, fish or tcsh")
+
+
+def completion(options: argparse.Namespace) -> None:
+    """Print the script that lets a shell complete commands, options and files.
+
+    For bash: modalscope completion bash > ~/.local/share/bash-completion/completions/modalscope
+    """
+    from modalscope.numerics.extras import optional_package
+
+    shtab = optional_package("shell completion", "shtab", "completion")
+    say(shtab.complete(options.parser, shell=options.shell))

@@ -1,0 +1,88 @@
+"""Commands from records to responses and spectra."""
+
+from __future__ import annotations
+
+import argparse
+
+from modalscope.cli.parser import Parser, add_band, add_files, add_outputs
+from modalscope.cli.process import remark, say
+
+#: Options that `joined_frf` takes, too; without a value its default counts.
+_ESTIMATOR_OPTIONS = ("estimator", "segment", "overlap", "window", "period")
+
+
+def add_frf(parser: Parser) -> None:
+    """Add the arguments of `frf`."""
+    add_files(parser)
+    parser.add_argument("--estimator", help="h1 (default), h2, hv, or leakage-free: lpm, lrm")
+    parser.add_argument("--segment", type=int, metavar="N", help="samples per segment; default: chosen by the record")
+    parser.add_argument("--overlap", type=float, help="overlap of consecutive segments, 0 to 1")
+    parser.add_argument("--window", help="window of each segment, such as hann or none")
+    parser.add_argument("--period", type=int, metavar="N", help="samples per period of a periodic excitation")
+    add_band(parser)
+    add_outputs(parser, "write .uff, .npz, .mat, .h5, .csv, or a picture .png, .svg or .pdf")
+
+
+def frf(options: argparse.Namespace) -> None:
+    """Estimate frequency responses from records with inputs, and write them."""
+    from modalscope.cli.output import DATA, PICTURES, check_outputs, require_output, write_data, write_picture
+    from modalscope.cli.reading import read_test
+    from modalscope.data import Records, Signals
+    from modalscope.data.records import as_records
+    from modalscope.data.shown import summary_of
+    from modalscope.doctor import examine
+    from modalscope.numerics.checks import check_kind
+    from modalscope.plot import response
+    from modalscope.preprocess.merging import joined_frf
+
+    require_output(options, "frf.uff")
+    check_outputs(options, options.files, (*DATA, *PICTURES))
+    data, notes = read_test(options)
+    check_kind("frequency responses of records", data, (Signals, Records))
+    given = {name: value for name in _ESTIMATOR_OPTIONS if (value := getattr(options, name)) is not None}
+    frf = joined_frf(as_records(data).stacked(), **given)
+    if options.band is not None:
+        frf = frf.band(*options.band)
+    written = [
+        write_picture(path, response(frf)) if path.suffix.lower() in PICTURES else write_data(path, frf)
+        for path in options.outputs
+    ]
+    remark(*notes, summary_of(frf), *(f"  {line}" for line in (*frf.processing, *examine(frf))))
+    say(*written)
+
+
+def add_psd(parser: Parser) -> None:
+    """Add the arguments of `psd`."""
+    add_files(parser)
+    parser.add_argument("--segment", type=int, metavar="N", help="samples per segment (default: 1/20 of the record)")
+    parser.add_argument("--overlap", type=float, default=0.5, help="overlap of consecutive segments (default: 0.5)")
+    parser.add_argument("--window", default="hann", help="window of each segment (default: hann)")
+    parser.add_argument("--peaks", type=int, metavar="N", help="number of peaks (default: all significant ones)")
+    add_outputs(parser, "write a picture, .png, .svg or .pdf")
+
+
+def psd(options: argparse.Namespace) -> None:
+    """Compute the singular values of the spectra of records, and their peaks (FDD, EFDD).
+
+    The first singular value of the cross spectra of all outputs peaks at resonances and harmonics. The estimate is independent of the
+    methods of the table.
+    """
+    from modalscope.cli.output import PICTURES, check_outputs, write_picture
+    from modalscope.cli.reading import read_test
+    from modalscope.data import Signals
+    from modalscope.numerics.checks import check_kind
+    from modalscope.plot import spectra
+    from modalscope.preprocess import decomposition
+
+    check_outputs(options, options.files, PICTURES)
+    data, notes = read_test(options)
+    check_kind("spectra of records", data, Signals)
+    decomposed = decomposition(data, segment=options.segment, overlap=options.overlap, window=options.window)
+    written = [write_picture(path, spectra(decomposed, peaks=options.peaks or 12)) for path in options.outputs]
+    step = decomposed.frequencies[1] - decomposed.frequencies[0]
+    remark(*notes, f"{decomposed.averages} averages, line spacing {step:.4g} Hz")
+    peaks = decomposed.damped_peaks(options.peaks)
+    say("peak    f [Hz]  zeta [%]" if len(peaks.frequencies) else "no significant peak")
+    for number, (frequency, zeta) in enumerate(zip(peaks.frequencies, peaks.damping_ratios, strict=True), 1):
+        say(f"{number:4d}  {frequency:8.4f}  " + (f"{100 * zeta:8.3f}" if zeta == zeta else "       -"))
+    say(*written)
