@@ -122,7 +122,7 @@ def test_what_cannot_be_used_is_refused_or_said() -> None:
     with pytest.raises(ms.DataError, match="'weights' was asked"):
         ms.identify(PULSE, method="era", domain="z", order=4, weights="level")
     found = ms.identify(PULSE, order=10, band=(2, 5))
-    assert any("samples are not filtered" in str(note) for note in found.notes)
+    assert any("Samples are not filtered" in str(note) for note in found.notes)
 
 
 def test_frequencies_by_hand_are_a_list_of_them() -> None:

@@ -34,9 +34,9 @@ def test_every_folder_of_tests_is_a_package(folder: str) -> None:
 
 @pytest.mark.parametrize("file", [file for file in FILES if len(file.parts) > 1], ids=str)
 def test_a_test_named_after_a_module_lies_in_its_folder(file: Path) -> None:
-    """Commands take the names of what they run, so that these say nothing about a place."""
+    """Tests of commands take the names of these, which say nothing about a place."""
     module = module_of(file)
-    namesakes = {other for other in MODULES if other.name == module.name and other.parent != Path("cli")}
+    namesakes = {other for other in MODULES if other.name == module.name and file.parent != Path("cli")}
     assert module in MODULES or not namesakes, f"{file} may be meant for {', '.join(map(str, sorted(namesakes)))}"
 
 

@@ -25,7 +25,7 @@ def test_channels_are_chosen_from_all_setups():
     setups = Setups(parts=[record(["1Z", "2Z", "3Z"]), record(["1Z", "2Z", "4Z"])], groups=["dry", "wet"])
     assert setups.select(exclude=["1Z", "4Z"]).output_dofs == ("2:+Z", "3:+Z")
     assert setups.select(exclude=["1Z"]).references == ("2:+Z",)
-    with pytest.raises(DataError, match="no reference is left of"):
+    with pytest.raises(DataError, match="no reference remains of"):
         setups.select(outputs=["3Z"])
 
 

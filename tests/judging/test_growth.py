@@ -43,7 +43,9 @@ def test_of_correlations_orders_stay() -> None:
 
 
 def test_orders_do_not_grow_beyond_what_lines_can_tell_and_that_is_said() -> None:
-    short = replace(diagram(range(2, 62, 2), 45), response=SimpleNamespace(ambient=False, separable=True, room=100))
+    short = replace(
+        diagram(range(2, 62, 2), 45), response=SimpleNamespace(ambient=False, separable=True, max_states=100)
+    )
     found = grown(short, lambda orders: pytest.fail("asked again"))
     assert [note.kind for note in found.notes] == ["orders end"]
 

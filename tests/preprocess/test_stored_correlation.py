@@ -230,5 +230,5 @@ def test_what_needs_all_of_it_says_so(record: ms.Signals, monkeypatch: pytest.Mo
     with pytest.raises(DataError, match="expected Signals"):
         ms.preprocess.detrend(thing)
     monkeypatch.setattr("modalscope.data.stored._MIN_RECORDS_IN_MEMORY", 10**9)
-    with pytest.raises(DataError, match="it projects records"):
+    with pytest.raises(DataError, match="it needs records without inputs"):
         ms.stabilize(thing.select(outputs=[0]), method="ssi-data", band=(0.2, 12.0))

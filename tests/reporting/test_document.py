@@ -344,7 +344,7 @@ def test_the_data_are_examined_and_what_is_wrong_stands_there() -> None:
     assert "No data problem found." in data_section(clean, None).body
     turned = data_section(replace(clean, values=values), None).body
     assert "driving-point response has the wrong sign: force or sensor reversed" in turned
-    assert "Turn the sign of 2:+X or of its force" in turned
+    assert "Change the sign of 2:+X or of its force" in turned
     assert (
         "No data problem" in data_section(replace(clean, values=values), None, findings=()).body
     )  # those of the record

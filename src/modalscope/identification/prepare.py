@@ -97,7 +97,7 @@ def prepare(data: Any, method: str | None = None, domain: str | None = None, **o
     >>> from modalscope.systems import chain5
     >>> problem = prepare(chain5().impulse_response(200), method="era")
     >>> problem.method.name, problem.response.values.shape
-    ('era', (200, 5, 5))
+    ('era', (200, 4, 2))
     """
     band, exclude = options.pop("band", None), options.pop("exclude", None)
     route, delays = options.pop("route", None), options.pop("delays", None)

@@ -323,7 +323,7 @@ def named(*options: Iterable[str], **limits: Limit) -> Callable[[Callable[P, R]]
     >>> double(0)
     Traceback (most recent call last):
     modalscope.numerics.errors.DataError: value needs a whole number of at least 1, but it is 0.
-    Raise value to 1 or more.
+    Raise it to 1.
     """
     more = [name for names in options for name in names]
 

@@ -16,6 +16,7 @@ from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.setups import Setups, setups_of
+from modalscope.data.shown import counted
 from modalscope.identification.ambient_records import bands_of_record, bands_of_setups, looked_through
 from modalscope.identification.stabilize import Watch, stabilize
 from modalscope.judging.bands import Part, cut_of, holds_too_little, joined_diagram, joined_modes, merge_bands
@@ -105,7 +106,7 @@ def looked_at(
 def setups_apart(data: Any, document: Analysis) -> tuple[Signals, ...]:
     """Return the records of every setup without the excluded channels; raise `DataError` for other data and several bands."""
     if not setups_of(data) or len(document.bands) > 1:
-        have = f"the data are {len(document.bands)} bands of {type(data).__name__}"
+        have = f"there is {type(data).__name__} with {counted(len(document.bands), 'band')}"
         change = "Give several ambient records with common outputs, and one band or none."
         raise DataError("an identification of every setup apart was asked", have, change)
     return setups_of(data.select(exclude=document.exclude) if document.exclude else data)
