@@ -183,7 +183,7 @@ def test_what_cannot_be_certified_is_refused():
     record = chain5().simulate(inputs="ambient", samples=5000)
     result = ms.analyze(ms.estimate_correlation(record, lags=80), orders=range(2, 17, 2))
     refused(
-        "(?s)nothing is known of the noise: the errors of a correlation.*Give the record",
+        "(?s)the noise is unknown: errors of a correlation.*Give the record",
         ms.certify,
         result,
         replicates=2,

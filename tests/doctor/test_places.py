@@ -119,7 +119,7 @@ def test_a_hammer_test_of_one_file_a_place_from_the_command_line(
     assert again.input_dofs == ("1:+X", "3:+X", "5:+X")
     assert np.array_equal(again.poles, modes.poles)
     assert main(["identify", *paths, "--input-dofs", "1:+X", "3:+X", "-o", str(named)]) == 2
-    assert "there are 2 items and 3 files" in capsys.readouterr().err
+    assert "these are 2 items for 3 files" in capsys.readouterr().err
 
 
 @pytest.mark.study("checks")

@@ -28,5 +28,5 @@ def test_a_weak_mode_is_told() -> None:
     assert np.allclose(modes.frequencies, FREQUENCIES[1:], rtol=1e-3)
     (weak,) = modes.left_out
     assert abs(weak.frequency / FREQUENCIES[0] - 1) < 0.01
-    assert "of 40 orders show it" in weak.reason
+    assert "of 40 orders, but hardly at those sufficient" in weak.reason
     assert "take=11." in weak.remedy.replace("[", "")

@@ -30,7 +30,7 @@ def test_a_harmonic_is_reported_when_it_is_asked_for() -> None:
     assert "lines removed" in [note.kind for note in taken.notes]
     kept = ms.select(ms.stabilize(ms.estimate_correlation(machine.record)), frequencies=machine.lines[1:2])
     assert np.allclose(kept.frequencies, machine.lines[1], rtol=0.001)
-    with pytest.raises(ms.DataError, match=r"line of a machine.*\n.*estimate_correlation\(record\)"):
+    with pytest.raises(ms.DataError, match=r"rotating-machine line.*\n.*estimate_correlation\(record\)"):
         ms.select(taken, take=machine.lines[1:2])
 
 

@@ -231,7 +231,7 @@ def test_the_fit_error_of_every_channel_is_listed() -> None:
 def test_modes_without_participation_are_reported_without_rebuilt_responses(tmp_path: Path) -> None:
     modes = replace(judged(), participation=None, input_dofs=(), units="m")
     page = read(report((modes, examples.diagram()), tmp_path / "r.html"))
-    assert "participation is not known" in " ".join(page.words)
+    assert "participation of the modes is not known" in " ".join(page.words)
 
 
 @pytest.mark.slow

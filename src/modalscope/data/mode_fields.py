@@ -176,51 +176,6 @@ class ModeFields(Channels, HasPoles):
             )
         return self.participation
 
-    def on_samples(self, samples: int, rate: float, first_sample: int = 0) -> RealArray:
-        """Return sum_j phi_j exp(s_j (k + first_sample) / rate) l_j' and conjugates, (samples, l, m), `rate` in Hz.
-
-        Parameters
-        ----------
-        samples : int
-        rate : float
-        first_sample : int
-        """
-        participation = self.known_participation("an impulse response")
-        times = (np.arange(check_count("samples", samples)) + first_sample) / rate
-        decay = np.exp(np.outer(times, self.poles)) * np.where(self._alone, 1.0, 2.0)
-        return np.asarray(np.einsum("kj,aj,jb->kab", decay, self.shapes, participation).real)
-
-    def on_lines(self, frequencies: RealArray, *, residuals: bool = True) -> ComplexArray:
-        """Return sum_j phi_j l_j' / (x - p_j) and conjugates, direct term and residuals on lines in Hz, (F, l, m).
-
-        Parameters
-        ----------
-        frequencies : array, (F,)
-        residuals : bool
-        """
-        participation = self.known_participation("a frequency response")
-        s, poles = 2j * np.pi * frequencies, self.poles
-        x = s
-        if self.dt is not None and self.held_input:
-            x, poles = np.exp(s * self.dt), to_discrete(poles, self.dt)
-        direct = 1 / (x[:, None] - poles)
-        pair = np.where(self._alone, 0.0, 1.0) / (x[:, None] - poles.conj())
-        values = np.einsum("fj,aj,jb->fab", direct, self.shapes, participation, optimize=True)
-        values = values + np.einsum("fj,aj,jb->fab", pair, self.shapes.conj(), participation.conj(), optimize=True)
-        if self.feedthrough is not None:
-            values = values + self.feedthrough
-        if residuals:
-            p = 0 if self.quantity is None else -derivatives_between(self.quantity, "displacement")
-            for residual, power in ((self.lower_residual, p - 2), (self.upper_residual, p)):
-                if residual is not None:
-                    values = values + residual * s[:, None, None] ** power
-        return np.asarray(values)
-
-    @property
-    def _alone(self) -> BoolArray:
-        """Which poles stand for no conjugate pair."""
-        return np.array([kind in ("real", "nyquist", "zero") for kind in self.kinds], bool) | is_real(self.poles, 0.0)
-
     def _cut(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         direct = {name: None if (a := getattr(self, name)) is None else a[np.ix_(outputs, inputs)] for name in DIRECT}
         return {**Channels._cut(self, outputs, inputs), **direct}
@@ -345,3 +300,37 @@ def told(deviation: float) -> str:
 def _fixed(value: float, decimals: int) -> str:
     """Return a number with that many decimals; a dash where there is none, as of modes that no order of the diagram shows."""
     return f"{value:.{decimals}f}" if value == value else "-"
+
+
+def values_on_samples(modes: ModeFields, samples: int, rate: float, first_sample: int = 0) -> RealArray:
+    """Return sum_j phi_j exp(s_j (k + first_sample) / rate) l_j' and conjugates, (samples, l, m), `rate` in Hz."""
+    participation = modes.known_participation("an impulse response")
+    times = (np.arange(check_count("samples", samples)) + first_sample) / rate
+    decay = np.exp(np.outer(times, modes.poles)) * np.where(_alone(modes), 1.0, 2.0)
+    return np.asarray(np.einsum("kj,aj,jb->kab", decay, modes.shapes, participation).real)
+
+
+def values_on_lines(modes: ModeFields, frequencies: RealArray, *, residuals: bool = True) -> ComplexArray:
+    """Return sum_j phi_j l_j' / (x - p_j) and conjugates, direct term and residuals on lines in Hz, (F, l, m)."""
+    participation = modes.known_participation("a frequency response")
+    s, poles = 2j * np.pi * frequencies, modes.poles
+    x = s
+    if modes.dt is not None and modes.held_input:
+        x, poles = np.exp(s * modes.dt), to_discrete(poles, modes.dt)
+    direct = 1 / (x[:, None] - poles)
+    pair = np.where(_alone(modes), 0.0, 1.0) / (x[:, None] - poles.conj())
+    values = np.einsum("fj,aj,jb->fab", direct, modes.shapes, participation, optimize=True)
+    values = values + np.einsum("fj,aj,jb->fab", pair, modes.shapes.conj(), participation.conj(), optimize=True)
+    if modes.feedthrough is not None:
+        values = values + modes.feedthrough
+    if residuals:
+        p = 0 if modes.quantity is None else -derivatives_between(modes.quantity, "displacement")
+        for residual, power in ((modes.lower_residual, p - 2), (modes.upper_residual, p)):
+            if residual is not None:
+                values = values + residual * s[:, None, None] ** power
+    return np.asarray(values)
+
+
+def _alone(modes: ModeFields) -> BoolArray:
+    """Which poles stand for no conjugate pair."""
+    return np.array([kind in ("real", "nyquist", "zero") for kind in modes.kinds], bool) | is_real(modes.poles, 0.0)

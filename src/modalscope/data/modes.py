@@ -11,7 +11,15 @@ from numpy.typing import ArrayLike
 from scipy.special import ndtri, stdtrit
 
 from modalscope.data.channels import derivatives_between
-from modalscope.data.mode_fields import COLUMNS, ModeFields, cells_of_modes, known_columns, mode_indices
+from modalscope.data.mode_fields import (
+    COLUMNS,
+    ModeFields,
+    cells_of_modes,
+    known_columns,
+    mode_indices,
+    values_on_lines,
+    values_on_samples,
+)
 from modalscope.data.response import CORRELATED, INSEPARABLE
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.shown import text_table
@@ -325,7 +333,7 @@ class ModalModel(ModeFields):
                 "Leave sampling_rate out.",
             )
         return ImpulseResponse(
-            values=self.on_samples(samples, rate, first_sample),
+            values=values_on_samples(self, samples, rate, first_sample),
             sampling_rate=rate,
             feedthrough=self.feedthrough,
             kind="pulse" if self.held_input else "dirac",
@@ -351,7 +359,7 @@ class ModalModel(ModeFields):
         """
         lines = np.asarray(frequencies, dtype=float)
         rate = 1 / self.dt if self.dt is not None and self.held_input else None
-        values = self.on_lines(lines, residuals=residuals)
+        values = values_on_lines(self, lines, residuals=residuals)
         return FrequencyResponse(
             values=values, frequencies=lines, quantity=self.quantity, sampling_rate=rate, **self.labelled()
         )

@@ -19,7 +19,7 @@ from modalscope.data.channels import (
     derivatives_between,
     input_groups,
 )
-from modalscope.data.mode_fields import ModeFields
+from modalscope.data.mode_fields import ModeFields, values_on_lines, values_on_samples
 from modalscope.data.quadruple import Quadruple
 from modalscope.data.response import HALF, Conversion, Response
 from modalscope.functions.pole_basis import (
@@ -211,7 +211,7 @@ class ImpulseResponse(Response):
 
     def of_modes(self, modes: ModeFields) -> Array:
         """Return the response of modes at these samples; see `Response.of_modes`."""
-        return modes.on_samples(self.samples, self.sampling_rate, self.first_sample)
+        return values_on_samples(modes, self.samples, self.sampling_rate, self.first_sample)
 
     def to_frequency_response(self, frequencies: ArrayLike | None = None) -> FrequencyResponse:
         """Return the transform of the sequence on the given lines (Hz), by default on its own DFT lines.
@@ -525,7 +525,7 @@ class FrequencyResponse(Response):
 
     def of_modes(self, modes: ModeFields) -> Array:
         """Return the response of modes on these lines; see `Response.of_modes`."""
-        return modes.on_lines(self.frequencies)
+        return values_on_lines(modes, self.frequencies)
 
     def band(self, lowest: float, highest: float) -> FrequencyResponse:
         """Return the lines from `lowest` to `highest` Hz, both included.

@@ -156,12 +156,15 @@ _USUAL = {("lines", False): ("alternate", "s"), ("lines", True): ("alternate", "
 @_measured.register
 def _(data: Response, band: tuple[float, float] | None, asked: _Asked) -> Measured:
     check_size(data)
-    if not isinstance(data, ImpulseResponse):
-        data_in_band = data.in_band(band)
-    else:
-        data_in_band = data if band is None else slower_correlation(data, band[1])
     usual = _USUAL.get((data.origin, data.held_input), ("era", "time"))
-    return Measured(data_in_band, None, type(data).__name__, *usual)
+    return Measured(data.in_band(band), None, type(data).__name__, *usual)
+
+
+@_measured.register
+def _(data: ImpulseResponse, band: tuple[float, float] | None, asked: _Asked) -> Measured:
+    check_size(data)
+    slower = data if band is None else slower_correlation(data, band[1])
+    return Measured(slower, None, type(data).__name__, "era", "time")
 
 
 @_measured.register
