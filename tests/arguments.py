@@ -206,6 +206,7 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "plot.shape": lambda t: {"modes": t["modes"], "index": 0},
     "plot.singular_values": lambda t: {"source": t["diagram"]},
     "plot.stabilization": lambda t: {"diagram": t["diagram"]},
+    "preprocess.Finding.beside": lambda t: {"bands": [(0.2, 8.0)]},
     "preprocess.correlation_blocks": lambda t: {"signals": t["ambient"], "references": None, "lags": 20, "blocks": 4},
     "preprocess.decimate": lambda t: {"signals": t["records"], "factor": 2},
     "preprocess.decomposition": lambda t: {"signals": t["ambient"]},

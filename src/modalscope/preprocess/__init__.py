@@ -54,7 +54,7 @@ __all__ = [
     "remove_harmonics",
 ]
 
-plain_methods(Decomposition, Observer)
+plain_methods(Decomposition, Finding, Observer)
 
 
 if not TYPE_CHECKING:
