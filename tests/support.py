@@ -44,7 +44,7 @@ FIVE = {name: systems.catalog()[name] for name in ("chain5", "ring5", "close4", 
 #: Noise of the identities' tests, dB.
 SNR_DB = 20.0
 
-#: How modalscope says that an extra is missing (`modalscope.numerics.extras`), as it is or within the text of another error.
+#: How modalscope says that an extra is missing (`modalscope.numerics.errors`), as it is or within the text of another error.
 WANTED = re.compile(
     r"(?P<package>[\w.-]+) is not installed\.[\s\\n]+Run: pip install [\\'\"]*(?P<extra>modalscope\[\w+\])"
 )

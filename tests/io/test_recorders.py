@@ -105,6 +105,6 @@ def test_a_package_that_is_missing_is_named_with_its_extra(
         assert name.partition(".")[0] == package
         raise ImportError(name)
 
-    monkeypatch.setattr("modalscope.numerics.extras.import_module", without)
+    monkeypatch.setattr("modalscope.numerics.errors.import_module", without)
     (tmp_path / f"a{suffix}").write_bytes(b"anything")
     refused(rf"pip install 'modalscope\[{extra}\]'", ms.read, tmp_path / f"a{suffix}")

@@ -94,7 +94,7 @@ def test_work_that_ends_its_workers_is_said_in_words(cluster: Any, monkeypatch: 
 
 
 def test_a_scheduler_without_workers_is_said_in_words(capsys: pytest.CaptureFixture[str]) -> None:
-    from modalscope.cli.workers import _client
+    from modalscope.cli.identify import _client
 
     with (
         distributed.LocalCluster(n_workers=0, dashboard_address=None, host="127.0.0.1", silence_logs=50) as empty,

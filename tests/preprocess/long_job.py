@@ -31,7 +31,7 @@ def workers(count: int) -> Iterator[Any]:
     import dask
     import distributed
 
-    from modalscope.cli.workers import LOCAL_SETTINGS
+    from modalscope.cli.identify import LOCAL_SETTINGS
 
     with (
         dask.config.set(LOCAL_SETTINGS),

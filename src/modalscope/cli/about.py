@@ -50,7 +50,7 @@ def completion(options: argparse.Namespace) -> None:
 
     For bash: modalscope completion bash > ~/.local/share/bash-completion/completions/modalscope
     """
-    from modalscope.numerics.extras import optional_package
+    from modalscope.numerics.errors import optional_package
 
     shtab = optional_package("shell completion", "shtab", "completion")
     say(shtab.complete(options.parser, shell=options.shell))

@@ -26,7 +26,7 @@ def app(options: argparse.Namespace) -> None:
 
     The page is served on this machine. It reads files of one folder and files dropped on it; documents are kept between sessions.
     """
-    from modalscope.numerics.extras import optional_package
+    from modalscope.numerics.errors import optional_package
 
     for package in ("starlette", "uvicorn"):
         optional_package("the page", package, "app")

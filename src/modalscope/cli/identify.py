@@ -1,20 +1,38 @@
-"""The command `identify`: from files to modes."""
+"""The command `identify`: from files to modes, in this process or by the workers of a Dask scheduler."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from modalscope.cli.parser import Parser, add_choices, add_files, add_method, add_orders, add_outputs, add_workers
-from modalscope.cli.process import complain, explain, remark, say
+from modalscope.cli.process import complain, explain, progress, remark, say
+from modalscope.numerics.errors import DataError
 
 if TYPE_CHECKING:
     from modalscope.data import ModalModel
     from modalscope.data.notes import Note
     from modalscope.data.results import Result
     from modalscope.numerics.checks import RealArray
+
+#: By default Dask's workers return freed memory at once and request it again for the next transform; with these they keep it. Its monitors
+#: run less often: at tasks of seconds the default intervals cost a tenth of a processor per process.
+LOCAL_SETTINGS = {
+    **{f"distributed.nanny.pre-spawn-environ.MALLOC_{name}_THRESHOLD_": 1_000_000_000 for name in ("TRIM", "MMAP")},
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+    "distributed.worker.memory.monitor-interval": "2s",
+}
+
+#: Prefix of the address of processes on this machine.
+_LOCAL_ADDRESS = "local"
+
+#: Seconds that a scheduler has to answer.
+_CONNECT_SECONDS = 20
 
 
 def add_identify(parser: Parser) -> None:
@@ -42,7 +60,6 @@ def identify(options: argparse.Namespace) -> None:
     Several files are the parts of one test; with --each, every file is a test of its own.
     """
     from modalscope.cli.output import check_outputs, is_page, write_outputs
-    from modalscope.data import DataError
 
     if options.each:
         _run_each(options)
@@ -57,11 +74,53 @@ def identify(options: argparse.Namespace) -> None:
     say(*written)
 
 
+@contextmanager
+def workers_of(options: argparse.Namespace) -> Iterator[None]:
+    """Use the executor of the command line while the block runs, and save partial sums if asked.
+
+    `options`: with `scheduler` and `resume`, if the command has them.
+    """
+    from modalscope.numerics.executors import working
+
+    address, save = getattr(options, "scheduler", None), getattr(options, "resume", None)
+    with ExitStack() as stack:
+        client = None if address is None else _client(address, stack)
+        show = stack.enter_context(progress("summing", "stretch"))
+        stack.enter_context(working(client, progress=show, save=save))
+        yield
+
+
+def _client(address: str, stack: ExitStack) -> Any:
+    """Return a client of a scheduler; the stack closes it and the processes that were started for it."""
+    from modalscope.numerics.errors import optional_package
+
+    distributed = optional_package("--scheduler", "distributed", "cluster")
+    if address.split(":")[0] == _LOCAL_ADDRESS:
+        count = address.removeprefix(_LOCAL_ADDRESS).removeprefix(":")
+        if count and not (count.isdecimal() and int(count)):
+            raise _wrong(address, f"{count!r} is no number of processes")
+        workers = {"n_workers": int(count)} if count else {}
+        stack.enter_context(optional_package("--scheduler", "dask", "cluster").config.set(LOCAL_SETTINGS))
+        address = stack.enter_context(
+            distributed.LocalCluster(**workers, threads_per_worker=1, dashboard_address=None, silence_logs=40)
+        )
+    try:
+        client = stack.enter_context(distributed.Client(address, timeout=_CONNECT_SECONDS))
+        if not client.nthreads():
+            complain(f"{address} has no worker yet; waiting for one: dask worker {address}")
+        return client
+    except (OSError, ValueError, TypeError) as error:
+        raise _wrong(address, f"no scheduler answers there ({type(error).__name__}: {error})") from None
+
+
+def _wrong(address: str, reason: str) -> DataError:
+    remedy = "Give the address that `dask scheduler` prints, or local:4."
+    return DataError(f"--scheduler {address} was asked", reason, remedy)
+
+
 def result_of(options: argparse.Namespace, files: list[Path]) -> Result:
     """Return the result of the files of one test with the choices of the command line."""
-    from modalscope.cli.process import progress
     from modalscope.cli.reading import choices, parse_orders, reading_options
-    from modalscope.cli.workers import workers_of
     from modalscope.workflow.analyze import analyze
     from modalscope.workflow.replay import replay
 
@@ -154,7 +213,6 @@ def _run_each(options: argparse.Namespace) -> None:
     """
     from modalscope.cli.output import check_output
     from modalscope.cli.reading import read_modes
-    from modalscope.data import DataError
     from modalscope.io import write
 
     reference = None if options.reference is None else read_modes(options, options.reference)

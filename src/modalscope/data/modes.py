@@ -25,8 +25,7 @@ from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.shown import text_table
 from modalscope.numerics.arguments import between, named
 from modalscope.numerics.checks import ComplexArray, RealArray, check_positive
-from modalscope.numerics.errors import DataError
-from modalscope.numerics.extras import optional_package
+from modalscope.numerics.errors import DataError, optional_package
 
 #: What shapes can be scaled to (see `ModalModel.normalized`).
 NORMALIZATIONS = ("unit", "max", "mass", "none")

@@ -14,8 +14,7 @@ from modalscope.data.records import Signals
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.numerics.arguments import POSITIVE, named
 from modalscope.numerics.checks import RealArray, check_count, real_array
-from modalscope.numerics.errors import DataError
-from modalscope.numerics.extras import optional_package
+from modalscope.numerics.errors import DataError, optional_package
 from modalscope.numerics.linear_systems import balancing, sampled
 
 #: Between samples the input is held (zero-order hold), or comes in sampled Dirac impulses (they differ, Eq. 8).

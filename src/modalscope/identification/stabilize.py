@@ -17,10 +17,10 @@ from modalscope.functions.poles import frequencies_and_damping
 from modalscope.identification.ambient_records import looked_through
 from modalscope.identification.method import Problem
 from modalscope.identification.options import AllOptions
-from modalscope.identification.orders import checked_orders, grown
+from modalscope.identification.orders import grown
 from modalscope.identification.pipeline import Pipeline
 from modalscope.identification.prepare import prepare
-from modalscope.identification.sweep import Cut, Sweep, over, problem_of, start
+from modalscope.identification.sweep import Cut, Sweep, over_pipeline, resolved_orders, start
 from modalscope.modal.indicators import mac
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, RealArray, check_kind, check_positive
@@ -90,7 +90,7 @@ def stabilize(
     Parameters
     ----------
     data : FrequencyResponse, ImpulseResponse, Signals, Records, a list of records, or Pipeline
-        A pipeline was made by `factor`, and takes neither method nor options.
+        A pipeline was made by `factor`, and takes neither method nor options; its orders do not grow.
     method, domain : str, optional
         A cell of the table of methods, see `identify`.
     orders : iterable of int, optional
@@ -127,17 +127,15 @@ def stabilize(
     ((2, 4, 6, 8, 10), 10)
     """
     if isinstance(data, Pipeline):
-        problem = problem_of(data, method, domain, options)
-        given = problem.method.orders.ladder(problem.measured) if orders is None else checked_orders(orders)
-        made = over(data, given, automatic=orders is None, deviations=deviations)
-        return swept(made, given, limits_of(tolerances), progress, watch)
+        named_options = {"method": method, "domain": domain, **options}
+        sweep = over_pipeline(data, orders, named_options, deviations=deviations)
+        return swept(sweep, resolved_orders(data.problem, orders), tolerances, progress, watch)
 
     def diagram(asked: Iterable[int] | None = orders, **way: Any) -> StabilizationDiagram:
         problem = prepare(examined, method, domain, **{**options, **way})
-        ladder = problem.method.orders.ladder(problem.measured) if asked is None else checked_orders(asked)
         first = stabilized(
             problem,
-            ladder,
+            resolved_orders(problem, asked),
             automatic=orders is None,
             tolerances=tolerances,
             progress=progress,

@@ -345,20 +345,26 @@ def sweep(
     >>> cut.order, len(cut.modes)
     (10, 5)
     """
-    problem = problem_of(data, method, domain, options)
-    asked = problem.method.orders.ladder(problem.measured) if orders is None else checked_orders(orders)
-    pipeline = data if isinstance(data, Pipeline) else factor(problem, asked[-1])
-    return over(pipeline, asked, automatic=orders is None, deviations=deviations)
+    options = {"method": method, "domain": domain, **options}
+    if isinstance(data, Pipeline):
+        return over_pipeline(data, orders, options, deviations=deviations)
+    problem = prepare(data, **options)
+    return start(problem, resolved_orders(problem, orders), automatic=orders is None, deviations=deviations)
 
 
-def problem_of(data: Any, method: str | None, domain: str | None, options: Mapping[str, Any]) -> Problem:
-    """Return the problem of data, or that of a pipeline, whose method and options are fixed."""
-    if not isinstance(data, Pipeline):
-        return prepare(data, method, domain, **options)
-    for name, value in {"method": method, "domain": domain, **options}.items():
+def resolved_orders(problem: Problem, orders: Iterable[int] | None) -> list[int]:
+    """Return the orders that were asked, increasing; those of the problem's method by default."""
+    return problem.method.orders.ladder(problem.measured) if orders is None else checked_orders(orders)
+
+
+def over_pipeline(
+    pipeline: Pipeline, orders: Iterable[int] | None, options: Mapping[str, Any], *, deviations: bool
+) -> Sweep:
+    """Return the sweep over a pipeline; raise `DataError` where options were given, which are fixed by its problem."""
+    for name, value in options.items():
         if value is not None:
             raise DataError(f"{name}= was asked", "the problem is factored already", f"Give {name}= to prepare().")
-    return data.problem
+    return over(pipeline, resolved_orders(pipeline.problem, orders), automatic=orders is None, deviations=deviations)
 
 
 def start(

@@ -30,7 +30,7 @@ from modalscope.io.recorders import rows_of_workbook
 from modalscope.io.text.cells import Dialect, is_number, number_of, split, uncommented
 from modalscope.io.text.dialect import dialect_of, encoding_of, lines_of
 from modalscope.numerics.checks import Array, RealArray, check_path
-from modalscope.numerics.extras import optional_package
+from modalscope.numerics.errors import optional_package
 
 #: Suffixes of tables.
 TABLES = (".csv", ".txt", ".asc", ".tsv", ".dat", ".xlsx")

@@ -27,7 +27,7 @@ from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import RAISE_THE_LIMIT, Room, room
 from modalscope.io.stored import Hdf5Rows, name_of_outputs, stays_stored, stored_contents
 from modalscope.numerics.checks import Array
-from modalscope.numerics.extras import optional_package
+from modalscope.numerics.errors import optional_package
 
 _MARK = b"\nmodalscope sha256 "
 _DIGITS = 64

@@ -35,7 +35,7 @@ from modalscope.io.hdf5 import check_hdf5
 from modalscope.io.limits import MOST_PARTS, Room, room
 from modalscope.io.members import BYTES_OF_MEMBER, member_name
 from modalscope.numerics.checks import Array
-from modalscope.numerics.extras import optional_package
+from modalscope.numerics.errors import optional_package
 
 _BYTES_OF_HEADER, _BYTES_OF_DESCRIPTION = 128, 116
 _HDF5_SIGNATURE = b"MATLAB 7.3"

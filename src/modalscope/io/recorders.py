@@ -23,7 +23,7 @@ from modalscope.io.frames import table_of_frame
 from modalscope.io.limits import Room, room
 from modalscope.io.text import contents_of_lines
 from modalscope.io.text.cells import is_value
-from modalscope.numerics.extras import optional_package
+from modalscope.numerics.errors import optional_package
 
 RECORDER_OPTIONS = (*COLUMN_OPTIONS, "sheet")
 EXCEL_OPTIONS = (*COLUMN_OPTIONS, "skip", "sheet")

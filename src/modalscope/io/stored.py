@@ -15,7 +15,7 @@ from modalscope.data.stored import Rows
 from modalscope.io.contents import DAMAGED, Contents, Finding, Options, unreadable
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.numerics.checks import Array
-from modalscope.numerics.extras import optional_package
+from modalscope.numerics.errors import optional_package
 from modalscope.numerics.resources import allowed_memory
 
 STORED_OPTIONS = ("stored",)

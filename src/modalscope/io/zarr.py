@@ -23,7 +23,7 @@ from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import Room, room
 from modalscope.io.stored import ZarrOutputs, ZarrRows, name_of_outputs, stays_stored, stored_contents, stored_response
 from modalscope.numerics.checks import Array
-from modalscope.numerics.extras import optional_package
+from modalscope.numerics.errors import optional_package
 
 #: Numbers in a chunk of the shapes.
 _NUMBERS_OF_CHUNK = 1_000_000

@@ -1,9 +1,10 @@
-"""The error class of the package, and suggestions for misspelt names."""
+"""The error class of the package, suggestions for misspelt names, and optional packages that are missing."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
+from importlib import import_module
 from typing import Any
 
 #: Maximum number of characters of a message, which is read on a terminal.
@@ -112,3 +113,19 @@ def check_option_names(
         else:
             hint = f"its options are {', '.join(options)}" if options else "it has no options"
         raise DataError(f"{name} of {call} was asked", found, f"{hint[0].upper()}{hint[1:]}", f"{found}; {hint}")
+
+
+def optional_package(asked: str, package: str, extra: str, name: str | None = None) -> Any:
+    """Return an optional package, or say which extra of modalscope brings it.
+
+    `asked`: what it is needed for. `package`: the name that is imported. `name`: what the package is called, when that is not the name
+    that is imported.
+
+    Raises `DataError`: it is not installed.
+    """
+    try:
+        return import_module(package)
+    except ImportError:
+        raise DataError(
+            f"{asked} was asked", f"{name or package} is not installed", f"Run: pip install 'modalscope[{extra}]'"
+        ) from None

@@ -21,8 +21,7 @@ import scipy.fft
 from threadpoolctl import ThreadpoolController
 
 from modalscope.numerics.checks import Array
-from modalscope.numerics.errors import DataError, check_choice
-from modalscope.numerics.extras import optional_package
+from modalscope.numerics.errors import DataError, check_choice, optional_package
 
 #: What may be asked for: PyTorch on the processor, or on a graphics card.
 DEVICES = ("cpu", "cuda")

@@ -16,7 +16,7 @@ from modalscope.data.analysis import VERSION
 from modalscope.io.atomic import replacing
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import ComplexArray, RealArray, check_count, check_each, check_path, check_positive
-from modalscope.numerics.extras import optional_package
+from modalscope.numerics.errors import optional_package
 from modalscope.plot._camera import extent, view_of
 from modalscope.plot._style import BLUE, INK, MUTED, PALE, VERMILLION, decimals, diverging, frameless, headline
 from modalscope.plot.shapes import check_mode, has_channels, turned

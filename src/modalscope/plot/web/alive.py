@@ -15,7 +15,7 @@ from modalscope.judging.select import select
 from modalscope.modal.rebuilt import explained
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, IntArray
-from modalscope.numerics.extras import optional_package
+from modalscope.numerics.errors import optional_package
 from modalscope.plot.web.blob import pack
 from modalscope.plot.web.fits import asked_ends, band_of, fit_of_bands, rebuilt_lines
 from modalscope.plot.web.modes import modes_parts
