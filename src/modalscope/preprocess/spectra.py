@@ -66,9 +66,9 @@ class Segments(NamedTuple):
     @classmethod
     def of(cls, samples: int, length: int, overlap: float = 0.5, window: str = "hann") -> Segments:
         """Return the whole segments of a run under a (periodic) window by name; each shares a part `overlap` with the next."""
-        name = check_window(window)
+        name, starts = check_window(window), segment_starts(samples, length, overlap)  # which checks the length, too
         w = np.asarray(scipy.signal.get_window("boxcar" if name == "none" else name, length))
-        return cls(segment_starts(samples, length, overlap), w, w)
+        return cls(starts, w, w)
 
 
 class Transform(NamedTuple):
