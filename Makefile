@@ -146,7 +146,7 @@ mutants: setup
 
 # WORD=analyze runs the jobs whose names hold it; WRITE=1 writes the reference instead: WORD=real: WRITE=1 stores the lists of all real tests.
 results: setup
-	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m tools.results --jobs $(WORKERS) $(if $(WRITE),--write) $(WORD)
+	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m tools.results --jobs $(WORKERS) $(if $(WRITE),--write) $(if $(WORD),"$(WORD)")
 
 # Large; no other target needs it.
 torch: $(STAMP)
