@@ -14,8 +14,8 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.responses import FrequencyResponse
 from modalscope.functions.poles import QUANTITIES, poles_from
 from modalscope.modal.indicators import mac, mmif, mpc
-from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import ComplexArray, RealArray, check_band, check_kind, check_positive
+from modalscope.numerics.arguments import POSITIVE, named
+from modalscope.numerics.checks import ComplexArray, RealArray, check_band
 from modalscope.numerics.errors import DataError
 
 #: Minimum number of lines on either side of a minimum for the single-mode fit.
@@ -44,7 +44,7 @@ class Dwell:
     frequencies: RealArray
 
 
-@named()
+@named(response=FrequencyResponse, threshold=POSITIVE)
 def tuned_dwell(
     response: FrequencyResponse, *, band: tuple[float, float] | None = None, threshold: float = 0.5
 ) -> Dwell:
@@ -76,8 +76,6 @@ def tuned_dwell(
     >>> found.modes.frequencies.round(2)
     array([0.91, 2.64, 4.17, 5.36, 6.11])
     """
-    check_kind("a tuned dwell", response, FrequencyResponse)
-    check_positive("threshold", threshold)
     cut = response if band is None else response.band(*check_band(band))
     least = 2 * _MIN_LINES + 1
     if cut.lines < least:

@@ -18,9 +18,9 @@ from modalscope.data.records import Signals
 from modalscope.data.responses import ImpulseResponse
 from modalscope.data.stored import Record, Rows, StoredSignals
 from modalscope.functions.poles import QUANTITIES
-from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, RealArray, check_count, check_kind, check_positive
-from modalscope.numerics.errors import DataError, check_choice
+from modalscope.numerics.arguments import COUNT, POSITIVE, named
+from modalscope.numerics.checks import Array, RealArray, check_kind
+from modalscope.numerics.errors import DataError
 
 #: Remainder of a filter's transient at the start of a stretch: below rounding, also for several poles.
 _TRANSIENT = 1e-20
@@ -102,7 +102,7 @@ def _on_all(signals: Signals, change: Callable[[RealArray], RealArray], note: st
     return replace(signals, **changed).processed(note)  # type: ignore[arg-type]
 
 
-@named()
+@named(signals=Signals, kind=("constant", "linear"))
 def detrend(signals: Signals, *, kind: str = "linear") -> Signals:
     """Return the record without its mean ("constant") or its straight-line trend ("linear"), channel by channel and run by run.
 
@@ -118,8 +118,6 @@ def detrend(signals: Signals, *, kind: str = "linear") -> Signals:
     >>> float(np.abs(detrend(record).outputs).max()) < 1e-12
     True
     """
-    check_kind("detrend", signals, Signals)
-    check_choice("kind", kind, ("constant", "linear"))
     if kind == "constant":
         return _on_all(signals, lambda x: np.asarray(x - x.mean(axis=-2, keepdims=True)), "mean removed")
     return _on_all(signals, lambda x: np.asarray(scipy.signal.detrend(x, axis=-2)), "straight-line trend removed")
@@ -202,7 +200,7 @@ def _low_pass(edge: float, rate: float) -> Array:
     return np.asarray(scipy.signal.cheby1(*_LOW_PASS, edge, fs=rate, output="sos"))
 
 
-@named()
+@named(signals=(Signals, StoredSignals))
 def filter_band(
     signals: Record, lowest: float, highest: float, *, zero_phase: bool = False, decimate: bool = True
 ) -> Record:
@@ -235,7 +233,6 @@ def filter_band(
     >>> filter_band(record, 0.5, 4.0).sampling_rate
     10.0
     """
-    check_kind("filter_band", signals, (Signals, StoredSignals))
     rate = signals.sampling_rate
     if not (0 <= lowest < highest < rate / 2):
         have = f"the record contains 0 to {rate / 2:g} Hz"
@@ -253,7 +250,7 @@ def filter_band(
     return _filtered(signals, sections, factor, zero_phase, note)
 
 
-@named()
+@named(signals=(Signals, StoredSignals), factor=COUNT)
 def decimate(signals: Record, factor: int, *, zero_phase: bool = False) -> Record:
     """Return the record low-pass filtered at 0.8 of the new Nyquist frequency, one sample in `factor` kept.
 
@@ -270,8 +267,6 @@ def decimate(signals: Record, factor: int, *, zero_phase: bool = False) -> Recor
     DataError
         A factor below 1, or one that leaves fewer than two samples.
     """
-    check_kind("decimate", signals, (Signals, StoredSignals))
-    check_count("factor", factor)
     if factor == 1:
         return signals
     sections = _low_pass(0.8 * signals.sampling_rate / factor / 2, signals.sampling_rate)
@@ -302,7 +297,7 @@ def _mirror_lines(signals: Signals) -> RealArray:
     return np.asarray(fft.rfftfreq(2 * signals.samples - 2, 1 / signals.sampling_rate))
 
 
-@named()
+@named(signals=Signals, times=COUNT)
 def differentiate(signals: Signals, *, times: int = 1) -> Signals:
     """Return the record with its outputs differentiated `times` times, by (j 2 pi f)^times in the frequency domain.
 
@@ -320,8 +315,6 @@ def differentiate(signals: Signals, *, times: int = 1) -> Signals:
     DataError
         An acceleration that would be differentiated.
     """
-    check_kind("differentiate", signals, Signals)
-    check_count("times", times)
     quantities = _changed_quantities(signals, times)
     y = signals.outputs
     for _ in range(times):
@@ -331,7 +324,7 @@ def differentiate(signals: Signals, *, times: int = 1) -> Signals:
     return _outputs_only(signals, y, quantities, f"outputs differentiated {times} times")
 
 
-@named()
+@named(signals=Signals, times=COUNT, lowest=POSITIVE)
 def integrate(signals: Signals, *, times: int = 1, lowest: float | None = None) -> Signals:
     """Return the record with its outputs integrated `times` times, by division by (j 2 pi f)^times above `lowest` Hz.
 
@@ -351,10 +344,8 @@ def integrate(signals: Signals, *, times: int = 1, lowest: float | None = None) 
     DataError
         A displacement that would be integrated.
     """
-    check_kind("integrate", signals, Signals)
-    check_count("times", times)
     quantities = _changed_quantities(signals, -times)
-    edge = 10 / signals.duration if lowest is None else check_positive("lowest", lowest)
+    edge = 10 / signals.duration if lowest is None else lowest
     lines = _mirror_lines(signals)
     inside = lines >= edge
     factor = np.zeros(lines.size, dtype=complex)

@@ -16,8 +16,8 @@ from modalscope.data.response import CORRELATED, HALF
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.sizes import check_size
 from modalscope.data.stored import StoredSignals
-from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, RealArray, check_count, check_kind
+from modalscope.numerics.arguments import COUNT, at_least, named
+from modalscope.numerics.checks import Array, RealArray, check_count
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import allowed_memory, one_thread
 from modalscope.preprocess.spectra import Segments, check_window
@@ -134,7 +134,7 @@ def _products(y: RealArray, times: int, references: list[int], lags: int) -> Rea
     return total.finish()
 
 
-@named()
+@named(blocks=COUNT)
 @one_thread
 def correlation_blocks(
     signals: Signals | StoredSignals,
@@ -165,7 +165,7 @@ def correlation_blocks(
         Unknown references, more lags than samples, or blocks of no samples.
     """
     chosen, count = _references(signals, references), _lags(signals, lags)
-    blocks_per_run = max(1, -(-check_count("blocks", blocks) // signals.runs))
+    blocks_per_run = max(1, -(-blocks // signals.runs))
     edges = np.linspace(0, signals.samples, blocks_per_run + 1).round().astype(int)
     if np.any(np.diff(edges) < 2):
         change = f"Lower blocks to at most {signals.runs * signals.samples // 2}."
@@ -185,7 +185,7 @@ def correlation_blocks(
     return CorrelationBlocks(np.array(sums), counts)
 
 
-@named()
+@named(signals=(Signals, StoredSignals), segment=at_least(2))
 @one_thread
 def estimate_correlation(
     signals: Signals | StoredSignals,
@@ -240,7 +240,6 @@ def estimate_correlation(
     >>> r.values.shape, r.kind
     ((50, 2, 1), 'correlation')
     """
-    check_kind("estimate_correlation", signals, (Signals, StoredSignals))
     chosen, count = _references(signals, references), _lags(signals, lags)
     if window is None:
         if segment is not None:
@@ -287,7 +286,7 @@ def _windowed(
     signals: Signals, references: list[int], lags: int, window: str, segment: int | None, overlap: float
 ) -> tuple[RealArray, str]:
     """Return R(0 ... lags) averaged over windowed segments, divided by the correlation of the window."""
-    length = min(4 * lags, signals.samples) if segment is None else check_count("segment", segment, least=2)
+    length = min(4 * lags, signals.samples) if segment is None else segment
     if not lags < length <= signals.samples:
         asked, change = f"segment={length} for {lags} lags was asked", f"Give {lags + 1} to {signals.samples}."
         raise DataError(asked, f"a run has {signals.samples} samples", change)
@@ -305,7 +304,7 @@ def _windowed(
     return R, f"{signals.runs * len(starts)} segments of {length} samples, {window} window"
 
 
-@named()
+@named(correlation=ImpulseResponse, lines=at_least(2))
 def half_spectra(correlation: ImpulseResponse, *, lines: int | None = None) -> FrequencyResponse:
     """Compute half spectra of correlations, which frequency-domain methods take as they take frequency responses.
 
@@ -331,13 +330,12 @@ def half_spectra(correlation: ImpulseResponse, *, lines: int | None = None) -> F
     DataError
         A response that is no correlation, or whose R(0) is missing.
     """
-    check_kind("half_spectra", correlation, ImpulseResponse)
     check_size(correlation)
     if correlation.kind != "correlation" or correlation.feedthrough is None:
         have = f"this is a {correlation.kind} response" + (" without R(0)" if correlation.feedthrough is None else "")
         raise DataError("half spectra of a correlation were asked", have, "Give the result of estimate_correlation.")
     R: Array = np.concatenate([correlation.feedthrough[None] / 2, correlation.values])
-    count = correlation.samples // 2 + 1 if lines is None else check_count("lines", lines, least=2)
+    count = correlation.samples // 2 + 1 if lines is None else lines
     length = 2 * (count - 1)
     # lines closer than those of the lags need zero padding, wider ones a sequence folded on itself
     folded = np.zeros((-(-R.shape[0] // length) * length, *R.shape[1:]))

@@ -12,9 +12,9 @@ from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse
-from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, RealArray, check_count, check_kind
-from modalscope.numerics.errors import DataError, check_choice
+from modalscope.numerics.arguments import at_least, named
+from modalscope.numerics.checks import Array, RealArray
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
 from modalscope.preprocess.estimators import (
     ESTIMATORS,
@@ -37,7 +37,7 @@ _LINES_A_HALF_BANDWIDTH = 4.0
 LEAKING = "random excitation"
 
 
-@named()
+@named(signals=Signals, estimator=(*ESTIMATORS, *LOCAL), zoom_by=ZOOMS, before=at_least(0), settle=at_least(0))
 @one_thread
 def estimate_frf(
     signals: Signals,
@@ -139,9 +139,6 @@ def estimate_frf(
     >>> frf.averages, bool(np.all(np.abs(frf.values - 2) < 0.2))
     (15, True)
     """
-    check_kind("estimate_frf", signals, Signals)
-    check_choice("estimator", estimator, (*ESTIMATORS, *LOCAL))
-    check_choice("zoom_by", zoom_by, ZOOMS)
     _check_forces(signals)
     kind = find_excitation(signals, excitation)
     if estimator in LOCAL:
@@ -150,11 +147,11 @@ def estimate_frf(
         result = _local(signals, estimator, degree, half_width, kind, averaged)
     elif kind == "periodic":
         _check_options(kind, estimator, period, force_window, exponential)
-        result = _periodic(signals, period, check_count("settle", settle, least=0), zoom)
+        result = _periodic(signals, period, settle, zoom)
     else:
         _check_options(kind, estimator, period, force_window, exponential)
         if kind == "impact":
-            plan = plan_hits(signals, segment, hits, check_count("before", before, least=0), window)
+            plan = plan_hits(signals, segment, hits, before, window)
         else:
             plan = plan_runs(signals, kind, segment, overlap, window)
         apply_windows(plan, force_window, exponential, before)

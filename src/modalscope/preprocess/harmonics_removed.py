@@ -11,7 +11,7 @@ from scipy import fft
 
 from modalscope.data.records import Signals
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import ComplexArray, RealArray, check_each, check_kind, check_positive
+from modalscope.numerics.checks import ComplexArray, RealArray, check_each, check_positive
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.harmonics import find_lines
 
@@ -34,7 +34,7 @@ _AMPLITUDE_POWERS = 3
 _DEFAULT_SPREAD = 0.001
 
 
-@named()
+@named(signals=Signals)
 def remove_harmonics(signals: Signals, frequencies: Iterable[float] | None = None) -> Signals:
     """Return the record without the harmonics of rotating machines.
 
@@ -65,7 +65,6 @@ def remove_harmonics(signals: Signals, frequencies: Iterable[float] | None = Non
     >>> round(float(np.std(clean.outputs)), 1)
     1.0
     """
-    check_kind("remove_harmonics", signals, Signals)
     if frequencies is None:
         return without_lines(signals, ((line.frequency, line.spread) for line in find_lines(signals)))
     given = [check_positive("each of frequencies", f) for f in check_each("frequencies", frequencies, "numbers in Hz")]

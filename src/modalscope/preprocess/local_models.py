@@ -18,9 +18,9 @@ import numpy as np
 from scipy import fft
 
 from modalscope.data.records import Signals
-from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import ComplexArray, RealArray, check_count
-from modalscope.numerics.errors import DataError, check_choice
+from modalscope.numerics.arguments import COUNT, named
+from modalscope.numerics.checks import ComplexArray, RealArray
+from modalscope.numerics.errors import DataError
 from modalscope.preprocess.excitation import driven_records
 
 #: Local models by name.
@@ -63,7 +63,7 @@ class LocalEstimate(NamedTuple):
     half_width: int
 
 
-@named()
+@named(kind=LOCAL, degree=COUNT, half_width=COUNT)
 def local_models(signals: Signals, kind: str = "lrm", degree: int = 2, half_width: int | None = None) -> LocalEstimate:
     """Estimate frequency responses by a local polynomial or rational model on every line.
 
@@ -97,8 +97,6 @@ def local_models(signals: Signals, kind: str = "lrm", degree: int = 2, half_widt
     >>> bool(np.allclose(frf.values, model.frequency_response(frf.frequencies).values, rtol=1e-3))
     True
     """
-    check_choice("kind", kind, LOCAL)
-    degree = check_count("degree", degree, least=1)
     records = driven_records(signals, "frequency responses")
     inside = slice(1, (signals.samples + 1) // 2)  # without 0 Hz and half the sampling rate
     Y, U = (np.asarray(fft.rfft(x, axis=1)[:, inside]) for x in records)
@@ -106,7 +104,7 @@ def local_models(signals: Signals, kind: str = "lrm", degree: int = 2, half_widt
     unknowns = (degree + 1) * (m + runs) + (degree if kind == "lrm" else 0)
     least = -(-(unknowns + 1 - runs) // (2 * runs))
     default = max(-(-(unknowns + _MIN_FREEDOM - runs) // (2 * runs)), 1)
-    n = default if half_width is None else check_count("half_width", half_width)
+    n = default if half_width is None else half_width
     if n < least or lines < 2 * n + 1:
         asked = f"a local model of degree {degree} on {2 * n + 1} lines of {runs} runs was asked"
         have = f"it has {unknowns} unknowns in {min(lines, 2 * n + 1) * runs} equations; the runs have {lines} lines"

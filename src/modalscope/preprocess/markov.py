@@ -24,9 +24,9 @@ import scipy.linalg as sla
 from modalscope.data.records import Signals
 from modalscope.data.responses import ImpulseResponse
 from modalscope.data.statespace import StateSpace
-from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import IntArray, RealArray, check_count, check_kind
-from modalscope.numerics.errors import DataError, check_choice
+from modalscope.numerics.arguments import COUNT, at_least, named
+from modalscope.numerics.checks import IntArray, RealArray
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
 from modalscope.preprocess.excitation import driven_records
 from modalscope.preprocess.observer_regression import RANK, Regression, tried_orders
@@ -98,7 +98,7 @@ class Observer(NamedTuple):
         return np.asarray(gain)
 
 
-@named()
+@named(observer_order=COUNT, samples=at_least(2), longest=COUNT)
 @one_thread
 def estimate_observer(
     signals: Signals, *, observer_order: int | None = None, samples: int | None = None, longest: int | None = None
@@ -126,13 +126,11 @@ def estimate_observer(
         No inputs, too short a record, or a response that grows with every observer.
     """
     outputs, inputs = driven_records(signals, "Markov parameters")
-    given = None if observer_order is None else check_count("observer_order", observer_order)
-    asked = None if samples is None else check_count("samples", samples, least=2)
     output_scale, input_scale = _level(outputs), _level(inputs)
-    tried = tried_orders(outputs / output_scale, inputs / input_scale, given, longest)
+    tried = tried_orders(outputs / output_scale, inputs / input_scale, observer_order, longest)
     for p, rank in islice(tried.best_first(), _MAX_ATTEMPTS):
         D, b, a, S = _coefficients(tried.regression, p, rank)
-        response = _recursion(D, b, a, asked, outputs.shape[1])
+        response = _recursion(D, b, a, samples, outputs.shape[1])
         if response is not None:
             break
     else:
@@ -142,7 +140,7 @@ def estimate_observer(
         raise DataError("a response by an observer (OKID) was asked", have, change)
     Y, gain, end = response
     by_input, by_output = output_scale[:, None] / input_scale, output_scale[:, None] / output_scale
-    choice = f"{'chosen' if given is None else 'given'}, {rank} of {tried.regression.unknowns(p)} directions"
+    choice = f"{'chosen' if observer_order is None else 'given'}, {rank} of {tried.regression.unknowns(p)} directions"
     note = f"OKID with an observer of order {p} ({choice}), {len(Y)} samples, {end}"
     return Observer(
         response=_pulse_response(signals, Y * by_input, D * by_input, note),
@@ -208,7 +206,7 @@ def _pulse_response(signals: Signals, Y: RealArray, D: RealArray, note: str) -> 
     ).processed(note)
 
 
-@named()
+@named(signals=Signals, method=("okid", "least squares"), observer_order=COUNT, samples=at_least(2))
 @one_thread
 def estimate_markov(
     signals: Signals, *, method: str = "okid", observer_order: int | None = None, samples: int | None = None
@@ -251,8 +249,6 @@ def estimate_markov(
     >>> bool(np.allclose(Y.values, model.markov_parameters(50))), Y.feedthrough.round(10)
     (True, array([[0.5]]))
     """
-    check_kind("estimate_markov", signals, Signals)
-    check_choice("method", method, ("okid", "least squares"))
     if method == "okid":
         return estimate_observer(signals, observer_order=observer_order, samples=samples).response
     if observer_order is not None:
@@ -264,10 +260,7 @@ def estimate_markov(
 def _least_squares(signals: Signals, samples: int | None) -> ImpulseResponse:
     outputs, inputs = driven_records(signals, "Markov parameters")
     (runs, length), m = outputs.shape[:2], inputs.shape[2]
-    if samples is None:
-        count = min(max(2, runs * length // (4 * m) - 1), length // 2)
-    else:
-        count = check_count("samples", samples, 2)
+    count = min(max(2, runs * length // (4 * m) - 1), length // 2) if samples is None else samples
     rows, unknowns = runs * (length - count), m * (count + 1)
     if length <= count or rows < unknowns:
         asked = f"{count} samples of a response to {m} inputs by least squares were asked"

@@ -12,13 +12,13 @@ from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, ComplexArray, check_each, check_kind, check_positive
+from modalscope.numerics.checks import Array, ComplexArray, check_each, check_positive
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.singular_spectra import decomposition
 
 
-@named()
+@named(data=(Signals, FrequencyResponse, ImpulseResponse))
 def ods(
     data: Signals | FrequencyResponse | ImpulseResponse,
     frequency: float | Iterable[float],
@@ -56,7 +56,6 @@ def ods(
     >>> print(shapes[0])
     0.9000 Hz, 0.000 %
     """
-    check_kind("ods", data, (Signals, FrequencyResponse, ImpulseResponse))
     several = np.iterable(frequency) and not isinstance(frequency, str)
     wanted: Any = check_each("frequency", frequency, "numbers in Hz") if several else [frequency]
     asked = [check_positive("frequency", f) for f in wanted]

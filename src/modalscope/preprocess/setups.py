@@ -12,8 +12,8 @@ from modalscope.data.channels import source_of
 from modalscope.data.responses import ImpulseResponse
 from modalscope.data.setups import Setups
 from modalscope.data.sizes import check_size
-from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, RealArray, check_count
+from modalscope.numerics.arguments import COUNT, named
+from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import noise_threshold
 from modalscope.preprocess.correlation import estimate_correlation
@@ -97,7 +97,7 @@ def significant_lags(parts: Sequence[ImpulseResponse]) -> int:
     return int(significant[-1] + width) if significant.size else count
 
 
-@named()
+@named(depth=COUNT)
 def merge_setups(parts: Sequence[ImpulseResponse], *, depth: int | None = None) -> ImpulseResponse:
     """Merge correlations of roving setups with the same references into one of all outputs.
 
@@ -160,7 +160,7 @@ def merge_setups(parts: Sequence[ImpulseResponse], *, depth: int | None = None) 
 
 
 def _check(parts: Sequence[ImpulseResponse], depth: int | None) -> None:
-    least = 3 * (2 if depth is None else check_count("depth", depth))
+    least = 3 * (2 if depth is None else depth)
     if not parts:
         raise DataError("setups to merge were asked", "parts is empty", "Give the correlations of two setups or more.")
     first = parts[0]

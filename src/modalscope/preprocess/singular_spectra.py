@@ -10,7 +10,7 @@ import scipy
 from modalscope.data.records import Signals
 from modalscope.data.sizes import check_size
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import ComplexArray, IntArray, RealArray, check_count, check_kind
+from modalscope.numerics.checks import ComplexArray, IntArray, RealArray, check_count
 from modalscope.preprocess.spectra import Segments, cross_spectra
 
 #: Minimum prominence of a peak, a factor in power (6 dB).
@@ -118,7 +118,7 @@ class Decomposition(NamedTuple):
         return np.asarray(places)
 
 
-@named()
+@named(signals=Signals)
 def decomposition(
     signals: Signals, *, segment: int | None = None, overlap: float = 0.5, window: str = "hann"
 ) -> Decomposition:
@@ -151,7 +151,6 @@ def decomposition(
     >>> f.round(1), round(float((shapes[1, 0] / shapes[0, 0]).real), 1)
     (array([5.]), -1.0)
     """
-    check_kind("decomposition", signals, Signals)
     check_size(signals)
     outputs, _ = signals.by_run()
     y = outputs - outputs.mean(axis=1, keepdims=True)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from modalscope.numerics.arguments import plainly
-from modalscope.numerics.checks import RealArray, check_count, check_positive
-from modalscope.numerics.errors import check_choice
+from modalscope.numerics.arguments import COUNT, POSITIVE, named
+from modalscope.numerics.checks import RealArray, check_count
 from modalscope.systems.chains import row_geometry
 from modalscope.systems.modal import modal_damping
 from modalscope.systems.structure import Structure
@@ -18,7 +17,7 @@ FAR_ENDS = {"free": (True, True), "pinned": (False, True), "clamped": (False, Fa
 _MODULUS, _DENSITY, _LENGTH, _WIDTH, _HEIGHT = 70e9, 2700.0, 1.0, 0.04, 0.01
 
 
-@plainly
+@named(far_end=tuple(FAR_ENDS), length=POSITIVE, bending_stiffness=POSITIVE, mass_per_length=POSITIVE)
 def clamped_beam(
     elements: int = 20,
     *,
@@ -56,19 +55,15 @@ def clamped_beam(
     >>> clamped_beam().modes().frequencies[:3].round(2).tolist(), clamped_beam_frequencies(3).round(2).tolist()
     ([8.23, 51.55, 144.33], [8.23, 51.55, 144.33])
     """
-    free_end = FAR_ENDS[check_choice("far_end", far_end, FAR_ENDS)]
+    free_end = FAR_ENDS[far_end]
     count = check_count("elements", elements, least=1 if far_end != "clamped" else 2)
-    stiffness, mass = (
-        check_positive("bending_stiffness", bending_stiffness),
-        check_positive("mass_per_length", mass_per_length),
-    )
-    h = check_positive("length", length) / count
+    h = length / count
     K_element, M_element = _element(h)
     K, M = np.zeros((2, 2 * count + 2, 2 * count + 2))
     for e in range(count):
         here = slice(2 * e, 2 * e + 4)
-        K[here, here] += stiffness / h**3 * K_element
-        M[here, here] += mass * h / 420 * M_element
+        K[here, here] += bending_stiffness / h**3 * K_element
+        M[here, here] += mass_per_length * h / 420 * M_element
     moving = np.r_[np.zeros(2, bool), np.ones(2 * count - 2, bool), np.array(free_end)]
     labels = [f"{node}:{direction}" for node in range(count + 1) for direction in ("+Z", "+RY")]
     dofs = tuple(label for label, moves in zip(labels, moving, strict=True) if moves)
@@ -108,7 +103,7 @@ def _element(h: float) -> tuple[RealArray, RealArray]:
     return K, M
 
 
-@plainly
+@named(modes=COUNT, far_end=tuple(FAR_ENDS), length=POSITIVE, bending_stiffness=POSITIVE, mass_per_length=POSITIVE)
 def clamped_beam_frequencies(
     modes: int,
     *,
@@ -130,8 +125,6 @@ def clamped_beam_frequencies(
     """
     from scipy.optimize import brentq  # slow to load
 
-    check_choice("far_end", far_end, FAR_ENDS)
-
     def characteristic(b: float) -> float:
         # divided by cosh b, which would overflow
         if far_end == "pinned":
@@ -141,12 +134,6 @@ def clamped_beam_frequencies(
     # one root in each of these: between neighbouring multiples of pi the cosine (or the tangent) passes once
     first = 0 if far_end == "free" else 1
     roots = np.array(
-        [
-            brentq(characteristic, np.pi * (first + j), np.pi * (first + j + 1), xtol=1e-14)
-            for j in range(check_count("modes", modes))
-        ]
+        [brentq(characteristic, np.pi * (first + j), np.pi * (first + j + 1), xtol=1e-14) for j in range(modes)]
     )
-    wave = np.sqrt(
-        check_positive("bending_stiffness", bending_stiffness) / check_positive("mass_per_length", mass_per_length)
-    )
-    return np.asarray(roots**2 * wave / (2 * np.pi * check_positive("length", length) ** 2))
+    return np.asarray(roots**2 * np.sqrt(bending_stiffness / mass_per_length) / (2 * np.pi * length**2))

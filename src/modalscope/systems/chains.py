@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 from modalscope.data.geometry import Geometry
 from modalscope.data.modes import ModalModel
 from modalscope.functions.poles import QUANTITIES, poles_from
-from modalscope.numerics.arguments import plainly
-from modalscope.numerics.checks import RealArray, check_count, check_each, check_positive, real_array
-from modalscope.numerics.errors import DataError, check_choice
+from modalscope.numerics.arguments import COUNT, POSITIVE, named, plainly
+from modalscope.numerics.checks import RealArray, check_each, real_array
+from modalscope.numerics.errors import DataError
 from modalscope.systems.modal import modal_damping
 from modalscope.systems.structure import Structure
 
@@ -128,7 +128,7 @@ def over4() -> Structure:
     return chain(np.ones(4), np.full(4, 400.0), [70.0, 0.3, 0.3, 0.3], inputs=[0, 3], dt=0.05, name="over4")
 
 
-@plainly
+@named(n=COUNT, mass=POSITIVE, stiffness=POSITIVE)
 def spring_chain(n: int = 5, *, mass: float = 25.91, stiffness: float = 1e4, damping_ratio: float = 0.02) -> Structure:
     """Return n equal masses in a row with one damping ratio in every mode: a five-storey building known in closed form.
 
@@ -146,14 +146,10 @@ def spring_chain(n: int = 5, *, mass: float = 25.91, stiffness: float = 1e4, dam
     damping_ratio : float
         Of every mode.
     """
-    m, k = (
-        np.full(check_count("n", n), check_positive("mass", mass)),
-        np.full(n, check_positive("stiffness", stiffness)),
-    )
-    return chain(m, k, damping_ratios=damping_ratio, dt=0.01, name="spring_chain")
+    return chain(np.full(n, mass), np.full(n, stiffness), damping_ratios=damping_ratio, dt=0.01, name="spring_chain")
 
 
-@plainly
+@named(n=COUNT, mass=POSITIVE, stiffness=POSITIVE, modes=COUNT, quantity=tuple(QUANTITIES))
 def spring_chain_modes(
     n: int = 5,
     *,
@@ -186,14 +182,14 @@ def spring_chain_modes(
     >>> spring_chain_modes().frequencies.round(6).tolist()
     [0.889952, 2.597758, 4.095108, 5.260697, 6.000096]
     """
-    count = check_count("n", n) if modes is None else check_count("modes", modes)
+    count = n if modes is None else modes
     if count > n or not 0 <= damping_ratio < 1:
         raise DataError(
             f"{count} oscillating modes of {n} masses were asked",
             f"there are {n}, and the damping ratio is {damping_ratio}",
             "Ask for fewer modes, and a damping ratio from 0 to below 1.",
         )
-    w0 = np.sqrt(check_positive("stiffness", stiffness) / check_positive("mass", mass))
+    w0 = np.sqrt(stiffness / mass)
     odd = 2 * np.arange(1, count + 1) - 1
     poles = poles_from(w0 / np.pi * np.sin(odd * np.pi / (2 * (2 * n + 1))), damping_ratio)
     rows, columns = (
@@ -202,7 +198,7 @@ def spring_chain_modes(
     shapes, forced = (
         2 / np.sqrt(mass * (2 * n + 1)) * np.sin(np.outer(at + 1, odd) * np.pi / (2 * n + 1)) for at in (rows, columns)
     )
-    power = QUANTITIES[check_choice("quantity", quantity, QUANTITIES)]
+    power = QUANTITIES[quantity]
     return ModalModel(
         poles=poles,
         shapes=shapes,

@@ -8,8 +8,8 @@ from types import MappingProxyType
 import numpy as np
 
 from modalscope.data import FrequencyResponse, ImpulseResponse, Signals
-from modalscope.numerics.arguments import plainly
-from modalscope.numerics.checks import check_count, check_number
+from modalscope.numerics.arguments import at_least, named, plainly
+from modalscope.numerics.checks import check_number
 from modalscope.numerics.errors import check_choice
 from modalscope.systems.beam import clamped_beam
 from modalscope.systems.chains import chain5, heavy4, over4, spring_chain
@@ -68,6 +68,7 @@ def build(name: str) -> Structure:
 KINDS = {"frf": 1000, "impulse": 2000, "records": 20_000, "ambient": 20_000}
 
 
+@named(kind=tuple(KINDS), samples=at_least(2))
 def trial(
     structure: Structure,
     kind: str = "frf",
@@ -95,8 +96,7 @@ def trial(
     >>> test.values.shape
     (100, 4, 2)
     """
-    check_choice("kind", kind, KINDS)
-    count = KINDS[kind] if samples is None else check_count("samples", samples, least=2)
+    count = KINDS[kind] if samples is None else samples
     noise = None if snr_db is None else float(10 ** (-check_number("noise", snr_db) / 20))
     f = structure.modes().frequencies
     if kind == "frf":

@@ -16,8 +16,9 @@ from modalscope.data.records import Signals
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.statespace import INPUTS, StateSpace
 from modalscope.functions.poles import QUANTITIES
+from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import ComplexArray, RealArray, check_positive, freeze, real_array
-from modalscope.numerics.errors import DataError, check_choice
+from modalscope.numerics.errors import DataError
 from modalscope.systems.modal import modal_model, undamped_modes
 from modalscope.systems.records import Inputs, Seed, add_noise, simulate
 
@@ -201,6 +202,7 @@ class Structure(Assembly):
     10.0 0.02
     """
 
+    @named(quantity=tuple(QUANTITIES), input=INPUTS)
     def state_space(
         self,
         *,
@@ -226,12 +228,11 @@ class Structure(Assembly):
         input : {"held", "dirac"}
             What the force does between samples (see `StateSpace.to_discrete`).
         """
-        check_choice("quantity", quantity, QUANTITIES)
-        check_choice("input", input, INPUTS)
         rows, columns = self._positions(outputs, inputs)
         model = state_model(self.mass, self.damping, self.stiffness, rows, columns, quantity)
         return model if dt is None else model.to_discrete(dt, input)
 
+    @named(quantity=tuple(QUANTITIES))
     def modes(self, *, outputs: Dofs = None, inputs: Dofs = None, quantity: str = "displacement") -> ModalModel:
         """Return the exact modes: poles, shapes of unit modal mass, and participation for the quantity.
 
@@ -248,12 +249,12 @@ class Structure(Assembly):
         DataError
             A critically damped mode, or another pole that lacks an eigenvector.
         """
-        check_choice("quantity", quantity, QUANTITIES)
         rows, columns = self._positions(outputs, inputs)
         return modal_model(
             self.mass, self.damping, self.stiffness, rows, columns, quantity, self._labels(rows, columns, quantity)
         )
 
+    @named(quantity=tuple(QUANTITIES))
     def frequency_response(
         self,
         frequencies: ArrayLike,
@@ -277,7 +278,6 @@ class Structure(Assembly):
         seed : int or numpy Generator, optional
             Makes the noise repeatable.
         """
-        check_choice("quantity", quantity, QUANTITIES)
         rows, columns = self._positions(outputs, inputs)
         lines = real_array("frequencies", frequencies, "(lines,)", 1)
         values = dynamic_response(self.mass, self.damping, self.stiffness, rows, columns, quantity, lines)
@@ -286,6 +286,7 @@ class Structure(Assembly):
         )
         return response if noise is None else add_noise(response, noise, seed)
 
+    @named(quantity=tuple(QUANTITIES))
     def impulse_response(
         self,
         samples: int,
@@ -312,7 +313,6 @@ class Structure(Assembly):
         noise, seed
             As in `frequency_response`.
         """
-        check_choice("quantity", quantity, QUANTITIES)
         rows, columns = self._positions(outputs, inputs)
         dt = self._interval(sampling_rate)
         model = self.state_space(outputs=rows, inputs=columns, quantity=quantity, dt=dt, input=input)
@@ -322,6 +322,7 @@ class Structure(Assembly):
         response = model.impulse_response(samples, kind=kind, feedthrough=feedthrough, quantity=quantity, **labels)
         return response if noise is None else add_noise(response, noise, seed)
 
+    @named(quantity=tuple(QUANTITIES))
     def free_decay(
         self,
         samples: int,
@@ -344,7 +345,6 @@ class Structure(Assembly):
         outputs, quantity
             As in `state_space`.
         """
-        check_choice("quantity", quantity, QUANTITIES)
         start = initial_state(self.degrees, displacement, velocity)
         rows, _ = self._positions(outputs, None)
         model = self.state_space(outputs=rows, inputs=[0], quantity=quantity, dt=self._interval(sampling_rate))
@@ -352,6 +352,7 @@ class Structure(Assembly):
         labels = {**self._labels(rows, [], quantity), "input_dofs": ("start",), "units": UNITS[quantity]}
         return decay.impulse_response(samples, kind="free decay", feedthrough=None, quantity=quantity, **labels)
 
+    @named(quantity=tuple(QUANTITIES))
     def simulate(
         self,
         *,
@@ -400,7 +401,6 @@ class Structure(Assembly):
         DataError
             No length, no sampling rate, forces that do not fit, or a stationary start of an unstable structure.
         """
-        check_choice("quantity", quantity, QUANTITIES)
         ambient = isinstance(inputs, str) and inputs == "ambient"
         rows, columns = self._positions(outputs, range(self.degrees) if ambient and at is None else at)
         dt = self._interval(sampling_rate)
