@@ -35,6 +35,7 @@ SUBJECTS = {
     "comparison": "Comparison of methods",
     "checks": "Checks of data",
     "resources": "Time and memory",
+    "reading": "Exports of other programs",
     "robustness": "Damaged files, wrong arguments and interrupted programs",
 }
 

@@ -1,0 +1,69 @@
+"""Any export is read: verdicts on files of the grammar, a few here and a thousand in the study."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.io.exports.draw import HALVES, SHARED, draw_choices
+from tests.io.exports.measure import by_dimension, measure, table
+from tests.io.exports.verdict import COSTS, tried
+from tests.io.exports.words import FAR, NEAR
+
+#: Seeds of the quick test, and of the study, whose seeds were looked at by nobody while the reader was made.
+_QUICK, _FIRST, _COUNT = 24, 900_000, 1000
+
+
+def test_every_dimension_has_five_values_and_the_halves_share_none() -> None:
+    for name in ("makers", "extras", "oddities", "axes", "heads", "sensors", "forces", "time", "frequency"):
+        near, far = set(getattr(NEAR, name)), set(getattr(FAR, name))
+        assert min(len(near), len(far)) >= 5
+        assert not near & far
+    assert all(len(values) >= 2 for values in SHARED.values())
+    assert set(HALVES) == {"near", "far"}
+
+
+def test_a_file_is_drawn_again_from_its_seed() -> None:
+    assert draw_choices(np.random.default_rng([7, 0]), "near") == draw_choices(np.random.default_rng([7, 0]), "near")
+
+
+@pytest.mark.parametrize("half", HALVES)
+def test_no_export_ends_in_a_crash(tmp_path: Path, half: str) -> None:
+    words = [tried(tmp_path, 10_000 + seed, half)[1] for seed in range(_QUICK)]
+    assert "crash" not in words
+    assert set(words) <= set(COSTS)
+
+
+@pytest.mark.study("reading")
+def test_fresh_exports(study) -> None:
+    """Shares of the verdicts in each half, and of what is right at every value of every dimension."""
+    rows = measure(_FIRST, _COUNT)
+    print(table(rows))
+    seeds = f"seeds from {_FIRST}"
+    for half in HALVES:
+        words = [word for word, own, _ in rows if own == half]
+        share = {word: 100 * words.count(word) / len(words) for word in COSTS}
+        of = study(f"exports, {half} half of the words", f"{len(words)} files, {seeds}")
+        of.row(
+            "right, or a name or unit lost",
+            share["right"] + share["names or units lost"],
+            least=90,
+            form=".1f",
+            unit=" %",
+        )
+        of.row("wrong in silence", share["wrong in silence"], most=1, form=".1f", unit=" %")
+        of.row("crash, or more than 20 s", share["crash"], most=0, form=".1f", unit=" %")
+        for word in ("names or units lost", "wrong and said", "refused, remedy works", "refused"):
+            of.row(word, share[word], form=".1f", unit=" %")
+    for name, values in by_dimension(rows).items():
+        of = study(f"exports by {name}", f"{len(rows)} files, {seeds}")
+        for value, words in values.items():
+            good = sum(word in ("right", "names or units lost") for word in words)
+            of.row(
+                f"{value} ({len(words)} files): right, or a name or unit lost",
+                100 * good / len(words),
+                form=".0f",
+                unit=" %",
+            )
