@@ -110,13 +110,13 @@ class BlockHankel:
     def _correlated(self, transform: Any, blocks: int, right: Array) -> RealArray:
         """Return sum_j Y(i + j) X_j of block vectors for `blocks` blocks i, some columns at a time."""
         lines, rows, inner = transform.shape
-        k, found, fft = right.shape[1], np.empty((blocks, rows, right.shape[1])), transforms(transform)
+        k, products, fft = right.shape[1], np.empty((blocks, rows, right.shape[1])), transforms(transform)
         step = max(_BLOCK_NUMBERS // (lines * max(rows, inner)), 1)
         for c in range(0, k, step):
             X = executor().place(np.ascontiguousarray(right[:, c : c + step]).reshape(-1, inner, min(step, k - c)))
             product = transform @ fft.ihfft(X, n=self._length, axis=0, norm="forward")  # conjugates, not scaled
-            found[:, :, c : c + step] = fetched(fft.irfft(product, n=self._length, axis=0)[:blocks])
-        return found.reshape(blocks * rows, k)
+            products[:, :, c : c + step] = fetched(fft.irfft(product, n=self._length, axis=0)[:blocks])
+        return products.reshape(blocks * rows, k)
 
     def times(self, right: Array) -> RealArray:
         """H X, by one transform of each block column, or block row by block row."""
@@ -157,16 +157,16 @@ class BlockHankel:
             gram[i * m :, i * m : (i + 1) * m] = gram[i * m : (i + 1) * m, i * m :].T
         return fetched(gram)
 
-    def _first_row(self, found: Any) -> None:
+    def _first_row(self, target: Any) -> None:
         """Add sum_k Y(k)' Y(k + j) of all block rows, sample by sample, or with many inputs block by block."""
         outputs, m, r, s = *self.values.shape[1:], self.block_rows, self.block_columns
         if m <= 2 * outputs:
             for _, row in self._products(0, r, s):
-                found += row[:, : s * m]
+                target += row[:, : s * m]
             return
         rows = [executor().place(self.values[self.first + j : self.first + j + r].reshape(-1, m)) for j in range(s)]
         for j in range(s):
-            found[:, j * m : (j + 1) * m] = rows[0].T @ rows[j]
+            target[:, j * m : (j + 1) * m] = rows[0].T @ rows[j]
 
     def _products(self, start: int, stop: int, blocks: int) -> Iterator[tuple[int, Any]]:
         """Yield k and Y(k)' [Y(k), Y(k + 1), ...], at least `blocks` blocks where there are as many, from start to before stop."""

@@ -78,9 +78,9 @@ class Combinations:
     def spread(self, shapes: Array) -> Array:
         """Return D U c: shapes, or anything else of the combinations, (r, ...), for all outputs."""
         few = shapes.reshape(len(shapes), -1)
-        found = real_times(self.U, few)
-        found *= self.scale[:, None]
-        return sealed(found.reshape(-1, *shapes.shape[1:]))
+        values = real_times(self.U, few)
+        values *= self.scale[:, None]
+        return sealed(values.reshape(-1, *shapes.shape[1:]))
 
     @property
     def words(self) -> str:
@@ -122,11 +122,11 @@ def combinations(response: Response, count: int, seed: int = 0) -> Combinations:
     `count`: r. `seed`: of the sketch; the result depends on it little.
     """
     rows = _InMemory(response.values)
-    found = found_combinations(rows, count, seed)
-    values = rows.as_response(found.columns)
+    chosen = found_combinations(rows, count, seed)
+    values = rows.as_response(chosen.columns)
     wanted = response.variance is not None or getattr(response, "feedthrough", None) is not None
-    few = labelled(response, values, found.U / found.scale[:, None] if wanted else None, len(found.columns))
-    return Combinations(few, found.U, found.scale, found.discarded)
+    few = labelled(response, values, chosen.U / chosen.scale[:, None] if wanted else None, len(chosen.columns))
+    return Combinations(few, chosen.U, chosen.scale, chosen.discarded)
 
 
 def found_combinations(rows: OutputRows, count: int, seed: int = 0, *, keep: bool = True) -> Found:
@@ -157,10 +157,10 @@ def found_combinations(rows: OutputRows, count: int, seed: int = 0, *, keep: boo
     step = max(_BLOCK_NUMBERS // r, 1)
     for start in range(0, len(Y), step):
         Y[start : start + step] @= inverse
-    left = 1 - float(np.vdot(columns, columns)) / energy
-    if left < _MIN_DISCARDED_SHARE and keep:
-        left = sum(_left_by(X / scale[part, None], Y[part], columns) for part, X in rows.parts()) / energy
-    return Found(Y, columns, scale, max(left, 0.0))
+    missing = 1 - float(np.vdot(columns, columns)) / energy
+    if missing < _MIN_DISCARDED_SHARE and keep:
+        missing = sum(_left_by(X / scale[part, None], Y[part], columns) for part, X in rows.parts()) / energy
+    return Found(Y, columns, scale, max(missing, 0.0))
 
 
 def _left_by(X: RealArray, U: RealArray, columns: RealArray) -> float:
@@ -217,9 +217,9 @@ def labelled(response: Some, values: Array, back: RealArray | None, count: int) 
     variance = response.variance
     if variance is not None and back is not None:
         changed["variance"] = np.einsum("or,kom->krm", back**2, variance, optimize=True)
-    known = getattr(response, "feedthrough", None)
-    if known is not None and back is not None:
-        changed["feedthrough"] = back.T @ known
+    feedthrough = getattr(response, "feedthrough", None)
+    if feedthrough is not None and back is not None:
+        changed["feedthrough"] = back.T @ feedthrough
     return replace(response, **changed)
 
 
@@ -279,16 +279,16 @@ class CombinedOutputs(OfCombinations):
 
     def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
         """Return the fit to the combinations, its shapes and terms spread over all outputs; what was discarded is left as well."""
-        found = self.inner.fit(model, eigen)
-        own = self._misfit.of_fit(self.to_s(eigen.values), found) if found.misfit is None else found.misfit
+        fit = self.inner.fit(model, eigen)
+        misfit = self._misfit.of_fit(self.to_s(eigen.values), fit) if fit.misfit is None else fit.misfit
         discarded = self.few.discarded
         return replace(
-            found,
-            shapes=self.few.spread(found.shapes),
-            terms=self.few.spread(found.terms.transpose(1, 0, 2)).transpose(1, 0, 2),
+            fit,
+            shapes=self.few.spread(fit.shapes),
+            terms=self.few.spread(fit.terms.transpose(1, 0, 2)).transpose(1, 0, 2),
             basis=None,
-            fitted=replace(found, basis=None),
-            misfit=float(np.sqrt((1 - discarded) * own**2 + discarded)),
+            fitted=replace(fit, basis=None),
+            misfit=float(np.sqrt((1 - discarded) * misfit**2 + discarded)),
         )
 
     @cached_property
@@ -341,12 +341,12 @@ def combined(stored: StoredResponse, count: int = COUNT) -> tuple[ImpulseRespons
         8.0 * _COPIES_OF_SKETCH * 16 * count * rows.columns,
         "Store fewer samples.",
     )
-    found = found_combinations(rows, count, keep=False)
-    few = len(found.columns)
-    values: RealArray = found.columns.reshape(few, stored.samples, -1).transpose(1, 0, 2)
+    chosen = found_combinations(rows, count, keep=False)
+    few = len(chosen.columns)
+    values: RealArray = chosen.columns.reshape(few, stored.samples, -1).transpose(1, 0, 2)
     text = (
-        f"{rows.outputs} stored outputs are reduced to {few} combinations, which leave out {found.discarded:.2g} of their energy; "
+        f"{rows.outputs} stored outputs are reduced to {few} combinations, which leave out {chosen.discarded:.2g} of their energy; "
         "full_field gives the shapes of all of them"
     )
-    note = Note("combinations", {"outputs": rows.outputs, "combinations": few, "discarded": found.discarded}, text)
+    note = Note("combinations", {"outputs": rows.outputs, "combinations": few, "discarded": chosen.discarded}, text)
     return labelled(stored.part(0, 1), values, None, few), note

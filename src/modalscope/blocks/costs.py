@@ -75,13 +75,13 @@ def costs_of(matrix: Operator, wanted: int) -> tuple[Cost, ...]:
     both = 8.0 * k * (rows + columns)
     sides = _CHOLESKY_COST * 2.0 * _RANGE_RATIO * (_RANGE_RATIO + 1) * k**2 * (rows + columns)
     ranged = 2 * _RANGE_RATIO * product + sides
-    found = [dense, Cost("randomized", ranged, (_RANGE_RATIO + 1) * both)]
+    costs = [dense, Cost("randomized", ranged, (_RANGE_RATIO + 1) * both)]
     if matrix.gram_operations is not None:
         eigen = _EIGEN_COST * (4 / 3 * columns**3 + 4 * columns**2 * k)
         refined = 2 * product + _CHOLESKY_COST * 4.0 * k**2 * rows
         memory = 8.0 * 3 * columns**2 + 2 * both
-        found.append(Cost("gram", matrix.gram_operations + eigen + refined, memory, refined))
-    return tuple(sorted(found, key=lambda cost: (not cost.exact_enough, cost.operations)))
+        costs.append(Cost("gram", matrix.gram_operations + eigen + refined, memory, refined))
+    return tuple(sorted(costs, key=lambda cost: (not cost.exact_enough, cost.operations)))
 
 
 def cost_of_triangle(rows: int, columns: int, together: int) -> Cost:

@@ -43,28 +43,28 @@ def innovations(model: StateSpace, runs: Iterable[tuple[RealArray, RealArray]]) 
     """
     if np.abs(model.poles).max(initial=0.0) > 1:
         return None
-    left = [_not_simulated(model, y, u) for y, u in runs]
-    l, times = model.C.shape[0], sum(len(v) for v in left)
+    residuals = [_not_simulated(model, y, u) for y, u in runs]
+    l, times = model.C.shape[0], sum(len(v) for v in residuals)
     future = -(-model.order // l) + _EXTRA_FUTURE
     past = max(min(_MAX_PAST, _MAX_PAST_ROWS // l, int(_MAX_PAST_SHARE * times / l)), 1)
     total, count, width = TriangleSum(l * (past + 1 + future)), 0, past + 1 + future
-    for v in left:
+    for v in residuals:
         if len(v) >= width:
             windows = sliding_window_view(v, width, axis=0).transpose(0, 2, 1)
             count += len(windows)
             for start in range(0, len(windows), 4 * l * width):
                 part = windows[start : start + 4 * l * width]
                 total.add(part.reshape(len(part), -1))
-    R, known = total.finish(), l * past
+    R, given = total.finish(), l * past
     if count <= R.shape[1]:
         return None
-    own = R[known : known + l, known:] / np.sqrt(count - known)
-    return kalman_gain(own, model.A, model.C)
+    R_innovations = R[given : given + l, given:] / np.sqrt(count - given)
+    return kalman_gain(R_innovations, model.A, model.C)
 
 
 def _not_simulated(model: StateSpace, y: RealArray, u: RealArray) -> RealArray:
     """Return y less what the inputs, the first state that fits best and a constant give."""
-    left = y - model.simulate(u)
+    residual = y - model.simulate(u)
     l, n = model.C.shape
     free = np.empty((len(y), l, n))
     power = np.array(model.C)
@@ -73,9 +73,11 @@ def _not_simulated(model: StateSpace, y: RealArray, u: RealArray) -> RealArray:
         power = power @ model.A
     constants = np.tile(np.eye(l), (len(y), 1))
     columns = np.hstack([free.reshape(-1, n), constants])
-    R = np.asarray(sla.qr(np.column_stack([columns, left.reshape(-1)]), mode="r", check_finite=False)[0][: n + l + 1])
+    R = np.asarray(
+        sla.qr(np.column_stack([columns, residual.reshape(-1)]), mode="r", check_finite=False)[0][: n + l + 1]
+    )
     first = np.linalg.lstsq(R[:, :-1], R[:, -1], rcond=None)[0]
-    return np.asarray(left - (columns @ first).reshape(left.shape))
+    return np.asarray(residual - (columns @ first).reshape(residual.shape))
 
 
 def kalman_gain(future: RealArray, A: RealArray, C: RealArray) -> tuple[RealArray, RealArray]:
@@ -348,10 +350,10 @@ class DrivenProjection(MixedRows):
         of_outputs, of_inputs = self.scales
         C, D = model.C / of_outputs[:, None], model.D * of_inputs / of_outputs[:, None]
         level = StateSpace(A=model.A, B=model.B * of_inputs, C=C, D=D, dt=model.dt)
-        found = innovations(level, ((y / of_outputs, u / of_inputs) for y, u in self._runs()))
-        if found is None:
+        noise = innovations(level, ((y / of_outputs, u / of_inputs) for y, u in self._runs()))
+        if noise is None:
             return model
-        gain, covariance = found
+        gain, covariance = noise
         return replace(
             model, gain=gain / of_outputs, innovation_covariance=covariance * np.outer(of_outputs, of_outputs)
         )

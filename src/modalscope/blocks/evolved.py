@@ -201,7 +201,7 @@ class RowSums:
     def _at(self, chosen: Array) -> ComplexArray:
         """Return H_i X of the block row that is chosen for each mode, (l, k): of rows close to each other by one product."""
         X, by_row = self._blocks, np.argsort(chosen, kind="stable")
-        found, near = (
+        sums, near = (
             np.empty((self.matrix.values.shape[1], len(chosen)), dtype=complex),
             max(len(X) // _GROUPED_ROW_SHARE, 1),
         )
@@ -212,9 +212,9 @@ class RowSums:
             for j, k in enumerate(some):
                 start = chosen[k] - first
                 filters[start : start + len(X), :, j] = X[:, :, k]
-            found[:, some] = self._of_samples(filters, int(first))
+            sums[:, some] = self._of_samples(filters, int(first))
             by_row = by_row[some.size :]
-        return found
+        return sums
 
     def _of_samples(self, filters: ComplexArray, first: int) -> ComplexArray:
         """Return the samples from `first` on times filters (samples, m, k), (l, k)."""

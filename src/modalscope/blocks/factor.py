@@ -127,13 +127,13 @@ def factorize(matrix: Operator, rank: int | None = None, route: str = "auto") ->
     check_choice("factorization", route, FACTORIZATIONS)
     wanted = columns if rank is None else min(rank, columns)
     if route != "auto":
-        found = _by(route, matrix, wanted, asked=True)
-        assert found is not None
-        return found
+        factors = _by(route, matrix, wanted, asked=True)
+        assert factors is not None
+        return factors
     for cost in _that_fit(matrix, wanted):
-        found = _by(cost.route, matrix, wanted, asked=False)
-        if found is not None:
-            return found
+        factors = _by(cost.route, matrix, wanted, asked=False)
+        if factors is not None:
+            return factors
     return _dense(matrix, wanted)
 
 
@@ -153,9 +153,9 @@ def _by(route: str, matrix: Operator, wanted: int, *, asked: bool) -> Factors | 
     if route == "lanczos" and wanted < columns:
         return _by_products(matrix, by_lanczos(matrix, wanted), wanted, "Lanczos")
     if route == "randomized":
-        found = by_range(matrix, min(wanted + EXTRA, columns))
-        how = f"randomized range of {found.directions} directions"
-        return _by_products(matrix, found, wanted, how) if found.reached or asked else None
+        triplets = by_range(matrix, min(wanted + EXTRA, columns))
+        how = f"randomized range of {triplets.directions} directions"
+        return _by_products(matrix, triplets, wanted, how) if triplets.reached or asked else None
     if route == "gram":
         gram = matrix.gram()
         if gram is not None:
@@ -179,8 +179,8 @@ def left_factor(matrix: Operator, route: str = "auto") -> Factors:
     rows, columns = matrix.shape
     nothing = np.zeros((columns, 0))
     if route == "dense" or rows * columns <= DENSE_ENTRIES or rows > columns:
-        found = _dense(matrix, min(rows, columns))
-        return Factors(found.P, found.d, nothing, found.spectrum, found.rank, found.how)
+        triplets = _dense(matrix, min(rows, columns))
+        return Factors(triplets.P, triplets.d, nothing, triplets.spectrum, triplets.rank, triplets.how)
     gram = matrix.transposed().gram()
     if gram is not None:
         weights, P = sla.eigh(gram, check_finite=False)
@@ -255,8 +255,8 @@ def _by_gram(matrix: Operator, gram: RealArray, wanted: int) -> Factors:
         how = f"structured Gram matrix of {size}"
         return _finish(P, d[:wanted], Q[:, :wanted], d, columns * eps, how, gram)
     left, by = orthonormal_by(matrix.times(np.ascontiguousarray(Q)))
-    seen = matrix.transposed_times(left)
-    U, d, Vt = np.linalg.svd((seen if by is None else seen @ by).T, full_matrices=False)
+    coefficients = matrix.transposed_times(left)
+    U, d, Vt = np.linalg.svd((coefficients if by is None else coefficients @ by).T, full_matrices=False)
     turn = U[:, :wanted] if by is None else by @ U[:, :wanted]
     how = f"structured Gram matrix of {size} with a refinement pass"
     # directions below the Gram matrix' resolution are not separated by it: what the pass finds there is not rank

@@ -118,12 +118,12 @@ class Fraction(NormalEquations, DataMatrix):
         participation = eigen.left[:, -self.inputs :]
         powers = self.response.outside_powers
         basis = self.response.basis(self.to_s(eigen.values), powers, self.weights)
-        found = basis.turned.solved(participation.T)
-        shapes, terms = found.side.T, found.terms.transpose(0, 2, 1)
+        solution = basis.turned.solved(participation.T)
+        shapes, terms = solution.side.T, solution.terms.transpose(0, 2, 1)
         if self.weights is not None:
             return ModalFit(shapes, participation, terms, powers)
-        misfit = self._misfit.of_left(found.left.T)
-        return ModalFit(shapes, participation, terms, powers, misfit=misfit, unexplained=found.unexplained.T)
+        misfit = self._misfit.of_left(solution.left.T)
+        return ModalFit(shapes, participation, terms, powers, misfit=misfit, unexplained=solution.unexplained.T)
 
     @cached_property
     def _misfit(self) -> Misfit:

@@ -69,8 +69,8 @@ class LineSums:
     def _moments(self, *values: Array) -> tuple[Array, ...]:
         """Return moments of values of the lines, (F, ...) -> (count, ...) each."""
         real = np.concatenate([_real(part) for part in values], axis=1)
-        found = moments_on(self.arc, self.matrix.angles, real, self.nodes(self.matrix.degree))
-        parts = np.split(found, np.cumsum([_real(part[:1]).size for part in values])[:-1], axis=1)
+        moments = moments_on(self.arc, self.matrix.angles, real, self.nodes(self.matrix.degree))
+        parts = np.split(moments, np.cumsum([_real(part[:1]).size for part in values])[:-1], axis=1)
         return tuple(_like(part, of) for part, of in zip(parts, values, strict=True))
 
     @cached_property
@@ -79,13 +79,13 @@ class LineSums:
 
     def weights(self, variance: RealArray, count: int) -> Weights:
         """Return the weights of `count` points under noise of a variance, (l, m) or (F, l, m), outputs as they were measured."""
-        own = variance / self.matrix.output_scale[:, None] ** 2
+        scaled = variance / self.matrix.output_scale[:, None] ** 2
         if variance.ndim == 3:
-            return self._by_lines(variance, own, count)
+            return self._by_lines(variance, scaled, count)
         one, H, squared = (found[:count] for found in self._common)
-        total = np.tensordot(squared, own, axes=(1, 0))
-        linear = np.asarray(_at(H)[..., None] * own[:, None, :], dtype=complex)
-        return Weights(_at(one)[:, :, None] * own, linear, _at(total))
+        total = np.tensordot(squared, scaled, axes=(1, 0))
+        linear = np.asarray(_at(H)[..., None] * scaled[:, None, :], dtype=complex)
+        return Weights(_at(one)[:, :, None] * scaled, linear, _at(total))
 
     def _by_lines(self, variance: RealArray, own: RealArray, count: int) -> Weights:
         """Return the weights under noise that differs from line to line: moments of that noise, which all degrees share."""
@@ -136,10 +136,10 @@ def moments_of_noise(influence: FractionInfluence, variance: RealArray, count: i
     z = powers_of(np.exp(1j * influence.sums.arc.angles(count)), degree + 1).T
     # real columns: the rows' real parts, their imaginary parts, and A
     columns = np.concatenate([influence.rows.real, influence.rows.imag, influence.denominator.transpose(2, 0, 1)])
-    numerator, own = _numerators(matrix, columns, z), np.tensordot(z, columns, axes=(1, 1))
+    numerator, denominator = _numerators(matrix, columns, z), np.tensordot(z, columns, axes=(1, 1))
     poles = len(r)
-    row = _Both.of(own[:, : 2 * poles])
-    A = own[:, 2 * poles :]  # (s, m, m), by column and row; at 1 / z its conjugate
+    row = _Both.of(denominator[:, : 2 * poles])
+    A = denominator[:, 2 * poles :]  # (s, m, m), by column and row; at 1 / z its conjugate
     column = _Both(*(np.einsum("sji,kj->ski", part, r) for part in (A, A.conj())))
     numerators = _Products(_Both.of(numerator[:, : 2 * poles]), numerator[:, 2 * poles :], r, weights)
     K = row.back[..., :, None] * column.at[..., None, :] + column.back[..., :, None] * row.at[..., None, :]
@@ -167,8 +167,8 @@ def _numerators(matrix: NormalEquations, columns: RealArray, z: ComplexArray) ->
     count, outputs = columns.shape[1], matrix.outputs
     U, L = matrix.gram_blocks[1][:count], matrix.lower_triangle[:count, :count]
     of_degree = U.reshape(count * outputs, -1)[:, : columns[0].size]  # a view, whatever the degree
-    found = (of_degree @ columns.reshape(len(columns), -1).T).reshape(count, outputs, -1)
-    explained = found.transpose(0, 2, 1).reshape(count, -1)
+    numerators = (of_degree @ columns.reshape(len(columns), -1).T).reshape(count, outputs, -1)
+    explained = numerators.transpose(0, 2, 1).reshape(count, -1)
     beta = sla.solve_triangular(L, explained, lower=True, trans="T", check_finite=False)
     values = np.empty((len(z), beta.shape[1]), dtype=complex)
     values.real, values.imag = np.ascontiguousarray(z.real) @ beta, np.ascontiguousarray(z.imag) @ beta
@@ -192,13 +192,13 @@ class _Products:
     def __init__(self, n: _Both, e: ComplexArray, r: ComplexArray, weights: Weights) -> None:
         points, m, outputs = e.shape
         weighted = e.transpose(0, 2, 1)[..., None] * weights.plain[:, :, None, :]  # by o, j, i
-        beside = np.concatenate([weighted, weights.linear], axis=2).reshape(points, outputs, 2 * m * m)
+        stacked = np.concatenate([weighted, weights.linear], axis=2).reshape(points, outputs, 2 * m * m)
         shape = (points, -1, 2 * m, m)
         self._r, self._n, self._plain = r, n, weights.plain
-        at, back = (n.at @ beside.conj()).reshape(shape), (n.back @ beside).reshape(shape)
+        at, back = (n.at @ stacked.conj()).reshape(shape), (n.back @ stacked).reshape(shape)
         self._linear = _Both(at[:, :, m:], back[:, :, m:])  # n at z with H*, at 1 / z with H, by q and i
         self._mixed = _Both(at[:, :, :m], back[:, :, :m])  # n(z) e_j(1/z) and n(1/z) e_j(z), by j and i
-        of_e = (e.conj() @ beside).reshape(points, m, 2 * m, m)
+        of_e = (e.conj() @ stacked).reshape(points, m, 2 * m, m)
         self._of_e, self._with_e = of_e[:, :, :m], of_e[:, :, m:]  # e_j(1/z) e_h(z), by j, h and i; e_j(1/z) with H
 
     def with_data(self, K: ComplexArray, row: _Both, column: _Both) -> tuple[RealArray, ComplexArray]:
@@ -295,14 +295,14 @@ class FractionInfluence(LineInfluence):
         count = self.sums.nodes(degree)
         if fading is not None or other is not self or _LINES_PER_POINT * count > self.lines.used.size:
             return super().joint(other, variance, fading)
-        found, terms = moments_of_noise(self, variance, count)
-        lost = np.flatnonzero(~(found.size > _MIN_SHARE_OF_TERMS * terms))
+        moments, terms = moments_of_noise(self, variance, count)
+        lost = np.flatnonzero(~(moments.size > _MIN_SHARE_OF_TERMS * terms))
         if not lost.size:
-            return found
+            return moments
         part = self.take(lost)
         again = LineInfluence(part.direct, part.mirrored, part.lines)
         exact = again.joint(again, variance)
-        size, square = found.size.copy(), found.square.copy()
+        size, square = moments.size.copy(), moments.square.copy()
         size[lost], square[lost] = np.real(exact.size), exact.square
         return Moments(size, square)
 

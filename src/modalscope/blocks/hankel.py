@@ -34,8 +34,8 @@ def fit_of_samples(response: ImpulseResponse, model: Triple, eigen: Eigen) -> Mo
     participation = eigen.left @ model.B
     if response.first_sample:
         participation = participation / eigen.values[:, None] ** response.first_sample
-    known = response.feedthrough
-    direct = np.zeros(response.values.shape[1:]) if known is None else known
+    feedthrough = response.feedthrough
+    direct = np.zeros(response.values.shape[1:]) if feedthrough is None else feedthrough
     return ModalFit(np.asarray(model.C @ eigen.vectors), participation, direct[None])
 
 

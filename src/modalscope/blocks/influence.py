@@ -225,10 +225,10 @@ class SampleInfluence(Influence):
         size, square = [], []
         for j in range(len(self.terms[0].left)):
             g, h = self.gradient(j), other.gradient(j)
-            seen = min(len(g), len(h), len(weights))
-            weighted = g[:seen] * weights[:seen]
-            size.append(np.sum(weighted * h[:seen].conj()))
-            square.append(np.sum(weighted * h[:seen]))
+            length = min(len(g), len(h), len(weights))
+            weighted = g[:length] * weights[:length]
+            size.append(np.sum(weighted * h[:length].conj()))
+            square.append(np.sum(weighted * h[:length]))
         return Moments(np.asarray(size), np.asarray(square, dtype=complex))
 
     def take(self, index: Array) -> SampleInfluence:
@@ -329,11 +329,11 @@ def _moments(mine: tuple[Convolution, ...], its: tuple[Convolution, ...], varian
     """Return sum_t g h* and sum_t g h, weighted by the variance of output and input: of so many poles at a time as stay in the cache."""
     each = sum(side.shape[1] * side.shape[2] for part in (*mine, *its) for side in part)
     most = max(2 * _BLOCK_NUMBERS // each, 1)
-    found = []
+    moments = []
     for start in range(0, max(len(mine[0].rows), 1), most):
         own, level = _some(mine, start, most), variance if variance.ndim == 2 else variance[start : start + most]
-        found.append(_of_some(own, own if its is mine else _some(its, start, most), level))
-    return Moments(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+        moments.append(_of_some(own, own if its is mine else _some(its, start, most), level))
+    return Moments(*(np.concatenate(parts) for parts in zip(*moments, strict=True)))
 
 
 def _some(parts: tuple[Convolution, ...], start: int, most: int) -> tuple[Convolution, ...]:
@@ -394,8 +394,8 @@ def _with_conjugate(one: ComplexArray, two: ComplexArray) -> Array:
 
 def _lags(spectrum: Array, lags: int) -> ComplexArray:
     """Return correlations at the lags -lags ... lags, (k, 2 lags + 1, c)."""
-    found = fft.ifft(spectrum, axis=1)
-    return np.concatenate([found[:, found.shape[1] - lags :], found[:, : lags + 1]], axis=1)
+    values = fft.ifft(spectrum, axis=1)
+    return np.concatenate([values[:, values.shape[1] - lags :], values[:, : lags + 1]], axis=1)
 
 
 def _mirrored(spectrum: ComplexArray) -> ComplexArray:

@@ -89,8 +89,8 @@ class LineProducts:
             columns = np.ascontiguousarray(X[:, :, s].transpose(2, 1, 0, 3)).reshape(-1, 2 * inputs, k)
             Y = self._blocks(s) @ columns
             product += _parts(self.functions[s]).T @ Y.reshape(-1, outputs * k)
-        seen = self.eliminated.T @ X.reshape(inputs, 2 * lines, k)
-        return np.asarray(product.reshape(-1, k) - self._explained_rows @ seen.transpose(1, 0, 2).reshape(-1, k))
+        projected = self.eliminated.T @ X.reshape(inputs, 2 * lines, k)
+        return np.asarray(product.reshape(-1, k) - self._explained_rows @ projected.transpose(1, 0, 2).reshape(-1, k))
 
     def transposed_times(self, left: Array) -> RealArray:
         """H' Z: the functions with their coefficients first, then the responses of all outputs together."""
@@ -102,9 +102,11 @@ class LineProducts:
             G = _parts(self.functions[s]) @ Z.reshape(-1, outputs * k)
             product = self._blocks(s).transpose(0, 2, 1) @ G.reshape(-1, 2 * outputs, k)
             columns[:, :, s] = product.reshape(-1, 2, inputs, k).transpose(2, 1, 0, 3)
-        seen = (self._explained_rows.T @ Z).reshape(-1, inputs, k)
-        for i, own in enumerate(columns.reshape(inputs, 2 * lines, k)):  # input by input, in place: the whole is large
-            own -= self.eliminated @ np.ascontiguousarray(seen[:, i])
+        projected = (self._explained_rows.T @ Z).reshape(-1, inputs, k)
+        for i, of_input in enumerate(
+            columns.reshape(inputs, 2 * lines, k)
+        ):  # input by input, in place: the whole is large
+            of_input -= self.eliminated @ np.ascontiguousarray(projected[:, i])
         return columns.reshape(-1, k)
 
     def gram(self) -> None:
@@ -114,8 +116,8 @@ class LineProducts:
         """H H', whole rows less what the eliminated columns explain of them; None where too little is left to tell from rounding."""
         rows = self._explained_rows
         whole, explained = self._whole_gram(), rows @ rows.T
-        found = whole - explained
-        return found if np.trace(found) > _MIN_ENERGY_LEFT * np.trace(whole) else None
+        gram = whole - explained
+        return gram if np.trace(gram) > _MIN_ENERGY_LEFT * np.trace(whole) else None
 
     def transposed(self) -> TransposedOperator:
         """H'."""
@@ -168,24 +170,24 @@ class LineProducts:
             return found.reshape(len(found), -1)
         if self._shared is not None:
             return self._shared[1]
-        known = self.eliminated[:lines] + 1j * self.eliminated[lines:]
-        seen = np.zeros((e * r, self.values[0].size))
+        basis = self.eliminated[:lines] + 1j * self.eliminated[lines:]
+        projected = np.zeros((e * r, self.values[0].size))
         for s in self._pieces(max(e * r // self.values.shape[1], 1)):
-            product = (known[s].conj()[:, :, None] * self.functions[s][:, None]).reshape(-1, e * r)
+            product = (basis[s].conj()[:, :, None] * self.functions[s][:, None]).reshape(-1, e * r)
             flat = self._responses(s)
-            seen += np.ascontiguousarray(product.real).T @ np.ascontiguousarray(flat.real)
-            seen -= np.ascontiguousarray(product.imag).T @ np.ascontiguousarray(flat.imag)
-        return self._rows_of(seen.reshape(e, r, -1))
+            projected += np.ascontiguousarray(product.real).T @ np.ascontiguousarray(flat.real)
+            projected -= np.ascontiguousarray(product.imag).T @ np.ascontiguousarray(flat.imag)
+        return self._rows_of(projected.reshape(e, r, -1))
 
     @cached_property
     def _shared(self) -> tuple[RealArray, RealArray] | None:
         """Gram matrix and explained rows by one pass over pairs; None where these would be more, or eliminated columns are others."""
         lines, e, r = len(self.functions), self.eliminated.shape[1], self.functions.shape[1]
-        known, few, most = self.eliminated[:lines] + 1j * self.eliminated[lines:], min(e, r), max(e, r)
-        if most * (most + 1) > r * (r + 1 + 2 * e) or not np.array_equal(known[:, :few], self.functions[:, :few]):
+        basis, few, most = self.eliminated[:lines] + 1j * self.eliminated[lines:], min(e, r), max(e, r)
+        if most * (most + 1) > r * (r + 1 + 2 * e) or not np.array_equal(basis[:, :few], self.functions[:, :few]):
             return None
         both = self._pairs(
-            self.functions if r >= e else known, lambda s: np.hstack([self._spectra(s), self._responses(s)])
+            self.functions if r >= e else basis, lambda s: np.hstack([self._spectra(s), self._responses(s)])
         )
         split = both[0].shape[2] - self.values[0].size
         gram = self._gram_of(*(part[:r, :r, :split] for part in both))
@@ -204,9 +206,9 @@ class LineProducts:
             product, v = rows[first, s].conj() * rows[second, s], what(s)
             real = real + np.ascontiguousarray(product.real) @ np.ascontiguousarray(v.real)
             imaginary = imaginary + np.ascontiguousarray(product.imag) @ np.ascontiguousarray(v.imag)
-        found = np.zeros((2, n, n, real.shape[1]))
-        found[0, first, second], found[1, first, second] = real - imaginary, real + imaginary
-        return found[0], found[1]
+        sums = np.zeros((2, n, n, real.shape[1]))
+        sums[0, first, second], sums[1, first, second] = real - imaginary, real + imaginary
+        return sums[0], sums[1]
 
     def _spectra(self, s: slice) -> ComplexArray:
         """S on and above its diagonal on some lines, (lines, l (l + 1) / 2)."""
@@ -257,7 +259,7 @@ def _parts(functions: ComplexArray) -> RealArray:
 
 def _both_halves(ahead: RealArray, behind: RealArray) -> RealArray:
     """Return sums of all pairs (n, n, c): below the diagonal functions have changed places, and their product is the conjugate."""
-    found = behind.transpose(1, 0, 2).copy()
+    swapped = behind.transpose(1, 0, 2).copy()
     first, second = np.triu_indices(len(ahead))
-    found[first, second] = ahead[first, second]
-    return found
+    swapped[first, second] = ahead[first, second]
+    return swapped

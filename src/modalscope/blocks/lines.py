@@ -103,12 +103,12 @@ def kept_block_rows(shifts: ArrayLike | None) -> tuple[int, ...] | None:
     """Return which block rows are kept, increasing from 0, or raise; None keeps all."""
     if shifts is None:
         return None
-    found = tuple(int(s) for s in np.atleast_1d(np.asarray(shifts)))
-    if not found or found[0] != 0 or any(b <= a for a, b in pairwise(found)):
+    numbers = tuple(int(s) for s in np.atleast_1d(np.asarray(shifts)))
+    if not numbers or numbers[0] != 0 or any(b <= a for a, b in pairwise(numbers)):
         raise DataError(
-            "row_shifts needs whole numbers that increase from 0", f"they are {list(found)}", "Sort them, 0 first."
+            "row_shifts needs whole numbers that increase from 0", f"they are {list(numbers)}", "Sort them, 0 first."
         )
-    return found
+    return numbers
 
 
 def real_columns(columns: ComplexArray, weights: Array | None) -> RealArray:
@@ -241,8 +241,8 @@ class LineMatrix(RowsOnLines):
 
     def costs(self, wanted: int) -> tuple[Cost, ...]:
         """Return what the triangular factor costs; see `DataMatrix.costs`."""
-        rows, each = self.outputs * (self.block_rows + 1), 2 * len(self.level)
-        return (cost_of_triangle(rows, each * self.inputs, each),)
+        rows, columns = self.outputs * (self.block_rows + 1), 2 * len(self.level)
+        return (cost_of_triangle(rows, columns * self.inputs, columns),)
 
     @cached_property
     def compared_lines(self) -> IntArray:

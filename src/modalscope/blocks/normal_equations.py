@@ -153,12 +153,12 @@ class NormalEquations:
         T, U = self.gram_blocks
         m, n = self.inputs, self.degree + 1
         running = T.reshape(n * m, n * m).copy()
-        found = []
+        grams = []
         for k in range(n):
             rows = U[k].reshape(-1, n * m)
             running -= rows.T @ rows
-            found.append(running[: (k + 1) * m, : (k + 1) * m].copy())
-        return tuple(found)
+            grams.append(running[: (k + 1) * m, : (k + 1) * m].copy())
+        return tuple(grams)
 
     def denominator(self, degree: int) -> RealArray:
         """Return A_1, ..., A_p stacked, (p m, m), for A_0 = I: the minimum of the quadratic form of M.

@@ -205,8 +205,8 @@ class Projection(SampleRows):
         shapes = np.asarray(model.C @ eigen.vectors)
         response = self.judged
         participation, _ = response.basis(self.to_s(eigen.values)).fit_participation(shapes)
-        known = response.feedthrough
-        return ModalFit(shapes, participation, (0 * response.values[0] if known is None else known)[None])
+        feedthrough = response.feedthrough
+        return ModalFit(shapes, participation, (0 * response.values[0] if feedthrough is None else feedthrough)[None])
 
     def describe(self) -> str:
         """Say what the matrix is, in words."""

@@ -65,8 +65,8 @@ def noise_beside_quietest(rows: RealArray, outputs: int) -> RealArray:
     """
     noise = np.full(outputs, _MIN_NOISE)
     for o in range(outputs):
-        own = rows[o::outputs]
-        values = np.linalg.eigvalsh(own @ own.T)
+        of_output = rows[o::outputs]
+        values = np.linalg.eigvalsh(of_output @ of_output.T)
         noise[o] = max(np.sqrt(max(values[len(values) // _NOISE_QUANTILE], 0.0)), _MIN_NOISE)
     return np.asarray(noise / noise.min(initial=np.inf))
 
@@ -112,9 +112,9 @@ class RunColumns:
         """Return a one, the inputs and the outputs on some lines, (lines, 1 + m + l)."""
         response, (used, size) = self.matrix.response, self.inputs
         values, drives = response.values[lines, :, 0], response.drive[lines]
-        found = np.hstack([response.ones(lines)[:, None], drives[:, used] / size, values / self.matrix.output_scale])
-        found *= self.matrix.line_weights[lines, None]
-        return np.asarray(found)
+        columns = np.hstack([response.ones(lines)[:, None], drives[:, used] / size, values / self.matrix.output_scale])
+        columns *= self.matrix.line_weights[lines, None]
+        return np.asarray(columns)
 
     def rows(self, some: IntArray | None = None) -> Iterator[tuple[slice, RealArray]]:
         """Yield which of the lines, all or some, and the columns on them, real parts above imaginary ones."""
@@ -251,8 +251,8 @@ class RecordLines(PolynomialRows):
     @cached_property
     def judged(self) -> RecordSpectra:
         """The records' lines, of long records a selection; outputs that were scaled by their noise are judged in that scale."""
-        found = self.response.judging()
-        return found if self.known is None else replace(found, level=self.output_scale)
+        response = self.response.judging()
+        return response if self.known is None else replace(response, level=self.output_scale)
 
     @property
     def parts(self) -> tuple[_Taken, ...]:
@@ -267,7 +267,7 @@ class RecordLines(PolynomialRows):
     @cached_property
     def spans(self) -> tuple[slice, ...]:
         """Where the lines of every run stand that has any."""
-        return tuple(own for own in self.response.spans_of_runs if own.stop > own.start)
+        return tuple(span for span in self.response.spans_of_runs if span.stop > span.start)
 
     @property
     def triangle(self) -> RealArray:
@@ -293,18 +293,18 @@ class RecordLines(PolynomialRows):
         columns = RunColumns(self, own)
         given = columns.given
         R = triangle_of(lambda: (rows for _, rows in columns.rows()), columns.count, _MIN_COLUMN_REMAINDER)
-        known, beside = R[:given, :given], R[:given, given:]
-        size = np.linalg.norm(known, axis=0)
+        factor, target = R[:given, :given], R[:given, given:]
+        size = np.linalg.norm(factor, axis=0)
         size = np.where(size > 0, size, 1)
-        Q, T, order = sla.qr(known / size, pivoting=True, check_finite=False)
+        Q, T, order = sla.qr(factor / size, pivoting=True, check_finite=False)
         diagonal = np.abs(np.diag(T))
         floor = _RANK_TOLERANCE * max(R.shape) * np.finfo(float).eps
         rank = int(np.count_nonzero(diagonal > floor * diagonal[0]))
         taken_off = np.zeros((given, R.shape[1] - given))
-        seen = Q[:, :rank].T @ beside
-        taken_off[order[:rank]] = sla.solve_triangular(T[:rank, :rank], seen, check_finite=False)
-        left = R[given:, given:] if rank == given else np.vstack([Q[:, rank:].T @ beside, R[given:, given:]])
-        return left, _Taken(rank, given, taken_off / size[:, None])
+        explained = Q[:, :rank].T @ target
+        taken_off[order[:rank]] = sla.solve_triangular(T[:rank, :rank], explained, check_finite=False)
+        residual = R[given:, given:] if rank == given else np.vstack([Q[:, rank:].T @ target, R[given:, given:]])
+        return residual, _Taken(rank, given, taken_off / size[:, None])
 
     def shifted(self, k: int) -> LargeMatrix:
         """Return H(k): E0 and E1 applied to the triangular factor."""
@@ -317,13 +317,13 @@ class RecordLines(PolynomialRows):
     def on_lines(self, rows: RealArray) -> RealArray:
         """Return H' X of the matrix over the lines of the influence, (2 F, k), inputs and ends eliminated: X (l (q + 1), k)."""
         used = self.influence_lines.lines.used
-        found = np.zeros((2, used.size, rows.shape[1]))
+        values = np.zeros((2, used.size, rows.shape[1]))
         for own, part in zip(self.spans, self.parts, strict=True):
             weights = np.vstack([-part.taken_off @ rows, rows])
             kept = np.flatnonzero((used >= own.start) & (used < own.stop))
             for s, columns in RunColumns(self, own).rows(used[kept]):
-                found[:, kept[s]] = (columns @ weights).reshape(2, -1, rows.shape[1])
-        return found.reshape(-1, rows.shape[1])
+                values[:, kept[s]] = (columns @ weights).reshape(2, -1, rows.shape[1])
+        return values.reshape(-1, rows.shape[1])
 
     @cached_property
     def influence_lines(self) -> InfluenceLines:
@@ -363,13 +363,13 @@ class RecordLines(PolynomialRows):
     def warnings(self) -> tuple[str, ...]:
         """Inputs that are linearly dependent."""
         short = [part.given - part.rank for part in self.parts]
-        told = [str(note) for note in self.judged.inseparable_inputs]
+        texts = [str(note) for note in self.judged.inseparable_inputs]
         if any(short):
-            told.append(
+            texts.append(
                 f"{sum(short)} of {sum(part.given for part in self.parts)} rows of inputs and ends are linearly dependent, and dropped: "
                 "similar inputs, or inputs with few lines"
             )
-        return tuple(told)
+        return tuple(texts)
 
     def describe(self) -> str:
         """Say what the matrix is, in words."""

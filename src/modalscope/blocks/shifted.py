@@ -80,14 +80,14 @@ def shifted_transfer(
         return np.stack([_sum(values[t : t + window], z) for t in shifts])
     current = _sum(values[:window], z) if start is None else start
     last = z**-window
-    found = []
+    shifted = []
     for t in range(max(shifts) + 1):
         if t in shifts:
-            found.append(current)
+            shifted.append(current)
         current = z[:, None, None] * (current - values[t])
         if window + t < len(values):
             current += (z * last)[:, None, None] * values[window + t]
-    return np.stack(found)
+    return np.stack(shifted)
 
 
 def _sum(values: Array, z: ComplexArray) -> ComplexArray:
@@ -215,11 +215,11 @@ class Shifted(LineMatrix):
     def columns_array(self, i: int) -> RealArray:
         """Return all block rows of input i, transposed: (2 F, l (q + 1))."""
         values = self.samples[:, :, i : i + 1]
-        found = shifted_transfer(
+        transfer = shifted_transfer(
             values, self.points, self.window, range(self.degree + 1), start=self.transformed(values)
         )
         return real_columns(
-            found[..., 0].transpose(1, 0, 2).reshape(self.points.size, -1), self.line_weights / np.sqrt(self.window)
+            transfer[..., 0].transpose(1, 0, 2).reshape(self.points.size, -1), self.line_weights / np.sqrt(self.window)
         )
 
     def column_functions(self, poles: Array) -> tuple[ComplexArray, RealArray]:
@@ -324,8 +324,10 @@ class Shifted(LineMatrix):
         late = self.response.steps_late
         if late:
             participation = participation / z[:, None] ** late
-        known = self.response.feedthrough
-        return ModalFit(shapes, participation, (np.zeros(self.samples.shape[1:]) if known is None else known)[None])
+        feedthrough = self.response.feedthrough
+        return ModalFit(
+            shapes, participation, (np.zeros(self.samples.shape[1:]) if feedthrough is None else feedthrough)[None]
+        )
 
     def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> Iterator[tuple[Array, Array]]:
         """Yield data and model on the lines of the window; where lines were measured, on those."""

@@ -27,25 +27,25 @@ def block_shifts(name: str, shifts: Sequence[int] | None, blocks: int | None, ot
         if blocks is None:
             raise DataError(f"a Hankel matrix needs {other} or {name}", "neither is given", f"Give {other}.")
         return list(range(check_count(other, blocks)))
-    found = [check_count(name, s, least=0) for s in shifts]
-    if not found or found[0] != 0 or any(b <= a for a, b in pairwise(found)):
+    numbers = [check_count(name, s, least=0) for s in shifts]
+    if not numbers or numbers[0] != 0 or any(b <= a for a, b in pairwise(numbers)):
         raise DataError(
             f"{name} needs whole numbers that increase from 0",
-            f"they are {found[:8]}",
+            f"they are {numbers[:8]}",
             "Start at 0 and give each shift once.",
         )
-    if blocks is not None and blocks != len(found):
+    if blocks is not None and blocks != len(numbers):
         raise DataError(
-            f"{other}={blocks} was asked", f"{name} has {len(found)} entries, one a block", f"Give {name} alone."
+            f"{other}={blocks} was asked", f"{name} has {len(numbers)} entries, one a block", f"Give {name} alone."
         )
-    factor = gcd(*found)
+    factor = gcd(*numbers)
     if factor > 1:
         raise DataError(
             f"{name} needs shifts without a common factor",
             f"all are multiples of {factor}, and A^{factor} may have coinciding poles",
             "Add a shift that is not a multiple.",
         )
-    return found
+    return numbers
 
 
 def block_entries(

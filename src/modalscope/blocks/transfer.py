@@ -95,8 +95,8 @@ def transfer(
     rows = kept_block_rows(row_shifts)
     q = check_count("block_rows", block_rows if rows is None else rows[-1] + 1)
     plane = plane_of(domain, response)
-    known = None if initial_values is None else initial_terms(initial_values, response, plane)
-    unknown = q + 1 - (0 if known is None else min(len(known), q + 1))
+    terms = None if initial_values is None else initial_terms(initial_values, response, plane)
+    unknown = q + 1 - (0 if terms is None else min(len(terms), q + 1))
     states = order or 1
     if 2 * lines * inputs < states + unknown * inputs:
         raise DataError(
@@ -118,10 +118,10 @@ def transfer(
         weights=w,
         output_scale=output_scale(response) if equal_outputs else np.ones(outputs),
         eliminated=eliminated,
-        known=known,
+        known=terms,
         known_functions=None
-        if known is None
-        else remainders(recurrence, float(values[0, 0].real), points, min(len(known), q + 1)),
+        if terms is None
+        else remainders(recurrence, float(values[0, 0].real), points, min(len(terms), q + 1)),
         row_shifts=rows,
         orthogonal=basis == "orthogonal",
     )
@@ -248,11 +248,11 @@ class Transfer(PolynomialRows, LineMatrix):
         shapes = self.shapes(model.row_states(eigen.vectors), eigen.values)
         lines, poles = self.response, self.to_s(eigen.values)
         basis = line_basis(lines.frequencies, lines.sampling_rate, self._line_data, poles, (0,), self.weights)
-        found = basis.solved(shapes)
-        fit = ModalFit(shapes, found.side, found.terms, reach=basis.reach, basis=basis)
+        participation = basis.solved(shapes)
+        fit = ModalFit(shapes, participation.side, participation.terms, reach=basis.reach, basis=basis)
         if self.weights is not None:
             return fit
-        return replace(fit, misfit=self._misfit.of_left(found.left), unexplained=found.unexplained)
+        return replace(fit, misfit=self._misfit.of_left(participation.left), unexplained=participation.unexplained)
 
     @cached_property
     def _line_data(self) -> LineData:

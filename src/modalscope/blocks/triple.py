@@ -114,8 +114,8 @@ class Triple:
         """Return an array of states on either side (0 or 1) for those of P d^(1/2)."""
         assert self.factors is not None
         unit = self.factors.d[: self.rank] ** (self.power - 0.5)
-        found = values * unit[:, None] if left else values
-        return np.asarray(found / unit if right else found)
+        scaled = values * unit[:, None] if left else values
+        return np.asarray(scaled / unit if right else scaled)
 
     def eigen(self) -> Eigen:
         """Return eigenvalues and vectors of A."""
@@ -159,11 +159,11 @@ def inverse_vectors(vectors: Array) -> ComplexArray:
 
 def padded(rows: Sequence[Array]) -> ComplexArray:
     """Return rows of several orders below each other, zeros behind those that are shorter than the longest."""
-    found, start = np.zeros((sum(map(len, rows)), max(part.shape[1] for part in rows)), dtype=complex), 0
+    table, start = np.zeros((sum(map(len, rows)), max(part.shape[1] for part in rows)), dtype=complex), 0
     for part in rows:
-        found[start : start + len(part), : part.shape[1]] = part
+        table[start : start + len(part), : part.shape[1]] = part
         start += len(part)
-    return found
+    return table
 
 
 @dataclass(frozen=True, eq=False)

@@ -59,14 +59,14 @@ class DrivenBasis(ModalBasis):
     @property
     def reach(self) -> RealArray:
         """Root mean square over the drives of the norm of each pole's functions, (n,)."""
-        each = self.by_drive.reshape(len(self.functions), self.drives, -1, 2)
-        return np.asarray(np.sqrt(np.sum(each**2, axis=(0, 1, 3)) / self.drives))
+        by_pole = self.by_drive.reshape(len(self.functions), self.drives, -1, 2)
+        return np.asarray(np.sqrt(np.sum(by_pole**2, axis=(0, 1, 3)) / self.drives))
 
     @property
     def by_pole(self) -> RealArray:
         """The functions of each pole under all drives, (K, n, 2 (m + R))."""
-        each = self.by_drive.reshape(len(self.functions), self.drives, -1, 2).transpose(0, 2, 1, 3)
-        return np.ascontiguousarray(each).reshape(len(each), each.shape[1], 2 * self.drives)
+        by_pole = self.by_drive.reshape(len(self.functions), self.drives, -1, 2).transpose(0, 2, 1, 3)
+        return np.ascontiguousarray(by_pole).reshape(len(by_pole), by_pole.shape[1], 2 * self.drives)
 
     def compressed(self) -> DrivenBasis:
         """Return the basis itself: it is compressed already."""
@@ -88,30 +88,30 @@ class DrivenBasis(ModalBasis):
         R = np.hstack([self.terms, self.functions, self.data[:, :, 0]])
         if len(R) > R.shape[1] or np.any(np.tril(R, -1)):
             R = stacked_factor(np.zeros((0, 0)), R)
-        each = R[:, t:width].reshape(len(R), self.drives, -1, 2)
-        w = np.asarray((each[..., 0] - 1j * each[..., 1]).reshape(len(R), -1))
+        by_pole = R[:, t:width].reshape(len(R), self.drives, -1, 2)
+        w = np.asarray((by_pole[..., 0] - 1j * by_pole[..., 1]).reshape(len(R), -1))
         unit = np.broadcast_to(np.asarray(level, dtype=float), (len(shapes),))
         level_shapes, data = np.asarray(shapes, dtype=complex) / unit[:, None], R[:, width:] / unit
         c = np.asarray(np.tile(level_shapes, self.drives))
-        found = _tied_fit(w[t:], c, data[t:])
-        if found is None:
+        solution = _tied_fit(w[t:], c, data[t:])
+        if solution is None:
             lower = R[t:, t:width].reshape(len(R) - t, self.drives, -1)
-            known = np.concatenate([_tied(lower, shape) for shape in level_shapes])
-            theta = _least_squares(known, data[t:].T.reshape(-1, 1))[:, 0]
-            found = theta[::2] + 1j * theta[1::2]
-        rest = (w[:t] @ (found * c).T).real
+            columns = np.concatenate([_tied(lower, shape) for shape in level_shapes])
+            theta = _least_squares(columns, data[t:].T.reshape(-1, 1))[:, 0]
+            solution = theta[::2] + 1j * theta[1::2]
+        rest = (w[:t] @ (solution * c).T).real
         direct = np.linalg.lstsq(R[:t, :t], data[:t] - rest, rcond=None)[0] * unit
-        participation = np.ascontiguousarray(found.reshape(self.drives, -1).T)
+        participation = np.ascontiguousarray(solution.reshape(self.drives, -1).T)
         return participation, np.asarray(direct.T[None], dtype=np.float64)
 
     def fit_shapes(self, participation: Array) -> tuple[ComplexArray, RealArray]:
         """Fit shapes to known participation of all drives: shapes (l, n) and D (1, l, m)."""
         n, t = self.functions.shape[1] // (2 * self.drives), self.terms.shape[1]
-        each = self.by_drive.reshape(len(self.functions), self.drives, n, 2)
-        turned = np.einsum("kdj,jd->kj", each[..., 0] - 1j * each[..., 1], participation)
+        by_pole = self.by_drive.reshape(len(self.functions), self.drives, n, 2)
+        turned = np.einsum("kdj,jd->kj", by_pole[..., 0] - 1j * by_pole[..., 1], participation)
         columns = np.hstack([self.terms, np.stack([turned.real, -turned.imag], axis=2).reshape(len(turned), -1)])
-        found = _least_squares(columns, self.data[:, :, 0])
-        return np.asarray((found[t::2] + 1j * found[t + 1 :: 2]).T), found[:t].T[None]
+        solution = _least_squares(columns, self.data[:, :, 0])
+        return np.asarray((solution[t::2] + 1j * solution[t + 1 :: 2]).T), solution[:t].T[None]
 
     def fit_ends(self, shapes: Array, participation: Array, terms: Array) -> ComplexArray:
         """Fit what the ends of the runs give to each pole, (n, R), the rest being known: participation (n, m) of the inputs."""
@@ -120,8 +120,8 @@ class DrivenBasis(ModalBasis):
         free = self.by_drive[:, inputs:]
         R = stacked_factor(np.zeros((0, 0)), np.hstack([free.reshape(len(free), -1), self.data[:, :, 0] - forced]))
         width = free.shape[1] * free.shape[2]
-        known = np.concatenate([_tied(R[:, :width].reshape(len(R), free.shape[1], -1), c) for c in shapes])
-        return _complex(_least_squares(known, R[:, width:].T.reshape(-1, 1))[:, 0], free.shape[1])
+        columns = np.concatenate([_tied(R[:, :width].reshape(len(R), free.shape[1], -1), c) for c in shapes])
+        return _complex(_least_squares(columns, R[:, width:].T.reshape(-1, 1))[:, 0], free.shape[1])
 
     def of_terms(self, coefficients: RealArray) -> RealArray:
         """Return coefficients (m, l) of the inputs as D, (1, l, m)."""
@@ -157,9 +157,9 @@ def driven_basis(runs: Sequence[Run], poles: Array) -> DrivenBasis:
     rows = np.cumsum([0, *(len(part) for part in parts)])
     functions = np.zeros((rows[-1], inputs + total, 2 * n))
     for r, part in enumerate(parts):
-        own = part[:, inputs : inputs + 2 * n * (inputs + 1)].reshape(len(part), inputs + 1, 2 * n)
-        functions[rows[r] : rows[r + 1], :inputs] = own[:, :inputs]
-        functions[rows[r] : rows[r + 1], inputs + r] = own[:, inputs]
+        pole_columns = part[:, inputs : inputs + 2 * n * (inputs + 1)].reshape(len(part), inputs + 1, 2 * n)
+        functions[rows[r] : rows[r + 1], :inputs] = pole_columns[:, :inputs]
+        functions[rows[r] : rows[r + 1], inputs + r] = pole_columns[:, inputs]
     stacked = np.vstack(parts)
     outputs = runs[0].outputs.shape[1]
     return DrivenBasis(
@@ -210,13 +210,13 @@ def _tied_fit(w: ComplexArray, c: ComplexArray, data: RealArray) -> ComplexArray
     R = factor_of_gram(N[np.ix_(alive, alive)])
     if R is None:
         return None
-    found = np.zeros(a, dtype=complex)
+    solution = np.zeros(a, dtype=complex)
     for _ in range(2):  # the second time corrects rounding
-        slope = np.sum(c * (w.T @ (data - (w @ (found * c).T).real)).T, axis=0)
+        slope = np.sum(c * (w.T @ (data - (w @ (solution * c).T).real)).T, axis=0)
         step = np.zeros(2 * a)
         step[alive] = sla.cho_solve((R, False), np.concatenate([slope.real, -slope.imag])[alive], check_finite=False)
-        found += step[:a] + 1j * step[a:]
-    return found
+        solution += step[:a] + 1j * step[a:]
+    return solution
 
 
 def _tied(functions: RealArray, shape: Array) -> RealArray:
@@ -225,8 +225,8 @@ def _tied(functions: RealArray, shape: Array) -> RealArray:
     With c l = a + j b a pole gives a g1 + b g2, that is Re(c l (g1 - j g2)).
     """
     rows, drives, width = functions.shape
-    each = functions.reshape(rows, drives, width // 2, 2)
-    turned = (each[..., 0] - 1j * each[..., 1]) * shape
+    by_pole = functions.reshape(rows, drives, width // 2, 2)
+    turned = (by_pole[..., 0] - 1j * by_pole[..., 1]) * shape
     return np.stack([turned.real, -turned.imag], axis=3).reshape(rows, -1)
 
 
@@ -287,9 +287,9 @@ class DrivenLines:
         for start in range(0, len(self.points), step):
             s = slice(start, start + step)
             own, pair = DrivenLines(self.points[s], self.drives[s], self.inputs).pairs(poles, participation)
-            found = own @ shapes.T + np.where(alone, 0, pair) @ shapes.conj().T
-            found += self.drives[s, : self.inputs] @ direct.T
-            yield s, found
+            values = own @ shapes.T + np.where(alone, 0, pair) @ shapes.conj().T
+            values += self.drives[s, : self.inputs] @ direct.T
+            yield s, values
 
     def basis(self, poles: Array, values: ComplexArray, relative: ComplexArray, powers: tuple[int, ...]) -> DrivenBasis:
         """Return the columns of poles on all rows, nothing compressed.

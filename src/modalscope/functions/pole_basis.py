@@ -135,13 +135,13 @@ class ModalBasis:
         terms : array, (t, l, m)
             Coefficients of the constant and residual terms.
         """
-        found = self.solved(shapes)
-        return found.side, found.terms
+        solution = self.solved(shapes)
+        return solution.side, solution.terms
 
     def fit_shapes(self, participation: Array) -> tuple[ComplexArray, RealArray]:
         """Fit shapes to known participation rows, the other way round: shapes (l, n) and terms (t, l, m)."""
-        found = self.turned.solved(np.asarray(participation).T)
-        return found.side.T, found.terms.transpose(0, 2, 1)
+        solution = self.turned.solved(np.asarray(participation).T)
+        return solution.side.T, solution.terms.transpose(0, 2, 1)
 
     @property
     def turned(self) -> ModalBasis:
@@ -162,14 +162,16 @@ class ModalBasis:
         seen, R = resolved(columns if used.size == t + 2 * n else columns[:, used], self.data.reshape(rows, -1))
         coefficients = seen.reshape(-1, outputs, inputs)
         kept = used[t:] - t
-        known = _with_shapes(R[t:, t:], kept, shapes)
+        by_mode = _with_shapes(R[t:, t:], kept, shapes)
         theta = np.zeros((2 * n, inputs))
         target = coefficients[t:].transpose(1, 0, 2)
-        theta[kept] = scaled_least_squares(known.reshape(outputs * (len(R) - t), kept.size), target.reshape(-1, inputs))
+        theta[kept] = scaled_least_squares(
+            by_mode.reshape(outputs * (len(R) - t), kept.size), target.reshape(-1, inputs)
+        )
         side = theta[::2] + 1j * theta[1::2]
         rest = _residues(shapes, side)[kept]
-        left = coefficients[:t] - np.tensordot(R[:t, t:], rest, axes=1)
-        terms = sla.solve_triangular(R[:t, :t], left.reshape(t, outputs * inputs)) if t else left
+        remainder = coefficients[:t] - np.tensordot(R[:t, t:], rest, axes=1)
+        terms = sla.solve_triangular(R[:t, :t], remainder.reshape(t, outputs * inputs)) if t else remainder
         own = terms.reshape(t, outputs, inputs)
         with np.errstate(over="ignore", invalid="ignore"):
             missed = np.tensordot(R[t:, t:], rest, axes=1) - coefficients[t:]
@@ -201,15 +203,15 @@ class ModalBasis:
             flat = self.functions[rows] @ coefficients
             if len(own):
                 flat += self.terms[rows] @ own
-            left = flat.reshape(-1, *self.data.shape[1:])
-            left -= self.data[rows]
-            yield left
+            residual = flat.reshape(-1, *self.data.shape[1:])
+            residual -= self.data[rows]
+            yield residual
 
 
 def _residues(shapes: Array, participation: Array) -> RealArray:
     """Return the residues c_j l_j as the functions take them, (2 n, l, m): real and imaginary part of every pole."""
-    found = shapes.T[:, :, None] * participation[:, None, :]
-    return np.stack([found.real, found.imag], axis=1).reshape(2 * len(found), *found.shape[1:])
+    residues = shapes.T[:, :, None] * participation[:, None, :]
+    return np.stack([residues.real, residues.imag], axis=1).reshape(2 * len(residues), *residues.shape[1:])
 
 
 def _with_shapes(functions: RealArray, kept: Array, shapes: Array) -> RealArray:

@@ -190,8 +190,8 @@ def assemble(
     pipeline: Pipeline, order: int, chosen: tuple[Note, ...] = (), *, deviations: bool = True
 ) -> Identification:
     """Return the identification of one order, with its fit error and modes apart from extraneous poles; `chosen`: why this order."""
-    found = Sweep(pipeline, [order], deviations=deviations)
-    cut = found.cut(order)
+    pending = Sweep(pipeline, [order], deviations=deviations)
+    cut = pending.cut(order)
     model = state_space(pipeline.matrix, cut.triple, cut.modal)
     error, by_channel = fit_error_of(pipeline.matrix.compared(model, cut.modal.poles, cut.modal.fit))
     kept, rest = split_extraneous(cut.modal, cut.triple)
@@ -213,7 +213,7 @@ def assemble(
         fit_error_by_channel=by_channel,
         response=pipeline.response,
         settings=pipeline.settings,
-        notes=(*pipeline.notes, *chosen, *no_modes, *found.notes_on([cut])),
+        notes=(*pipeline.notes, *chosen, *no_modes, *pending.notes_on([cut])),
     )
 
 

@@ -103,10 +103,10 @@ def plan(
     matrix, _, _ = small.method.matrix(small, largest)
     ways = matrix.observable.costs(largest)
     rows = matrix.block_rows * matrix.observable.outputs
-    each = float(problem.method.orders.states_each(measured))
+    states = float(problem.method.orders.states_each(measured))
     if not ways:  # normal equations: half of the poles are unstable and dropped, and there are no rows to compare
-        rows, each = 0, each / 2
-    sweeping = sum(_operations(small.response, rows, n * each) for n in asked) / speed()
+        rows, states = 0, states / 2
+    sweeping = sum(_operations(small.response, rows, n * states) for n in asked) / speed()
     stored = 16.0 * len(measured.output_dofs) * sum(n // 2 for n in asked)
     passing = _COPIES_OF_DATA * small.response.values.nbytes + stored
     taken = next((cost.memory for cost in ways if cost.memory <= allowed_memory()), 0.0)

@@ -150,8 +150,8 @@ def setup_blocks(response: ImpulseResponse, lowest: float | None = None) -> dict
     `response`: its lags end where nothing is heard. `lowest`: hz: where the slowest mode stands out; all lags without it.
     """
     samples = response.samples
-    seen = samples if lowest is None else min(int(_LAG_PERIODS * response.sampling_rate / lowest), samples)
-    lags = max(seen, min(_MIN_LAGS, samples))
+    length = samples if lowest is None else min(int(_LAG_PERIODS * response.sampling_rate / lowest), samples)
+    lags = max(length, min(_MIN_LAGS, samples))
     rows = max(min(lags // 4, SETUP_ROWS // response.values.shape[1]), min(10, samples // 2), 1)
     return {"block_rows": rows, "block_columns": max(min(lags, samples - 1) - rows, 1)}
 

@@ -90,15 +90,17 @@ def plainly(verb: Callable[P, R]) -> Callable[P, R]:
 
 def plain_methods(*kinds: type[Any]) -> None:
     """Make the public methods of classes, and the making of their objects, answer in plain words, as `plainly` does."""
-    own = [base for kind in kinds for base in kind.__mro__ if base.__module__.startswith(__package__.partition(".")[0])]
-    for base in dict.fromkeys(own):
-        for name, held in list(vars(base).items()):
-            if (name != "__init__" and name.startswith("_")) or hasattr(held, "__wrapped__"):
+    classes = [
+        base for kind in kinds for base in kind.__mro__ if base.__module__.startswith(__package__.partition(".")[0])
+    ]
+    for base in dict.fromkeys(classes):
+        for name, member in list(vars(base).items()):
+            if (name != "__init__" and name.startswith("_")) or hasattr(member, "__wrapped__"):
                 continue
-            if inspect.isfunction(held):
-                setattr(base, name, plainly(held))
-            elif isinstance(held, classmethod):
-                setattr(base, name, classmethod(plainly(held.__func__)))
+            if inspect.isfunction(member):
+                setattr(base, name, plainly(member))
+            elif isinstance(member, classmethod):
+                setattr(base, name, classmethod(plainly(member.__func__)))
 
 
 def _blame(verb: Callable[..., Any], args: Sequence[Any], kwargs: Mapping[str, Any]) -> DataError | None:

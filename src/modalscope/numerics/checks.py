@@ -81,12 +81,12 @@ def check_kind(name: str, value: Any, kinds: type[Any] | tuple[type[Any], ...]) 
     """
     if isinstance(value, kinds):
         return
-    known = kinds if isinstance(kinds, tuple) else (kinds,)
-    words = [_TYPE_WORDS.get(kind.__name__, kind.__name__) for kind in known]
+    accepted = kinds if isinstance(kinds, tuple) else (kinds,)
+    words = [_TYPE_WORDS.get(kind.__name__, kind.__name__) for kind in accepted]
     expected = _one_of(words)
     given = type(value).__name__
-    fallback = "give one of these" if len(known) > 1 else f"give {expected}"
-    hint = _hint(value, given, [kind.__name__ for kind in known], known) or fallback
+    fallback = "give one of these" if len(accepted) > 1 else f"give {expected}"
+    hint = _hint(value, given, [kind.__name__ for kind in accepted], accepted) or fallback
     asked, found = f"{name}: expected {expected}", f"got {_TYPE_WORDS.get(given, given)}"
     raise DataError(asked, found, f"{hint[0].upper()}{hint[1:]}.", f"{asked}, {found}: {hint}")
 

@@ -77,12 +77,12 @@ class DataError(ValueError):
 
 def check_choice(name: str, value: Any, choices: Iterable[str]) -> str:
     """Return `value` if it is one of the choices, or raise and name the nearest."""
-    known = list(choices)
-    if isinstance(value, str) and value in known:
+    names = list(choices)
+    if isinstance(value, str) and value in names:
         return value
-    near = get_close_matches(str(value), known, n=1)
+    near = get_close_matches(str(value), names, n=1)
     hint = f"Did you mean {near[0]!r}? " if near else ""
-    raise DataError(f"{name}={value!r} was asked", f"there are only {', '.join(known)}", f"{hint}Choose one of these.")
+    raise DataError(f"{name}={value!r} was asked", f"there are only {', '.join(names)}", f"{hint}Choose one of these.")
 
 
 def check_option_names(

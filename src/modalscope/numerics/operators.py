@@ -26,9 +26,9 @@ def times_real(left: Array, right: RealArray) -> Array:
     """Return left @ right of a real right side, (k, n) and (n, b)."""
     if not np.iscomplexobj(left):
         return left @ right
-    found = np.empty((len(left), right.shape[1]), dtype=complex)
-    found.real, found.imag = np.ascontiguousarray(left.real) @ right, np.ascontiguousarray(left.imag) @ right
-    return found
+    product = np.empty((len(left), right.shape[1]), dtype=complex)
+    product.real, product.imag = np.ascontiguousarray(left.real) @ right, np.ascontiguousarray(left.imag) @ right
+    return product
 
 
 class Operator(Protocol):

@@ -90,12 +90,12 @@ def factor_of_gram(gram: RealArray, *, overwrite: bool = False, least: float = _
     level /= np.where(alive, size, 1)
     level /= np.where(alive, size, 1)[:, None]
     level[~alive, ~alive] = 1
-    found, failed = sla.lapack.dpotrf(level, lower=0, clean=1, overwrite_a=1)
-    own = np.diag(found)[alive]
+    factor, failed = sla.lapack.dpotrf(level, lower=0, clean=1, overwrite_a=1)
+    own = np.diag(factor)[alive]
     if failed or not np.all(np.isfinite(own)) or own.min(initial=1.0) < least:
         return None
-    found *= size
-    return np.asarray(found)
+    factor *= size
+    return np.asarray(factor)
 
 
 def stacked_factor(R: RealArray, chunk: RealArray) -> RealArray:
@@ -103,8 +103,8 @@ def stacked_factor(R: RealArray, chunk: RealArray) -> RealArray:
     stacked = np.vstack([R, chunk]) if len(R) else np.array(chunk, dtype=float)
     if len(stacked) <= stacked.shape[1]:
         return stacked
-    found = sla.qr(stacked, mode="r", overwrite_a=True, check_finite=False)[0]
-    return np.asarray(found[: stacked.shape[1]], dtype=float)
+    factor = sla.qr(stacked, mode="r", overwrite_a=True, check_finite=False)[0]
+    return np.asarray(factor[: stacked.shape[1]], dtype=float)
 
 
 #: Distance from orthonormal columns within which a pass reaches rounding: the condition is then below (1 + .1) / (1 - .1).
@@ -140,11 +140,11 @@ def orthonormal_by(columns: RealArray) -> tuple[RealArray, RealArray | None]:
     size = np.sqrt(np.einsum("kj,kj->j", columns, columns))
     if not np.all(size > 0) or not np.all(np.isfinite(size)):
         return np.asarray(np.linalg.qr(columns)[0]), None
-    found = columns
+    basis = columns
     for scale in (size, np.ones_like(size)):
-        gram = found.T @ found / np.outer(scale, scale)
+        gram = basis.T @ basis / np.outer(scale, scale)
         near = np.linalg.norm(gram - np.eye(len(size))) <= _MAX_DEVIATION
-        if found is not columns and not near:
+        if basis is not columns and not near:
             break
         try:
             inverse = sla.lapack.dtrtri(sla.cholesky(gram, check_finite=False))[0]
@@ -152,8 +152,8 @@ def orthonormal_by(columns: RealArray) -> tuple[RealArray, RealArray | None]:
             break
         by = np.asarray(inverse / scale[:, None])
         if near:
-            return found, by
-        found = np.asarray(found @ by)
+            return basis, by
+        basis = np.asarray(basis @ by)
     return np.asarray(np.linalg.qr(columns)[0]), None
 
 
@@ -191,16 +191,16 @@ def resolved(X: RealArray, data: RealArray) -> tuple[RealArray, RealArray]:
     first = _triangle(gram / np.outer(scale, scale)) if len(X) > _MIN_CHOLESKY_ROWS else None
     if first is not None:
         first = np.asfortranarray(first * scale)
-        near, seen = np.zeros_like(gram), np.zeros((len(scale), data.shape[1]))
+        near, projected = np.zeros_like(gram), np.zeros((len(scale), data.shape[1]))
         for start in range(0, len(X), _ROWS_AT_A_TIME):
             some = np.array(X[start : start + _ROWS_AT_A_TIME], order="F")
             rows = sla.blas.dtrsm(1.0, first, some, side=1, overwrite_b=1)
             near += rows.T @ rows
-            seen += rows.T @ data[start : start + _ROWS_AT_A_TIME]
+            projected += rows.T @ data[start : start + _ROWS_AT_A_TIME]
         second = _triangle(near) if np.linalg.norm(near - np.eye(len(near))) <= _MAX_DEVIATION else None
         if second is not None:
-            found = sla.solve_triangular(second, seen, trans=1, check_finite=False)
-            return np.asarray(found), np.asarray(second @ first)
+            solution = sla.solve_triangular(second, projected, trans=1, check_finite=False)
+            return np.asarray(solution), np.asarray(second @ first)
     mirrored, R = sla.qr_multiply(X / scale, data.T, mode="right", overwrite_a=True)
     return np.asarray(mirrored.T, dtype=float), np.asarray(R * scale, dtype=float)
 
@@ -229,15 +229,15 @@ def energy_left(data: RealArray, columns: RealArray) -> RealArray:
     """Return the sums of squares of `less(data, columns)`, (q,): as differences where digits allow, else of the values themselves."""
     columns = _finite(columns)
     W, _, spread = _spanned(columns.T @ columns)
-    whole, seen = np.einsum("kq,kq->q", data, data), W.T @ (columns.T @ data)
-    left = whole - np.einsum("kq,kq->q", seen, seen)
+    whole, projected = np.einsum("kq,kq->q", data, data), W.T @ (columns.T @ data)
+    energy = whole - np.einsum("kq,kq->q", projected, projected)
     # a direction is known to rounding times the condition, and takes that share of all others with it
-    error = np.finfo(float).eps * np.sqrt(whole) * (spread @ np.abs(seen))
-    rounded = ~(left * _MAX_ENERGY_ERROR > error)
+    error = np.finfo(float).eps * np.sqrt(whole) * (spread @ np.abs(projected))
+    rounded = ~(energy * _MAX_ENERGY_ERROR > error)
     if np.any(rounded):
         rest = _less(data[:, rounded], columns, W)
-        left[rounded] = np.einsum("kq,kq->q", rest, rest)
-    return np.asarray(left)
+        energy[rounded] = np.einsum("kq,kq->q", rest, rest)
+    return np.asarray(energy)
 
 
 def _finite(columns: RealArray) -> RealArray:
@@ -261,13 +261,13 @@ def _spanned(gram: RealArray) -> tuple[RealArray, RealArray, RealArray]:
 
 
 def _less(data: RealArray, columns: RealArray, W: RealArray) -> RealArray:
-    left = data
+    residual = data
     for _ in range(2):
-        left = left - columns @ (W @ (W.T @ (columns.T @ left)))
-    if np.sum(left**2) < _ROUNDING_OF_RESIDUAL * np.sum(data**2):
+        residual = residual - columns @ (W @ (W.T @ (columns.T @ residual)))
+    if np.sum(residual**2) < _ROUNDING_OF_RESIDUAL * np.sum(data**2):
         Q = np.asarray(np.linalg.qr(columns[:, np.any(W, axis=1)])[0])
-        left = data - Q @ (Q.T @ data)
-    return left
+        residual = data - Q @ (Q.T @ data)
+    return residual
 
 
 def _triangle(gram: RealArray) -> RealArray | None:

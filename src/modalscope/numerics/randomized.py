@@ -65,15 +65,15 @@ class _Basis:
 
         Where a block has lost rank directions without meaning take the place of those that it does not have.
         """
-        known, rest = self.columns, block
-        common = seen = known.T @ block
+        basis, rest = self.columns, block
+        common = projected = basis.T @ block
         for _ in range(_MAX_PASSES):
             size = np.linalg.norm(rest, axis=0)
-            rest = rest - known @ seen
+            rest = rest - basis @ projected
             new = orthonormal(rest)
             if np.linalg.svd(new.T @ rest / np.maximum(size, _TINY), compute_uv=False)[-1] > _MIN_REMAINDER:
                 break
-            rest, seen = new, known.T @ new
+            rest, projected = new, basis.T @ new
         self._all[:, self.size : self.size + new.shape[1]] = new
         self.size += new.shape[1]
         return new, np.vstack([common, new.T @ block])

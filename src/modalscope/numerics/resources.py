@@ -106,13 +106,13 @@ def allowed_memory() -> int:
         return _allowed
     try:
         lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
-        left = next(int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable"))
+        free = next(int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable"))
     except (OSError, StopIteration):
         try:
-            left = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+            free = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
         except (AttributeError, ValueError, OSError):
-            left = _DEFAULT_MEMORY_BYTES
-    return max(left * 3 // 4, _MIN_MEMORY_BYTES)
+            free = _DEFAULT_MEMORY_BYTES
+    return max(free * 3 // 4, _MIN_MEMORY_BYTES)
 
 
 def check_fits(what: str, size: float, change: str) -> None:

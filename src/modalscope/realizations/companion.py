@@ -140,8 +140,8 @@ def _output(matrix: DataMatrix, factors: Factors, block: int, states: Array) -> 
         return np.hstack([np.linalg.pinv(head), np.zeros((outputs, states.shape[0] - block))])
     k = states.shape[1]
     Q = factors.Q if factors.Q.size else matrix.tall().transposed_times(factors.P[:, :k]) / factors.d[:k]
-    seen = matrix.first_rows(np.ascontiguousarray(Q[:, :k]))
-    return np.asarray(np.linalg.lstsq(states.T, seen.T, rcond=None)[0].T)
+    rows = matrix.first_rows(np.ascontiguousarray(Q[:, :k]))
+    return np.asarray(np.linalg.lstsq(states.T, rows.T, rcond=None)[0].T)
 
 
 def _shift_of_whole_blocks(matrix: DataMatrix) -> RowShift:
@@ -273,11 +273,11 @@ class LeastSquaresCompanion(Realization):
         """Return L[p, :p] L[:p, :p]^-1; where these blocks have lost rank the minimum-norm one, if they give the next at all."""
         block, L = self.shift.block, self._triangle
         rcond = max(self.stand_in.shape) * np.finfo(float).eps
-        known, target = L[:n, :n], L[n : n + block, :n]
-        pivots = np.abs(np.diag(known))
+        factor, target = L[:n, :n], L[n : n + block, :n]
+        pivots = np.abs(np.diag(factor))
         if n <= L.shape[1] and pivots.min() > np.sqrt(rcond) * pivots.max():
-            return sla.solve_triangular(known, target.T, lower=True, trans="T", check_finite=False).T
-        R = np.linalg.lstsq(known.T, target.T, rcond=rcond)[0].T
+            return sla.solve_triangular(factor, target.T, lower=True, trans="T", check_finite=False).T
+        R = np.linalg.lstsq(factor.T, target.T, rcond=rcond)[0].T
         share = np.linalg.norm(L[n : n + block] - R @ L[:n]) / max(
             np.linalg.norm(L[n : n + block]), np.finfo(float).tiny
         )
@@ -361,8 +361,8 @@ def reversed_companion(companion: NullSpaceCompanion, n: int) -> RealArray:
     shift, r = companion.shift, companion.matrix.block_rows
     P = companion.P[:, :n]
     backward = P.reshape(r + 1, shift.block, n)[::-1].reshape(P.shape)
-    known, target = backward[: shift.block * r], backward[shift.block * r :]
-    return companion_matrix(target @ np.linalg.pinv(known), shift, r)
+    columns, target = backward[: shift.block * r], backward[shift.block * r :]
+    return companion_matrix(target @ np.linalg.pinv(columns), shift, r)
 
 
 def _from_reversal(companion: NullSpaceCompanion, n: int) -> Triple:

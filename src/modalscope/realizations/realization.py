@@ -77,9 +77,11 @@ class Realization(ABC):
 
         `parts`: orders with eigenvalues of their models. `lines`: those that stand for all; see `DataMatrix.influence`.
         """
-        each = [self.sides(n, eigen) for n, eigen in parts]
+        by_order = [self.sides(n, eigen) for n, eigen in parts]
         sides = (
-            each[0] if len(each) == 1 else Sides(padded([s.left for s in each]), padded([s.right.T for s in each]).T)
+            by_order[0]
+            if len(by_order) == 1
+            else Sides(padded([s.left for s in by_order]), padded([s.right.T for s in by_order]).T)
         )
         pairs = self.pairs(sides, np.concatenate([eigen.values for _, eigen in parts]))
         total, *others = (self.matrix.influence(left, right, lines) for left, right in pairs)
