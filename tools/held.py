@@ -95,7 +95,7 @@ HELD = {
     "howto/plot_take_refuse": Held("chain5", last=3),
     "howto/plot_two_tests": Held(exact.softened, 2e-3),
     "howto/plot_windows": Held(exact.hit_peaks, 4e-3, times=2),
-    "howto/plot_wrong_sign": Held(words=("polarity: 2:+X", "Change its sign")),
+    "howto/plot_wrong_sign": Held(words=("polarity: 2:+X", "Change the sign of 2:+X")),
     "howto/plot_zoom_band": Held(BEAM[1:2]),
 }
 
