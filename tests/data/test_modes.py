@@ -315,7 +315,7 @@ def test_an_interval_takes_the_wider_deviation_and_withholds_what_is_withheld() 
     plain = ModalModel(poles=[-1 + 10j], shapes=[[1.0]], damping_ratios_repeatability=[0.01])  # type: ignore[arg-type]
     # one standard deviation on either side holds erf(1 / sqrt 2)
     ends = plain.interval(0.6826894921370859)["damping_ratio"]
-    np.testing.assert_allclose(ends - plain.damping_ratios[:, None], [[-0.01, 0.01]])
+    np.testing.assert_allclose(np.log(ends / plain.damping_ratios[:, None]) * plain.damping_ratios, [[-0.01, 0.01]])
 
 
 @pytest.mark.parametrize(
@@ -357,3 +357,24 @@ def test_references_are_no_forces_and_give_no_modal_mass() -> None:
         modes = ms.identify(response, order=10, deviations=False).modes
         with pytest.raises(DataError, match=r"no force was measured.*\n.*scale_by_mass"):
             modes.normalized("mass")
+
+
+def test_intervals_follow_student_and_damping_multiplies():
+    modes = ms.ModalModel(
+        poles=[-1 + 100j, -2 + 300j],
+        shapes=[[1.0, 1.0]],
+        frequencies_std=[0.1, 0.2],
+        damping_ratios_std=[0.005, 0.001],
+        frequencies_repeatability=[0.3, 0.1],
+        damping_ratios_lower=[0.004, np.nan],
+        degrees=[[5, 7], [np.nan, 10]],
+    )
+    t5, t7, t10 = 2.5705818, 2.3646243, 2.2281389  # Student's quantiles at .975
+    ends, f, zeta = modes.interval(), modes.frequencies, modes.damping_ratios
+    np.testing.assert_allclose(np.ptp(ends["frequency"], axis=1) / 2, [t5 * 0.3, 1.959964 * 0.2], rtol=1e-6)
+    part = np.array([t7 * 0.005, t10 * 0.001]) / zeta
+    np.testing.assert_allclose(ends["damping_ratio"][:, 1], zeta * np.exp(part), rtol=1e-6)
+    np.testing.assert_allclose(ends["damping_ratio"][:, 0], [0.004, zeta[1]] * np.exp(-part), rtol=1e-6)
+    assert np.all(ends["damping_ratio"] > 0)
+    assert modes.take([1]).degrees.shape == (1, 2)
+    np.testing.assert_allclose(ends["frequency"].mean(axis=1), f)

@@ -99,6 +99,8 @@ def modes(seed: int = 0, count: int = 2) -> ModalModel:
         frequencies_std=rng.uniform(size=count),
         shapes_std=rng.uniform(size=(3, count)),
         damping_ratios_repeatability=rng.uniform(size=count),
+        damping_ratios_lower=np.where(np.arange(count) == 0, np.nan, 1e-4),
+        degrees=rng.uniform(5, 500, (count, 2)),
         gain=rng.uniform(5, 50, count),
         left_out=[Candidate(frequency=7.5, damping_ratio=0.3, reason="seen in two orders only", remedy="raise orders")],
         harmonics=[Harmonic(frequency=25.0, order=1, level=0.4, evidence="no damping at all")],

@@ -21,7 +21,9 @@ from tests.support import refused
         ("when,out y1\n0,1\n1,1\n", "no column is of times"),
         ("frequency_hz,real a / b\n1,1\n", "missing: imag a / b"),
         ("frequency_hz,something\n1,1\n", "needs complex values"),
-        ("mode,frequency_hz,damping_ratio,kind\n1,2,3,mode\n", "table of modes, which is only written"),
+        ("mode,frequency_hz,damping_ratio,kind\n1,2,3,mode\n2,3,.1,mode\n", "damping ratios within 1"),
+        ("mode,frequency_hz,damping_ratio,real 1\n1,1,.1,3\n2,2,.1,3\n", "imag 1 is missing"),
+        ("mode,frequency_hz,damping_ratio,mpc,mpc\n1,1,.1,3,4\n2,2,.1,3,3\n", "each column once"),
         ("# sampling_rate: fast\ntime_s,out y1\n0,1\n1,1\n", "sampling_rate in a.csv needs a number"),
     ],
 )

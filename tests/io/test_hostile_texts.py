@@ -115,7 +115,7 @@ def complaint(path: Path, thing: Any, place: str, text: str) -> str:
 @pytest.mark.parametrize("place", PLACES)
 def test_a_hostile_text_comes_back_or_is_refused_by_name(tmp_path: Path, suffix: str, kind: str, place: str) -> None:
     if (suffix == ".json" and kind != "modes") or (suffix == ".csv" and (kind == "modes" or place == "processing")):
-        pytest.skip("JSON holds modes; a table of modes is only written, and tables have no history")
+        pytest.skip("JSON holds modes; a table of modes has no inputs, and tables have no history")
     wrong = {}
     for name, text in HOSTILE.items():
         thing = PLACES[place](things()[kind], text)

@@ -1,5 +1,7 @@
 """Binary formats give back every bit, text formats their digits."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
@@ -105,6 +107,36 @@ def test_uneven_frequency_responses_come_back_exactly(tmp_path, suffix, parts, s
     np.testing.assert_array_equal(back.values, values)
     # an axis that is even to rounding is written as such and comes back as its straight line: some units in the last place
     np.testing.assert_allclose(back.frequencies, f, rtol=16 * np.finfo(float).eps)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "digits"), [(".json", 14), (".npz", 14), (".h5", 14), (".mat", 14), (".csv", 12), (".uff", 4)]
+)
+def test_intervals_and_deviations_of_shapes_come_back_from_every_format(tmp_path, suffix, digits):
+    modes = dataclasses.replace(
+        samples.modes(),
+        damping_ratios_std=np.array([1e-4, 2e-3]),
+        frequencies_repeatability=np.array([0.3, 0.1]),
+        damping_ratios_repeatability=np.array([2e-4, 1e-3]),
+        shapes_std=None if suffix == ".csv" else samples.modes().shapes_std,
+    )
+    mio.write(tmp_path / f"a{suffix}", modes)
+    back = mio.read(tmp_path / f"a{suffix}")
+    assert back.damping_ratios_lower[1] == pytest.approx(1e-4)
+    for name, ends in modes.interval().items():
+        np.testing.assert_allclose(back.interval()[name], ends, rtol=10.0**-digits)
+    if suffix != ".csv":
+        np.testing.assert_allclose(back.shapes_std, modes.shapes_std, rtol=1e-5)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".uff"])
+def test_modes_without_deviations_come_back_without(tmp_path, suffix):
+    modes = samples.unrefined()
+    mio.write(tmp_path / f"a{suffix}", modes)
+    back = mio.read(tmp_path / f"a{suffix}")
+    assert (back.frequencies_std, back.degrees, back.damping_ratios_lower, back.shapes_std) == (None,) * 4
+    np.testing.assert_allclose(back.poles, modes.poles, rtol=1e-5)
+    np.testing.assert_allclose(np.abs(back.shapes), np.abs(modes.shapes), rtol=1e-5)
 
 
 def test_text_sets_keep_their_twelve_digits(tmp_path):

@@ -37,8 +37,12 @@ COLUMNS = {
     "damping_ratio_std": "damping_ratios_std",
     "frequency_repeatability_hz": "frequencies_repeatability",
     "damping_ratio_repeatability": "damping_ratios_repeatability",
+    "damping_ratio_lower": "damping_ratios_lower",
     "gain": "gain",
 }
+
+#: Columns of the degrees of freedom, (n, 2), in tables.
+DEGREES = ("frequency_degrees", "damping_ratio_degrees")
 
 #: Fields that hold one number a mode, or nothing.
 PER_MODE = tuple(COLUMNS.values())
@@ -67,6 +71,8 @@ class ModeFields(Channels, HasPoles):
     shapes_std: RealArray | None = None
     frequencies_repeatability: RealArray | None = None
     damping_ratios_repeatability: RealArray | None = None
+    damping_ratios_lower: RealArray | None = None
+    degrees: RealArray | None = None
     gain: RealArray | None = None
     indicators: Mapping[str, RealArray] = field(default_factory=dict)
     reasons: tuple[Mapping[str, Any], ...] = ()
@@ -109,6 +115,7 @@ class ModeFields(Channels, HasPoles):
             shapes=shapes,
             participation=participation,
             shapes_std=optional_array("shapes_std", self.shapes_std, "(outputs, modes)", shapes.shape, finite=False),
+            degrees=optional_array("degrees", self.degrees, "(modes, 2)", (n, 2), finite=False),
             dt=None if self.dt is None else check_positive("dt", self.dt),
             **{name: optional_array(name, getattr(self, name), "(outputs, inputs)", channels) for name in DIRECT},
             **{name: optional_array(name, values, "(modes,)", (n,), finite=False) for name, values in a_mode.items()},
@@ -141,7 +148,7 @@ class ModeFields(Channels, HasPoles):
             A mode that is not there.
         """
         index = mode_indices(modes, len(self))
-        rows = {name: getattr(self, name) for name in ("participation", *PER_MODE)}
+        rows = {name: getattr(self, name) for name in ("participation", "degrees", *PER_MODE)}
         fields: dict[str, Any] = {name: None if values is None else values[index] for name, values in rows.items()}
         fields |= {
             "poles": self.poles[index],
@@ -225,7 +232,7 @@ def joined(parts: Sequence[_Modes]) -> _Modes:
     first = parts[0]
     known: dict[str, Any] = dict.fromkeys(DIRECT)
     for name, axis in (
-        *((name, 0) for name in (*PER_MODE, "participation", "poles")),
+        *((name, 0) for name in (*PER_MODE, "degrees", "participation", "poles")),
         ("shapes", 1),
         ("shapes_std", 1),
     ):
@@ -252,6 +259,7 @@ def joined(parts: Sequence[_Modes]) -> _Modes:
 def known_columns(modes: ModeFields) -> dict[str, Any]:
     """Return what is known of each mode, by column: frequency, damping ratio, kind, deviations, gain, indicators."""
     optional = {column: getattr(modes, field) for column, field in COLUMNS.items()}
+    optional |= {} if modes.degrees is None else dict(zip(DEGREES, modes.degrees.T, strict=True))
     return {
         "frequency_hz": modes.frequencies,
         "damping_ratio": modes.damping_ratios,

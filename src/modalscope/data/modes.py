@@ -8,7 +8,7 @@ from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import ndtri, stdtrit
+from scipy.special import stdtrit
 
 from modalscope.data.channels import derivatives_between
 from modalscope.data.mode_fields import (
@@ -29,6 +29,9 @@ from modalscope.numerics.errors import DataError, optional_package
 
 #: What shapes can be scaled to (see `ModalModel.normalized`).
 NORMALIZATIONS = ("unit", "max", "mass", "none")
+
+#: Half width of the logarithm of a damping ratio, at most: its exponential is a number.
+_MAX_LOG = 700.0
 
 
 def shape_factor(modes: ModalModel, scale: str) -> tuple[ComplexArray, str]:
@@ -185,6 +188,11 @@ class ModalModel(ModeFields):
         Standard deviation of every component of the shapes from the noise, sqrt(E |phi - E phi|^2).
     frequencies_repeatability, damping_ratios_repeatability : array, (n,), optional
         Standard deviation between groups of inputs, runs or setups (Hz, ratio); None without groups.
+    damping_ratios_lower : array, (n,), optional
+        Damping ratio less what a wandering frequency adds to it: the lower end of its interval counts from here. NaN where the
+        frequency does not wander.
+    degrees : array, (n, 2), optional
+        Degrees of freedom of the wider of the two deviations of the frequency and of the damping ratio; NaN where it is known exactly.
     gain : array, (n,), optional
         By how many standard deviations the data are explained better with each mode.
     indicators : mapping of name to array (n,)
@@ -264,7 +272,9 @@ class ModalModel(ModeFields):
 
     @named(level=between(0, 1))
     def interval(self, level: float = 0.95) -> dict[str, RealArray]:
-        """Return value -+ z sigma, the wider of the deviations from the noise and between groups; NaN where it is withheld.
+        """Return f -+ t sigma and zeta exp(-+ t sigma / zeta), t Student's quantile, sigma the wider of noise and groups.
+
+        The lower end of a damping ratio counts from `damping_ratios_lower` where the frequency wanders. NaN where sigma is unknown.
 
         Parameters
         ----------
@@ -288,13 +298,22 @@ class ModalModel(ModeFields):
         array([[15.72 , 16.112]])
         """
         # Student's quantile where the deviations were estimated from few parts of a record, as their note says
-        degrees = [note.numbers["degrees_of_freedom"] for note in self.notes if "degrees_of_freedom" in note.numbers]
-        z = stdtrit(min(degrees), (1 + level) / 2) if degrees else ndtri((1 + level) / 2)
-        bounds = {}
-        for name, fields in (("frequency", "frequencies"), ("damping_ratio", "damping_ratios")):
+        parts = [note.numbers["degrees_of_freedom"] for note in self.notes if "degrees_of_freedom" in note.numbers]
+        degrees = np.full((len(self), 2), min(parts, default=np.inf)) if self.degrees is None else self.degrees
+        quantile = stdtrit(np.where(degrees > 0, degrees, np.inf), (1 + level) / 2)
+        half = []
+        for t, fields in zip(quantile.T, ("frequencies", "damping_ratios"), strict=True):
             sigmas = [x for end in ("std", "repeatability") if (x := getattr(self, f"{fields}_{end}")) is not None]
-            half = z * np.maximum.reduce(sigmas or [np.full(len(self), np.nan)])
-            bounds[name] = np.column_stack([getattr(self, fields) - half, getattr(self, fields) + half])
+            half.append(t * np.maximum.reduce(sigmas or [np.full(len(self), np.nan)]))
+        f, zeta = self.frequencies, self.damping_ratios
+        low = zeta if self.damping_ratios_lower is None else np.fmin(zeta, self.damping_ratios_lower)
+        # a decaying mode has no damping ratio below zero: its error is alike on the scale of the logarithm
+        part = np.minimum(half[1] / np.where(zeta > 0, zeta, np.inf), _MAX_LOG)
+        below, above = np.where(zeta > 0, low * np.exp(-part), zeta - half[1]), zeta * np.exp(part)
+        bounds = {
+            "frequency": np.column_stack([f - half[0], f + half[0]]),
+            "damping_ratio": np.column_stack([below, np.where(zeta > 0, above, zeta + half[1])]),
+        }
         if all(getattr(self, f) is None for f in COLUMNS.values() if f.endswith(("_std", "_repeatability"))):
             raise DataError(
                 f"intervals at {100 * level:g} % were asked",

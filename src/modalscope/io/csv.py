@@ -1,4 +1,4 @@
-"""Read and write CSV files in the library's own layout; write tables of modes.
+"""Read and write CSV files in the library's own layout.
 
 Any other table is read by `modalscope.io.text`, by evidence. The first line that is not a comment names the columns; the first column
 is the abscissa. Labels carry their unit in brackets. Comments `# name: value` before it hold what has no column (quantity,
@@ -9,9 +9,11 @@ sampling_rate, kind, first_sample).
 | `frequency_hz` | `real 3:+Z / 1:+Z [m/s2 / N]`, `imag 3:+Z / 1:+Z`, for every output and input | a frequency response |
 | `time_s` | `out 3:+Z [m/s2]`, `in 1:+Z [N]` | records |
 | `time_s` | `3:+Z / 1:+Z [m/s2 / N]`, for every output and input | an impulse response |
+| `mode` | `frequency_hz`, `damping_ratio`, `kind`, deviations and indicators by name, `real 3:+Z`, `imag 3:+Z` of the shapes | modes |
 
 Columns are separated by comma, semicolon or tab, whichever the header has. Numbers are written with every digit. Coherence,
-variance, geometry and direct terms have no column: .npz, .h5 and .uff keep them.
+variance, geometry and direct terms have no column: .npz, .h5 and .uff keep them. Participation, reasons and notes of modes have none: .json
+keeps them.
 """
 
 from __future__ import annotations
@@ -27,8 +29,9 @@ from typing import Any, NamedTuple, TextIO
 import numpy as np
 
 from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, ModalModel, Signals
-from modalscope.data.mode_fields import known_columns
+from modalscope.data.mode_fields import COLUMNS, DEGREES, known_columns
 from modalscope.data.response import Response
+from modalscope.functions.poles import poles_from
 from modalscope.io import text
 from modalscope.io.arrays import joined
 from modalscope.io.atomic import MARK
@@ -41,6 +44,9 @@ _PAIR = re.compile(
     r"^(?:(?P<part>real|imag)\s+)?(?P<out>[^/\[\]]+?)\s*/\s*(?P<in>[^/\[\]]+?)\s*(?:\[(?P<unit>.*?)(?: / (?P<unit_in>.*))?\])?$"
 )
 _SIDE = re.compile(r"^(?P<side>out|in)\s+(?P<dof>.+?)\s*(?:\[(?P<unit>.*)\])?$")
+
+#: Columns by which a table of modes is known.
+_OF_MODES = {"frequency_hz", "damping_ratio"}
 
 #: What stands in a header without ambiguity.
 _PLAIN = re.compile(r"[\w :+.²³µ-]*|\w+/\w+²?")
@@ -66,12 +72,14 @@ def read(path: Path, options: Options) -> Contents:
     given: dict[str, Any] = {name: table.notes[name] for name in ("quantity", "kind") if name in table.notes}
     first, labels, values = table.header[0].strip().lower(), table.header[1:], table.numbers[:, 1:]
     sides = [_SIDE.match(label) if len(label) <= _MAX_CHARACTERS else None for label in labels]
-    if first == "frequency_hz":
+    if set(table.header) >= _OF_MODES:
+        thing: DataObject = _modes(path, table)
+    elif first == "frequency_hz":
         if "sampling_rate" in table.notes:
             given["sampling_rate"] = _number(path, table, "sampling_rate")
         columns, channels = _matrix(path, labels, {"real", "imag"})
         both = joined(values[:, columns["real"]], values[:, columns["imag"]])
-        thing: DataObject = FrequencyResponse(values=both, frequencies=table.numbers[:, 0], **channels, **given)
+        thing = FrequencyResponse(values=both, frequencies=table.numbers[:, 0], **channels, **given)
     elif first == "time_s" and sides and all(sides):
         thing = _records(path, table, [side for side in sides if side], values)
     elif first == "time_s":
@@ -96,7 +104,7 @@ def _is_own(path: Path) -> bool:
         raise _empty(path)
     cells = [cell.strip() for cell in head.split(max(",;\t", key=head.count))]
     if cells[0] not in ("frequency_hz", "time_s"):
-        return {"frequency_hz", "damping_ratio"} <= set(cells)
+        return set(cells) >= _OF_MODES
     for label in (cell[:_MAX_CHARACTERS].strip('"') for cell in cells[1:_MAX_LABELS]):
         pair = _PAIR.match(label)
         if _SIDE.match(label) or (pair and (pair["part"] or pair["in"] == "1" or not is_unit(pair["in"]))):
@@ -122,10 +130,10 @@ def _table(path: Path, space: Room) -> _Table:
             space.parts("columns", first.count(delimiter) + 1)
             reader = csv.reader(chain([first, second], rows), delimiter=delimiter, strict=True)
             header = [name.strip() for name in next(reader)]
-            if {"frequency_hz", "damping_ratio"} <= set(header):
-                fault = "it is a table of modes, which is only written"
-                raise unreadable(path.name, fault, "Read modes from .json, .npz, .h5 or .uff.")
-            return _Table(notes, header, _cells(path, reader, len(header), space))
+            words = [k for k, name in enumerate(header) if name == "kind"] if set(header) >= _OF_MODES else []
+            body = ([cell for k, cell in enumerate(row) if k not in words] for row in reader)
+            header = [name for k, name in enumerate(header) if k not in words]
+            return _Table(notes, header, _cells(path, body, len(header), space))
     except UnicodeDecodeError:
         remedy = "Save it as UTF-8, or give it the suffix of what it is."
         raise unreadable(f"{path.name} as CSV", "it is not text in UTF-8", remedy) from None
@@ -210,6 +218,31 @@ def _matrix(path: Path, labels: list[str], parts: set[str]) -> tuple[dict[str, A
     columns = {part: np.array([[at[part, o, i] for i in inputs] for o in outputs]) for part in parts}
     both = (tuple(units["out"].values()), tuple(units["in"].values()))
     return columns, {"output_dofs": tuple(outputs), "input_dofs": tuple(inputs), "units": both}
+
+
+def _modes(path: Path, table: _Table) -> ModalModel:
+    """Return the modes of a table: what no column of this layout is named after is an indicator."""
+    columns = dict(zip(table.header, table.numbers.T, strict=True))
+    outputs = [name.removeprefix("real ") for name in table.header if name.startswith("real ")]
+    parts = [[columns.pop(f"{part} {dof}", None) for dof in outputs] for part in ("real", "imag")]
+    missing = [dof for dof, imag in zip(outputs, parts[1], strict=True) if imag is None]
+    f, zeta = columns.pop("frequency_hz"), columns.pop("damping_ratio")
+    if missing or len(columns) + 2 + 2 * len(outputs) != len(table.header) or not np.all((f >= 0) & (abs(zeta) <= 1)):
+        fault = f"imag {missing[0]} is missing" if missing else "a name stands twice, or a value is none of a mode"
+        need = "each column once, real and imaginary parts of shapes, frequencies from 0 on and damping ratios within 1"
+        raise needs(path.name, need, fault, "Correct that column.")
+    columns.pop("mode", None)
+    fields = {name: columns.pop(column) for column, name in COLUMNS.items() if column in columns}
+    degrees = [columns.pop(name, np.full(f.size, np.nan)) for name in DEGREES] if set(DEGREES) & set(columns) else None
+    return ModalModel(
+        poles=np.array([poles_from(*pair) for pair in zip(f, zeta, strict=True)]),
+        shapes=joined(*(np.reshape(part, (len(outputs), f.size)) for part in parts)),
+        degrees=None if degrees is None else np.stack(degrees, axis=1),
+        indicators=columns,
+        output_dofs=tuple(outputs),
+        scaling="as in the file",
+        **fields,
+    )
 
 
 def _records(path: Path, table: _Table, labels: list[re.Match[str]], values: Array) -> Signals:

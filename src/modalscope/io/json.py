@@ -4,7 +4,8 @@ The layout is that of the command line (`identify -o modes.json`):
 
     {"modalscope": version, "data": {...}, "method", "domain", "orders",
      "modes": [{"frequency_hz", "damping_ratio", "kind", "frequency_spread_hz", "damping_ratio_spread", "frequency_std_hz",
-                "damping_ratio_std", "frequency_repeatability_hz", "damping_ratio_repeatability", "gain",
+                "damping_ratio_std", "frequency_repeatability_hz", "damping_ratio_repeatability", "damping_ratio_lower",
+                "degrees": [of the frequency, of the damping ratio], "gain",
                 "indicators": {...}, "reasons": {...}, "shape": {"dof", "real", "imag", "std"},
                 "pole": {"real", "imag"}, "participation": {"dof", "real", "imag"}}],
      "left_out": [{"frequency_hz", "damping_ratio", "gain", "reason", "remedy"}],
@@ -106,6 +107,7 @@ def _mode(modes: ModalModel, j: int) -> dict[str, Any]:
         "damping_ratio": modes.damping_ratios[j],
         "kind": modes.kinds[j],
         **{key: None if (a := getattr(modes, name)) is None else a[j] for key, name in COLUMNS.items()},
+        "degrees": None if modes.degrees is None else modes.degrees[j],
         "indicators": {name: values[j] for name, values in modes.indicators.items()},
         "reasons": dict(modes.reasons[j]) if modes.reasons else {},
         "shape": shape,
@@ -183,7 +185,8 @@ def _model(rows: list[dict[str, Any]], data: dict[str, Any], **fields: Any) -> M
     participation: list[Any] = [row.get("participation") for row in rows]
     shapes = np.array([_complex(row["shape"]) for row in rows], dtype=complex).reshape(len(rows), len(outputs)).T
     complete = bool(rows) and all(entry is not None for entry in participation)
-    std = [row["shape"].get("std") for row in rows]
+    std: list[Any] = [row["shape"].get("std") for row in rows]
+    degrees: list[Any] = [row.get("degrees") for row in rows]
     names = rows[0].get("indicators") or {} if rows else {}
     units = data.get("units")
     columns: dict[str, Any] = {name: _column(rows, key) for key, name in COLUMNS.items()}
@@ -192,6 +195,7 @@ def _model(rows: list[dict[str, Any]], data: dict[str, Any], **fields: Any) -> M
         poles=np.array([_pole(row) for row in rows], dtype=complex),
         shapes=shapes,
         shapes_std=np.array([_numbers(entry) for entry in std]).T if rows and all(std) else None,
+        degrees=np.array([_numbers(entry) for entry in degrees]) if rows and all(degrees) else None,
         participation=np.array([_complex(entry) for entry in participation]) if complete else None,
         output_dofs=tuple(outputs),
         input_dofs=tuple(data.get("input_dofs") or ()) if complete else (),

@@ -88,11 +88,14 @@ def merge_bands(
 
 def evened(parts: Sequence[ModalModel]) -> list[ModalModel]:
     """Return modes of several parts with the same fields: NaN where only others have a value, the start where one is not refined."""
-    known = [name for name in PER_MODE if any(getattr(part, name) is not None for part in parts)]
+    axes = {**dict.fromkeys(PER_MODE, ()), "degrees": (2,)}
+    known = [name for name in axes if any(getattr(part, name) is not None for part in parts)]
     refined = any(part.unrefined is not None for part in parts)
     filled = []
     for part in parts:
-        missing: dict[str, Any] = {name: np.full(len(part), np.nan) for name in known if getattr(part, name) is None}
+        missing: dict[str, Any] = {
+            name: np.full((len(part), *axes[name]), np.nan) for name in known if getattr(part, name) is None
+        }
         if refined and part.unrefined is None:
             missing["unrefined"] = part
         filled.append(replace(part, **missing) if missing else part)

@@ -166,7 +166,7 @@ def _take_geometry(sets: _Sets, name: str) -> Sorted:
 
 def _take_modes(sets: _Sets, name: str) -> Sorted:
     """Take the modes of one dataset: 55 and 2414 in one file are the same modes."""
-    if not sets.shapes:
+    if all(shape.std_of for _, shape in sets.shapes):
         raise _nothing(sets, name, "modes")
     counts = {dataset: sum(shape.dataset == dataset for _, shape in sets.shapes) for dataset in _SHAPES}
     dataset = max(_SHAPES, key=lambda number: counts[number])

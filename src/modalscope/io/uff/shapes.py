@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -27,7 +28,7 @@ from modalscope.io.uff.layout import (
     whole,
 )
 from modalscope.io.uff.scan import Block
-from modalscope.numerics.checks import ComplexArray
+from modalscope.numerics.checks import ComplexArray, RealArray
 
 _TEXT: Record = (Field("text", 80, "a"),)
 _DEFINITION = (
@@ -40,16 +41,30 @@ _REAL_TYPES, _COMPLEX_TYPES = (2, 4), (5, 6)
 #: Columns of a value, and values in a line; the first node number that needs more than ten columns.
 _COLUMNS, _VALUES_OF_LINE, _TOO_LARGE = 13, 6, 10**10
 
+#: Ends and beginnings of the fields of deviations.
+_WORDS, _NAMES = ("std", "repeatability"), ("frequencies", "damping_ratios")
+
+#: Analysis type and second line of a set with standard deviations of the shape of a mode, by its number.
+_UNKNOWN, _OF_STD = 0, re.compile(r"standard deviation of mode (\d{1,9})$")
+
+#: Texts that state deviations: pairs of frequency and damping ratio, and the damping ratio that intervals count from.
+_STATED = re.compile(r"(std|repeatability|degrees|lower) (\S{1,12})(?: Hz)?(?:, (\S{1,12}?))?(?:;|$)")
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Shape:
-    """One mode: its pole in rad/s, its values by (node, direction code), and the quantity of these."""
+    """One mode: its pole in rad/s, its values by (node, direction code), the quantity of these, and deviations by the words of its text.
+
+    `std_of`: number of the mode, from 1, whose standard deviations the values are; 0 for a shape.
+    """
 
     pole: complex
     values: dict[tuple[int, int], complex]
     quantity: str | None
     dataset: int
     part: str
+    stated: dict[str, list[float]]
+    std_of: int = 0
 
 
 def read_shape(name: str, block: Block) -> Shape | str:
@@ -68,13 +83,32 @@ def read_shape(name: str, block: Block) -> Shape | str:
         head = parse(_DEFINITION, block.records[start], where)
     except DataError as error:
         return f"its header is not that of a mode ({error.found})"
-    if head["analysis type"] not in (_NORMAL, _COMPLEX, _COMPLEX_SECOND):
+    texts = [line.decode("latin-1").strip() for line in block.records[start - 5 : start]]
+    of = _OF_STD.match(texts[1]) if texts[0] == "modalscope" else None
+    if of is None and head["analysis type"] not in (_NORMAL, _COMPLEX, _COMPLEX_SECOND):
         return f"analysis type {head['analysis type']} is not a mode"
     if head["data characteristic"] not in _LABELS or head["data type"] not in (*_REAL_TYPES, *_COMPLEX_TYPES):
         return f"data characteristic {head['data characteristic']} of type {head['data type']} is not a shape"
-    pole = _pole(where, head["analysis type"], block.records[start + 3 if newer else start + 2 :], newer)
     values, quantity = _values(where, block.records[body:], head), QUANTITY_OF.get(head["quantity"])
-    return Shape(pole=pole, values=values, quantity=quantity, dataset=block.dataset, part=block.name)
+    if of is not None:
+        return Shape(
+            pole=0,
+            values=values,
+            quantity=quantity,
+            dataset=block.dataset,
+            part=block.name,
+            stated={},
+            std_of=int(of[1]),
+        )
+    pole = _pole(where, head["analysis type"], block.records[start + 3 if newer else start + 2 :], newer)
+    stated = _stated(where, texts[2], texts[4]) if texts[0] == "modalscope" else {}
+    return Shape(pole=pole, values=values, quantity=quantity, dataset=block.dataset, part=block.name, stated=stated)
+
+
+def _stated(where: str, *texts: str) -> dict[str, list[float]]:
+    """Return the numbers behind each word of the texts of a set."""
+    found = (match.groups() for text in texts for match in _STATED.finditer(text))
+    return {word: [number(where, word, each) for each in values if each is not None] for word, *values in found}
 
 
 def _reals(where: str, line: bytes) -> list[float]:
@@ -125,6 +159,8 @@ def _values(where: str, lines: Sequence[bytes], head: dict[str, int]) -> dict[tu
 def modes_of(shapes: Sequence[Shape], space: Room) -> tuple[ModalModel, list[str]]:
     """Return the modes of several sets; a direction that no mode moves anywhere in the file is taken as not measured."""
     notes = []
+    deviations = {shape.std_of: shape.values for shape in shapes if shape.std_of}
+    shapes = [shape for shape in shapes if not shape.std_of]
     dofs = list(dict.fromkeys(dof for shape in shapes for dof in shape.values))
     count = sum(len(shape.values) for shape in shapes)
     space.square(f"{len(shapes)} modes at {len(dofs)} dofs", len(shapes) * len(dofs), count)
@@ -135,9 +171,13 @@ def modes_of(shapes: Sequence[Shape], space: Room) -> tuple[ModalModel, list[str
     labels = {label: labels[label] for label in sorted(labels, key=sort_key)}
     quantities = {shape.quantity for shape in shapes}
     table = [[shape.values.get(dof, 0) for shape in shapes] for dof in labels.values()]
+    each = [deviations.get(j, {}) for j in range(1, len(shapes) + 1)]
+    std = [[abs(values.get(dof, np.nan)) for values in each] for dof in labels.values()]
     modes = ModalModel(
-        poles=np.array([shape.pole for shape in shapes]),
+        poles=np.array([shape.pole for shape in shapes], dtype=complex),
         shapes=np.array(table, dtype=complex).reshape(len(labels), len(shapes)),
+        shapes_std=np.array(std, dtype=float).reshape(len(labels), len(shapes)) if any(each) else None,
+        **_fields_stated([shape.stated for shape in shapes]),
         output_dofs=tuple(labels),
         quantity=quantities.pop() if len(quantities) == 1 else None,
         scaling="as in the file",
@@ -145,17 +185,38 @@ def modes_of(shapes: Sequence[Shape], space: Room) -> tuple[ModalModel, list[str
     return modes, notes
 
 
+def _fields_stated(stated: Sequence[dict[str, list[float]]]) -> dict[str, Any]:
+    """Return the fields of modes that texts state, NaN for modes whose text does not."""
+
+    def of(word: str, k: int) -> RealArray | None:
+        columns = [each[word][k] if len(each.get(word, ())) > k else np.nan for each in stated]
+        return np.array(columns) if any(word in each for each in stated) else None
+
+    pairs = {f"{name}_{word}": of(word, k) for word in _WORDS for k, name in enumerate(_NAMES)}
+    degrees = [of("degrees", k) for k in range(2)]
+    both = [column for column in degrees if column is not None]
+    return {
+        **pairs,
+        "damping_ratios_lower": of("lower", 0),
+        "degrees": np.stack(both, axis=1) if len(both) == 2 else None,
+    }
+
+
 def write_shapes(modes: ModalModel, dataset: int) -> bytes:
-    """Return one set a mode: real shapes of damped modes as normal modes, others as complex eigenvalues."""
+    """Return one set a mode: real shapes of damped modes as normal modes, others as complex eigenvalues; deviations behind them."""
     real = not modes.shapes.imag.any() and all(kind in ("mode", "unstable") for kind in modes.kinds)
     codes, rows, nodes = _places(modes)
-    data = b""
+    data = deviations = b""
     for j in range(len(modes)):
         table = np.zeros((len(nodes), len(codes)), dtype=complex)
         for channel, (node, column, sign) in enumerate(rows):
             table[nodes.index(node), column] += sign * modes.shapes[channel, j]
         data += _one(modes, j, dataset, real, codes, nodes, table)
-    return data
+        if modes.shapes_std is not None and np.all(np.isfinite(modes.shapes_std[:, j])):
+            for channel, (node, column, _) in enumerate(rows):
+                table[nodes.index(node), column] = modes.shapes_std[channel, j]
+            deviations += _one(modes, j, dataset, real, codes, nodes, table, of_std=True)
+    return data + deviations
 
 
 def _places(modes: ModalModel) -> tuple[tuple[int, ...], list[tuple[int, int, float]], list[int]]:
@@ -190,14 +251,20 @@ def _one(
     codes: tuple[int, ...],
     nodes: Sequence[int],
     table: ComplexArray,
+    *,
+    of_std: bool = False,
 ) -> bytes:
     f, zeta, pole = modes.frequencies[j], modes.damping_ratios[j], modes.poles[j]
+    real = real or of_std
     head: dict[str, Any] = {
-        "model type": 1, "analysis type": _NORMAL if real else _COMPLEX, "data characteristic": {1: 1, 3: 2, 6: 3}[len(codes)],
+        "model type": 1, "analysis type": _UNKNOWN if of_std else _NORMAL if real else _COMPLEX,
+        "data characteristic": {1: 1, 3: 2, 6: 3}[len(codes)],
         "quantity": QUANTITY_CODES[modes.quantity], "data type": 2 if real else 5, "values a node": len(codes),
     }  # fmt: skip
-    title = f"mode {j + 1}: {f:.6g} Hz, damping ratio {zeta:.6g}"
-    texts = ["modalscope", title, "NONE", f"shapes {modes.scaling}", _deviations(modes, j)]
+    title = f"standard deviation of mode {j + 1}" if of_std else f"mode {j + 1}: {f:.6g} Hz, damping ratio {zeta:.6g}"
+    texts = ["modalscope", title, _freedom(modes, j), f"shapes {modes.scaling}", _deviations(modes, j)]
+    if of_std:
+        f, zeta = 0.0, 0.0
     lines = [form(_TEXT, {"text": text}) for text in texts] + [form(_DEFINITION, head)]
     if dataset == 2414:
         integers = ["".join(f"{v:10d}" for v in (0, 0, 0, 0, 0, j + 1, 0, 0)), f"{0:10d}{0:10d}"]
@@ -205,8 +272,8 @@ def _one(
         second = _row([0] * 6 if real else [pole.real, pole.imag, 0, 0, 0, 0])
         lines = [f"{j + 1:10d}", form(_TEXT, {"text": texts[1]}), f"{1:10d}", *lines, *integers, first, second]
     else:
-        lines.append("".join(f"{v:10d}" for v in (2, 4 if real else 6, 1, j + 1)))
-        lines.append(_row([f, 0, zeta, 0] if real else [pole.real, pole.imag, 0, 0, 0, 0]))
+        lines.append("".join(f"{v:10d}" for v in ((1, 1, j + 1) if of_std else (2, 4 if real else 6, 1, j + 1))))
+        lines.append(_row([0]) if of_std else _row([f, 0, zeta, 0] if real else [pole.real, pole.imag, 0, 0, 0, 0]))
     for node, row in zip(nodes, table, strict=True):
         flat = row.real if real else row.view(float)
         lines += [f"{node:10d}", *(_row(flat[k : k + _VALUES_OF_LINE]) for k in range(0, flat.size, _VALUES_OF_LINE))]
@@ -216,10 +283,20 @@ def _one(
 def _deviations(modes: ModalModel, j: int) -> str:
     """Return the deviations of frequency and damping ratio as a line of text; NONE where none is known."""
     texts = []
-    for name in ("std", "repeatability"):
-        f, zeta = (getattr(modes, f"{of}_{name}") for of in ("frequencies", "damping_ratios"))
+    for name in _WORDS:
+        f, zeta = (getattr(modes, f"{of}_{name}") for of in _NAMES)
         if f is not None and zeta is not None and np.isfinite(f[j]):
-            texts.append(f"{name} {f[j]:.3g} Hz, {zeta[j]:.3g}")
+            texts.append(f"{name} {f[j]:.5g} Hz" + (f", {zeta[j]:.5g}" if np.isfinite(zeta[j]) else ""))
+    return "; ".join(texts) or "NONE"
+
+
+def _freedom(modes: ModalModel, j: int) -> str:
+    """Return the degrees of freedom of the deviations and the lower damping ratio as a line of text; NONE where none is known."""
+    texts = []
+    if modes.degrees is not None and np.all(np.isfinite(modes.degrees[j])):
+        texts.append(f"degrees {modes.degrees[j, 0]:.5g}, {modes.degrees[j, 1]:.5g}")
+    if modes.damping_ratios_lower is not None and np.isfinite(modes.damping_ratios_lower[j]):
+        texts.append(f"lower {modes.damping_ratios_lower[j]:.5g}")
     return "; ".join(texts) or "NONE"
 
 
