@@ -27,7 +27,7 @@ def shelf(tmp_path: Path) -> FileStore:
 
 
 def test_data_of_the_folder_are_listed(shelf: FileStore) -> None:
-    assert {entry["name"] for entry in shelf.listed()} == {"a.uff", "deeper/b.csv", "link.csv"}
+    assert {entry["name"] for entry in shelf.listing()} == {"a.uff", "deeper/b.csv", "link.csv"}
     assert shelf.resolve("deeper/b.csv").name == "b.csv"
 
 
@@ -60,14 +60,14 @@ async def pieces(*parts: bytes, broken: bool = False) -> AsyncIterator[bytes]:
 
 
 def test_an_upload_is_a_file_by_its_own_name(shelf: FileStore) -> None:
-    name = asyncio.run(shelf.take("../../x.csv", pieces(b"1", b"2"), 10))
+    name = asyncio.run(shelf.store_upload("../../x.csv", pieces(b"1", b"2"), 10))
     assert shelf.resolve(name).read_bytes() == b"12"
     assert shelf.resolve(name).name == "x.csv"
 
 
 def test_one_too_large_or_broken_off_leaves_nothing(shelf: FileStore) -> None:
     with pytest.raises(DataError, match="more than"):
-        asyncio.run(shelf.take("x.csv", pieces(b"123", b"456"), 5))
+        asyncio.run(shelf.store_upload("x.csv", pieces(b"123", b"456"), 5))
     with pytest.raises(ConnectionError):
-        asyncio.run(shelf.take("x.csv", pieces(b"123", broken=True), 5))
+        asyncio.run(shelf.store_upload("x.csv", pieces(b"123", broken=True), 5))
     assert not list((shelf.place / "uploads").iterdir())

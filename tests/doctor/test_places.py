@@ -10,7 +10,7 @@ import pytest
 import modalscope as ms
 from modalscope.cli import main
 from modalscope.doctor import examine
-from modalscope.doctor.runs import _explained, named_by_place, same_places
+from modalscope.doctor.runs import _largest_product, label_by_place, place_numbers
 from modalscope.identification.routes import usual_route
 from modalscope.preprocess import estimate_frf
 from modalscope.systems import chain5
@@ -33,8 +33,8 @@ def hits(place: int, count: int = 2, samples: int = 1024, noise: float = 1e-3, s
 
 
 def test_hits_of_three_places_and_of_one() -> None:
-    assert same_places([hits(0), hits(2), hits(4), hits(0, seed=1)]) == [0, 0, 1, 1, 2, 2, 0, 0]
-    assert same_places([hits(3, count=6)]) == [0] * 6
+    assert place_numbers([hits(0), hits(2), hits(4), hits(0, seed=1)]) == [0, 0, 1, 1, 2, 2, 0, 0]
+    assert place_numbers([hits(3, count=6)]) == [0] * 6
 
 
 @pytest.mark.parametrize("spoil", ["turned", "exchanged"])
@@ -43,14 +43,14 @@ def test_channels_that_changed_in_a_run_are_no_other_place(spoil: str) -> None:
     outputs = record.outputs.copy()
     outputs[2] = outputs[2] * [1, -1, 1] if spoil == "turned" else outputs[2][:, [1, 0, 2]]
     spoilt = ms.Signals(outputs=outputs, inputs=record.inputs, sampling_rate=record.sampling_rate)
-    assert same_places([spoilt]) == [0] * 4
+    assert place_numbers([spoilt]) == [0] * 4
     assert "places" not in {finding.kind for finding in examine(spoilt)}
 
 
 def test_what_channels_as_they_are_turned_or_exchanged_explain() -> None:
-    assert _explained(np.diag([2.0 + 0j, -1.0])) == 3.0
-    assert _explained(np.array([[0, 2.0 + 0j], [2.0, 0]])) == 4.0
-    assert _explained(np.diag([2.0 + 0j, 2.0])) == 4.0
+    assert _largest_product(np.diag([2.0 + 0j, -1.0])) == 3.0
+    assert _largest_product(np.array([[0, 2.0 + 0j], [2.0, 0]])) == 4.0
+    assert _largest_product(np.diag([2.0 + 0j, 2.0])) == 4.0
 
 
 def test_what_is_found_names_the_runs_and_nothing_else() -> None:
@@ -61,10 +61,10 @@ def test_what_is_found_names_the_runs_and_nothing_else() -> None:
 
 def test_responses_at_several_places_are_told_apart_too() -> None:
     parts = [estimate_frf(hits(place), segment=960) for place in (0, 2, 0)]
-    named, told = named_by_place(parts, ["a", "b", "c"])
+    named, told = label_by_place(parts, ["a", "b", "c"])
     assert [part.input_dofs for part in named] == [("place 1",), ("place 2",), ("place 1",)]
     assert "place 1 (a, c); place 2 (b)" in str(told[0])
-    assert named_by_place(parts[::2], ["a", "c"]) == (parts[::2], ())
+    assert label_by_place(parts[::2], ["a", "c"]) == (parts[::2], ())
 
 
 @pytest.mark.parametrize(
@@ -77,7 +77,7 @@ def test_responses_at_several_places_are_told_apart_too() -> None:
     ],
 )
 def test_labels_stay_where_files_do_not_stand_for_places(parts: list[ms.Signals]) -> None:
-    assert named_by_place(parts, [str(k) for k in range(len(parts))]) == (parts, ())
+    assert label_by_place(parts, [str(k) for k in range(len(parts))]) == (parts, ())
 
 
 def test_hits_of_labelled_places_give_responses_column_by_column() -> None:
@@ -140,7 +140,7 @@ def test_two_hundred_pairs_of_each_kind(study) -> None:
                 y = system.simulate(force)
                 y += noise * y.std(axis=0).max() * rng.standard_normal(y.shape)
                 runs.append(ms.Signals(outputs=y, inputs=force[:, [column]], sampling_rate=1 / system.dt))
-            apart[same] += len(set(same_places(runs))) > 1
+            apart[same] += len(set(place_numbers(runs))) > 1
     table = study("pairs of hits, at one place and at two", "200 pairs of each, seed 2026")
     table.row("at one place, taken for two", apart[True], most=0)
     table.row("at two places, told apart", apart[False], least=121)

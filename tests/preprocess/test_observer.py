@@ -63,7 +63,7 @@ def test_the_error_of_cross_validation_is_that_of_predicting_every_quarter_from_
     total = found.errors(10, np.array([10]))[0]
     assert total.shape == (2,)
     assert np.allclose(total, error, rtol=1e-10)
-    assert np.isclose(found.share(total), np.mean(np.log(error / np.sum(y[p:] ** 2, axis=0))))
+    assert np.isclose(found.mean_log_share(total), np.mean(np.log(error / np.sum(y[p:] ** 2, axis=0))))
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -6,12 +6,13 @@ import os
 import re
 from collections.abc import AsyncIterator, Iterator
 from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 from secrets import token_hex
 
 from modalscope.data import DataError
 
-#: Formats of the export: suffix -> description.
+#: Formats that the page's menu of exports offers: suffix -> description.
 FORMATS = {
     ".json": "modes with all results, and the analysis",
     ".csv": "a table of the modes",
@@ -24,23 +25,34 @@ FORMATS = {
     ".analysis.json": "the document: every choice, to repeat the analysis",
 }
 
-#: Suffixes of the listed files: data and documents.
+#: Suffixes of the files that the page lists: measurements, and documents of analyses. Files of other suffixes of `modalscope.io.FORMATS`
+#: can be dropped on the page.
 _LISTED_SUFFIXES = (
     *(".uff", ".unv", ".npz", ".mat", ".h5", ".hdf5", ".csv", ".txt", ".asc", ".tsv", ".dat", ".lvm", ".xlsx"),
     *(".npy", ".wav", ".tdms", ".mf4", ".nc", ".parquet", ".analysis.json"),
 )
 
-#: Maximum number of listed files, and maximum depth of folders below the given one.
-_MAX_LISTED, _MAX_DEPTH = 500, 3
+#: Maximum number of files in the list, and maximum depth of folders below the given one. Both are choices: the list is made anew at each
+#: start of the page, and has to be short enough to read, also where the folder is a whole disk.
+_MAX_FILES, _MAX_DEPTH = 500, 3
 
-#: Prefix of the names of uploads.
+#: Prefix of the names of uploads, which tells them from files of the folder.
 _UPLOAD = "upload:"
+
+#: Maximum number of characters of the name of an upload, counted from its end, where the suffix is: file systems take names of 255 bytes,
+#: that is 120 characters of two bytes.
+_MAX_NAME = 120
 
 
 class FileStore:
     """The files that the page may open: those of one folder, and uploads.
 
-    `folder`: nothing outside of it is listed or opened. `place`: folder of uploads and documents.
+    Parameters
+    ----------
+    folder : path, optional
+        The folder whose files are listed; nothing outside of it is listed or opened. Without one only uploads can be opened.
+    place : path
+        Folder of the server's own files, in which uploads are written.
     """
 
     def __init__(self, folder: Path | None, place: Path) -> None:
@@ -49,26 +61,35 @@ class FileStore:
         self._uploads = self.place / "uploads"
         self._uploads.mkdir(parents=True, exist_ok=True, mode=0o700)
 
-    def listed(self) -> list[dict[str, object]]:
-        """Return the files of the folder that can be opened."""
-        return [] if self.folder is None else list(self._walk(self.folder))[:_MAX_LISTED]
+    def listing(self) -> list[dict[str, object]]:
+        """Return name (below the folder) and size (bytes) of the files of the folder that the page offers."""
+        return [] if self.folder is None else list(islice(self._walk(self.folder), _MAX_FILES))
 
     def _walk(self, top: Path) -> Iterator[dict[str, object]]:
-        for where, folders, names in os.walk(top):
-            here = Path(where)
-            folders[:] = sorted(
-                f for f in folders if not f.startswith(".") and len((here / f).relative_to(top).parts) <= _MAX_DEPTH
-            )
+        """Yield the files of a folder with a listed suffix, in the order of their names; hidden files and folders are left out."""
+        for parent, folders, names in os.walk(top):
+            folder = Path(parent)
+            depth = len(folder.relative_to(top).parts) + 1
+            # `os.walk` descends into the folders that remain in this list
+            folders[:] = sorted(name for name in folders if not name.startswith(".") and depth <= _MAX_DEPTH)
             for name in sorted(names):
+                path = folder / name
                 if name.lower().endswith(_LISTED_SUFFIXES) and not name.startswith("."):
-                    with suppress(OSError):
-                        size = (here / name).stat().st_size
-                        yield {"name": (here / name).relative_to(top).as_posix(), "size": size}
+                    with suppress(OSError):  # a file that was removed meanwhile, or that may not be read
+                        yield {"name": path.relative_to(top).as_posix(), "size": path.stat().st_size}
 
     def resolve(self, name: str) -> Path:
-        """Return the path of a listed file or an upload.
+        """Return the path of a file of the folder, or of an upload.
 
-        Raises `DataError`: a path outside of the folder, or no such file.
+        Parameters
+        ----------
+        name : str
+            As `listing` and `store_upload` return it.
+
+        Raises
+        ------
+        DataError
+            A path outside of the folder, also by a link, or no such file.
         """
         top, inner = (self._uploads, name.removeprefix(_UPLOAD)) if name.startswith(_UPLOAD) else (self.folder, name)
         if top is None or "\0" in inner:
@@ -81,47 +102,52 @@ class FileStore:
         return path
 
     def _outside(self, name: str) -> DataError:
-        where = "no folder was given" if self.folder is None else "it is outside of the folder"
+        fault = "no folder was given" if self.folder is None else "it is outside of the folder"
         return DataError(
-            f"{name!r} was asked", where, "Start `modalscope app --folder` there, or drop the file on the page."
+            f"{name!r} was asked", fault, "Start `modalscope app --folder` there, or drop the file on the page."
         )
 
-    async def take(self, name: str, chunks: AsyncIterator[bytes], most: int) -> str:
+    async def store_upload(self, name: str, chunks: AsyncIterator[bytes], max_bytes: int) -> str:
         """Write an upload chunk by chunk and return its name; one that is too large or interrupted is removed.
 
-        `most`: maximum size in bytes.
+        Each upload has a folder with a random name, so that uploads of one name do not replace each other.
+
+        Raises
+        ------
+        DataError
+            More than `max_bytes` bytes.
         """
         folder = self._uploads / token_hex(8)
         folder.mkdir(mode=0o700)
-        path, size = folder / _plain(name), 0
+        path, size = folder / _safe_name(name), 0
         try:
             with path.open("xb") as file:
                 async for chunk in chunks:
                     size += len(chunk)
-                    if size > most:
-                        raise too_large(name, most)
+                    if size > max_bytes:
+                        raise too_large(name, max_bytes)
                     file.write(chunk)
-        except BaseException:
+        except BaseException:  # a cancelled request, too
             path.unlink(missing_ok=True)
             folder.rmdir()
             raise
         return f"{_UPLOAD}{folder.name}/{path.name}"
 
 
-def too_large(name: str, most: int) -> DataError:
-    """Return the error of an upload of more than `most` bytes."""
+def too_large(name: str, max_bytes: int) -> DataError:
+    """Return the error of an upload of more than `max_bytes` bytes."""
     remedy = "Move it to a folder and start `modalscope app --folder` there."
-    return DataError(f"uploading {name} was asked", f"it has more than {most / 1e6:g} MB", remedy)
+    return DataError(f"uploading {name} was asked", f"it has more than {max_bytes / 1e6:g} MB", remedy)
 
 
-def _plain(name: str) -> str:
-    """Return the name of a file without folders and special characters.
+def _safe_name(name: str) -> str:
+    """Return the name of a file without folders and special characters, the last `_MAX_NAME` characters of it.
 
     Examples
     --------
-    >>> _plain("../../etc/passwd"), _plain("a b(1).uff"), _plain("..")
+    >>> _safe_name("../../etc/passwd"), _safe_name("a b(1).uff"), _safe_name("..")
     ('passwd', 'a b(1).uff', 'file')
     """
-    last = re.split(r"[/\\]", name)[-1]
-    kept = re.sub(r"[^\w .()+-]", "_", last).strip(". ")
-    return kept[-120:] or "file"
+    file_name = re.split(r"[/\\]", name)[-1]
+    plain = re.sub(r"[^\w .()+-]", "_", file_name).strip(". ")
+    return plain[-_MAX_NAME:] or "file"

@@ -78,7 +78,7 @@ async def start(request: Request) -> Response:
         {
             "version": VERSION,
             "folder": None if folder is None else folder.name,
-            "files": await asyncio.to_thread(store.files.listed),
+            "files": await asyncio.to_thread(store.files.listing),
             "documents": store.listed(),
             "methods": rows,
             "formats": FORMATS,
@@ -95,7 +95,7 @@ async def upload(request: Request) -> Response:
     length = request.headers.get("content-length", "0")
     if length.isdigit() and int(length) > most:
         raise too_large(name, most)
-    return JSONResponse({"file": await store.files.take(name, request.stream(), most)})
+    return JSONResponse({"file": await store.files.store_upload(name, request.stream(), most)})
 
 
 async def open_files(request: Request) -> Response:

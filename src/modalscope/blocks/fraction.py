@@ -28,10 +28,22 @@ def fraction(
 ) -> Fraction:
     """Prepare the normal equations of all degrees up to `degree`.
 
-    `response`: lines of any band. `degree`: largest degree p of the polynomials; a model of degree p has p m poles. `weights` (F,):
-    weights of the lines. `equal_outputs`: divide every output by its root mean square over the band.
+    Parameters
+    ----------
+    response : FrequencyResponse
+        Lines of any band: F lines, l outputs, m inputs.
+    degree : int
+        Largest degree p of the polynomials; a model of degree p has p m poles.
+    weights : array, (F,), optional
+        Weights of the lines.
+    equal_outputs : bool
+        Whether to divide every output by its root mean square over the band.
 
-    Raises `DataError`: fewer lines than unknowns: 2 F l must be at least (p + 1) l + p m.
+    Raises
+    ------
+    DataError
+        Fewer equations than unknowns: real and imaginary parts of l outputs on F lines are 2 F l equations for one column of
+        beta_0, ..., beta_p (l each) and A_1, ..., A_p (m each), that is (p + 1) l + p m unknowns.
 
     Notes
     -----
@@ -42,22 +54,21 @@ def fraction(
     """
     lines, outputs, inputs = response.values.shape
     p = check_count("degree", degree)
-    unknowns = (p + 1) * outputs + p * inputs
-    if 2 * lines * outputs < unknowns:
+    equations, unknowns = 2 * lines * outputs, (p + 1) * outputs + p * inputs
+    if equations < unknowns:
         raise DataError(
             f"a matrix fraction of degree {p} needs 2 x lines x outputs >= (p + 1) x outputs + p x inputs = {unknowns}",
-            f"{lines} lines and {outputs} outputs give {2 * lines * outputs}",
+            f"{lines} lines and {outputs} outputs give {equations}",
             "Widen the band or lower the degree.",
         )
     low, high = half_circle(response)
-    level = output_scale(response) if equal_outputs else np.ones(outputs)
     return Fraction(
         response=response,
         degree=p,
         base=low,
-        interval=1 / (2 * (high - low)),
+        interval=1 / (2 * (high - low)),  # from z = 1 to z = -1 is half of the circle
         weights=None if weights is None else np.asarray(weights, dtype=float),
-        output_scale=level,
+        output_scale=output_scale(response) if equal_outputs else np.ones(outputs),
     )
 
 
@@ -72,33 +83,36 @@ class Fraction(NormalEquations, DataMatrix):
 
     @property
     def dt(self) -> float | None:
-        """Sampling interval when the system is a sampled one; a structure's own responses give continuous poles."""
+        """Sampling interval of a sampled system; None for the responses of a structure, whose poles are continuous."""
         return self.interval if self.response.sampling_rate is not None else None
 
     @cached_property
     def sums(self) -> LineSums:
-        """What sums over the lines are made of where noise moves the poles."""
+        """The sums over the lines that give the standard deviations of the poles, shared by all orders."""
         return LineSums(self)
 
     @property
     def thinned(self) -> bool:
-        """No: few points of the arc stand for all lines."""
+        """False: noise is summed over a few points of the arc (`LineSums`), which costs the same for any number of lines."""
         return False
 
     def influence(self, left: Array, right: Array, lines: Lines | None = None) -> FractionInfluence:
         """Return the gradient of left_j dA right_j, A = [A_1; ...; A_p]; left (k, p m), right (m, k)."""
         m, degree = self.inputs, left.shape[1] // self.inputs
+        # A_0 is the identity, so that its rows are zero
         rows = np.concatenate([np.zeros((len(left), m)), -self.solved(degree, left.T).T], axis=1)
-        kept = all_lines(self.response.lines) if lines is None else lines
         return FractionInfluence(
-            self.sums, rows.reshape(len(left), degree + 1, m), np.asarray(right.T, dtype=complex), kept
+            self.sums,
+            rows.reshape(len(left), degree + 1, m),
+            np.asarray(right.T, dtype=complex),
+            all_lines(self.response.lines) if lines is None else lines,
         )
 
     @cached_property
     def factors(self) -> Factors:
-        """Eigenvectors of M of the largest degree and the roots of its eigenvalues, the singular values of the data behind it."""
-        weights, vectors = np.linalg.eigh(self.gram_matrices[-1])
-        d, V = np.sqrt(np.clip(weights[::-1], 0, None)), vectors[:, ::-1]
+        """Eigenvectors of M of the largest degree, and the roots of its eigenvalues: M is a Gram matrix, these are singular values."""
+        squares, vectors = np.linalg.eigh(self.gram_matrices[-1])
+        d, V = np.sqrt(np.clip(squares[::-1], 0, None)), vectors[:, ::-1]
         return Factors(V, d, V, d, d.size, f"normal equations, {d.size} unknowns a column")
 
     def to_s(self, poles: Array) -> ComplexArray:
@@ -114,7 +128,10 @@ class Fraction(NormalEquations, DataMatrix):
         return np.where(s.imag < 0, upper.conj(), upper)
 
     def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
-        """Return participation, the last entries of the left eigenvectors; shapes and residuals by least squares over the lines."""
+        """Return the participation of each eigenvalue, and shapes and residual terms by least squares over the lines.
+
+        The participation is the last m entries of the left eigenvector of the companion matrix.
+        """
         participation = eigen.left[:, -self.inputs :]
         powers = self.response.outside_powers
         basis = self.response.basis(self.to_s(eigen.values), powers, self.weights)
@@ -130,7 +147,7 @@ class Fraction(NormalEquations, DataMatrix):
         return Misfit(self.response, self.output_scale)
 
     def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> Iterator[tuple[Array, Array]]:
-        """Yield data and model with the residuals, which no state has."""
+        """Yield data and model; residual terms of out-of-band modes are part of the model, though no state holds them."""
         if fit.powers == (0,):
             yield from super().compared(model, poles, fit)
             return
@@ -138,10 +155,10 @@ class Fraction(NormalEquations, DataMatrix):
         yield basis.data, basis.rebuilt(fit.shapes, fit.participation, fit.terms)
 
     def describe(self) -> str:
-        """Say what the normal equations are, in words."""
+        """Describe the normal equations in words."""
         f = self.response.frequencies
-        kind = "exact for a sampled system" if self.dt is not None else "approximate for a continuous structure"
-        moved = f", counted from {self.base:g} Hz" if self.base else ""
-        weighted = ", weighted lines" if self.weights is not None else ""
-        lines = f"{f.size} lines, {f[0]:g} to {f[-1]:g} Hz{moved}"
-        return f"right matrix fraction to degree {self.degree} on {lines}, z = exp(j w T), {kind}{weighted}"
+        validity = "exact for a sampled system" if self.dt is not None else "approximate for a continuous structure"
+        offset = f", counted from {self.base:g} Hz" if self.base else ""
+        weighting = ", weighted lines" if self.weights is not None else ""
+        lines = f"{f.size} lines, {f[0]:g} to {f[-1]:g} Hz{offset}"
+        return f"right matrix fraction to degree {self.degree} on {lines}, z = exp(j w T), {validity}{weighting}"

@@ -16,7 +16,9 @@ from modalscope.data.shown import Shown
 from modalscope.numerics.checks import Array, IntArray, RealArray, check_each, check_kind, freeze, locked, real_array
 from modalscope.numerics.errors import DataError
 
+#: Unit vectors of translations.
 _DIRECTIONS = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
+#: A label of node and direction: a sign before or behind, R for a rotation, S for a scalar.
 _LABEL = re.compile(r"^\s*(?P<node>[^:\s]+?)\s*:?\s*(?P<direction>[+-]?R?[XYZ][+-]?|S)\s*$")
 
 
@@ -37,11 +39,15 @@ class Dof(NamedTuple):
         return f"{self.node}:{self.direction}"
 
 
+#: What names a channel: a label, a number, or a pair (node, direction).
 DofLike = str | int | Dof | Sequence[object]
 
 
-class _Checked(tuple[str, ...]):
-    """Labels that were read and found different: what is made of data of a million channels does not read them again."""
+class _CheckedLabels(tuple[str, ...]):
+    """Labels in canonical form that are known to differ.
+
+    Objects made of an object of a million channels carry its labels; this type says that `check_labels` need not read them again.
+    """
 
     __slots__ = ()
 
@@ -78,51 +84,53 @@ def label_of(dof: DofLike) -> str:
 def check_labels(name: str, dofs: Iterable[DofLike] | None, count: int, prefix: str) -> tuple[str, ...]:
     """Return `count` different labels: the given ones, or `prefix1`, `prefix2`, ... when there are none."""
     if dofs is None:
-        return _Checked(f"{prefix}{i + 1}" for i in range(count))
-    if isinstance(dofs, _Checked) and len(dofs) == count:
+        return _CheckedLabels(f"{prefix}{i + 1}" for i in range(count))
+    if isinstance(dofs, _CheckedLabels) and len(dofs) == count:
         return dofs
-    labels = _Checked(label_of(dof) for dof in ([dofs] if isinstance(dofs, str) else check_each(name, dofs, "labels")))
+    each = [dofs] if isinstance(dofs, str) else check_each(name, dofs, "labels")
+    labels = _CheckedLabels(label_of(dof) for dof in each)
     if len(labels) != count:
         raise DataError(f"{name} needs {count} labels, one a channel", f"{len(labels)} are given", "Give all.")
-    twice = sorted(label for label, times in Counter(labels).items() if times > 1)
-    if twice:
+    repeated = sorted(label for label, times in Counter(labels).items() if times > 1)
+    if repeated:
         raise DataError(
-            f"{name} needs different labels", f"{', '.join(twice)} are repeated", "Rename or drop channels."
+            f"{name} needs different labels", f"{', '.join(repeated)} are repeated", "Rename or drop channels."
         )
     return labels
 
 
-def indices_of(name: str, wanted: Iterable[DofLike] | DofLike, labels: Sequence[str]) -> list[int]:
-    """Return the positions of channels given by label, or by index when they are whole numbers."""
-    items: list[Any] = (
-        [wanted] if isinstance(wanted, str | int | Integral | Dof) else check_each(name, wanted, "labels")
-    )
+def indices_of(name: str, channels: Iterable[DofLike] | DofLike, labels: Sequence[str]) -> list[int]:
+    """Return the positions of channels that are given by label, or by index from zero.
+
+    A whole number that is no index is taken as a label.
+    """
+    one = isinstance(channels, str | int | Integral | Dof)
+    items: list[Any] = [channels] if one else check_each(name, channels, "labels")
     positions = {label: i for i, label in enumerate(labels)}
-    found = []
+    indices = []
     for item in items:
         if isinstance(item, Integral) and 0 <= int(item) < len(labels):
-            found.append(int(item))
+            indices.append(int(item))
             continue
         label = label_of(item)
         if label not in positions:
             raise DataError(f"{name} {label!r} was asked", f"there are only {', '.join(labels)}", "Name one of these.")
-        found.append(positions[label])
-    return found
+        indices.append(positions[label])
+    return indices
 
 
+#: A node, and the direction in which it moves with a channel.
 Motion = tuple[str, tuple[float, float, float]]
 
 
-def _elements(name: str, elements: ArrayLike | None, width: tuple[int, ...], nodes: tuple[str, ...]) -> IntArray:
-    """Return elements as indices into the nodes."""
-    if elements is None:
-        return locked(np.zeros((0, width[0]), dtype=np.int64))
-    array = np.asarray(elements)
+def _elements(name: str, elements: ArrayLike | None, sizes: tuple[int, ...], nodes: tuple[str, ...]) -> IntArray:
+    """Return elements, rows of node names, as rows of indices into the nodes; `sizes`: numbers of nodes that an element may have."""
+    array = np.asarray(() if elements is None else elements)
     if array.size == 0:
-        return locked(np.zeros((0, width[0]), dtype=np.int64))
-    if array.ndim != 2 or array.shape[1] not in width:
+        return locked(np.zeros((0, sizes[0]), dtype=np.int64))
+    if array.ndim != 2 or array.shape[1] not in sizes:
         raise DataError(
-            f"{name} need {' or '.join(map(str, width))} nodes a row",
+            f"{name} need {' or '.join(map(str, sizes))} nodes a row",
             f"the shape is {array.shape}",
             "Give one row each.",
         )
@@ -135,11 +143,11 @@ def _elements(name: str, elements: ArrayLike | None, width: tuple[int, ...], nod
     return locked(np.array([[position[str(node)] for node in row] for row in array], dtype=np.int64))
 
 
-def _motions(given: Any) -> dict[str, tuple[Motion, ...]]:
-    """Return what every channel moves, by its label."""
-    check_kind("motions of a geometry", given, Mapping)
+def _motions(motions: Any) -> dict[str, tuple[Motion, ...]]:
+    """Return the nodes that every channel moves and their directions, by its label."""
+    check_kind("motions of a geometry", motions, Mapping)
     try:
-        return {str(label): tuple((str(node), _vector(v)) for node, v in rows) for label, rows in given.items()}
+        return {str(label): tuple((str(node), _vector(v)) for node, v in rows) for label, rows in motions.items()}
     except (TypeError, ValueError) as error:
         if isinstance(error, DataError):
             raise
@@ -205,7 +213,7 @@ class Geometry(Shown):
         Parameters
         ----------
         label : str
-            Of the channel.
+            Label of a channel.
         """
         if label in self.motions:
             return self.motions[label]
@@ -226,15 +234,16 @@ class Geometry(Shown):
         """
         if np.shape(shape) != (len(labels),):
             raise DataError(f"shape needs {len(labels)} values", f"it has {np.shape(shape)}", "Give one a channel.")
-        moved = np.zeros((len(self.nodes), 3), dtype=np.result_type(np.asarray(shape), float))
+        displacement = np.zeros((len(self.nodes), 3), dtype=np.result_type(np.asarray(shape), float))
         position = {node: i for i, node in enumerate(self.nodes)}
         for label, value in zip(labels, shape, strict=True):
             for node, direction in self.motion_of(label):
                 if node in position:
-                    moved[position[node]] += value * np.asarray(direction)
-        return moved
+                    displacement[position[node]] += value * np.asarray(direction)
+        return displacement
 
 
 def _vector(direction: ArrayLike) -> tuple[float, float, float]:
+    """Return a direction as three numbers; another count raises ValueError."""
     x, y, z = (float(v) for v in np.asarray(direction, dtype=float).ravel())
     return (x, y, z)

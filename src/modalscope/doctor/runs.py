@@ -1,13 +1,14 @@
-"""Compare the runs of a test: driven at the same place or not, outputs of opposite sign, outputs that were exchanged.
+"""Compare the runs of a test: whether they were driven at one place, and whether outputs changed sign or were exchanged.
 
-Near a resonance the response to a force anywhere is the mode shape times a factor: it differs from mode to mode where the places
-differ. With rows a, b of two runs and the products p_n = <a, b> over short blocks n of neighbouring lines and all outputs,
+Near a resonance the response to a force at any place is the mode shape times a factor. If two runs were driven at different places, the
+ratio of their factors differs from mode to mode. With the responses a, b of two runs and the products p_n = <a, b> over short blocks n
+of neighbouring lines and all outputs,
 
-    G = sum |p_n| / sum |a_n| |b_n|                 likeness block by block (noise lowers it)
-    W = |sum p_n| / sqrt(sum |a_n|^2 sum |b_n|^2)   likeness in total
+    G = sum |p_n| / sum |a_n| |b_n|                 likeness block by block; noise lowers it
+    W = |sum p_n| / sqrt(sum |a_n|^2 sum |b_n|^2)   likeness of the whole band
 
-W is about G for one place whatever the noise, and below it for two. Channels of opposite sign or exchanged in a run lower W, too: the
-largest W over such changes counts.
+W is about G for one place whatever the noise, and below it for two. Outputs that changed sign or were exchanged in one of the runs lower
+W, too; therefore W is the largest over such changes.
 """
 
 from __future__ import annotations
@@ -31,32 +32,44 @@ from modalscope.preprocess.excitation import find_excitation
 from modalscope.preprocess.impacts import find_hits
 from modalscope.preprocess.spectra import Segments, cross_spectra
 
-#: Minimum lines and minimum values of a block, so that two blocks of noise seldom look alike.
+#: Minimum lines and minimum values (lines times outputs) of a block: of n random values the squared correlation is 1 / n in the mean.
 _MIN_BLOCK_LINES, _MIN_BLOCK_VALUES = 4, 16
 
-#: Probability that a block of noise counts as alike.
+#: Probability that a block of noise counts as alike. The squared correlation of two blocks of n values of complex white noise exceeds x
+#: with probability (1 - x)^(n - 1), so that the limit is x = 1 - _FALSE_ALARM^(1 / (n - 1)).
 _FALSE_ALARM = 1e-3
 
-#: Runs are at other places where 1 - W / G exceeds the first number plus the second times 1 - G. Of 400 pairs of random runs at one place
-#: (3 to 11 modes, 1 to 6 outputs, 5 to 60 dB, hits and random forces) none does; of 400 at two places 86 % of the hits do, 74 % of the
-#: others.
+#: Two runs count as driven at different places when 1 - W / G exceeds _MIN_DIFFERENCE + _NOISE_FACTOR (1 - G). The study behind both
+#: numbers: of 400 pairs of random runs at one place (3 to 11 modes, 1 to 6 outputs, 5 to 60 dB, hits and random forces) none does; of 400
+#: pairs at two places 86 % of those with hits do, and 74 % of those with random forces.
 _MIN_DIFFERENCE, _NOISE_FACTOR = 0.05, 2.0
 
-#: Maximum number of samples of a run that are examined: enough lines for its resonances.
+#: Maximum number of samples of a run that are examined. Every run is compared with every other, and 32 767 lines resolve the resonances of
+#: a test.
 _MAX_SAMPLES = 1 << 16
 
-#: Minimum real correlation of an output of a single run, without averages, with the negative of itself, or with another output.
-_MIN_LIKENESS = 0.5
+#: Minimum real correlation of an output of one run with the negative of its usual response, or with the usual response of another output
+#: (chosen: single runs have no averages, so that noise lowers all correlations). Two outputs count as exchanged only if this correlation
+#: is larger by the second factor than that of each of them with its own usual response.
+_MIN_LIKENESS, _MIN_EXCHANGE_RATIO = 0.5, 2.0
 
 
-def named_by_place(parts: Sequence[Any], names: Sequence[str]) -> tuple[list[Any], tuple[Note, ...]]:
-    """Return parts of a test with one input, labelled by place (after `names`, those of their files) where they were driven at several.
+def label_by_place(parts: Sequence[Any], names: Sequence[str]) -> tuple[list[Any], tuple[Note, ...]]:
+    """Label the input of each part of a test by its place when parts of one input label were driven at several places.
 
-    They are unchanged, without a note, for other data, other labels, one place, or several places within one part.
+    The parts are returned unchanged, without a note, if they have several inputs or different labels, if there is one place only, or if
+    the runs of one part were driven at several places.
+
+    Parameters
+    ----------
+    parts : sequence of data objects
+        Records or responses of one test.
+    names : sequence of str
+        Names of their files, for the note.
     """
     if not _one_input(parts):
         return list(parts), ()
-    places = same_places(parts)
+    places = place_numbers(parts)
     runs = np.cumsum([0, *(part.runs if isinstance(part, Signals) else 1 for part in parts)])
     of_part = [set(places[start:stop]) - {None} for start, stop in pairwise(runs)]
     if any(len(part_places) != 1 for part_places in of_part) or len(set.union(*of_part)) == 1:
@@ -86,28 +99,28 @@ def _one_input(parts: Sequence[Any]) -> bool:
     return all(np.array_equal(part.frequencies, first.frequencies) for part in parts)
 
 
-def same_places(parts: Sequence[Any]) -> list[int | None]:
-    """Return the number of the place for every run of every part, from 0 in order of appearance; None for one with an overloaded hit.
+def place_numbers(parts: Sequence[Any]) -> list[int | None]:
+    """Return the number of the place of every run of every part, from 0 in the order of appearance; None for a run with an overloaded hit.
 
     All parts have the same outputs and lines, and one input each.
     """
     if isinstance(parts[0], FrequencyResponse):
         rows = np.stack([part.values[:, :, 0] for part in parts])
         noise = [np.sum(part.variance, axis=(1, 2)) for part in parts if part.variance is not None]
-        # in units of the noise where that is known
+        # lines are divided by the standard deviation of their noise if all parts give it, so that noisy lines count less
         return list(_clusters(rows / np.sqrt(np.sum(noise, axis=0))[:, None] if len(noise) == len(parts) else rows))
-    usable = [k for part in parts for k in _usable_runs(part)]
+    usable = [use for part in parts for use in _usable_runs(part)]
     count = min(*(part.samples for part in parts), _MAX_SAMPLES)
     spectra = [[np.fft.rfft(x[:, :count], axis=1)[:, 1:-1] for x in part.by_run()] for part in parts]
     outputs, u = (np.concatenate(side)[usable] for side in zip(*spectra, strict=True))
     size = np.maximum(np.abs(u), np.finfo(float).tiny)
-    mean = np.exp(np.mean(np.log(size), axis=0))  # of the forces, so that lines without one do not count
+    mean = np.exp(np.mean(np.log(size), axis=0))  # responses times the usual force: lines without force do not count
     places = iter(_clusters(outputs * (mean * u.conj() / size**2)))
-    return [next(places) if kept else None for kept in usable]
+    return [next(places) if use else None for use in usable]
 
 
 def _usable_runs(part: Signals) -> list[bool]:
-    """Return for every run whether its force can be used: overloaded hits cannot."""
+    """Return whether the force of every run can be used; that of an overloaded hit is not known."""
     forces = part.by_run()[1]
     assert forces is not None
     unfit = {hit.run for hit in find_hits(forces[:, :, 0]) if hit.unfit} if find_excitation(part) == "impact" else ()
@@ -115,7 +128,7 @@ def _usable_runs(part: Signals) -> list[bool]:
 
 
 def _clusters(rows: ComplexArray) -> list[int]:
-    """Return the number of the place of every run; a run belongs to the place of any run with which it agrees."""
+    """Return the number of the place of every run, (runs, lines, outputs); a run belongs to the place of any run with which it agrees."""
     count = len(rows)
     agree = np.eye(count, dtype=bool)
     for i in range(count):
@@ -127,7 +140,7 @@ def _clusters(rows: ComplexArray) -> list[int]:
 
 
 def _differ(a: ComplexArray, b: ComplexArray) -> bool:
-    """Return whether two runs, (lines, outputs), were driven at different places."""
+    """Return whether two runs, (lines, outputs), were driven at different places; False where no block stands out of noise."""
     lines = max(_MIN_BLOCK_LINES, -(-_MIN_BLOCK_VALUES // a.shape[1]))
     blocks = len(a) // lines
     if blocks == 0:
@@ -139,14 +152,17 @@ def _differ(a: ComplexArray, b: ComplexArray) -> bool:
     significant = np.abs(products) ** 2 > (1 - _FALSE_ALARM ** (1 / (a[0].size - 1))) * sizes**2
     if not significant.any():
         return False
-    alike = float(np.sum(np.abs(products[significant])) / np.sum(sizes[significant]))
+    G = float(np.sum(np.abs(products[significant])) / np.sum(sizes[significant]))
     cross = np.einsum("nfi,nfj->ij", a[significant].conj(), b[significant])
-    whole = _explained(cross) / np.sqrt(np.sum(first[significant]) * np.sum(second[significant]))
-    return bool(1 - whole / alike > _MIN_DIFFERENCE + _NOISE_FACTOR * (1 - alike))
+    W = _largest_product(cross) / np.sqrt(np.sum(first[significant]) * np.sum(second[significant]))
+    return bool(1 - W / G > _MIN_DIFFERENCE + _NOISE_FACTOR * (1 - G))
 
 
-def _explained(cross: ComplexArray) -> float:
-    """Return the largest sum of products over channels as they are, of any signs, or two of them exchanged."""
+def _largest_product(cross: ComplexArray) -> float:
+    """Return the largest |sum p_n| over changes of one run: none, any signs of its outputs, or two of them exchanged.
+
+    `cross` (l, l): products of output i of one run with output j of the other.
+    """
     products = np.diag(cross)
     as_given = abs(complex(np.sum(products)))
     any_signs = float(np.sum(np.abs(products.real)))
@@ -155,14 +171,14 @@ def _explained(cross: ComplexArray) -> float:
 
 
 def changed_runs(signals: Signals) -> list[Finding]:
-    """Compare the runs of a test with one input: forces at other places, outputs of opposite sign, or two that were exchanged."""
+    """Find runs of a test with one input that were driven at other places, or whose outputs changed sign or were exchanged."""
     if signals.runs < 2 or len(signals.input_dofs) > 1:
         return []
-    places = same_places([signals])
-    driven = sorted({place for place in places if place is not None})
-    if len(driven) < 2:
-        return _changed_channels(signals) if signals.runs > 2 else []
-    runs = [", ".join(str(k + 1) for k, p in enumerate(places) if p == place) for place in driven]
+    places = place_numbers([signals])
+    different = sorted({place for place in places if place is not None})
+    if len(different) < 2:
+        return _changed_channels(signals) if signals.runs > 2 else []  # of two runs neither is the usual one
+    runs = [", ".join(str(k + 1) for k, p in enumerate(places) if p == place) for place in different]
     return [finding("places", *signals.input_dofs, runs=" | ".join(runs), count=len(runs))]
 
 
@@ -182,7 +198,7 @@ def _changed_channels(signals: Signals) -> list[Finding]:
     for r in range(signals.runs):
         others = np.delete(shape, r, axis=0)
         usual = np.median(others.real, axis=0) + 1j * np.median(others.imag, axis=0)
-        # [i, j]: of the median output i with output j of this run
+        # [i, j]: the usual response of output i with output j of this run
         likeness = (usual.conj().T @ shape[r]).real / np.maximum(np.linalg.norm(usual, axis=0), tiny)[:, None]
         same = np.diag(likeness)
         for i, dof in enumerate(dofs):
@@ -191,6 +207,6 @@ def _changed_channels(signals: Signals) -> list[Finding]:
             findings += [
                 finding("swapped: run", dofs[j], dof, run=r + 1)
                 for j in range(i)
-                if min(likeness[i, j], likeness[j, i]) > max(_MIN_LIKENESS, 2 * same[i], 2 * same[j])
+                if min(likeness[i, j], likeness[j, i]) > max(_MIN_LIKENESS, _MIN_EXCHANGE_RATIO * max(same[i], same[j]))
             ]
     return findings

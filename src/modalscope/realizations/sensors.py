@@ -1,4 +1,8 @@
-"""Transform models to the coordinates of the sensors: M^-1 K and M^-1 D (Eq. 107), first-order form (Eqs. 108-109)."""
+"""Transform models to the coordinates of the sensors: M^-1 K and M^-1 D (Eq. 107), first-order form (Eqs. 108-109).
+
+Equations are those of Juang, NASA TM 87720 (1986). M, D and K are mass, damping and stiffness matrix, l the number of outputs, n that of
+states.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,8 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import RealArray
 from modalscope.numerics.errors import DataError
 
-#: Maximum condition of [C; C A] at which the sensors separate the states.
+#: Maximum condition of [C; C A] at which the sensors separate the states: errors of the model are multiplied by it, and with 1e8 half of
+#: the digits of double precision remain.
 _MAX_CONDITION = 1e8
 
 
@@ -22,13 +27,14 @@ class EquationsOfMotion:
     Parameters
     ----------
     stiffness, damping : array, (l, l)
-        M^-1 K in 1/s^2 and M^-1 D in 1/s; with C_d the sensors' matrix, C_d M^-1 K C_d#.
+        M^-1 K in 1/s^2 and M^-1 D in 1/s. With outputs C_d q of the coordinates q of the structure, they are C_d M^-1 K C_d# and
+        C_d M^-1 D C_d#, where # is the pseudo-inverse.
     frequencies : array, (n / 2,)
-        Undamped natural frequencies, Hz: the roots of the eigenvalues of M^-1 K alone.
+        Undamped natural frequencies, Hz: the square roots of the eigenvalues of M^-1 K alone, over 2 pi.
     shapes : array, (l, n / 2)
         Its real modes, of length one.
     condition : float
-        Of [C; C A / w]: what errors of the model are multiplied by.
+        Condition of [C; C A / w], by which errors of the model are multiplied; w is the largest |pole|.
     """
 
     stiffness: RealArray
@@ -50,7 +56,7 @@ def equations_of_motion(model: StateSpace) -> EquationsOfMotion:
     Raises
     ------
     DataError
-        A sampled model; fewer sensors than degrees of freedom (n / 2), or sensors that do not tell them apart; rigid motions.
+        A sampled model; fewer sensors than degrees of freedom (n / 2), or sensors that do not separate them; rigid-body motions.
 
     Examples
     --------
@@ -60,7 +66,7 @@ def equations_of_motion(model: StateSpace) -> EquationsOfMotion:
     >>> bool(abs(e.stiffness - s.stiffness).max() < 1e-9)  # unit masses
     True
     """
-    _need_continuous(model)
+    _check_continuous(model)
     n, l = model.order, model.C.shape[0]
     if 2 * l < n:
         raise DataError(
@@ -68,8 +74,8 @@ def equations_of_motion(model: StateSpace) -> EquationsOfMotion:
             f"{l} sensors give {2 * l} rows of [C; CA], at least {n} are needed",
             f"Measure at least {-(-n // 2)} degrees of freedom, or lower the order to {2 * l}.",
         )
-    scale = float(np.abs(model.poles).max()) or 1.0
-    V = np.vstack([model.C, model.C @ model.A / scale])
+    w = float(np.abs(model.poles).max()) or 1.0  # displacements and velocities of one size
+    V = np.vstack([model.C, model.C @ model.A / w])
     condition = _condition(V, n)
     if condition > _MAX_CONDITION:
         raise DataError(
@@ -78,10 +84,11 @@ def equations_of_motion(model: StateSpace) -> EquationsOfMotion:
             "Measure more of them, or lower the order to the modes that the sensors see.",
         )
     X = np.asarray(-np.linalg.lstsq(V.T, (model.C @ model.A @ model.A).T, rcond=None)[0].T, dtype=float)
-    stiffness, damping = X[:, :l], X[:, l:] / scale
+    stiffness, damping = X[:, :l], X[:, l:] / w
     values, vectors = np.linalg.eig(stiffness)
-    largest = np.argsort(-np.abs(values))[: n // 2]
+    largest = np.argsort(-np.abs(values))[: n // 2]  # more sensors than degrees of freedom add eigenvalues of zero
     order = largest[np.argsort(np.abs(values[largest]))]
+    # each mode is turned to the phase at which its real part is largest
     real = np.real(vectors[:, order] * np.exp(-0.5j * np.angle(np.sum(vectors[:, order] ** 2, axis=0))))
     return EquationsOfMotion(
         stiffness=stiffness,
@@ -94,7 +101,7 @@ def equations_of_motion(model: StateSpace) -> EquationsOfMotion:
 
 @named(model=StateSpace)
 def first_order_form(model: StateSpace) -> StateSpace:
-    """Return the model whose states are the outputs, y' = (C A C#) y + C B u (Eqs. 108-109), of order l.
+    """Return the model of order l whose states are the outputs, y' = (C A C#) y + C B u (Eqs. 108-109).
 
     Parameters
     ----------
@@ -104,24 +111,23 @@ def first_order_form(model: StateSpace) -> StateSpace:
     Raises
     ------
     DataError
-        A sampled model, or C without full column rank: displacements alone (velocities alone) reach half of the states, whatever their
-        number; both are needed.
+        A sampled model, or C without full column rank. Displacements alone, or velocities alone, reach half of the states, whatever
+        their number: both are needed.
     """
-    _need_continuous(model)
-    n = model.order
+    _check_continuous(model)
+    n, l = model.order, model.C.shape[0]
     condition = _condition(model.C / np.maximum(np.linalg.norm(model.C, axis=1, keepdims=True), 1e-300), n)
-    if model.C.shape[0] < n or condition > _MAX_CONDITION:
+    if l < n or condition > _MAX_CONDITION:
+        rank = np.linalg.matrix_rank(model.C, tol=np.linalg.norm(model.C) / _MAX_CONDITION)
         raise DataError(
             f"the first-order form of {n} states was asked",
-            f"the {model.C.shape[0]} outputs reach {np.linalg.matrix_rank(model.C, tol=1e-8 * np.linalg.norm(model.C))} of them",
+            f"the {l} outputs reach {rank} of them",
             f"Measure at least {n} outputs, displacements and velocities both, or use the second-order form.",
         )
-    return StateSpace(
-        A=model.C @ model.A @ np.linalg.pinv(model.C), B=model.C @ model.B, C=np.eye(model.C.shape[0]), D=model.D
-    )
+    return StateSpace(A=model.C @ model.A @ np.linalg.pinv(model.C), B=model.C @ model.B, C=np.eye(l), D=model.D)
 
 
-def _need_continuous(model: StateSpace) -> None:
+def _check_continuous(model: StateSpace) -> None:
     if model.dt is not None:
         raise DataError(
             "a continuous model was asked", f"it is sampled every {model.dt:g} s", "Use domain='s' or to_continuous()."
@@ -129,5 +135,6 @@ def _need_continuous(model: StateSpace) -> None:
 
 
 def _condition(matrix: RealArray, n: int) -> float:
+    """Return the largest singular value over the n-th one; infinite below rank n."""
     d = np.linalg.svd(matrix, compute_uv=False)
     return float(d[0] / d[n - 1]) if d.size >= n and d[n - 1] > 0 else np.inf

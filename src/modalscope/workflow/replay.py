@@ -20,23 +20,23 @@ from modalscope.workflow.sources import are_paths, opened, source_of_data
 def replay(
     document: Analysis | str | Path, data: Any = None, *, force: bool = False, progress: Progress | None = None
 ) -> Result:
-    """Repeat an analysis: the same choices on the same data give the same result to the last bit.
+    """Repeat an analysis from its document: the same choices on the same data give the same result to the last bit.
 
     Parameters
     ----------
     document : Analysis or path
         The document, `x.analysis.json`, or a result that was written as .json.
     data : path or data object, optional
-        In place of the file that the document names.
+        The data, if they are not in the file that the document names.
     force : bool
-        Whether other data may take the place of those that were analysed.
+        Whether to accept data that differ from those that were analysed.
     progress : callable, optional
         Called with (orders done, orders in all).
 
     Raises
     ------
     DataError
-        A file that is not there or has changed, data that are needed and not given, a document that cannot be read.
+        A file that is missing or has changed, a document that names no file and no data, a document that cannot be read.
 
     Examples
     --------
@@ -55,30 +55,46 @@ def replay(
     if data is None and not all(file.path for file in files):
         have, change = "its document names no file", "Give the data: replay(document, data)."
         raise DataError("a replay of an analysis was asked", have, change)
-    given = [file.path for file in files] if data is None else data
-    opened_data, sources, notes = opened(given, document.reading if data is None or are_paths(data) else {})
+    # options of reading apply to files; a data object was read already
+    reading = document.reading if data is None or are_paths(data) else {}
+    response, sources, notes = opened([file.path for file in files] if data is None else data, reading)
     if not force:
-        check_same(files, sources, opened_data)
-    return analyzed(opened_data, document, progress, notes)
+        check_same(files, sources, response)
+    return analyzed(response, document, progress, notes)
 
 
-def check_same(known: tuple[SourceFile, ...], sources: tuple[SourceFile, ...], thing: Any) -> None:
-    """Raise `DataError` when the hash of data `thing` (`sources`) is not that of the analysed data (`known`).
+def check_same(expected: tuple[SourceFile, ...], sources: tuple[SourceFile, ...], data: Any) -> None:
+    """Raise `DataError` unless data are those that were analysed, by their hashes.
 
-    Where only the hash of files is known, data that were read from files are compared by these.
+    The document of an analysis of files has the hashes of these files. A data object that was read from files has another hash, that of its
+    arrays. It is accepted if its files have the expected hashes and give the same arrays when they are read again.
+
+    Parameters
+    ----------
+    expected : tuple of SourceFile
+        Sources of the analysed data, of the document. Without hashes nothing is compared.
+    sources : tuple of SourceFile
+        Sources of the data at hand, from `opened`.
+    data : data object
+        The data at hand.
+
+    Raises
+    ------
+    DataError
+        A hash differs.
     """
-    hashes = [file.sha256 for file in known]
+    hashes = [file.sha256 for file in expected]
     if not all(hashes) or hashes == [file.sha256 for file in sources]:
         return
-    came_from = files_of(thing)
-    named = all(file.path for file in known) and not any(file.path for file in sources)
-    if named and len(came_from) == len(known) and all(path.exists() for path in came_from):
-        read_again, of_files, _ = opened(came_from, [file.reading for file in known])
-        again = source_of_data(read_again).sha256
-        if hashes == [file.sha256 for file in of_files] and again and again == sources[0].sha256:
+    paths = files_of(data)
+    object_for_files = all(file.path for file in expected) and not any(file.path for file in sources)
+    if object_for_files and len(paths) == len(expected) and all(path.exists() for path in paths):
+        arrays, files, _ = opened(paths, [file.reading for file in expected])
+        hash_of_arrays = source_of_data(arrays).sha256
+        if hashes == [file.sha256 for file in files] and hash_of_arrays and hash_of_arrays == sources[0].sha256:
             return
     raise DataError(
-        f"the data of {', '.join(file.path for file in known if file.path) or 'the analysis'} were expected",
+        f"the data of {', '.join(file.path for file in expected if file.path) or 'the analysis'} were expected",
         "these are others: their hash differs from the document's",
         "Give the data that were analysed, or say force=True (a result of other data is another result).",
     )

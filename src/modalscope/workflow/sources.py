@@ -14,7 +14,7 @@ from modalscope.data import Geometry, ModalModel, Note, Signals, StoredSignals
 from modalscope.data.analysis import SourceFile
 from modalscope.data.setups import as_test, setups_of
 from modalscope.data.units import si_form
-from modalscope.doctor.runs import named_by_place
+from modalscope.doctor.runs import label_by_place
 from modalscope.io import from_frame, survey
 from modalscope.io.arrays import to_arrays
 from modalscope.io.frames import is_frame
@@ -39,7 +39,7 @@ def opened(data: Any, reading: Reading) -> tuple[Any, tuple[SourceFile, ...], tu
     each = _of_each(reading, len(data) if several else 1)
     if several:
         parts = [_opened(path, options) for path, options in zip(data, each, strict=True)]
-        named, places = named_by_place([part for part, _, _ in parts], [Path(path).stem for path in data])
+        named, places = label_by_place([part for part, _, _ in parts], [Path(path).stem for path in data])
         merged, units = si_form(named[0] if len(named) == 1 else merge(named))
         merged, base = _moved_by_base(merged)
         said = _alike([note for _, _, read_notes in parts for note in read_notes])
