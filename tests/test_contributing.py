@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 
 import numpy as np
@@ -10,12 +11,21 @@ import pytest
 import modalscope as ms
 from modalscope.identification.table import methods
 from modalscope.io.formats import FORMATS
-from modalscope.reporting.modes import figures_of
+from modalscope.reporting.modes import figures_of, modes_section
 from modalscope.systems import chain5
 from tests.support import ROOT
 
 #: Files in which a method is compared with a textbook formula, an identity, or structures of known modes.
 PROOFS = ("methods", "blocks", "judging")
+
+#: Modules that give reasons against a mode of a record without inputs.
+RULES = ("evidence", "no_structure")
+
+
+def words_of(*folders: str) -> str:
+    """Return the text of all tests in folders."""
+    files = [path for folder in folders for path in sorted((ROOT / "tests" / folder).rglob("*.py"))]
+    return "\n".join(path.read_text(encoding="utf-8") for path in files)
 
 
 @pytest.mark.parametrize("name", sorted({row.name for row in methods()}))
@@ -36,6 +46,13 @@ def test_every_format_is_in_the_readme_or_the_page_of_files(suffix: str) -> None
     assert re.search(rf"\{suffix}\b", text), f"name {suffix} in docs/files.md"
 
 
+@pytest.mark.parametrize("name", sorted({row.name for row in FORMATS.values()}))
+def test_every_format_is_read_by_a_test(name: str) -> None:
+    text = words_of("io")
+    suffixes = [suffix for suffix, row in FORMATS.items() if row.name == name]
+    assert any(re.search(rf"{re.escape(suffix)}\b", text) for suffix in suffixes), f"test {suffixes} in tests/io"
+
+
 @pytest.mark.parametrize("outputs", [1, 3])
 @pytest.mark.parametrize("domain", ["time", "s"])
 def test_indicators_are_a_real_number_a_mode_and_explained(domain: str, outputs: int) -> None:
@@ -52,3 +69,29 @@ def test_indicators_are_a_real_number_a_mode_and_explained(domain: str, outputs:
     assert [
         name for name in modes.indicators if f"{name.replace('_', ' ')}:" not in text and f"{name}:" not in text
     ] == []
+    tests = words_of("modal")
+    assert [name for name in modes.indicators if not re.search(rf"\b{name}\b", tests)] == [], "test its definition"
+
+
+def test_every_column_of_the_reports_table_is_explained() -> None:
+    modes = ms.analyze(chain5().impulse_response(300, noise=0.02, seed=0)).modes
+    heads = re.findall(r"<th [^>]*>(.*?)</th>", modes_section(modes).body.partition("<details>")[0])
+    assert {"grade", "± 95 % [Hz]"} <= set(heads)
+    page = (ROOT / "docs" / "trust.md").read_text(encoding="utf-8")
+    assert [head for head in heads if f"`{head}`" not in page] == [], "explain it in docs/trust.md"
+
+
+@pytest.mark.parametrize("module", RULES)
+def test_every_reason_against_a_mode_is_tried(module: str) -> None:
+    source = (ROOT / "src" / "modalscope" / "judging" / f"{module}.py").read_text(encoding="utf-8")
+    tests = words_of("judging")
+    added = [
+        node.args[0]
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "against.append"
+    ]
+    assert added
+    for reason in added:
+        parts = [n.value for n in ast.walk(reason) if isinstance(n, ast.Constant) and isinstance(n.value, str)]
+        longest = max(parts, key=len, default="").strip(" :,;")  # none where the text is that of a note
+        assert longest in tests, f"test both sides of the limit of {longest!r} in tests/judging"

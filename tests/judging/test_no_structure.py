@@ -70,6 +70,14 @@ def test_modes_of_samples_that_were_not_weighed_against_noise_are_told_to_be_so(
     assert CORRELATED not in [note.kind for note in with_note_on_errors(counted.take([]), diagram).notes]
 
 
+def test_below_the_height_that_noise_reaches_there_is_no_peak_in_the_spectra() -> None:
+    record = chain5().simulate(inputs="ambient", duration=60, sampling_rate=20.0, seed=0)
+    diagram = replace(ms.stabilize(record, orders=[10, 12, 14]), notes=())
+    heights = [{"peak_height": 1.0}, {"peak_height": 0.999}, {}]
+    found = with_objections_of_record(diagram, [Candidate(np.zeros(0, int), 3.2, 0.01, facts, ()) for facts in heights])
+    assert [c.against for c in found] == [(), ("no peak in the spectra of any combination of channels",), ()]
+
+
 def test_a_mode_beside_a_wandering_line_is_wider_than_its_wandering() -> None:
     record = chain5().simulate(inputs="ambient", duration=60, sampling_rate=20.0, seed=0)
     line = ms.Note("harmonic", {"frequency_hz": 3.256, "spread_hz": 0.012, "level": 0.5}, "a line")

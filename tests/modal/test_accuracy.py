@@ -40,6 +40,13 @@ def test_they_tell_modes_from_noise(method: str, domain: str) -> None:
         assert found.indicators["emac"][own].mean() > 2 * found.indicators["emac"][rest].mean()
 
 
+def test_the_consistent_mode_indicator_is_emac_times_phase_collinearity() -> None:
+    noisy = add_noise(FIVE["chain5"]().frequency_response(np.linspace(0.3, 8, 160)), 20)
+    values = identify(noisy, domain="s", order=14).modes.indicators
+    assert np.array_equal(values["cmi"], values["emac"] * values["mpc"])
+    assert values["mpc"].min() < 0.99  # else the product would be EMAC alone
+
+
 def test_the_right_factor_is_brought_back_to_the_lines() -> None:
     """H = P d Q' with Q over lines, against the decomposition of the whole matrix."""
     frf = add_noise(FIVE["chain5"]().frequency_response(np.linspace(0.3, 8, 100)))

@@ -209,8 +209,9 @@ def modes_section(modes: ModalModel, judged: Sequence[Grade] | None = None) -> S
     }
     if not any(np.isfinite(half).any() for half in widths):
         del columns["± 95 % [Hz]"], columns["± 95 % [%]"]
-    last = len(columns) - 1
-    body = table(list(columns), zip(*columns.values(), strict=True), words=[last - 1, last], graded=last - 1)
+    heads = list(columns)
+    graded = heads.index("grade")
+    body = table(heads, zip(*columns.values(), strict=True), words=[graded, heads.index("reason")], graded=graded)
     return Section("modes", "Modes", body + folded("All values: deviations, spreads, indicators", figures_of(modes)))
 
 
