@@ -56,7 +56,8 @@ def equations_of_motion(model: StateSpace) -> EquationsOfMotion:
     Raises
     ------
     DataError
-        A sampled model; fewer sensors than degrees of freedom (n / 2), or sensors that do not separate them; rigid-body motions.
+        A sampled model; fewer sensors than degrees of freedom (n / 2), or sensors that do not separate them; rigid-body motions measured
+        as velocities or accelerations, which do not depend on the position.
 
     Examples
     --------
