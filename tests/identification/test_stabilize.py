@@ -135,7 +135,7 @@ def test_an_exponential_window_is_taken_off_the_poles_of_every_order() -> None:
 
 
 def test_shapes_and_participation_are_rows_by_pole() -> None:
-    d = stabilize(RESPONSE, orders=[4])
+    d = stabilize(RESPONSE, orders=[4], reciprocal=False)
     assert (d.shapes.shape, d.participation.shape) == ((2, 2), (2, 3))
     for mode in (ONE, TWO):
         i = int(np.argmin(np.abs(d.poles - mode.pole)))
@@ -144,7 +144,7 @@ def test_shapes_and_participation_are_rows_by_pole() -> None:
 
 def test_the_fit_error_of_an_order_is_what_its_poles_leave_of_the_levelled_outputs() -> None:
     data = noisy()
-    d = stabilize(data, orders=[2, 4, 8])
+    d = stabilize(data, orders=[2, 4, 8], reciprocal=False)
     level = np.sqrt(np.mean(data.values**2, axis=(0, 2)))[:, None]
     for n, error in zip(d.orders, d.fit_errors, strict=True):
         own = d.order_of_pole == n
@@ -166,7 +166,7 @@ def test_the_fit_error_on_lines_counts_real_and_imaginary_part_and_the_direct_te
     assert d.fit_errors[0] < 1e-9
     rng = np.random.default_rng(0)
     noise = 0.2 * np.std(H) * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape))
-    d = stabilize(FrequencyResponse(values=H + noise, frequencies=f), orders=[2], domain="s")
+    d = stabilize(FrequencyResponse(values=H + noise, frequencies=f), orders=[2], domain="s", reciprocal=False)
     level = np.sqrt(np.mean(np.abs(H + noise) ** 2, axis=(0, 2)))[:, None]
     # the two states take next to nothing of 80 lines of noise
     expected = np.linalg.norm(noise / level) / np.linalg.norm((H + noise) / level)
@@ -208,8 +208,12 @@ def test_orders_of_lines_go_up_to_eighty_and_to_as_many_as_there_are_columns_of_
     assert stabilize(lines(60)).orders == tuple(range(2, 81, 2))
     assert stabilize(lines(20, outputs=20, inputs=1)).orders == tuple(range(2, 21, 2))
     # 14 x 3 columns, but the rows carry fewer; ten lines lie in the band
-    assert "orders 30 to 42 left out: the data matrix has rank 28" in map(str, stabilize(lines(14)).notes)
-    assert "orders 22 to 30 left out: the data matrix has rank 20" in map(str, stabilize(lines(60), band=(2, 5)).notes)
+    assert "orders 30 to 42 left out: the data matrix has rank 28" in map(
+        str, stabilize(lines(14), reciprocal=False).notes
+    )
+    assert "orders 22 to 30 left out: the data matrix has rank 20" in map(
+        str, stabilize(lines(60), band=(2, 5), reciprocal=False).notes
+    )
 
 
 @pytest.mark.slow

@@ -13,13 +13,13 @@ from modalscope.io.analysis import analysis_to
 from modalscope.numerics.checks import check_number, check_positive
 
 #: The fields that `set` changes.
-_SETTABLE = ("bands", "exclude", "route", "method", "domain", "orders", "options", "refine", "remarks")
+_SETTABLE = ("bands", "exclude", "route", "reciprocal", "method", "domain", "orders", "options", "refine", "remarks")
 
 #: Maximum relative difference of two frequencies that denote the same mode.
 _SAME_FREQUENCY = 1e-6
 
 #: The fields of a document that its diagrams depend on.
-_DIAGRAM_FIELDS = ("files", "bands", "exclude", "route", "method", "domain", "orders", "options")
+_DIAGRAM_FIELDS = ("files", "bands", "exclude", "route", "reciprocal", "method", "domain", "orders", "options")
 
 
 def diagrams_key(document: Analysis) -> str:

@@ -185,3 +185,5 @@ def add_choices(parser: Parser, *, bands: bool = False) -> None:
     delays = "outputs delayed after the forces, such as y3=12, or none; default: detected"
     add("--delays", nargs="+", metavar="DOF=SAMPLES", help=delays)
     add("--exclude", nargs="+", metavar="DOF", help="channels to exclude")
+    same = "exchange inputs and outputs by reciprocity, or do not; default: where the inputs outnumber the outputs"
+    add("--reciprocal", action=argparse.BooleanOptionalAction, default=None, help=same)

@@ -52,9 +52,10 @@ def read_modes(options: argparse.Namespace, path: Path) -> ModalModel:
 
 
 def choices(options: argparse.Namespace) -> dict[str, Any]:
-    """Return band, route, delays and excluded channels as keyword arguments of the identification."""
+    """Return band, route, delays, reciprocity and excluded channels as keyword arguments of the identification."""
     band = None if options.band is None else tuple(options.band)
-    return {"band": band, "route": options.route, "delays": parse_delays(options.delays), "exclude": options.exclude}
+    given = {name: getattr(options, name) for name in ("route", "reciprocal", "exclude")}
+    return {"band": band, "delays": parse_delays(options.delays), **given}
 
 
 def reading_options(options: argparse.Namespace, path: Path) -> dict[str, Any]:

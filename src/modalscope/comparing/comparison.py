@@ -262,7 +262,7 @@ def compare(
         check_count("workers", workers)
     check_count("replicates", replicates, least=0)
     data, causes = without_dead(data)
-    route_options = {name: options.pop(name, None) for name in ("route", "delays")}
+    route_options = {name: options.pop(name, None) for name in ("route", "delays", "reciprocal")}
     routes, failed = witnesses(data, band, **route_options)
     tasks, refused = tasks_of(routes, methods, orders)
     measured, cells = [data for data, _ in tasks], [cell for _, cell in tasks]

@@ -27,6 +27,7 @@ import numpy as np
 from modalscope.comparing.diagnosis import Cause
 from modalscope.comparing.run import Cell, MethodResult
 from modalscope.data.record_residual import UNMEASURED
+from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response, line_step
 from modalscope.identification.method import DOMAINS, Method
 from modalscope.identification.method_names import find_method
@@ -45,20 +46,24 @@ _CAUSES_OF_NOTES = {UNMEASURED: "unmeasured forces", "delay": "delay", "warning"
 
 
 def witnesses(
-    data: Any, band: Any, route: str | None, delays: Mapping[str, int] | None = None
+    data: Any, band: Any, route: str | None, delays: Mapping[str, int] | None = None, reciprocal: bool | None = None
 ) -> tuple[tuple[Measured, ...], tuple[str, ...]]:
     """Return the response of the data by every route, the usual one first, and why others failed; other data have one response.
 
     `band`: Hz. `route`: the only one, where asked. `delays`: as in `identify`; those of the usual route are used for the others, too.
     """
-    first = measure(data, band, route=route, delays=delays)
+    if reciprocal is None and isinstance(data, Signals | Records):
+        reciprocal = (
+            False  # not all routes give responses that can be exchanged, and shapes are compared over the same points
+        )
+    first = measure(data, band, route=route, delays=delays, reciprocal=reciprocal)
     if first.route is None or route not in (None, "auto"):
         return (first,), ()
     responses, failed = [first], []
     for other in USUAL:
         if other != first.route:
             try:
-                responses.append(measure(data, band, route=other, delays=first.delays or {}))
+                responses.append(measure(data, band, route=other, delays=first.delays or {}, reciprocal=reciprocal))
             except DataError as error:
                 failed.append(f"Route {other} left out: {error.found}")
     return tuple(responses), tuple(failed)

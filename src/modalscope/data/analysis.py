@@ -49,6 +49,8 @@ class Analysis:
         Channels left out.
     route : str
         From records with inputs, "auto" by default.
+    reciprocal : bool, optional
+        Whether inputs and outputs of responses are exchanged by reciprocity; None where that was left to the program.
     method, domain : str, optional
         The cell of the table.
     orders : tuple of int, optional
@@ -79,6 +81,7 @@ class Analysis:
     bands: tuple[tuple[float, float], ...] = ()
     exclude: tuple[Any, ...] = ()
     route: str = "auto"
+    reciprocal: bool | None = None
     method: str | None = None
     domain: str | None = None
     orders: tuple[int, ...] | None = None
@@ -101,6 +104,7 @@ class Analysis:
         check_kind("options of an analysis", self.options, Mapping)
         check_kind("refine", self.refine, bool)
         check_kind("apart", self.apart, bool)
+        check_kind("reciprocal", self.reciprocal, (bool, type(None)))
         freeze(
             self,
             bands=tuple(check_band(band) for band in self.bands),

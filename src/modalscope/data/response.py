@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, fields, replace
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
 #: How steps of `processing` name correlations, and half spectra.
 CORRELATED, HALF = "correlated", "half spectra"
+
+#: How a step of `processing` names an exchange of inputs and outputs.
+EXCHANGED = "inputs and outputs exchanged by reciprocity"
 
 #: The kind of a note on inputs that the data cannot separate; its numbers stand by their labels.
 INSEPARABLE = "inputs not told apart"
@@ -108,6 +111,35 @@ class Response(Channels, Convertible):
     def of_correlations(self) -> bool:
         """Whether lines are half spectra, whose errors are correlated from line to line, as those of correlations are."""
         return any(HALF in step for step in self.processing)
+
+    @property
+    def reciprocal(self) -> bool:
+        """Whether its columns are inputs, whose responses can be those to a force at an output: H_ij = H_ji."""
+        return self.origin in ("lines", "pulse", "dirac") and not self.of_correlations
+
+    @property
+    def exchanged(self) -> bool:
+        """Whether inputs and outputs were exchanged: the outputs are the drive points."""
+        return EXCHANGED in self.processing
+
+    def transposed(self) -> Self:
+        """Return the response with inputs and outputs exchanged, H'; a coherence of whole outputs (F, l) is left out.
+
+        The unit of each side is one: that of the motion, and that of the force.
+        """
+        names = {f.name for f in fields(self)} & {"values", "variance", "coherence", "feedthrough"}
+        given = {name: array for name in names if (array := getattr(self, name)) is not None}
+        whole = {name: None for name, array in given.items() if name == "coherence" and array.ndim == 2}
+        arrays = {name: np.ascontiguousarray(np.swapaxes(array, -1, -2)) for name, array in given.items()} | whole
+        outputs, inputs = len(self.output_dofs), len(self.input_dofs)
+        changed: Any = {
+            **arrays,
+            "output_dofs": self.input_dofs,
+            "input_dofs": self.output_dofs,
+            "units": (self.units[0][:1] * inputs, self.units[1][:1] * outputs),
+            "groups": AUTO,
+        }
+        return replace(self, **changed).processed(EXCHANGED)
 
     @property
     def inseparable_inputs(self) -> tuple[Note, ...]:

@@ -25,13 +25,15 @@ class Settings:
 
     `band`: lowest and highest frequency in Hz that is used. `exclude`: channels left out. `route`: from records with inputs: "records",
     "frf", "markov" or "subspace". `delays`: from records with inputs: samples by which outputs come late after the forces, which was
-    taken out; {} for none. `factorization`: the route to the singular vectors.
+    taken out; {} for none. `reciprocal`: True where inputs and outputs were exchanged by reciprocity, False where that was refused.
+    `factorization`: the route to the singular vectors.
     """
 
     band: tuple[float, float] | None = None
     exclude: tuple[Any, ...] | None = None
     route: str | None = None
     delays: Mapping[str, int] | None = None
+    reciprocal: bool | None = None
     factorization: str = "auto"
 
     def keys(self) -> Iterator[str]:

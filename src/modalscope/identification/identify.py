@@ -119,6 +119,9 @@ def identify(
     delays : mapping of label to int, optional
         Samples by which outputs of records with inputs come late after the forces, which is taken out; {} for none. By default what is
         seen with certainty after random forces.
+    reciprocal : bool, optional
+        Whether inputs and outputs of responses to single forces are exchanged (H_ij = H_ji). By default where the inputs outnumber the
+        outputs, as of a roving hammer, and no point that was both driven and measured contradicts: shapes are then over the drive points.
     block_rows, block_columns : int, optional
         Blocks of H(0); on lines block_rows is the degree of the polynomials and columns are lines.
     form : {"observable", "controllable", "smaller"}, optional

@@ -29,6 +29,7 @@ class AllOptions(TypedDict, total=False):
     exclude: Any
     route: str | None
     delays: Mapping[str, int] | None
+    reciprocal: bool | None
     factorization: str
     block_rows: int | None
     block_columns: int | None
@@ -79,6 +80,7 @@ class Options(Settings):
             band=None if self.band is None else check_band(self.band),
             exclude=None if exclude is None else labels_of(exclude),
             route=None if self.route is None else check_choice("route", self.route, ROUTES),
+            reciprocal=None if self.reciprocal is None else reciprocity_of(self.reciprocal),
             factorization=check_choice("factorization", self.factorization, FACTORIZATIONS),
         )
 
@@ -87,6 +89,12 @@ def delays_of(delays: Any) -> dict[str, int]:
     """Return delays by label as whole numbers."""
     check_kind("delays", delays, Mapping)
     return {str(dof): check_count(f"the delay of {dof}", samples, least=0) for dof, samples in delays.items()}
+
+
+def reciprocity_of(reciprocal: Any) -> bool:
+    """Return whether inputs and outputs are exchanged."""
+    check_kind("reciprocal", reciprocal, bool)
+    return bool(reciprocal)
 
 
 def labels_of(exclude: Any) -> tuple[Any, ...]:

@@ -25,7 +25,8 @@ from modalscope.identification.ambient_records import (
 )
 from modalscope.identification.method import Method, Problem, Takes
 from modalscope.identification.method_names import find_method
-from modalscope.identification.options import ROUTES, AllOptions, Options, delays_of
+from modalscope.identification.options import ROUTES, AllOptions, Options, delays_of, reciprocity_of
+from modalscope.identification.reciprocity import by_reciprocity
 from modalscope.identification.routes import USUAL, by_route, chosen_route, one_record, without_delays
 from modalscope.identification.sizes import setup_blocks
 from modalscope.identification.table import methods
@@ -44,6 +45,7 @@ class Measured:
 
     `records`: without inputs, filtered to the band. `driven`: with inputs, without delays. `given`: the kind of data in words. `row`,
     `domain`: defaults for these data. `band`: Hz, as asked or automatic. `route`: from records with inputs. `delays`: samples by output.
+    `reciprocal`: whether inputs and outputs were exchanged; None where nobody asked and they were not.
     `sizes`: default block sizes of the response. `whitening`: of ambient channels.
     """
 
@@ -57,6 +59,7 @@ class Measured:
     route: str | None = None
     driven: Records | None = None
     delays: Mapping[str, int] | None = None
+    reciprocal: bool | None = None
     notes: tuple[Note, ...] = ()
     sizes: Mapping[str, int] = field(default_factory=dict)
     whitening: Whitening | None = None
@@ -100,8 +103,8 @@ def prepare(data: Any, method: str | None = None, domain: str | None = None, **o
     ('era', (200, 4, 2))
     """
     band, exclude = options.pop("band", None), options.pop("exclude", None)
-    route, delays = options.pop("route", None), options.pop("delays", None)
-    measured = measure(data, band, exclude, route, method=method, domain=domain, delays=delays)
+    asked = {name: options.pop(name, None) for name in ("route", "delays", "reciprocal")}
+    measured = measure(data, band, exclude, method=method, domain=domain, **asked)
     name = measured.row if method is None else method
     return pose(measured, find_method(name, domain, measured.domain, measured.route), options)
 
@@ -115,30 +118,37 @@ def measure(
     method: str | None = None,
     domain: str | None = None,
     delays: Mapping[str, int] | None = None,
+    reciprocal: bool | None = None,
 ) -> Measured:
     """Return the response of the data in a band (Hz) without the excluded channels; records become responses here.
 
     `route`: from records with inputs, see `modalscope.identification.routes`; the automatic one serves `method` and `domain`. `delays`:
-    samples by which outputs are late, see `modalscope.doctor.delays`.
+    samples by which outputs are late, see `modalscope.doctor.delays`. `reciprocal`: see `modalscope.identification.reciprocity`.
     """
     checked = None if band is None else check_band(band)
     asked = "auto" if route is None else check_choice("route", route, ROUTES)
     test = as_test(data) if isinstance(data, list | tuple) else data
     test = test if exclude is None or not hasattr(test, "select") else test.select(exclude=exclude)
-    measured = _measured(test, checked, _Asked(asked, method, domain, None if delays is None else delays_of(delays)))
+    late = None if delays is None else delays_of(delays)
+    sides = None if reciprocal is None else reciprocity_of(reciprocal)
+    measured = _measured(test, checked, _Asked(asked, method, domain, late, sides))
     if asked not in ("auto", measured.route) or (delays and measured.route is None):
         what = f"delays={delays!r}" if asked in ("auto", measured.route) else f"route={asked!r}"
         raise DataError(f"{what} was asked", f"the data are {measured.given}, not records with inputs", "Omit it.")
+    if reciprocal and not measured.response.exchanged:
+        have = f"the data are {measured.given}, not responses to single forces"
+        raise DataError("reciprocal=True was asked", have, "Omit it, or estimate frequency responses: route='frf'.")
     return replace(measured, band=measured.band if checked is None else checked, exclude=exclude)
 
 
 class _Asked(NamedTuple):
-    """Arguments that decide the route from records with inputs."""
+    """Arguments that decide the route from records with inputs, and which side of a response is which."""
 
     route: str
     method: str | None
     domain: str | None
     delays: Mapping[str, int] | None
+    reciprocal: bool | None
 
 
 @singledispatch
@@ -157,14 +167,21 @@ _USUAL = {("lines", False): ("alternate", "s"), ("lines", True): ("alternate", "
 def _(data: Response, band: tuple[float, float] | None, asked: _Asked) -> Measured:
     check_size(data)
     usual = _USUAL.get((data.origin, data.held_input), ("era", "time"))
-    return Measured(data.in_band(band), None, type(data).__name__, *usual)
+    return _exchanged(Measured(data.in_band(band), None, type(data).__name__, *usual), asked)
+
+
+def _exchanged(measured: Measured, asked: _Asked) -> Measured:
+    """Return a response to forces, each by itself, with inputs and outputs exchanged where that was asked or helps."""
+    response, notes = by_reciprocity(measured.response, asked.reciprocal)
+    reciprocal = True if response.exchanged else asked.reciprocal
+    return replace(measured, response=response, reciprocal=reciprocal, notes=(*measured.notes, *notes))
 
 
 @_measured.register
 def _(data: ImpulseResponse, band: tuple[float, float] | None, asked: _Asked) -> Measured:
     check_size(data)
     slower = data if band is None else slower_correlation(data, band[1])
-    return Measured(slower, None, type(data).__name__, "era", "time")
+    return _exchanged(Measured(slower, None, type(data).__name__, "era", "time"), asked)
 
 
 @_measured.register
@@ -179,7 +196,7 @@ def _(data: Records, band: tuple[float, float] | None, asked: _Asked) -> Measure
         route = chosen_route(data, asked.method, asked.domain, asked.route)
         driven, delays, notes = without_delays(data, asked.delays)
         way, (row, domain) = by_route(driven, route, band), USUAL[route]
-        return Measured(
+        measured = Measured(
             way.response,
             None,
             "records with inputs",
@@ -191,6 +208,8 @@ def _(data: Records, band: tuple[float, float] | None, asked: _Asked) -> Measure
             delays=delays,
             notes=(*notes, *way.notes),
         )
+        alone = route == "frf" and all(len(run.input_dofs) == 1 for run in driven.runs)
+        return _exchanged(measured, asked) if alone else measured
     return _measured(seen_record(one_record(data, "correlations")), band, asked)
 
 
@@ -273,7 +292,7 @@ def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem
     _check_form(row, options.get("form"))
     names = {f.name for f in fields(row.options_type)}
     sizes = {name: size for name, size in measured.sizes.items() if name in names and options.get(name) is None}
-    shared = {name: getattr(measured, name) for name in ("band", "exclude", "route", "delays")}
+    shared = {name: getattr(measured, name) for name in ("band", "exclude", "route", "delays", "reciprocal")}
     chosen = _options_of(row, {**shared, **options, **sizes})
     converted, note = _CONVERTED[row.takes](response) if row.takes in _CONVERTED else (response, "")
     # a correlation keeps all lines: its rate suits the band, and lines all around the circle determine powers of z

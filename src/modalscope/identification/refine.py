@@ -19,6 +19,7 @@ from modalscope.data.results import Settings
 from modalscope.data.setups import Setups, as_test
 from modalscope.data.shown import counted
 from modalscope.identification.prepare import measure
+from modalscope.identification.reciprocity import by_reciprocity
 from modalscope.likelihood.descent import residual
 from modalscope.likelihood.refine_setups import refine_setups
 from modalscope.likelihood.refined import refined
@@ -216,7 +217,10 @@ def _ambient(data: Any) -> Setups | None:
 def _response(data: Any, modes: ModalModel, settings: Settings | Mapping[str, Any]) -> Response:
     """Return the response that the modes are of."""
     check_kind("settings", settings, (Settings, Mapping))
-    response = measure(data, **{name: settings.get(name) for name in ("band", "exclude", "route", "delays")}).response
+    given = {name: settings.get(name) for name in ("band", "exclude", "route", "delays")}
+    response = measure(data, **given, reciprocal=False).response
+    if set(modes.output_dofs) == set(response.input_dofs) != set(response.output_dofs):  # they were found exchanged
+        response, _ = by_reciprocity(response, True)
     if response.ambient:
         raise DataError(
             "refinement on correlations was asked",

@@ -1,7 +1,7 @@
 """Read and write analyses as JSON, alone (`x.analysis.json`) or inside a file of modes.
 
     {"modalscope": version, "analysis": {"schema", "version", "files": [{"path", "size", "sha256", "reading"}], "bands", "exclude",
-     "route", "method", "domain", "orders", "options", "frequencies", "taken", "refused", "refine", "names", "remarks"}}
+     "route", "reciprocal", "method", "domain", "orders", "options", "frequencies", "taken", "refused", "refine", "names", "remarks"}}
 
 Arrays among the options are {"array": [...]}, with every digit; complex ones have "imag", too.
 """
@@ -66,8 +66,8 @@ def analysis_from(entries: Mapping[str, Any]) -> Analysis:
         fault = f"it has {', '.join(unknown)}, which this version does not know"
         raise DataError("an analysis was read", fault, "Use a later version.")
     try:
-        # "refine" is missing where it was written before there was one
-        given = {"refine": False, **{name: _back(value) for name, value in entries.items()}}
+        # "refine" and "reciprocal" are missing where it was written before there was one
+        given = {"refine": False, "reciprocal": False, **{name: _back(value) for name, value in entries.items()}}
         files = tuple(SourceFile(**file) for file in given.pop("files", ()))
         return Analysis(files=files, **given)
     except DataError:

@@ -11,6 +11,7 @@ from modalscope.data.analysis import Analysis
 from modalscope.data.channels import choose_channels
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
+from modalscope.data.response import Response
 from modalscope.data.results import Result, StabilizationDiagram
 from modalscope.doctor.examine import examine
 from modalscope.identification.options import AllOptions, labels_of
@@ -94,11 +95,13 @@ def analyze(
     opened_data, sources, notes = opened(data, {} if reading is None else reading)
     bands = _bands(options.pop("band", None))
     exclude, route = options.pop("exclude", None), options.pop("route", None)
+    reciprocal = options.pop("reciprocal", None)
     document = Analysis(
         files=sources,
         bands=bands,
         exclude=() if exclude is None else labels_of(exclude),
         route=route or "auto",
+        reciprocal=reciprocal,
         method=method,
         domain=domain,
         orders=None if orders is None else tuple(check_each("orders", orders, "whole numbers")),
@@ -155,7 +158,14 @@ def concluded(
         findings=findings,
         notes=tuple(dict.fromkeys(notes)),
         analysis=document,
-        data=data,
+        data=_as_identified(data, diagrams[0]),
+    )
+
+
+def _as_identified(data: Any, diagram: StabilizationDiagram) -> Any:
+    """Return responses with inputs and outputs exchanged where they were identified so."""
+    return (
+        data.transposed() if isinstance(data, Response) and diagram.response.exchanged and not data.exchanged else data
     )
 
 

@@ -82,6 +82,7 @@ def looked_at(
             band=band,
             exclude=document.exclude or None,
             route=document.route,
+            reciprocal=document.reciprocal,
             progress=progress,
             watch=watch,
             **document.options,
