@@ -41,7 +41,6 @@ REFUSED = {
     "hits as columns": "--axes",
     "a workbook of two tables": "--sheet",
     "a column that says overload": "--ignore",
-    "bare lines of real and imaginary parts": "--columns",
 }
 
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from modalscope.data import DataError
 from modalscope.io.columns import Column, Table, contents_from_table
-from modalscope.io.columns.words import kind_of_unit, role_by_words, split_head
+from modalscope.io.columns.kinds import role_by_words
+from modalscope.io.columns.words import kind_of_unit, split_head
 from modalscope.io.contents import DataObject, unreadable
 from modalscope.io.from_arrays import overridden
 from modalscope.numerics.arguments import plainly
@@ -71,7 +72,7 @@ def _of_frame(frame: Any) -> tuple[list[Column], dict[int, str]]:
 def _of_dataset(data: Any, where: str) -> tuple[list[Column], dict[int, str]]:
     """Return the variables of a Dataset along their common dimension, those of further dimensions column by column."""
     shared = [str(dim) for dim in data.sizes if all(dim in data[name].dims for name in data.data_vars)]
-    roles_of_dims = {dim: role_by_words(_column(1, dim, "", np.zeros(1))).role for dim in shared}
+    roles_of_dims = {dim: role_by_words(*split_head(dim)) for dim in shared}
     axis = next((dim for dim, role in roles_of_dims.items() if role in ("time", "frequency")), None)
     axis = axis or max(shared, key=lambda dim: data.sizes[dim], default=None)
     if axis is None:

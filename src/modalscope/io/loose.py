@@ -14,7 +14,8 @@ import numpy as np
 
 from modalscope.io.columns import Column, Table
 from modalscope.io.columns.axis import rises, sampling_of
-from modalscope.io.columns.words import kind_of_unit, role_by_words, split_head
+from modalscope.io.columns.kinds import role_by_words
+from modalscope.io.columns.words import kind_of_unit, split_head
 from modalscope.io.contents import Options, unreadable
 from modalscope.numerics.checks import Array
 
@@ -148,7 +149,7 @@ def axis_kind(name: str, array: Array) -> str:
     bare = name.rpartition(".")[2]
     if _leaf(name) in _ANGULAR:
         return "frequency"
-    role = role_by_words(Column(number=1, name=split_head(bare)[0], unit=split_head(bare)[1], values=flat)).role
+    role = role_by_words(*split_head(bare))
     return role if role in ("time", "frequency") else ""
 
 
@@ -219,8 +220,7 @@ def _count(evidence: _Evidence, options: Options) -> int:
 
 
 def _is_input(name: str) -> bool:
-    column = Column(number=1, name=name.rpartition(".")[2], values=np.zeros(1))
-    return _leaf(name) in _INPUTS or role_by_words(column).role == "in"
+    return _leaf(name) in _INPUTS or role_by_words(name.rpartition(".")[2]) == "in"
 
 
 def _runs(evidence: _Evidence, arrays: Mapping[str, Array], forces: list[str], options: Options) -> Meant:

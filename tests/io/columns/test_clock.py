@@ -9,8 +9,8 @@ import pytest
 
 import modalscope as ms
 from modalscope.io import read, survey
-from modalscope.io.columns.axis import parts_of_second
-from modalscope.io.columns.clock import clock_of, nearly_even, resampled
+from modalscope.io.columns.axis import nearly_even, parts_of_second
+from modalscope.io.columns.clock import clock_of, resampled
 from tests.support import DATA
 
 RATE, COUNT = 200.0, 2000

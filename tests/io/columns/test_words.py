@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.io.columns.words import counts_rows, goes_one_way, short_unit, split_head
+from modalscope.io.columns.kinds import counts_rows, goes_one_way
+from modalscope.io.columns.words import short_unit, split_head
 from tests.support import refused
 
 T = np.arange(200) / 100.0

@@ -31,6 +31,8 @@ _CLOCK_ACCURACY = 1e-6
 _TIMES_AT_END, _MAX_DECIMALS = 5000, 9
 #: Relative difference of steps of one even stretch from the usual one, at most; share of the rows of a stretch that is offered, at least.
 _STEP_TOLERANCE, _MIN_SHARE_OF_ROWS = 0.5, 0.25
+#: Nearly even times vary so by this share of the steps at least, over so many rows.
+_MIN_SHARE_OF_STEPS, _MIN_ROWS_OF_CLOCK = 0.98, 8
 
 _RANGE = re.compile(r"\s*(\d*)\s*-\s*(\d*)\s*\Z")
 
@@ -59,6 +61,21 @@ def rises(values: Array) -> bool:
     return bool(np.all(values[1:] > values[:-1]))
 
 
+def nearly_even(values: RealArray) -> bool:
+    """Whether values rise by steps that hardly vary, as times of an uneven clock do.
+
+    Examples
+    --------
+    >>> nearly_even(np.arange(20.0) + 0.1 * np.sin(np.arange(20.0))), nearly_even(np.arange(20.0) ** 2)
+    (True, False)
+    """
+    if np.iscomplexobj(values) or values.size < _MIN_ROWS_OF_CLOCK or not rises(values):
+        return False
+    steps = np.diff(values)
+    usual = np.median(steps)
+    return bool(np.mean(np.abs(steps - usual) < _STEP_TOLERANCE * usual) >= _MIN_SHARE_OF_STEPS)
+
+
 def grain_of(times: RealArray) -> float:
     """Return the power of ten that all times are multiples of: what their digits leave open; 0 where there is none.
 
@@ -78,6 +95,19 @@ def grain_of(times: RealArray) -> float:
         return 0.0
 
     return max(of(times[:_TIMES_AT_END]), of(times[-_TIMES_AT_END:]))
+
+
+def in_epoch(times: Array) -> bool:
+    """Whether numbers are seconds since 1970, or parts of these, of the years 1990 to 2100.
+
+    Examples
+    --------
+    >>> in_epoch(np.array([1.7e9, 1.7e9 + 1])), in_epoch(np.array([0.0, 1.0]))
+    (True, False)
+    """
+    low, high = _EPOCH
+    ends = times[[0, -1]].astype(float) if times.size else np.zeros(2)
+    return any(bool(np.all((low * parts < ends) & (ends < high * parts))) for parts in (1.0, *_PARTS_OF_SECOND))
 
 
 def parts_of_second(times: RealArray, rate: float | None = None) -> float:

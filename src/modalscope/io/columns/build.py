@@ -8,20 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, Signals
-from modalscope.io.columns.axis import check_numbers, sampling_of, with_rows
-from modalscope.io.columns.clock import nearly_even
-from modalscope.io.columns.lines import frequency_response, part_of, parts_by_name
+from modalscope.data import FrequencyResponse, ImpulseResponse, Signals
+from modalscope.io.columns.axis import check_numbers, with_rows
+from modalscope.io.columns.kinds import even_step
+from modalscope.io.columns.lines import frequency_response
+from modalscope.io.columns.reading import NEAR, Reading, readings
 from modalscope.io.columns.records import free_decay, nothing_measured, records
-from modalscope.io.columns.table import Column, Table, as_word, span
-from modalscope.io.columns.words import Role, ignored_columns, named_columns, role_by_words, short_unit, spoken_roles
+from modalscope.io.columns.table import Column, Table, as_word
+from modalscope.io.columns.words import ignored_columns, named_columns, short_unit, spoken_roles
 from modalscope.io.contents import Contents, Finding, Options, needs
 
 #: Options of every format that gives columns.
 COLUMN_OPTIONS = ("columns", "ignore", "transpose", "rows", "resample")
 
-#: A first column that rises evenly by less than this (s or Hz) is time: lines are never as close.
-_MAX_TIME_STEP = 0.02
 #: Why a column is what `--columns` says.
 _REASON_OF_OPTION = "--columns says so"
 _WORDS_OF_PARTS = {
@@ -43,34 +42,74 @@ def contents_from_table(table: Table, options: Options) -> Contents:
     the option that says what was meant.
     """
     table = _with_units(with_rows(table, options.get("rows")), options.get("units"))
-    ignored = ignored_columns(table.columns, options.get("ignore"))
-    reasons_left = {column.number: "ignore names it" for column in ignored}
-    columns = [column for column in table.columns if column.number not in reasons_left]
+    ignored = {column.number for column in ignored_columns(table.columns, options.get("ignore"))}
+    columns = [column for column in table.columns if column.number not in ignored]
     spoken = spoken_roles(columns, options["columns"]) if options.get("columns") else {}
-    roles = {column.number: _role(column, spoken, table.roles) for column in columns}
-    for column in columns:
-        if roles[column.number].role in ("ignore", "index"):
-            reasons_left[column.number] = roles[column.number].reason or "it counts rows"
-    candidates = [column for column in columns if column.number not in reasons_left]
-    axis, kind, notes = _axis(table, candidates, roles, spoken, options)
-    reasons_left |= {c.number: roles[c.number].reason for c in candidates if roles[c.number].role == "index"}
-    others = [column for column in candidates if column is not axis and column.number not in reasons_left]
+    found = readings(table, columns, spoken, options.get("sampling_rate") or table.rate)
+    if not spoken:
+        _refuse_near(table, found)
+    return _read(table, columns, found[0], spoken, options)
+
+
+def _read(
+    table: Table, columns: Sequence[Column], reading: Reading, spoken: Mapping[int, str], options: Options
+) -> Contents:
+    """Return what one reading makes of a table."""
+    axis, kind, roles = reading.axis, reading.kind, reading.roles
+    omitted = {c.number: "ignore names it" for c in table.columns if c not in columns}
+    omitted |= {c.number: reading.reasons.get(c.number, "") for c in columns if roles[c.number] in ("ignore", "index")}
+    others = [c for c in columns if c is not axis and c.number not in omitted]
     _check_axis(table, axis, kind)
+    trimmed = _without_ends(table, axis, [c for c in others if roles[c.number] != "time"])
+    if trimmed is not table:
+        kept = {column.number: column for column in trimmed.columns}
+        table, axis, others = trimmed, axis and kept[axis.number], [kept[column.number] for column in others]
     check_numbers(table, others)
     if not others:
         raise nothing_measured(table, axis, kind, options)
     thing: FrequencyResponse | ImpulseResponse | Signals
-    if kind == "frequency" and axis is not None:
-        thing, notes_of_data, unused = frequency_response(table, axis, others, spoken)
+    notes = _notes(reading, roles, spoken, table)
+    if kind == "frequency":
+        lines = _lines(table) if axis is None else axis
+        thing, notes_of_data, unused = frequency_response(table, lines, others, roles, spoken)
     else:
         record, notes_of_data, unused = records(table, axis, others, roles, options)
         thing = free_decay(record, table.where) if "decay" in spoken.values() else record
-    reasons_left |= unused
-    reasons = {number: role.reason for number, role in roles.items()}
     findings = [Finding(part=part, what=what) for part, what in table.layout]
-    findings += [_finding(column, kind, axis, reasons_left, reasons) for column in table.columns]
-    notes = list(dict.fromkeys([*table.notes, *notes, *notes_of_data]))
-    return Contents(thing=thing, findings=tuple(findings), notes=tuple(notes))
+    findings += [_finding(column, reading, omitted | unused) for column in table.columns]
+    return Contents(
+        thing=thing, findings=tuple(findings), notes=tuple(dict.fromkeys([*table.notes, *notes, *notes_of_data]))
+    )
+
+
+def _lines(table: Table) -> Column:
+    """Return the frequencies that a header says by the first and the step.
+
+    Raises `DataError`: none are said.
+    """
+    if table.lines is None:
+        fault = "no column is of frequencies, and no header says their first and their step"
+        raise needs(table.where, "frequencies of its responses", fault, "Export the frequencies in a column with them.")
+    first, step = table.lines
+    return Column(number=0, name="frequency", unit="Hz", values=first + step * np.arange(table.rows))
+
+
+def _without_ends(table: Table, axis: Column | None, columns: Sequence[Column]) -> Table:
+    """Return a table without the last rows where channels of fewer samples are blank, with a note."""
+    missing = [np.isnan(np.asarray(c.values, complex)) for c in columns if not c.textual]
+    if not missing or (axis is not None and not np.isfinite(axis.values).all()):
+        return table
+    whole = ~np.any(missing, axis=0)
+    rows = int(np.flatnonzero(whole)[-1]) + 1 if whole.any() else 0
+    alike = all(hole[rows:].all() or not hole[rows:].any() for hole in missing)
+    if not 0 < rows < len(whole) or not whole[:rows].all() or not alike:
+        return table
+    cut = tuple(c if c.textual else replace(c, values=c.values[:rows]) for c in table.columns)
+    return replace(
+        table,
+        columns=cut,
+        notes=(*table.notes, f"channels have different numbers of samples: the first {rows} are taken"),
+    )
 
 
 def _with_units(table: Table, units: Any) -> Table:
@@ -87,70 +126,49 @@ def _with_units(table: Table, units: Any) -> Table:
     return replace(table, columns=tuple(columns))
 
 
-def _role(column: Column, spoken: Mapping[int, str], stated: Mapping[int, str]) -> Role:
-    if column.number in spoken:
-        return Role(role=spoken[column.number], reason=_REASON_OF_OPTION)
-    if {"out", "decay", "real", "mag"} & set(spoken.values()):
-        return Role(role="ignore", reason="--columns does not name it")
-    if column.number in stated:
-        return Role(role=stated[column.number], reason="its array is one by its name")
-    return role_by_words(column)
-
-
-def _axis(
-    table: Table, columns: Sequence[Column], roles: dict[int, Role], spoken: Mapping[int, str], options: Options
-) -> tuple[Column | None, str, list[str]]:
-    """Return the column of times or frequencies, which of both it is, and notes."""
-    for kind in ("time", "frequency"):
-        named = [column for column in columns if roles[column.number].role == kind]
-        if named:
-            return named[0], kind, []
-    rising = columns[0] if columns and not roles[columns[0].number].role else None
-    rate = options.get("sampling_rate") or table.rate
-    step = 0.0 if rising is None or len(columns) < 2 or spoken else _even_step(rising)
-    if rising is not None and not step and not spoken and rate is None and _is_clock(rising, len(columns)):
-        roles[rising.number] = Role(role="time", reason="it rises by nearly even steps")
-        note = f"{rising} rises by nearly even steps: taken as time in s (else: --ignore {rising.number})"
-        return rising, "time", [note]
-    if rising is None or not step:
-        return None, "", []
-    if step == 1.0 and rate != 1.0 and np.array_equal(rising.values, np.rint(rising.values)):
-        roles[rising.number] = Role(role="index", reason="it counts rows")
-        return None, "", [f"{rising} counts rows: it was left"]
-    rest = [column.number for column in columns[1:]]
-    if parts_by_name(columns[1:], spoken):
-        roles[rising.number] = Role(role="frequency", reason="it rises evenly with complex values")
-        return rising, "frequency", [f"{rising} rises evenly with complex values: taken as frequency in Hz"]
-    with_force = any(roles[column.number].role == "in" for column in columns[1:])
-    if step < _MAX_TIME_STEP or with_force or (rate is not None and abs(step * rate - 1) < 1e-2):
-        roles[rising.number] = Role(role="time", reason="it rises evenly")
-        option = f'--columns "frequency={rising.number},..."'
-        return rising, "time", [f"{rising} rises evenly by {step:.6g}: taken as time in s (else: {option})"]
+def _refuse_near(table: Table, found: Sequence[Reading]) -> None:
+    """Ask which of two readings is meant where a record and responses are nearly as likely."""
+    best = found[0]
+    second = next((r for r in found if r.content != best.content), None)
+    if second is None or best.score - second.score > NEAR or best.axis is None or second.axis is not best.axis:
+        return
+    both = {reading.content: reading for reading in (best, second)}
+    axis = best.axis
+    step = even_step(np.asarray(axis.values))
+    fault = f"{axis} rises evenly by {step:.6g} from {axis.values[0]:g}, which may be either"
+    rest = [number for number in best.roles if number != axis.number]
     pairs = ",".join(f"real={a},imag={b}" for a, b in zip(rest[::2], rest[1::2], strict=False))
-    fault = f"{rising} rises evenly by {step:.6g} from {rising.values[0]:g}, which may be either"
-    remedy = f'Say which: --columns "time={rising.number},out={span(rest)}"'
-    remedy += f', or --columns "frequency={rising.number},{pairs}".' if pairs else "."
+    lines = both["response"].option if "imag=" in both["response"].option else f"frequency={axis.number},{pairs}"
+    remedy = f'Say which: --columns "{both["record"].option}"'
+    remedy += f', or --columns "{lines}".' if pairs else "."
     raise needs(table.where, "a column of time or frequency by its name or unit", fault, remedy)
 
 
-def _is_clock(column: Column, count: int) -> bool:
-    """Whether a first column is of times whose clock is uneven."""
-    values = np.asarray(column.values)
-    real = not column.textual and not np.iscomplexobj(values) and bool(np.isfinite(values).all())
-    return (
-        real and count > 1 and nearly_even(values.astype(float)) and float(np.median(np.diff(values))) < _MAX_TIME_STEP
-    )
-
-
-def _even_step(column: Column) -> float:
-    """Return the step of a column that rises evenly; 0 of one that does not."""
-    values = np.asarray(column.values)
-    if column.textual or np.iscomplexobj(values) or values.size < 3 or not np.isfinite(values).all():
-        return 0.0
-    try:
-        return 1 / sampling_of(values.astype(float)).rate
-    except DataError:
-        return 0.0
+def _notes(reading: Reading, roles: Mapping[int, str], spoken: Mapping[int, str], table: Table) -> list[str]:
+    """Return what was concluded from values alone, and how to say otherwise."""
+    axis, notes = reading.axis, []
+    reason = reading.reasons.get(axis.number, "") if axis is not None else ""
+    if axis is not None and axis.number not in spoken and reason.startswith("it rises"):
+        other = "frequency" if reading.kind == "time" else "time"
+        unit = "s" if reading.kind == "time" else "Hz"
+        notes.append(
+            f'{axis} {reason[3:]}: taken as {reading.kind} in {unit} (else: --columns "{other}={axis.number},...")'
+        )
+    if axis is None and reading.content == "response" and table.lines is not None:
+        notes.append(f"frequencies start at {table.lines[0]:g} Hz with a step of {table.lines[1]:g} Hz, by the header")
+    for column in table.columns:
+        why = reading.reasons.get(column.number, "")
+        if roles.get(column.number) == "index" and why == "it counts rows":
+            notes.append(f"{column} counts rows: it was left")
+        elif (
+            column.number not in spoken
+            and roles.get(column.number) in ("ignore", "in")
+            and why.startswith("it ")
+            and not column.textual
+        ):
+            left = "was left" if roles[column.number] == "ignore" else "is taken as a force"
+            notes.append(f'{column} {left}: {why} (else: --columns "out={column.number},...")')
+    return notes
 
 
 def _check_axis(table: Table, axis: Column | None, kind: str) -> None:
@@ -159,16 +177,18 @@ def _check_axis(table: Table, axis: Column | None, kind: str) -> None:
         raise needs(table.where, f"real numbers as {kind}", fault, f"Leave it out: --ignore {as_word(axis.label)}")
 
 
-def _finding(
-    column: Column, kind: str, axis: Column | None, omitted: Mapping[int, str], reasons: Mapping[int, str]
-) -> Finding:
+def _finding(column: Column, reading: Reading, omitted: Mapping[int, str]) -> Finding:
     name = f"{column.label} [{column.unit}]" if column.unit else column.label
     if column.number in omitted:
-        return Finding(part=f"column {column.number}", what=name, taken=False, reason=omitted[column.number])
-    reason = reasons.get(column.number)
-    part = part_of(column.name) if kind == "frequency" and reason != _REASON_OF_OPTION else None
-    reason = reason if part is None else _WORDS_OF_PARTS[part[1]]
-    why = f" ({reason})" if reason else ""
-    if axis is not None and column.number == axis.number:
-        return Finding(part=f"column {column.number}", what=f"{name}: {kind}{why}")
+        return Finding(
+            part=f"column {column.number}",
+            what=name,
+            taken=False,
+            reason=omitted[column.number] or "nothing says what it is",
+        )
+    role, reason = reading.roles.get(column.number, ""), reading.reasons.get(column.number, "")
+    words = [_WORDS_OF_PARTS[role]] if role in _WORDS_OF_PARTS and reason != _REASON_OF_OPTION else []
+    why = f" ({', '.join([*words, *([reason] if reason and not words else [])])})" if reason or words else ""
+    if reading.axis is not None and column.number == reading.axis.number:
+        return Finding(part=f"column {column.number}", what=f"{name}: {reading.kind}{why}")
     return Finding(part=f"column {column.number}", what=f"{name}{why}")

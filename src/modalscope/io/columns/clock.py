@@ -24,8 +24,6 @@ _STEPS_OF_GAP = 1.9
 _MAX_LOSS, _MIN_SHARE_OF_ROWS = 0.03, 0.8
 #: Share of the motion that splines through every other sample may miss for the loss of those through all to be known.
 _MAX_KNOWN_LOSS = 0.5
-#: Nearly even times: relative variation of a step, at most, of this share of the steps at least.
-_STEP_TOLERANCE, _MIN_SHARE_OF_STEPS = 0.5, 0.98
 #: Rows of a record, at least.
 _MIN_ROWS = 8
 
@@ -48,21 +46,6 @@ class Clock:
         missing = sum(count for _, count in self.gaps)
         words += [f"{counted(len(self.gaps), 'gap')} with {missing} samples missing"] if self.gaps else []
         return ", ".join(words)
-
-
-def nearly_even(values: RealArray) -> bool:
-    """Whether values rise by steps that hardly vary, as times of an uneven clock do.
-
-    Examples
-    --------
-    >>> nearly_even(np.arange(20.0) + 0.1 * np.sin(np.arange(20.0))), nearly_even(np.arange(20.0) ** 2)
-    (True, False)
-    """
-    if values.size < _MIN_ROWS or not rises(values):
-        return False
-    steps = np.diff(values)
-    usual = np.median(steps)
-    return bool(np.mean(np.abs(steps - usual) < _STEP_TOLERANCE * usual) >= _MIN_SHARE_OF_STEPS)
 
 
 def clock_of(times: RealArray) -> Clock:

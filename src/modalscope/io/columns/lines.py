@@ -13,20 +13,17 @@ from modalscope.data.geometry import label_of
 from modalscope.data.units import plain_unit
 from modalscope.io.arrays import joined
 from modalscope.io.columns.table import Column, Table, as_word, span
-from modalscope.io.columns.words import MAX_CHARACTERS, factor_to_base, is_spectrum, kind_of_unit
+from modalscope.io.columns.vocabulary import COLUMNS, folded, meanings_of
+from modalscope.io.columns.words import MAX_CHARACTERS, factor_to_base, kind_of_unit
 from modalscope.io.contents import needs
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
-_PARTS = {
-    "real": "real|re|realteil|réel|reell",
-    "imag": "imaginary|imag|img|im|imaginärteil|imagin",
-    "mag": "magnitude|mag|abs|absolute|amplitude|amp|modulus|betrag|gain|module",
-    "phase": "phase|phas|phi|arg|argument|angle|phasenwinkel",
-    "coh": "coherence|coh|kohärenz|gamma2|cohérence",
-}
+#: What may stand before a part: `Parte reale`, `partie imaginaire`.
 _PATTERNS = {
-    part: re.compile(rf"(?<![A-Za-zÀ-ÿ0-9])(?:{words})(?![A-Za-zÀ-ÿ])(?:\s+part)?", re.IGNORECASE)
-    for part, words in _PARTS.items()
+    part: re.compile(
+        rf"(?<![a-z0-9])(?:part(?:e|ie)?\s+)?(?:{'|'.join(sorted(COLUMNS[part].split(), key=len, reverse=True))})(?![a-z])(?:\s+part)?"
+    )
+    for part in ("real", "imag", "mag", "phase", "coh")
 }
 _BARS = re.compile(r"\|([^|]+)\|\Z")
 _DECIBEL = re.compile(r"(?<![A-Za-z])d[bB](?![A-Za-z])")
@@ -61,7 +58,7 @@ def part_of(name: str) -> tuple[str, str] | None:
     if bars:
         return bars[1].strip(), "mag"
     for part, pattern in _PATTERNS.items():
-        match = pattern.search(text)
+        match = pattern.search(folded(text))
         if match:
             rest = _DECIBEL.sub("", text[: match.start()] + " " + text[match.end() :])
             return " ".join(_unwrapped(rest).split()), part
@@ -134,35 +131,62 @@ def joined_polar(where: str, magnitude: Array, phase: Array, unit: str, example:
     return np.asarray(magnitude * factor, complex)
 
 
-def parts_by_name(columns: Sequence[Column], spoken: Mapping[int, str]) -> dict[tuple[str, int], Parts]:
-    """Return parts by the name of what they belong to; where names repeat, the first real part goes with the first imaginary one.
+def parts_of_responses(
+    columns: Sequence[Column], roles: Mapping[int, str], spoken: Mapping[int, str]
+) -> dict[tuple[str, int], Parts]:
+    """Return parts by the name of what they belong to.
 
-    `spoken`: what `--columns` says. It pairs, too, whatever the names are: the first real part with the first imaginary one.
+    What `--columns` names is paired by place: the first real part with the first imaginary one. Other parts are paired by the stems of
+    their names where all have their other so; else by place, too.
+
+    `roles`: what each column is. `spoken`: what `--columns` says.
     """
-    groups = _spoken_parts(columns, spoken)
+    groups = _by_place([c for c in columns if spoken.get(c.number) in _FAMILY_OF_PART], spoken)
+    rest = [c for c in columns if spoken.get(c.number) not in _FAMILY_OF_PART]
+    named = _by_stem(rest, roles)
+    alone = {
+        part
+        for parts in named.values()
+        for part in parts
+        if _OTHER_PART.get(part, part) not in parts and part in _OTHER_PART
+    }
+    if alone and all(_other_count(named, part) for part in alone):
+        named = {key: parts for key, parts in named.items() if not set(parts) & set(_OTHER_PART)}
+        named |= _by_place([c for c in rest if roles.get(c.number) in _OTHER_PART], roles)
+    for (base, place), parts in named.items():
+        while (base, place) in groups:
+            place += 1
+        groups[base, place] = parts
+    return groups
+
+
+def _other_count(groups: Mapping[tuple[str, int], Parts], part: str) -> bool:
+    """Whether there are as many columns of a part as of its other."""
+    return sum(part in parts for parts in groups.values()) == sum(
+        _OTHER_PART[part] in parts for parts in groups.values()
+    )
+
+
+def _by_stem(columns: Sequence[Column], roles: Mapping[int, str]) -> dict[tuple[str, int], Parts]:
+    """Return parts by the names that are left without the words for the part; where names repeat the first goes with the first."""
+    groups: dict[tuple[str, int], Parts] = {}
     for column in columns:
+        part = roles.get(column.number, "")
+        if part not in ("complex", *_FAMILY_OF_PART):
+            continue
         named = part_of(column.name)
-        if spoken.get(column.number) in _FAMILY_OF_PART:
-            continue
-        if np.iscomplexobj(column.values):
-            base, part = column.name, "complex"
-        elif named is not None:
-            base, part = named
-        else:
-            continue
-        place = 0
+        base, place = column.name if named is None or part == "complex" else named[0], 0
         while part in groups.setdefault((base, place), {}):
             place += 1
         groups[base, place][part] = column
     return groups
 
 
-def _spoken_parts(columns: Sequence[Column], spoken: Mapping[int, str]) -> dict[tuple[str, int], Parts]:
-    """Return the parts that `--columns` names: the k-th real part and the k-th imaginary one are one response, likewise polar ones."""
+def _by_place(columns: Sequence[Column], roles: Mapping[int, str]) -> dict[tuple[str, int], Parts]:
+    """Return parts by their order: the k-th real part and the k-th imaginary one are one response, likewise polar ones."""
     order: dict[str, list[Column]] = {part: [] for part in _FAMILY_OF_PART}
     for column in columns:
-        if spoken.get(column.number) in _FAMILY_OF_PART:
-            order[spoken[column.number]].append(column)
+        order[roles[column.number]].append(column)
     groups: dict[tuple[str, int], Parts] = {}
     for part, columns_of_part in order.items():
         for k, column in enumerate(columns_of_part):
@@ -181,15 +205,15 @@ def _shared_stem(parts: Parts) -> str:
 
 
 def frequency_response(
-    table: Table, axis: Column, columns: Sequence[Column], spoken: Mapping[int, str]
+    table: Table, axis: Column, columns: Sequence[Column], roles: Mapping[int, str], spoken: Mapping[int, str]
 ) -> tuple[FrequencyResponse, list[str], dict[int, str]]:
     """Return frequency responses, notes, and what was left with its reason.
 
-    `axis`: the frequencies. `columns`: all others that may be taken. `spoken`: what `--columns` says.
+    `axis`: the frequencies. `columns`: all others that may be taken. `roles`: what each is. `spoken`: what `--columns` says.
 
     Raises `DataError`: magnitudes without phases, a part without its other, an unknown unit of phases, pairs that make no matrix.
     """
-    groups = parts_by_name(columns, spoken)
+    groups = parts_of_responses(columns, roles, spoken)
     notes: list[str] = []
     used: dict[int, str] = {}
     responses: dict[tuple[str, str], tuple[Array, str]] = {}
@@ -277,7 +301,11 @@ def _incomplete(
 def _no_phases(table: Table, axis: Column, columns: Sequence[Column]) -> DataError:
     numbers = [column.number for column in columns]
     remedy = "Export real and imaginary parts, or magnitudes and phases; spectra alone hold no phases to identify from."
-    if len(numbers) % 2 == 0 and numbers and not any(map(is_spectrum, columns)):
+    if (
+        len(numbers) % 2 == 0
+        and numbers
+        and not any("spectrum" in dict(meanings_of(column.name)) for column in columns)
+    ):
         parts = ",".join(f"real={a},imag={b}" for a, b in zip(numbers[::2], numbers[1::2], strict=True))
         polar = parts.replace("real", "mag").replace("imag", "phase")
         option = f'--columns "frequency={axis.number},{parts}", or --columns "frequency={axis.number},{polar}"'

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from modalscope.data import DataError, ImpulseResponse, Signals
+from modalscope.data.channels import names_base
 from modalscope.data.geometry import label_of
 from modalscope.functions.poles import QUANTITIES
 from modalscope.io.columns.axis import longest_even, parts_of_second, same_rate, sampling_of
 from modalscope.io.columns.clock import evened
 from modalscope.io.columns.table import Column, Table, as_word, span
-from modalscope.io.columns.words import Role, factor_to_base, ignored_columns, is_spectrum, kind_of_unit, may_be_base
+from modalscope.io.columns.words import factor_to_base, ignored_columns, kind_of_unit
 from modalscope.io.contents import Options, needs, unreadable
 from modalscope.numerics.checks import RealArray, check_positive
 
@@ -24,7 +25,7 @@ _PARTS_OF_SECOND = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"
 
 
 def records(
-    table: Table, axis: Column | None, columns: Sequence[Column], roles: Mapping[int, Role], options: Options
+    table: Table, axis: Column | None, columns: Sequence[Column], roles: Mapping[int, str], options: Options
 ) -> tuple[Signals, list[str], dict[int, str]]:
     """Return records, notes, and the reasons of columns that are left out.
 
@@ -32,7 +33,7 @@ def records(
 
     Raises `DataError`: more channels than samples, complex values, times that are not even or of another rate, no rate at all.
     """
-    twice = {c.number: "a second column of times" for c in columns if axis and roles[c.number].role == "time"}
+    twice = {c.number: "a second column of times" for c in columns if axis and roles[c.number] == "time"}
     channels = [column for column in columns if column.number not in twice]
     if not channels:
         raise nothing_measured(table, axis, "time", options)
@@ -41,7 +42,9 @@ def records(
         fault = f"{wrong[0]} is complex, and no column is of frequencies"
         remedy = 'Say which it is: --columns "frequency=1".'
         raise needs(table.where, "frequencies of the complex values", fault, remedy)
-    spectra = [column for column in channels if is_spectrum(column)] if options.get("columns") is None else []
+    spectra = (
+        [column for column in channels if roles[column.number] == "spectrum"] if options.get("columns") is None else []
+    )
     if spectra:
         in_decibels = " in dB" if np.min(spectra[0].values) < 0 else ""  # powers and magnitudes are never negative
         fault = f"{spectra[0]} is by its name a spectrum{in_decibels}: the phase between signals is gone"
@@ -58,13 +61,13 @@ def records(
     notes = [*evenly, *notes]
     if axis and options.get("columns") is None:
         _refuse_two_clocks(table, axis, [column for column in columns if column.number in twice])
-    forces = [column for column in channels if roles[column.number].role == "in"]
-    others = [column for column in channels if roles[column.number].role != "in"]
+    forces = [column for column in channels if roles[column.number] == "in"]
+    others = [column for column in channels if roles[column.number] != "in"]
     if not others:
         forces, others = [], channels
         notes.append("all columns are forces; they were taken as outputs")
     elif not forces and options.get("columns") is None:
-        base = [column for column in others if may_be_base(column)] if len(others) > 1 else []
+        base = [column for column in others if names_base(column.name)] if len(others) > 1 else []
         which = f"{base[0].name} may be a base that drives the rest" if base else "else"
         number = (base or others)[0].number
         notes.append(f'no column is a force by name or unit: all are outputs ({which}: --columns "in={number}")')

@@ -1,4 +1,4 @@
-"""Interpret the heads of columns: names, units, and the role of each column.
+"""Interpret the heads of columns, names and units, and the columns that options name.
 
 Units and names are compared after `plain_unit` and `words_of`, so that `m/s²`, `m/s^2` and `[m / s2]` are one unit.
 """
@@ -7,16 +7,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from functools import cache
 
-import numpy as np
-
 from modalscope.data import DataError
-from modalscope.data.channels import names_base
 from modalscope.data.units import FACTORS, plain_unit
 from modalscope.io.columns.table import Column
-from modalscope.numerics.checks import Array
+from modalscope.io.columns.vocabulary import words_of
 
 #: What units measure. Letters keep their case: s is a second and S is none.
 UNITS: dict[str, tuple[str, ...]] = {
@@ -70,132 +66,12 @@ _STROKE = re.compile(
 )
 _PART_OF = re.compile(r"^(?P<part>re|im|real|imag|abs|arg|mag|phase)\{(?P<name>[^{}]*)\}", re.IGNORECASE)
 _UNDERSCORE = re.compile(r"^(?P<name>.*[A-Za-z0-9])_(?P<unit>s|ms|us|hz|Hz|kHz|N|kN|g|deg|rad|mm|um)$")
-_WORD = re.compile(r"[A-ZÀ-Þ]?[a-zà-ÿ]+|[A-ZÀ-Þ]+(?![a-zà-ÿ])|\d+|#")
-
-
 #: Strokes of a unit at most: a ratio of ratios has three.
 _MAX_STROKES = 3
 
 #: What `--columns` may call a column.
 ROLES = ("time", "frequency", "in", "out", "decay", "real", "imag", "mag", "phase", "coh", "ignore")
 
-_TIME_WORDS = {
-    *[
-        "time",
-        "times",
-        "zeit",
-        "temps",
-        "tiempo",
-        "tempo",
-        "tid",
-        "tijd",
-        "elapsed",
-        "timestamp",
-        "timestamps",
-        "datetime",
-        "seconds",
-    ]
-}
-_CLOCK_WORDS = {"date", "datum", "fecha", "clock", "uhrzeit"}
-_FREQUENCY_WORDS = {
-    *[
-        "frequency",
-        "frequencies",
-        "freq",
-        "freqs",
-        "frequenz",
-        "fréquence",
-        "frequence",
-        "frecuencia",
-        "frequenza",
-        "hz",
-    ]
-}
-_INDEX_WORDS = {
-    *[
-        "index",
-        "idx",
-        "sample",
-        "samples",
-        "no",
-        "nr",
-        "row",
-        "line",
-        "point",
-        "count",
-        "counter",
-        "scan",
-        "#",
-        "id",
-        "record",
-    ]
-}
-_FORCE_WORDS = {
-    *[
-        "force",
-        "forces",
-        "hammer",
-        "shaker",
-        "input",
-        "inputs",
-        "exc",
-        "excit",
-        "excitation",
-        "exciter",
-        "kraft",
-        "hammerkraft",
-        "impact",
-        "load",
-        "loadcell",
-        "stinger",
-        "fuerza",
-        "forza",
-        "actuator",
-        "drive",
-    ]
-}
-#: Whole names; a capital F is a force.
-_ROLES_OF_LETTERS = {
-    "t": "time", "T": "time", "X_Value": "time", "x_value": "time", "f": "frequency", "F": "in", "n": "index", "N": "index", "k": "index",
-    "i": "index",
-}  # fmt: skip
-_SENSOR_WORDS = {"acc", "accel", "acceleration", "vel", "disp", "response", "output", "out"}
-#: Quantities that are no vibration, whatever their unit.
-_OTHER_QUANTITIES = {
-    *[
-        "temperature",
-        "temp",
-        "temperatur",
-        "humidity",
-        "tacho",
-        "rpm",
-        "speed",
-        "trigger",
-        "voltage",
-        "battery",
-        "comment",
-        "remark",
-    ]
-}
-
-#: Spectra of one signal: they have no phase against another, so that modes cannot be identified from them.
-_SPECTRUM_WORDS = {
-    *[
-        "fft",
-        "psd",
-        "spectrum",
-        "spectra",
-        "autospectrum",
-        "autospectra",
-        "spektrum",
-        "autopower",
-        "apsd",
-        "spectre",
-        "espectro",
-    ]
-}
-#: Share of the steps of times that turn back, at most: half way from a clock (none) to a vibration (every second one).
-_MAX_SHARE_OF_TURNS = 0.25
 #: Names that stand for a whole range in `--columns`.
 _RANGE = re.compile(r"(\d+)-(\d*)\Z")
 
@@ -297,127 +173,7 @@ def split_head(head: str) -> tuple[str, str]:
         match = pattern.match(text)
         if match and is_unit(match["unit"]) and match["unit"] not in _AMBIGUOUS_UNITS:
             return match["name"].strip(), match["unit"].strip()
-    return text, _ENDS_OF_TIMES.get(next(reversed(words_of(text)), ""), "")
-
-
-def words_of(name: str) -> list[str]:
-    """Return the words of a name in small letters, also those that capitals part.
-
-    Examples
-    --------
-    >>> words_of("InputForce_1"), words_of("AccA"), words_of("x-value")
-    (['input', 'force', '1'], ['acc', 'a'], ['x', 'value'])
-    """
-    return [word.lower() for word in _WORD.findall(name[:MAX_CHARACTERS])]
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Role:
-    """What a column is, and why.
-
-    `role`: one of `ROLES`, "index", or "" where nothing speaks for any. `reason`: in words.
-    """
-
-    role: str = ""
-    reason: str = ""
-
-
-def may_be_base(column: Column) -> bool:
-    """Whether a name is one that the motion of a base goes by."""
-    return names_base(column.name)
-
-
-def is_spectrum(column: Column) -> bool:
-    """Whether a name says that a column is the spectrum of one signal, not a record of it.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> [
-    ...     is_spectrum(Column(number=1, name=name, values=np.zeros(1)))
-    ...     for name in ("Acc (FFT - (RMS))", "PSD 1", "Acc 1")
-    ... ]
-    [True, True, False]
-    """
-    return not _SPECTRUM_WORDS.isdisjoint(words_of(column.name))
-
-
-def role_by_words(column: Column) -> Role:
-    """Return what unit and name say about a column.
-
-    The unit goes first: a column of N is a force, whatever it is called. A name is only asked where the unit is silent. Values are asked
-    where words leave it open: times go one way, and what counts rows is no force.
-    """
-    if column.textual:
-        return Role(role="ignore", reason="it holds text")
-    words, unit = words_of(column.name), kind_of_unit(column.unit)
-    whole = column.name.strip()
-    if column.stamps or unit == "time":
-        return Role(role="time", reason="it holds dates and times" if column.stamps else "its unit is a time")
-    if unit == "frequency" and column.unit.strip() != "1/s":
-        return Role(role="frequency", reason=f"its unit is {column.unit}")
-    if unit == "force" and whole in ("", "N", "n") and counts_rows(column.values):
-        return Role(role="index", reason="it counts rows")
-    if unit == "force":
-        return Role(role="in", reason=f"its unit is that of a force, {column.unit}")
-    if unit == "no vibration" or (not unit and set(words) & _OTHER_QUANTITIES and not set(words) & _SENSOR_WORDS):
-        return Role(role="ignore", reason=f"{column.unit or words[0]} is no vibration")
-    if unit in ("acceleration", "velocity", "displacement", "strain", "pressure", "angle"):
-        return Role(role="out", reason=f"its unit is that of {'an' if unit[0] in 'a' else 'a'} {unit}, {column.unit}")
-    role = _by_name(whole, words)
-    vibrates = role.role == "time" and not goes_one_way(column.values)
-    letter = role.role == "index" and whole in _ROLES_OF_LETTERS and not counts_rows(column.values)
-    return Role() if vibrates or letter else role
-
-
-def goes_one_way(values: Array) -> bool:
-    """Whether values rise, or fall, but for a few steps, as times do; a vibration rises as often as it falls.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> goes_one_way(np.array([0.0, 0.1, 0.1, 0.2])), goes_one_way(np.sin(np.arange(50.0)))
-    (True, False)
-    """
-    if np.iscomplexobj(values):
-        return False
-    with np.errstate(all="ignore"):
-        steps = np.diff(values.astype(float))
-    ups, downs = np.count_nonzero(steps > 0), np.count_nonzero(steps < 0)
-    return bool(min(ups, downs) <= _MAX_SHARE_OF_TURNS * (ups + downs))
-
-
-def counts_rows(values: Array) -> bool:
-    """Whether values are whole numbers that rise by the same step from row to row.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> counts_rows(np.arange(1.0, 9.0)), counts_rows(np.array([0.0, 0.0, 3.0]))
-    (True, False)
-    """
-    if np.iscomplexobj(values) or not np.array_equal(values, np.rint(values)):
-        return False
-    with np.errstate(all="ignore"):
-        steps = np.diff(values.astype(float))
-    return bool(steps.size and steps[0] > 0 and np.all(steps == steps[0]))
-
-
-def _by_name(whole: str, words: Sequence[str]) -> Role:
-    unique = set(words)
-    if whole in _ROLES_OF_LETTERS:
-        return Role(role=_ROLES_OF_LETTERS[whole], reason=f"its name is {whole!r}")
-    reason = f"its name says {next((word for word in words), whole)!r}"
-    for role, vocabulary in (("time", _TIME_WORDS | _CLOCK_WORDS), ("frequency", _FREQUENCY_WORDS)):
-        if words and unique & vocabulary and not unique & (_FORCE_WORDS | _SENSOR_WORDS):
-            return Role(role=role, reason=f"its name says {next(word for word in words if word in vocabulary)!r}")
-    if unique & _FORCE_WORDS or (len(words) > 1 and words[0] == "in"):
-        return Role(role="in", reason=f"its name says {next((w for w in words if w in _FORCE_WORDS), 'in')!r}")
-    if unique & _SENSOR_WORDS:
-        return Role(role="out", reason=f"its name says {next(word for word in words if word in _SENSOR_WORDS)!r}")
-    if unique and (unique <= _INDEX_WORDS | set("0123456789")) and unique & _INDEX_WORDS:
-        return Role(role="index", reason=reason)
-    return Role()
+    return text, _ENDS_OF_TIMES.get((words_of(text) or ("",))[-1], "")
 
 
 def named_columns(columns: Sequence[Column], items: Iterable[str], option: str) -> list[Column]:

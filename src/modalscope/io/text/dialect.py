@@ -76,23 +76,45 @@ def words_of_delimiter(delimiter: str) -> str:
 def value_rows(rows: Sequence[Sequence[str]]) -> tuple[int, list[bool]]:
     """Return the commonest number of cells among rows of values, and which rows are such of that number.
 
+    Columns of which most cells that are filled are text may hold anything.
+
     Examples
     --------
     >>> value_rows([["t", "a"], ["0", "1"], ["1", "2"]])
     (2, [False, True, True])
+    >>> value_rows([["t", "note"], ["0", "start"], ["1", ""], ["2", ""]])
+    (2, [False, True, True, True])
     """
-    of_values = [all(map(is_value, row)) and any(not is_missing(cell) for cell in row) for row in rows]
-    widths = Counter(len(row) for row, good in zip(rows, of_values, strict=True) if good)
+    numbers = [sum(is_value(cell) and not is_missing(cell) for cell in row) for row in rows]
+    filled = [sum(cell != "" for cell in row) for row in rows]
+    widths = Counter(len(row) for row, n, of in zip(rows, numbers, filled, strict=True) if n and 2 * n >= of)
     if not widths:
         return 0, [False] * len(rows)
     width = max(widths, key=lambda n: (widths[n], n))
-    return width, [good and len(row) == width for row, good in zip(rows, of_values, strict=True)]
+    columns = list(zip(*(row for row, n in zip(rows, numbers, strict=True) if n and len(row) == width), strict=True))
+    texts = {k for k, cells in enumerate(columns) if _mostly_text(cells)}
+    return width, [
+        n > 0 and len(row) == width and all(k in texts or is_value(cell) for k, cell in enumerate(row))
+        for row, n in zip(rows, numbers, strict=True)
+    ]
+
+
+def _mostly_text(cells: Sequence[str]) -> bool:
+    present = [cell for cell in cells if not is_missing(cell)]
+    return 2 * sum(map(is_value, present)) < len(present)
+
+
+def _score(rows: Sequence[Sequence[str]]) -> int:
+    """Return how many cells are values in the rows of values, less those that are text."""
+    _, of_values = value_rows(rows)
+    cells = [cell for row, good in zip(rows, of_values, strict=True) if good for cell in row if not is_missing(cell)]
+    return sum(1 if is_value(cell) else -2 for cell in cells)
 
 
 def dialect_of(where: str, lines: Sequence[str], delimiter: str | None = None, decimal: str | None = None) -> Dialect:
     """Return how the lines of a table are written.
 
-    The delimiter is the one under which most lines are rows of values, of more than one cell where that can be; the decimal sign the
+    The delimiter is the one under which most cells are values; the decimal sign the
     one that all numbers allow.
 
     `lines`: the first of the file, without signs of comments. `delimiter`, `decimal`: what the user says.
@@ -108,16 +130,15 @@ def dialect_of(where: str, lines: Sequence[str], delimiter: str | None = None, d
     quoted = any('"' in line for line in lines)
     stated = next((line[4:5] for line in lines[:1] if line.lower().startswith("sep=")), None)  # as Excel reads it
     delimiter = stated if delimiter is None and stated else delimiter
-    best, most = Dialect(delimiter="", quoted=quoted), (0, False)
+    best, most = Dialect(delimiter="", quoted=quoted), 0
     for sign in DELIMITERS if delimiter is None else (delimiter,):
         dialect = Dialect(delimiter=sign, quoted=quoted)
-        width, of_values = value_rows([split(line, dialect) for line in lines])
-        score = (sum(of_values), width > 1)
+        score = _score([split(line, dialect) for line in lines])
         if score > most:
             best, most = dialect, score
     if best.delimiter == "," and delimiter is None and decimal != ".":
         best = _commas(where, lines, best, decimal)
-    width, of_values = value_rows([split(line, best) for line in lines])
+    _, of_values = value_rows([split(line, best) for line in lines])
     rows = [split(line, best) for line, good in zip(lines, of_values, strict=True) if good]
     sign, thousands = decimal_sign(where, [cell for row in rows for cell in row], decimal)
     return Dialect(delimiter=best.delimiter, decimal=sign, thousands=thousands, quoted=quoted, paired=best.paired)

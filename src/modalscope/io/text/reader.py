@@ -16,14 +16,16 @@ import numpy as np
 
 from modalscope.data import DataError
 from modalscope.io.columns import COLUMN_OPTIONS, Column, Table, contents_from_table
-from modalscope.io.columns.words import ignored_columns
+from modalscope.io.columns.facts import Statement, stated_by, steps_of
+from modalscope.io.columns.kinds import goes_one_way, role_by_words
+from modalscope.io.columns.words import ignored_columns, is_unit
 from modalscope.io.contents import Contents, Options, unreadable
 from modalscope.io.limits import Room, room
 from modalscope.io.text.body import kinds_of, read_body
 from modalscope.io.text.cells import Dialect, is_value, seconds_of, split, uncommented
 from modalscope.io.text.dialect import DELIMITERS, dialect_of, encoding_of, lines_of, words_of_delimiter
 from modalscope.io.text.labview import is_labview, labview_contents
-from modalscope.io.text.layout import Layout, layout_of, rate_of_facts
+from modalscope.io.text.layout import Layout, layout_of
 from modalscope.io.text.wrapped import gathered, head_of, runs_on, wrapped_contents
 from modalscope.numerics.checks import Array, check_count, check_positive
 from modalscope.numerics.errors import check_choice
@@ -34,6 +36,8 @@ TEXT_OPTIONS = (*COLUMN_OPTIONS, "skip", "decimal", "delimiter")
 _LINES_EXAMINED, _CHARACTERS_EXAMINED = 1000, 1 << 20
 #: Cells of a row at most: channels, or samples where rows are channels.
 _MAX_COLUMNS, _MAX_SAMPLES = 20_000, 10_000_000
+#: Columns that one statement of a unit is about, at most: a quantity, or the two parts of one.
+_MAX_COLUMNS_OF_UNIT = 2
 #: Bytes of a row and of a cell as lists.
 _BYTES_OF_ROW, _BYTES_OF_CELL = 120, 60
 
@@ -90,7 +94,7 @@ def contents_of_lines(
     if layout is None:
         raise _no_body(where, bare, options)
     if head is not None and head.step is not None and not options.get("transpose"):
-        layout = replace(layout, facts=(*layout.facts, (head.first, "DT", head.said)))
+        layout = replace(layout, facts=(*layout.facts, Statement(head.first, "DT", head.said)))
     table = _table(where, first, bare, lines, dialect, layout, space, options)
     return contents_from_table(replace(table, notes=(*table.notes, *notes)), options)
 
@@ -193,17 +197,36 @@ def _table(
     arrays, notes = read_body(
         where, chain(islice(first, layout.body, None), lines), kinds, dialect, layout.width, space
     )
-    stated = None if options.get("sampling_rate") is not None else rate_of_facts(where, layout.facts, dialect.decimal)
+    said = stated_by(layout.facts, dialect.decimal)
     columns, column_notes = _columns(layout, kinds, arrays)
-    place = "" if stated is None else f"line {first[stated[1]][0]} ({stated[2]})"
+    given = options.get("sampling_rate") is not None
+    stated = None if given else said.rate(where, steps_of(column.values for column in columns))
+    place = "" if stated is None else f"line {first[stated[1].line][0]} ({stated[1].key} {stated[1].value[:60]})"
     return Table(
         where=where,
-        columns=columns,
+        columns=_with_unit(columns, said.unit),
         rate=None if stated is None else stated[0],
         rate_from=place,
+        lines=said.lines,
         notes=(*notes, *column_notes),
         layout=_evidence(first, dialect, layout, (stated is not None and place) or ""),
     )
+
+
+def _with_unit(columns: tuple[Column, ...], unit: str) -> tuple[Column, ...]:
+    """Return columns with the unit that the header says of one quantity, where it says it of no column and one or two have none."""
+    bare = [
+        c
+        for c in columns
+        if not c.unit and not c.textual and role_by_words(c.name) not in ("time", "frequency", "index")
+    ]
+    if (
+        not is_unit(unit)
+        or any(c.unit for c in columns if role_by_words("", c.unit) in ("in", "out"))
+        or len(bare) > _MAX_COLUMNS_OF_UNIT
+    ):
+        return columns
+    return tuple(replace(c, unit=unit) if c in bare and not goes_one_way(c.values) else c for c in columns)
 
 
 def _but_ignored(kinds: list[str], layout: Layout, options: Options) -> list[str]:
@@ -245,10 +268,9 @@ def _evidence(first: list[Line], dialect: Dialect, layout: Layout, rate: str) ->
             evidence.append((f"line {first[line][0]}", words))
     if rate:
         evidence.append((rate.partition(" (")[0], "sampling rate: " + rate.partition(" (")[2].rstrip(")")))
-    above = [fact for fact in layout.facts if f"line {first[fact[0]][0]}" != rate.partition(" (")[0]]
-    for line, key, value in above[:3]:
-        evidence.append((f"line {first[line][0]}", f"{key}: {value[:60]}"))
-    used = {layout.name_line, layout.unit_line, *(line for line, *_ in layout.facts)}
+    above = [fact for fact in layout.facts if f"line {first[fact.line][0]}" != rate.partition(" (")[0]]
+    evidence += [(f"line {first[fact.line][0]}", f"{fact.key}: {fact.value[:60]}") for fact in above[:3]]
+    used = {layout.name_line, layout.unit_line, *(fact.line for fact in layout.facts)}
     unused = [str(first[k][0]) for k in range(layout.body) if k not in used and first[k][1].strip(" \t,;\r\n")]
     if unused:
         evidence.append((f"line{'s' if len(unused) > 1 else ''} {', '.join(unused[:6])}", "above the table, not used"))

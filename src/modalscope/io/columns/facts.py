@@ -1,0 +1,162 @@
+"""Interpret what a header states beside its table: the rate or the step, the first value and units, whatever signs and language.
+
+A statement is a key and a value, `Sampling Rate(Hz),50`, `dt = 0,5 ms`, `X-Axis delta: 0.25`. Keys are those of `vocabulary`. Units stand
+behind the value, or in the key. Of several rates the one counts that a column of times agrees with.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import takewhile
+
+import numpy as np
+
+from modalscope.data import DataError
+from modalscope.data.units import plain_unit
+from modalscope.io.columns.vocabulary import key_meaning, words_of
+from modalscope.io.columns.words import factor_to_base, kind_of_unit, split_head
+from modalscope.io.contents import needs
+
+#: A number, whose thousands one sign may part, and its unit.
+_QUANTITY = re.compile(
+    r"\s*\"?(?P<number>[+-]?(?:[1-9]\d{0,2}(?:(?P<sign>[.,'])\d{3})(?:(?P=sign)\d{3})*(?!\d)(?:[.,]\d+)?|\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)"
+    r"\s*(?P<unit>[A-Za-z/]*)"
+)
+_BARE = re.compile(r"[+-]?\d+(?:[.,]\d*)?(?:[eE][+-]?\d+)?\Z")
+_WORDS_OF_RATE = {"s/s", "sps", "samples/s", "sa/s", "hz", "1/s", ""}
+_MAX_CHARACTERS_OF_KEY = 60
+#: Relative difference of a step and a rate that agree.
+_AGREEMENT = 1e-2
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """A key and its value, and the line where it stands; -1 where there are no lines."""
+
+    line: int
+    key: str
+    value: str
+
+
+@dataclass(slots=True)
+class Stated:
+    """What a header says.
+
+    `rates`: samples per second, each with its statement. `lines`: first frequency and step, Hz. `unit`: of what is measured.
+    """
+
+    rates: list[tuple[float, Statement]] = field(default_factory=list)
+    lines: tuple[float, float] | None = None
+    unit: str = ""
+
+    def rate(self, where: str, steps: Sequence[float]) -> tuple[float, Statement] | None:
+        """Return the rate with its statement; of several the one that a step (s, or parts of it) agrees with.
+
+        Raises `DataError`: rates that differ, none of which a column of times says.
+        """
+        turns = [1.0, 1e-3, 1e-6, 1e-9]
+        agree = [
+            (r, s) for r, s in self.rates if any(abs(step * r * t - 1) < _AGREEMENT for step in steps for t in turns)
+        ]
+        rates = agree or self.rates
+        values = [rate for rate, _ in rates]
+        if values and max(values) > 1.001 * min(values):
+            raise _several_rates(where, [f"{s.key} {s.value[:_MAX_CHARACTERS_OF_KEY]}" for _, s in rates[:4]])
+        return rates[0] if rates else None
+
+
+def _several_rates(where: str, statements: Sequence[str]) -> DataError:
+    """Return the error of statements that say different rates."""
+    fault = f"its header says several: {', '.join(map(repr, statements))}"
+    return needs(where, "one sampling rate", fault, "Say it: --sampling-rate HZ")
+
+
+def stated_by(statements: Iterable[Statement], decimal: str) -> Stated:
+    """Return what statements say.
+
+    `decimal`: the decimal sign of the table.
+
+    Examples
+    --------
+    >>> said = stated_by([Statement(0, "Sampling rate", "1.024 kHz"), Statement(1, "Operator", "7")], ".")
+    >>> said.rates[0][0], stated_by([Statement(0, "dt [ms]", "0,5")], ",").rates[0][0]
+    (1024.0, 2000.0)
+    """
+    found, first, step, axis = Stated(), None, None, ""
+    for statement in statements:
+        meaning = key_meaning(statement.key) if len(statement.key) <= _MAX_CHARACTERS_OF_KEY else ""
+        text = statement.value.strip().strip('"')
+        if meaning == "unit":
+            found.unit = text
+        elif meaning == "axis unit" and kind_of_unit(text) == "frequency":
+            axis = "frequency"
+        if meaning not in ("rate", "step", "frequency step", "first"):
+            continue
+        number, unit = _quantity(statement, meaning, decimal)
+        kind = "frequency" if meaning == "frequency step" else kind_of_unit(unit)
+        if number is None or (meaning != "first" and number <= 0):
+            continue
+        if meaning == "first":
+            first = number * (factor_to_base(unit) if kind == "frequency" else 1.0)
+        elif meaning == "rate" and (kind == "frequency" or unit.lower() in _WORDS_OF_RATE):
+            found.rates += [(each * factor_to_base(unit), statement) for each in (number, *_others(statement))]
+        elif meaning != "rate" and kind in ("time", "frequency", ""):
+            step, axis = number * factor_to_base(unit), axis or kind
+            found.rates += [(1 / step, statement)] if kind != "frequency" else []
+    if step is not None and axis != "time" and (axis == "frequency" or first is not None):
+        found.lines = (first or 0.0, step)
+        found.rates = [(rate, s) for rate, s in found.rates if axis != "frequency" or key_meaning(s.key) == "rate"]
+    return found
+
+
+def _others(statement: Statement) -> list[float]:
+    """Return the further numbers of a statement, one a channel, that differ from its first."""
+    numbers = [float(word.replace(",", ".")) for word in takewhile(_BARE.match, statement.value.split())]
+    return [number for number in numbers[1:] if number != numbers[0]]
+
+
+def _quantity(statement: Statement, meaning: str, decimal: str) -> tuple[float | None, str]:
+    """Return number and unit of a statement; None where it has none."""
+    name, unit = split_head(statement.key)
+    match = _QUANTITY.match(statement.value)
+    if match is None:
+        return None, ""
+    words = words_of(name)
+    if not unit and len(words) > 1 and kind_of_unit(words[-1]) in ("time", "frequency") and words[-1] != "min":
+        unit = words[-1]
+    unit = plain_unit(match["unit"] or unit)
+    text = match["number"]
+    if meaning == "rate" and factor_to_base(unit) == 1:
+        # a thousand samples a second are likelier than one; of kHz and of steps it is not so
+        text = _ungrouped(text, match["sign"] or "", decimal)
+    try:
+        return float(text.replace(",", ".") if "," in text else text), unit
+    except ValueError:
+        return None, unit
+
+
+def _ungrouped(text: str, sign: str, decimal: str) -> str:
+    """Return a number without what parts its thousands.
+
+    `sign`: what stands before groups of three digits. It parts thousands where it is not the decimal sign of the table, stands twice, or
+    another sign follows it.
+
+    Examples
+    --------
+    >>> _ungrouped("1,024", ",", "."), _ungrouped("1.024", ".", "."), _ungrouped("1,024.5", ",", ",")
+    ('1024', '1.024', '1024.5')
+    """
+    grouped = sign != decimal or text.count(sign) > 1 or bool((set(".,'") - {sign}) & set(text))
+    return text.replace(sign, "") if sign and grouped else text
+
+
+def steps_of(columns: Iterable[np.ndarray]) -> list[float]:
+    """Return the usual steps of columns that rise."""
+    steps = []
+    for values in columns:
+        if values.dtype.kind in "biuf" and len(values) > 2:
+            step = float(np.median(np.diff(values.astype(float))))
+            steps += [step] if np.isfinite(step) and step > 0 else []
+    return steps

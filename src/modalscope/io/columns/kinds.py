@@ -1,0 +1,307 @@
+"""Weigh what each column of a table is: unit, name and values are independent evidence, in log likelihoods, each with its reason.
+
+`SURE` is a unit of times or forces, `WORD` a word of the name, `HINT` what values suggest. They add: a unit goes before a name, and two
+hints before none; a word for a force goes before one for a trigger. `--columns` is evidence of infinite weight. The weights are round
+numbers whose order matters alone; the study "reading" scores them on files of the grammar of exports.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from modalscope.data import DataError
+from modalscope.io.columns.axis import in_epoch, nearly_even, sampling_of
+from modalscope.io.columns.table import Column
+from modalscope.io.columns.vocabulary import meanings_of, words_of
+from modalscope.io.columns.words import kind_of_unit
+from modalscope.numerics.checks import Array, RealArray
+
+#: Weights of a known unit, of a word, of a hint, and of what cannot be.
+SURE, WORD, HINT, NEVER = 10.0, 6.0, 3.0, -40.0
+#: What words of names speak for; a word for a sensor is weaker than one for a force, one for a counter than its values.
+_OF_WORDS = {
+    "time": ("time", WORD), "clock": ("time", WORD), "frequency": ("frequency", WORD), "index": ("index", HINT), "force": ("in", WORD + 1),
+    "trigger": ("ignore", WORD), "sensor": ("out", HINT + 1), "other": ("ignore", WORD + 2), "spectrum": ("spectrum", 2 * SURE),
+    "real": ("real", WORD), "imag": ("imag", WORD), "mag": ("mag", WORD), "phase": ("phase", WORD), "coh": ("coh", WORD),
+}  # fmt: skip
+_VIBRATIONS = {
+    "acceleration": 8.0,
+    "velocity": 8.0,
+    "displacement": 8.0,
+    "strain": 8.0,
+    "pressure": 6.0,
+    "angle": 6.0,
+    "voltage": 2.0,
+}
+#: Share of the steps of times that turn back, at most: half way from a clock (none) to a vibration (every second one).
+_MAX_SHARE_OF_TURNS = 0.25
+#: A step (s) below which lines never lie, in Hz.
+_MAX_TIME_STEP = 0.02
+#: A hit: values above this part of the largest take this share of the rows at most, and a quarter of that of every response.
+_PART_OF_PEAK, _MAX_SHARE_OF_HIT = 0.1, 0.05
+#: Something slow: mean square step over variance, and mean over deviation, of a quantity that stands still beside vibrations.
+_MAX_ROUGHNESS, _MIN_OFFSET = 1e-2, 10.0
+#: Rows from which values are asked, and relative error of sums of squares.
+_MIN_ROWS, _ROUNDED = 16, 1e-3
+
+
+@dataclass(slots=True)
+class Weights:
+    """Evidence on one column: kind -> sum of weights, and the strongest reason for it."""
+
+    sums: dict[str, float] = field(default_factory=dict)
+    reasons: dict[str, tuple[float, str]] = field(default_factory=dict)
+
+    def add(self, kind: str, weight: float, reason: str) -> None:
+        """Add one piece of evidence."""
+        self.sums[kind] = self.sums.get(kind, 0.0) + weight
+        if weight > self.reasons.get(kind, (0.0, ""))[0]:
+            self.reasons[kind] = (weight, reason)
+
+    def of(self, kind: str) -> float:
+        """Return the weight of a kind; nothing speaks for or against one that is not named."""
+        return self.sums.get(kind, 0.0)
+
+    def why(self, kind: str) -> str:
+        """Return the strongest reason for a kind."""
+        return self.reasons.get(kind, (0.0, ""))[1]
+
+    def best(self, kinds: Sequence[str]) -> str:
+        """Return the likeliest of some kinds; the first where they are alike."""
+        return max(kinds, key=self.of)
+
+
+def weigh(columns: Sequence[Column]) -> dict[int, Weights]:
+    """Return the evidence on every column of a table."""
+    weights: dict[int, Weights] = {}
+    for column in columns:
+        weights[column.number] = Weights()
+        for source in (of_unit, of_name, of_values):
+            for kind, weight, reason in source(column):
+                weights[column.number].add(kind, weight, reason)
+    for column, kind, weight, reason in _of_relations([c for c in columns if not c.textual], weights):
+        weights[column.number].add(kind, weight, reason)
+    return weights
+
+
+def role_by_words(name: str, unit: str = "") -> str:
+    """Return the likeliest role by name and unit alone; nothing where neither says any.
+
+    Examples
+    --------
+    >>> role_by_words("Hammer"), role_by_words("Ch 3", "lbf"), role_by_words("Ch 4"), role_by_words("Zeit")
+    ('in', 'in', '', 'time')
+    """
+    column, sums = Column(number=1, name=name, unit=unit, values=np.zeros(0)), {"": 0.0}
+    for source in (of_unit, of_name):
+        for kind, weight, _ in source(column):
+            sums[kind] = sums.get(kind, 0.0) + weight
+    return max(sums, key=lambda kind: sums[kind])
+
+
+def of_unit(column: Column) -> Iterator[tuple[str, float, str]]:
+    """Give what the unit of a column says."""
+    if column.textual:
+        yield "ignore", 10 * SURE, "it holds text"
+        return
+    unit = kind_of_unit(column.unit)
+    if column.stamps or unit == "time":
+        yield "time", SURE, "it holds dates and times" if column.stamps else "its unit is a time"
+        yield "frequency", -SURE, ""
+    elif unit == "frequency" and column.unit.strip() != "1/s":
+        yield "frequency", SURE, f"its unit is {column.unit}"
+        yield "time", -SURE, ""
+    elif unit == "force":
+        yield "in", SURE, f"its unit is that of a force, {column.unit}"
+    elif unit == "level":
+        yield "mag", HINT, "its unit is dB"
+    elif unit == "no vibration":
+        yield "ignore", SURE, f"{column.unit} is no vibration"
+    elif unit in _VIBRATIONS:
+        yield "out", _VIBRATIONS[unit], f"its unit is that of {'an' if unit[0] in 'a' else 'a'} {unit}, {column.unit}"
+        if unit == "angle":
+            yield "phase", HINT, f"its unit is {column.unit}"
+
+
+def of_name(column: Column) -> Iterator[tuple[str, float, str]]:
+    """Give what the words of a name say; of times and forces in one name the force counts."""
+    found = meanings_of(column.name)
+    meanings = {meaning for meaning, _ in found}
+    for meaning, word in dict(found).items():
+        axis = meaning in ("time", "clock", "frequency") and meanings & {"force", "sensor", "other"}
+        sensor_of_other = meaning == "other" and ("sensor" in meanings or _is_bare_voltage(column.name))
+        trigger = meaning == "trigger" and "force" in meanings
+        if not (axis or sensor_of_other or trigger):
+            kind, weight = _OF_WORDS[meaning]
+            if kind in ("time", "frequency"):
+                yield ("frequency" if kind == "time" else "time"), -WORD, ""
+            yield (
+                kind,
+                weight,
+                f"{column.unit or word} is no vibration" if kind == "ignore" else f"its name says {word!r}",
+            )
+    words = column.name.split()
+    if not meanings & {"force", "time"} and len(words) > 1 and words[0].lower() == "in":
+        yield "in", WORD, "its name says 'in'"
+    if column.name.startswith("|") and column.name.endswith("|"):
+        yield "mag", WORD, "its name is a magnitude"
+
+
+def _is_bare_voltage(name: str) -> bool:
+    """Whether a name says nothing but that a channel is a voltage, as those of sensors without a sensitivity are."""
+    return {word for word in words_of(name) if not word.isdecimal()} <= {"voltage", "voltages", "volt", "volts"}
+
+
+def of_values(column: Column) -> Iterator[tuple[str, float, str]]:
+    """Give what values say about one column by itself."""
+    values = column.values
+    if column.textual or np.iscomplexobj(values) or len(values) < 3:
+        return
+    if not goes_one_way(values):
+        yield "time", NEVER, ""
+        yield "frequency", NEVER, ""
+    counted = _counts(values)
+    if counted:
+        yield "index", WORD, "it counts rows"
+        yield "in", -SURE if not column.name.strip() or column.name.strip() in ("N", "n") else 0.0, ""
+    else:
+        yield "index", NEVER, ""
+    step = even_step(values)
+    if step:
+        if step != 1.0 or not counted:
+            weight = HINT + HINT * (step < _MAX_TIME_STEP) + HINT * in_epoch(values)
+            yield "time", weight, f"it rises evenly by {step:.6g}"
+        yield "frequency", HINT, f"it rises evenly by {step:.6g}"
+        yield "out", -1.0, ""
+    elif nearly_even(values):
+        yield (
+            "time",
+            HINT + HINT * (float(np.median(np.diff(values))) < _MAX_TIME_STEP),
+            "it rises by nearly even steps",
+        )
+    elif _only(values, (0.0, 1.0)) and len(values) >= _MIN_ROWS:
+        yield "ignore", WORD + 1, "it is 0 or 1, as a trigger"
+    if not step and not counted and _stands_still(values):
+        yield "ignore", WORD, "it hardly changes, and slowly"
+    if len(values) >= _MIN_ROWS and not step and values.min() >= 0 and values.max() <= 1:
+        yield "coh", 1.0, "it lies between 0 and 1"
+
+
+def goes_one_way(values: Array) -> bool:
+    """Whether values rise, or fall, but for a few steps, as times do; a vibration rises as often as it falls.
+
+    Examples
+    --------
+    >>> goes_one_way(np.array([0.0, 0.1, 0.1, 0.2])), goes_one_way(np.sin(np.arange(50.0)))
+    (True, False)
+    """
+    if np.iscomplexobj(values):
+        return False
+    with np.errstate(all="ignore"):
+        steps = np.diff(values.astype(float))
+    ups, downs = np.count_nonzero(steps > 0), np.count_nonzero(steps < 0)
+    return bool(min(ups, downs) <= _MAX_SHARE_OF_TURNS * (ups + downs))
+
+
+def counts_rows(values: Array) -> bool:
+    """Whether values are whole numbers that rise by the same step from row to row.
+
+    Examples
+    --------
+    >>> counts_rows(np.arange(1.0, 9.0)), counts_rows(np.array([0.0, 0.0, 3.0]))
+    (True, False)
+    """
+    if np.iscomplexobj(values) or not np.array_equal(values, np.rint(values)):
+        return False
+    with np.errstate(all="ignore"):
+        steps = np.diff(values.astype(float))
+    return bool(steps.size and steps[0] > 0 and np.all(steps == steps[0]))
+
+
+def _counts(values: Array) -> bool:
+    """Whether values count rows, also such that begin anew or skip, as frames do."""
+    if counts_rows(values):
+        return True
+    if not np.array_equal(values, np.rint(values)):
+        return False
+    with np.errstate(all="ignore"):
+        return len(values) >= _MIN_ROWS and bool(np.mean(np.diff(values.astype(float)) == 1) > 0.9)
+
+
+def even_step(values: Array) -> float:
+    """Return the step of values that rise evenly; 0 of others.
+
+    Examples
+    --------
+    >>> even_step(np.array([0.0, 0.5, 1.0])), even_step(np.array([0.0, 1.0, 0.5]))
+    (0.5, 0.0)
+    """
+    if np.iscomplexobj(values) or values.size < 3 or not np.isfinite(values).all():
+        return 0.0
+    try:
+        return 1 / sampling_of(values.astype(float)).rate
+    except DataError:
+        return 0.0
+
+
+def _only(values: Array, allowed: tuple[float, ...]) -> bool:
+    return bool(np.isin(values, allowed).all() and np.ptp(values) > 0)
+
+
+def _stands_still(values: Array) -> bool:
+    """Whether values drift slowly about a value far from zero, as temperatures and batteries do."""
+    finite = values[np.isfinite(values)].astype(float)
+    spread = float(finite.std()) if finite.size >= _MIN_ROWS else 0.0
+    if spread == 0 or abs(finite.mean()) < _MIN_OFFSET * spread:
+        return False
+    return bool(np.mean(np.diff(finite) ** 2) < _MAX_ROUGHNESS * spread**2)
+
+
+Relation = tuple[Column, str, float, str]
+
+
+def _of_relations(columns: Sequence[Column], weights: dict[int, Weights]) -> Iterator[Relation]:
+    """Give what columns say about each other: magnitudes of vectors, and hits that all others answer."""
+    measured = [
+        c
+        for c in columns
+        if not np.iscomplexobj(c.values)
+        and len(c.values) >= _MIN_ROWS
+        and not goes_one_way(c.values)
+        and np.isfinite(c.values).all()
+    ]
+    squares = {c.number: c.values.astype(float) ** 2 for c in measured}
+    for column in measured:
+        others = [
+            squares[c.number]
+            for c in measured
+            if c is not column and weights[c.number].of("in") <= HINT and weights[c.number].of("ignore") <= HINT
+        ]
+        if len(others) > 1 and np.min(column.values) >= 0 and _is_length(squares[column.number], others):
+            yield column, "ignore", 2 * SURE, "it is the magnitude of the others"
+    known = any(weights[c.number].of("in") > HINT for c in columns)
+    hit = None if known else _hit(measured)
+    if hit is not None:
+        yield hit, "in", WORD, "it is a hit that the others answer"
+
+
+def _is_length(square: RealArray, others: Sequence[RealArray]) -> bool:
+    """Whether a square is the sum of the others, or of three that follow each other."""
+    sums = [np.sum(others, axis=0), *(others[k] + others[k + 1] + others[k + 2] for k in range(len(others) - 2))]
+    return any(np.allclose(square, total, rtol=_ROUNDED, atol=_ROUNDED * float(square.max())) for total in sums)
+
+
+def _hit(columns: Sequence[Column]) -> Column | None:
+    """Return the column of a hammer: short pulses, quiet before and after, where every other rings on."""
+    if len(columns) < 2:
+        return None
+    shares = []
+    for column in columns:
+        size = np.abs(column.values - np.median(column.values))
+        shares.append(float(np.mean(size > _PART_OF_PEAK * size.max())) if size.max() > 0 else 1.0)
+    order = np.argsort(shares)
+    short, next_one = shares[order[0]], shares[order[1]]
+    return columns[int(order[0])] if short <= _MAX_SHARE_OF_HIT and next_one > 4 * short else None

@@ -1,0 +1,158 @@
+"""Words of exports and what they mean: one table for names of columns, one for statements of a header, in eight languages.
+
+The languages are English, German, French, Italian, Spanish, Portuguese, Dutch and Swedish. Words stand without accents and in small
+letters. One that ends in `-` may go on (`beschleunig-`), one that begins with it may be the end of a compound (`-kraft`). Statements are
+compared without blanks and signs: `Sampling Rate(Hz)`, `sampling_rate` and `SamplingRate` are one.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from functools import cache
+
+#: Meaning of a column -> words of its name.
+COLUMNS = {
+    "time": "time times zeit temps tiempo tempo tid tijd elapsed timestamp timestamps datetime seconds",
+    "clock": "date datum fecha clock uhrzeit heure hora",
+    "frequency": (
+        "frequency frequencies freq freqs frequenz frequence frecuencia frequenza frequencia frequentie "
+        "frekvens hz"
+    ),
+    "index": (
+        "index idx sample samples no nr row line point count counter scan # id record frame frames packet "
+        "echantillon campione muestra"
+    ),
+    "force": (
+        "force forces hammer -hammer shaker input inputs exc excit excitation exciter kraft -kraft kraft- "
+        "impact load loadcell stinger fuerza forza forca actuator drive marteau martello martillo martelo "
+        "hamer kracht kracht- eccitazione excitacion excitacao excitatie hammare"
+    ),
+    "trigger": "trigger trig tacho tach tachometer keyphasor",
+    "sensor": (
+        "acc accel- acceleration beschleunigung- vel velocity disp displacement response output out "
+        "versnelling- aceleracion aceleracao verschiebung- geschwindigkeit- geophone reponse risposta "
+        "respuesta"
+    ),
+    "other": (
+        "temperature temp temperatur temperatura humidity rpm speed voltage battery batterie comment remark "
+        "status kommentar drehzahl commentaire luftfeuchte"
+    ),
+    "spectrum": "fft psd spectrum spectra autospectrum autospectra spektrum autopower apsd spectre espectro spettro",
+    "real": "realteil real reelle reel reell reale reele re",
+    "imag": "imaginary imaginarteil imaginaire immaginaria imaginaria imaginair imaginardel imagin imag img im",
+    "mag": "magnitude mag abs absolute amplitude amp modulus module modulo modul betrag gain ampiezza amplitud",
+    "phase": "phasenwinkel phase phas phi fase arg argument angle winkel",
+    "coh": "coherence coherencia coerenza coerencia coherentie koharenz koherens coh gamma2",
+}  # fmt: skip
+
+#: Meaning of a statement -> its keys. Short ones (up to four letters) are whole words.
+STATEMENTS = {
+    "rate": (
+        "samplerate samplingrate sampfreq samplefrequency samplingfrequency samplefreq samplingfreq fsamp fsampling "
+        "datarate scanrate acquisitionrate acqrate abtastrate abtastfrequenz messrate "
+        "frequencedechantillonnage frequenzadicampionamento frecuenciademuestreo taxadeamostragem "
+        "frequenciadeamostragem bemonsteringsfrequentie samplingsfrekvens samplespersec samplessec fs rate sr "
+        "srate"
+    ),
+    "frequency step": (
+        "frequencystep frequencyresolution frequencyincrement linespacing deltaf df frequenzschritt "
+        "pasdefrequence"
+    ),
+    "step": (
+        "deltat deltax deltatime timestep timeincrement timeinterval timeresolution xincrement xresolution "
+        "xinterval xstep sampleinterval samplinginterval sampleperiod samplingperiod sampletime samplingtime "
+        "xaxisdelta increment abtastintervall abtastzeit zeitschritt pasdetemps periodedechantillonnage "
+        "passodicampionamento passotemporale intervallodicampionamento intervalodemuestreo pasodetiempo "
+        "tijdstap intervalodeamostragem passodetempo tidssteg dt ts dx"
+    ),
+    "first": (
+        "xaxisfirstvalue firstvalue startvalue startofaxis startfrequency startfrequenz firstfrequency "
+        "frequenceinitiale frequenzainiziale frecuenciainicial startfrequentie frequenciainicial x0 f0 fmin"
+    ),
+    "count": (
+        "numberofsamples numberofvalues numberofpoints datapoints npts ndata ndat datanum xaxissize "
+        "anzahlmesswerte nombredepoints numerodicampioni numerodemuestras aantalmonsters numerodeamostras"
+    ),
+    "axis unit": "xaxisunit xunit xunits xunitlabel",
+    "unit": "yunit yunits yaxisunit yunitlabel unit units einheit unite unita unidad unidade eenheid enhet",
+    "channel": "channel channels name names kanal label title voie canale canal kanaal chno chname channelname",
+}  # fmt: skip
+
+#: Letters that are whole names, and what they name.
+LETTERS = {"t": "time", "T": "time", "X_Value": "time", "x_value": "time", "f": "frequency", "F": "force"}
+LETTERS |= dict.fromkeys(("n", "N", "k", "i"), "index")
+
+_WORD = re.compile(r"[A-ZÀ-Þ]?[a-zà-ÿ]+|[A-ZÀ-Þ]+(?![a-zà-ÿ])|\d+|#")
+_WORDS = {word: meaning for meaning, words in COLUMNS.items() for word in words.split()}
+_KEYS = sorted(
+    ((key, meaning) for meaning, keys in STATEMENTS.items() for key in keys.split()), key=lambda pair: -len(pair[0])
+)
+_MAX_LETTERS_OF_WORD, _MAX_CHARACTERS = 4, 400
+
+
+def folded(text: str) -> str:
+    """Return a text of the same length in small letters without accents.
+
+    Examples
+    --------
+    >>> folded("Kohärenz É")
+    'koharenz e'
+    """
+    return "".join((unicodedata.normalize("NFKD", letter)[:1] or letter).lower()[:1] or letter for letter in text)
+
+
+@cache
+def words_of(name: str) -> tuple[str, ...]:
+    """Return the words of a name in small letters and without accents, also those that capitals part.
+
+    Examples
+    --------
+    >>> words_of("InputForce_1"), words_of("AccA"), words_of("Température")
+    (('input', 'force', '1'), ('acc', 'a'), ('temperature',))
+    """
+    return tuple(folded(word) for word in _WORD.findall(name[:_MAX_CHARACTERS]))
+
+
+@cache
+def meanings_of(name: str) -> tuple[tuple[str, str], ...]:
+    """Return what the words of a column's name mean, each with its word.
+
+    Examples
+    --------
+    >>> meanings_of("Hammerkraft 1"), meanings_of("Acc Real"), meanings_of("F"), meanings_of("Zeit")
+    ((('force', 'hammerkraft'),), (('sensor', 'acc'), ('real', 'real')), (('force', 'F'),), (('time', 'zeit'),))
+    """
+    whole = name.strip()
+    if whole in LETTERS:
+        return ((LETTERS[whole], whole),)
+    found = []
+    for word in words_of(whole):
+        meaning = _WORDS.get(word)
+        if meaning is None and len(word) > _MAX_LETTERS_OF_WORD:
+            ends = (key for n in range(3, len(word)) for key in (f"-{word[n:]}", f"{word[:-n]}-") if key in _WORDS)
+            meaning = next((_WORDS[key] for key in (f"{word}-", *ends) if key in _WORDS), None)
+        found += [(meaning, word)] if meaning else []
+    return tuple(found)
+
+
+@cache
+def key_meaning(key: str) -> str:
+    """Return what a key of a header states; nothing where it is not known.
+
+    Examples
+    --------
+    >>> (
+    ...     key_meaning("Sampling Rate(Hz)"),
+    ...     key_meaning("X-Axis delta"),
+    ...     key_meaning("Fréquence d'échantillonnage"),
+    ...     key_meaning("Operator"),
+    ... )
+    ('rate', 'step', 'rate', '')
+    """
+    words = words_of(key)
+    joined = "".join(words)
+    for known, meaning in _KEYS:
+        if (known in joined) if len(known) > _MAX_LETTERS_OF_WORD else (known in words or known == joined):
+            return meaning
+    return ""
