@@ -9,7 +9,7 @@ from hypothesis import given, settings, strategies as st
 import modalscope as ms
 from modalscope.io.columns import Column, Table, contents_from_table
 from modalscope.io.columns.axis import grain_of, roundest, sampling_of
-from modalscope.io.columns.kinds import role_by_words
+from modalscope.io.columns.weights import role_by_words
 from modalscope.io.columns.words import UNITS, is_unit, kind_of_unit, plain_unit, spoken_roles
 from modalscope.io.text.cells import Dialect, complex_of, is_value, number_of, split
 from tests.support import refused

@@ -9,7 +9,7 @@ import numpy as np
 
 from modalscope.data import DataError
 from modalscope.io.columns import Column, Table, contents_from_table
-from modalscope.io.columns.kinds import role_by_words
+from modalscope.io.columns.weights import role_by_words
 from modalscope.io.columns.words import kind_of_unit, split_head
 from modalscope.io.contents import DataObject, unreadable
 from modalscope.io.from_arrays import overridden

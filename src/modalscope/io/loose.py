@@ -14,7 +14,7 @@ import numpy as np
 
 from modalscope.io.columns import Column, Table
 from modalscope.io.columns.axis import rises, sampling_of
-from modalscope.io.columns.kinds import role_by_words
+from modalscope.io.columns.weights import role_by_words
 from modalscope.io.columns.words import kind_of_unit, split_head
 from modalscope.io.contents import Options, unreadable
 from modalscope.numerics.checks import Array

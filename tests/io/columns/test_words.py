@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.io.columns.kinds import counts_rows, goes_one_way
+from modalscope.io.columns.weights import counts_rows, goes_one_way
 from modalscope.io.columns.words import short_unit, split_head
 from tests.support import refused
 

@@ -10,11 +10,11 @@ import numpy as np
 
 from modalscope.data import FrequencyResponse, ImpulseResponse, Signals
 from modalscope.io.columns.axis import check_numbers, with_rows
-from modalscope.io.columns.kinds import even_step
 from modalscope.io.columns.lines import frequency_response
 from modalscope.io.columns.reading import NEAR, Reading, readings
 from modalscope.io.columns.records import free_decay, nothing_measured, records
 from modalscope.io.columns.table import Column, Table, as_word
+from modalscope.io.columns.weights import even_step
 from modalscope.io.columns.words import ignored_columns, named_columns, short_unit, spoken_roles
 from modalscope.io.contents import Contents, Finding, Options, needs
 

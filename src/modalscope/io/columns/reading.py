@@ -1,6 +1,6 @@
 """Weigh readings of a table as a whole: a record over times, or responses over frequencies, and what each column is in it.
 
-A reading's score is the sum of the log likelihoods of its columns (`kinds`), of its axis, and of whether pairs of columns are responses of
+A reading's score is the sum of the log likelihoods of its columns (`weights`), of its axis, and of whether pairs of columns are responses of
 a causal system: the inverse transform of H(f), f >= 0, lies at positive times (Kramers and Kronig). The best one is read. Where the second
 is near, the user is asked; the options in the message are those of the two.
 """
@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from modalscope.io.columns.kinds import HINT, NEVER, SURE, WORD, Weights, even_step, weigh
 from modalscope.io.columns.table import Column, Table, span
+from modalscope.io.columns.weights import HINT, NEVER, SURE, WORD, Weights, even_step, weigh
 from modalscope.numerics.checks import Array, ComplexArray
 
 #: What a column may be in a record, and in responses. The first is what it is when nothing speaks for any.

@@ -15,9 +15,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from modalscope.io.columns.facts import Statement
-from modalscope.io.columns.kinds import role_by_words
 from modalscope.io.columns.lines import part_of
 from modalscope.io.columns.vocabulary import key_meaning, meanings_of
+from modalscope.io.columns.weights import role_by_words
 from modalscope.io.columns.words import is_unit, is_weak, kind_of_unit, split_head
 from modalscope.io.text.cells import Dialect, is_missing, is_number, split
 from modalscope.io.text.dialect import DELIMITERS, value_rows

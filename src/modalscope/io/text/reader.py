@@ -17,7 +17,7 @@ import numpy as np
 from modalscope.data import DataError
 from modalscope.io.columns import COLUMN_OPTIONS, Column, Table, contents_from_table
 from modalscope.io.columns.facts import Statement, stated_by, steps_of
-from modalscope.io.columns.kinds import goes_one_way, role_by_words
+from modalscope.io.columns.weights import goes_one_way, role_by_words
 from modalscope.io.columns.words import ignored_columns, is_unit
 from modalscope.io.contents import Contents, Options, unreadable
 from modalscope.io.limits import Room, room
