@@ -1,8 +1,8 @@
 """Weigh readings of a table as a whole: a record over times, or responses over frequencies, and what each column is in it.
 
-A reading's score is the sum of the log likelihoods of its columns (`weights`), of its axis, and of whether pairs of columns are responses of
-a causal system: the inverse transform of H(f), f >= 0, lies at positive times (Kramers and Kronig). The best one is read. Where the second
-is near, the user is asked; the options in the message are those of the two.
+A reading's score is the sum of the log likelihoods of its columns (`weights`), of its axis, and of whether pairs of columns are responses
+of a causal system: the inverse transform of H(f), f >= 0, lies at positive times (Kramers and Kronig). The best one is read. Where the
+second is near, the user is asked; the options in the message are those of the two.
 """
 
 from __future__ import annotations
