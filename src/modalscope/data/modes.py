@@ -192,7 +192,8 @@ class ModalModel(ModeFields):
         Damping ratio less what a wandering frequency adds to it: the lower end of its interval counts from here. NaN where the
         frequency does not wander.
     degrees : array, (n, 2), optional
-        Degrees of freedom of the wider of the two deviations of the frequency and of the damping ratio; NaN where it is known exactly.
+        Degrees of freedom of the wider of the two deviations of the frequency and of the damping ratio: NaN where it is
+        known exactly, 0 where the data leave the mode open, which has no interval.
     gain : array, (n,), optional
         By how many standard deviations the data are explained better with each mode.
     indicators : mapping of name to array (n,)
@@ -300,7 +301,9 @@ class ModalModel(ModeFields):
         # Student's quantile where the deviations were estimated from few parts of a record, as their note says
         parts = [note.numbers["degrees_of_freedom"] for note in self.notes if "degrees_of_freedom" in note.numbers]
         degrees = np.full((len(self), 2), min(parts, default=np.inf)) if self.degrees is None else self.degrees
-        quantile = stdtrit(np.where(degrees > 0, degrees, np.inf), (1 + level) / 2)
+        quantile = stdtrit(
+            np.where(degrees == 0, np.nan, np.where(np.isnan(degrees), np.inf, degrees)), (1 + level) / 2
+        )
         half = []
         for t, fields in zip(quantile.T, ("frequencies", "damping_ratios"), strict=True):
             sigmas = [x for end in ("std", "repeatability") if (x := getattr(self, f"{fields}_{end}")) is not None]

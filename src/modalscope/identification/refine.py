@@ -128,8 +128,9 @@ def refine(
     min over poles s, shapes c, participation b and terms of sum |Y - sum_j (c_j b_j g(s_j) + conjugate) - terms|^2 / variance. The variance
     is that of each channel: given with the data, or that of the residual, estimated together with the modes.
 
-    Two standard deviations are given. *Noise*: from the information of the data; where the residual is coloured, from the scatter of blocks
-    of neighbouring lines and of channels, too. *Repeatability*: from the differences between groups: inputs, runs or setups.
+    Two standard deviations are given. *Noise*: of records from their lines, left out one at a time, and from eight parts of the record in
+    time where these scatter more; of responses from the variance of every channel, and where the residual is coloured from lines, parts
+    in time and channels, too. *Repeatability*: from the differences between groups: inputs, runs or setups.
 
     Parameters
     ----------

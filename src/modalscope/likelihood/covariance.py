@@ -4,14 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from scipy.special import fdtri, stdtrit
 
 from modalscope.blocks.influence import Influence, Lines, Moments
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.triple import Eigen, Triple
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.realizations.realization import Realization
+
+#: Neighbouring lines on either side over which the cross spectra of a residual are averaged for degrees of freedom.
+_NEIGHBOURS = 10
+
+#: Parts in time. Level of the F test above which their scatter counts as more than that of lines, and of the test for a frequency that
+#: wanders.
+_PARTS, _LEVEL, _WANDERING_LEVEL = 8, 0.95, 0.99
 
 #: A direction is determined by one part alone where the others have less than this share of the information.
 _MIN_SHARE_OF_INFORMATION = 1e-6
@@ -43,12 +52,12 @@ def covariances_of_poles(poles: Array, others: Array, blocks: Array) -> tuple[Re
 
     `poles`, `others` (n,): rad/s. `blocks` (n, 2, 2): covariance of (Re s, Im s) of each pole with that of its other.
     """
-    own, its = _gradients(poles), _gradients(others)
+    own, its = gradients_of_poles(poles), gradients_of_poles(others)
     f, zeta = (np.einsum("na,nab,nb->n", a, np.asarray(blocks), b) for a, b in zip(own, its, strict=True))
     return f, zeta
 
 
-def _gradients(poles: Array) -> tuple[RealArray, RealArray]:
+def gradients_of_poles(poles: Array) -> tuple[RealArray, RealArray]:
     """Return the derivatives of |s| / 2 pi and of -Re s / |s| by (Re s, Im s), (n, 2) each."""
     s = np.asarray(poles)
     w = np.abs(s)[:, None]
@@ -64,6 +73,87 @@ def pole_blocks(covariance: RealArray, first: Array) -> RealArray:
     """
     rows = np.asarray(first)[:, None] + np.arange(2)
     return np.asarray(covariance[rows[:, :, None], rows[:, None, :]])
+
+
+class Parts(NamedTuple):
+    """What parts of a record in time say of numbers.
+
+    Attributes
+    ----------
+    variance : array, (b,)
+        V = 7 / 8 sum (q - mean q)^2, q = s / (1 - L): eight parts left out one at a time, to first order.
+    moved : array, (b, 8)
+        s / L: by how much each part would have the number otherwise.
+    share : array, (b, 8)
+        L, of the information on the number.
+    """
+
+    variance: RealArray
+    moved: RealArray
+    share: RealArray
+
+
+def degrees_of_lines(u: ComplexArray, e: ComplexArray) -> RealArray:
+    """Return 2 (sum w)^2 / sum w^2, w = u^H S u on every line: the degrees of freedom of variances that lines tell one by one, (b,).
+
+    S are the cross spectra of the residual over ten lines on either side. Real and imaginary part of a line count.
+
+    `u` (b, F, c): influence of the lines of all channels on b numbers. `e` (F, c): residual over the square root of one minus its
+    leverage.
+    """
+    w, count = np.zeros(u.shape[:2]), np.zeros(len(e))
+    for k in range(-_NEIGHBOURS, _NEIGHBOURS + 1):
+        own, other = slice(max(-k, 0), max(len(e) - max(k, 0), 0)), slice(max(k, 0), max(len(e) + min(k, 0), 0))
+        each = np.einsum("bfc,fc->bf", u[:, own].conj(), e[other])
+        w[:, own] += each.real**2 + each.imag**2
+        count[own] += 1
+    w /= count
+    return np.asarray(2 * w.sum(axis=1) ** 2 / np.maximum(np.sum(w**2, axis=1), 1e-300))
+
+
+def of_parts(u: Array, e: Array) -> Parts:
+    """Return what eight parts in time say of numbers, parts that tell alike much of each.
+
+    What changes in time (frequencies that drift, springs that harden, gusts) correlates lines, and only parts in time show it.
+
+    `u` (b, T, c): influence of what is measured in time on b numbers. `e` (T, c): residual. Their products, real parts summed, are the
+    errors of the numbers.
+    """
+    power = np.einsum("btc,btc->bt", u.real, u.real) + np.einsum("btc,btc->bt", u.imag, u.imag)
+    pull = np.einsum("btc,tc->bt", u.real, e.real) + np.einsum("btc,tc->bt", u.imag, e.imag)
+    total = np.maximum(power.sum(axis=1, keepdims=True), 1e-300)
+    part = np.minimum((_PARTS * (np.cumsum(power, axis=1) - power / 2) / total).astype(int), _PARTS - 1)
+    share, s = (
+        np.array([np.bincount(own, each, _PARTS) for own, each in zip(part, values, strict=True)])
+        for values in (power / total, pull)
+    )
+    q = s / np.maximum(1 - share, 1 / _PARTS)
+    variance = (_PARTS - 1) / _PARTS * np.sum((q - q.mean(axis=1, keepdims=True)) ** 2, axis=1)
+    return Parts(variance, s / np.maximum(share, 1e-3 / _PARTS), share)
+
+
+def joined(variance: RealArray, degrees: RealArray, parts: Parts) -> tuple[RealArray, RealArray]:
+    """Return variances and degrees of freedom, those of parts in time where these scatter more: F test, and the wider interval."""
+    apart, few = parts.variance / np.maximum(variance, 1e-300), float(_PARTS - 1)
+    t, t_few = stdtrit(degrees, (1 + _LEVEL) / 2), stdtrit(few, (1 + _LEVEL) / 2)
+    taken = (apart > fdtri(few, degrees, _LEVEL)) & (apart * t_few**2 > t**2)
+    return np.where(taken, parts.variance, variance), np.where(taken, few, degrees)
+
+
+def lower_damping(poles: ComplexArray, variance: RealArray, degrees: RealArray, parts: Parts) -> RealArray:
+    """Return zeta less what a frequency that wanders by sigma adds to it, (zeta + sqrt(zeta^2 - 4 (sigma / f)^2)) / 2; NaN where none does.
+
+    To second order a line that is fitted to such a frequency is wider by zeta (sigma / (f zeta))^2, as 1 / x^3 has the part 1 / decay^2
+    of 1 / x on the lines of a resonance.
+
+    `poles` (n,): rad/s. `variance`, `degrees` (n,), `parts`: of the frequencies, Hz.
+    """
+    f, zeta = np.abs(poles) / (2 * np.pi), -poles.real / np.abs(poles)
+    few = float(_PARTS - 1)
+    wanders = parts.variance > variance * fdtri(few, degrees, _WANDERING_LEVEL)
+    scatter = _PARTS / few * np.sum(parts.share * parts.moved**2, axis=1) - _PARTS * variance
+    wide = np.sqrt(np.maximum(zeta**2 - 4 * np.maximum(scatter, 0) / f**2, 0))
+    return np.where(wanders & (scatter > 0), (zeta + wide) / 2, np.nan)
 
 
 def sandwich(inverse: RealArray, scores: RealArray, informations: RealArray | None = None) -> RealArray:

@@ -83,6 +83,63 @@ def residual(point: Point, fitted: Fitted) -> RealArray:
     return np.subtract(point.problem.data, left, out=left)
 
 
+def information_of_channels(point: Point, fitted: Fitted, variance: float, *, alike: bool) -> RealArray:
+    """Return J'V J (2 n p, 2 n p), V the variance of each channel's noise by what is left of it, or `alike`; `variance` in the mean."""
+    V, c, (q, p) = _free(point, fitted).view(np.float64), _coefficients(point, fitted), point.data.shape[1:]
+    left = np.ones((q, p)) if alike else point.beyond + np.sum(fitted.left.reshape(-1, p, q) ** 2, axis=0).T
+    size = np.sqrt(variance * left / max(float(left.mean()), 1e-300))
+    each = V.reshape(-1, p, V.shape[1])
+    parts = [_over_channels(each[:, i].T @ each[:, i], size[:, i, None] * c) for i in range(p)]
+    return np.asarray(np.sum(parts, axis=0))
+
+
+def unknowns_on_rows(point: Point, fitted: Fitted) -> ComplexArray:
+    """Return the columns W_a of all unknowns on the rows, (K, p, n p): complex, see above."""
+    W, p = _free(point, fitted), point.data.shape[2]
+    on_rows = point.spanned(W.view(np.float64).reshape(len(W) // p, -1))
+    return np.asarray(np.ascontiguousarray(on_rows).view(np.complex128).reshape(len(on_rows), p, W.shape[1]))
+
+
+def influence_on_poles(W: ComplexArray, fitted: Fitted, steps: RealArray) -> RealArray:
+    """Return u = J x, the influence of the data on numbers g'theta, x = J'J^-1 g: the change of each is sum u e, (b, K, q, p).
+
+    `W`: `unknowns_on_rows`. `steps` (b, 2 n p): x, real and imaginary part of every unknown side by side.
+    """
+    n = fitted.linear.shape[1]
+    x = (steps[:, ::2] + 1j * steps[:, 1::2]).reshape(len(steps), n, -1)
+    each = np.einsum("kija,bja->bkij", W.reshape(*W.shape[:2], n, -1), x, optimize=True)
+    return np.asarray((each @ fitted.linear.T).real.swapaxes(2, 3))
+
+
+def scores_of_lines(
+    W: tuple[ComplexArray, ComplexArray], point: Point, fitted: Fitted, e: ComplexArray
+) -> ComplexArray:
+    """Return J^H e of every line, (F, 2 n p): real parts are the scores; those of steady noise are independent and circular.
+
+    `W`: real and imaginary part of `unknowns_on_rows`, each as lines, (F, p, n p). `e` (F, q, p): residual.
+    """
+    c, (P, Q) = _coefficients(point, fitted), (part.conj() for part in W)
+    by_real, by_imag = (np.einsum("foi,oa->fia", e, part, optimize=True) for part in (c.real, c.imag))
+    each = np.stack([P * by_real - Q * by_imag, -P * by_imag - Q * by_real], axis=-1).sum(axis=1)
+    return np.asarray(each.reshape(len(e), -1))
+
+
+def leverage(point: Point, fitted: Fitted, W: ComplexArray, inverse: RealArray) -> RealArray:
+    """Return how far each number of the data draws its fit towards itself, (K, q, p): the diagonal of the projection on terms, c and J.
+
+    `W`: `unknowns_on_rows`. `inverse`: of J'J.
+    """
+    K, p = W.shape[:2]
+    kept = point.spanned(fitted.kept.reshape(len(fitted.kept) // p, -1)).reshape(K, p, -1)
+    found = np.empty((K, len(fitted.linear), p))
+    found[:] = (np.sum(point.problem.terms**2, axis=1)[:, None] + np.einsum("kir,kir->ki", kept, kept))[:, None]
+    for o, c in enumerate(_coefficients(point, fitted)):
+        own = W * c
+        J = np.stack([own.real, -own.imag], axis=-1).reshape(K * p, -1)
+        found[:, o] += np.einsum("ka,ka->k", J @ inverse, J).reshape(K, p)
+    return found
+
+
 #: Eigenvalues of products of columns of length one below this part of the largest are rounding.
 _ROUNDING_OF_PRODUCTS = 1e-12
 

@@ -65,6 +65,11 @@ class Whitened:
         return None
 
     @property
+    def records(self) -> bool:
+        """Whether these are records, whose lines have noise of their own each."""
+        return self.parts is not None
+
+    @property
     def freedom(self) -> int:
         """Real values that the terms leave."""
         return int((len(self.data) - self.terms.shape[1]) * self.data[0].size)

@@ -56,6 +56,8 @@ def refined(
         frequencies_std=spread.frequency,
         damping_ratios_std=spread.damping,
         shapes_std=spread.shapes,
+        degrees=spread.degrees,
+        damping_ratios_lower=spread.lower if np.any(np.isfinite(spread.lower)) else None,
         frequencies_repeatability=spread.frequency_between,
         damping_ratios_repeatability=spread.damping_between,
         gain=np.sqrt(settled.gain / 2),

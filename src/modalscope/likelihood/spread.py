@@ -1,34 +1,76 @@
-"""Compute standard deviations of refined modes: from white or coloured noise, and from the scatter between groups."""
+"""Compute standard deviations of refined modes: from lines one by one, from parts in time, and from the scatter between groups."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
+from scipy.special import stdtrit
 
 from modalscope.data.channels import Groups
 from modalscope.data.response import Response
-from modalscope.likelihood.covariance import deviations_of_poles, pole_blocks, sandwich, shape_deviations
-from modalscope.likelihood.descent import inverse, normal, scores, scores_of_rows, window_noise
+from modalscope.likelihood.covariance import (
+    Parts,
+    degrees_of_lines,
+    deviations_of_poles,
+    gradients_of_poles,
+    joined,
+    lower_damping,
+    of_parts,
+    pole_blocks,
+    sandwich,
+    shape_deviations,
+)
+from modalscope.likelihood.descent import (
+    influence_on_poles,
+    information_of_channels,
+    inverse,
+    leverage,
+    normal,
+    residual,
+    scores,
+    scores_of_lines,
+    scores_of_rows,
+    unknowns_on_rows,
+    window_noise,
+)
 from modalscope.likelihood.likelihood import Fitted, Point, across
-from modalscope.likelihood.whitening import Colour, blocks_of
-from modalscope.numerics.checks import ComplexArray, RealArray
+from modalscope.likelihood.whitening import Colour
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
 #: Fewer groups say too little about how far they disagree.
 LEAST_GROUPS = 4
+
+#: Standard deviation of a frequency in half bandwidths above which the data leave a mode open.
+_MAX_OPEN = 0.3
+
+#: Probability below the upper end of an interval of 95 %.
+_TAIL = 0.975
+
+#: Minimum of one minus a leverage: rounding.
+_MIN_FREE = 1e-6
+
+#: Lines of the longest gap-filled axis relative to the number of lines: above it lines are taken as even.
+_MAX_GAPS = 8
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Spread:
     """Standard deviations of refined modes.
 
-    `frequency`, `damping` (n,): from the noise: Hz, ratio. `shapes` (l, n): of the shapes as they were fitted. `frequency_between`,
+    `frequency`, `damping` (n,): from the noise: Hz, ratio. `degrees` (n, 2): of freedom of the wider of these and those between groups;
+    0 where the data leave a mode open.
+    `lower` (n,): see `ModalModel.damping_ratios_lower`. `shapes` (l, n): of the shapes as they were fitted. `frequency_between`,
     `damping_between` (n,): between groups.
     """
 
     frequency: RealArray
     damping: RealArray
+    degrees: RealArray
+    lower: RealArray
     shapes: RealArray
     frequency_between: RealArray | None
     damping_between: RealArray | None
@@ -39,38 +81,66 @@ def spread_of(
 ) -> Spread:
     """Return the deviations at an optimum.
 
+    Errors of records are independent from line to line, whatever their spectrum and their coherence: lines left out one at a time tell
+    the covariance. White noise of responses has one variance a channel; where their residual is coloured, the widest of this, of lines
+    and of what channels disagree by counts. Parts in time show what correlates lines.
+
     `poles` (n,): rad/s, as the modes are to have them. `variance`: of a row of the whitened noise. `response`: that was refined.
     `groups`: one label an input, or a run. `seen`: of the residual.
     """
-    information = inverse(normal(point, fitted)[0])
-    between = _between(point, fitted, information, groups)
-    noise = window_noise(point, fitted, response)
-    candidates = [(variance * (information if noise is None else noise.covariance), 1.0)]
-    if seen.coloured:
-        longer = (1 + max(seen.correlation, 0)) / max(1 - max(seen.correlation, 0), 0.01)
-        parts = [scores_of_rows(point, fitted, blocks_of(len(point.problem.rows), response.count, seen.correlation))]
-        parts += [] if between is not None else _by_channels(point, fitted)
-        candidates += [(sandwich(information, part), longer) for part in parts if len(part) >= LEAST_GROUPS]
-    found = [_of_poles(poles, covariance, point) for covariance, _ in candidates]
-    shapes = [_of_shapes(point, fitted, covariance, variance * longer) for covariance, longer in candidates]
-    apart = (None, None) if between is None else _of_poles(poles, between, point)
-    return Spread(
-        np.max([f for f, _ in found], axis=0),
-        np.max([zeta for _, zeta in found], axis=0),
-        np.max(shapes, axis=0),
-        *apart,
-    )
+    C = inverse(normal(point, fitted)[0])
+    between, rows = _between(point, fitted, C, groups), None
+    own = variance * np.diag(fitted.spread).reshape(-1, 2).sum(axis=1)
+    candidates: list[_Candidate] = []
+    if not point.problem.records:
+        noise = window_noise(point, fitted, response)
+        meat = information_of_channels(point, fitted, variance, alike=response.variance is not None)
+        found = C @ meat @ C if noise is None else variance * noise.covariance
+        candidates.append(_Candidate(found, np.full((2, len(poles)), float(point.problem.freedom)), own))
+    if point.problem.records or seen.coloured:
+        rows = _rows(point, fitted, C, response)
+        free, parts = rows.told(gradients_of_poles(poles), C)
+        candidates.append(_Candidate(rows.covariance(C), free, rows.own_of_shapes()))
+    if seen.coloured and not point.problem.records and between is None:
+        each = [part for part in _by_channels(point, fitted) if len(part) >= LEAST_GROUPS]
+        candidates += [_Candidate(sandwich(C, part), np.full((2, len(poles)), len(part) - 1.0), own) for part in each]
+    variances = np.array([_of_poles(poles, each.covariance, point) ** 2 for each in candidates])
+    widest = np.argmax(variances, axis=0)[None]
+    degrees = np.take_along_axis(np.array([each.degrees for each in candidates]), widest, axis=0)[0]
+    variances = np.take_along_axis(variances, widest, axis=0)[0]
+    opened = np.sqrt(variances[0]) > _MAX_OPEN * np.abs(poles.real) / (2 * np.pi)
+    lower = np.full(len(poles), np.nan)
+    if rows is not None:
+        lower = lower_damping(poles, variances[0], degrees[0], parts[0])
+        both = [joined(*each) for each in zip(variances, degrees, parts, strict=True)]
+        variances, degrees = (np.array(each) for each in zip(*both, strict=True))
+    f, zeta = np.sqrt(variances)
+    shapes = np.max([_of_shapes(point, fitted, each.covariance, each.own) for each in candidates], axis=0)
+    if between is None or groups is None:
+        return Spread(f, zeta, np.where(opened, 0, degrees).T, lower, shapes, None, None)
+    apart, few = _of_poles(poles, between, point), len(set(groups)) - 1.0
+    degrees = np.where(apart * stdtrit(few, _TAIL) > np.sqrt(variances) * stdtrit(degrees, _TAIL), few, degrees)
+    return Spread(f, zeta, np.where(opened, 0, degrees).T, lower, shapes, *apart)
 
 
-def _of_poles(poles: ComplexArray, covariance: RealArray, point: Point) -> tuple[RealArray, RealArray]:
-    n, p = point.sides.shape
-    return deviations_of_poles(poles, pole_blocks(covariance, 2 * p * np.arange(n)))
+class _Candidate(NamedTuple):
+    """A covariance of the unknowns, its degrees of freedom (2, n), and the variance of the side that follows, all else held."""
+
+    covariance: RealArray
+    degrees: RealArray
+    own: RealArray
 
 
 def _by_channels(point: Point, fitted: Fitted) -> list[RealArray]:
     """Return the scores of outputs, of inputs and of channels: where no groups are known, model error may lie in any of them."""
     each = scores(point, fitted)
     return [each.sum(axis=1), each.sum(axis=0), each.reshape(-1, each.shape[2])]
+
+
+def _of_poles(poles: ComplexArray, covariance: RealArray, point: Point) -> RealArray:
+    """Return the deviations of frequencies and of damping ratios, (2, n)."""
+    n, p = point.sides.shape
+    return np.array(deviations_of_poles(poles, pole_blocks(covariance, 2 * p * np.arange(n))))
 
 
 def _between(point: Point, fitted: Fitted, information: RealArray, groups: Groups) -> RealArray | None:
@@ -84,15 +154,115 @@ def _between(point: Point, fitted: Fitted, information: RealArray, groups: Group
     return sandwich(information, member.astype(float) @ each)
 
 
-def _of_shapes(point: Point, fitted: Fitted, covariance: RealArray, variance: float) -> RealArray:
-    """Return the deviations of all shapes, (l, n)."""
+# ---------------------------------------------------------------------------------------------------------------- rows
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Rows:
+    """An optimum on all rows of the data, and what is left there.
+
+    `W`: `unknowns_on_rows`. `left` (K, q, p): residual. `free` (K, q, p): one minus its leverage. `places`: of the lines of each run, from
+    zero; none of samples.
+    """
+
+    point: Point
+    fitted: Fitted
+    W: ComplexArray
+    left: RealArray
+    free: RealArray
+    places: tuple[tuple[slice, Array], ...]
+
+    def of_lines(self, power: float) -> ComplexArray:
+        """Return the lines of the residual over a power of one minus the leverage, (F, q, p)."""
+        rows = self.left / self.free**power
+        return self.lines(rows.reshape(len(rows), -1)).reshape(-1, *rows.shape[1:])
+
+    def lines(self, rows: RealArray) -> ComplexArray:
+        """Return rows (..., K, c) as lines (..., F, c): real and imaginary parts together; of samples their transform."""
+        if self.places:
+            real, imag = np.split(rows, 2, axis=-2)
+            return np.asarray(real + 1j * imag)
+        found = np.sqrt(2) * np.fft.rfft(rows, axis=-2, norm="ortho")
+        alone = [0, -1] if rows.shape[-2] % 2 == 0 else [0]  # 0 Hz and half the rate have no imaginary part
+        found[..., alone, :] /= np.sqrt(2)
+        return np.asarray(found)
+
+    def times(self, rows: RealArray) -> Array:
+        """Return rows (..., K, c) over time, (..., T, c): samples as they are, lines of every run transformed."""
+        if not self.places:
+            return rows
+        lines, found = self.lines(rows), []
+        for run, place in self.places:
+            whole = np.zeros((*lines.shape[:-2], int(place.max()) + 1, lines.shape[-1]), complex)
+            whole[..., place, :] = lines[..., run, :]
+            found.append(np.fft.ifft(whole, axis=-2, norm="ortho"))
+        return np.concatenate(found, axis=-2)
+
+    def covariance(self, inverse: RealArray) -> RealArray:
+        """Return C (sum_f Re z z^H) C / 2, z the scores of a line that is left out: the covariance of the unknowns, (2 n p, 2 n p)."""
+        K, p, a = self.W.shape
+        flat = self.W.reshape(K, -1)
+        real, imag = (self.lines(part).reshape(-1, p, a) for part in (flat.real, flat.imag))
+        Z = scores_of_lines((real, imag), self.point, self.fitted, self.of_lines(1))
+        return np.asarray(inverse @ (Z.conj().T @ Z).real @ inverse / 2)
+
+    def own_of_shapes(self) -> RealArray:
+        """Return the variance of the side that follows by least squares, poles and the other side held, from lines alike, (q, n)."""
+        kept, (K, p) = self.fitted.kept, self.W.shape[:2]
+        rows = self.point.spanned(kept.reshape(len(kept) // p, -1)).reshape(K, p, -1) @ self.fitted.back.T
+        power = np.abs(self.lines(rows.reshape(K, -1)).reshape(-1, p, rows.shape[2])) ** 2
+        each = np.einsum("fib,foi->ob", power, np.abs(self.of_lines(1)) ** 2, optimize=True) / 2
+        return np.asarray(each.reshape(len(each), -1, 2).sum(axis=2))
+
+    def told(self, gradients: tuple[RealArray, RealArray], inverse: RealArray) -> tuple[RealArray, tuple[Parts, Parts]]:
+        """Return degrees of freedom of lines (2, n), and what parts in time say, of frequencies and of damping ratios.
+
+        `gradients`: of both by Re s and Im s of their pole, (n, 2) each.
+        """
+        K, sides = len(self.left), self.point.sides.shape[1]
+        half, left = self.of_lines(0.5), self.times(self.left.reshape(K, -1))
+        degrees, parts = [], []
+        for j, by_pole in enumerate(np.stack(gradients, axis=1)):
+            steps = by_pole @ inverse[2 * sides * j : 2 * sides * j + 2]
+            u = influence_on_poles(self.W, self.fitted, steps).reshape(2, K, -1)
+            degrees.append(degrees_of_lines(self.lines(u), half.reshape(len(half), -1)))
+            parts.append(of_parts(self.times(u), left))
+        both = tuple(Parts(*(np.array([each[field][k] for each in parts]) for field in range(3))) for k in range(2))
+        return np.array(degrees).T, (both[0], both[1])
+
+
+def _rows(point: Point, fitted: Fitted, inverse: RealArray, response: Response) -> _Rows:
+    W = unknowns_on_rows(point, fitted)
+    h, left = leverage(point, fitted, W, inverse), residual(point, fitted)
+    lines = 0 if response.grid is None else response.count
+    h = np.concatenate([h[:lines] + h[lines:]] * 2) / 2 if lines else np.broadcast_to(h.mean(axis=0), h.shape)
+    runs = point.problem.parts
+    run = np.zeros(lines, int) if runs is None else runs[:lines]
+    ends = np.flatnonzero(np.diff(run, prepend=-1, append=-1)) if lines else np.zeros(1, int)
+    frequencies = getattr(response, "frequencies", np.zeros(0))
+    places = tuple((slice(a, b), _places(frequencies[a:b])) for a, b in pairwise(ends))
+    return _Rows(point, fitted, W, left, np.maximum(1 - h, _MIN_FREE), places)
+
+
+def _places(f: RealArray) -> Array:
+    """Return where lines of one run stand, counted in their distance from the first; one after the other where they are uneven."""
+    step = float(np.min(np.diff(f), initial=np.inf))
+    place = np.rint((f - f[0]) / step).astype(int)
+    return np.arange(f.size) if place[-1] > _MAX_GAPS * f.size else place
+
+
+# -------------------------------------------------------------------------------------------------------------- shapes
+
+
+def _of_shapes(point: Point, fitted: Fitted, covariance: RealArray, own: RealArray) -> RealArray:
+    """Return the deviations of all shapes, (l, n); `own` (n,) or (q, n): variance of the side that follows, all else held."""
     shapes, _ = point.problem.scaled_back(point, fitted)
     turned = point.problem.turned
     scale = point.problem.varying if turned else point.problem.linear
-    own = np.zeros(len(point.poles)) if turned else np.diag(fitted.spread).reshape(-1, 2).sum(axis=1)
+    alone = np.zeros(shapes.shape) if turned else np.broadcast_to(own, shapes.shape)
     moved = _among_unknowns(point) if turned else _by_substitution(point, fitted)
     each = [
-        shape_deviations(shapes[:, j], variance * own[j] * scale**2, scale[:, None] * A, covariance)
+        shape_deviations(shapes[:, j], alone[:, j] * scale**2, scale[:, None] * A, covariance)
         for j, A in enumerate(moved)
     ]
     return np.stack(each, axis=1)

@@ -136,16 +136,6 @@ def colour(left: RealArray, count: int, unknown: float, *, level: bool = True, w
     return Colour(rho, uneven, float(excess))
 
 
-def blocks_of(rows: int, count: int, correlation: float) -> Array:
-    """Return the block of every row, neighbouring lines or samples together: a correlation length long, eight blocks at least.
-
-    `rows`, `count`: real rows, and lines or samples. `correlation`: of neighbours.
-    """
-    rho = float(np.clip(correlation, 0, 0.99))
-    length = int(np.clip(np.ceil((1 + rho) / (1 - rho)), 2, max(count // 8, 1)))
-    return np.tile(np.arange(count) // length, rows // count)
-
-
 def gain_factor_in_correlated_noise(correlation: RealArray, half: RealArray) -> RealArray:
     """Return the factor of gains in correlated noise, relative to white noise of tau = (1 + rho) / (1 - rho) times the variance, (n,).
 

@@ -89,6 +89,8 @@ def _doubt(modes: ModalModel, i: int, f: float, zeta: float) -> str:
     value = float(modes.damping_ratios[i])
     if modes.kinds[i] != "mode":
         return f"pole is {modes.kinds[i]}: no decaying oscillation"
+    if modes.degrees is not None and modes.degrees[i, 0] == 0:
+        return "left open by the data: frequency uncertain by more than 0.3 half-power half-bandwidths"
     if f > value * modes.frequencies[i]:
         return f"frequency uncertain by ±{f:.2g} Hz, more than its half-power half-bandwidth"
     if zeta >= value:

@@ -29,7 +29,10 @@ from modalscope.numerics.checks import ComplexArray
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.harmonics import HARMONIC
 
-_STD_FIELDS = ("frequencies_std", "damping_ratios_std", "frequencies_repeatability", "damping_ratios_repeatability")
+_STD_FIELDS = (
+    *("frequencies_std", "damping_ratios_std", "frequencies_repeatability", "damping_ratios_repeatability"),
+    *("degrees", "damping_ratios_lower"),
+)
 
 #: Modes that drift away are fixed and the others refined again: maximum number of rounds, and minimum share of refined modes.
 _MAX_ROUNDS, _MIN_REFINED = 4, 0.5
