@@ -377,4 +377,7 @@ def test_intervals_follow_student_and_damping_multiplies():
     np.testing.assert_allclose(ends["damping_ratio"][:, 0], [0.004, zeta[1]] * np.exp(-part), rtol=1e-6)
     assert np.all(ends["damping_ratio"] > 0)
     assert modes.take([1]).degrees.shape == (1, 2)
+    opened = replace(modes, degrees=[[0, 0], [5, 5]]).interval()
+    assert np.array_equal(np.isnan(opened["frequency"][:, 0]), [True, False])
+    assert np.array_equal(np.isnan(opened["damping_ratio"]), [[True, True], [False, False]])
     np.testing.assert_allclose(ends["frequency"].mean(axis=1), f)

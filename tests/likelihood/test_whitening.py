@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from modalscope.likelihood.whitening import from_variance
+from modalscope.likelihood.whitening import from_variance, residual_spectrum
 
 LINES, AVERAGES = 2000, 4
 
@@ -36,3 +36,18 @@ def test_a_loud_resonance_stays_as_loud():
     by_row, _ = from_variance(np.tile(true[:, None, None], (1, 2, 1)), LINES, scattered=True)
     assert by_row[1001] == pytest.approx(10.0)
     assert by_row[900] == pytest.approx(1.0)
+
+
+def test_the_spectrum_of_a_residual_is_found_from_one_draw_of_its_lines():
+    """White noise, and a mode that unmeasured forces shake: the mean over 3000 lines of what is divided by it is one, with one scatter."""
+    f, rng = np.linspace(0.01, 0.5, 3000), np.random.default_rng(4)
+    x = np.exp(2j * np.pi * f)
+    poles = np.exp(np.array([-0.004 + 0.9j, -0.01 + 2.1j]))
+    S = 0.3 + 2e-4 / np.abs(x - poles[0]) ** 2
+    found = residual_spectrum(S * rng.exponential(size=f.size), x, poles)
+    near = np.abs(np.angle(x) - 0.9) < 0.008
+    # fifty lines near the pole know their level to 14 %, and 3000 that of the noise to 2 %
+    assert np.mean(found[near] / S[near]) == pytest.approx(1, abs=0.3)
+    assert np.median(found / S) == pytest.approx(1, abs=0.1)
+    assert np.all(found > 0)
+    assert residual_spectrum(100 * S, x, poles) == pytest.approx(100 * residual_spectrum(S, x, poles))

@@ -353,7 +353,7 @@ def _of_row(measured: Measured, row: Method, options: Any) -> Whitening | None:
     by_channel = [*getattr(options, "general", {}).values(), getattr(options, "initial_values", None)]
     whole = len(measured.response.input_dofs) == len(measured.response.output_dofs)
     if any(value is not None for value in by_channel) or (
-        row.of_past and (not whole or options.references is not None)
+        row.of_past and (not whole or getattr(options, "references", None) is not None)
     ):
         return None
     return measured.whitening

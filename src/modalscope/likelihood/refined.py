@@ -68,7 +68,9 @@ def refined(
     )
     scaled = replace(model.normalized(_scale(before)), unrefined=before)
     notes = [*notes, *_moved_far(before.poles, poles)]
-    return scaled.take(order).noted([*notes, *_told(settled.colour, spread, groups, poles)])
+    # lines of records tell their errors whatever the spectrum
+    doubt = settled.colour.coloured and not point.problem.records
+    return scaled.take(order).noted([*notes, *_told(settled.colour if doubt else None, spread, groups, poles)])
 
 
 #: Beginning of the stated scaling -> argument of `normalized`; others get unit length.
@@ -95,10 +97,10 @@ def _moved_far(before: ComplexArray, poles: ComplexArray) -> list[Note]:
     return [Note("moved far", {"modes": int(far.sum())}, text)]
 
 
-def _told(seen: Colour, spread: Spread, groups: Groups, poles: ComplexArray) -> list[Note]:
+def _told(seen: Colour | None, spread: Spread, groups: Groups, poles: ComplexArray) -> list[Note]:
     """Say what the deviations rest on, and which poles are too close to have deviations of their own."""
     notes = []
-    if seen.coloured:
+    if seen is not None:
         text = (
             f"Residual is not white (lag-1 correlation {seen.correlation:.2g}); intervals were widened, "
             "model error may still exceed them"

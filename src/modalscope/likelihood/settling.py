@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg as sla
 
+from modalscope.data.record_residual import excess, excess_notes
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.response import Response, fading, line_step, output_scale, window_over_lines
 from modalscope.likelihood.descent import Descent, descend, residual, window_noise
@@ -23,6 +24,7 @@ from modalscope.likelihood.whitening import (
     from_variance,
     gain_factor_under_window,
     levels_of,
+    residual_spectrum,
     row_deviations,
     search_bound,
 )
@@ -124,6 +126,9 @@ def _gains(columns: RealArray, data: RealArray, width: int) -> RealArray:
 _MAX_ROUNDS, _LEVEL_TOLERANCE = 30, 1e-7
 
 
+#: Rounds in which lines are weighted by the spectrum of what is left of records under unmeasured forces.
+_WEIGHTED_ROUNDS = 2
+
 #: Number of powers added to the terms at a time.
 _FURTHER_POWERS = 3
 
@@ -224,7 +229,37 @@ def settle(
     while len(powers := _needed_powers(task, settled)) > len(task.powers):
         task = replace(task, powers=powers)
         settled = _optimum(task, _Start(settled.descent.point.poles, *settled.residues, settled.levels), most)
+    for _ in range(_WEIGHTED_ROUNDS if most and _resonant(task.response, settled) else 0):
+        task = replace(task, rows=task.rows * _weights(task.response, settled))
+        settled = _optimum(task, _Start(settled.descent.point.poles, *settled.residues, settled.levels), most)
     return settled
+
+
+@singledispatch
+def _resonant(response: Response, settled: Settled) -> bool:
+    """Whether the residual stands out at the modes, as unmeasured forces make it: of records."""
+    return False
+
+
+@_resonant.register
+def _(response: RecordSpectra, settled: Settled) -> bool:
+    """Whether lines near modes are left more, by the test that gives the note."""
+    e = residual(settled.descent.point, settled.descent.fitted)[:, :, 0]
+    power = e[: response.count] ** 2 + e[response.count :] ** 2
+    level = settled.levels.outputs * settled.levels.inputs[0]
+    poles = settled.descent.point.poles
+    seen = excess(response.frequencies, power, response.values[:, :, 0] / level, poles, 1 / max(response.durations))
+    return bool(excess_notes(seen))
+
+
+def _weights(response: Response, settled: Settled) -> RealArray:
+    """Return the standard deviation of every row by the spectrum of the residual, (K,)."""
+    assert isinstance(response, RecordSpectra)
+    point = settled.descent.point
+    e = residual(point, settled.descent.fitted)[:, :, 0]
+    power = np.mean(e[: response.count] ** 2 + e[response.count :] ** 2, axis=1)
+    S = residual_spectrum(power, response.points, response.in_plane(point.poles))
+    return np.asarray(np.tile(np.sqrt(S / S.mean()), 2))
 
 
 def _optimum(task: Task, start: _Start, most: int) -> Settled:

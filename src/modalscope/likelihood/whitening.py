@@ -22,6 +22,9 @@ _NEAR_LINES, _FAR_LINES = 3, 21
 #: smoothed level.
 _CORRELATION_DEVIATIONS, _LEVEL_DEVIATIONS = 5.0, 3.0
 
+#: Steps of the fit of a residual's spectrum.
+_SPECTRUM_STEPS = 200
+
 #: Lines further apart are taken as uncorrelated.
 _MAX_LAGS = 400
 
@@ -134,6 +137,28 @@ def colour(left: RealArray, count: int, unknown: float, *, level: bool = True, w
     correlated = abs(rho - expected) / (_CORRELATION_DEVIATIONS * deviation * together + unknown / len(left))
     excess = max(correlated, uneven / _LEVEL_DEVIATIONS / together if level else 0.0)
     return Colour(rho, uneven, float(excess))
+
+
+def residual_spectrum(power: RealArray, points: Array, poles: Array) -> RealArray:
+    """Return the spectrum of what is left of records, a0 + a1 / |x - 1| + a2 / |x - 1|^2 + sum_j q_j / |x - p_j|^2, (F,); all factors >= 0.
+
+    Forces that were not measured shake the modes; a sensor's noise may rise towards 0 Hz. The factors maximize the likelihood of
+    `power`, which scatters as the squares of normal numbers do, by steps that keep them positive: q *= W'(power / S^2) / W'(1 / S).
+
+    `power` (F,): mean square of the residual of a line. `points` (F,): where lines lie. `poles` (n,): in the same plane.
+
+    Source: C. Févotte, N. Bertin and J.-L. Durrieu, Neural Computation 21, 2009.
+    """
+    centre = 1.0 if np.max(np.abs(points.real)) > 0 else 0.0  # of lines in s, 0 Hz
+    away = np.maximum(np.abs(points - centre), 1e-9 * np.abs(points).max())
+    W = np.stack([np.ones(len(points)), 1 / away, away**-2.0, *np.abs(points - poles[:, None]) ** -2.0], axis=1)
+    W /= W.mean(axis=0)
+    level = max(float(power.mean()), 1e-300)
+    V, q = np.maximum(power / level, 1e-12), np.full(W.shape[1], 1 / W.shape[1])
+    for _ in range(_SPECTRUM_STEPS):
+        S = W @ q
+        q *= (W.T @ (V / S**2)) / (W.T @ (1 / S))
+    return np.asarray(level * (W @ q))
 
 
 def gain_factor_in_correlated_noise(correlation: RealArray, half: RealArray) -> RealArray:

@@ -68,12 +68,18 @@ def grades(modes: ModalModel, certificate: Certificate | None = None) -> tuple[G
 
 
 def half_widths(modes: ModalModel) -> tuple[RealArray, RealArray]:
-    """Return the half-widths of the 95 % intervals of frequencies (Hz) and damping ratios; NaN where they are not known."""
+    """Return the half-widths of the 95 % intervals of frequencies (Hz) and damping ratios; NaN where they are not known.
+
+    Those of damping ratios are in the logarithm, where intervals are symmetric, times the value.
+    """
     if modes.frequencies_std is None and modes.frequencies_repeatability is None:
         unknown = np.full(len(modes), np.nan)
         return unknown, unknown
     intervals = modes.interval(0.95)
-    return np.ptp(intervals["frequency"], axis=1) / 2, np.ptp(intervals["damping_ratio"], axis=1) / 2
+    zeta, half = np.maximum(modes.damping_ratios, 1e-300), np.ptp(intervals["damping_ratio"], axis=1) / 2
+    return np.ptp(intervals["frequency"], axis=1) / 2, np.where(
+        modes.damping_ratios > 0, zeta * np.arcsinh(half / zeta), half
+    )
 
 
 def alike_pairs(modes: ModalModel) -> list[tuple[int, int, float]]:

@@ -54,6 +54,8 @@ def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> 
     why = _unfit(diagram)
     if why:
         return modes.noted(_kept(why))
+    # what unmeasured forces shake more than the measured ones is not significant in the likelihood, and a mode all the same
+    shaken = any(note.kind == UNMEASURED for note in diagram.notes)
     last = usable_orders(diagram)[0][-1]
     extra = needed_beside(diagram.response, modes.poles, diagram.poles[diagram.order_of_pole == last])
     stay = np.ones(len(modes), bool)
@@ -65,16 +67,29 @@ def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> 
             return modes.noted(_kept(f"{error.asked}, but {error.found}"))
         if not refined.converged:
             reasons = [str(note) for note in refined.notes if note.kind == "not converged"]
-            return replace(modes, converged=False).noted(_kept(*reasons))
+            return replace(_placed(diagram.response, modes, extra), converged=False).noted(_kept(*reasons))
         before = modes.poles[stay] if refined.unrefined is None else refined.unrefined.poles
-        drifted = astray(before, refined.poles)
-        if not np.any(drifted):
+        out = np.isin(modes.poles, before[astray(before, refined.poles)])
+        out |= stay & ~np.isin(modes.poles, before) if shaken else False
+        if not np.any(out):
             return refined if stay.all() else _with_others(diagram.response, modes, refined, modes.take(~stay), extra)
-        stay &= ~np.isin(modes.poles, before[drifted])
+        stay &= ~out
         if stay.mean() < _MIN_REFINED:
             break
     where = ", ".join(f"{abs(s) / (2 * np.pi):.5g} Hz" for s in modes.poles[~stay])
-    return modes.noted(_kept(f"the optimum is far from {where}: the data contain more than these modes"))
+    kept = _kept(f"the optimum is far from {where}: the data contain more than these modes")
+    return _placed(diagram.response, modes, extra).noted(kept)
+
+
+def _placed(response: Response, modes: ModalModel, extra: ComplexArray) -> ModalModel:
+    """Return modes of records that are not refined with the deviations that the likelihood gives at their values; others as they are."""
+    if response.separable:
+        return modes
+    order = np.argsort(modes.frequencies, kind="stable")
+    ranks = np.argsort(order, kind="stable")
+    found = in_place(response.whole, modes, extra)
+    std = {name: values[ranks] for name in _STD_FIELDS if (values := getattr(found, name)) is not None}
+    return replace(modes, **std)
 
 
 def _with_others(
@@ -88,6 +103,9 @@ def _with_others(
     at_values = in_place(response.whole, joined(parts), extra)
     nearest = [int(np.argmin(np.abs(at_values.poles - s))) for s in others.poles]
     std = {name: getattr(at_values, name)[nearest] for name in _STD_FIELDS if getattr(at_values, name) is not None}
+    std["degrees"] = np.zeros(
+        (len(others), 2)
+    )  # the likelihood leads away from these values: there is no interval around them
     merged = joined([parts[0], replace(parts[1], **std, converged=True)])
     order = np.argsort(merged.frequencies, kind="stable")
     merged = merged.take(order)
@@ -96,7 +114,7 @@ def _with_others(
     before = modes.take([int(np.argmin(np.abs(modes.poles - s))) for s in started[order]])
     shapes, fitted = joint_residues(response, merged.poles, merged.shapes)
     where = ", ".join(f"{f:.5g} Hz" for f in others.frequencies)
-    text = f"Not refined: {where} (too close to a stronger, drifting mode)"
+    text = f"Not refined: {where} (too close to a stronger, drifting mode); no intervals"
     note = Note("not refined", {"modes": len(others)}, text)
     both = replace(merged, shapes=shapes, left_out=refined.left_out, **fitted).normalized("unit")
     return replace(both, unrefined=before).noted(note)
@@ -111,12 +129,8 @@ def _unfit(diagram: StabilizationDiagram) -> str:
         )
     if any(note.kind == "transformed" for note in diagram.notes):
         return "the data were transformed; choose a domain that uses them as measured"
-    if any(note.kind == UNMEASURED for note in diagram.notes):
-        return "the residual contains unmeasured forces, which bias least squares on the records' lines"
     if any(note.kind == DELAY for note in diagram.notes):
         return "channels are delayed; align them"
-    if diagram.settings.route == "subspace":
-        return "least squares on the records' lines have no instruments, as past inputs and outputs are"
     if band is not None and response.in_band(band) is response:
         return "samples are not filtered, and contain modes outside the band"
     return ""
