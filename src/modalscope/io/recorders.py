@@ -153,7 +153,7 @@ def read_excel(path: Path, options: Options) -> Contents:
         lines = _lines_of_sheet(book[name], int(options.get("skip") or 0))
         others = [other for other in names if other != name]
         notes = (f"sheet {name!r}; the others were left: {', '.join(others[:6])}",) if others else ()
-        return contents_of_lines(path.name, lines, ("\t", "."), space, options, notes)
+        return contents_of_lines(path.name, lines, ("\t", None), space, options, notes)
 
 
 def rows_of_workbook(path: Path) -> list[tuple[int, str]]:
@@ -185,8 +185,8 @@ def _is_table(sheet: Any) -> bool:
 def _lines_of_sheet(sheet: Any, skip: int) -> Iterator[tuple[int, str]]:
     """Give number and text of the rows that are not empty, cells separated by tabs."""
     for number, row in enumerate(sheet.iter_rows(values_only=True), 1):
-        text = "\t".join(map(_text_of_cell, row)).rstrip("\t")
-        if text and number > skip:
+        text = "\t".join(map(_text_of_cell, row))
+        if text.strip("\t") and number > skip:
             yield number, text
 
 

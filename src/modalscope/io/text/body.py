@@ -7,6 +7,8 @@ from itertools import islice
 
 import numpy as np
 
+from modalscope.data import DataError
+from modalscope.data.shown import counted
 from modalscope.io.contents import needs
 from modalscope.io.limits import Room
 from modalscope.io.text.cells import (
@@ -25,7 +27,7 @@ from modalscope.io.text.cells import (
 )
 from modalscope.numerics.checks import Array
 
-#: Lines parsed at a time, and lines under a table at most.
+#: Lines parsed at a time, and lines that are no rows at most, under a table and in it.
 _LINES_OF_PIECE, _MAX_LINES_OF_FOOT = 20_000, 20
 _CHARACTERS_SHOWN = 20
 #: Signs, or blanks, with which a comment may begin.
@@ -59,27 +61,94 @@ def kinds_of(rows: Sequence[Sequence[str]]) -> list[str]:
 def read_body(
     where: str, lines: Iterable[tuple[int, str]], kinds: Sequence[str], dialect: Dialect, width: int, space: Room
 ) -> tuple[list[Array], list[str]]:
-    """Return the columns of a body, and a note on lines under it.
+    """Return the columns of a body, and notes on lines that are no rows of it.
+
+    Remarks, the header again, a last line that is cut short and lines under the table are left and counted.
 
     `lines`: the body, each line with its number. `kinds`: those of the columns. `width`: cells in a row.
 
     Raises `DataError`: a row of another length, or a cell that holds something else than its column.
     """
     pieces: list[list[Array]] = []
+    odd: list[tuple[int, str]] = []
     source = ((number, line) for number, line in lines if line[0] not in _FIRST_OF_COMMENT or not uncommented(line)[1])
+    last = 0
     while piece := list(islice(source, _LINES_OF_PIECE)):
         space.take("its numbers", 8 * len(piece) * width)
         arrays = _fast(piece, kinds, dialect, width)
         if arrays is None:
-            arrays, bad = _slow(piece, kinds, dialect, width, space)
-            if bad is not None:
-                foot = list(islice(source, _MAX_LINES_OF_FOOT + 1))
-                rest = [*piece[bad:], *foot]
-                _check_foot(where, rest, kinds, dialect, width)
-                shown = rest[0][1].strip()[:_CHARACTERS_SHOWN]
-                return _joined([*pieces, arrays]), [f"{len(rest)} lines under the table were left ({shown!r} ...)"]
+            good = _rows_of(where, piece, odd, kinds, dialect, width)
+            space.take("its cells", sum(len(cell) for row in good[:1] for cell in row[1]) * len(good))
+            arrays = columns_of([cells for _, cells in good], kinds, dialect) if good else _none(kinds)
+            last = good[-1][0] if good else last
+        else:
+            last = piece[-1][0]
         pieces.append(arrays)
-    return _joined(pieces), []
+    _check_last(where, odd, last, width, dialect)
+    return _joined(pieces), _notes(odd, last)
+
+
+def _rows_of(
+    where: str,
+    piece: list[tuple[int, str]],
+    odd: list[tuple[int, str]],
+    kinds: Sequence[str],
+    dialect: Dialect,
+    width: int,
+) -> list[tuple[int, list[str]]]:
+    """Return the rows among lines with their numbers; the lines that are none are added to `odd`.
+
+    Raises `DataError`: a line that looks like a row and is none, or too many that do not.
+    """
+    good: list[tuple[int, list[str]]] = []
+    for number, line in piece:
+        cells = split(line, dialect)
+        if len(cells) < width and set(kinds[len(cells) :]) <= {"text", "empty"}:
+            cells = [*cells, *[""] * (width - len(cells))]
+        if len(cells) == width and _fits(cells, kinds, dialect):
+            good.append((number, cells))
+            continue
+        numbers = sum(is_value(cell) and not is_missing(cell) for cell in cells)
+        if 2 * numbers > len(cells) and (len(cells) >= width or (odd and _is_cut(odd[-1][1], width, dialect))):
+            raise _no_row(where, odd[-1] if odd and len(cells) < width else (number, line), kinds, dialect, width)
+        if odd and _is_cut(odd[-1][1], width, dialect):  # of a whole file only the last line can be cut short
+            raise _no_row(where, odd[-1], kinds, dialect, width)
+        odd.append((number, line))
+        if len(odd) > _MAX_LINES_OF_FOOT:
+            raise _no_row(where, odd[0], kinds, dialect, width)
+    return good
+
+
+def _is_cut(line: str, width: int, dialect: Dialect) -> bool:
+    """Whether a line is a row that ends early: fewer cells, and most of them numbers."""
+    cells = split(line, dialect)
+    return len(cells) < width and 2 * sum(is_value(cell) and not is_missing(cell) for cell in cells) > len(cells)
+
+
+def _check_last(where: str, odd: Sequence[tuple[int, str]], last: int, width: int, dialect: Dialect) -> None:
+    """Raise where a row that ends early is followed by others."""
+    cut = next(((number, line) for number, line in odd if number < last and _is_cut(line, width, dialect)), None)
+    if cut is not None:
+        raise _no_row(where, cut, ["number"] * width, dialect, width)
+
+
+def _notes(odd: Sequence[tuple[int, str]], last: int) -> list[str]:
+    """Return what was left, inside of the table and under it."""
+    notes = []
+    for words, lines in (
+        ("among the rows", [x for x in odd if x[0] < last]),
+        ("under the table", [x for x in odd if x[0] > last]),
+    ):
+        if lines:
+            shown = lines[0][1].strip()[:_CHARACTERS_SHOWN]
+            notes.append(
+                f"{counted(len(lines), 'line')} {words} {'was' if len(lines) == 1 else 'were'} left ({shown!r} ...)"
+            )
+    return notes
+
+
+def _none(kinds: Sequence[str]) -> list[Array]:
+    return [np.zeros(0, "U1" if kind in ("text", "stamp") else float) for kind in kinds]
 
 
 def _joined(pieces: list[list[Array]]) -> list[Array]:
@@ -102,25 +171,6 @@ def _fast(piece: list[tuple[int, str]], kinds: Sequence[str], dialect: Dialect, 
     return list(table.T) if table.shape == (len(piece), width) else None
 
 
-def _slow(
-    piece: list[tuple[int, str]], kinds: Sequence[str], dialect: Dialect, width: int, space: Room
-) -> tuple[list[Array], int | None]:
-    """Return columns cell by cell, and the first line that is no row of them."""
-    rows: list[list[str]] = []
-    bad = None
-    for k, (_, line) in enumerate(piece):
-        cells = split(line, dialect)
-        if len(cells) != width or not _fits(cells, kinds, dialect):
-            bad = k
-            break
-        rows.append(cells)
-    if not rows:
-        rows = [[""] * width][:0]
-        return [np.zeros(0, "U1" if kind in ("text", "stamp") else float) for kind in kinds], bad
-    space.take("its cells", sum(len(cell) for row in rows[:1] for cell in row) * len(rows))
-    return columns_of(rows, kinds, dialect), bad
-
-
 def _fits(cells: Sequence[str], kinds: Sequence[str], dialect: Dialect) -> bool:
     """Whether every cell is of the kind of its column, or empty where numbers may be."""
     try:
@@ -136,24 +186,17 @@ def _fits(cells: Sequence[str], kinds: Sequence[str], dialect: Dialect) -> bool:
     return True
 
 
-def _check_foot(where: str, rest: list[tuple[int, str]], kinds: Sequence[str], dialect: Dialect, width: int) -> None:
-    """Raise unless what follows a line that is no row is a few lines of text at the end."""
-    number, line = rest[0]
-    cells = split(line, dialect)
-    rows = (split(text, dialect) for _, text in rest)
-    values = [row for row in rows if len(row) == width and all(map(is_value, row))]
-    if (
-        len(rest) <= _MAX_LINES_OF_FOOT
-        and not values
-        and not (len(cells) == width > 1 and is_value(cells[0]) and cells[0])
-    ):
-        return
+def _no_row(where: str, line: tuple[int, str], kinds: Sequence[str], dialect: Dialect, width: int) -> DataError:
+    """Return the error of a line that should be a row: another number of cells, or a cell that is no number."""
+    number, cells = line[0], split(line[1], dialect)
     pairs = enumerate(zip(cells, kinds, strict=False))
     odd = next((k for k, (cell, kind) in pairs if not _fits([cell], [kind], dialect)), None)
     if len(cells) != width or odd is None:
         fault = f"line {number} has {len(cells)}: {[cell[:_CHARACTERS_SHOWN] for cell in cells[:6]]}"
-        remedy = "Correct that line; lines above the table may be left out: --skip N"
-        raise needs(where, f"{width} cells in every row", fault, remedy)
+        remedy = (
+            f"Correct that line, or take it out; if the table begins below it, leave what is above out: --skip {number}"
+        )
+        return needs(where, f"{width} cells in every row", fault, remedy)
     fault = f"line {number} holds {cells[odd][:_CHARACTERS_SHOWN]!r} there"
     remedy = f"Correct that cell, or leave the column out: --ignore {odd + 1}"
-    raise needs(where, f"a number in every cell of column {odd + 1}", fault, remedy)
+    return needs(where, f"a number in every cell of column {odd + 1}", fault, remedy)
