@@ -14,43 +14,17 @@ import numpy as np
 
 from modalscope.io.columns import Column, Table
 from modalscope.io.columns.axis import rises, sampling_of
-from modalscope.io.columns.weights import role_by_words
+from modalscope.io.columns.facts import Statement, stated_by
+from modalscope.io.columns.vocabulary import key_meaning
+from modalscope.io.columns.weights import even_step, role_by_words
 from modalscope.io.columns.words import kind_of_unit, split_head
 from modalscope.io.contents import Options, unreadable
 from modalscope.numerics.checks import Array
 
-_RATES = {
-    *[
-        "fs",
-        "f_s",
-        "fsamp",
-        "fsampling",
-        "samplingrate",
-        "samplerate",
-        "sr",
-        "srate",
-        "rate",
-        "samplingfrequency",
-        "samplefrequency",
-    ]
-}
-_STEPS = {
-    *[
-        "dt",
-        "ts",
-        "t_s",
-        "deltat",
-        "delta_t",
-        "timestep",
-        "samplingperiod",
-        "sampleperiod",
-        "sampleinterval",
-        "samplinginterval",
-    ]
-}
-_NAMES = {*["names", "labels", "channels", "channelnames", "channel", "name", "label", "dofs", "sensors"]}
-_UNITS = {"units", "unit"}
 _INPUTS = {*["u", "force", "forces", "input", "inputs", "in", "hammer", "exc", "excitation", "shaker"]}
+_LABELS = {"labels", "label", "dofs", "sensors"}
+#: Numbers of an array of settings at most, beside measured ones at least twenty times as many.
+_MOST_SETTINGS = 8
 _ANGULAR = {"w", "om", "omega"}
 _COHERENCE = {"coh", "coherence", "gamma2"}
 #: Axes that analysers write as start, increment and number: `x_values` with `y_values`, as Testlab exports structures.
@@ -71,16 +45,18 @@ class Meant:
 
 @dataclass(slots=True)
 class _Evidence:
-    """Arrays by their role: rate, axis (name, kind, values), labels, units, measured data, and what has no use."""
+    """Arrays by their role: rate, first frequency and step, axis (name, kind, values), labels, units, measured data, and the rest."""
 
     where: str
     rate: float | None = None
     rate_name: str = ""
+    lines: tuple[float, float] | None = None
     axis: tuple[str, str, Array] | None = None
     names: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
     data: dict[str, Array] = field(default_factory=dict)
     rest: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def meaning_of(where: str, arrays: Mapping[str, Array], options: Options) -> Meant | None:
@@ -91,11 +67,29 @@ def meaning_of(where: str, arrays: Mapping[str, Array], options: Options) -> Mea
     Raises `DataError`: hits or channels, samples in rows or in columns, where nothing decides: the message names the options that do.
     """
     evidence = _sorted(where, arrays)
-    if not evidence.data or (evidence.axis is None and evidence.rate is None and options.get("sampling_rate") is None):
+    if not evidence.data:
         return None
     if evidence.axis is not None and evidence.axis[1] == "frequency":
         return _lines(evidence, evidence.axis)
-    return _samples(evidence, options)
+    known = evidence.axis is not None or evidence.rate is not None or options.get("sampling_rate") is not None
+    if known or evidence.lines is not None or _is_table(evidence):
+        return _samples(evidence, options)
+    return None
+
+
+def _is_table(evidence: _Evidence) -> bool:
+    """Whether arrays without times and rate are measured: by their names, by labels, or because the first column of one rises evenly."""
+    matrix = next(iter(evidence.data.values()))
+    if (
+        len(evidence.data) == 1
+        and matrix.ndim == 2
+        and 1 < matrix.shape[1] < matrix.shape[0]
+        and even_step(matrix[:, 0])
+    ):
+        return True
+    return bool(evidence.names) or any(
+        role_by_words(name.rpartition(".")[2]) in ("in", "out") for name in evidence.data
+    )
 
 
 def _leaf(name: str) -> str:
@@ -110,22 +104,20 @@ def is_rate(name: str) -> bool:
     >>> is_rate("test.Fs"), is_rate("dt"), is_rate("acc")
     (True, True, False)
     """
-    return _leaf(name) in _RATES | _STEPS
+    return key_meaning(name.rpartition(".")[2]) in ("rate", "step")
 
 
 def _sorted(where: str, arrays: Mapping[str, Array]) -> _Evidence:
     evidence = _Evidence(where)
-    data, rest = {}, []
+    data, scalars, rest = {}, {}, []
     for name, array in arrays.items():
-        leaf = _leaf(name)
         numeric = array.dtype.kind in "biufc"
-        if numeric and array.size == 1 and leaf in _RATES | _STEPS and array.dtype.kind != "c":
-            value = float(array.reshape(-1)[0])
-            evidence.rate = (value if leaf in _RATES else 1 / value) if value > 0 else None
-            evidence.rate_name = name
-        elif array.dtype.kind in "US" and leaf in _NAMES | _UNITS:
+        meaning = "unit" if "unit" in _leaf(name) else key_meaning(name.rpartition(".")[2])
+        if numeric and array.size == 1 and array.dtype.kind != "c":
+            scalars[name] = float(array.reshape(-1)[0])
+        elif array.dtype.kind in "US" and (meaning in ("unit", "channel") or _leaf(name) in _LABELS):
             texts = tuple(str(text) for text in np.atleast_1d(array).ravel())
-            evidence.names, evidence.units = (texts, evidence.units) if leaf in _NAMES else (evidence.names, texts)
+            evidence.names, evidence.units = (evidence.names, texts) if meaning == "unit" else (texts, evidence.units)
         elif (
             numeric
             and evidence.axis is None
@@ -137,8 +129,46 @@ def _sorted(where: str, arrays: Mapping[str, Array]) -> _Evidence:
             data[name] = array
         else:
             rest.append(name)
-    evidence.data, evidence.rest = data, tuple(rest)
+    used = _facts(evidence, scalars, max((max(array.shape) for array in data.values()), default=0))
+    small = {
+        name
+        for name, array in data.items()
+        if array.size <= _MOST_SETTINGS and len(data) > 1 and 20 * array.size < _largest(data)
+    }
+    evidence.data = {name: array for name, array in data.items() if name not in small}
+    evidence.rest = (*rest, *small, *(name for name in scalars if name not in used))
     return evidence
+
+
+def _largest(data: Mapping[str, Array]) -> int:
+    return max(array.size for array in data.values())
+
+
+def _facts(evidence: _Evidence, scalars: Mapping[str, float], rows: int) -> set[str]:
+    """Put into the evidence what scalars state by their names and by what agrees; return their names.
+
+    Of complex values without frequencies 0 to fs/2 are as many as half the samples: N = n/2 + 1 lines at k fs/n.
+    """
+    statements = {name: Statement(-1, name.rpartition(".")[2], f"{value:.17g}") for name, value in scalars.items()}
+    said = stated_by(statements.values(), ".")
+    evidence.lines = said.lines
+    used = {
+        name
+        for name, s in statements.items()
+        if key_meaning(s.key) in ("rate", "step", "frequency step", "first", "count")
+    }
+    if said.rates:
+        evidence.rate = said.rates[0][0]
+        evidence.rate_name = next(name for name, s in statements.items() if s is said.rates[0][1])
+    elif evidence.axis is None:
+        named = [n for n, s in statements.items() if role_by_words(s.key) == "frequency" and scalars[n] > 0]
+        evidence.rate, evidence.rate_name = (scalars[named[0]], named[0]) if len(named) == 1 else (None, "")
+        evidence.notes = tuple(f"{name} is taken as the sampling rate (else: --sampling-rate HZ)" for name in named[:1])
+        used |= set(named[:1])
+    counts = [value for value in scalars.values() if int(value) // 2 + 1 == rows]
+    if counts and evidence.rate and evidence.lines is None:
+        evidence.lines = (0.0, evidence.rate / int(counts[0]))
+    return used
 
 
 def axis_kind(name: str, array: Array) -> str:
@@ -199,8 +229,11 @@ def _samples(evidence: _Evidence, options: Options) -> Meant | None:
         return _runs(evidence, arrays, forces, options)
     columns = []
     if evidence.axis is not None:
-        columns.append(Column(number=1, name=evidence.axis[0].rpartition(".")[2], unit="s", values=evidence.axis[2]))
-    return Meant(table=_table(evidence, columns, arrays, forces))
+        name, unit = split_head(evidence.axis[0].rpartition(".")[2])
+        columns.append(Column(number=1, name=name, unit=unit, values=evidence.axis[2]))
+    complexes = any(np.iscomplexobj(array) for array in arrays.values())
+    notes = evidence.notes if evidence.lines is None or not complexes else ()
+    return Meant(table=_table(evidence, columns, arrays, forces), notes=notes)
 
 
 def _count(evidence: _Evidence, options: Options) -> int:
@@ -279,10 +312,20 @@ def _table(evidence: _Evidence, columns: list[Column], arrays: Mapping[str, Arra
         bare, unit_of_head = split_head(label)
         if name in forces:
             roles[len(columns) + 1] = "in"
-        columns.append(Column(number=len(columns) + 1, name=bare, unit=unit or unit_of_head, values=values))
+        values = values.real if np.iscomplexobj(values) and not values.imag.any() else values
+        columns.append(Column(number=len(columns) + 1, name=bare, unit=_bare_unit(unit) or unit_of_head, values=values))
     return Table(
-        where=evidence.where, columns=tuple(columns), rate=evidence.rate, rate_from=evidence.rate_name, roles=roles
+        where=evidence.where,
+        columns=tuple(columns),
+        rate=evidence.rate,
+        rate_from=evidence.rate_name,
+        lines=evidence.lines,
+        roles=roles,
     )
+
+
+def _bare_unit(unit: str) -> str:
+    return "" if kind_of_unit(unit) == "none" else unit
 
 
 def with_vectors(arrays: Mapping[str, Array]) -> dict[str, Array]:

@@ -160,12 +160,16 @@ def _response(
             reading.score -= max(0.0, weights[column.number].of("in"))
     parts = {"real", "imag", "mag", "phase", "complex"}
     bare = [column for column in others if reading.roles[column.number] == ""]
-    if bare and not parts & set(reading.roles.values()):
-        best, pairing = pairing_of(bare)
-        reading.score += best
-        reading.roles |= pairing
-        reading.score -= 0.0 if pairing else WORD
-        reading.reasons |= dict.fromkeys(pairing, "by its place: pairs are causal responses") if best > 0 else {}
+    if parts & set(reading.roles.values()):
+        return
+    by_size = {c.number for c in others if reading.roles[c.number] == "coh" and weights[c.number].of("coh") < HINT}
+    within = [column for column in others if column in bare or column.number in by_size]
+    ways = [pairing_of(columns) for columns in (bare, within) if columns]
+    best, pairing = max(ways, key=lambda way: way[0], default=(0.0, {}))
+    reading.score += best if ways else 0.0
+    reading.score -= WORD if ways and not pairing else 0.0
+    reading.roles |= pairing
+    reading.reasons |= dict.fromkeys(pairing, "by its place: pairs are causal responses") if best > 0 else {}
 
 
 def pairing_of(columns: Sequence[Column]) -> tuple[float, dict[int, str]]:

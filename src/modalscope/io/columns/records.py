@@ -15,6 +15,7 @@ from modalscope.functions.poles import QUANTITIES
 from modalscope.io.columns.axis import longest_even, parts_of_second, same_rate, sampling_of
 from modalscope.io.columns.clock import evened
 from modalscope.io.columns.table import Column, Table, as_word, span
+from modalscope.io.columns.weights import likeliest_force
 from modalscope.io.columns.words import factor_to_base, ignored_columns, kind_of_unit
 from modalscope.io.contents import Options, needs, unreadable
 from modalscope.numerics.checks import RealArray, check_positive
@@ -69,7 +70,7 @@ def records(
     elif not forces and options.get("columns") is None:
         base = [column for column in others if names_base(column.name)] if len(others) > 1 else []
         which = f"{base[0].name} may be a base that drives the rest" if base else "else"
-        number = (base or others)[0].number
+        number = (base[0] if base else likeliest_force(others)).number
         notes.append(f'no column is a force by name or unit: all are outputs ({which}: --columns "in={number}")')
     thing = Signals(
         outputs=_stacked(others),

@@ -41,7 +41,7 @@ COLUMNS = {
     "spectrum": "fft psd spectrum spectra autospectrum autospectra spektrum autopower apsd spectre espectro spettro",
     "real": "realteil real reelle reel reell reale reele re",
     "imag": "imaginary imaginarteil imaginaire immaginaria imaginaria imaginair imaginardel imagin imag img im",
-    "mag": "magnitude mag abs absolute amplitude amp modulus module modulo modul betrag gain ampiezza amplitud",
+    "mag": "magnitude db mag abs absolute amplitude amp modulus module modulo modul betrag gain ampiezza amplitud",
     "phase": "phasenwinkel phase phas phi fase arg argument angle winkel",
     "coh": "coherence coherencia coerenza coerencia coherentie koharenz koherens coh gamma2",
 }  # fmt: skip
@@ -111,7 +111,7 @@ def words_of(name: str) -> tuple[str, ...]:
     >>> words_of("InputForce_1"), words_of("AccA"), words_of("Température")
     (('input', 'force', '1'), ('acc', 'a'), ('temperature',))
     """
-    return tuple(folded(word) for word in _WORD.findall(name[:_MAX_CHARACTERS]))
+    return tuple(folded(word) for word in _WORD.findall(name[:_MAX_CHARACTERS].replace("dB", "db")))
 
 
 @cache

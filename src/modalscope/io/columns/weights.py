@@ -44,6 +44,9 @@ _MAX_TIME_STEP = 0.02
 _PART_OF_PEAK, _MAX_SHARE_OF_HIT = 0.1, 0.05
 #: Something slow: mean square step over variance, and mean over deviation, of a quantity that stands still beside vibrations.
 _MAX_ROUGHNESS, _MIN_OFFSET = 1e-2, 10.0
+#: Channels and rows that are examined for a force that others follow, and the least share: 92 % of shaker records have more, and 1 % of
+#: the outputs of records without a force.
+_MOST_FOLLOWED, _MOST_ROWS, _MIN_SHARE_OF_FORCE = 12, 8192, 0.9
 #: Rows from which values are asked, and relative error of sums of squares.
 _MIN_ROWS, _ROUNDED = 16, 1e-3
 
@@ -305,3 +308,37 @@ def _hit(columns: Sequence[Column]) -> Column | None:
     order = np.argsort(shares)
     short, next_one = shares[order[0]], shares[order[1]]
     return columns[int(order[0])] if short <= _MAX_SHARE_OF_HIT and next_one > 4 * short else None
+
+
+def likeliest_force(columns: Sequence[Column]) -> Column:
+    """Return the column that the others follow most: the impulse response from it to each lies at positive lags, that back does not.
+
+    h = F^-1(S_yu / S_uu), spectra smoothed over a fortieth of the lines; the share of its energy at positive lags within an eighth of the
+    record. Where none is such the first is returned.
+    """
+    examined = [c for c in columns if not np.iscomplexobj(c.values) and np.isfinite(c.values).all()][:_MOST_FOLLOWED]
+    if len(examined) < 2 or len(examined[0].values) < _MIN_ROWS:
+        return columns[0]
+    values = np.stack([c.values[:_MOST_ROWS].astype(float) for c in examined], axis=1)
+    values = values - values.mean(axis=0)
+    rows = len(values)
+    spectra = np.fft.rfft(values, 2 * rows, axis=0)
+    kernel = np.full(max(3, rows // 40), 1.0)
+    best = (_MIN_SHARE_OF_FORCE, columns[0])
+    for k, column in enumerate(examined):
+        power = np.convolve(np.abs(spectra[:, k]) ** 2, kernel, "same")
+        power += 0.05 * power.mean() + np.finfo(float).tiny
+        shares = []
+        for j in range(len(examined)):
+            cross = np.convolve(spectra[:, j] * spectra[:, k].conj(), kernel, "same")
+            lags = (
+                np.fft.irfft(cross / power, 2 * rows)[: rows // 8],
+                np.fft.irfft(cross / power, 2 * rows)[-(rows // 8) :],
+            )
+            shares += (
+                [float(np.sum(lags[0] ** 2) / max(np.sum(lags[0] ** 2) + np.sum(lags[1] ** 2), 1e-300))]
+                if j != k
+                else []
+            )
+        best = max(best, (min(shares), column), key=lambda pair: pair[0])
+    return best[1]

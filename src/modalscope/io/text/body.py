@@ -25,6 +25,7 @@ from modalscope.io.text.cells import (
     split,
     uncommented,
 )
+from modalscope.io.text.dialect import is_wide
 from modalscope.numerics.checks import Array
 
 #: Lines parsed at a time, and lines that are no rows at most, under a table and in it.
@@ -103,6 +104,7 @@ def _rows_of(
     good: list[tuple[int, list[str]]] = []
     for number, line in piece:
         cells = split(line, dialect)
+        cells = cells[:width] if is_wide(cells, width) else cells
         if len(cells) < width and set(kinds[len(cells) :]) <= {"text", "empty"}:
             cells = [*cells, *[""] * (width - len(cells))]
         if len(cells) == width and _fits(cells, kinds, dialect):

@@ -161,7 +161,8 @@ def split(line: str, dialect: Dialect) -> list[str]:
     if not dialect.quoted:
         cells = line.split(dialect.delimiter) if dialect.delimiter else line.split()
     else:
-        rows = csv.reader([line.strip()], delimiter=dialect.delimiter or " ", skipinitialspace=True)
+        text = line.strip("\r\n " if dialect.delimiter else None)  # a blank last cell stays
+        rows = csv.reader([text], delimiter=dialect.delimiter or " ", skipinitialspace=True)
         try:
             cells = next(rows, [])
         except csv.Error:  # a mark that nothing closes for many characters

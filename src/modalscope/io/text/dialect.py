@@ -94,9 +94,14 @@ def value_rows(rows: Sequence[Sequence[str]]) -> tuple[int, list[bool]]:
     columns = list(zip(*(row for row, n in zip(rows, numbers, strict=True) if n and len(row) == width), strict=True))
     texts = {k for k, cells in enumerate(columns) if _mostly_text(cells)}
     return width, [
-        n > 0 and len(row) == width and all(k in texts or is_value(cell) for k, cell in enumerate(row))
+        n > 0 and is_wide(row, width) and all(k in texts or is_value(cell) for k, cell in enumerate(row[:width]))
         for row, n in zip(rows, numbers, strict=True)
     ]
+
+
+def is_wide(row: Sequence[str], width: int) -> bool:
+    """Whether a row has so many cells, or further ones of words alone, as remarks in a column without a name are."""
+    return len(row) == width or (len(row) > width > 1 and not any(map(is_value, row[width:])))
 
 
 def _mostly_text(cells: Sequence[str]) -> bool:
@@ -134,7 +139,7 @@ def dialect_of(where: str, lines: Sequence[str], delimiter: str | None = None, d
     for sign in DELIMITERS if delimiter is None else (delimiter,):
         dialect = Dialect(delimiter=sign, quoted=quoted)
         score = _score([split(line, dialect) for line in lines])
-        if score > most:
+        if score > (most if sign else 2 * most):  # blanks stand within stamps and beside other signs, too
             best, most = dialect, score
     if best.delimiter == "," and delimiter is None and decimal != ".":
         best = _commas(where, lines, best, decimal)

@@ -19,7 +19,7 @@ from modalscope.io.columns.lines import part_of
 from modalscope.io.columns.vocabulary import key_meaning, meanings_of
 from modalscope.io.columns.weights import role_by_words
 from modalscope.io.columns.words import is_unit, is_weak, kind_of_unit, split_head
-from modalscope.io.text.cells import Dialect, is_missing, is_number, split
+from modalscope.io.text.cells import Dialect, is_missing, is_number, is_value, split
 from modalscope.io.text.dialect import DELIMITERS, value_rows
 
 #: So many rows of values in a row are the body; fewer where the file ends before.
@@ -152,13 +152,14 @@ def name_score(cells: Sequence[str]) -> float:
     """
     filled = [cell for cell in cells if not is_missing(cell)]
     counts = Counter(filled)
-    score = 0.0
+    called = bool(cells) and _is_row_name(cells[0])
+    score = 2.0 * called - sum(map(is_missing, cells[1:]))
     for cell in filled:
         name, unit = split_head(cell)
         known = bool(meanings_of(name) or part_of(name))
-        score += 1.0 + 2.0 * known + 2.0 * bool(unit) - 2.5 * (counts[cell] > 1) * (not known) - 2.0 * is_number(cell)
+        score += 1.0 + 2.0 * known + 2.0 * bool(unit)
+        score -= 2.5 * (counts[cell] > 1 and not known) + 3.0 * (is_value(cell) and not called)
         score -= 0.5 * bool(_SERIAL.match(cell)) + 2.0 * (len(cell) > _MAX_CHARACTERS_OF_KEY)
-    score += 2.0 * bool(cells and _is_row_name(cells[0]))
     return score / float(np.sqrt(max(1, len(cells))))
 
 
