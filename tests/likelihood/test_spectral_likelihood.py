@@ -13,7 +13,7 @@ from modalscope.likelihood.ambient import (
     Driven,
     begun,
     cells_of,
-    covariance,
+    deviations,
     equations,
     loss,
     moved,
@@ -22,6 +22,7 @@ from modalscope.likelihood.ambient import (
     unknowns,
 )
 from modalscope.likelihood.refine_setups import refine_setups
+from tests.likelihood.interval_cases import ambient
 from tests.towers import tower
 
 BUILT = tower(1, setups=4, minutes=20)
@@ -80,7 +81,11 @@ def test_of_one_mode_in_one_channel_the_information_is_that_of_au() -> None:
     found = scored([cells], start)
     assert found.converged
     assert found.misfit == pytest.approx(1, abs=0.6)  # of some forty cells
-    spread = np.sqrt(np.diag(covariance(found))) / (2 * np.pi)
+    spread = np.sqrt(np.diag(np.linalg.pinv(found.informations.sum(axis=0), hermitian=True))) / (2 * np.pi)
+    # lines left out one at a time know it to 2 / sqrt(degrees of freedom) and less
+    by_lines, degrees = deviations(found)
+    assert np.all(degrees > 5)
+    assert by_lines[0] == pytest.approx(spread[1], rel=0.5)
     # phases of shapes and drives are free here, which costs f some per cent
     assert spread[1] / f == pytest.approx(np.sqrt(zeta / (2 * np.pi * f * seconds)), rel=0.3)
     assert spread[0] / (f * zeta) == pytest.approx(np.sqrt(1 / (2 * np.pi * zeta * f * seconds)), rel=0.3)
@@ -127,3 +132,32 @@ def test_a_machine_among_the_modes_is_no_part_of_them() -> None:
     # too few turns to be told from a mode by itself: the misfit tells it
     assert [note.kind for note in found.notes] == ["not refined"]
     assert np.array_equal(found.poles, BUILT.modes.poles)
+
+
+def test_lines_tell_the_score_and_the_information_and_gusts_widen_by_their_pieces() -> None:
+    record, poles = ambient(801)
+    f, half = np.abs(poles) / (2 * np.pi), -poles.real / (2 * np.pi)
+    band = (float(np.min(f - 10 * half)), float(min(np.max(f + 10 * half), 9.8)))
+    found = scored([cells_of(record, poles, band)], poles)
+    (told,) = found.told
+    # shapes and drives share a factor, which a ridge of 1e-9 determines
+    assert np.einsum("c,cab->ab", told.counts, told.cells) == pytest.approx(
+        found.informations[0], rel=2e-3, abs=2e-3 * np.abs(told.cells).max()
+    )
+    # the model is right: the scores of lines, and of pieces, scatter as the information says
+    ratio = np.trace(np.linalg.solve(found.informations[0], told.lines)) / len(told.lines)
+    assert ratio == pytest.approx(1, abs=0.5)
+    gusts = scored([cells_of(ambient(801, gusts=1.0)[0], poles, band)], poles)
+    plain = np.sqrt([np.diag(np.linalg.pinv(each.informations[0], hermitian=True))[1::2] for each in (found, gusts)])
+    wide = [deviations(each)[0][0] for each in (found, gusts)]
+    assert np.mean(wide[1] / plain[1]) > 1.3 * np.mean(wide[0] / plain[0])
+
+
+def test_cells_that_are_left_out_take_their_lines_with_them() -> None:
+    cells = cells_of(BUILT.setups[0], POLES, BAND)
+    lost = np.arange(cells.counts.size) % 3 == 0
+    kept = cells.without(lost)
+    for (lines, cell), (old, before) in zip(kept.views, cells.views, strict=True):
+        assert np.array_equal(lines, old[~lost[before]])
+        assert np.array_equal(np.flatnonzero(~lost)[cell], before[~lost[before]])
+    assert np.bincount(kept.views[0][1]) == pytest.approx(kept.counts)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as sla
 
 from modalscope.data.records import Signals
-from modalscope.numerics.checks import ComplexArray, RealArray
+from modalscope.likelihood.covariance import deviations_of_poles, gradients_of_poles, pole_blocks
+from modalscope.numerics.checks import BoolArray, ComplexArray, IntArray, RealArray
 
 # ------------------------------------------------------------------------------------------------- spectral likelihood
 # Whittle's likelihood of the lines of an ambient record: poles, shapes, excitation and a smooth background spectrum.
@@ -33,6 +34,12 @@ _CELLS_PER_HALF_BANDWIDTH = 6.0
 #: Number of powers of frequency of the background over the band.
 _BACKGROUND_POWERS = 3
 
+#: Pieces of a record in time, from whose scatter what changes in time follows.
+_PIECES = 16
+
+#: Complex numbers in the directions of lines that are computed at a time: 32 MB.
+_MAX_NUMBERS = 1 << 21
+
 #: Initial background: this quantile of the spectrum of every channel.
 _BACKGROUND_QUANTILE = 0.1
 
@@ -41,7 +48,8 @@ _BACKGROUND_QUANTILE = 0.1
 class Cells:
     """Periodograms of a record, neighbouring lines averaged; every channel divided by its root mean square in the band.
 
-    `values` (c, l, l). `frequencies` (c,): hz. `counts` (c,): lines. `rate`: samples a second. `samples`: of the record.
+    `values` (c, l, l). `frequencies` (c,): hz. `counts` (c,): lines. `rate`: samples a second. `samples`: of the record. `views`: lines
+    (F, l) and the cell of each, of the record, then of its pieces in time.
     """
 
     values: ComplexArray
@@ -49,6 +57,15 @@ class Cells:
     counts: RealArray
     rate: float
     samples: int
+    views: tuple[tuple[ComplexArray, IntArray], ...]
+
+    def without(self, lost: BoolArray) -> Cells:
+        """Return the other cells."""
+        kept, place = ~lost, np.cumsum(~lost) - 1
+        views = tuple((lines[kept[cell]], place[cell[kept[cell]]]) for lines, cell in self.views)
+        return replace(
+            self, values=self.values[kept], frequencies=self.frequencies[kept], counts=self.counts[kept], views=views
+        )
 
     def functions(self, poles: ComplexArray) -> ComplexArray:
         """Return T of poles, (c, n)."""
@@ -127,7 +144,14 @@ def cells_of(record: Signals, poles: ComplexArray, band: tuple[float, float]) ->
     products = np.add.reduceat(inside[:, :, None] * inside[:, None, :].conj(), at, axis=0)
     scale = np.sqrt(np.maximum(np.einsum("kaa->a", products).real / counts.sum(), 1e-300))
     values = products / counts[:, None, None] / scale[:, None] / scale
-    return Cells(values, np.add.reduceat(own, at) / counts, counts, record.sampling_rate, count)
+    views, size = [(inside / scale, np.repeat(np.arange(len(at)), counts.astype(int)))], count // _PIECES
+    f = np.fft.rfftfreq(size, 1 / record.sampling_rate)
+    there = (f >= own[0]) & (f < x[starts[-1]])
+    cell = np.searchsorted(own[at], f[there], side="right") - 1
+    pieces = y[: size * _PIECES].reshape(_PIECES, size, -1)
+    pieces = np.fft.rfft(pieces - pieces.mean(axis=1, keepdims=True), axis=1)[:, there] / np.sqrt(size) / scale
+    views += [(piece, cell) for piece in pieces]
+    return Cells(values, np.add.reduceat(own, at) / counts, counts, record.sampling_rate, count, tuple(views))
 
 
 def unknowns(modes: int, outputs: int) -> int:
@@ -244,6 +268,9 @@ _MAX_SQUARED_STEP = 0.01
 #: Maximum number of halvings of a step: S must remain positive definite.
 _MAX_HALVINGS = 10
 
+#: Minimum of one minus the leverage of a line.
+_MIN_FREE = 0.1
+
 #: Relative ridge on the information: shape and drive share an undetermined factor.
 _RIDGE = 1e-9
 
@@ -260,6 +287,8 @@ class Scored(NamedTuple):
     misfit : float
         As in `Equations`, the mean of all records.
     converged : bool
+    told : tuple of Told
+        What the lines of every record say of the errors; none where scoring did not begin.
     """
 
     poles: ComplexArray
@@ -267,6 +296,26 @@ class Scored(NamedTuple):
     scores: RealArray
     misfit: float
     converged: bool
+    told: tuple[Told, ...] = ()
+
+
+class Told(NamedTuple):
+    """What the lines of a record say of the errors of Re and Im of the poles.
+
+    Attributes
+    ----------
+    lines, pieces : array, (2n, 2n)
+        Covariance of the scores: from lines left out one at a time, and from the scatter of pieces in time.
+    cells : array, (c, 2n, 2n)
+        Information of one line of each cell.
+    counts : array, (c,)
+        Lines.
+    """
+
+    lines: RealArray
+    pieces: RealArray
+    cells: RealArray
+    counts: RealArray
 
 
 class _Eliminated(NamedTuple):
@@ -291,14 +340,62 @@ def scored(records: Sequence[Cells], poles: ComplexArray) -> Scored:
     informations, scores = np.array([e.information for e in last]), np.array([e.score for e in last])
     score = scores.sum(axis=0)
     left = score @ np.linalg.lstsq(informations.sum(axis=0), score, rcond=None)[0]
-    return Scored(
-        found, informations, scores, float(np.mean([each.misfit for each in built])), bool(left < _MAX_SQUARED_STEP)
+    misfit = float(np.mean([each.misfit for each in built]))
+    lines = tuple(_told(*each) for each in zip(records, [found] * len(parts), parts, built, last, strict=True))
+    return Scored(found, informations, scores, misfit, bool(left < _MAX_SQUARED_STEP), lines)
+
+
+def _told(cells: Cells, poles: ComplexArray, own: Driven, built: Equations, last: _Eliminated) -> Told:
+    """Return what lines say, with L and directions G of their cell: the score of a line is y* G y - tr G, y divided by L.
+
+    G = L^-1 dS L^-H, all but the poles eliminated. A line left out has its score over one minus its leverage, the part of its cell's.
+    """
+    k, l = 2 * len(poles), own.shapes.shape[0]
+    root = np.asarray(np.linalg.inv(np.linalg.cholesky(spectrum(cells, poles, own))), dtype=np.complex128)
+    half = _directions(cells, poles, own, root)
+    D = half + half.conj().swapaxes(2, 3)
+    G = D[:k] - np.tensordot(last.follows.T, D[k:], 1)
+    size = np.sqrt(np.maximum(np.diag(built.information), 1e-300))
+    factor = np.linalg.cholesky(built.information / size[:, None] / size + _RIDGE * np.eye(len(size)))
+    X = sla.solve_triangular(factor, (D / size[:, None, None, None]).reshape(len(D), -1), lower=True)
+    h = np.sum(np.abs(X.reshape(len(D), len(root), -1)) ** 2, axis=(0, 2)) / l**2
+    free = 1 / np.maximum(1 - h, _MIN_FREE)
+    traces, scores = np.einsum("pcaa->pc", G).real, []
+    for lines, cell in cells.views:
+        z, step = np.empty((k, len(cell))), max(_MAX_NUMBERS // (k * l**2), 1)
+        for start in range(0, len(cell), step):
+            s = slice(start, start + step)
+            y = np.einsum("fab,fb->fa", root[cell[s]], lines[s])
+            z[:, s] = np.einsum("fa,pfab,fb->pf", y.conj(), G[:, cell[s]], y, optimize=True).real - traces[:, cell[s]]
+        scores.append(z)
+    whole = scores[0] * free[cells.views[0][1]]
+    pieces = np.array([z.sum(axis=1) for z in scores[1:]])
+    pieces = pieces - pieces.mean(axis=0)
+    information = np.einsum("pcab,qcba->cpq", G, G, optimize=True).real
+    return Told(whole @ whole.T, pieces.T @ pieces * (_PIECES / (_PIECES - 1)), information, cells.counts)
+
+
+def deviations(found: Scored) -> tuple[RealArray, RealArray]:
+    """Return the standard deviations of frequencies (Hz) and damping ratios, (2, n), and their degrees of freedom.
+
+    V of lines left out one at a time, times one factor: the mean over all of what pieces in time scatter, over V, where above one.
+    Degrees (sum v)^2 / (4 sum v^2), v the variance of a line's score.
+    """
+    C = np.linalg.pinv(found.informations.sum(axis=0), hermitian=True)
+    first = 2 * np.arange(len(found.poles))
+    lines, pieces = (
+        np.array(deviations_of_poles(found.poles, pole_blocks(C @ sum(part) @ C, first)))
+        for part in ([each.lines for each in found.told], [each.pieces for each in found.told])
     )
-
-
-def covariance(found: Scored) -> RealArray:
-    """Return the covariance of Re and Im of the poles, (2n, 2n): the inverse of all information, wider where the model does not fit."""
-    return np.asarray(max(found.misfit, 1.0) * np.linalg.pinv(found.informations.sum(axis=0), hermitian=True))
+    factor = max(float(np.mean((pieces / np.maximum(lines, 1e-300)) ** 2)), 1.0)
+    gradients = np.array(gradients_of_poles(found.poles))  # (2, n, 2)
+    steps = np.einsum("kna,nab->knb", gradients, C.reshape(len(first), 2, -1))
+    v = [np.einsum("kna,cab,knb->knc", steps, each.cells, steps, optimize=True) for each in found.told]
+    sums = [
+        np.sum([(part**power) @ each.counts for part, each in zip(v, found.told, strict=True)], axis=0)
+        for power in (1, 2)
+    ]
+    return np.sqrt(factor) * lines, sums[0] ** 2 / (4 * sums[1])
 
 
 def _descended(

@@ -140,6 +140,12 @@ def joined(variance: RealArray, degrees: RealArray, parts: Parts) -> tuple[RealA
     return np.where(taken, parts.variance, variance), np.where(taken, few, degrees)
 
 
+def degrees_of_wider(deviations: RealArray, degrees: RealArray, between: RealArray, groups: int) -> RealArray:
+    """Return the degrees of freedom of the wider interval of 95 %: of deviations from the noise, or of those between so many groups."""
+    few, tail = groups - 1.0, (1 + _LEVEL) / 2
+    return np.where(between * stdtrit(few, tail) > deviations * stdtrit(degrees, tail), few, degrees)
+
+
 def lower_damping(poles: ComplexArray, variance: RealArray, degrees: RealArray, parts: Parts) -> RealArray:
     """Return zeta less what a frequency that wanders by sigma adds to it, (zeta + sqrt(zeta^2 - 4 (sigma / f)^2)) / 2; NaN where none does.
 

@@ -11,8 +11,8 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.setups import Setups
-from modalscope.likelihood.ambient import Cells, Scored, cells_of, covariance, scored, unknowns
-from modalscope.likelihood.covariance import deviations_of_poles, pole_blocks, sandwich
+from modalscope.likelihood.ambient import Cells, Scored, cells_of, deviations, scored, unknowns
+from modalscope.likelihood.covariance import degrees_of_wider, deviations_of_poles, pole_blocks, sandwich
 from modalscope.likelihood.noise import KIND
 from modalscope.likelihood.refined import astray
 from modalscope.likelihood.spread import LEAST_GROUPS
@@ -88,7 +88,7 @@ def _without_lines(cells: Cells, record: Signals) -> Cells:
         kept &= np.abs(cells.frequencies - line.frequency) > _LINE_MARGIN * line.frequency + _LINE_SPREADS * line.spread
     if kept.all():
         return cells
-    return replace(cells, values=cells.values[kept], frequencies=cells.frequencies[kept], counts=cells.counts[kept])
+    return cells.without(~kept)
 
 
 def _means(each: Sequence[Scored], start: ComplexArray) -> Scored:
@@ -104,7 +104,8 @@ def _means(each: Sequence[Scored], start: ComplexArray) -> Scored:
     scores = np.einsum("jab,jb->ja", held, steps - mean)
     misfit = float(np.mean([one.misfit for one in each]))
     known = bool(np.all(np.diag(held.sum(axis=0)) > 0))
-    return Scored(start + mean[::2] + 1j * mean[1::2], held, scores, misfit, known)
+    told = tuple(part for one in each for part in one.told)
+    return Scored(start + mean[::2] + 1j * mean[1::2], held, scores, misfit, known, told)
 
 
 def _without(information: RealArray, lost: BoolArray) -> RealArray:
@@ -118,27 +119,26 @@ def _without(information: RealArray, lost: BoolArray) -> RealArray:
 
 def _wrapped(setups: Setups, modes: ModalModel, found: Scored) -> ModalModel:
     """Return the refined modes with their deviations and what these rest on."""
-    C, first = covariance(found), 2 * np.arange(len(modes))
-    f, zeta = deviations_of_poles(found.poles, pole_blocks(C, first))
+    (f, zeta), degrees = deviations(found)
     notes = [note for note in modes.notes if note.kind != KIND]
-    text = "standard deviations from Whittle's likelihood of every setup"
+    text = "standard deviations from the lines of every setup, left out one at a time in Whittle's likelihood, and pieces in time"
     notes.append(Note(KIND, {"misfit": found.misfit}, text))
     if found.misfit > _MAX_QUIET_MISFIT:
-        text = (
-            f"Residual {found.misfit:.2g} x its expected variance: other modes may be present; intervals were widened"
-        )
+        text = f"Residual {found.misfit:.2g} x its expected variance: other modes may be present"
         notes.append(Note("more than modes", {"misfit": found.misfit}, text))
     repeated: tuple[RealArray | None, RealArray | None] = (
         modes.frequencies_repeatability,
         modes.damping_ratios_repeatability,
     )
     if (between := _between(setups, found)) is not None:
-        repeated = deviations_of_poles(found.poles, pole_blocks(between, first))
+        repeated = deviations_of_poles(found.poles, pole_blocks(between, 2 * np.arange(len(modes))))
+        degrees = degrees_of_wider(np.array([f, zeta]), degrees, np.array(repeated), len(set(setups.groups or ())))
     return replace(
         modes,
         poles=found.poles,
         frequencies_std=f,
         damping_ratios_std=zeta,
+        degrees=degrees.T,
         frequencies_repeatability=repeated[0],
         damping_ratios_repeatability=repeated[1],
         unrefined=replace(modes, unrefined=None),

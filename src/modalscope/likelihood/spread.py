@@ -8,13 +8,13 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import stdtrit
 
 from modalscope.data.channels import Groups
 from modalscope.data.response import Response
 from modalscope.likelihood.covariance import (
     Parts,
     degrees_of_lines,
+    degrees_of_wider,
     deviations_of_poles,
     gradients_of_poles,
     joined,
@@ -46,9 +46,6 @@ LEAST_GROUPS = 4
 
 #: Standard deviation of a frequency in half bandwidths above which the data leave a mode open.
 _MAX_OPEN = 0.3
-
-#: Probability below the upper end of an interval of 95 %.
-_TAIL = 0.975
 
 #: Minimum of one minus a leverage: rounding.
 _MIN_FREE = 1e-6
@@ -118,8 +115,8 @@ def spread_of(
     shapes = np.max([_of_shapes(point, fitted, each.covariance, each.own) for each in candidates], axis=0)
     if between is None or groups is None:
         return Spread(f, zeta, np.where(opened, 0, degrees).T, lower, shapes, None, None)
-    apart, few = _of_poles(poles, between, point), len(set(groups)) - 1.0
-    degrees = np.where(apart * stdtrit(few, _TAIL) > np.sqrt(variances) * stdtrit(degrees, _TAIL), few, degrees)
+    apart = _of_poles(poles, between, point)
+    degrees = degrees_of_wider(np.sqrt(variances), degrees, apart, len(set(groups)))
     return Spread(f, zeta, np.where(opened, 0, degrees).T, lower, shapes, *apart)
 
 
