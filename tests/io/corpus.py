@@ -13,6 +13,7 @@ import modalscope.io as mio
 from modalscope.data.analysis import Analysis, SourceFile
 from modalscope.io.analysis import write_analysis
 from tests.io import samples
+from tests.io.test_seismic import record, sac
 
 h5py = pytest.importorskip("h5py")
 
@@ -39,6 +40,10 @@ def write(folder: Path) -> list[Path]:
     document = Analysis(files=(SourceFile(path="a.uff", size=3, sha256="00"),), options={"a": np.arange(3.0)})
     write_analysis(folder / "a.analysis.json", document)
     _foreign(folder)
+    values = np.cumsum(np.arange(200) % 7 - 3)
+    for encoding in (3, 10):
+        (folder / f"encoding-{encoding}.mseed").write_bytes(record(values, encoding))
+    (folder / "one.sac").write_bytes(sac(values))
     return sorted(folder.iterdir())
 
 

@@ -20,7 +20,7 @@ from modalscope.data.analysis import Analysis
 from modalscope.data.channels import files_of
 from modalscope.data.results import Result
 from modalscope.data.shown import summary_of
-from modalscope.io import accelerograms, csv, geometry, hdf5, json, mat, npz, recorders, text, uff, zarr
+from modalscope.io import accelerograms, csv, geometry, hdf5, json, mat, npz, recorders, seismic, text, uff, zarr
 from modalscope.io.analysis import write_analysis
 from modalscope.io.atomic import check_texts, replacing
 from modalscope.io.contents import Contents, DataObject, Format, Options, Survey, unreadable
@@ -43,6 +43,10 @@ FORMATS: dict[str, Format] = {
     ".csv": Format("CSV table", csv.read, csv.write, text.TEXT_OPTIONS),
     **dict.fromkeys((".txt", ".asc", ".tsv", ".dat", ".lvm", ".at2", ".vt2", ".dt2"), _TEXT),
     **dict.fromkeys((".v1", ".v2", ".v3", ".v1c", ".v2c", ".cosmos"), _ACCELEROGRAM),
+    **dict.fromkeys(
+        (".mseed", ".miniseed", ".msd"), Format("miniSEED file", seismic.read_miniseed, None, seismic.SEISMIC_OPTIONS)
+    ),
+    ".sac": Format("SAC file", seismic.read_sac, None, seismic.SEISMIC_OPTIONS),
     ".smc": replace(_ACCELEROGRAM, reader=accelerograms.read_smc),
     ".npy": Format("NumPy array", npz.read_npy, None, npz.NPY_OPTIONS),
     ".parquet": Format("Parquet table", recorders.read_parquet, None, recorders.RECORDER_OPTIONS),
@@ -66,8 +70,8 @@ def read(path: str | Path, **options: Any) -> DataObject:
     ----------
     path : path
         A universal file, `.npz`, `.npy`, `.mat`, `.h5`, `.json`, a folder `.zarr`, a text table (`.csv`, `.txt`, `.asc`,
-        `.tsv`, `.dat`, `.lvm`), an accelerogram `.at2`, `.wav`, and with extras `.xlsx`, `.tdms`, `.mf4`, `.nc`, `.parquet` or a mesh
-        (`.msh`, `.vtk`, `.bdf`, `.inp` ...).
+        `.tsv`, `.dat`, `.lvm`), an accelerogram `.at2`, `.mseed`, `.sac`, `.wav`, and with extras `.xlsx`, `.tdms`, `.mf4`,
+        `.nc`, `.parquet` or a mesh (`.msh`, `.vtk`, `.bdf`, `.inp` ...).
     **options
         For every format: `quantity` ("displacement", "velocity", "acceleration"), `sampling_rate`, `kind`, `output_dofs`,
         `input_dofs`, `units`, `geometry` (also a path, or paths of points and lines), `averages`, `added_damping`, `groups` override what
