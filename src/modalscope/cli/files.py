@@ -8,7 +8,6 @@ from pathlib import Path
 from modalscope.cli.parser import (
     Parser,
     add_choices,
-    add_file,
     add_files,
     add_force,
     add_method,
@@ -21,20 +20,26 @@ from modalscope.cli.process import remark, say
 
 def add_info(parser: Parser) -> None:
     """Add the arguments of `info`."""
-    add_file(parser)
+    add_files(parser)
 
 
 def info(options: argparse.Namespace) -> None:
-    """Print the contents of a file, how they are interpreted, and their quality."""
-    from modalscope.cli.reading import reading_options
+    """Print the contents of a file, how they are interpreted, and their quality; of several files what they are together."""
+    from modalscope.cli.reading import read_test, reading_options
     from modalscope.data import Geometry, ModalModel, StabilizationDiagram, StateSpace
+    from modalscope.data.shown import summary_of
     from modalscope.data.units import si_form
     from modalscope.doctor import examine
     from modalscope.io import survey
 
-    contents = survey(options.file, **reading_options(options, options.file))
-    say(contents)
-    data = contents.thing
+    surveys = [survey(path, **reading_options(options, path)) for path in options.files]
+    data = surveys[0].thing
+    if len(surveys) > 1:
+        say(*(f"{contents.path.name}: {contents.result}" for contents in surveys))
+        data, notes = read_test(options)
+        say(f"together: {summary_of(data)}", *(f"note: {note}" for note in notes))
+    else:
+        say(surveys[0])
     if isinstance(data, ModalModel):
         say(data.table())
         return

@@ -48,7 +48,17 @@ def contents_from_table(table: Table, options: Options) -> Contents:
     found = readings(table, columns, spoken, options.get("sampling_rate") or table.rate)
     if not spoken:
         _refuse_near(table, found)
-    return _read(table, columns, found[0], spoken, options)
+    contents = _read(table, columns, found[0], spoken, options)
+    weighed = [] if spoken else [Finding(part="reading", what=_compared(found))]
+    return replace(contents, findings=(*contents.findings, *weighed))
+
+
+def _compared(found: Sequence[Reading]) -> str:
+    """Return how far the best reading is ahead of the next that differs in more than a counter, in words."""
+    best = found[0]
+    other = next((reading for reading in found if reading.content != best.content), best)
+    words = {"record": "a record over time", "response": "responses over frequency"}
+    return f"{words[best.content]}; log likelihood {best.score - other.score:.0f} above {words[other.content]}"
 
 
 def _read(
