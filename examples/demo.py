@@ -14,8 +14,8 @@ started = time.perf_counter()
 data = ms.read(test)
 print(f"{test.name}: {data.values.shape[1]} accelerometers x {data.values.shape[2]} hammer points, {data.lines} lines")
 
-diagram = ms.stabilize(data, band=band)
-modes = ms.select(diagram)
+result = ms.analyze(data, band=band)
+modes = result.modes
 
 with (here / "beam_hammer" / "published_modes.csv").open() as file:
     published = [(float(row["frequency_hz"]), float(row["damping_ratio"])) for row in csv.DictReader(file)]
@@ -27,13 +27,18 @@ def near(frequency: float) -> tuple[float, float] | None:
     return next((p for p in within if abs(p[0] - frequency) <= min(abs(modes.frequencies - p[0]))), None)
 
 
-print("\n        modalscope                published")
-print(" mode   f [Hz]      zeta [%]      f [Hz]    zeta [%]   why")
+ends = modes.interval(0.95)
+print("\n        modalscope, 95 % intervals                       published")
+print(" mode   f [Hz]            zeta [%]                  f [Hz]    zeta [%]   why")
 for k, (f, zeta, why) in enumerate(zip(modes.frequencies, modes.damping_ratios, modes.reasons, strict=True)):
     known = near(f)
     beside = f"{known[0]:8.1f}  {100 * known[1]:8.2f}" if known else "       -         -"
-    print(f"{k + 1:4d}  {f:9.2f}  {100 * zeta:9.3f}    {beside}     {why['text']}")
+    within = float(ends["frequency"][k, 1] - f)
+    low, high = 100 * ends["damping_ratio"][k]
+    print(
+        f"{k + 1:4d}  {f:9.2f} ±{within:5.2f}  {100 * zeta:7.3f} ({low:.3f} to {high:.3f})  {beside}     {why['text']}"
+    )
 
-ms.report((modes, diagram), report, source=str(test), title="Modes of a measured beam")
+ms.report(result, report, source=str(test), title="Modes of a measured beam")
 print(f"\nthe report, one file with its pictures: {report.resolve()}")
 print(f"{time.perf_counter() - started:.1f} s from file to report")

@@ -25,7 +25,7 @@ from modalscope.identification.prepare import Measured, pose
 from modalscope.identification.refine import refine
 from modalscope.identification.stabilize import stabilized
 from modalscope.identification.sweep import Sweep
-from modalscope.judging.select import select
+from modalscope.judging.select import selected
 from modalscope.likelihood.deviations import residual_variance, unexplained_energy
 from modalscope.likelihood.noise import SPLIT, Noise, noise_of
 from modalscope.modal.indicators import mac
@@ -83,7 +83,7 @@ class Replicates:
         )
         problem = pose(measured, row, options)
         if self.whole:
-            return select(stabilized(problem, list(diagram.asked_orders or diagram.orders)))
+            return selected(stabilized(problem, list(diagram.asked_orders or diagram.orders)))
         found = Sweep(factor(problem, self.order), [self.order]).cut(self.order)
         return found.modes.take(found.reported)
 

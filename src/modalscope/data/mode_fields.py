@@ -8,6 +8,7 @@ from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import stdtrit
 
 from modalscope.data.channels import Channels, check_quantity, derivatives_between, source_of
 from modalscope.data.notes import Candidate, Harmonic, Note, candidates_of, harmonics_of, notes_of
@@ -43,6 +44,9 @@ COLUMNS = {
 
 #: Columns of the degrees of freedom, (n, 2), in tables.
 DEGREES = ("frequency_degrees", "damping_ratio_degrees")
+
+#: Half width of the logarithm of a damping ratio, at most: its exponential is a number.
+_MAX_LOG = 700.0
 
 #: Fields that hold one number a mode, or nothing.
 PER_MODE = tuple(COLUMNS.values())
@@ -256,6 +260,36 @@ def joined(parts: Sequence[_Modes]) -> _Modes:
     )
 
 
+def interval_ends(modes: ModeFields, level: float) -> tuple[RealArray, RealArray]:
+    """Return the ends of intervals of frequencies and of damping ratios, (n, 2) each: see `ModalModel.interval`."""
+    # Student's quantile where the deviations were estimated from few parts of a record, as their note says
+    parts = [note.numbers["degrees_of_freedom"] for note in modes.notes if "degrees_of_freedom" in note.numbers]
+    degrees = np.full((len(modes), 2), min(parts, default=np.inf)) if modes.degrees is None else modes.degrees
+    quantile = stdtrit(np.where(degrees == 0, np.nan, np.where(np.isnan(degrees), np.inf, degrees)), (1 + level) / 2)
+    half = []
+    for t, fields in zip(quantile.T, ("frequencies", "damping_ratios"), strict=True):
+        sigmas = [x for end in ("std", "repeatability") if (x := getattr(modes, f"{fields}_{end}")) is not None]
+        half.append(t * np.maximum.reduce(sigmas or [np.full(len(modes), np.nan)]))
+    f, zeta = modes.frequencies, modes.damping_ratios
+    low = zeta if modes.damping_ratios_lower is None else np.fmin(zeta, modes.damping_ratios_lower)
+    # a decaying mode has no damping ratio below zero: its error is alike on the scale of the logarithm
+    part = np.minimum(half[1] / np.where(zeta > 0, zeta, np.inf), _MAX_LOG)
+    below, above = np.where(zeta > 0, low * np.exp(-part), zeta - half[1]), zeta * np.exp(part)
+    return np.column_stack([f - half[0], f + half[0]]), np.column_stack(
+        [below, np.where(zeta > 0, above, zeta + half[1])]
+    )
+
+
+def half_widths(modes: ModeFields) -> tuple[RealArray, RealArray]:
+    """Return the half-widths of the 95 % intervals of frequencies (Hz) and damping ratios; NaN where they are not known.
+
+    Those of damping ratios are in the logarithm, where intervals are symmetric, times the value.
+    """
+    (f, both), zeta = interval_ends(modes, 0.95), np.maximum(modes.damping_ratios, 1e-300)
+    half = np.ptp(both, axis=1) / 2
+    return np.ptp(f, axis=1) / 2, np.where(modes.damping_ratios > 0, zeta * np.arcsinh(half / zeta), half)
+
+
 def known_columns(modes: ModeFields) -> dict[str, Any]:
     """Return what is known of each mode, by column: frequency, damping ratio, kind, deviations, gain, indicators."""
     optional = {column: getattr(modes, field) for column, field in COLUMNS.items()}
@@ -278,10 +312,10 @@ def cells_of_modes(modes: ModeFields) -> list[list[str]]:
     }
     if any(kind != "mode" for kind in modes.kinds):
         columns["kind"] = list(modes.kinds)
+    halves = [half if np.isfinite(half).any() else None for half in half_widths(modes)]
     for word, frequencies, damping_ratios in (
         ("spread", modes.frequencies_spread, modes.damping_ratios_spread),
-        ("+-noise", modes.frequencies_std, modes.damping_ratios_std),
-        ("+-repeat", modes.frequencies_repeatability, modes.damping_ratios_repeatability),
+        ("+-95%", halves[0], halves[1]),
     ):
         if frequencies is not None:
             columns[f"f {word}"] = [told(v) for v in frequencies]

@@ -8,13 +8,13 @@ from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import stdtrit
 
 from modalscope.data.channels import derivatives_between
 from modalscope.data.mode_fields import (
     COLUMNS,
     ModeFields,
     cells_of_modes,
+    interval_ends,
     known_columns,
     mode_indices,
     values_on_lines,
@@ -29,9 +29,6 @@ from modalscope.numerics.errors import DataError, optional_package
 
 #: What shapes can be scaled to (see `ModalModel.normalized`).
 NORMALIZATIONS = ("unit", "max", "mass", "none")
-
-#: Half width of the logarithm of a damping ratio, at most: its exponential is a number.
-_MAX_LOG = 700.0
 
 
 def shape_factor(modes: ModalModel, scale: str) -> tuple[ComplexArray, str]:
@@ -298,32 +295,14 @@ class ModalModel(ModeFields):
         >>> modes.interval(0.95)["frequency"].round(3)
         array([[15.72 , 16.112]])
         """
-        # Student's quantile where the deviations were estimated from few parts of a record, as their note says
-        parts = [note.numbers["degrees_of_freedom"] for note in self.notes if "degrees_of_freedom" in note.numbers]
-        degrees = np.full((len(self), 2), min(parts, default=np.inf)) if self.degrees is None else self.degrees
-        quantile = stdtrit(
-            np.where(degrees == 0, np.nan, np.where(np.isnan(degrees), np.inf, degrees)), (1 + level) / 2
-        )
-        half = []
-        for t, fields in zip(quantile.T, ("frequencies", "damping_ratios"), strict=True):
-            sigmas = [x for end in ("std", "repeatability") if (x := getattr(self, f"{fields}_{end}")) is not None]
-            half.append(t * np.maximum.reduce(sigmas or [np.full(len(self), np.nan)]))
-        f, zeta = self.frequencies, self.damping_ratios
-        low = zeta if self.damping_ratios_lower is None else np.fmin(zeta, self.damping_ratios_lower)
-        # a decaying mode has no damping ratio below zero: its error is alike on the scale of the logarithm
-        part = np.minimum(half[1] / np.where(zeta > 0, zeta, np.inf), _MAX_LOG)
-        below, above = np.where(zeta > 0, low * np.exp(-part), zeta - half[1]), zeta * np.exp(part)
-        bounds = {
-            "frequency": np.column_stack([f - half[0], f + half[0]]),
-            "damping_ratio": np.column_stack([below, np.where(zeta > 0, above, zeta + half[1])]),
-        }
         if all(getattr(self, f) is None for f in COLUMNS.values() if f.endswith(("_std", "_repeatability"))):
             raise DataError(
                 f"intervals at {100 * level:g} % were asked",
                 "no standard deviation of these modes is known: neither from the noise nor between groups",
                 "Give frequencies_std and damping_ratios_std, or their repeatability between groups.",
             )
-        return bounds
+        f, zeta = interval_ends(self, level)
+        return {"frequency": f, "damping_ratio": zeta}
 
     def impulse_response(
         self, samples: int, sampling_rate: float | None = None, *, first_sample: int = 0

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from modalscope.data.channels import AUTO, check_groups
 from modalscope.data.modes import ModalModel
 from modalscope.data.results import StabilizationDiagram
+from modalscope.identification.orders import usable_orders
+from modalscope.identification.refine import in_place
 from modalscope.judging.evidence import Candidate, Gathered, counted, evidence_of, oscillations
 from modalscope.judging.no_structure import (
     harmonics_of_diagram,
@@ -20,6 +23,8 @@ from modalscope.judging.no_structure import (
 from modalscope.judging.outcome import compared_with, modes_of, paired_with
 from modalscope.judging.tracking import Poles
 from modalscope.judging.verdict import has_likelihood, likely
+from modalscope.likelihood.settling import needed_beside
+from modalscope.likelihood.spread import LEAST_GROUPS
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_each, check_kind, check_positive
 from modalscope.numerics.errors import DataError
@@ -88,8 +93,29 @@ def select(
     check_positive("tolerance", tolerance)
     found = weighed(diagram)
     if reference is not None:
-        return _like(reference, diagram, found, tolerance)
-    return chosen_of(diagram, found, wanted, added, refused, tolerance)
+        return between_groups(diagram, _like(reference, diagram, found, tolerance))
+    return between_groups(diagram, chosen_of(diagram, found, wanted, added, refused, tolerance))
+
+
+def selected(diagram: StabilizationDiagram, **by_hand: Any) -> ModalModel:
+    """Return what `select` does with deviations from the noise alone, for modes that are refined next."""
+    wanted, take, refuse = (by_hand.get(name) for name in ("frequencies", "take", "refuse"))
+    chosen = None if wanted is None else _wanted("frequencies", wanted)
+    _check_one_way(chosen, [*(take or ()), *(refuse or ())], None)
+    return chosen_of(diagram, weighed(diagram), chosen, list(take or ()), list(refuse or ()))
+
+
+def between_groups(diagram: StabilizationDiagram, modes: ModalModel) -> ModalModel:
+    """Return modes with the scatter between inputs or runs where these are four at least, by their scores at the modes' values."""
+    response = diagram.response
+    groups = check_groups(AUTO, *response.parts, response.groups)
+    if response.ambient or groups is None or len(set(groups)) < LEAST_GROUPS or not len(modes):
+        return modes
+    last = diagram.poles[diagram.order_of_pole == usable_orders(diagram)[0][-1]]
+    found = in_place(response.whole, modes, needed_beside(response, modes.poles, last))
+    ranks = np.argsort(np.argsort(modes.frequencies, kind="stable"), kind="stable")
+    names = ("frequencies_repeatability", "damping_ratios_repeatability", "degrees")
+    return replace(modes, **{name: getattr(found, name)[ranks] for name in names})
 
 
 class Weighed(NamedTuple):

@@ -9,7 +9,7 @@ import numpy as np
 from modalscope.checking.certificate import Certificate
 from modalscope.data import ModalModel
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import RealArray, check_kind
+from modalscope.numerics.checks import check_kind
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.plot._style import BLUE, MUTED, ORANGE, PALE, dress, key, new_axes
 
@@ -24,6 +24,7 @@ _QUANTITIES = {
 
 #: Quantity -> its attribute of the certificate.
 _CERTIFIED = {"frequency": "frequency", "damping": "damping_ratio"}
+
 
 #: Half-width of the 95 % interval of a normal distribution, in standard deviations.
 _HALF_WIDTH = 1.96
@@ -50,21 +51,13 @@ def intervals(modes: ModalModel, ax: Axes | None = None, *, of: str = "frequency
     check_choice("of", of, _QUANTITIES)
     name, unit, label = _QUANTITIES[of]
     values = np.asarray(getattr(modes, name))
-    drawn: list[tuple[str, RealArray, str]] = [
-        (words, unit * _HALF_WIDTH * sigma / values, colour)
-        for words, sigma, colour in (
-            ("noise", getattr(modes, f"{name}_std"), BLUE),
-            ("between groups", getattr(modes, f"{name}_repeatability"), ORANGE),
-        )
-        if sigma is not None
-    ]
-    if not drawn:
+    if getattr(modes, f"{name}_std") is None and getattr(modes, f"{name}_repeatability") is None:
         raise DataError("intervals of modes were asked", "no standard deviations are known", "Refine the modes.")
     ax = new_axes(ax)
-    place = np.arange(len(modes))
-    for k, (words, half, colour) in enumerate(drawn):
-        where, zero = place + 0.22 * (k - 0.5 * (len(drawn) - 1)), np.zeros(len(modes))
-        ax.errorbar(where, zero, yerr=np.nan_to_num(half), fmt="none", ecolor=colour, capsize=4, label=words)
+    place, ends = np.arange(len(modes)), modes.interval(0.95)["frequency" if of == "frequency" else "damping_ratio"]
+    away = unit * np.nan_to_num(np.abs(ends.T / values - 1))
+    words = "noise only" if modes.frequencies_repeatability is None else "noise, and what groups disagree"
+    ax.errorbar(place, np.zeros(len(modes)), yerr=away, fmt="none", ecolor=BLUE, capsize=4, label=words)
     if modes.unrefined is not None:
         moved = unit * (np.asarray(getattr(modes.unrefined, name)) / values - 1)
         ax.plot(place, moved, "o", markerfacecolor="white", markeredgecolor=MUTED, label="before refinement")

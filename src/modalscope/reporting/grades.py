@@ -19,9 +19,9 @@ import numpy as np
 
 from modalscope.checking.certificate import Certificate
 from modalscope.data import ModalModel
+from modalscope.data.mode_fields import half_widths
 from modalscope.judging.evidence import LEAST_PEAK, LEAST_PROMINENCE
 from modalscope.modal.indicators import mac, mpc
-from modalscope.numerics.checks import RealArray
 from modalscope.reporting.html import percent
 
 #: Best first.
@@ -65,21 +65,6 @@ def grades(modes: ModalModel, certificate: Certificate | None = None) -> tuple[G
             relative = percent(f / float(modes.frequencies[i]), 2), percent(zeta / float(modes.damping_ratios[i]), 2)
             graded.append(Grade("good", f"frequency within ±{relative[0]}, damping within ±{relative[1]}"))
     return tuple(graded)
-
-
-def half_widths(modes: ModalModel) -> tuple[RealArray, RealArray]:
-    """Return the half-widths of the 95 % intervals of frequencies (Hz) and damping ratios; NaN where they are not known.
-
-    Those of damping ratios are in the logarithm, where intervals are symmetric, times the value.
-    """
-    if modes.frequencies_std is None and modes.frequencies_repeatability is None:
-        unknown = np.full(len(modes), np.nan)
-        return unknown, unknown
-    intervals = modes.interval(0.95)
-    zeta, half = np.maximum(modes.damping_ratios, 1e-300), np.ptp(intervals["damping_ratio"], axis=1) / 2
-    return np.ptp(intervals["frequency"], axis=1) / 2, np.where(
-        modes.damping_ratios > 0, zeta * np.arcsinh(half / zeta), half
-    )
 
 
 def alike_pairs(modes: ModalModel) -> list[tuple[int, int, float]]:

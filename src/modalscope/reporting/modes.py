@@ -9,7 +9,7 @@ import numpy as np
 
 from modalscope.checking.certificate import Certificate
 from modalscope.data import ModalModel, StabilizationDiagram
-from modalscope.data.mode_fields import told
+from modalscope.data.mode_fields import half_widths, told
 from modalscope.data.response import Response
 from modalscope.data.shown import counted
 from modalscope.identification.identify import Identification
@@ -17,7 +17,7 @@ from modalscope.identification.method_names import cell_label
 from modalscope.modal.rebuilt import explained, explains_enough
 from modalscope.plot.web.fits import Fit, asked_ends
 from modalscope.reporting.figures import certificate_svg, intervals_svg
-from modalscope.reporting.grades import GRADES, Grade, alike_pairs, grades, half_widths
+from modalscope.reporting.grades import GRADES, Grade, alike_pairs, grades
 from modalscope.reporting.html import Section, decimals, folded, frequency, paragraph, percent, picture, table
 
 #: Meaning of the indicators, for the legend below their table.

@@ -15,7 +15,7 @@ from modalscope.data.response import Response
 from modalscope.data.results import Result, StabilizationDiagram
 from modalscope.doctor.examine import examine
 from modalscope.identification.options import AllOptions, labels_of
-from modalscope.judging.select import select
+from modalscope.judging.select import selected
 from modalscope.modal.rebuilt import explained, explains_enough, fit_of, of_noise, share_explained
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_each, check_kind
@@ -126,7 +126,7 @@ def concluded(
     document: Analysis,
     looks: Sequence[Look],
     told: tuple[Note, ...] = (),
-    choose: Choose = select,
+    choose: Choose = selected,
     check: Callable[[Any], tuple[Any, ...]] = examine,
 ) -> Result:
     """Return the result of identified bands: select and refine their modes, examine the data.

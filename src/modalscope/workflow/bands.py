@@ -20,7 +20,7 @@ from modalscope.data.shown import counted
 from modalscope.identification.ambient_records import bands_of_record, bands_of_setups, looked_through
 from modalscope.identification.stabilize import Watch, stabilize
 from modalscope.judging.bands import Part, cut_of, holds_too_little, joined_diagram, joined_modes, merge_bands
-from modalscope.judging.select import select
+from modalscope.judging.select import between_groups, selected
 from modalscope.likelihood.refine_setups import refine_setups
 from modalscope.modal.setups import merge_modes, with_repeatability
 from modalscope.numerics.errors import DataError
@@ -57,7 +57,11 @@ class Look:
 
 
 def looked_at(
-    data: Any, document: Analysis, progress: Progress | None = None, watch: Watch | None = None, choose: Choose = select
+    data: Any,
+    document: Analysis,
+    progress: Progress | None = None,
+    watch: Watch | None = None,
+    choose: Choose = selected,
 ) -> list[Look]:
     """Identify every band of an analysis; cut one with automatic orders where it has more modes than these can hold.
 
@@ -127,7 +131,7 @@ def _parts(sweep: Sweep, choose: Choose, part: Part, deeper: int) -> list[Part]:
     return [found for half in halves for found in _parts(sweep, choose, half, deeper - 1)]
 
 
-def modes_chosen(data: Any, document: Analysis, looks: Sequence[Look], choose: Choose = select) -> ModalModel:
+def modes_chosen(data: Any, document: Analysis, looks: Sequence[Look], choose: Choose = selected) -> ModalModel:
     """Return the modes of all identified bands, refined where that was asked and helps; `choose`: as in `looked_at`."""
     if not setups_of(data):
         found = _of_bands(document, looks, choose)
@@ -178,7 +182,7 @@ def _of_band(document: Analysis, look: Look, choose: Choose) -> ModalModel:
     """Return the modes of one band."""
 
     def improved(diagram: StabilizationDiagram, modes: ModalModel) -> ModalModel:
-        return refined_where_it_helps(diagram, modes) if document.refine else modes
+        return refined_where_it_helps(diagram, modes) if document.refine else between_groups(diagram, modes)
 
     if not look.parts:
         by_hand = {"frequencies": document.frequencies, "take": document.taken, "refuse": document.refused}
