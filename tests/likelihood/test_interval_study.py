@@ -11,7 +11,7 @@ from tests.likelihood.interval_cases import KINDS, Kind, found
 from tests.studies import Study
 
 #: First seed, and cases a kind: some are dear.
-FIRST, MANY, FEW = 3000, 100, 30
+FIRST, MANY, FEW = 3000, 50, 16
 
 
 @pytest.mark.study("standard-deviations")
