@@ -14,6 +14,7 @@ from modalscope.functions.poles import poles_from
 from modalscope.plot._camera import oblique, view_of
 from modalscope.plot.shapes import in_phase
 from tests.plot import examples
+from tests.support import refused
 
 
 def model(shape: list[complex], dofs: list[str], geometry: Geometry | None = None) -> ModalModel:
@@ -149,3 +150,18 @@ def test_bars_stand_in_the_order_of_the_structure() -> None:
     assert [tick.get_text() for tick in ax.get_xticklabels()] == ["2:+X", "11:+X", "9:-Z", "10:+Z"]
     heights = [bar.get_height() for bar in ax.patches]
     assert heights == pytest.approx(in_phase(modes.shapes[:, 0])[[2, 3, 1, 0]])
+
+
+def test_standard_deviations_of_a_shape_are_bars_at_its_channels() -> None:
+    shapes = np.array([[1.0, 2.0], [-2.0, 1.0], [0.5, 4.0]])
+    modes = ModalModel(poles=[-1 + 10j, -1 + 20j], shapes=shapes, shapes_std=0.1 * np.abs(shapes))
+    ax = plot.shape(modes, 1, std=True)
+    (bars,) = [each for each in ax.containers if hasattr(each, "has_yerr")]
+    ends = np.array(bars.lines[2][0].get_segments())[:, :, 1]
+    heights = np.array([bar.get_height() for bar in ax.patches])
+    # largest component 1, and a tenth of each to either side
+    assert np.allclose(
+        np.sort(ends, axis=1), np.sort(heights[:, None] + 0.1 * np.abs(heights[:, None]) * [-1, 1], axis=1)
+    )
+    assert np.abs(heights).max() == pytest.approx(1)
+    refused("these modes have none", plot.shape, replace(modes, shapes_std=None), std=True)

@@ -96,6 +96,7 @@ def shape(
     scale: float = _AMPLITUDE,
     azimuth: float | None = None,
     elevation: float | None = None,
+    std: bool = False,
 ) -> Axes:
     """Draw one mode shape over the structure at rest.
 
@@ -116,20 +117,28 @@ def shape(
         Largest displacement as a share of the diagonal of the structure.
     azimuth, elevation : float, optional
         Degrees; either selects the oblique view.
+    std : bool
+        Draw every channel as a bar with one standard deviation to either side (`modes.shapes_std`), without the geometry.
 
     Raises
     ------
     DataError
-        An unknown mode, or a geometry with none of the channels.
+        An unknown mode, a geometry with none of the channels, or standard deviations that are not known.
     """
     check_mode(modes, index)
+    if std and modes.shapes_std is None:
+        raise DataError(
+            "standard deviations of a shape were asked", "these modes have none", "Refine them: ms.refine(data, modes)."
+        )
     ax = new_axes(ax)
-    geometry = modes.geometry if geometry is None else geometry
+    geometry = None if std else modes.geometry if geometry is None else geometry
     values = in_phase(modes.shapes[:, index])
     title = f"mode {index + 1}: {modes.frequencies[index]:.{decimals(modes.frequencies)}f} Hz, {100 * modes.damping_ratios[index]:.2f} %"
     if geometry is None:
-        _bars(ax, modes.output_dofs, values)
-        dress(ax, title=title, ylabel="shape (largest component 1)")
+        largest = abs(complex(modes.shapes[np.argmax(np.abs(values)), index])) or 1.0
+        spread = modes.shapes_std[:, index] / largest if std and modes.shapes_std is not None else None
+        _bars(ax, modes.output_dofs, values, spread)
+        dress(ax, title=title, ylabel="shape (largest component 1)" + (", ± one standard deviation" if std else ""))
     else:
         measured = _measured(geometry, modes.output_dofs)
         motion = geometry.displaced(modes.output_dofs, values)
@@ -188,12 +197,14 @@ def in_order(labels: tuple[str, ...]) -> list[int]:
     return sorted(range(len(labels)), key=place)
 
 
-def _bars(ax: Axes, labels: tuple[str, ...], values: RealArray) -> None:
+def _bars(ax: Axes, labels: tuple[str, ...], values: RealArray, spread: RealArray | None = None) -> None:
     order = in_order(labels)
     order = order[spaced(len(order), _MAX_BARS)]
     labels, values = tuple(labels[k] for k in order), values[order]
     places = np.arange(values.size)
     ax.bar(places, values, width=0.72, color=np.where(values < 0, BLUE, VERMILLION).tolist(), zorder=2)
+    if spread is not None:
+        ax.errorbar(places, values, yerr=spread[order], fmt="none", ecolor=INK, capsize=3, zorder=3)
     ax.axhline(0, color=INK, linewidth=0.8)
     ax.set_ylim(-1.12, 1.12)
     ax.set_xlim(-0.6, values.size - 0.4)

@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from modalscope import plot
 from modalscope.checking.certificate import Certificate
 from modalscope.data import ModalModel, StabilizationDiagram
@@ -62,7 +64,10 @@ def response_svg(data: Response, modes: ModalModel, output: int, input: int) -> 
 def shape_svg(modes: ModalModel, index: int) -> bytes:
     """Draw one mode shape on the geometry, or as bars if that has none of the channels."""
     drawn = modes if has_channels(modes.geometry, modes.output_dofs) else replace(modes, geometry=None)
-    return draw((6.4, 4.0), lambda figure: plot.shape(drawn, index, ax=figure.add_subplot()))
+    std = (
+        drawn.geometry is None and drawn.shapes_std is not None and bool(np.isfinite(drawn.shapes_std[:, index]).all())
+    )
+    return draw((6.4, 4.0), lambda figure: plot.shape(drawn, index, ax=figure.add_subplot(), std=std))
 
 
 def intervals_svg(modes: ModalModel, of: str) -> bytes:

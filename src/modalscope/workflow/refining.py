@@ -117,7 +117,9 @@ def _with_others(
     text = f"Not refined: {where} (too close to a stronger, drifting mode); no intervals"
     note = Note("not refined", {"modes": len(others)}, text)
     both = replace(merged, shapes=shapes, left_out=refined.left_out, **fitted).normalized("unit")
-    return replace(both, unrefined=before).noted(note)
+    widths = [part for part in (refined.shapes_std, at_values.shapes_std) if part is not None]
+    own = np.hstack([widths[0], widths[1][:, nearest]])[:, order] if len(widths) == 2 else None
+    return replace(both, unrefined=before, shapes_std=own).noted(note)
 
 
 def _unfit(diagram: StabilizationDiagram) -> str:
