@@ -312,7 +312,6 @@ def _table(evidence: _Evidence, columns: list[Column], arrays: Mapping[str, Arra
         bare, unit_of_head = split_head(label)
         if name in forces:
             roles[len(columns) + 1] = "in"
-        values = values.real if np.iscomplexobj(values) and not values.imag.any() else values
         columns.append(Column(number=len(columns) + 1, name=bare, unit=_bare_unit(unit) or unit_of_head, values=values))
     return Table(
         where=evidence.where,

@@ -105,7 +105,8 @@ def _of_texts(choices: Choices) -> Choices:
     if choices["separator"] == "blanks":
         changed |= _without(choices, {"trailing delimiter", "unequal", "sep line"})
         changed |= {"quotes": "absent"} if choices["quotes"] == "all" else {}
-        changed |= {"head": "slash"} if choices["head"] in ("four rows", "quoted") else {}
+        # cells that blanks part hold none
+        changed |= {"head": "stroke"} if choices["head"] in ("four rows", "quoted", "slash") else {}
     return changed
 
 

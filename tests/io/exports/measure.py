@@ -23,7 +23,7 @@ def measure(first: int, count: int, halves: tuple[str, ...] = tuple(HALVES), rep
             half = halves[k % len(halves)]
             drawn, word, message = tried(Path(name), first + k, half)
             rows.append((word, half, drawn.choices))
-            if report and COSTS[word] >= 0.2 and half == "near":
+            if report and COSTS[word] >= 0.2 and half in halves:
                 _reported(Path(name), first + k, drawn, word, message)
             drawn.path.unlink()
     return rows

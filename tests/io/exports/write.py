@@ -253,7 +253,7 @@ def _write_rows(
     comma = choices["decimal"] == "comma"
     body = [[_decimal(cell, comma) for cell in row] for row in zip(*(c.cells for c in columns), strict=True)]
     if "unequal" in odd and len(columns) > 2:
-        _shorten(truth, body)
+        _shorten(truth, body, columns[-1].kind != "extra")
     head = _head_rows(columns, choices)
     statements = _statements(rng, truth, choices, words)
     if path.suffix == ".xlsx":
@@ -279,14 +279,13 @@ def _write_rows(
         rows[middle:middle] = ["", ""]
     if "cut line" in odd:
         rows[-1] = rows[-1][: max(1, len(rows[-1]) // 3)]
-        _cut(truth, 1)
+        _cut(truth, int("unequal" not in odd or columns[-1].kind == "extra"))
     if "footer" in odd:
         rows += ["End of file", f"Samples: {len(body)}"]
-    above = [_statement(item, choices, sign) for item in statements]
-    if choices["header"] == "comments":
-        lines = [f"# {line}" if choices["half"] == "near" else line for line in lines]
-    if "sep line" in odd:
-        above.insert(0, f"sep={sign}")
+    above = [f"sep={sign}"] if "sep line" in odd else []
+    above += [_statement(item, choices, sign) for item in statements]
+    if choices["header"] == "comments" and choices["half"] == "near":
+        lines = [f"# {line}" for line in lines]
     text = ("\r\n" if choices["line ends"] == "windows" else "\n").join([*above, *lines, *rows, ""])
     encoding = choices["encoding"] if choices["encoding"] != "utf-8" or "byte order mark" not in odd else "utf-8-sig"
     path.write_bytes(text.encode(encoding, errors="replace"))
@@ -300,18 +299,20 @@ def _decimal(cell: str, comma: bool) -> str:
     )
 
 
-def _shorten(truth: Truth, body: list[list[str]]) -> None:
+def _shorten(truth: Truth, body: list[list[str]], measured: bool) -> None:
     """Leave the end of the last measured column blank, as loggers with channels of unequal length do."""
     missing = 7
     for row in body[-missing:]:
         row[-1] = ""
-    _cut(truth, missing)
+    if measured:
+        _cut(truth, missing)
 
 
 def _cut(truth: Truth, rows: int) -> None:
-    truth.axis, truth.outputs = truth.axis[:-rows], truth.outputs[:-rows]
-    truth.inputs = None if truth.inputs is None else truth.inputs[:-rows]
-    truth.coherence = None if truth.coherence is None else truth.coherence[:-rows]
+    kept = len(truth.axis) - rows
+    truth.axis, truth.outputs = truth.axis[:kept], truth.outputs[:kept]
+    truth.inputs = None if truth.inputs is None else truth.inputs[:kept]
+    truth.coherence = None if truth.coherence is None else truth.coherence[:kept]
 
 
 def _joined(row: list[str], sign: str, quoted: bool) -> str:

@@ -21,6 +21,8 @@ _SAME_RATE = 1e-3
 _STEPS_OF_GAP, _MAX_SHARE_OF_GAPS = 1.9, 0.01
 #: Seconds since 1970 in the years 1990 and 2100: no test lasts as many milliseconds.
 _EPOCH = (631152000.0, 4102444800.0)
+#: Times counted from long ago lose digits: the grain is that of what follows the whole seconds.
+_LARGE_TIMES = 1e7
 #: Parts of a second that clocks count; the longest step between samples of a vibration in s (the slowest towers sway in 10 s); and the
 #: lowest rate in Hz of recorders that count milliseconds.
 _PARTS_OF_SECOND = (1e3, 1e6, 1e9)
@@ -86,11 +88,15 @@ def grain_of(times: RealArray) -> float:
     >>> grain_of(np.array([0.0, 0.01, 0.019, 0.029])), grain_of(np.array([0.0, 1 / 3, 2 / 3]))
     (0.001, 0.0)
     """
+    base = np.floor(times[:1]) if times.size and abs(times[0]) > _LARGE_TIMES else 0.0
+    spacing = float(np.spacing(np.abs(times).max(initial=0.0)))
+    times = times - base
 
     def of(part: RealArray) -> float:
         for digits in range(_MAX_DECIMALS + 1):
             scaled = part * 10.0**digits
-            if np.all(np.abs(scaled - np.rint(scaled)) <= 1e-6 + 1e-12 * np.abs(scaled)):
+            rounding = 2 * spacing * 10.0**digits
+            if np.all(np.abs(scaled - np.rint(scaled)) <= 1e-6 + 1e-12 * np.abs(scaled) + rounding):
                 return float(10.0**-digits)
         return 0.0
 
@@ -165,13 +171,15 @@ def sampling_of(times: RealArray) -> Sampling:
         raise _uneven(f"they do not increase: {times[back]:g} s is followed by {times[back + 1]:g} s in row {back + 2}")
     distance = np.abs(times - times[0] - step * np.arange(times.size))
     ulp = float(np.spacing(np.float32(np.abs(times).max()))) if _is_single(times) and not grain else 0.0
+    ulp = max(ulp, float(np.spacing(np.abs(times).max())))
     off = float(distance.max())
     if off > max(_MAX_OFF_GRID * step, 1.01 * grain, 2 * ulp) or _has_gaps(steps, grain):
         raise _uneven(
             f"the steps lie between {steps[back]:.6g} and {steps[widest]:.6g} s (usual {np.median(steps):.6g} s), the longest at row "
             f"{widest + 2}, and times leave the even grid by up to {off / step:.3g} steps"
         )
-    same = steps[widest] - steps[back] <= 1e-6 * step  # whoever writes 0.00, 0.01, 0.02 ... means what stands there
+    # whoever writes 0.00, 0.01, 0.02 ... means what stands there
+    same = steps[widest] - steps[back] <= 1e-6 * step + 4 * float(np.spacing(np.abs(times).max()))
     doubt = 0.0 if same else (grain + 2 * ulp) / (step * steps.size) / step
     return Sampling(roundest(1 / step, doubt + _CLOCK_ACCURACY / step), doubt, off / step)
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from modalscope.data import FrequencyResponse, ImpulseResponse, Signals
+from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, Signals
 from modalscope.io.columns.axis import check_numbers, with_rows
 from modalscope.io.columns.lines import frequency_response
 from modalscope.io.columns.reading import NEAR, Reading, readings
@@ -41,13 +41,13 @@ def contents_from_table(table: Table, options: Options) -> Contents:
     Raises `DataError`: nothing to take, a time column that is not even or of another rate, an axis that is not known: the message names
     the option that says what was meant.
     """
-    table = _with_units(with_rows(table, options.get("rows")), options.get("units"))
+    table = _with_units(with_rows(_real_where_real(table), options.get("rows")), options.get("units"))
     ignored = {column.number for column in ignored_columns(table.columns, options.get("ignore"))}
     columns = [column for column in table.columns if column.number not in ignored]
     spoken = spoken_roles(columns, options["columns"]) if options.get("columns") else {}
     found = readings(table, columns, spoken, options.get("sampling_rate") or table.rate)
     if not spoken:
-        _refuse_near(table, found)
+        _refuse_near(table, found, _works(table, columns, options))
     contents = _read(table, columns, found[0], spoken, options)
     weighed = [] if spoken else [Finding(part="reading", what=_compared(found))]
     return replace(contents, findings=(*contents.findings, *weighed))
@@ -74,14 +74,15 @@ def _read(
     if trimmed is not table:
         kept = {column.number: column for column in trimmed.columns}
         table, axis, others = trimmed, axis and kept[axis.number], [kept[column.number] for column in others]
-    check_numbers(table, others)
+    check_numbers(table, [column for column in others if roles[column.number] != "time"])
     if not others:
         raise nothing_measured(table, axis, kind, options)
     thing: FrequencyResponse | ImpulseResponse | Signals
     notes = _notes(reading, roles, spoken, table)
     if kind == "frequency":
         lines = _lines(table) if axis is None else axis
-        thing, notes_of_data, unused = frequency_response(table, lines, others, roles, spoken)
+        works = _works(table, columns, options)
+        thing, notes_of_data, unused = frequency_response(table, lines, others, roles, spoken, works)
     else:
         record, notes_of_data, unused = records(table, axis, others, roles, options)
         thing = free_decay(record, table.where) if "decay" in spoken.values() else record
@@ -90,6 +91,23 @@ def _read(
     return Contents(
         thing=thing, findings=tuple(findings), notes=tuple(dict.fromkeys([*table.notes, *notes, *notes_of_data]))
     )
+
+
+def _works(table: Table, columns: Sequence[Column], options: Options) -> Callable[[str], bool]:
+    """Return whether words of `--columns` read a table, or lead to the question of its rate or of a unit; messages name no others."""
+
+    def works(words: str) -> bool:
+        if options.get("columns"):
+            return True
+        spoken = spoken_roles(columns, words)
+        try:
+            found = readings(table, columns, spoken, options.get("sampling_rate") or table.rate)
+            _read(table, columns, found[0], spoken, {**options, "columns": words})
+        except DataError as error:
+            return "--sampling-rate HZ" in error.change or "--units" in error.change
+        return True
+
+    return works
 
 
 def _lines(table: Table) -> Column:
@@ -122,6 +140,15 @@ def _without_ends(table: Table, axis: Column | None, columns: Sequence[Column]) 
     )
 
 
+def _real_where_real(table: Table) -> Table:
+    """Return a table whose complex columns without an imaginary part are real, as arrays of one kind of number have them."""
+    bare = [c for c in table.columns if np.iscomplexobj(c.values) and not c.values.imag.any()]
+    if not bare or len(bare) == sum(np.iscomplexobj(c.values) for c in table.columns):
+        return table
+    columns = tuple(replace(c, values=c.values.real) if c in bare else c for c in table.columns)
+    return replace(table, columns=columns)
+
+
 def _with_units(table: Table, units: Any) -> Table:
     """Return a table with the units that the option names, all written short."""
     units_by_number = {
@@ -136,7 +163,7 @@ def _with_units(table: Table, units: Any) -> Table:
     return replace(table, columns=tuple(columns))
 
 
-def _refuse_near(table: Table, found: Sequence[Reading]) -> None:
+def _refuse_near(table: Table, found: Sequence[Reading], works: Callable[[str], bool]) -> None:
     """Ask which of two readings is meant where a record and responses are nearly as likely."""
     best = found[0]
     second = next((r for r in found if r.content != best.content), None)
@@ -149,8 +176,8 @@ def _refuse_near(table: Table, found: Sequence[Reading]) -> None:
     rest = [number for number in best.roles if number != axis.number]
     pairs = ",".join(f"real={a},imag={b}" for a, b in zip(rest[::2], rest[1::2], strict=False))
     lines = both["response"].option if "imag=" in both["response"].option else f"frequency={axis.number},{pairs}"
-    remedy = f'Say which: --columns "{both["record"].option}"'
-    remedy += f', or --columns "{lines}".' if pairs else "."
+    ways = [f'--columns "{words}"' for words in (both["record"].option, *([lines] if pairs else [])) if works(words)]
+    remedy = f"Say which: {', or '.join(ways)}."
     raise needs(table.where, "a column of time or frequency by its name or unit", fault, remedy)
 
 

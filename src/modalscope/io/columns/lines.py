@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -34,6 +34,8 @@ _BOUNDS_OF_RADIANS = (2.0, 2 * np.pi + 0.01)
 
 #: Parts that `--columns` may name, and which of them make one complex value.
 _FAMILY_OF_PART = {"real": "parts", "imag": "parts", "mag": "polar", "phase": "polar", "coh": "coherence"}
+#: Whether words of `--columns` read the table at hand.
+Works: TypeAlias = Callable[[str], bool]
 #: The parts of one response by what they are.
 Parts = dict[str, Column]
 
@@ -160,6 +162,11 @@ def parts_of_responses(
     return groups
 
 
+def _is_whole(parts: Parts) -> bool:
+    """Whether parts are a complex response."""
+    return "complex" in parts or {"real", "imag"} <= set(parts) or {"mag", "phase"} <= set(parts)
+
+
 def _other_count(groups: Mapping[tuple[str, int], Parts], part: str) -> bool:
     """Whether there are as many columns of a part as of its other."""
     return sum(part in parts for parts in groups.values()) == sum(
@@ -205,11 +212,17 @@ def _shared_stem(parts: Parts) -> str:
 
 
 def frequency_response(
-    table: Table, axis: Column, columns: Sequence[Column], roles: Mapping[int, str], spoken: Mapping[int, str]
+    table: Table,
+    axis: Column,
+    columns: Sequence[Column],
+    roles: Mapping[int, str],
+    spoken: Mapping[int, str],
+    works: Works = lambda option: True,
 ) -> tuple[FrequencyResponse, list[str], dict[int, str]]:
     """Return frequency responses, notes, and what was left with its reason.
 
-    `axis`: the frequencies. `columns`: all others that may be taken. `roles`: what each is. `spoken`: what `--columns` says.
+    `axis`: the frequencies. `columns`: all others that may be taken. `roles`: what each is. `spoken`: what `--columns` says. `works`:
+    whether the table is read with other words of `--columns`.
 
     Raises `DataError`: magnitudes without phases, a part without its other, an unknown unit of phases, pairs that make no matrix.
     """
@@ -224,6 +237,8 @@ def frequency_response(
             continue
         pair = _pair_of(base if place == 0 else f"{base} {place + 1}".strip(), len(responses) + 1)
         values = _values(table, parts, notes)
+        if values is None and set(parts) == {"mag"} and any(_is_whole(other) for other in groups.values()):
+            continue  # a magnitude beside complex values adds nothing to them
         if values is None:
             raise _incomplete(table, axis, parts, groups, spoken)
         first = next(iter(parts.values()))
@@ -233,7 +248,7 @@ def frequency_response(
     if len(responses) > 1 and {into for _, into in responses} == {_ONLY_INPUT}:
         notes.append("no name is a pair such as 3Z/1Z: all responses are taken as those to one input")
     if not responses:
-        raise _no_phases(table, axis, columns)
+        raise _no_phases(table, axis, columns, works)
     unused = {column.number: "it belongs to no frequency response" for column in columns if column.number not in used}
     outputs, inputs, units, values = _matrix(table, responses)
     coherence = _coherence(coherences, outputs, inputs, unused)
@@ -298,19 +313,22 @@ def _incomplete(
     return needs(table.where, "complex values", fault, remedy)
 
 
-def _no_phases(table: Table, axis: Column, columns: Sequence[Column]) -> DataError:
+def _no_phases(table: Table, axis: Column, columns: Sequence[Column], works: Works) -> DataError:
+    """Return the error of real columns over frequency, with the options that read them otherwise."""
     numbers = [column.number for column in columns]
     remedy = "Export real and imaginary parts, or magnitudes and phases; spectra alone hold no phases to identify from."
-    if (
-        len(numbers) % 2 == 0
-        and numbers
-        and not any("spectrum" in dict(meanings_of(column.name)) for column in columns)
-    ):
-        parts = ",".join(f"real={a},imag={b}" for a, b in zip(numbers[::2], numbers[1::2], strict=True))
-        polar = parts.replace("real", "mag").replace("imag", "phase")
-        option = f'--columns "frequency={axis.number},{parts}", or --columns "frequency={axis.number},{polar}"'
-        named = any(column.name for column in columns)
-        remedy = f"{remedy} If they are such parts: {option}." if named else f"Say what they are: {option}."
+    options = []
+    if len(numbers) % 2 == 0 and not any("spectrum" in dict(meanings_of(column.name)) for column in columns):
+        pairs = list(zip(numbers[::2], numbers[1::2], strict=True))
+        signed = any(np.min(column.values, initial=0.0) < 0 for column in columns)
+        kinds = [("real", "imag")] if signed else []
+        options = [",".join(f"{a}={one},{b}={other}" for one, other in pairs) for a, b in (*kinds, ("mag", "phase"))]
+        options = [f"frequency={axis.number},{parts}" for parts in options]
+    if not axis.unit and "frequency" not in dict(meanings_of(axis.name)):
+        options.append(f"time={axis.number},out={span(numbers)}")
+    said = [f'--columns "{option}"' for option in options if works(option)]
+    if said:
+        remedy += f" If they are something else, say what: {', or '.join(said)}."
     words = f"column {span(numbers)} is" if len(numbers) == 1 else f"columns {span(numbers)} are"
     fault = f"{words} real ({', '.join(column.label for column in columns[:6])})"
     return needs(table.where, "complex values with its frequencies", fault, remedy)

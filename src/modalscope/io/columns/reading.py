@@ -13,7 +13,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from modalscope.io.columns.table import Column, Table, span
+from modalscope.io.columns.vocabulary import meanings_of
 from modalscope.io.columns.weights import HINT, NEVER, SURE, WORD, Weights, even_step, weigh
+from modalscope.io.columns.words import kind_of_unit
 from modalscope.numerics.checks import Array, ComplexArray
 
 #: What a column may be in a record, and in responses. The first is what it is when nothing speaks for any.
@@ -92,6 +94,7 @@ def _readings(table: Table, columns: Sequence[Column], spoken: Mapping[int, str]
             for c in columns
             if not c.textual and weights[c.number].of(kind) > 0 and not (named and c.number not in spoken)
         ]
+        axes = [c for c in axes if not _is_counter(c)]
         axes = sorted(axes, key=lambda column: -weights[column.number].of(kind))[:_MOST_AXES]
         for axis in [*axes, None]:
             reading = Reading(content, axis)
@@ -103,6 +106,16 @@ def _readings(table: Table, columns: Sequence[Column], spoken: Mapping[int, str]
             build(table, reading, [c for c in columns if c is not axis], weights, rate)
             found.append(reading)
     return sorted(found, key=lambda reading: -reading.score)
+
+
+def _is_counter(column: Column) -> bool:
+    """Whether a column is a counter by its name."""
+    meanings = {meaning for meaning, _ in meanings_of(column.name)}
+    return (
+        "index" in meanings
+        and not meanings & {"time", "frequency"}
+        and kind_of_unit(column.unit) not in ("time", "frequency")
+    )
 
 
 def _of_rate(axis: Column, rate: float | None) -> float:
@@ -140,6 +153,8 @@ def _record(
             reading.roles[column.number] = "spectrum"
         else:
             _take(reading, column, held, _IN_RECORDS)
+            unsaid = reading.roles[column.number] == "out" and held.of("out") <= 0
+            reading.score -= 1.0 if unsaid and held.of("level") > 0 else 0.0
             reading.score -= parts if reading.roles[column.number] in ("in", "out") else 0.0
 
 
@@ -167,7 +182,9 @@ def _response(
     ways = [pairing_of(columns) for columns in (bare, within) if columns]
     best, pairing = max(ways, key=lambda way: way[0], default=(0.0, {}))
     reading.score += best if ways else 0.0
-    reading.score -= WORD if ways and not pairing else 0.0
+    magnitudes = bool(bare) and all(weights[c.number].of("level") > 0 for c in bare)
+    if ways and not pairing:
+        reading.score += 2 * HINT if magnitudes else -WORD
     reading.roles |= pairing
     reading.reasons |= dict.fromkeys(pairing, "by its place: pairs are causal responses") if best > 0 else {}
 

@@ -170,7 +170,13 @@ def seconds_of(axis: Column) -> RealArray:
     """Return times in seconds, of a column in its unit; without one, counted from the first in the parts of a second that they say."""
     times = np.asarray(axis.values, float)
     parts = 1.0 if axis.unit else parts_of_second(times)
-    return times * factor_to_base(axis.unit) if parts == 1.0 else (times - times[:1]) / parts
+    return times * factor_to_base(axis.unit) if parts == 1.0 else _from_first(times, parts)
+
+
+def _from_first(times: RealArray, parts: float) -> RealArray:
+    """Return seconds from the first of times in parts of a second, with the digits that numbers of their size hold."""
+    spacing = float(np.spacing(np.abs(times).max(initial=0.0))) / parts
+    return np.round((times - times[:1]) / parts, max(0, int(-np.log10(spacing)))) if spacing > 0 else times
 
 
 def _with_seconds(table: Table, axis: Column, options: Options) -> tuple[Column, list[str]]:
@@ -185,7 +191,7 @@ def _with_seconds(table: Table, axis: Column, options: Options) -> tuple[Column,
     if parts != parts_of_second(times[:1]):
         why = f' by their step of {float(np.median(np.diff(times))):.6g} (else: --units "{axis.label}=s")'
     note = f"the times of column {axis.number} have no unit: taken as {_PARTS_OF_SECOND[parts]}{why}"
-    return replace(axis, values=(times - times[:1]) / parts, unit="s"), [note]
+    return replace(axis, values=_from_first(times, parts), unit="s"), [note]
 
 
 def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[float, list[str]]:

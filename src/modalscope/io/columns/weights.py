@@ -189,6 +189,8 @@ def of_values(column: Column) -> Iterator[tuple[str, float, str]]:
         yield "ignore", WORD + 1, "it is 0 or 1, as a trigger"
     if not step and not counted and _stands_still(values):
         yield "ignore", WORD, "it hardly changes, and slowly"
+    if not step and _is_spectrum_like(values):
+        yield "level", HINT, "it is never negative, and mostly small, as spectra are"
     if len(values) >= _MIN_ROWS and not step and values.min() >= 0 and values.max() <= 1:
         yield "coh", 1.0, "it lies between 0 and 1"
 
@@ -261,6 +263,13 @@ def _stands_still(values: Array) -> bool:
     if spread == 0 or abs(finite.mean()) < _MIN_OFFSET * spread:
         return False
     return bool(np.mean(np.diff(finite) ** 2) < _MAX_ROUGHNESS * spread**2)
+
+
+def _is_spectrum_like(values: Array) -> bool:
+    """Whether values are never negative and span a range as magnitudes of spectra do; vibrations take both signs, or lie about a mean."""
+    return len(values) >= _MIN_ROWS and bool(
+        0 <= values.min() < 0.1 * values.max() and np.median(values) < 0.3 * values.max()
+    )
 
 
 Relation = tuple[Column, str, float, str]

@@ -21,6 +21,7 @@ UNITS: dict[str, tuple[str, ...]] = {
     **{kind: tuple(units) for kind, (_, units) in FACTORS.items() if kind != "moment"},
     "force": (*FACTORS["force"][1], *FACTORS["moment"][1]),
     "level": ("dB", "db", "DB"),
+    "mass": ("kg",),
     "no vibration": ("degC", "C", "K", "degF", "F", "%", "%RH", "rpm", "RPM", "U/min", "1/min", "A", "mA", "W", "kW", "ppm", "lx"),
     "none": ("-", "1", "none", "n/a", "counts", "count", "LSB", "EU"),
 }  # fmt: skip
@@ -62,7 +63,7 @@ _SLASH = re.compile(r"^(?P<name>.*\S)(?:\s+(?:/|in|,)\s*|,\s+)(?P<unit>\S+)$")
 #: DIN 1313 without blanks, `F/N` or `a_1/(m/s^2)`; the names of pairs (`3Z/1Z`) have no unit behind the stroke. One inside of brackets,
 #: as in `ax[m/s2]`, parts nothing.
 _STROKE = re.compile(
-    r"^(?P<name>(?:[^\s/\[<{]|[\[<{][^\[\]<>{}]*[\]>}])+)/(?:\((?P<round>[^()]+)\)|(?P<plain>[^()]+))$"
+    r"^(?P<name>(?:[^\s/\[<{]|(?<=\S) (?=\S)|[\[<{][^\[\]<>{}]*[\]>}])+)/(?:\((?P<round>[^()]+)\)|(?P<plain>[^()]+))$"
 )
 _PART_OF = re.compile(r"^(?P<part>re|im|real|imag|abs|arg|mag|phase)\{(?P<name>[^{}]*)\}", re.IGNORECASE)
 _UNDERSCORE = re.compile(r"^(?P<name>.*[A-Za-z0-9])_(?P<unit>s|ms|us|hz|Hz|kHz|N|kN|g|deg|rad|mm|um)$")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import islice
 
 import numpy as np
@@ -52,7 +52,7 @@ def kinds_of(rows: Sequence[Sequence[str]]) -> list[str]:
             kinds.append("empty")
         elif all(map(is_stamp, present)):
             kinds.append("stamp")
-        elif not all(map(is_number, present)) and all(is_number(cell) or is_complex(cell) for cell in present):
+        elif 2 * sum(map(is_complex, present)) >= len(present):
             kinds.append("complex")
         else:
             kinds.append("number" if 2 * sum(map(is_number, present)) >= len(present) else "text")
@@ -60,25 +60,32 @@ def kinds_of(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def read_body(
-    where: str, lines: Iterable[tuple[int, str]], kinds: Sequence[str], dialect: Dialect, width: int, space: Room
+    where: str,
+    lines: Iterable[tuple[int, str]],
+    kinds: Sequence[str],
+    dialect: Dialect,
+    width: int,
+    space: Room,
+    head: Sequence[str] = (),
 ) -> tuple[list[Array], list[str]]:
     """Return the columns of a body, and notes on lines that are no rows of it.
 
     Remarks, the header again, a last line that is cut short and lines under the table are left and counted.
 
-    `lines`: the body, each line with its number. `kinds`: those of the columns. `width`: cells in a row.
+    `lines`: the body, each line with its number. `kinds`: those of the columns. `width`: cells in a row. `head`: the lines above it.
 
     Raises `DataError`: a row of another length, or a cell that holds something else than its column.
     """
     pieces: list[list[Array]] = []
     odd: list[tuple[int, str]] = []
+    again = {line.strip() for line in head if line.strip()}
     source = ((number, line) for number, line in lines if line[0] not in _FIRST_OF_COMMENT or not uncommented(line)[1])
     last = 0
     while piece := list(islice(source, _LINES_OF_PIECE)):
         space.take("its numbers", 8 * len(piece) * width)
         arrays = _fast(piece, kinds, dialect, width)
         if arrays is None:
-            good = _rows_of(where, piece, odd, kinds, dialect, width)
+            good = _rows_of(where, piece, odd, kinds, dialect, width, again)
             space.take("its cells", sum(len(cell) for row in good[:1] for cell in row[1]) * len(good))
             arrays = columns_of([cells for _, cells in good], kinds, dialect) if good else _none(kinds)
             last = good[-1][0] if good else last
@@ -96,13 +103,19 @@ def _rows_of(
     kinds: Sequence[str],
     dialect: Dialect,
     width: int,
+    again: Collection[str],
 ) -> list[tuple[int, list[str]]]:
     """Return the rows among lines with their numbers; the lines that are none are added to `odd`.
+
+    `again`: the lines of the header.
 
     Raises `DataError`: a line that looks like a row and is none, or too many that do not.
     """
     good: list[tuple[int, list[str]]] = []
     for number, line in piece:
+        if line.strip() in again:
+            odd.append((number, line))
+            continue
         cells = split(line, dialect)
         cells = cells[:width] if is_wide(cells, width) else cells
         if len(cells) < width and set(kinds[len(cells) :]) <= {"text", "empty"}:

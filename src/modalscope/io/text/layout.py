@@ -19,7 +19,7 @@ from modalscope.io.columns.lines import part_of
 from modalscope.io.columns.vocabulary import key_meaning, meanings_of
 from modalscope.io.columns.weights import role_by_words
 from modalscope.io.columns.words import is_unit, is_weak, kind_of_unit, split_head
-from modalscope.io.text.cells import Dialect, is_missing, is_number, is_value, split
+from modalscope.io.text.cells import Dialect, is_missing, is_number, is_stamp, is_value, split
 from modalscope.io.text.dialect import DELIMITERS, value_rows
 
 #: So many rows of values in a row are the body; fewer where the file ends before.
@@ -116,7 +116,7 @@ def _head(
     heads: list[tuple[int, list[str]]] = []
     places = _places(lines[body], width) if not dialect.delimiter else []
     for k in range(body - 1, max(-1, body - _MAX_ROWS_OF_HEAD), -1):
-        cells = _fitted(lines[k], rows[k], width, dialect, places)
+        cells = _fitted(lines[k], rows[k], width, dialect, places, rows[body])
         if cells is not None and not _are_numbers_of_channels(cells) and not all(map(is_missing, cells)):
             heads.append((k, cells))
     unit_line, heading = next(
@@ -153,7 +153,7 @@ def name_score(cells: Sequence[str]) -> float:
     filled = [cell for cell in cells if not is_missing(cell)]
     counts = Counter(filled)
     called = bool(cells) and _is_row_name(cells[0])
-    score = 2.0 * called - sum(map(is_missing, cells[1:]))
+    score = 2.0 * called - sum(map(is_missing, cells[1:])) - 5.0 * (2 * len(filled) < len(cells))
     for cell in filled:
         name, unit = split_head(cell)
         known = bool(meanings_of(name) or part_of(name))
@@ -177,28 +177,34 @@ def _places(line: str, width: int) -> list[tuple[int, int]]:
     return places if len(places) == width else []
 
 
+def _with_one_more(cells: list[str], first: Sequence[str], parted: bool) -> list[str]:
+    """Return cells that are one too few, with the blank one where the first row of the body says: a time behind a date, an empty end."""
+    if len(first) > 2 and is_stamp(first[0]) and is_stamp(first[1]):
+        return [cells[0], "", *cells[1:]]
+    if not parted:
+        return cells
+    return [*cells, ""] if not first[-1] or _names_axis(cells[0]) else ["", *cells]
+
+
 def _fitted(
-    line: str, cells: list[str], width: int, dialect: Dialect, places: Sequence[tuple[int, int]]
+    line: str, cells: list[str], width: int, dialect: Dialect, places: Sequence[tuple[int, int]], first: Sequence[str]
 ) -> list[str] | None:
-    """Return the cells of a line of text when there is one a column, by any way of parting it; None where there is not."""
+    """Return the cells of a line of text when there is one a column, by any way of parting it; None where there is not.
+
+    `places`: where the cells of the first row of the body stand, that blanks part. `first`: these cells.
+    """
     ways = [cells] + [split(line, Dialect(delimiter=sign, quoted=dialect.quoted)) for sign in DELIMITERS[:-1]]
     if not dialect.delimiter:
         ways += [re.split(r"\s{2,}|\t", line.strip()), _NAME_AND_UNIT.findall(line)]
-        ways += [_by_place(line, places)] if places and 1 < len(cells) < width else []
+        ways += [_by_place(line, places)] if places and 0 < len(cells) < width else []
     for way in ways:
         fitted = [cell.strip().strip('"').strip() for cell in way]
         if len(fitted) == width + 1 and _is_row_name(fitted[0]):
             fitted = fitted[1:]
         if len(fitted) > width and way is cells and (not any(fitted[width:]) or _names_axis(fitted[0])):
             fitted = fitted[:width]  # names of columns that have no cells below, such as comments
-        if (
-            len(fitted) == width - 1
-            and width > 2
-            and way is cells
-            and dialect.delimiter
-            and not any(map(is_number, fitted))
-        ):
-            fitted = ["", *fitted] if not _names_axis(fitted[0]) else [*fitted, ""]
+        if len(fitted) == width - 1 and width > 2 and way is cells and not any(map(is_number, fitted)):
+            fitted = _with_one_more(fitted, first, bool(dialect.delimiter))
         if "=" in fitted:  # a key and its value, parted by blanks as the rows are
             continue
         if len(fitted) == width and (width > 1 or not _FACT.match(line)) and not all(map(is_number, fitted)):
@@ -240,6 +246,14 @@ def _units_after(cells: Sequence[str]) -> int | None:
         and (len(filled) > 1 or len(cells) == 1 or bracketed or not is_weak(filled[0]))
     ):
         return 0
+    strong = [cell for cell in units if kind_of_unit(_bare(cell)) not in ("", "none") and not is_weak(_bare(cell))]
+    if (
+        strong
+        and len(filled) > 1
+        and 2 * len(units) > len(filled)
+        and not any(meanings_of(cell) for cell in filled if cell not in units)
+    ):
+        return 0  # of some the unit is not known
     if not filled or filled[0] != cells[0]:
         return None
     named = _is_row_name(cells[0])

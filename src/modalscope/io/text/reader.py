@@ -194,9 +194,8 @@ def _table(
 ) -> Table:
     rows = [split(line, dialect) for line in islice(bare, layout.body, layout.body + 200)]
     kinds = _but_ignored(kinds_of([row for row in rows if len(row) == layout.width]), layout, options)
-    arrays, notes = read_body(
-        where, chain(islice(first, layout.body, None), lines), kinds, dialect, layout.width, space
-    )
+    body, above = chain(islice(first, layout.body, None), lines), [line for _, line in first[: layout.body]]
+    arrays, notes = read_body(where, body, kinds, dialect, layout.width, space, above)
     said = stated_by(layout.facts, dialect.decimal)
     columns, column_notes = _columns(layout, kinds, arrays)
     given = options.get("sampling_rate") is not None
