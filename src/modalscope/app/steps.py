@@ -81,13 +81,15 @@ class Stages:
         self._tell("blob", ("modes", modes_blob(result.modes, document.names, result_head(result))))
 
     def _read(self, document: Analysis) -> None:
-        key = json.dumps(analysis_to(document)["files"], sort_keys=True)
+        key = json.dumps([analysis_to(document)["files"], document.route == "auto"], sort_keys=True)
         if key == self._of_data:
             return
         self._tell("stage", {"stage": "reading"})
         self._of_data, self._findings = "", None
         paths: list[Any] = [file.path for file in document.files]
-        data, sources, notes = opened(paths[0] if len(paths) == 1 else paths, document.reading)
+        data, sources, notes = opened(
+            paths[0] if len(paths) == 1 else paths, document.reading, decays=document.route == "auto"
+        )
         check_same(document.files, sources, data)
         self.data, self._notes, self._of_data = data, notes, key
         self._tell("blob", ("overview", overview_blob(data)))

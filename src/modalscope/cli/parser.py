@@ -180,7 +180,8 @@ def add_choices(parser: Parser, *, bands: bool = False) -> None:
     add = parser.add_argument
     add(
         "--route",
-        help="records with inputs: auto, records (on their own lines), frf, markov or subspace; default: auto",
+        help="records with inputs: auto, records (on their own lines), frf, markov or subspace; without inputs: correlation, also where "
+        "they look like free decays; default: auto",
     )
     delays = "outputs delayed after the forces, such as y3=12, or none; default: detected"
     add("--delays", nargs="+", metavar="DOF=SAMPLES", help=delays)

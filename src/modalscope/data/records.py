@@ -20,12 +20,14 @@ from modalscope.data.channels import (
     check_source,
     choose_channels,
     chosen_groups,
+    names_base,
     run_groups,
     source_of,
 )
 from modalscope.data.geometry import Geometry
 from modalscope.data.shown import Shown
 from modalscope.data.units import Convertible
+from modalscope.functions.kind_of_test import kind_of_test
 from modalscope.numerics.checks import (
     RealArray,
     check_count,
@@ -128,6 +130,12 @@ class Signals(Channels, Convertible):
         return self.quantities[0] if len(set(self.quantities)) == 1 else None
 
     @property
+    def kind_of_test(self) -> str:
+        """What the record is of: "hammer", "shaker", "earthquake", "free decay" or "ambient"."""
+        kind = kind_of_test(*self.by_run())
+        return "earthquake" if kind == "shaker" and any(map(names_base, self.input_dofs)) else kind
+
+    @property
     def recordings(self) -> tuple[Signals, ...]:
         """The record itself: a test is one record or several."""
         return (self,)
@@ -168,6 +176,12 @@ class SeveralRecords(Shown, Convertible):
     @abstractmethod
     def recordings(self) -> tuple[Signals, ...]:
         """All records: a test is one record or several."""
+
+    @property
+    def kind_of_test(self) -> str:
+        """What the records are of, all alike; else "shaker" with forces, "ambient" without."""
+        kinds = {record.kind_of_test for record in self.recordings}
+        return kinds.pop() if len(kinds) == 1 else "ambient" if self.recordings[0].inputs is None else "shaker"
 
     @property
     def sampling_rate(self) -> float:

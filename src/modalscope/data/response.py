@@ -113,6 +113,11 @@ class Response(Channels, Convertible):
         return any(HALF in step for step in self.processing)
 
     @property
+    def kind_of_test(self) -> str | None:
+        """Which kind of test, "free decay" of such a response; None where responses do not say how they were measured."""
+        return "free decay" if self.origin == "free decay" else None
+
+    @property
     def reciprocal(self) -> bool:
         """Whether its columns are inputs, whose responses can be those to a force at an output: H_ij = H_ji."""
         return self.origin in ("lines", "pulse", "dirac") and not self.of_correlations

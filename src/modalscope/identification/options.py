@@ -18,8 +18,9 @@ from modalscope.data.results import Settings
 from modalscope.numerics.checks import check_band, check_count, check_each, check_kind, freeze
 from modalscope.numerics.errors import check_choice
 
-#: Routes from records with inputs into the table; "auto" follows the rule of `modalscope.identification.routes`.
-ROUTES = ("auto", "records", "frf", "markov", "subspace")
+#: Routes from records into the table: "auto" follows the rule of `modalscope.identification.routes`, "correlation" is that of records
+#: without inputs, also where they look like free decays.
+ROUTES = ("auto", "records", "frf", "markov", "subspace", "correlation")
 
 
 class AllOptions(TypedDict, total=False):

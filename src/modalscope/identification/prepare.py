@@ -132,8 +132,9 @@ def measure(
     late = None if delays is None else delays_of(delays)
     sides = None if reciprocal is None else reciprocity_of(reciprocal)
     measured = _measured(test, checked, _Asked(asked, method, domain, late, sides))
-    if asked not in ("auto", measured.route) or (delays and measured.route is None):
-        what = f"delays={delays!r}" if asked in ("auto", measured.route) else f"route={asked!r}"
+    taken = "correlation" if measured.response.ambient else measured.route
+    if asked not in ("auto", taken) or (delays and measured.route is None):
+        what = f"delays={delays!r}" if asked in ("auto", taken) else f"route={asked!r}"
         raise DataError(f"{what} was asked", f"the data are {measured.given}, not records with inputs", "Omit it.")
     if reciprocal and not measured.response.exchanged:
         have = f"the data are {measured.given}, not responses to single forces"

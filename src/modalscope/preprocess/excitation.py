@@ -13,10 +13,10 @@ from modalscope.data.notes import Note
 from modalscope.data.record_transform import half_transform
 from modalscope.data.records import Signals
 from modalscope.data.sizes import check_size
+from modalscope.functions.kind_of_test import is_impact
 from modalscope.numerics.checks import Array, RealArray, check_count
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import scratch
-from modalscope.preprocess.impacts import is_impact
 
 #: Kinds of excitation; `estimate_frf` says how each is averaged.
 EXCITATIONS = ("random", "burst", "sweep", "periodic", "impact")

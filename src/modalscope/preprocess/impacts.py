@@ -37,9 +37,6 @@ _MIN_CLIPPED, _MIN_CLIPPED_RATIO = 3, 3
 #: Steps of a converter below the last level from which its count is expected, and the probability of a larger one.
 _CONVERTER_STEPS, _FALSE_ALARM = 10, 1e-4
 
-#: An impact puts this part of its energy into this part of the record.
-_IMPACT_ENERGY, _IMPACT_LENGTH = 0.95, 0.05
-
 
 class Hit(NamedTuple):
     """One hit of a record; an unfit one was recorded wrongly, a double one only has less force on some lines."""
@@ -81,14 +78,6 @@ def exponential_decay(end: float, duration: float) -> float:
         have = f"its end is {end!r}, its duration {duration!r} s"
         raise DataError("an exponential window was asked", have, "Give end between 0 and 1, and a positive duration.")
     return float(-np.log(end) / duration)
-
-
-def is_impact(force: Array) -> bool:
-    """Whether a force (N,) has nearly all of its energy in a few samples: 95 % in 5 %."""
-    energy = np.sort(np.square(force - np.median(force)))[::-1]
-    count = max(1, int(_IMPACT_LENGTH * energy.size))
-    total = float(energy.sum())
-    return total > 0 and float(energy[:count].sum()) > _IMPACT_ENERGY * total
 
 
 def clipped_samples(x: Array) -> int:

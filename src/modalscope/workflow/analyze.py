@@ -92,9 +92,9 @@ def analyze(
     >>> len(result.modes), result.analysis.method is None
     (5, True)
     """
-    opened_data, sources, notes = opened(data, {} if reading is None else reading)
-    bands = _bands(options.pop("band", None))
     exclude, route = options.pop("exclude", None), options.pop("route", None)
+    opened_data, sources, notes = opened(data, {} if reading is None else reading, decays=route in (None, "auto"))
+    bands = _bands(options.pop("band", None))
     reciprocal = options.pop("reciprocal", None)
     document = Analysis(
         files=sources,

@@ -57,7 +57,8 @@ def replay(
         raise DataError("a replay of an analysis was asked", have, change)
     # options of reading apply to files; a data object was read already
     reading = document.reading if data is None or are_paths(data) else {}
-    response, sources, notes = opened([file.path for file in files] if data is None else data, reading)
+    given = [file.path for file in files] if data is None else data
+    response, sources, notes = opened(given, reading, decays=document.route == "auto")
     if not force:
         check_same(files, sources, response)
     return analyzed(response, document, progress, notes)

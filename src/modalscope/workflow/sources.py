@@ -20,6 +20,7 @@ from modalscope.io.arrays import to_arrays
 from modalscope.io.frames import is_frame
 from modalscope.numerics.checks import check_each, check_kind
 from modalscope.numerics.errors import DataError
+from modalscope.preprocess.decays import as_free_decay
 from modalscope.preprocess.excitation import moved_by_base
 from modalscope.preprocess.merging import merge
 
@@ -30,10 +31,14 @@ Reading = Mapping[str, Any] | Sequence[Mapping[str, Any]]
 _CHUNK_BYTES = 1 << 20
 
 
-def opened(data: Any, reading: Reading) -> tuple[Any, tuple[SourceFile, ...], tuple[Note, ...]]:
+def opened(
+    data: Any, reading: Reading, *, decays: bool = False
+) -> tuple[Any, tuple[SourceFile, ...], tuple[Note, ...]]:
     """Return the data in SI, their sources and the notes of reading; several files are merged (see `merge`).
 
-    `reading`: options of `read`, of all files or of each. Raises `DataError`: a file of modes, options for data that are no file.
+    `reading`: options of `read`, of all files or of each. `decays`: whether records that are free decays become that.
+
+    Raises `DataError`: a file of modes, options for data that are no file.
     """
     several = isinstance(data, list | tuple) and are_paths(data)
     each = _of_each(reading, len(data) if several else 1)
@@ -41,13 +46,13 @@ def opened(data: Any, reading: Reading) -> tuple[Any, tuple[SourceFile, ...], tu
         parts = [_opened(path, options) for path, options in zip(data, each, strict=True)]
         named, places = label_by_place([part for part, _, _ in parts], [Path(path).stem for path in data])
         merged, units = si_form(named[0] if len(named) == 1 else merge(named))
-        merged, base = _moved_by_base(merged)
+        merged, kind = _as_what_it_is(merged, decays)
         said = _alike([note for _, _, read_notes in parts for note in read_notes])
-        return merged, tuple(source for _, source, _ in parts), tuple(dict.fromkeys([*said, *places, *units, *base]))
+        return merged, tuple(source for _, source, _ in parts), tuple(dict.fromkeys([*said, *places, *units, *kind]))
     single, source, notes = _opened(data, each[0])
     single, units = si_form(single)
-    single, base = _moved_by_base(single)
-    return single, (source,), (*notes, *units, *base)
+    single, kind = _as_what_it_is(single, decays)
+    return single, (source,), (*notes, *units, *kind)
 
 
 def _alike(notes: Sequence[Note]) -> list[Note]:
@@ -62,8 +67,12 @@ def _alike(notes: Sequence[Note]) -> list[Note]:
     return found
 
 
-def _moved_by_base(data: Any) -> tuple[Any, tuple[Note, ...]]:
-    return moved_by_base(data) if isinstance(data, Signals) else (data, ())
+def _as_what_it_is(data: Any, decays: bool) -> tuple[Any, tuple[Note, ...]]:
+    """Return a record of an earthquake with the channels of the base as inputs, and one of a free decay as that."""
+    if not isinstance(data, Signals):
+        return data, ()
+    driven, notes = moved_by_base(data)
+    return (driven, notes) if notes or not decays else as_free_decay(driven)
 
 
 def _of_each(reading: Reading, count: int) -> list[Mapping[str, Any]]:

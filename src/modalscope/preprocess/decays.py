@@ -1,0 +1,54 @@
+"""Take records without forces that are free decays as what they are: from the release on, at the rate that their modes need."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from modalscope.data.notes import Note
+from modalscope.data.records import Signals
+from modalscope.data.responses import ImpulseResponse
+from modalscope.functions.free_decay import release_of, slower
+from modalscope.numerics.checks import RealArray
+
+
+def as_free_decay(signals: Signals) -> tuple[Signals | ImpulseResponse, tuple[Note, ...]]:
+    """Return a record as free decays, one column a run, and a note; unchanged where a run is none, or a force was measured.
+
+    The modes of a decay are exponentials themselves. As ambient vibration its correlations would average over what is left of it.
+    """
+    outputs, inputs = signals.by_run()
+    if inputs is not None:
+        return signals, ()
+    decays: list[RealArray] = []
+    starts, unexplained, step = [], [], 0
+    for run in outputs:
+        # the mean of the end: that of the whole is a part of the decay
+        y, q = slower(run - run[-max(len(run) // 10, 1) :].mean(axis=0))
+        release = release_of(y)
+        if release is None or step not in (0, q):
+            return signals, ()
+        step = q
+        decays.append(y[release.first :])
+        starts.append(release.first * q / signals.sampling_rate)
+        unexplained.append(release.unexplained)
+    shortest = min(map(len, decays))
+    where = f"from {starts[0]:.4g} s on" if len(decays) == 1 else f"of {len(decays)} runs, each from its release on"
+    text = (
+        f"Taken as a free decay {where}, no force: damped tones explain {100 * (1 - max(unexplained)):.3g} % of it. "
+        "If it is ambient vibration, say so: route='correlation', --route correlation"
+    )
+    fields: dict[str, Any] = signals.labelled() | {
+        "input_dofs": tuple(f"run {k + 1}" for k in range(len(decays))),
+        "units": (signals.units[0], None),
+    }
+    response = ImpulseResponse(
+        values=np.stack([y[:shortest] for y in decays], axis=2),
+        sampling_rate=signals.sampling_rate / step,
+        kind="free decay",
+        quantity=signals.quantity,
+        **fields,
+    )
+    what = "cut to its free decay" + ("" if step == 1 else f", low-pass filtered, one sample in {step} kept")
+    return response.processed(what), (Note("free decay", {"start": starts[0], "step": step}, text),)
