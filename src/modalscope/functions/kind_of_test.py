@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from modalscope.functions.free_decay import release_of, slower
+from modalscope.functions.damped_tones import release_of, slower
 from modalscope.numerics.checks import Array, RealArray
 
 #: An impact puts this part of its energy into this part of the record.

@@ -9,7 +9,7 @@ import numpy as np
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.responses import ImpulseResponse
-from modalscope.functions.free_decay import release_of, slower
+from modalscope.functions.damped_tones import release_of, slower
 from modalscope.numerics.checks import RealArray
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from modalscope.functions.free_decay import release_of, slower, unexplained_by_decay
+from modalscope.functions.damped_tones import release_of, slower, unexplained_by_decay
 from modalscope.functions.kind_of_test import kind_of_test
 from modalscope.numerics.checks import RealArray
 
