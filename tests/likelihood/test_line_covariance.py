@@ -23,13 +23,13 @@ from modalscope.likelihood.covariance import (
     pole_blocks,
 )
 from modalscope.likelihood.descent import (
+    columns_on_rows,
     descend,
     influence_on_poles,
     information_of_channels,
     inverse,
     leverage,
     normal,
-    unknowns_on_rows,
 )
 from modalscope.likelihood.driven import whitened_records
 from modalscope.likelihood.likelihood import Fitted, Point, whitened
@@ -71,7 +71,7 @@ def influence(point: Point, fitted: Fitted) -> tuple[RealArray, RealArray]:
     for k, gradient in enumerate(gradients_of_poles(point.poles)):
         for j in range(n):
             g[k, j, 2 * p * j : 2 * p * j + 2] = gradient[j]
-    u = influence_on_poles(unknowns_on_rows(point, fitted), fitted, g.reshape(2 * n, -1) @ C)
+    u = influence_on_poles(columns_on_rows(point, fitted)[0], fitted, g.reshape(2 * n, -1) @ C)
     return u, np.concatenate(deviations_of_poles(point.poles, pole_blocks(C, 2 * p * np.arange(n))))
 
 
@@ -117,7 +117,7 @@ def test_with_white_noise_put_in_lines_give_the_covariance_of_the_information(ki
 def test_leverages_are_the_slopes_of_fitted_numbers_by_their_data_and_sum_to_the_unknowns(kind: str) -> None:
     point, fitted, _ = optimum(kind)
     problem = point.problem
-    h = leverage(point, fitted, unknowns_on_rows(point, fitted), inverse(normal(point, fitted)[0]))
+    h = leverage(point, fitted, *columns_on_rows(point, fitted), inverse(normal(point, fitted)[0]))
     q, p = problem.data.shape[1:]
     unknowns = problem.terms.shape[1] * q * p + fitted.kept.shape[1] * q + 2 * point.sides.size
     assert h.sum() == pytest.approx(unknowns, rel=1e-6)

@@ -68,7 +68,7 @@ class Replicates:
             true, of_replicate = matched(self.modes, modes)
         values[0, true], values[1, true] = modes.frequencies[of_replicate], modes.damping_ratios[of_replicate]
         for row, name in ((2, "frequencies_std"), (3, "damping_ratios_std")):
-            reported, std = getattr(self.modes, name), getattr(modes, name)
+            reported, std = _as_normal(self.modes, name), _as_normal(modes, name)
             if reported is not None:  # also used where a replicate has none, as of correlations without records
                 of_modes = np.full(len(true), np.nan) if std is None else std[of_replicate]
                 values[row, true] = np.where(np.isfinite(of_modes), of_modes, reported[true])
@@ -86,6 +86,17 @@ class Replicates:
             return selected(stabilized(problem, list(diagram.asked_orders or diagram.orders)))
         found = Sweep(factor(problem, self.order), [self.order]).cut(self.order)
         return found.modes.take(found.reported)
+
+
+def _as_normal(modes: ModalModel, name: str) -> RealArray | None:
+    """Return the deviations from the noise of which 1.96 make the interval: Student's quantile of few degrees of freedom is wider."""
+    std: RealArray | None = getattr(modes, name)
+    degrees = modes.degrees
+    # with groups the degrees may be theirs
+    if std is None or degrees is None or modes.frequencies_repeatability is not None:
+        return std
+    known = degrees[:, 0 if name == "frequencies_std" else 1]
+    return np.asarray(std * stdtrit(np.where(known > 0, known, np.inf), 1 - (1 - _LEVEL) / 2) / _Z)
 
 
 def replicates_of(
@@ -319,7 +330,7 @@ def _judged(truth: ModalModel, own: RealArray) -> RealArray:
     The logarithms of the replicates' own scatter as they may; a reported deviation further off than one more of them would lie (Student's
     quantile), and by more than an interval that holds may be wrong, is not what this case gives.
     """
-    told = (truth.frequencies_std, truth.damping_ratios_std)
+    told = (_as_normal(truth, "frequencies_std"), _as_normal(truth, "damping_ratios_std"))
     stated = np.stack([np.full(len(truth), np.nan) if std is None else std for std in told])
     with np.errstate(invalid="ignore", divide="ignore"):
         log = np.where(own > 0, np.log(own), np.nan)

@@ -277,7 +277,7 @@ def _candidate(modes: ModalModel, j: int, gain: float) -> Candidate:
 
 
 def in_place(response: Response, modes: ModalModel, fixed: Array, groups: Any = AUTO) -> ModalModel:
-    """Return modes by frequency with both standard deviations at the given poles, from information and scores there.
+    """Return the modes with both standard deviations at the given poles, from information and scores there.
 
     Repeatability follows from the scores of each group of inputs or runs; their sum need not vanish.
 
@@ -286,4 +286,5 @@ def in_place(response: Response, modes: ModalModel, fixed: Array, groups: Any = 
     added = response.added_damping
     task = task_of(response, np.asarray(fixed, dtype=np.complex128) - added, None, None)
     settled = settle(task, modes.poles - added, modes.shapes, _participation(task, modes), most=0)
-    return refined(task, modes, settled, check_groups(groups, *response.parts, response.groups), [], [])
+    found = refined(task, modes, settled, check_groups(groups, *response.parts, response.groups), [], [])
+    return found.take(np.argsort(np.argsort(np.abs(settled.descent.point.poles + added), kind="stable"), kind="stable"))

@@ -113,9 +113,8 @@ def between_groups(diagram: StabilizationDiagram, modes: ModalModel) -> ModalMod
         return modes
     last = diagram.poles[diagram.order_of_pole == usable_orders(diagram)[0][-1]]
     found = in_place(response.whole, modes, needed_beside(response, modes.poles, last))
-    ranks = np.argsort(np.argsort(modes.frequencies, kind="stable"), kind="stable")
     names = ("frequencies_repeatability", "damping_ratios_repeatability", "degrees")
-    return replace(modes, **{name: getattr(found, name)[ranks] for name in names})
+    return replace(modes, **{name: getattr(found, name) for name in names})
 
 
 class Weighed(NamedTuple):

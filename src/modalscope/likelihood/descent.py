@@ -93,17 +93,20 @@ def information_of_channels(point: Point, fitted: Fitted, variance: float, *, al
     return np.asarray(np.sum(parts, axis=0))
 
 
-def unknowns_on_rows(point: Point, fitted: Fitted) -> ComplexArray:
-    """Return the columns W_a of all unknowns on the rows, (K, p, n p): complex, see above."""
-    W, p = _free(point, fitted), point.data.shape[2]
-    on_rows = point.spanned(W.view(np.float64).reshape(len(W) // p, -1))
-    return np.asarray(np.ascontiguousarray(on_rows).view(np.complex128).reshape(len(on_rows), p, W.shape[1]))
+def columns_on_rows(point: Point, fitted: Fitted) -> tuple[ComplexArray, RealArray]:
+    """Return on the rows the columns W_a of all unknowns, (K, p, n p), complex, see above, and those of what modes explain, (K, p, r)."""
+    W, p, kept = _free(point, fitted), point.data.shape[2], fitted.kept
+    both = [each.reshape(len(W) // p, -1) for each in (W.view(np.float64), kept)]
+    rows = point.spanned(np.hstack(both))
+    W_rows, of_modes = np.split(rows, [both[0].shape[1]], axis=1)
+    unknowns = np.ascontiguousarray(W_rows).view(np.complex128).reshape(len(rows), p, W.shape[1])
+    return unknowns, of_modes.reshape(len(rows), p, kept.shape[1])
 
 
 def influence_on_poles(W: ComplexArray, fitted: Fitted, steps: RealArray) -> RealArray:
     """Return u = J x, the influence of the data on numbers g'theta, x = J'J^-1 g: the change of each is sum u e, (b, K, q, p).
 
-    `W`: `unknowns_on_rows`. `steps` (b, 2 n p): x, real and imaginary part of every unknown side by side.
+    `W`: of `columns_on_rows`. `steps` (b, 2 n p): x, real and imaginary part of every unknown side by side.
     """
     n = fitted.linear.shape[1]
     x = (steps[:, ::2] + 1j * steps[:, 1::2]).reshape(len(steps), n, -1)
@@ -116,7 +119,7 @@ def scores_of_lines(
 ) -> ComplexArray:
     """Return J^H e of every line, (F, 2 n p): real parts are the scores; those of steady noise are independent and circular.
 
-    `W`: real and imaginary part of `unknowns_on_rows`, each as lines, (F, p, n p). `e` (F, q, p): residual.
+    `W`: real and imaginary part of the columns of unknowns, each as lines, (F, p, n p). `e` (F, q, p): residual.
     """
     c, (P, Q) = _coefficients(point, fitted), (part.conj() for part in W)
     by_real, by_imag = (np.einsum("foi,oa->fia", e, part, optimize=True) for part in (c.real, c.imag))
@@ -124,13 +127,12 @@ def scores_of_lines(
     return np.asarray(each.reshape(len(e), -1))
 
 
-def leverage(point: Point, fitted: Fitted, W: ComplexArray, inverse: RealArray) -> RealArray:
+def leverage(point: Point, fitted: Fitted, W: ComplexArray, kept: RealArray, inverse: RealArray) -> RealArray:
     """Return how far each number of the data draws its fit towards itself, (K, q, p): the diagonal of the projection on terms, c and J.
 
-    `W`: `unknowns_on_rows`. `inverse`: of J'J.
+    `W`, `kept`: `columns_on_rows`. `inverse`: of J'J.
     """
     K, p = W.shape[:2]
-    kept = point.spanned(fitted.kept.reshape(len(fitted.kept) // p, -1)).reshape(K, p, -1)
     found = np.empty((K, len(fitted.linear), p))
     found[:] = (np.sum(point.problem.terms**2, axis=1)[:, None] + np.einsum("kir,kir->ki", kept, kept))[:, None]
     for o, c in enumerate(_coefficients(point, fitted)):

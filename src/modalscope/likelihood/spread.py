@@ -25,6 +25,7 @@ from modalscope.likelihood.covariance import (
     shape_deviations,
 )
 from modalscope.likelihood.descent import (
+    columns_on_rows,
     influence_on_poles,
     information_of_channels,
     inverse,
@@ -34,7 +35,6 @@ from modalscope.likelihood.descent import (
     scores,
     scores_of_lines,
     scores_of_rows,
-    unknowns_on_rows,
     window_noise,
 )
 from modalscope.likelihood.likelihood import Fitted, Point, across
@@ -158,13 +158,14 @@ def _between(point: Point, fitted: Fitted, information: RealArray, groups: Group
 class _Rows:
     """An optimum on all rows of the data, and what is left there.
 
-    `W`: `unknowns_on_rows`. `left` (K, q, p): residual. `free` (K, q, p): one minus its leverage. `places`: of the lines of each run, from
-    zero; none of samples.
+    `W`, `kept`: `columns_on_rows`. `left` (K, q, p): residual. `free` (K, q, p): one minus its leverage. `places`: of the lines of each
+    run, from zero; none of samples.
     """
 
     point: Point
     fitted: Fitted
     W: ComplexArray
+    kept: RealArray
     left: RealArray
     free: RealArray
     places: tuple[tuple[slice, Array], ...]
@@ -205,9 +206,8 @@ class _Rows:
 
     def own_of_shapes(self) -> RealArray:
         """Return the variance of the side that follows by least squares, poles and the other side held, from lines alike, (q, n)."""
-        kept, (K, p) = self.fitted.kept, self.W.shape[:2]
-        rows = self.point.spanned(kept.reshape(len(kept) // p, -1)).reshape(K, p, -1) @ self.fitted.back.T
-        power = np.abs(self.lines(rows.reshape(K, -1)).reshape(-1, p, rows.shape[2])) ** 2
+        rows = self.kept @ self.fitted.back.T
+        power = np.abs(self.lines(rows.reshape(len(rows), -1)).reshape(-1, *rows.shape[1:])) ** 2
         each = np.einsum("fib,foi->ob", power, np.abs(self.of_lines(1)) ** 2, optimize=True) / 2
         return np.asarray(each.reshape(len(each), -1, 2).sum(axis=2))
 
@@ -229,8 +229,8 @@ class _Rows:
 
 
 def _rows(point: Point, fitted: Fitted, inverse: RealArray, response: Response) -> _Rows:
-    W = unknowns_on_rows(point, fitted)
-    h, left = leverage(point, fitted, W, inverse), residual(point, fitted)
+    W, kept = columns_on_rows(point, fitted)
+    h, left = leverage(point, fitted, W, kept, inverse), residual(point, fitted)
     lines = 0 if response.grid is None else response.count
     h = np.concatenate([h[:lines] + h[lines:]] * 2) / 2 if lines else np.broadcast_to(h.mean(axis=0), h.shape)
     runs = point.problem.parts
@@ -238,7 +238,7 @@ def _rows(point: Point, fitted: Fitted, inverse: RealArray, response: Response) 
     ends = np.flatnonzero(np.diff(run, prepend=-1, append=-1)) if lines else np.zeros(1, int)
     frequencies = getattr(response, "frequencies", np.zeros(0))
     places = tuple((slice(a, b), _places(frequencies[a:b])) for a, b in pairwise(ends))
-    return _Rows(point, fitted, W, left, np.maximum(1 - h, _MIN_FREE), places)
+    return _Rows(point, fitted, W, kept, left, np.maximum(1 - h, _MIN_FREE), places)
 
 
 def _places(f: RealArray) -> Array:

@@ -85,11 +85,8 @@ def _placed(response: Response, modes: ModalModel, extra: ComplexArray) -> Modal
     """Return modes of records that are not refined with the deviations that the likelihood gives at their values; others as they are."""
     if response.separable:
         return modes
-    order = np.argsort(modes.frequencies, kind="stable")
-    ranks = np.argsort(order, kind="stable")
     found = in_place(response.whole, modes, extra)
-    std = {name: values[ranks] for name in _STD_FIELDS if (values := getattr(found, name)) is not None}
-    return replace(modes, **std)
+    return replace(modes, **{name: getattr(found, name) for name in _STD_FIELDS})
 
 
 def _with_others(
@@ -101,8 +98,8 @@ def _with_others(
     """
     parts = evened([replace(part, left_out=(), shapes_std=None, unrefined=None) for part in (refined, others)])
     at_values = in_place(response.whole, joined(parts), extra)
-    nearest = [int(np.argmin(np.abs(at_values.poles - s))) for s in others.poles]
-    std = {name: getattr(at_values, name)[nearest] for name in _STD_FIELDS if getattr(at_values, name) is not None}
+    own = slice(len(refined), None)
+    std = {name: getattr(at_values, name)[own] for name in _STD_FIELDS if getattr(at_values, name) is not None}
     std["degrees"] = np.zeros(
         (len(others), 2)
     )  # the likelihood leads away from these values: there is no interval around them
@@ -118,8 +115,8 @@ def _with_others(
     note = Note("not refined", {"modes": len(others)}, text)
     both = replace(merged, shapes=shapes, left_out=refined.left_out, **fitted).normalized("unit")
     widths = [part for part in (refined.shapes_std, at_values.shapes_std) if part is not None]
-    own = np.hstack([widths[0], widths[1][:, nearest]])[:, order] if len(widths) == 2 else None
-    return replace(both, unrefined=before, shapes_std=own).noted(note)
+    shapes_std = np.hstack([widths[0], widths[1][:, own]])[:, order] if len(widths) == 2 else None
+    return replace(both, unrefined=before, shapes_std=shapes_std).noted(note)
 
 
 def _unfit(diagram: StabilizationDiagram) -> str:
