@@ -152,22 +152,14 @@ def choose_channels(
     return rows, columns
 
 
-#: Words for places that carry the motion of a base, as archives of strong motion call their channels.
+#: Words for places that carry the motion of a base, as archives of strong motion call their channels, and words for places that ride on
+#: the structure, whatever lies near them.
 _BASE_WORDS = {
-    *(
-        "ground",
-        "base",
-        "table",
-        "shaketable",
-        "basement",
-        "foundation",
-        "footing",
-        "footings",
-        "freefield",
-        "embankment",
-    ),
-    *("support", "pile", "boden", "fundament", "suelo", "sol"),
+    *("ground", "grnd", "base", "table", "shaketable", "basement", "foundation", "footing", "footings", "freefield"),
+    *("embankment", "abutment", "abut", "support", "pile", "pilecap"),
+    *("boden", "fundament", "suelo", "sol", "fondation", "fondazione", "terreno"),
 }
+_STRUCTURE_WORDS = {"deck", "girder", "roof", "floor", "span", "near", "nr", "above", "top"}
 
 
 def names_base(label: str) -> bool:
@@ -177,9 +169,11 @@ def names_base(label: str) -> bool:
     --------
     >>> names_base("4 base of center column 360"), names_base("South embankment"), names_base("3 deck, near abutment")
     (True, True, False)
+    >>> names_base("Ground level"), names_base("N Abut 90"), names_base("Ground floor slab, top")
+    (True, True, False)
     """
     words = {word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", label)}
-    return not _BASE_WORDS.isdisjoint(words) or "free field" in label.lower()
+    return (not _BASE_WORDS.isdisjoint(words) and _STRUCTURE_WORDS.isdisjoint(words)) or "free field" in label.lower()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)

@@ -122,7 +122,9 @@ def read_smc(path: Path, options: Options) -> Contents:
     vertical, horizontal = integers[12], integers[13]
     direction = "up" if vertical == 0 else "down" if vertical == 180 else ""
     direction = direction or (f"{horizontal:.0f}°" if horizontal != unknown else "")
-    located = next((line.split(":", 1)[1] for line in lines[1:11] if line.lower().startswith("location:")), "")
+    keys = [line.partition(":") for line in lines[1:11]]
+    named = (value for word in ("location", "station") for key, _, value in keys if key.lower().startswith(word))
+    located = next((place for place in named if place.strip()), "")
     channel = _Channel(1, direction, located.strip().lower(), "cm/s^2", 1 / rate, values)
     return _contents(path.name, [channel], options)
 

@@ -124,8 +124,9 @@ def _lines(table: Table) -> Column:
 
 def _without_ends(table: Table, axis: Column | None, columns: Sequence[Column]) -> Table:
     """Return a table without the last rows where channels of fewer samples are blank, with a note."""
-    missing = [np.isnan(np.asarray(c.values, complex)) for c in columns if not c.textual]
-    if not missing or (axis is not None and not np.isfinite(axis.values).all()):
+    counted = [c for c in (*columns, *([] if axis is None else [axis])) if not c.textual]
+    missing = [np.isnan(np.asarray(c.values, complex)) for c in counted]
+    if not missing:
         return table
     whole = ~np.any(missing, axis=0)
     rows = int(np.flatnonzero(whole)[-1]) + 1 if whole.any() else 0

@@ -128,13 +128,23 @@ def _flush(where: str, number: int, segment: _Segment, separator: str, space: Ro
     first = int(not segment.waiting[0].partition(separator)[0].strip())  # no X values are saved: the cell is empty
     space.take("its rows", 8 * width * len(segment.waiting))
     try:
-        values = np.loadtxt(segment.waiting, delimiter=separator, usecols=range(first, width), comments=None, ndmin=2)
+        if any(separator * 2 in row or not row.rpartition(separator)[2].strip() for row in segment.waiting):
+            values = np.array([_filled(row.split(separator)[first:width], width - first) for row in segment.waiting])
+        else:
+            values = np.loadtxt(
+                segment.waiting, delimiter=separator, usecols=range(first, width), comments=None, ndmin=2
+            )
     except (ValueError, IndexError) as error:
         fault = f"among the {len(segment.waiting)} rows before line {number or 'the end'}: {str(error)[:100]}"
         remedy = "Correct that row, or save the measurement again."
         raise needs(where, f"{width - first} numbers in every row", fault, remedy) from None
     segment.pieces.append(values)
     segment.waiting.clear()
+
+
+def _filled(cells: Sequence[str], width: int) -> list[float]:
+    """Return the numbers of cells; NaN for blank ones and those that are not there: channels may have fewer samples."""
+    return [float(cell) if cell.strip() else float("nan") for cell in (*cells, *[""] * (width - len(cells)))]
 
 
 def _table(where: str, head: Mapping[str, list[str]], segment: _Segment) -> Table:
@@ -157,6 +167,7 @@ def _table(where: str, head: Mapping[str, list[str]], segment: _Segment) -> Tabl
             values=values[:, place],
         )
         for k, place in enumerate(places)
+        if not np.isnan(values[:, place]).all()
     ]
     step = re.sub(",", ".", segment.column("Delta_X", 0))
     rate = 1 / float(step) if places[0] == 0 and _positive(step) else None
