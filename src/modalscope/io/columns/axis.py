@@ -30,7 +30,7 @@ _LONGEST_STEP, _SLOWEST_RATE = 2.0, 5.0
 #: Relative accuracy of the clocks of samplers, at best.
 _CLOCK_ACCURACY = 1e-6
 #: Times examined at each end for their digits, and decimals at most.
-_TIMES_AT_END, _MAX_DECIMALS = 5000, 9
+_TIMES_AT_END, _MIN_TIMES_AT_END, _MAX_DECIMALS = 5000, 16, 9
 #: Relative difference of steps of one even stretch from the usual one, at most; share of the rows of a stretch that is offered, at least.
 _STEP_TOLERANCE, _MIN_SHARE_OF_ROWS = 0.5, 0.25
 #: Nearly even times vary so by this share of the steps at least, over so many rows.
@@ -100,7 +100,8 @@ def grain_of(times: RealArray) -> float:
                 return float(10.0**-digits)
         return 0.0
 
-    return max(of(times[:_TIMES_AT_END]), of(times[-_TIMES_AT_END:]))
+    at_end = max(_MIN_TIMES_AT_END, min(_TIMES_AT_END, times.size // 8))
+    return max(of(times[:at_end]), of(times[-at_end:]))
 
 
 def in_epoch(times: Array) -> bool:

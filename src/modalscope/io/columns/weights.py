@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from modalscope.data import DataError
-from modalscope.io.columns.axis import in_epoch, nearly_even, sampling_of
+from modalscope.io.columns.axis import in_epoch, nearly_even, rises, sampling_of
 from modalscope.io.columns.table import Column
 from modalscope.io.columns.vocabulary import meanings_of, words_of
 from modalscope.io.columns.words import kind_of_unit
@@ -153,6 +153,14 @@ def of_name(column: Column) -> Iterator[tuple[str, float, str]]:
         yield "mag", WORD, "its name is a magnitude"
 
 
+def _of_what_turns(column: Column) -> Iterator[tuple[str, float, str]]:
+    """Give what it says that values rise and fall: they are no axis."""
+    yield "time", NEVER, ""
+    yield "frequency", NEVER, ""
+    if column.name.strip() == "f":
+        yield "in", WORD, "its name is 'f', and it is no frequency"
+
+
 def _is_bare_voltage(name: str) -> bool:
     """Whether a name says nothing but that a channel is a voltage, as those of sensors without a sensitivity are."""
     return {word for word in words_of(name) if not word.isdecimal()} <= {"voltage", "voltages", "volt", "volts"}
@@ -164,8 +172,7 @@ def of_values(column: Column) -> Iterator[tuple[str, float, str]]:
     if column.textual or np.iscomplexobj(values) or len(values) < 3:
         return
     if not goes_one_way(values):
-        yield "time", NEVER, ""
-        yield "frequency", NEVER, ""
+        yield from _of_what_turns(column)
     counted = _counts(values)
     if counted:
         yield "index", WORD, "it counts rows"
@@ -185,6 +192,8 @@ def of_values(column: Column) -> Iterator[tuple[str, float, str]]:
             HINT + HINT * (float(np.median(np.diff(values))) < _MAX_TIME_STEP),
             "it rises by nearly even steps",
         )
+    elif not counted and rises(values):
+        yield "frequency", 1.0, "it rises"
     elif _only(values, (0.0, 1.0)) and len(values) >= _MIN_ROWS:
         yield "ignore", WORD + 1, "it is 0 or 1, as a trigger"
     if not step and not counted and _stands_still(values):
