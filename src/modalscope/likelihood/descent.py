@@ -60,21 +60,6 @@ def scores(point: Point, fitted: Fitted) -> RealArray:
     return _interleaved(each.transpose(1, 0, 2) if point.problem.turned else each)
 
 
-def scores_of_rows(point: Point, fitted: Fitted, blocks: Array) -> RealArray:
-    """Return J'r of every block of rows, all channels together, (blocks, 2 n p).
-
-    `blocks` (K,): the block of every row, counted from zero.
-    """
-    W, c = _free(point, fitted), _coefficients(point, fitted)
-    left, span = residual(point, fitted), point.span
-    found = []
-    for block in range(int(blocks.max()) + 1):
-        rows = blocks == block
-        part = np.tensordot(span[rows].T, left[rows], axes=1)  # (4 n, q, p)
-        found.append(np.sum(c * np.einsum("kia,koi->oa", _split(W, part.shape[2]), part, optimize=True), axis=0))
-    return _interleaved(np.array(found))
-
-
 def residual(point: Point, fitted: Fitted) -> RealArray:
     """Return the whitened residual on all rows, (K, q, p)."""
     q, p = point.data.shape[1:]

@@ -34,7 +34,6 @@ from modalscope.likelihood.descent import (
     residual,
     scores,
     scores_of_lines,
-    scores_of_rows,
     window_noise,
 )
 from modalscope.likelihood.likelihood import Fitted, Point, across
@@ -86,7 +85,9 @@ def spread_of(
     `groups`: one label an input, or a run. `seen`: of the residual.
     """
     C = inverse(normal(point, fitted)[0])
-    between, rows = _between(point, fitted, C, groups), None
+    asked = point.problem.records or seen.coloured
+    rows = _rows(point, fitted, C, response) if asked else None
+    between = _between(point, fitted, C, groups, rows)
     own = variance * np.diag(fitted.spread).reshape(-1, 2).sum(axis=1)
     candidates: list[_Candidate] = []
     if not point.problem.records:
@@ -94,8 +95,7 @@ def spread_of(
         meat = information_of_channels(point, fitted, variance, alike=response.variance is not None)
         found = C @ meat @ C if noise is None else variance * noise.covariance
         candidates.append(_Candidate(found, np.full((2, len(poles)), float(point.problem.freedom)), own))
-    if point.problem.records or seen.coloured:
-        rows = _rows(point, fitted, C, response)
+    if rows is not None:
         free, parts = rows.told(gradients_of_poles(poles), C)
         candidates.append(_Candidate(rows.covariance(C), free, rows.own_of_shapes()))
     if seen.coloured and not point.problem.records and between is None:
@@ -140,15 +140,20 @@ def _of_poles(poles: ComplexArray, covariance: RealArray, point: Point) -> RealA
     return np.array(deviations_of_poles(poles, pole_blocks(covariance, 2 * p * np.arange(n))))
 
 
-def _between(point: Point, fitted: Fitted, information: RealArray, groups: Groups) -> RealArray | None:
-    """Sandwich over the groups of inputs, or of runs; None without at least four."""
+def _between(
+    point: Point, fitted: Fitted, information: RealArray, groups: Groups, rows: _Rows | None
+) -> RealArray | None:
+    """Sandwich over the groups of inputs, or of runs by their lines; None without at least four."""
     labels = np.unique(groups) if groups is not None else np.zeros(0)
     if labels.size < LEAST_GROUPS:
         return None
     member = np.asarray(groups)[None, :] == labels[:, None]
-    runs = point.problem.parts
-    each = scores(point, fitted).sum(axis=0) if runs is None else scores_of_rows(point, fitted, runs)
-    return sandwich(information, member.astype(float) @ each)
+    if rows is None or point.problem.parts is None:
+        return sandwich(information, member.astype(float) @ scores(point, fitted).sum(axis=0))
+    by_line = rows.scores(0).real
+    by_run = np.zeros((member.shape[1], by_line.shape[1]))
+    np.add.at(by_run, point.problem.parts[: len(by_line)], by_line)
+    return sandwich(information, member.astype(float) @ by_run)
 
 
 # ---------------------------------------------------------------------------------------------------------------- rows
@@ -196,12 +201,16 @@ class _Rows:
             found.append(np.fft.ifft(whole, axis=-2, norm="ortho"))
         return np.concatenate(found, axis=-2)
 
-    def covariance(self, inverse: RealArray) -> RealArray:
-        """Return C (sum_f Re z z^H) C / 2, z the scores of a line that is left out: the covariance of the unknowns, (2 n p, 2 n p)."""
+    def scores(self, power: float) -> ComplexArray:
+        """Return the scores of lines of the residual over a power of one minus its leverage, (F, 2 n p)."""
         K, p, a = self.W.shape
         flat = self.W.reshape(K, -1)
         real, imag = (self.lines(part).reshape(-1, p, a) for part in (flat.real, flat.imag))
-        Z = scores_of_lines((real, imag), self.point, self.fitted, self.of_lines(1))
+        return scores_of_lines((real, imag), self.point, self.fitted, self.of_lines(power))
+
+    def covariance(self, inverse: RealArray) -> RealArray:
+        """Return C (sum_f Re z z^H) C / 2, z the scores of a line that is left out: the covariance of the unknowns, (2 n p, 2 n p)."""
+        Z = self.scores(1)
         return np.asarray(inverse @ (Z.conj().T @ Z).real @ inverse / 2)
 
     def own_of_shapes(self) -> RealArray:
