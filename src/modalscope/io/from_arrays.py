@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from difflib import get_close_matches
 from itertools import islice
@@ -61,8 +61,8 @@ _NEEDED: dict[type[Any], set[str]] = {
     Geometry: set(),
 }
 
-#: Names of arrays in a message.
-_MAX_NAMES = 12
+#: Names of arrays in a message, and how alike a name is to the one that it may be meant for.
+_MAX_NAMES, _SPELLING = 12, 0.8
 
 #: Names that other programs use, for the hint of an error message.
 _FOREIGN_NAMES = {
@@ -171,18 +171,29 @@ def _unknown_arrays(where: str, names: list[str], data_class: type[Any] | None) 
     """Return the error of arrays that make no data object, or are none of its fields."""
     usual = ("frequencies", "values", "sampling_rate", "outputs", "inputs", "poles", "shapes")
     known = sorted(names_of(data_class)) if data_class else usual
-    hints = {}
+    hints: dict[str, str] = {}
     for name in names[:_MAX_NAMES]:
-        near = _FOREIGN_NAMES.get(name.lower()) or next(iter(get_close_matches(name, known, n=1)), None)
-        if near in known:
+        near = _FOREIGN_NAMES.get(name.lower()) or next(
+            iter(get_close_matches(name, known, n=1, cutoff=_SPELLING)), None
+        )
+        if near is not None and near in known:
             hints[name] = near
     return needs(
         where,
         "`frequencies` and `values`, `sampling_rate` with `outputs` (and `inputs`) or `values`, or `poles` and `shapes`",
         f"the arrays {_listed(names)} are unknown" + (f" besides those of {data_class.__name__}" if data_class else ""),
-        f"Rename them, read(..., rename={hints or {names[0] if names else 'y': 'outputs'}}), "
-        f"or leave them out, read(..., ignore={names[:3]}).",
+        _renaming(names, hints),
     )
+
+
+def _renaming(names: Sequence[str], hints: Mapping[str, str]) -> str:
+    """Return what to do about unknown arrays: names that are in the file, and only where there are such."""
+    if not names:
+        return "Save measured values with their sampling rate, or with their frequencies."
+    leave = f"leave others out, read(..., ignore={list(names[:3])})."
+    if not hints:
+        return f"Rename what is measured to one of these, read(..., rename=...), and {leave}"
+    return f"Rename them, read(..., rename={dict(hints)}), or {leave}"
 
 
 def _is_field(data_class: type[Any] | None, name: str) -> bool:

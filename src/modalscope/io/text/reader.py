@@ -164,7 +164,8 @@ def _transposed(lines: Iterator[Line], dialect: Dialect, space: Room) -> tuple[l
         rows.append(cells)
     width = max(map(len, rows), default=0)
     whole = [row for row in rows if len(row) == width]
-    turned = ["\t".join(cells) for cells in zip(*whole, strict=True)]
+    above = ["\t".join(row) for row in rows if len(row) != width]  # statements, such as the rate
+    turned = [*above, *("\t".join(cells) for cells in zip(*whole, strict=True))]
     return turned, Dialect(delimiter="\t", decimal=dialect.decimal, thousands=dialect.thousands)
 
 
