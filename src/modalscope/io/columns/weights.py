@@ -8,7 +8,7 @@ numbers whose order matters alone; the study "reading" scores them on files of t
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -168,8 +168,8 @@ def _is_bare_voltage(name: str) -> bool:
 
 def of_values(column: Column) -> Iterator[tuple[str, float, str]]:
     """Give what values say about one column by itself."""
-    values = column.values
-    if column.textual or np.iscomplexobj(values) or len(values) < 3:
+    values = _finite(column)
+    if len(values) < 3:
         return
     if not goes_one_way(values):
         yield from _of_what_turns(column)
@@ -202,6 +202,13 @@ def of_values(column: Column) -> Iterator[tuple[str, float, str]]:
         yield "level", HINT, "it is never negative, and mostly small, as spectra are"
     if len(values) >= _MIN_ROWS and not step and values.min() >= 0 and values.max() <= 1:
         yield "coh", 1.0, "it lies between 0 and 1"
+
+
+def _finite(column: Column) -> Array:
+    """Return the real numbers of a column, none of others: channels may end early."""
+    if column.textual or np.iscomplexobj(column.values):
+        return np.zeros(0)
+    return np.asarray(column.values[np.isfinite(column.values)])
 
 
 def goes_one_way(values: Array) -> bool:
@@ -286,14 +293,11 @@ Relation = tuple[Column, str, float, str]
 
 def _of_relations(columns: Sequence[Column], weights: dict[int, Weights]) -> Iterator[Relation]:
     """Give what columns say about each other: magnitudes of vectors, and hits that all others answer."""
-    measured = [
-        c
-        for c in columns
-        if not np.iscomplexobj(c.values)
-        and len(c.values) >= _MIN_ROWS
-        and not goes_one_way(c.values)
-        and np.isfinite(c.values).all()
-    ]
+    real = [c for c in columns if not np.iscomplexobj(c.values)]
+    whole = np.all([np.isfinite(c.values) for c in real], axis=0) if real else np.zeros(0, bool)
+    if 2 * whole.sum() < len(whole) or whole.sum() < _MIN_ROWS:
+        return
+    measured = [replace(c, values=c.values[whole]) for c in real if not goes_one_way(c.values[whole])]
     squares = {c.number: c.values.astype(float) ** 2 for c in measured}
     for column in measured:
         others = [
