@@ -33,7 +33,6 @@ REFUSED = {
     "semicolons and numbers that may be thousands": "--decimal",
     "every row a channel with its name": "--transpose",
     "every row a channel without a name": "--transpose",
-    "a column with holes": "--ignore",
     "a gap in all channels": "--rows",
     "one array without a rate": "--sampling-rate",
     "one array with channels in rows": "--transpose",
