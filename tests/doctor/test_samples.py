@@ -164,3 +164,19 @@ def test_lines_two_apart_and_a_pair_within_its_noise_do_not_hide_a_line_that_iso
     H[:, 4] = 1e-3 * (rng.standard_normal(80) + 1j * rng.standard_normal(80))
     assert isolated_lines(H).tolist() == [20, 22, 60]
     assert H[22, 0] == pytest.approx(4 * H[21, 0], rel=0.2)  # what was given is left as it is
+
+
+@pytest.mark.parametrize("hann", [False, True])
+def test_a_resonance_narrower_than_a_line_is_no_lone_line_and_mains_beside_it_are(hann: bool) -> None:
+    x = np.arange(1.0, 400.0)
+    f, zeta = np.array([9.08, 40.03, 53.5, 121.0]), 4e-4
+    shapes = np.random.default_rng(0).standard_normal((3, 4))
+    H = np.einsum("in,fn->fi", shapes, -(x[:, None] ** 2) / (f**2 - x[:, None] ** 2 + 2j * zeta * f * x[:, None]))
+    if hann:
+        H = np.pad(H, ((1, 1), (0, 0)), mode="edge")
+        H = 0.5 * H[1:-1] - 0.25 * (H[:-2] + H[2:])
+    rng = np.random.default_rng(1)
+    H = H + 1e-3 * np.median(np.abs(H)) * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape))
+    assert isolated_lines(H).tolist() == []
+    H[200] *= 10
+    assert isolated_lines(H).tolist() == [200]

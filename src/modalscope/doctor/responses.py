@@ -21,6 +21,14 @@ _MIN_FACTOR, _MIN_PAIRS = 2.0, 3
 #: Minimum distance of an isolated line from that value, over the median of so many lines on either side.
 _MIN_DISTANCE, _NEIGHBOURS = 6.0, 10
 
+#: Maximum bend of the lines on both sides of an isolated one, over the median of its surroundings: a resonance bends them, and mains or an
+#: edited line do not. Of 1200 simulated tests with resonances narrower than a line, half of them after a Hann window, 24 % had findings
+#: without this limit and .7 % with it, and 177 of 200 spoilt lines are found for 180.
+_MAX_BEND = 3.0
+
+#: Lines around an isolated one whose bend counts as usual, without the nearest; and at least so many.
+_SURROUNDINGS, _NEAREST, _MIN_SURROUNDINGS = 20, 4, 8
+
 #: Minimum sum of products of neighbouring lines, in standard deviations of noise alone (one of 700 sets of noise exceeds it).
 _MIN_PHASE_RISE = 3.0
 
@@ -108,9 +116,55 @@ def isolated_lines(H: Array) -> Array:
         # a line spoils the values expected of its neighbours
         top = [k for k in np.flatnonzero(size) if size[k] == size[max(k - 2, 0) : k + 3].max() and not isolated[k + 2]]
         if not top:
-            return np.flatnonzero(isolated)
+            return _without_resonances(H, np.flatnonzero(isolated))
         isolated[np.array(top) + 2] = True
         H[np.array(top) + 2] = mode[top]
+
+
+def _without_resonances(H: Array, isolated: Array) -> Array:
+    """Return the isolated lines whose neighbours are no bent flank of a resonance; H (F, c) with expected values in their places."""
+    bend = _bends(H)
+    spoilt = np.min(np.abs(np.arange(len(H))[:, None] - isolated), axis=1, initial=len(H)) < _NEAREST
+    kept = []
+    for k in isolated:
+        around = np.arange(max(k - _SURROUNDINGS, 0), min(k + _SURROUNDINGS + 1, len(H)))
+        usual = bend[around[(np.abs(around - k) > _NEAREST) & ~spoilt[around] & np.isfinite(bend[around])]]
+        if len(usual) >= _MIN_SURROUNDINGS and bend[k] <= _MAX_BEND * np.median(usual):
+            kept.append(k)
+    return np.array(kept, dtype=int)
+
+
+def _bends(H: Array) -> RealArray:
+    """Return how far both neighbours of each line lie from a cubic, or one mode on a level, by the lines 2 and 3 away; NaN at the ends.
+
+    The better of both counts, over all channels.
+    """
+    size = np.sqrt(np.mean(np.abs(H) ** 2, axis=0))
+    level = H / np.where(size > 0, size, 1)
+    count, bend = len(H) - 6, np.full(len(H), np.nan)
+    if count < 1:
+        return bend
+    x, at = np.array([-3.0, -2.0, 2.0, 3.0]), np.array([-1.0, 1.0])
+    around = np.stack([level[3 + int(k) : 3 + int(k) + count] for k in x])
+    neighbours = np.stack([level[3 + int(k) : 3 + int(k) + count] for k in at])
+    cubic = np.vander(at, 4) @ np.linalg.inv(np.vander(x, 4))
+    g, mean, slope = _one_mode(around, x)
+    mode = (mean + at[:, None, None] * slope) / (1 + at[:, None, None] * g[:, None])
+    missed = [np.sum(np.abs(neighbours - y) ** 2, axis=(0, 2)) for y in (np.tensordot(cubic, around, 1), mode)]
+    bend[3:-3] = np.sqrt(np.min(missed, axis=0))
+    return bend
+
+
+def _one_mode(values: Array, x: RealArray) -> tuple[Array, Array, Array]:
+    """Return g (n,), a and b (n, c) of the mode on a constant level, (a + b x) / (1 + g x), that four values (4, n, c) determine at x."""
+    times_x = values * x[:, None, None]
+    # H (1 + g x) = a + b x: without the part that is straight in x, H + g x H = 0
+    projector = np.eye(4) - 1 / 4 - np.outer(x, x) / float(x @ x)
+    constant, slope = np.tensordot(projector, values, 1), np.tensordot(projector, times_x, 1)
+    size = np.maximum(np.sum(np.abs(slope) ** 2, axis=(0, 2)), np.finfo(float).tiny)
+    g = -np.sum(np.conj(slope) * constant, axis=(0, 2)) / size
+    straight = values + g[:, None] * times_x
+    return g, straight.mean(axis=0), np.tensordot(x / float(x @ x), straight, 1)
 
 
 def _sizes(H: Array) -> tuple[RealArray, Array]:
@@ -135,15 +189,8 @@ def _sizes(H: Array) -> tuple[RealArray, Array]:
 
 def _expected(H: Array) -> tuple[Array, Array]:
     """Return the values of the inner lines expected from a mode on a constant level, and from a cubic, (F - 4, c) each."""
-    x = np.array([-2.0, -1.0, 1.0, 2.0])
     neighbours = np.stack([H[:-4], H[1:-3], H[3:-1], H[4:]])
-    times_x = neighbours * x[:, None, None]
-    # H (1 + g x) = a + b x: without the part that is straight in x, H + g x H = 0
-    projector = np.eye(4) - 1 / 4 - np.outer(x, x) / 10
-    constant, slope = np.tensordot(projector, neighbours, 1), np.tensordot(projector, times_x, 1)
-    size = np.maximum(np.sum(np.abs(slope) ** 2, axis=(0, 2)), np.finfo(float).tiny)
-    g = -np.sum(np.conj(slope) * constant, axis=(0, 2)) / size
-    mode = neighbours.mean(axis=0) + g[:, None] * times_x.mean(axis=0)
+    _, mode, _ = _one_mode(neighbours, np.array([-2.0, -1.0, 1.0, 2.0]))
     return mode, np.tensordot(np.array([-1.0, 4.0, 4.0, -1.0]) / 6, neighbours, 1)
 
 
