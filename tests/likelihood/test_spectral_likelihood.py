@@ -52,7 +52,12 @@ def test_the_score_is_the_slope_of_the_likelihood_by_every_unknown() -> None:
     built = equations(cells, POLES, own)
     poles = 2 * len(POLES)
     assert len(built.score) == unknowns(len(POLES), 4)
-    assert np.linalg.eigvalsh(spectrum(cells, POLES, own)).min() > 0
+    S = spectrum(cells, POLES, own)
+    assert np.linalg.eigvalsh(S).min() > 0
+    # the misfit counts what the unknowns take up
+    left = np.linalg.solve(S, cells.values - S)
+    squares = float(np.einsum("c,cab,cba->", cells.counts, left, left).real)
+    assert built.misfit == pytest.approx(squares / (len(S) * S.shape[1] ** 2 - len(built.score)), rel=1e-6)
     rng = np.random.default_rng(0)
     for _ in range(6):
         way = rng.standard_normal(len(built.score)) * np.sqrt(1 / np.diag(built.information)) * 1e-3
