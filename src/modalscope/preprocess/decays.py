@@ -9,6 +9,7 @@ import numpy as np
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.responses import ImpulseResponse
+from modalscope.data.sizes import check_size
 from modalscope.functions.damped_tones import release_of, slower
 from modalscope.numerics.checks import RealArray
 
@@ -18,6 +19,7 @@ def as_free_decay(signals: Signals) -> tuple[Signals | ImpulseResponse, tuple[No
 
     The modes of a decay are exponentials themselves. As ambient vibration its correlations would average over what is left of it.
     """
+    check_size(signals)
     outputs, inputs = signals.by_run()
     if inputs is not None:
         return signals, ()

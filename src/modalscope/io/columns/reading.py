@@ -243,7 +243,7 @@ def causal_share(values: ComplexArray) -> float:
     --------
     >>> f = np.arange(200.0)
     >>> round(causal_share(1 / (1 - (f / 60) ** 2 + 0.04j * f / 60)), 2)
-    0.97
+    1.0
     """
     window = np.hanning(len(values))
     times = np.abs(np.fft.ifft((values - np.mean(values)) * window, 4 * len(values))) ** 2

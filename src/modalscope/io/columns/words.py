@@ -166,7 +166,11 @@ def split_head(head: str) -> tuple[str, str]:
         whole = plain_unit(text) in _KIND_OF_UNIT or (
             match["name"] not in _AMBIGUOUS_UNITS and is_unit(text)
         )  # m/s is no column `m` in s
-        return (match["name"], unit) if is_unit(unit) and unit not in _AMBIGUOUS_UNITS and not whole else (text, "")
+        return (
+            (match["name"].strip(), unit)
+            if is_unit(unit) and unit not in _AMBIGUOUS_UNITS and not whole
+            else (text, "")
+        )
     match = _BRACKETED.match(text)
     if match and match["name"]:
         return " ".join(f"{match['name']} {match['rest']}".split()), match["unit"].strip()
