@@ -10,6 +10,8 @@ import pytest
 
 from modalscope.app.files import FileStore
 from modalscope.data import DataError
+from modalscope.io.formats import FORMATS
+from modalscope.io.geometry import MESHES
 from tests.support import refused
 
 
@@ -71,3 +73,21 @@ def test_one_too_large_or_broken_off_leaves_nothing(shelf: FileStore) -> None:
     with pytest.raises(ConnectionError):
         asyncio.run(shelf.store_upload("x.csv", pieces(b"123", broken=True), 5))
     assert not list((shelf.place / "uploads").iterdir())
+
+
+def test_every_format_of_measurements_is_listed(tmp_path: Path) -> None:
+    suffixes = {suffix for suffix, row in FORMATS.items() if not row.folder} - set(MESHES) - {".json"}
+    for suffix in suffixes:
+        (tmp_path / f"a{suffix}").write_bytes(b"")
+    listed = FileStore(tmp_path, tmp_path / ".place").listing()
+    assert {Path(str(entry["name"])).suffix for entry in listed} == suffixes
+
+
+def test_names_of_uploads_fit_the_file_system_in_any_script(shelf: FileStore) -> None:
+    async def once() -> AsyncIterator[bytes]:
+        yield b"x"
+
+    for letter in ("a", "é", "测"):
+        name = asyncio.run(shelf.store_upload(200 * letter + ".uff", once(), 10))
+        assert name.endswith(f"{letter}.uff")
+        assert shelf.resolve(name).read_bytes() == b"x"

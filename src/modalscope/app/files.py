@@ -25,11 +25,27 @@ FORMATS = {
     ".analysis.json": "the document: every choice, to repeat the analysis",
 }
 
-#: Suffixes of the files that the page lists: measurements, and documents of analyses. Files of other suffixes of `modalscope.io.FORMATS`
-#: can be dropped on the page.
+#: Suffixes of the files that the page lists: measurements in one file, and documents of analyses. Meshes can be dropped on the page.
 _LISTED_SUFFIXES = (
     *(".uff", ".unv", ".npz", ".mat", ".h5", ".hdf5", ".csv", ".txt", ".asc", ".tsv", ".dat", ".lvm", ".xlsx"),
-    *(".npy", ".wav", ".tdms", ".mf4", ".nc", ".parquet", ".analysis.json"),
+    *(
+        ".npy",
+        ".wav",
+        ".tdms",
+        ".mf4",
+        ".mdf",
+        ".nc",
+        ".parquet",
+        ".at2",
+        ".vt2",
+        ".dt2",
+        ".v1",
+        ".v2",
+        ".v3",
+        ".v1c",
+        ".v2c",
+    ),
+    *(".cosmos", ".smc", ".mseed", ".miniseed", ".msd", ".sac", ".analysis.json"),
 )
 
 #: Maximum number of files in the list, and maximum depth of folders below the given one. Both are choices: the list is made anew at each
@@ -39,9 +55,8 @@ _MAX_FILES, _MAX_DEPTH = 500, 3
 #: Prefix of the names of uploads, which tells them from files of the folder.
 _UPLOAD = "upload:"
 
-#: Maximum number of characters of the name of an upload, counted from its end, where the suffix is: file systems take names of 255 bytes,
-#: that is 120 characters of two bytes.
-_MAX_NAME = 120
+#: Maximum number of bytes of the name of an upload, counted from its end, where the suffix is: file systems take names of 255 bytes.
+_MAX_NAME = 240
 
 
 class FileStore:
@@ -141,7 +156,7 @@ def too_large(name: str, max_bytes: int) -> DataError:
 
 
 def _safe_name(name: str) -> str:
-    """Return the name of a file without folders and special characters, the last `_MAX_NAME` characters of it.
+    """Return the name of a file without folders and special characters, the last `_MAX_NAME` bytes of it.
 
     Examples
     --------
@@ -150,4 +165,4 @@ def _safe_name(name: str) -> str:
     """
     file_name = re.split(r"[/\\]", name)[-1]
     plain = re.sub(r"[^\w .()+-]", "_", file_name).strip(". ")
-    return plain[-_MAX_NAME:] or "file"
+    return plain.encode()[-_MAX_NAME:].decode(errors="ignore") or "file"
