@@ -128,3 +128,15 @@ def test_the_terminal_says_of_merged_bands_what_the_report_says(kind, capsys):
     assert any("taken as ambient" in line for line in said) == (kind == "ambient")
     assert all(line in words for line in said)
     assert len(said) == len(re.findall(start, words))
+
+
+def test_a_free_decay_is_said_and_may_be_taken_as_ambient(tmp_path, capsys):
+    path = tmp_path / "plucked.csv"
+    decay = chain5().free_decay(1200, displacement=[0.2, 0.4, 1, -0.3, 0.1], sampling_rate=20.0).values[:, :, 0]
+    noisy = decay + 1e-3 * np.random.default_rng(0).standard_normal(decay.shape)
+    table = np.column_stack([np.arange(1200) / 20, noisy])
+    np.savetxt(path, table, delimiter=",", header="time [s],a [m],b [m],c [m],d [m],e [m]", comments="")
+    assert main(["identify", str(path), "--no-refine", "--orders", "10:10"]) == 0
+    assert "Taken as a free decay from 0 s on" in "".join(capsys.readouterr())
+    assert main(["identify", str(path), "--no-refine", "--orders", "10:10", "--route", "correlation"]) == 0
+    assert "Taken as a free decay" not in "".join(capsys.readouterr())

@@ -147,7 +147,7 @@ def _print(result: Result, *, everything: bool = False) -> None:
     from modalscope.plot.web.fits import fit_of_bands
     from modalscope.reporting.modes import verdict_of
 
-    kinds = ("file", "places", "base", "units", "units not known", "bands chosen")
+    kinds = ("file", "places", "base", "free decay", "units", "units not known", "bands chosen")
     remark(*(note for note in result.notes if note.kind in kinds))
     _print_diagrams(result)
     rebuildable = len(result.modes) > 0 and not result.analysis.apart
