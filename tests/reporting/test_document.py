@@ -22,7 +22,7 @@ from modalscope.reporting.figures import shape_svg
 from modalscope.reporting.html import Section
 from modalscope.reporting.modes import figures_of
 from modalscope.reporting.record import data_section, identification_script, stabilization_script
-from modalscope.reporting.sections import bands_of
+from modalscope.reporting.sections import bands_of, mode_pictures
 from modalscope.systems import chain5
 from tests.judging.ambient_records import random_structure
 from tests.plot import examples
@@ -379,3 +379,9 @@ def test_every_band_of_a_record_has_its_diagram_and_its_own_modes(tmp_path: Path
     shown = bands_of(result.modes, result.diagrams)
     assert sum(len(each.modes) for each in shown) == len(result.modes)
     assert all(low <= f <= high for f in shown[1].modes.frequencies)
+
+
+def test_one_output_has_neither_shapes_nor_their_similarity() -> None:
+    modes = chain5().modes()
+    assert [section.anchor for section in mode_pictures(modes)] == ["shapes", "mac"]
+    assert not list(mode_pictures(chain5().modes(outputs=[0])))

@@ -151,7 +151,9 @@ def model_section(identified: Identification) -> Section:
 
 
 def mode_pictures(modes: ModalModel) -> Iterator[Section]:
-    """Yield the mode shapes and their AutoMAC, as far as there are modes."""
+    """Yield the mode shapes and their AutoMAC, as far as there are modes; a single output has one number, 1, for a shape."""
+    if len(modes.output_dofs) < 2:
+        return
     if len(modes):
         pictures = "".join(
             picture(shape_svg(modes, i), f"Shape of mode {i + 1}, {frequency(f)}")
