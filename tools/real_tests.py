@@ -40,7 +40,7 @@ FILES: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
     "kyowa_frame, set 1": (("kyowa_frame/imp_ham_set1_nomass.CSV",), {"reading": {"columns": "in=CH8"}}),
     "kyowa_frame, set 2": (("kyowa_frame/imp_ham_set2_nomass.CSV",), {"reading": {"columns": "in=CH8"}}),
     "labview_beam": (("labview_beam/acceleration.lvm",), {}),
-    "ruler_mat, ten responses": (("ruler_mat/ruler_grid_acc_3.mat",), {}),
+    "ruler_mat, ten responses": (("ruler_mat/ruler_grid_acc_3.mat",), {"band": (5.0, 300.0)}),
     "ruler_mat, coherence": (("ruler_mat/jw_tf_coh.mat",), {}),
     "ruler_mat, time": (("ruler_mat/jw_time.mat",), {}),
     "board_lvm": (("board_lvm/vibration_1.lvm",), {}),
