@@ -4,6 +4,8 @@ import csv
 import time
 from pathlib import Path
 
+import numpy as np
+
 import modalscope as ms
 
 here = Path(__file__).parent
@@ -31,13 +33,14 @@ ends = modes.interval(0.95)
 print("\n        modalscope, 95 % intervals                       published")
 print(" mode   f [Hz]            zeta [%]                  f [Hz]    zeta [%]   why")
 for k, (f, zeta, why) in enumerate(zip(modes.frequencies, modes.damping_ratios, modes.reasons, strict=True)):
-    known = near(f)
-    beside = f"{known[0]:8.1f}  {100 * known[1]:8.2f}" if known else "       -         -"
-    within = float(ends["frequency"][k, 1] - f)
-    low, high = 100 * ends["damping_ratio"][k]
-    print(
-        f"{k + 1:4d}  {f:9.2f} ±{within:5.2f}  {100 * zeta:7.3f} ({low:.3f} to {high:.3f})  {beside}     {why['text']}"
+    match = near(f)
+    beside = f"{match[0]:8.1f}  {100 * match[1]:8.2f}" if match else "       -         -"
+    half_width, (low, high) = float(ends["frequency"][k, 1] - f), 100 * ends["damping_ratio"][k]
+    # a mode that the data leave open has a value and no interval
+    of_f, of_zeta = (
+        (f"±{half_width:5.2f}", f"({low:.3f} to {high:.3f})") if np.isfinite(half_width) else ("  open", "(open)")
     )
+    print(f"{k + 1:4d}  {f:9.2f} {of_f}  {100 * zeta:7.3f} {of_zeta:16}  {beside}     {why['text']}")
 
 ms.report(result, report, source=str(test), title="Modes of a measured beam")
 print(f"\nthe report, one file with its pictures: {report.resolve()}")
