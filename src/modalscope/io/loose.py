@@ -130,18 +130,11 @@ def _sorted(where: str, arrays: Mapping[str, Array]) -> _Evidence:
         else:
             rest.append(name)
     used = _facts(evidence, scalars, max((max(array.shape) for array in data.values()), default=0))
-    small = {
-        name
-        for name, array in data.items()
-        if array.size <= _MOST_SETTINGS and len(data) > 1 and 20 * array.size < _largest(data)
-    }
+    largest = max((array.size for array in data.values()), default=0)
+    small = {name for name, array in data.items() if array.size <= _MOST_SETTINGS and 20 * array.size < largest}
     evidence.data = {name: array for name, array in data.items() if name not in small}
     evidence.rest = (*rest, *small, *(name for name in scalars if name not in used))
     return evidence
-
-
-def _largest(data: Mapping[str, Array]) -> int:
-    return max(array.size for array in data.values())
 
 
 def _facts(evidence: _Evidence, scalars: Mapping[str, float], rows: int) -> set[str]:
