@@ -86,6 +86,20 @@ def select(
     >>> len(modes)
     5
     """
+    by_hand: dict[str, Any] = {"frequencies": frequencies, "take": take, "refuse": refuse}
+    return between_groups(diagram, selected(diagram, **by_hand, tolerance=tolerance, reference=reference))
+
+
+def selected(
+    diagram: StabilizationDiagram,
+    *,
+    frequencies: Iterable[float] | None = None,
+    take: Iterable[float] = (),
+    refuse: Iterable[float] = (),
+    tolerance: float = 0.01,
+    reference: ModalModel | None = None,
+) -> ModalModel:
+    """Return what `select` does with deviations from the noise alone, for modes that are refined next."""
     check_kind("select", diagram, StabilizationDiagram)
     wanted = None if frequencies is None else _wanted("frequencies", frequencies)
     added, refused = (check_each(name, given, "numbers in Hz") for name, given in (("take", take), ("refuse", refuse)))
@@ -93,16 +107,8 @@ def select(
     check_positive("tolerance", tolerance)
     found = weighed(diagram)
     if reference is not None:
-        return between_groups(diagram, _like(reference, diagram, found, tolerance))
-    return between_groups(diagram, chosen_of(diagram, found, wanted, added, refused, tolerance))
-
-
-def selected(diagram: StabilizationDiagram, **by_hand: Any) -> ModalModel:
-    """Return what `select` does with deviations from the noise alone, for modes that are refined next."""
-    wanted, take, refuse = (by_hand.get(name) for name in ("frequencies", "take", "refuse"))
-    chosen = None if wanted is None else _wanted("frequencies", wanted)
-    _check_one_way(chosen, [*(take or ()), *(refuse or ())], None)
-    return chosen_of(diagram, weighed(diagram), chosen, list(take or ()), list(refuse or ()))
+        return _like(reference, diagram, found, tolerance)
+    return chosen_of(diagram, found, wanted, added, refused, tolerance)
 
 
 def between_groups(diagram: StabilizationDiagram, modes: ModalModel) -> ModalModel:
