@@ -50,6 +50,34 @@ class Release(NamedTuple):
     unexplained: float
 
 
+class Decay(NamedTuple):
+    """A free decay in a record.
+
+    Attributes
+    ----------
+    samples : array, (N, l)
+        From the release on, low-pass filtered, one sample in `step` kept.
+    step : int
+    first : int
+        Sample of the record at the release.
+    unexplained : float
+        Share of the mean square that exponentials leave.
+    """
+
+    samples: RealArray
+    step: int
+    first: int
+    unexplained: float
+
+
+def decay_of(run: RealArray) -> Decay | None:
+    """Return the free decay in a record (N, l), at the rate that its tones need; None where it is no free decay."""
+    # the mean of the end: that of the whole is a part of the decay
+    y, step = slower(run - run[-max(len(run) // 10, 1) :].mean(axis=0))
+    release = release_of(y)
+    return None if release is None else Decay(y[release.first :], step, step * release.first, release.unexplained)
+
+
 def slower(y: RealArray) -> tuple[RealArray, int]:
     """Return a record (N, l) low-pass filtered, one sample in q kept, at the rate that its highest tone needs; and q.
 
@@ -64,9 +92,8 @@ def slower(y: RealArray) -> tuple[RealArray, int]:
     q = min(q, max(1, len(y) // (2 * _FILTER_REACH + _MIN_SAMPLES)))
     if q == 1:
         return y, 1
-    taps = np.sinc(np.arange(-_FILTER_REACH * q, _FILTER_REACH * q + 1) * 0.8 / q) * np.hamming(
-        2 * _FILTER_REACH * q + 1
-    )
+    at = np.arange(-_FILTER_REACH * q, _FILTER_REACH * q + 1)
+    taps = np.sinc(0.8 * at / q) * np.hamming(at.size)
     windows = np.lib.stride_tricks.sliding_window_view(y, len(taps), axis=0)[::q]
     return np.ascontiguousarray(windows @ (taps / taps.sum())), q
 
@@ -118,9 +145,9 @@ def unexplained_by_decay(y: RealArray, states: int) -> float:
     poles = np.linalg.eigvals(np.linalg.lstsq(U[:-outputs], U[outputs:], rcond=None)[0]).astype(complex)
     exponents = np.log(np.where(poles == 0, np.finfo(float).tiny, poles))
     exponents = exponents[exponents.imag >= 0]
-    growing = np.minimum(exponents.real, 0) + 1j * exponents.imag  # noise at the end makes poles that grow
-    functions = np.exp(np.outer(np.arange(samples), growing))
-    basis = np.hstack([functions.real, functions.imag[:, growing.imag > 0]])
+    exponents.real = np.minimum(exponents.real, 0)  # noise at the end makes poles that grow
+    functions = np.exp(np.outer(np.arange(samples), exponents))
+    basis = np.hstack([functions.real, functions.imag[:, exponents.imag > 0]])
     Q, R, _ = sla.qr(basis / np.linalg.norm(basis, axis=0), mode="economic", pivoting=True, check_finite=False)
     Q = Q[:, np.abs(np.diag(R)) > np.sqrt(np.finfo(float).eps)]
     return float(np.sum((y - Q @ (Q.T @ y)) ** 2) / np.sum(y**2))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from modalscope.functions.damped_tones import release_of, slower
+from modalscope.functions.damped_tones import decay_of
 from modalscope.numerics.checks import Array, RealArray
 
 #: An impact puts this part of its energy into this part of the record.
@@ -16,7 +16,7 @@ def kind_of_test(outputs: RealArray, inputs: RealArray | None) -> str:
     if inputs is not None:
         forces = [force for run in inputs for force in run.T if np.any(force)]
         return "hammer" if forces and all(map(is_impact, forces)) else "shaker"
-    return "free decay" if all(release_of(slower(run)[0]) is not None for run in outputs) else "ambient"
+    return "free decay" if all(decay_of(run) is not None for run in outputs) else "ambient"
 
 
 def is_impact(force: Array) -> bool:

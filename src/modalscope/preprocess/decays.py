@@ -10,8 +10,7 @@ from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.responses import ImpulseResponse
 from modalscope.data.sizes import check_size
-from modalscope.functions.damped_tones import release_of, slower
-from modalscope.numerics.checks import RealArray
+from modalscope.functions.damped_tones import Decay, decay_of
 
 
 def as_free_decay(signals: Signals) -> tuple[Signals | ImpulseResponse, tuple[Note, ...]]:
@@ -23,22 +22,18 @@ def as_free_decay(signals: Signals) -> tuple[Signals | ImpulseResponse, tuple[No
     outputs, inputs = signals.by_run()
     if inputs is not None:
         return signals, ()
-    decays: list[RealArray] = []
-    starts, unexplained, step = [], [], 0
+    decays: list[Decay] = []
     for run in outputs:
-        # the mean of the end: that of the whole is a part of the decay
-        y, q = slower(run - run[-max(len(run) // 10, 1) :].mean(axis=0))
-        release = release_of(y)
-        if release is None or step not in (0, q):
+        decay = decay_of(run)
+        if decay is None or (decays and decay.step != decays[0].step):
             return signals, ()
-        step = q
-        decays.append(y[release.first :])
-        starts.append(release.first * q / signals.sampling_rate)
-        unexplained.append(release.unexplained)
-    shortest = min(map(len, decays))
-    where = f"from {starts[0]:.4g} s on" if len(decays) == 1 else f"of {len(decays)} runs, each from its release on"
+        decays.append(decay)
+    step, start = decays[0].step, decays[0].first / signals.sampling_rate
+    shortest = min(len(decay.samples) for decay in decays)
+    unexplained = max(decay.unexplained for decay in decays)
+    where = f"from {start:.4g} s on" if len(decays) == 1 else f"of {len(decays)} runs, each from its release on"
     text = (
-        f"Taken as a free decay {where}, no force: damped tones explain {100 * (1 - max(unexplained)):.3g} % of it. "
+        f"Taken as a free decay {where}, no force: damped tones explain {100 * (1 - unexplained):.3g} % of it. "
         "If it is ambient vibration, say so: route='correlation', --route correlation"
     )
     fields: dict[str, Any] = signals.labelled() | {
@@ -46,11 +41,11 @@ def as_free_decay(signals: Signals) -> tuple[Signals | ImpulseResponse, tuple[No
         "units": (signals.units[0], None),
     }
     response = ImpulseResponse(
-        values=np.stack([y[:shortest] for y in decays], axis=2),
+        values=np.stack([decay.samples[:shortest] for decay in decays], axis=2),
         sampling_rate=signals.sampling_rate / step,
         kind="free decay",
         quantity=signals.quantity,
         **fields,
     )
     what = "cut to its free decay" + ("" if step == 1 else f", low-pass filtered, one sample in {step} kept")
-    return response.processed(what), (Note("free decay", {"start": starts[0], "step": step}, text),)
+    return response.processed(what), (Note("free decay", {"start": start, "step": step}, text),)
