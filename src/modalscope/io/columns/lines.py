@@ -13,8 +13,8 @@ from modalscope.data.geometry import label_of
 from modalscope.data.units import plain_unit
 from modalscope.io.arrays import joined
 from modalscope.io.columns.table import Column, Table, as_word, span
-from modalscope.io.columns.vocabulary import COLUMNS, folded, meanings_of
-from modalscope.io.columns.words import MAX_CHARACTERS, factor_to_base, kind_of_unit
+from modalscope.io.columns.vocabulary import COLUMNS, MAX_CHARACTERS, folded, meanings_of
+from modalscope.io.columns.words import factor_to_base, kind_of_unit
 from modalscope.io.contents import needs
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 

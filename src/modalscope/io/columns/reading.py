@@ -87,7 +87,11 @@ def _readings(table: Table, columns: Sequence[Column], spoken: Mapping[int, str]
         elif named:
             weights[column.number].add("ignore", -NEVER * SURE, "--columns does not name it")
     found = []
-    for content, build in (("record", _record), ("response", _response)):
+    # without a column of times or frequencies a header has to say their step
+    for content, build, stated in (
+        ("record", _record, rate is not None),
+        ("response", _response, table.lines is not None),
+    ):
         kind = "time" if content == "record" else "frequency"
         axes = [
             c
@@ -103,7 +107,7 @@ def _readings(table: Table, columns: Sequence[Column], spoken: Mapping[int, str]
                 reading.reasons[axis.number] = weights[axis.number].why(kind)
                 reading.roles[axis.number] = kind
                 reading.score += _of_rate(axis, rate) if content == "record" else 0.0
-            build(table, reading, [c for c in columns if c is not axis], weights, rate)
+            build(reading, [c for c in columns if c is not axis], weights, stated)
             found.append(reading)
     return sorted(found, key=lambda reading: -reading.score)
 
@@ -133,11 +137,9 @@ def _take(reading: Reading, column: Column, weights: Weights, kinds: Sequence[st
     reading.score += weights.of(role)
 
 
-def _record(
-    table: Table, reading: Reading, others: Sequence[Column], weights: dict[int, Weights], rate: float | None
-) -> None:
+def _record(reading: Reading, others: Sequence[Column], weights: dict[int, Weights], stated: bool) -> None:
     """Add the columns of a record: a second column of times is left; parts of complex values speak against it."""
-    reading.score -= WORD + 1 if reading.axis is None and rate is None else 0.0
+    reading.score -= WORD + 1 if reading.axis is None and not stated else 0.0
     for column in others:
         held = weights[column.number]
         parts = max(0.0, *(held.of(kind) for kind in ("real", "imag", "phase", "coh")))
@@ -158,13 +160,10 @@ def _record(
             reading.score -= parts if reading.roles[column.number] in ("in", "out") else 0.0
 
 
-def _response(
-    table: Table, reading: Reading, others: Sequence[Column], weights: dict[int, Weights], rate: float | None
-) -> None:
+def _response(reading: Reading, others: Sequence[Column], weights: dict[int, Weights], stated: bool) -> None:
     """Add the columns of responses: by name, else as pairs by their places that are causal."""
-    del rate
     if reading.axis is None:
-        reading.score += SURE if table.lines is not None else NEVER
+        reading.score += SURE if stated else NEVER
     for column in others:
         if np.iscomplexobj(column.values):
             reading.roles[column.number] = "complex"

@@ -88,7 +88,10 @@ _WORDS = {word: meaning for meaning, words in COLUMNS.items() for word in words.
 _KEYS = sorted(
     ((key, meaning) for meaning, keys in STATEMENTS.items() for key in keys.split()), key=lambda pair: -len(pair[0])
 )
-_MAX_LETTERS_OF_WORD, _MAX_CHARACTERS = 4, 400
+_MAX_LETTERS_OF_WORD = 4
+
+#: Characters of a name that are examined: none is longer, and patterns take time that grows with a text.
+MAX_CHARACTERS = 400
 
 
 def folded(text: str) -> str:
@@ -111,7 +114,7 @@ def words_of(name: str) -> tuple[str, ...]:
     >>> words_of("InputForce_1"), words_of("AccA"), words_of("Température")
     (('input', 'force', '1'), ('acc', 'a'), ('temperature',))
     """
-    return tuple(folded(word) for word in _WORD.findall(name[:_MAX_CHARACTERS].replace("dB", "db")))
+    return tuple(folded(word) for word in _WORD.findall(name[:MAX_CHARACTERS].replace("dB", "db")))
 
 
 @cache

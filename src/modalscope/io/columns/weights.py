@@ -7,7 +7,7 @@ numbers whose order matters alone; the study "reading" scores them on files of t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -79,14 +79,18 @@ class Weights:
 
 def weigh(columns: Sequence[Column]) -> dict[int, Weights]:
     """Return the evidence on every column of a table."""
-    weights: dict[int, Weights] = {}
-    for column in columns:
-        weights[column.number] = Weights()
-        for source in (of_unit, of_name, of_values):
-            for kind, weight, reason in source(column):
-                weights[column.number].add(kind, weight, reason)
+    weights = {column.number: _weights_of(column, of_unit, of_name, of_values) for column in columns}
     for column, kind, weight, reason in _of_relations([c for c in columns if not c.textual], weights):
         weights[column.number].add(kind, weight, reason)
+    return weights
+
+
+def _weights_of(column: Column, *sources: Callable[[Column], Iterator[tuple[str, float, str]]]) -> Weights:
+    """Return the evidence of some sources on one column."""
+    weights = Weights()
+    for source in sources:
+        for kind, weight, reason in source(column):
+            weights.add(kind, weight, reason)
     return weights
 
 
@@ -98,11 +102,8 @@ def role_by_words(name: str, unit: str = "") -> str:
     >>> role_by_words("Hammer"), role_by_words("Ch 3", "lbf"), role_by_words("Ch 4"), role_by_words("Zeit")
     ('in', 'in', '', 'time')
     """
-    column, sums = Column(number=1, name=name, unit=unit, values=np.zeros(0)), {"": 0.0}
-    for source in (of_unit, of_name):
-        for kind, weight, _ in source(column):
-            sums[kind] = sums.get(kind, 0.0) + weight
-    return max(sums, key=lambda kind: sums[kind])
+    weights = _weights_of(Column(number=1, name=name, unit=unit, values=np.zeros(0)), of_unit, of_name)
+    return weights.best(("", *weights.sums))
 
 
 def of_unit(column: Column) -> Iterator[tuple[str, float, str]]:
@@ -351,16 +352,10 @@ def likeliest_force(columns: Sequence[Column]) -> Column:
         power = np.convolve(np.abs(spectra[:, k]) ** 2, kernel, "same")
         power += 0.05 * power.mean() + np.finfo(float).tiny
         shares = []
-        for j in range(len(examined)):
-            cross = np.convolve(spectra[:, j] * spectra[:, k].conj(), kernel, "same")
-            lags = (
-                np.fft.irfft(cross / power, 2 * rows)[: rows // 8],
-                np.fft.irfft(cross / power, 2 * rows)[-(rows // 8) :],
-            )
-            shares += (
-                [float(np.sum(lags[0] ** 2) / max(np.sum(lags[0] ** 2) + np.sum(lags[1] ** 2), 1e-300))]
-                if j != k
-                else []
-            )
+        for other in np.delete(spectra, k, axis=1).T:
+            cross = np.convolve(other * spectra[:, k].conj(), kernel, "same")
+            energy = np.fft.irfft(cross / power, 2 * rows) ** 2
+            ahead, behind = float(energy[: rows // 8].sum()), float(energy[-(rows // 8) :].sum())
+            shares.append(ahead / max(ahead + behind, 1e-300))
         best = max(best, (min(shares), column), key=lambda pair: pair[0])
     return best[1]

@@ -12,7 +12,7 @@ from functools import cache
 from modalscope.data import DataError
 from modalscope.data.units import FACTORS, plain_unit
 from modalscope.io.columns.table import Column
-from modalscope.io.columns.vocabulary import words_of
+from modalscope.io.columns.vocabulary import MAX_CHARACTERS, words_of
 
 #: What units measure. Letters keep their case: s is a second and S is none.
 UNITS: dict[str, tuple[str, ...]] = {
@@ -50,9 +50,6 @@ _ENDS_OF_TIMES = {
 
 #: Units that may as well be a number or letter of a channel, outside of square brackets.
 _AMBIGUOUS_UNITS = {"1", "-", "A", "C", "F", "G", "K", "W"}
-
-#: Characters of a head that are examined.
-MAX_CHARACTERS = 400
 
 #: Two numbers in the brackets are places, as in `H[1/1]`.
 _BRACKETED = re.compile(r"^(?P<name>.*?)\s*[\[<{](?!\d+/\d+[\]>}])(?P<unit>[^\[\]<>{}]*)[\]>}]\s*(?P<rest>\S*)$")
@@ -124,7 +121,7 @@ def is_unit(text: str) -> bool:
     return bool(slash) and kind_of_unit(above) != "" and kind_of_unit(below) != ""
 
 
-def is_weak(text: str) -> bool:
+def is_ambiguous(text: str) -> bool:
     """Whether a unit is as often a number or letter of a channel."""
     return text in _AMBIGUOUS_UNITS
 
@@ -164,19 +161,15 @@ def split_head(head: str) -> tuple[str, str]:
     if match:
         unit = (match["round"] or match["plain"]).strip()
         whole = plain_unit(text) in _KIND_OF_UNIT or (
-            match["name"] not in _AMBIGUOUS_UNITS and is_unit(text)
+            not is_ambiguous(match["name"]) and is_unit(text)
         )  # m/s is no column `m` in s
-        return (
-            (match["name"].strip(), unit)
-            if is_unit(unit) and unit not in _AMBIGUOUS_UNITS and not whole
-            else (text, "")
-        )
+        return (match["name"].strip(), unit) if is_unit(unit) and not is_ambiguous(unit) and not whole else (text, "")
     match = _BRACKETED.match(text)
     if match and match["name"]:
         return " ".join(f"{match['name']} {match['rest']}".split()), match["unit"].strip()
     for pattern in (_ROUND, _SLASH, _UNDERSCORE):
         match = pattern.match(text)
-        if match and is_unit(match["unit"]) and match["unit"] not in _AMBIGUOUS_UNITS:
+        if match and is_unit(match["unit"]) and not is_ambiguous(match["unit"]):
             return match["name"].strip(), match["unit"].strip()
     return text, _ENDS_OF_TIMES.get((words_of(text) or ("",))[-1], "")
 

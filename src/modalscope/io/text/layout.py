@@ -18,7 +18,7 @@ from modalscope.io.columns.facts import Statement
 from modalscope.io.columns.lines import part_of
 from modalscope.io.columns.vocabulary import key_meaning, meanings_of
 from modalscope.io.columns.weights import role_by_words
-from modalscope.io.columns.words import is_unit, is_weak, kind_of_unit, split_head
+from modalscope.io.columns.words import is_ambiguous, is_unit, kind_of_unit, split_head
 from modalscope.io.text.cells import Dialect, is_missing, is_number, is_stamp, is_value, split
 from modalscope.io.text.dialect import DELIMITERS, value_rows
 
@@ -243,10 +243,10 @@ def _units_after(cells: Sequence[str]) -> int | None:
     if (
         units
         and len(units) == len(filled)
-        and (len(filled) > 1 or len(cells) == 1 or bracketed or not is_weak(filled[0]))
+        and (len(filled) > 1 or len(cells) == 1 or bracketed or not is_ambiguous(filled[0]))
     ):
         return 0
-    strong = [cell for cell in units if kind_of_unit(_bare(cell)) not in ("", "none") and not is_weak(_bare(cell))]
+    strong = [cell for cell in units if kind_of_unit(_bare(cell)) not in ("", "none") and not is_ambiguous(_bare(cell))]
     if (
         strong
         and len(filled) > 1
@@ -257,7 +257,7 @@ def _units_after(cells: Sequence[str]) -> int | None:
     if not filled or filled[0] != cells[0]:
         return None
     named = _is_row_name(cells[0])
-    sure = [cell for cell in filled[1:] if is_unit(_bare(cell)) and (named or not is_weak(_bare(cell)))]
+    sure = [cell for cell in filled[1:] if is_unit(_bare(cell)) and (named or not is_ambiguous(_bare(cell)))]
     return 1 if len(sure) > 1 - named and sure == filled[1:] and (named or _names_axis(cells[0])) else None
 
 
