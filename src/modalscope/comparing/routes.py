@@ -53,9 +53,8 @@ def witnesses(
     `band`: Hz. `route`: the only one, where asked. `delays`: as in `identify`; those of the usual route are used for the others, too.
     """
     if reciprocal is None and isinstance(data, Signals | Records):
-        reciprocal = (
-            False  # not all routes give responses that can be exchanged, and shapes are compared over the same points
-        )
+        # shapes are compared over the same points, and not all routes give responses that can be exchanged
+        reciprocal = False
     first = measure(data, band, route=route, delays=delays, reciprocal=reciprocal)
     if first.route is None or route not in (None, "auto"):
         return (first,), ()

@@ -164,9 +164,8 @@ def concluded(
 
 def _as_identified(data: Any, diagram: StabilizationDiagram) -> Any:
     """Return responses with inputs and outputs exchanged where they were identified so."""
-    return (
-        data.transposed() if isinstance(data, Response) and diagram.response.exchanged and not data.exchanged else data
-    )
+    turned = isinstance(data, Response) and diagram.response.exchanged and not data.exchanged
+    return data.transposed() if turned else data
 
 
 def _bands(band: Any) -> tuple[tuple[float, float], ...]:

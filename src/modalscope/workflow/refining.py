@@ -100,9 +100,8 @@ def _with_others(
     at_values = in_place(response.whole, joined(parts), extra)
     own = slice(len(refined), None)
     std = {name: getattr(at_values, name)[own] for name in _STD_FIELDS if getattr(at_values, name) is not None}
-    std["degrees"] = np.zeros(
-        (len(others), 2)
-    )  # the likelihood leads away from these values: there is no interval around them
+    # the likelihood leads away from these values: there is no interval around them
+    std["degrees"] = np.zeros((len(others), 2))
     merged = joined([parts[0], replace(parts[1], **std, converged=True)])
     order = np.argsort(merged.frequencies, kind="stable")
     merged = merged.take(order)
