@@ -7,7 +7,7 @@ second is near, the user is asked; the options in the message are those of the t
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -107,6 +107,7 @@ def _readings(table: Table, columns: Sequence[Column], spoken: Mapping[int, str]
                 reading.reasons[axis.number] = weights[axis.number].why(kind)
                 reading.roles[axis.number] = kind
                 reading.score += _of_rate(axis, rate) if content == "record" else 0.0
+                reading.score -= SURE * (not np.isfinite(axis.values).all())  # an axis has a value in every row
             build(reading, [c for c in columns if c is not axis], weights, stated)
             found.append(reading)
     return sorted(found, key=lambda reading: -reading.score)
@@ -169,16 +170,24 @@ def _response(reading: Reading, others: Sequence[Column], weights: dict[int, Wei
             reading.roles[column.number] = "complex"
             reading.score += SURE
         else:
-            kinds = ("spectrum",) if weights[column.number].of("spectrum") > 0 else _IN_RESPONSES
-            _take(reading, column, weights[column.number], kinds)
-            reading.score -= max(0.0, weights[column.number].of("in"))
+            held = weights[column.number]
+            if held.of("time") > max(HINT, *(held.of(kind) for kind in _IN_RESPONSES)):
+                reading.roles[column.number], reading.reasons[column.number] = "ignore", "times beside frequencies"
+                continue
+            _take(reading, column, held, ("spectrum",) if held.of("spectrum") > 0 else _IN_RESPONSES)
+            reading.score -= max(0.0, held.of("in"))
+    held_roles = set(reading.roles.values())
+    if held_roles & {"real", "imag", "complex"} and "mag" in held_roles and "phase" not in held_roles:
+        for number, role in reading.roles.items():
+            if role == "mag":
+                reading.roles[number], reading.reasons[number] = "ignore", "a magnitude beside complex values"
     parts = {"real", "imag", "mag", "phase", "complex"}
     bare = [column for column in others if reading.roles[column.number] == ""]
     if parts & set(reading.roles.values()):
         return
     by_size = {c.number for c in others if reading.roles[c.number] == "coh" and weights[c.number].of("coh") < HINT}
     within = [column for column in others if column in bare or column.number in by_size]
-    ways = [pairing_of(columns) for columns in (bare, within) if columns]
+    ways = [pairing_of(*layout) for layout in (*_layouts(bare), *(_layouts(within) if by_size else ()))]
     best, pairing = max(ways, key=lambda way: way[0], default=(0.0, {}))
     reading.score += best if ways else 0.0
     magnitudes = bool(bare) and all(weights[c.number].of("level") > 0 for c in bare)
@@ -188,19 +197,37 @@ def _response(reading: Reading, others: Sequence[Column], weights: dict[int, Wei
     reading.reasons |= dict.fromkeys(pairing, "by its place: pairs are causal responses") if best > 0 else {}
 
 
-def pairing_of(columns: Sequence[Column]) -> tuple[float, dict[int, str]]:
-    """Return how likely columns are pairs of parts or of magnitude and phase by their places, and what each is then."""
-    if len(columns) % 2 or any(column.textual or len(column.values) < _MIN_ROWS for column in columns):
+def _layouts(columns: Sequence[Column]) -> Iterator[tuple[list[Column], list[Column], list[Column]]]:
+    """Give what columns may be by their places: first parts, second parts, coherences; side by side, or one kind behind the other."""
+    half, third = len(columns) // 2, len(columns) // 3
+    if columns:
+        yield list(columns[::2]), list(columns[1::2]), []
+    if half > 1 and 2 * half == len(columns):
+        yield list(columns[:half]), list(columns[half:]), []
+    if third and 3 * third == len(columns):
+        yield list(columns[::3]), list(columns[1::3]), list(columns[2::3])
+    if third > 1 and 3 * third == len(columns):
+        yield list(columns[: 2 * third : 2]), list(columns[1 : 2 * third : 2]), list(columns[2 * third :])
+
+
+def pairing_of(
+    first: Sequence[Column], second: Sequence[Column], coherences: Sequence[Column] = ()
+) -> tuple[float, dict[int, str]]:
+    """Return how likely columns are pairs of parts or of magnitude and phase, and what each is then."""
+    columns = [*first, *second, *coherences]
+    if len(first) != len(second) or any(column.textual or len(column.values) < _MIN_ROWS for column in columns):
         return -HINT, {}
-    pairs = list(zip(columns[::2], columns[1::2], strict=True))[:_MOST_PAIRS]
-    values = [(np.asarray(a.values, float), np.asarray(b.values, float)) for a, b in pairs]
+    if any(np.min(column.values) < 0 or np.max(column.values) > 1 for column in coherences):
+        return -HINT, {}
+    values = [(np.asarray(a.values, float), np.asarray(b.values, float)) for a, b in zip(first, second, strict=True)]
+    values = values[:_MOST_PAIRS]
     if not all(np.isfinite(a).all() and np.isfinite(b).all() for a, b in values):
         return -HINT, {}
     turning = all(min(a.min(), b.min()) < 0 for a, b in values)  # two spectra of magnitudes are no parts
     ways: dict[tuple[str, str], list[ComplexArray]] = {}
     if turning:
         ways = {("real", "imag"): [a + 1j * b for a, b in values]}
-    if all(_may_be_phase(b) for _, b in values):
+    if _may_be_phases([b for _, b in values]):
         levels = any(a.min() < 0 for a, _ in values)
         with np.errstate(over="ignore"):
             sizes = [10 ** (a / 20) if levels else a for a, _ in values]
@@ -213,15 +240,20 @@ def pairing_of(columns: Sequence[Column]) -> tuple[float, dict[int, str]]:
         return -HINT, {}
     scores = {way: _log_causal(responses) for way, responses in ways.items()}
     way = max(scores, key=lambda key: scores[key])
-    names = {column.number: way[k % 2] for k, column in enumerate(columns)}
-    return scores[way], names
+    names = {a.number: way[0] for a in first} | {b.number: way[1] for b in second}
+    return scores[way], names | {c.number: "coh" for c in coherences}
 
 
-def _may_be_phase(values: Array) -> bool:
-    """Whether values lie within a turn in degrees or radians and go through most of a half of it."""
-    low, high = float(values.min()), float(values.max())
+def _may_be_phases(phases: Sequence[Array]) -> bool:
+    """Whether values lie within a turn in degrees or radians, and each goes through most of a half of it, one beyond what is no angle."""
+    ends = np.array([(values.min(), values.max()) for values in phases])
+    reach = np.abs(ends).max(axis=1)
     return any(
-        (low < 0 or high > 1.2 * half) and 0.6 * half < max(-low, high) <= 2 * half + 0.01 for half in (np.pi, 180.0)
+        bool(
+            np.any((ends[:, 0] < 0) | (ends[:, 1] > 1.2 * half))
+            and np.all((0.6 * half < reach) & (reach <= 2 * half + 0.01))
+        )
+        for half in (np.pi, 180.0)
     )
 
 
@@ -230,7 +262,7 @@ def _log_causal(responses: Sequence[ComplexArray]) -> float:
     shares = np.array([causal_share(values) for values in responses])
     # two records give a share of one half, 1 % of such pairs .73 and more; of 400 simulated responses the least gave .97
     sure = np.clip((np.mean(shares) - 0.5) / (_CAUSAL - 0.5), 0, 1)
-    return float(sure**2 * (WORD + HINT) - 1.0)
+    return float(sure**2 * (WORD + HINT) - 1.0 + np.mean(shares))
 
 
 def causal_share(values: ComplexArray) -> float:

@@ -38,8 +38,9 @@ _VIBRATIONS = {
 }
 #: Share of the steps of times that turn back, at most: half way from a clock (none) to a vibration (every second one).
 _MAX_SHARE_OF_TURNS = 0.25
-#: A step (s) below which lines never lie, in Hz.
-_MAX_TIME_STEP = 0.02
+#: A step (s) below which lines never lie, in Hz, and a frequency (Hz) below which no band of lines ends: the slowest towers sway in 10 s.
+#: Records of vibrations whose steps (s) are longer are rare.
+_MAX_TIME_STEP, _LOWEST_BAND, _MIN_SLOW_STEP = 0.02, 0.2, 0.2
 #: A hit: values above this part of the largest take this share of the rows at most, and a quarter of that of every response.
 _PART_OF_PEAK, _MAX_SHARE_OF_HIT = 0.1, 0.05
 #: Something slow: mean square step over variance, and mean over deviation, of a quantity that stands still beside vibrations.
@@ -80,7 +81,8 @@ class Weights:
 def weigh(columns: Sequence[Column]) -> dict[int, Weights]:
     """Return the evidence on every column of a table."""
     weights = {column.number: _weights_of(column, of_unit, of_name, of_values) for column in columns}
-    for column, kind, weight, reason in _of_relations([c for c in columns if not c.textual], weights):
+    real = [c for c in columns if not c.textual and not np.iscomplexobj(c.values)]
+    for column, kind, weight, reason in (*_of_counters(real), *_of_relations(real, weights)):
         weights[column.number].add(kind, weight, reason)
     return weights
 
@@ -183,9 +185,10 @@ def of_values(column: Column) -> Iterator[tuple[str, float, str]]:
     step = even_step(values)
     if step:
         if step != 1.0 or not counted:
-            weight = HINT + HINT * (step < _MAX_TIME_STEP) + HINT * in_epoch(values)
+            weight = HINT * (1 + (step < _MAX_TIME_STEP) + in_epoch(values)) - 1.0 * (step > _MIN_SLOW_STEP)
             yield "time", weight, f"it rises evenly by {step:.6g}"
-        yield "frequency", HINT, f"it rises evenly by {step:.6g}"
+        low = values[-1] < _LOWEST_BAND  # lines of a band in which nothing vibrates
+        yield "frequency", HINT - WORD * low, f"it rises evenly by {step:.6g}"
         yield "out", -1.0, ""
     elif nearly_even(values):
         yield (
@@ -294,30 +297,47 @@ Relation = tuple[Column, str, float, str]
 
 def _of_relations(columns: Sequence[Column], weights: dict[int, Weights]) -> Iterator[Relation]:
     """Give what columns say about each other: magnitudes of vectors, and hits that all others answer."""
-    real = [c for c in columns if not np.iscomplexobj(c.values)]
-    whole = np.all([np.isfinite(c.values) for c in real], axis=0) if real else np.zeros(0, bool)
+    whole = np.all([np.isfinite(c.values) for c in columns], axis=0) if columns else np.zeros(0, bool)
     if 2 * whole.sum() < len(whole) or whole.sum() < _MIN_ROWS:
         return
-    measured = [replace(c, values=c.values[whole]) for c in real if not goes_one_way(c.values[whole])]
+    measured = [replace(c, values=c.values[whole]) for c in columns if not goes_one_way(c.values[whole])]
     squares = {c.number: c.values.astype(float) ** 2 for c in measured}
     for column in measured:
         others = [
             squares[c.number]
             for c in measured
-            if c is not column and weights[c.number].of("in") <= HINT and weights[c.number].of("ignore") <= HINT
+            if np.min(c.values) < 0 and weights[c.number].of("in") <= HINT and weights[c.number].of("ignore") <= HINT
         ]
-        if len(others) > 1 and np.min(column.values) >= 0 and _is_length(squares[column.number], others):
+        if np.min(column.values) >= 0 and _is_length(squares[column.number], others):
             yield column, "ignore", 2 * SURE, "it is the magnitude of the others"
-    known = any(weights[c.number].of("in") > HINT for c in columns)
-    hit = None if known else _hit(measured)
-    if hit is not None:
+    hit = _hit(measured)
+    if hit is not None and not any(_is_force(weights[c.number]) for c in columns if c.number != hit.number):
         yield hit, "in", WORD, "it is a hit that the others answer"
 
 
+def _of_counters(columns: Sequence[Column]) -> Iterator[Relation]:
+    """Give the column that counts rows from 0 or 1 where another rises evenly, too: that one is the axis."""
+    even = [column for column in columns if even_step(_finite(column))]
+    counters = [c for c in even if counts_rows(c.values) and c.values[0] in (0, 1) and even_step(c.values) == 1]
+    for column in counters[:1] if len(even) > 1 else []:
+        yield column, "time", -HINT, ""
+        yield column, "frequency", -HINT, ""
+        yield from ((other, "index", -WORD, "") for other in even if other is not column)
+
+
+def _is_force(weights: Weights) -> bool:
+    """Whether a column is likelier a force than anything else in a record."""
+    return weights.of("in") > HINT and weights.best(("out", "in", "index", "ignore")) == "in"
+
+
 def _is_length(square: RealArray, others: Sequence[RealArray]) -> bool:
-    """Whether a square is the sum of the others, or of three that follow each other."""
-    sums = [np.sum(others, axis=0), *(others[k] + others[k + 1] + others[k + 2] for k in range(len(others) - 2))]
-    return any(np.allclose(square, total, rtol=_ROUNDED, atol=_ROUNDED * float(square.max())) for total in sums)
+    """Whether a square is the sum of some others: those whose coefficients are 1 in a least squares fit, the rest 0."""
+    table = np.stack(others, axis=1) if others else np.zeros((len(square), 0))
+    rows = slice(None, None, 1 + len(table) // _MOST_ROWS)
+    if not (table.size and np.isfinite(table).all() and np.isfinite(square).all()):
+        return False
+    total = table @ np.rint(np.linalg.lstsq(table[rows], square[rows], rcond=None)[0])
+    return bool(np.allclose(square, total, rtol=_ROUNDED, atol=_ROUNDED * float(square.max())))
 
 
 def _hit(columns: Sequence[Column]) -> Column | None:

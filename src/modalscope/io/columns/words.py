@@ -60,7 +60,8 @@ _SLASH = re.compile(r"^(?P<name>.*\S)(?:\s+(?:/|in|,)\s*|,\s+)(?P<unit>\S+)$")
 #: DIN 1313 without blanks, `F/N` or `a_1/(m/s^2)`; the names of pairs (`3Z/1Z`) have no unit behind the stroke. One inside of brackets,
 #: as in `ax[m/s2]`, parts nothing.
 _STROKE = re.compile(
-    r"^(?P<name>(?:[^\s/\[<{]|(?<=\S) (?=\S)|[\[<{][^\[\]<>{}]*[\]>}])+)/(?:\((?P<round>[^()]+)\)|(?P<plain>[^()]+))$"
+    r"^(?P<name>(?:[^\s/\[<{(|]|(?<=\S) (?=\S)|\([^()]*\)|\|[^|]*\||[\[<{][^\[\]<>{}]*[\]>}])+)"
+    r"/(?:\((?P<round>[^()]*(?:\([^()]*\)[^()]*)*)\)|(?P<plain>[^()]+))$"
 )
 _PART_OF = re.compile(r"^(?P<part>re|im|real|imag|abs|arg|mag|phase)\{(?P<name>[^{}]*)\}", re.IGNORECASE)
 _UNDERSCORE = re.compile(r"^(?P<name>.*[A-Za-z0-9])_(?P<unit>s|ms|us|hz|Hz|kHz|N|kN|g|deg|rad|mm|um)$")
@@ -163,8 +164,9 @@ def split_head(head: str) -> tuple[str, str]:
         whole = plain_unit(text) in _KIND_OF_UNIT or (
             not is_ambiguous(match["name"]) and is_unit(text)
         )  # m/s is no column `m` in s
-        return (match["name"].strip(), unit) if is_unit(unit) and not is_ambiguous(unit) and not whole else (text, "")
-    match = _BRACKETED.match(text)
+        if is_unit(unit) and not is_ambiguous(unit) and not whole:
+            return match["name"].strip(), unit
+    match = None if match else _BRACKETED.match(text)
     if match and match["name"]:
         return " ".join(f"{match['name']} {match['rest']}".split()), match["unit"].strip()
     for pattern in (_ROUND, _SLASH, _UNDERSCORE):

@@ -29,11 +29,13 @@ _MAX_ROWS_OF_HEAD = 16
 _MAX_CHARACTERS_OF_KEY, _MAX_CHARACTERS = 60, 400
 #: Signs may follow each other: `Sample rate:,4096` is a key and the cell behind it.
 _FACT = re.compile(
-    r"\s*\"?(?P<key>[^:=;,\t\"]{1,60}?)\"?\s*(?:[:=;,\t][\s:=;,\t\"]*|\s{2,})(?P<value>[^\s:=;,\t\"].*)\Z"
+    r"\s*\"?(?P<key>[^\s:=;,\"][^:=;,\t\"]{0,59}?)\"?\s*(?:[:=;,\t][\s:=;,\t\"]*|\s{2,})(?P<value>[^\s:=;,\t\"].*)\Z"
 )
 _LOOSE_FACT = re.compile(r"\s*(?P<key>[A-Za-z][^\d:=]{0,59}?)\s+(?P<value>[+-]?\d.*)\Z")
 #: Further statements of one line: `Config: data_rate = 2000.0 Hz, filter = 488 Hz`.
 _FURTHER = re.compile(r"(?P<key>[A-Za-z][\w .\-]{0,40}?)\s*[=:]\s*(?P<value>[+-]?\d[^,;\t]*)")
+#: A statement by its sign.
+_STATED = re.compile(r"\s*[^\s:=][^:=]{0,59}(?:=|:\s)\s*\S")
 #: Without a way back: a line may be long.
 _NAME_AND_UNIT = re.compile(r"\S++(?:\s*+[\[(][^\[\]()]*+[\])])?")
 #: How clocks are written, in a row of units.
@@ -114,9 +116,10 @@ def _head(
 ) -> tuple[tuple[str, ...], tuple[str, ...], int, int]:
     """Return names and units, and the lines where they stand: of the rows above the body that have a cell a column, the likeliest."""
     heads: list[tuple[int, list[str]]] = []
-    places = _places(lines[body], width) if not dialect.delimiter else []
+    full = next((k for k in range(body, len(rows)) if len(rows[k]) == width), body)
+    places = _places(lines[full], width) if not dialect.delimiter else []
     for k in range(body - 1, max(-1, body - _MAX_ROWS_OF_HEAD), -1):
-        cells = _fitted(lines[k], rows[k], width, dialect, places, rows[body])
+        cells = None if _is_statement(rows[k]) else _fitted(lines[k], rows[k], width, dialect, places, rows[full])
         if cells is not None and not _are_numbers_of_channels(cells) and not all(map(is_missing, cells)):
             heads.append((k, cells))
     unit_line, heading = next(
@@ -137,7 +140,10 @@ def _head(
     split_cells = [split_head("" if k == 0 and _is_row_name(cell) else cell) for k, cell in enumerate(cells)]
     units = [unit for _, unit in split_cells]
     if unit_line >= 0:
-        own = [split_head(cell)[1] if k < heading else _bare(cell) for k, cell in enumerate(below)]
+        own = [
+            split_head(cell)[1] if k < heading else "" if _is_row_name(cell) else _bare(cell)
+            for k, cell in enumerate(below)
+        ]
         units = [unit_below or unit for unit_below, unit in zip(own, units, strict=True)]
     return tuple(name for name, _ in split_cells), tuple(units), line, unit_line
 
@@ -178,9 +184,12 @@ def _places(line: str, width: int) -> list[tuple[int, int]]:
 
 
 def _with_one_more(cells: list[str], first: Sequence[str], parted: bool) -> list[str]:
-    """Return cells that are one too few, with the blank one where the first row of the body says: a time behind a date, an empty end."""
+    """Return cells that are one too few, with the blank one where the first row of the body says: a time behind a date, an empty end.
+
+    Units of all columns but dates and times are two too few.
+    """
     if len(first) > 2 and is_stamp(first[0]) and is_stamp(first[1]):
-        return [cells[0], "", *cells[1:]]
+        return ["", "", *cells] if len(cells) == len(first) - 2 else [cells[0], "", *cells[1:]]
     if not parted:
         return cells
     return [*cells, ""] if not first[-1] or _names_axis(cells[0]) else ["", *cells]
@@ -196,20 +205,34 @@ def _fitted(
     ways = [cells] + [split(line, Dialect(delimiter=sign, quoted=dialect.quoted)) for sign in DELIMITERS[:-1]]
     if not dialect.delimiter:
         ways += [re.split(r"\s{2,}|\t", line.strip()), _NAME_AND_UNIT.findall(line)]
-        ways += [_by_place(line, places)] if places and 0 < len(cells) < width else []
+        ways += [_by_place(line, places)] if places and 0 < len(cells) < width and not _STATED.match(line) else []
     for way in ways:
         fitted = [cell.strip().strip('"').strip() for cell in way]
         if len(fitted) == width + 1 and _is_row_name(fitted[0]):
             fitted = fitted[1:]
-        if len(fitted) > width and way is cells and (not any(fitted[width:]) or _names_axis(fitted[0])):
-            fitted = fitted[:width]  # names of columns that have no cells below, such as comments
-        if len(fitted) == width - 1 and width > 2 and way is cells and not any(map(is_number, fitted)):
+        over = fitted[width:]  # names of columns that have no cells below, such as comments
+        if (
+            over
+            and way is cells
+            and (_names_axis(fitted[0]) or all(not c or role_by_words(c) == "ignore" for c in over))
+        ):
+            fitted = fitted[:width]
+        short = 2 if len(first) > 2 and is_stamp(first[1]) and all(map(is_unit, map(_bare, fitted))) else 1
+        if len(fitted) == width - short and _name_columns(fitted) and way is cells:
             fitted = _with_one_more(fitted, first, bool(dialect.delimiter))
         if "=" in fitted:  # a key and its value, parted by blanks as the rows are
             continue
         if len(fitted) == width and (width > 1 or not _FACT.match(line)) and not all(map(is_number, fitted)):
             return fitted
     return None
+
+
+def _name_columns(cells: Sequence[str]) -> bool:
+    """Whether cells name columns, no numbers among them; a key and its value are two cells, of which one at most is known."""
+    known = sum(bool(meanings_of(cell) or part_of(cell) or is_unit(_bare(cell))) for cell in cells)
+    return (
+        len(cells) > 1 and (len(cells) > 2 or known == 2) and not any(is_number(c) or _STATED.match(c) for c in cells)
+    )
 
 
 def _by_place(line: str, places: Sequence[tuple[int, int]]) -> list[str]:
@@ -238,7 +261,7 @@ def _units_after(cells: Sequence[str]) -> int | None:
     letter of a channel; behind what the row is called (`Unit,g,V`) any.
     """
     filled = [cell for cell in cells if _bare(cell)]
-    bracketed = [cell for cell in filled if cell[0] + cell[-1] in ("[]", "()")]
+    bracketed = [cell for cell in filled if len(cells) > 1 and cell[0] + cell[-1] in ("[]", "()")]
     units = [cell for cell in filled if is_unit(_bare(cell)) or cell in bracketed or _CLOCK.match(_bare(cell))]
     if (
         units
@@ -264,6 +287,11 @@ def _units_after(cells: Sequence[str]) -> int | None:
 def _is_row_name(cell: str) -> bool:
     """Whether a cell says what its row holds: `Unit`, `CH No.`, `Channel name`."""
     return len(cell) <= _MAX_CHARACTERS_OF_KEY and key_meaning(cell) in ("unit", "channel")
+
+
+def _is_statement(cells: Sequence[str]) -> bool:
+    """Whether a row is a key that is known and the number behind it."""
+    return len(cells) > 1 and is_number(cells[1]) and key_meaning(cells[0].rstrip(":= ")) not in ("", "unit", "channel")
 
 
 def _are_numbers_of_channels(cells: Sequence[str]) -> bool:

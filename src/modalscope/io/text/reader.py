@@ -72,7 +72,7 @@ def contents_of_lines(
     Raises `DataError`: as `read`.
     """
     first = _first(lines, space, _MAX_SAMPLES if options.get("transpose") else _MAX_COLUMNS)
-    bare = [uncommented(line)[0] for _, line in first]
+    bare = [_in_place(line) for _, line in first]
     if is_labview(bare):
         return labview_contents(where, chain(first, lines), space, options)
     head = head_of(bare)
@@ -97,6 +97,13 @@ def contents_of_lines(
         layout = replace(layout, facts=(*layout.facts, Statement(head.first, "DT", head.said)))
     table = _table(where, first, bare, lines, dialect, layout, space, options)
     return contents_from_table(replace(table, notes=(*table.notes, *notes)), options)
+
+
+def _in_place(line: str) -> str:
+    """Return a line without the sign of a comment before it, its cells where they stood."""
+    text, sign = uncommented(line)
+    before = line[: line.find(text)] if sign else ""
+    return text if "\t" in before else " " * len(before) + text
 
 
 def _refuse_cells(where: str, options: Options, delimiter: str | None) -> None:
