@@ -25,6 +25,8 @@ _INPUTS = {*["u", "force", "forces", "input", "inputs", "in", "hammer", "exc", "
 _LABELS = {"labels", "label", "dofs", "sensors"}
 #: Numbers of an array of settings at most, beside measured ones at least twenty times as many.
 _MOST_SETTINGS = 8
+#: Rows a column of an array that can be nothing but samples of channels: no matrix of shapes or settings has so many.
+_MIN_ROWS_OF_CHANNEL = 20
 _ANGULAR = {"w", "om", "omega"}
 _COHERENCE = {"coh", "coherence", "gamma2"}
 #: Axes that analysers write as start, increment and number: `x_values` with `y_values`, as Testlab exports structures.
@@ -78,14 +80,10 @@ def meaning_of(where: str, arrays: Mapping[str, Array], options: Options) -> Mea
 
 
 def _is_table(evidence: _Evidence) -> bool:
-    """Whether arrays without times and rate are measured: by their names, by labels, or because the first column of one rises evenly."""
+    """Whether arrays without times and rate are measured: by names, by many rows, or because the first column rises evenly."""
     matrix = next(iter(evidence.data.values()))
-    if (
-        len(evidence.data) == 1
-        and matrix.ndim == 2
-        and 1 < matrix.shape[1] < matrix.shape[0]
-        and even_step(matrix[:, 0])
-    ):
+    rows, width = matrix.shape if len(evidence.data) == 1 and matrix.ndim == 2 else (0, 1)
+    if rows > _MIN_ROWS_OF_CHANNEL * width or (1 < width < rows and even_step(matrix[:, 0])):
         return True
     return bool(evidence.names) or any(
         role_by_words(name.rpartition(".")[2]) in ("in", "out") for name in evidence.data

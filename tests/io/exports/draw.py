@@ -68,7 +68,7 @@ def draw_choices(rng: np.random.Generator, half: str) -> Choices:
 def _consistent(choices: Choices) -> Choices:
     """Return choices that one file can have together; what cannot be becomes absent."""
     choices = dict(choices)
-    for rule in (_of_arrays, _of_texts, _of_axis):
+    for rule in (_of_arrays, _of_texts, _of_axis, _of_second_times):
         choices |= rule(choices)
     if choices["more"] == choices["extra"]:
         choices["more"] = "absent"
@@ -108,6 +108,13 @@ def _of_texts(choices: Choices) -> Choices:
         # cells that blanks part hold none
         changed |= {"head": "stroke"} if choices["head"] in ("four rows", "quoted", "slash") else {}
     return changed
+
+
+def _of_second_times(choices: Choices) -> Choices:
+    """Return what changes where nothing but a second column of times would be the axis: there is none without a first."""
+    if choices["axis"] not in ("absent", "rate", "step", "start and step", "index and rate"):
+        return {}
+    return {name: "absent" for name in ("extra", "more") if choices[name] == "second time"}
 
 
 def _of_axis(choices: Choices) -> Choices:

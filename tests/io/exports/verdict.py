@@ -142,14 +142,18 @@ def _works(drawn: Drawn, words: list[str]) -> bool:
     """Whether obeying reads the file right, at once or after one further question."""
     for _ in range(2):
         try:
-            return same(drawn, obeyed(drawn, words).thing) != "wrong"
+            survey = obeyed(drawn, words)
+            if same(drawn, survey.thing) != "wrong":
+                return True
+            further = suggestions(" ".join(survey.notes))
         except ms.DataError as error:
             further = suggestions(str(error))
-            if not further or further[0] == words or any(word in words for word in further[0][:1]):
-                return False
-            words = [*words, *further[0]]
         except (SystemExit, Exception):  # noqa: BLE001 - an option that the command line refuses, or a traceback
             return False
+        further = [way for way in further if way[0] not in words]
+        if not further:
+            return False
+        words = [*words, *further[0]]
     return False
 
 

@@ -252,7 +252,8 @@ def _write_rows(
     sign, odd = _SIGNS[choices["separator"]], (choices["oddity"], choices["other"])
     comma = choices["decimal"] == "comma"
     body = [[_decimal(cell, comma) for cell in row] for row in zip(*(c.cells for c in columns), strict=True)]
-    if "unequal" in odd and len(columns) > 2:
+    unequal = "unequal" in odd and len(columns) > 2
+    if unequal:
         _shorten(truth, body, columns[-1].kind != "extra")
     head = _head_rows(columns, choices)
     statements = _statements(rng, truth, choices, words)
@@ -279,7 +280,7 @@ def _write_rows(
         rows[middle:middle] = ["", ""]
     if "cut line" in odd:
         rows[-1] = rows[-1][: max(1, len(rows[-1]) // 3)]
-        _cut(truth, int("unequal" not in odd or columns[-1].kind == "extra"))
+        _cut(truth, int(not unequal or columns[-1].kind == "extra"))
     if "footer" in odd:
         rows += ["End of file", f"Samples: {len(body)}"]
     above = [f"sep={sign}"] if "sep line" in odd else []

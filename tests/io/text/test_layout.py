@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from modalscope.io.text.cells import Dialect
+from modalscope.io.text.dialect import dialect_of
+from modalscope.io.text.layout import Layout, layout_of
 from tests.io.columns.test_words import T, write
 from tests.support import measured, refused
 
@@ -84,3 +87,50 @@ def test_a_measured_frame_as_its_logger_writes_it(which: int) -> None:
     )  # a hit that all others answer
     assert found.units == (("cm/s2",) * 4, ("V",))
     assert found.sampling_rate == 50.0
+
+
+def _layout(text: str, delimiter: str = ",") -> Layout:
+    found = layout_of(text.splitlines(), Dialect(delimiter=delimiter))
+    assert found is not None
+    return found
+
+
+_ROWS = "\n0,1,2\n1,2,3\n2,3,5"
+
+
+@pytest.mark.parametrize(
+    ("above", "names"),
+    [
+        ("Sampling rate,50,Hz", ("", "", "")),
+        ("Filter,400 Hz low pass,", ("", "", "")),
+        ("Comment,none", ("", "", "")),
+        ("ID,PCD-400A", ("", "", "")),
+        ("Force,Acc", ("", "Force", "Acc")),
+        ("Time,Force,Acc,Comment", ("Time", "Force", "Acc")),
+    ],
+)
+def test_statements_are_no_names_and_names_may_be_one_too_few_or_many(above: str, names: tuple[str, ...]) -> None:
+    assert _layout(above + _ROWS).names == names
+
+
+def test_a_section_is_no_unit_and_own_units_go_before_those_of_a_row() -> None:
+    assert _layout("[Date]\nax (g)\n1\n2\n3", "\t").units == ("g",)
+    found = _layout("[Test]   [x]\nax/(m/s2)  ay/(m/s2)\n 1  2\n 1  3\n 4  5", "")
+    assert found.units == ("m/s2", "m/s2")
+
+
+def test_units_stand_over_their_names_where_blanks_part_cells() -> None:
+    text = "     [kHz]     [g/N]               [V]\nFrecuencia        H2   |a|     Drive\n"
+    text += "\n".join(f"{k}  {k}.1234567+0.1234567i  {k}.1  {k}.5" for k in range(1, 5))
+    assert _layout(text, "").units == ("kHz", "g/N", "", "V")
+
+
+def test_a_time_behind_a_date_has_no_name_wherever_the_date_stands() -> None:
+    rows = "\n".join(f" {k}  2021-03-14  10:12:0{k}  0.{k}  1.{k}" for k in range(1, 5))
+    found = _layout("Index  Date  ax  ay\n  g  g\n" + rows, "")
+    assert found.names == ("Index", "Date", "", "ax", "ay")
+
+
+def test_a_column_of_remarks_does_not_hide_the_sign_that_parts_cells() -> None:
+    lines = ["Response 1 [g]\tComment", "0.5\tstart of test", *(f"{k}.25\t" for k in range(8))]
+    assert dialect_of("a.csv", lines).delimiter == "\t"

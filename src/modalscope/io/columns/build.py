@@ -14,7 +14,7 @@ from modalscope.io.columns.lines import frequency_response
 from modalscope.io.columns.reading import NEAR, Reading, readings
 from modalscope.io.columns.records import free_decay, nothing_measured, records
 from modalscope.io.columns.table import Column, Table, as_word
-from modalscope.io.columns.weights import even_step
+from modalscope.io.columns.weights import even_step, likeliest_force
 from modalscope.io.columns.words import ignored_columns, named_columns, short_unit, spoken_roles
 from modalscope.io.contents import Contents, Finding, Options, needs
 
@@ -177,9 +177,20 @@ def _refuse_near(table: Table, found: Sequence[Reading], works: Callable[[str], 
     rest = [number for number in best.roles if number != axis.number]
     pairs = ",".join(f"real={a},imag={b}" for a, b in zip(rest[::2], rest[1::2], strict=False))
     lines = both["response"].option if "imag=" in both["response"].option else f"frequency={axis.number},{pairs}"
-    ways = [f'--columns "{words}"' for words in (both["record"].option, *([lines] if pairs else [])) if works(words)]
+    ways = [*_record_options(table, both["record"]), *([lines] if pairs else [])]
+    ways = [f'--columns "{words}"' for words in ways if works(words)]
     remedy = f"Say which: {', or '.join(ways)}."
     raise needs(table.where, "a column of time or frequency by its name or unit", fault, remedy)
+
+
+def _record_options(table: Table, reading: Reading) -> list[str]:
+    """Return the words of `--columns` for a record; where no column is a force by name and others follow one, also with that."""
+    outputs = [column for column in table.columns if reading.roles.get(column.number) == "out"]
+    if "in" in reading.roles.values() or len(outputs) < 2:
+        return [reading.option]
+    force, followed = likeliest_force(outputs)
+    driven = replace(reading, roles={**reading.roles, force.number: "in"})
+    return [driven.option, reading.option] if followed else [reading.option]
 
 
 def _notes(reading: Reading, roles: Mapping[int, str], spoken: Mapping[int, str], table: Table) -> list[str]:

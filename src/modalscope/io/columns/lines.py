@@ -301,12 +301,12 @@ def _incomplete(
     second = _OTHER_PART[first]
     groups = found.values()
     alone = {kind: [g[kind].number for g in groups if {first, second} & set(g) == {kind}] for kind in (first, second)}
-    pairs = zip(alone[first], alone[second], strict=False)
-    example = ",".join(f"{first}={a},{second}={b}" for a, b in pairs) or f"{first}=...,{second}=..."
+    example = [f"{first}={a},{second}={b}" for a, b in zip(alone[first], alone[second], strict=False)]
+    example = [f"frequency={axis.number}", *example] if axis.number and example else example
     whole = any(len(group) > 1 or "complex" in group for group in groups)
-    ignored = f"leave the column out with --ignore {as_word(parts[part].label)}, " if whole else ""
-    option = f'--columns "frequency={axis.number},{example}"'
-    remedy = f"Export it, {ignored}or say what the columns are: {option}"
+    ways = [f"leave the column out: --ignore {as_word(parts[part].label)}"] if whole else []
+    ways += [f'say what the columns are: --columns "{",".join(example)}"'] if example else []
+    remedy = ", or ".join(["Export it", *ways]) + ("" if ways else ".")
     if spoken.get(parts[part].number) == part:
         remedy = f"Name as many columns {_OTHER_PART[part]}= as {part}= in --columns, in the same order."
     fault = f"{parts[part]} has no {_WORDS_OF_PARTS[_OTHER_PART[part]]} with it"

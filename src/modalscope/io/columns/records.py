@@ -34,7 +34,7 @@ def records(
 
     Raises `DataError`: more channels than samples, complex values, times that are not even or of another rate, no rate at all.
     """
-    twice = {c.number: "a second column of times" for c in columns if axis and roles[c.number] == "time"}
+    twice = {c.number: "a second column of times" for c in columns if roles[c.number] == "time"}
     channels = [column for column in columns if column.number not in twice]
     if not channels:
         raise nothing_measured(table, axis, "time", options)
@@ -70,7 +70,7 @@ def records(
     elif not forces and options.get("columns") is None:
         base = [column for column in others if names_base(column.name)] if len(others) > 1 else []
         which = f"{base[0].name} may be a base that drives the rest" if base else "else"
-        number = (base[0] if base else likeliest_force(others)).number
+        number = (base[0] if base else likeliest_force(others)[0]).number
         notes.append(f'no column is a force by name or unit: all are outputs ({which}: --columns "in={number}")')
     thing = Signals(
         outputs=_stacked(others),

@@ -39,8 +39,7 @@ _VIBRATIONS = {
 #: Share of the steps of times that turn back, at most: half way from a clock (none) to a vibration (every second one).
 _MAX_SHARE_OF_TURNS = 0.25
 #: A step (s) below which lines never lie, in Hz, and a frequency (Hz) below which no band of lines ends: the slowest towers sway in 10 s.
-#: Records of vibrations whose steps (s) are longer are rare.
-_MAX_TIME_STEP, _LOWEST_BAND, _MIN_SLOW_STEP = 0.02, 0.2, 0.2
+_MAX_TIME_STEP, _LOWEST_BAND = 0.02, 0.2
 #: A hit: values above this part of the largest take this share of the rows at most, and a quarter of that of every response.
 _PART_OF_PEAK, _MAX_SHARE_OF_HIT = 0.1, 0.05
 #: Something slow: mean square step over variance, and mean over deviation, of a quantity that stands still beside vibrations.
@@ -185,7 +184,7 @@ def of_values(column: Column) -> Iterator[tuple[str, float, str]]:
     step = even_step(values)
     if step:
         if step != 1.0 or not counted:
-            weight = HINT * (1 + (step < _MAX_TIME_STEP) + in_epoch(values)) - 1.0 * (step > _MIN_SLOW_STEP)
+            weight = HINT * (1 + (step < _MAX_TIME_STEP) + in_epoch(values))
             yield "time", weight, f"it rises evenly by {step:.6g}"
         low = values[-1] < _LOWEST_BAND  # lines of a band in which nothing vibrates
         yield "frequency", HINT - WORD * low, f"it rises evenly by {step:.6g}"
@@ -336,7 +335,7 @@ def _is_length(square: RealArray, others: Sequence[RealArray]) -> bool:
     rows = slice(None, None, 1 + len(table) // _MOST_ROWS)
     if not (table.size and np.isfinite(table).all() and np.isfinite(square).all()):
         return False
-    total = table @ np.rint(np.linalg.lstsq(table[rows], square[rows], rcond=None)[0])
+    total = table @ np.clip(np.rint(np.linalg.lstsq(table[rows], square[rows], rcond=None)[0]), 0, 1)
     return bool(np.allclose(square, total, rtol=_ROUNDED, atol=_ROUNDED * float(square.max())))
 
 
@@ -353,15 +352,16 @@ def _hit(columns: Sequence[Column]) -> Column | None:
     return columns[int(order[0])] if short <= _MAX_SHARE_OF_HIT and next_one > 4 * short else None
 
 
-def likeliest_force(columns: Sequence[Column]) -> Column:
-    """Return the column that the others follow most: the impulse response from it to each lies at positive lags, that back does not.
+def likeliest_force(columns: Sequence[Column]) -> tuple[Column, bool]:
+    """Return the column that the others follow most, and whether they do.
 
+    The impulse response from a force to each other lies at positive lags, that back does not:
     h = F^-1(S_yu / S_uu), spectra smoothed over a fortieth of the lines; the share of its energy at positive lags within an eighth of the
-    record. Where none is such the first is returned.
+    record. Where none is such it is the first.
     """
     examined = [c for c in columns if not np.iscomplexobj(c.values) and np.isfinite(c.values).all()][:_MOST_FOLLOWED]
     if len(examined) < 2 or len(examined[0].values) < _MIN_ROWS:
-        return columns[0]
+        return columns[0], False
     values = np.stack([c.values[:_MOST_ROWS].astype(float) for c in examined], axis=1)
     values = values - values.mean(axis=0)
     rows = len(values)
@@ -378,4 +378,4 @@ def likeliest_force(columns: Sequence[Column]) -> Column:
             ahead, behind = float(energy[: rows // 8].sum()), float(energy[-(rows // 8) :].sum())
             shares.append(ahead / max(ahead + behind, 1e-300))
         best = max(best, (min(shares), column), key=lambda pair: pair[0])
-    return best[1]
+    return best[1], best[0] > _MIN_SHARE_OF_FORCE

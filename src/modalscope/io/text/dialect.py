@@ -91,12 +91,17 @@ def value_rows(rows: Sequence[Sequence[str]]) -> tuple[int, list[bool]]:
     if not widths:
         return 0, [False] * len(rows)
     width = max(widths, key=lambda n: (widths[n], n))
-    columns = list(zip(*(row for row, n in zip(rows, numbers, strict=True) if n and len(row) == width), strict=True))
-    texts = {k for k, cells in enumerate(columns) if _mostly_text(cells)}
+    texts = _text_columns(rows, width)
     return width, [
         n > 0 and is_wide(row, width) and all(k in texts or is_value(cell) for k, cell in enumerate(row[:width]))
         for row, n in zip(rows, numbers, strict=True)
     ]
+
+
+def _text_columns(rows: Sequence[Sequence[str]], width: int) -> set[int]:
+    """Return the columns of which most cells that are filled are text, in rows of so many cells with a number."""
+    whole = [row for row in rows if len(row) == width and any(is_value(cell) and not is_missing(cell) for cell in row)]
+    return {k for k, cells in enumerate(zip(*whole, strict=True)) if _mostly_text(cells)}
 
 
 def is_wide(row: Sequence[str], width: int) -> bool:
@@ -110,10 +115,12 @@ def _mostly_text(cells: Sequence[str]) -> bool:
 
 
 def _score(rows: Sequence[Sequence[str]]) -> int:
-    """Return how many cells are values in the rows of values, less those that are text."""
-    _, of_values = value_rows(rows)
-    cells = [cell for row, good in zip(rows, of_values, strict=True) if good for cell in row if not is_missing(cell)]
-    return sum(1 if is_value(cell) else -2 for cell in cells)
+    """Return how many cells are values in the rows of values, less those that are text where others are not."""
+    width, of_values = value_rows(rows)
+    texts = _text_columns(rows, width)
+    good = [row for row, of_value in zip(rows, of_values, strict=True) if of_value]
+    cells = [(k, cell) for row in good for k, cell in enumerate(row) if not is_missing(cell)]
+    return sum(1 if is_value(cell) else -2 * (k not in texts) for k, cell in cells)
 
 
 def dialect_of(where: str, lines: Sequence[str], delimiter: str | None = None, decimal: str | None = None) -> Dialect:

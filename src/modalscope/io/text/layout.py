@@ -11,6 +11,8 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 
@@ -40,8 +42,14 @@ _STATED = re.compile(r"\s*[^\s:=][^:=]{0,59}(?:=|:\s)\s*\S")
 _NAME_AND_UNIT = re.compile(r"\S++(?:\s*+[\[(][^\[\]()]*+[\])])?")
 #: How clocks are written, in a row of units.
 _CLOCK = re.compile(r"h{1,2}:m{2}(?::s{1,2}(?:[.,:][0fsm]+)?)?\Z", re.IGNORECASE)
+#: A number and a word behind it, which may be its unit.
+_MEASURED = re.compile(r"[+-]?\d[\d.,]*\s+\S")
 #: Letters before a number, as serial numbers are.
 _SERIAL = re.compile(r"[A-Z]{1,4}[ -]?\d{3,}\Z")
+
+
+#: Where cells begin and end in a line.
+Places: TypeAlias = Sequence[tuple[int, int]]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -117,9 +125,15 @@ def _head(
     """Return names and units, and the lines where they stand: of the rows above the body that have a cell a column, the likeliest."""
     heads: list[tuple[int, list[str]]] = []
     full = next((k for k in range(body, len(rows)) if len(rows[k]) == width), body)
-    places = _places(lines[full], width) if not dialect.delimiter else []
+    places = (
+        []
+        if dialect.delimiter
+        else _columns_of_blanks(lines, rows, [full, *range(max(0, body - _MAX_ROWS_OF_HEAD), body)], width)
+    )
     for k in range(body - 1, max(-1, body - _MAX_ROWS_OF_HEAD), -1):
-        cells = None if _is_statement(rows[k]) else _fitted(lines[k], rows[k], width, dialect, places, rows[full])
+        cells = (
+            None if _is_statement(lines[k], dialect) else _fitted(lines[k], rows[k], width, dialect, places, rows[full])
+        )
         if cells is not None and not _are_numbers_of_channels(cells) and not all(map(is_missing, cells)):
             heads.append((k, cells))
     unit_line, heading = next(
@@ -128,7 +142,7 @@ def _head(
     below = dict(heads).get(unit_line, [""] * width)
     named = [(k, cells) for k, cells in heads if k != unit_line and _units_after(cells) is None]
     line, cells = max(named, key=lambda pair: name_score(pair[1]) - 0.5 * (body - pair[0]), default=(-1, [""] * width))
-    if line >= 0 and name_score(cells) < 0:
+    if line >= 0 and name_score(cells) <= 0:
         line, cells = -1, [""] * width
     if line < 0:
         first = [("", "") if _is_row_name(cell) else split_head(cell) for cell in below[:heading]]
@@ -144,7 +158,7 @@ def _head(
             split_head(cell)[1] if k < heading else "" if _is_row_name(cell) else _bare(cell)
             for k, cell in enumerate(below)
         ]
-        units = [unit_below or unit for unit_below, unit in zip(own, units, strict=True)]
+        units = [unit if is_unit(unit) else below_it or unit for below_it, unit in zip(own, units, strict=True)]
     return tuple(name for name, _ in split_cells), tuple(units), line, unit_line
 
 
@@ -165,6 +179,7 @@ def name_score(cells: Sequence[str]) -> float:
         known = bool(meanings_of(name) or part_of(name))
         score += 1.0 + 2.0 * known + 2.0 * bool(unit)
         score -= 2.5 * (counts[cell] > 1 and not known) + 3.0 * (is_value(cell) and not called)
+        score -= 3.0 * bool(_MEASURED.match(cell) and is_unit(cell.split()[1]))
         score -= 0.5 * bool(_SERIAL.match(cell)) + 2.0 * (len(cell) > _MAX_CHARACTERS_OF_KEY)
     return score / float(np.sqrt(max(1, len(cells))))
 
@@ -177,10 +192,16 @@ def _carried(cells: Sequence[str]) -> list[str]:
     return carried
 
 
-def _places(line: str, width: int) -> list[tuple[int, int]]:
-    """Return where the cells of a row stand that blanks part."""
-    places = [match.span() for match in re.finditer(r"\S+", line)]
-    return places if len(places) == width else []
+def _columns_of_blanks(lines: Sequence[str], rows: Sequence[list[str]], of: Sequence[int], width: int) -> list[Places]:
+    """Return where the cells of rows stand that blanks part, of each row that has all and is no statement."""
+    whole = [lines[k] for k in of if len(rows[k]) == width and not _STATED.match(lines[k])]
+    return [[match.span() for match in re.finditer(r"\S+", line)] for line in reversed(whole)]
+
+
+def _two_stamps(first: Sequence[str]) -> int | None:
+    """Return the place of a date with a time of day behind it, where further cells stand beside."""
+    pairs = pairwise(first)
+    return next((k for k, pair in enumerate(pairs) if len(first) > 2 and all(map(is_stamp, pair))), None)
 
 
 def _with_one_more(cells: list[str], first: Sequence[str], parted: bool) -> list[str]:
@@ -188,27 +209,32 @@ def _with_one_more(cells: list[str], first: Sequence[str], parted: bool) -> list
 
     Units of all columns but dates and times are two too few.
     """
-    if len(first) > 2 and is_stamp(first[0]) and is_stamp(first[1]):
-        return ["", "", *cells] if len(cells) == len(first) - 2 else [cells[0], "", *cells[1:]]
+    at = _two_stamps(first)
+    if at is not None:
+        return (
+            [*cells[:at], "", "", *cells[at:]]
+            if len(cells) == len(first) - 2
+            else [*cells[: at + 1], "", *cells[at + 1 :]]
+        )
     if not parted:
         return cells
     return [*cells, ""] if not first[-1] or _names_axis(cells[0]) else ["", *cells]
 
 
 def _fitted(
-    line: str, cells: list[str], width: int, dialect: Dialect, places: Sequence[tuple[int, int]], first: Sequence[str]
+    line: str, cells: list[str], width: int, dialect: Dialect, places: Sequence[Places], first: Sequence[str]
 ) -> list[str] | None:
     """Return the cells of a line of text when there is one a column, by any way of parting it; None where there is not.
 
-    `places`: where the cells of the first row of the body stand, that blanks part. `first`: these cells.
+    `places`: where the cells of other rows stand, that blanks part. `first`: the cells of the first row of the body.
     """
     ways = [cells] + [split(line, Dialect(delimiter=sign, quoted=dialect.quoted)) for sign in DELIMITERS[:-1]]
     if not dialect.delimiter:
         ways += [re.split(r"\s{2,}|\t", line.strip()), _NAME_AND_UNIT.findall(line)]
-        ways += [_by_place(line, places)] if places and 0 < len(cells) < width and not _STATED.match(line) else []
+        ways += [_by_place(line, where) for where in places if 0 < len(cells) < width and not _STATED.match(line)]
     for way in ways:
         fitted = [cell.strip().strip('"').strip() for cell in way]
-        if len(fitted) == width + 1 and _is_row_name(fitted[0]):
+        if len(fitted) == width + 1 and (not fitted[0] or _is_row_name(fitted[0])):
             fitted = fitted[1:]
         over = fitted[width:]  # names of columns that have no cells below, such as comments
         if (
@@ -217,7 +243,7 @@ def _fitted(
             and (_names_axis(fitted[0]) or all(not c or role_by_words(c) == "ignore" for c in over))
         ):
             fitted = fitted[:width]
-        short = 2 if len(first) > 2 and is_stamp(first[1]) and all(map(is_unit, map(_bare, fitted))) else 1
+        short = 2 if _two_stamps(first) is not None and all(map(is_unit, map(_bare, fitted))) else 1
         if len(fitted) == width - short and _name_columns(fitted) and way is cells:
             fitted = _with_one_more(fitted, first, bool(dialect.delimiter))
         if "=" in fitted:  # a key and its value, parted by blanks as the rows are
@@ -235,7 +261,7 @@ def _name_columns(cells: Sequence[str]) -> bool:
     )
 
 
-def _by_place(line: str, places: Sequence[tuple[int, int]]) -> list[str]:
+def _by_place(line: str, places: Places) -> list[str]:
     """Return the words of a line by the columns that they stand over; nothing where one stands over none or two over one."""
     cells = [""] * len(places)
     for match in re.finditer(r"\S+", line):
@@ -289,9 +315,11 @@ def _is_row_name(cell: str) -> bool:
     return len(cell) <= _MAX_CHARACTERS_OF_KEY and key_meaning(cell) in ("unit", "channel")
 
 
-def _is_statement(cells: Sequence[str]) -> bool:
-    """Whether a row is a key that is known and the number behind it."""
-    return len(cells) > 1 and is_number(cells[1]) and key_meaning(cells[0].rstrip(":= ")) not in ("", "unit", "channel")
+def _is_statement(line: str, dialect: Dialect) -> bool:
+    """Whether a line is a key that is known and its number."""
+    stated = statements_of(line[:_MAX_CHARACTERS], dialect)[:1]
+    known = (value for key, value in stated if key_meaning(key) not in ("", "unit", "channel"))
+    return any(is_number(value.split()[0]) for value in known)
 
 
 def _are_numbers_of_channels(cells: Sequence[str]) -> bool:

@@ -102,8 +102,9 @@ def contents_of_lines(
 def _in_place(line: str) -> str:
     """Return a line without the sign of a comment before it, its cells where they stood."""
     text, sign = uncommented(line)
-    before = line[: line.find(text)] if sign else ""
-    return text if "\t" in before else " " * len(before) + text
+    bare = line.strip("\r\n")
+    behind = bare.lstrip().lstrip(bare.lstrip()[:1]) if sign else ""
+    return " " * (len(bare) - len(behind)) + behind if sign else text
 
 
 def _refuse_cells(where: str, options: Options, delimiter: str | None) -> None:

@@ -1,0 +1,121 @@
+"""Weights of columns and readings of a table: what values say of each other, and what is read, asked or left."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import modalscope as ms
+from modalscope.io.columns import Column, Table, contents_from_table
+from modalscope.io.columns.weights import likeliest_force, weigh
+from tests.support import refused
+
+_RNG = np.random.default_rng(3)
+#: Two responses of one mode over 300 lines, 1 Hz apart.
+_LINES = np.arange(1.0, 301.0)
+_H = np.stack([a / (90.0**2 - _LINES**2 + 4j * _LINES) for a in (1e3, -2e3)], axis=1)
+
+
+def _table(*values: np.ndarray, names: str = "") -> Table:
+    heads = names.split(",") if names else [""] * len(values)
+    columns = tuple(Column(number=k, name=n, values=v) for k, (n, v) in enumerate(zip(heads, values, strict=True), 1))
+    return Table(where="a.csv", columns=columns)
+
+
+def _left(table: Table, **options: object) -> dict[str, str]:
+    findings = contents_from_table(table, options).findings
+    return {finding.part: finding.reason for finding in findings if not finding.taken}
+
+
+@pytest.mark.parametrize("of", [(0,), (0, 2), (0, 1, 2)])
+def test_a_magnitude_of_any_of_the_others_is_left(of: tuple[int, ...]) -> None:
+    a = _RNG.standard_normal((200, 3))
+    size = np.sqrt(np.sum(a[:, of] ** 2, axis=1))
+    table = _table(np.arange(200) / 100, *a.T, size, names="t,a,b,c,d")
+    assert _left(table) == {"column 5": "it is the magnitude of the others"}
+    rough = _table(np.arange(200) / 100, *a.T, size * np.linspace(1, 1.01, 200), names="t,a,b,c,d")
+    assert not _left(rough)
+
+
+def test_two_channels_that_are_never_negative_are_no_magnitudes_of_each_other() -> None:
+    a = np.abs(_RNG.standard_normal(200)) + 1
+    assert not _left(_table(np.arange(200) / 100, a, a, names="t,a,b"))
+
+
+def test_of_two_columns_that_count_the_first_from_one_is_the_counter() -> None:
+    lines = contents_from_table(_table(np.arange(1.0, 301.0), 40 + 2 * np.arange(300.0), _H[:, 0]), {}).thing
+    assert lines.frequencies[:2].tolist() == [40, 42]
+    alone = contents_from_table(_table(np.arange(1.0, 301.0), _H[:, 0], names="f,H"), {}).thing
+    assert alone.frequencies[:2].tolist() == [1, 2]
+
+
+_COHERENCES = _RNG.uniform(0.9, 0.99, (300, 2))
+_PARTS = (_H[:, 0].real, _H[:, 0].imag, _H[:, 1].real, _H[:, 1].imag)
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        (*_PARTS, *_COHERENCES.T),
+        (*_PARTS[:2], _COHERENCES[:, 0], *_PARTS[2:], _COHERENCES[:, 1]),
+        (*_PARTS[::2], *_PARTS[1::2]),
+        (np.abs(_H[:, 0]), np.angle(_H[:, 0]), np.abs(_H[:, 1]), np.angle(_H[:, 1], deg=False), *_COHERENCES.T),
+    ],
+    ids=["coherences behind", "triples", "parts behind each other", "polar"],
+)
+def test_parts_and_coherences_without_names_are_found_by_their_places(columns: tuple[np.ndarray, ...]) -> None:
+    found = contents_from_table(_table(_LINES, *columns), {}).thing
+    assert isinstance(found, ms.FrequencyResponse)
+    assert np.allclose(found.values[:, :, 0], _H)
+    if len(columns) > 4:
+        assert np.array_equal(found.coherence[:, :, 0], _COHERENCES)
+
+
+def test_pairs_that_are_no_causal_responses_are_refused() -> None:
+    spectra = np.abs(_RNG.standard_normal((300, 2))) * [1, 150]
+    refused("complex values with its frequencies", contents_from_table, _table(_LINES, *spectra.T, names="Hz,a,b"), {})
+
+
+def test_times_beside_frequencies_are_left() -> None:
+    table = _table(_LINES, *_PARTS[:2], _LINES / 100, names="Frequency,H Real,H Imag,Time")
+    assert _left(table) == {"column 4": "times beside frequencies"}
+
+
+def test_a_magnitude_beside_parts_that_ends_early_cuts_nothing() -> None:
+    size = np.abs(_H[:, 0])
+    size[-5:] = np.nan
+    table = _table(_LINES, *_PARTS[:2], size, names="Frequency,H Real,H Imag,|a|")
+    assert len(contents_from_table(table, {}).thing.frequencies) == 300
+
+
+def test_of_two_columns_of_times_the_one_without_holes_is_the_axis() -> None:
+    second = np.arange(200) / 100
+    second[-9:] = np.nan
+    stamps = Column(number=1, name="Timestamp", values=1.6e9 + np.arange(200) / 100)
+    others = (Column(number=2, values=_RNG.standard_normal(200)), Column(number=3, name="t2", unit="s", values=second))
+    assert len(contents_from_table(Table(where="a", columns=(stamps, *others)), {}).thing.outputs) == 200
+
+
+@pytest.mark.parametrize(("step", "asked"), [(0.199 / 299, False), (0.201 / 299, True)])
+def test_no_band_of_lines_ends_below_a_fifth_of_a_hertz(step: float, asked: bool) -> None:
+    held = weigh([Column(number=1, values=step * np.arange(300))])[1]
+    assert bool(held.of("frequency") > 0) is asked
+
+
+def test_a_record_that_may_be_lines_is_offered_with_the_force_that_others_follow() -> None:
+    force = _RNG.standard_normal(600)
+    decay = np.exp(-0.05 * np.arange(60)) * np.sin(0.7 * np.arange(60))
+    answers = [np.convolve(force, scale * decay)[:600] for scale in (1.0, -0.7, 0.4)]
+    columns = [Column(number=k, values=v) for k, v in enumerate((*answers[:2], force, answers[2]), 1)]
+    assert (likeliest_force(columns)[0].number, likeliest_force(columns)[1]) == (3, True)
+    assert not likeliest_force(columns[:2])[1]
+
+
+def test_a_hit_adds_to_a_name_of_a_force_in_an_odd_unit() -> None:
+    hit = np.zeros(400)
+    hit[50:54] = (1, 5, 4, 1)
+    ring = np.convolve(hit, np.exp(-0.02 * np.arange(300)) * np.sin(0.5 * np.arange(300)))[:400]
+    ring += 1e-3 * _RNG.standard_normal(400)
+    columns = (Column(number=1, name="F", unit="g", values=hit), Column(number=2, name="m_1", unit="g", values=ring))
+    record = contents_from_table(Table(where="a", columns=columns, rate=1e3), {}).thing
+    assert record.input_dofs == ("F",)
