@@ -7,10 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import modalscope as ms
 from tests.io.exports.draw import HALVES, SHARED, draw_choices
 from tests.io.exports.measure import by_dimension, measure, table
-from tests.io.exports.verdict import COSTS, tried
+from tests.io.exports.verdict import COSTS, dead_ends, obeyed, tried
 from tests.io.exports.words import FAR, NEAR
+from tests.io.exports.write import write
+from tests.io.ordinary import CASES, RATE
 
 #: Seeds of the quick test, and of the study, whose seeds were looked at by nobody while the reader was made.
 _QUICK, _FIRST, _COUNT = 24, 910_000, 1000
@@ -36,6 +39,35 @@ def test_no_export_ends_in_a_crash(tmp_path: Path, half: str) -> None:
     assert set(words) <= set(COSTS)
 
 
+def _message(path: Path) -> str:
+    try:
+        return " ".join(obeyed(path, []).notes)
+    except ms.DataError as error:
+        return str(error)
+
+
+@pytest.mark.parametrize("half", HALVES)
+def test_every_printed_option_reads_the_file_or_asks_one_thing_more(tmp_path: Path, half: str) -> None:
+    for seed in range(20_000, 20_000 + _QUICK):
+        drawn = write(tmp_path, seed, draw_choices(np.random.default_rng([seed, 0]), half))
+        assert not dead_ends(drawn.path, _message(drawn.path), drawn.truth.rate), _message(drawn.path)
+
+
+def test_an_option_that_leads_nowhere_is_found(tmp_path: Path) -> None:
+    path = tmp_path / "bare.csv"
+    path.write_text("1.5,2\n0.5,-1\n2.5,0\n")
+    message = _message(path)
+    assert dead_ends(path, message) == []  # one further question, as a rate is, is none
+    assert dead_ends(path, message + ', or --columns "time=9"') == ["--columns time=9"]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_option_printed_for_ordinary_files_reads_them_or_asks_one_thing_more(tmp_path: Path, name: str) -> None:
+    path = tmp_path / f"case{CASES[name].suffix}"
+    CASES[name].write(path)
+    assert not dead_ends(path, _message(path), RATE), _message(path)
+
+
 @pytest.mark.study("reading")
 def test_fresh_exports(study) -> None:
     """Shares of the verdicts in each half, and of what is right at every value of every dimension."""
@@ -57,6 +89,11 @@ def test_fresh_exports(study) -> None:
         of.row("crash, or more than 20 s", share["crash"], most=0, form=".1f", unit=" %")
         for word in ("names or units lost", "wrong and said", "refused, remedy works", "refused"):
             of.row(word, share[word], form=".1f", unit=" %")
+    of = study("exports that are refused", seeds)
+    refused = [word for word, _, _ in rows if word.startswith("refused")]
+    if refused:
+        works = 100 * refused.count("refused, remedy works") / len(refused)
+        of.row(f"{len(refused)} that can be read: a remedy works when obeyed", works, least=90, form=".0f", unit=" %")
     for name, values in by_dimension(rows).items():
         of = study(f"exports by {name}", f"{len(rows)} files, {seeds}")
         for value, words in values.items():

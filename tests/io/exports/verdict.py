@@ -30,7 +30,7 @@ _SECONDS = 20.0
 def suggestions(text: str) -> list[list[str]]:
     """Return the options that a message names, as words of a command line, each way by itself."""
     ways = []
-    for part in re.split(r",? (?:or|if|else)\b[^-\"']*(?=--)|(?<=[ (])(?=--)(?<!\w --)", text):
+    for part in re.split(r",? (?:or|if|else)\b[^-\"']*(?=--)|(?<=[ (])(?=--)(?<![\w\"'] )", text):
         if "--" not in part:
             continue
         try:
@@ -47,13 +47,26 @@ def suggestions(text: str) -> list[list[str]]:
     return ways
 
 
-def obeyed(drawn: Drawn, words: list[str]) -> Any:
-    """Return what a file gives with options of the command line; what a person fills in is filled in."""
-    rate = drawn.truth.rate
-    words = [f"{rate:.9g}" if word == "HZ" else word for word in words]
-    return ms.io.survey(
-        drawn.path, **reading_options(build_parser().parse_args(["info", str(drawn.path), *words]), drawn.path)
-    )
+def obeyed(path: Path, words: list[str], rate: float | None = None) -> Any:
+    """Return what a file gives with options of the command line; a rate that a person fills in is filled in."""
+    words = [f"{rate or 1000.0:.9g}" if word == "HZ" else word for word in words]
+    return ms.io.survey(path, **reading_options(build_parser().parse_args(["info", str(path), *words]), path))
+
+
+def dead_ends(path: Path, message: str, rate: float | None = None) -> list[str]:
+    """Return the options of a message that neither read its file nor lead to one further question whose answer does."""
+    return [shlex.join(way) for way in suggestions(message) if not _leads_on(path, way, message, rate, further=1)]
+
+
+def _leads_on(path: Path, words: list[str], message: str, rate: float | None, further: int) -> bool:
+    try:
+        obeyed(path, words, rate)
+    except ms.DataError as error:
+        ways = [way for way in suggestions(str(error)) if way[0] not in words] if str(error) != message else []
+        return further > 0 and any(_leads_on(path, [*words, *way], str(error), rate, further - 1) for way in ways)
+    except SystemExit:  # the command line does not know it
+        return False
+    return True
 
 
 def same(drawn: Drawn, thing: Any) -> str:
@@ -122,7 +135,7 @@ def verdict(drawn: Drawn) -> tuple[str, str]:
     """Return the verdict on a file, and the message where there is one."""
     began = time.process_time()
     try:
-        survey = obeyed(drawn, [])
+        survey = obeyed(drawn.path, [])
     except ms.DataError as error:
         return _of_refusal(drawn, str(error))
     except Exception as error:  # noqa: BLE001 - whatever it is, a user sees a traceback
@@ -142,7 +155,7 @@ def _works(drawn: Drawn, words: list[str]) -> bool:
     """Whether obeying reads the file right, at once or after one further question."""
     for _ in range(2):
         try:
-            survey = obeyed(drawn, words)
+            survey = obeyed(drawn.path, words, drawn.truth.rate)
             if same(drawn, survey.thing) != "wrong":
                 return True
             further = suggestions(" ".join(survey.notes))

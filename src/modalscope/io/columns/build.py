@@ -48,7 +48,7 @@ def contents_from_table(table: Table, options: Options) -> Contents:
     found = readings(table, columns, spoken, options.get("sampling_rate") or table.rate)
     if not spoken:
         _refuse_near(table, found, _works(table, columns, options))
-    contents = _read(table, columns, found[0], spoken, options)
+    contents = _read(table, columns, found, spoken, options)
     weighed = [] if spoken else [Finding(part="reading", what=_compared(found))]
     return replace(contents, findings=(*contents.findings, *weighed))
 
@@ -62,9 +62,10 @@ def _compared(found: Sequence[Reading]) -> str:
 
 
 def _read(
-    table: Table, columns: Sequence[Column], reading: Reading, spoken: Mapping[int, str], options: Options
+    table: Table, columns: Sequence[Column], found: Sequence[Reading], spoken: Mapping[int, str], options: Options
 ) -> Contents:
-    """Return what one reading makes of a table."""
+    """Return what the first of some readings makes of a table."""
+    reading = found[0]
     axis, kind, roles = reading.axis, reading.kind, reading.roles
     omitted = {c.number: "ignore names it" for c in table.columns if c not in columns}
     omitted |= {c.number: reading.reasons.get(c.number, "") for c in columns if roles[c.number] in ("ignore", "index")}
@@ -78,14 +79,15 @@ def _read(
     if not others:
         raise nothing_measured(table, axis, kind, options)
     thing: FrequencyResponse | ImpulseResponse | Signals
-    notes = _notes(reading, roles, spoken, table)
+    notes = _notes(found, spoken, table)
     if kind == "frequency":
         lines = _lines(table) if axis is None else axis
         works = _works(table, columns, options)
         thing, notes_of_data, unused = frequency_response(table, lines, others, roles, spoken, works)
     else:
         record, notes_of_data, unused = records(table, axis, others, roles, options)
-        thing = free_decay(record, table.where) if "decay" in spoken.values() else record
+        free = replace(reading, roles={number: role for number, role in roles.items() if role != "in"})
+        thing = free_decay(record, table.where, free.option) if "decay" in spoken.values() else record
     findings = [Finding(part=part, what=what) for part, what in table.layout]
     findings += [_finding(column, reading, omitted | unused) for column in table.columns]
     return Contents(
@@ -102,7 +104,7 @@ def _works(table: Table, columns: Sequence[Column], options: Options) -> Callabl
         spoken = spoken_roles(columns, words)
         try:
             found = readings(table, columns, spoken, options.get("sampling_rate") or table.rate)
-            _read(table, columns, found[0], spoken, {**options, "columns": words})
+            _read(table, columns, found, spoken, {**options, "columns": words})
         except DataError as error:
             return "--sampling-rate HZ" in error.change or "--units" in error.change
         return True
@@ -193,30 +195,31 @@ def _record_options(table: Table, reading: Reading) -> list[str]:
     return [driven.option, reading.option] if followed else [reading.option]
 
 
-def _notes(reading: Reading, roles: Mapping[int, str], spoken: Mapping[int, str], table: Table) -> list[str]:
-    """Return what was concluded from values alone, and how to say otherwise."""
-    axis, notes = reading.axis, []
+def _notes(found: Sequence[Reading], spoken: Mapping[int, str], table: Table) -> list[str]:
+    """Return what was concluded from values alone, and the option that says otherwise."""
+    reading = found[0]
+    axis, roles, notes = reading.axis, reading.roles, []
     reason = reading.reasons.get(axis.number, "") if axis is not None else ""
     if axis is not None and axis.number not in spoken and reason.startswith("it rises"):
-        other = "frequency" if reading.kind == "time" else "time"
+        other = next((r.option for r in found if r.axis is axis and r.kind != reading.kind), "")
+        other = f' (else: --columns "{other}")' if "out=" in other or "imag=" in other or "phase=" in other else ""
         unit = "s" if reading.kind == "time" else "Hz"
-        notes.append(
-            f'{axis} {reason[3:]}: taken as {reading.kind} in {unit} (else: --columns "{other}={axis.number},...")'
-        )
+        notes.append(f"{axis} {reason[3:]}: taken as {reading.kind} in {unit}{other}")
     if axis is None and reading.content == "response" and table.lines is not None:
         notes.append(f"frequencies start at {table.lines[0]:g} Hz with a step of {table.lines[1]:g} Hz, by the header")
     for column in table.columns:
-        why = reading.reasons.get(column.number, "")
-        if roles.get(column.number) == "index" and why == "it counts rows":
+        role, why = roles.get(column.number), reading.reasons.get(column.number, "")
+        if column.number in spoken or column.textual or not why.startswith("it "):
+            continue
+        if role == "index" and why == "it counts rows":
             notes.append(f"{column} counts rows: it was left")
-        elif (
-            column.number not in spoken
-            and roles.get(column.number) in ("ignore", "in")
-            and why.startswith("it ")
-            and not column.textual
-        ):
-            left = "was left" if roles[column.number] == "ignore" else "is taken as a force"
-            notes.append(f'{column} {left}: {why} (else: --columns "out={column.number},...")')
+        elif role in ("ignore", "in"):
+            done = "was left" if role == "ignore" else "is taken as a force"
+            note = f"{column} {done}: {why}"
+            if reading.content == "record":
+                as_output = replace(reading, roles={**roles, column.number: "out"}).option
+                note += f' (else: --columns "{as_output}")'
+            notes.append(note)
     return notes
 
 

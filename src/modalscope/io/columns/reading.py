@@ -58,7 +58,7 @@ class Reading:
         parts = [] if self.axis is None else [f"{self.kind}={self.axis.number}"]
         order: dict[str, list[int]] = {}
         for number, role in self.roles.items():
-            if role in ("in", "out"):
+            if role in ("in", "out", "decay"):
                 order.setdefault(role, []).append(number)
             elif role in ("real", "imag", "mag", "phase", "coh"):
                 parts.append(f"{role}={number}")

@@ -12,7 +12,7 @@ from modalscope.data import DataError, ImpulseResponse, Signals
 from modalscope.data.channels import names_base
 from modalscope.data.geometry import label_of
 from modalscope.functions.poles import QUANTITIES
-from modalscope.io.columns.axis import longest_even, parts_of_second, same_rate, sampling_of
+from modalscope.io.columns.axis import longest_even, parts_of_second, rises, same_rate, sampling_of
 from modalscope.io.columns.clock import evened
 from modalscope.io.columns.table import Column, Table, as_word, span
 from modalscope.io.columns.weights import likeliest_force
@@ -41,7 +41,8 @@ def records(
     wrong = [column for column in channels if np.iscomplexobj(column.values)]
     if wrong:
         fault = f"{wrong[0]} is complex, and no column is of frequencies"
-        remedy = 'Say which it is: --columns "frequency=1".'
+        rising = [c.number for c in table.columns if c not in wrong and not c.textual and rises(c.values)]
+        remedy = f'Say which it is: --columns "frequency={rising[0]}"' if rising else "Export them in a column with it."
         raise needs(table.where, "frequencies of the complex values", fault, remedy)
     spectra = (
         [column for column in channels if roles[column.number] == "spectrum"] if options.get("columns") is None else []
@@ -104,14 +105,14 @@ def nothing_measured(table: Table, axis: Column | None, kind: str, options: Opti
     return needs(table.where, "a column of measured values", fault, change)
 
 
-def free_decay(record: Signals, where: str) -> ImpulseResponse:
+def free_decay(record: Signals, where: str, option: str) -> ImpulseResponse:
     """Return records without forces as one free decay of all channels, from the first row on.
 
-    `where`: the table, for messages.
+    `where`: the table, for messages. `option`: what `--columns` says of it without the forces.
     """
     if record.inputs is not None:
         fault = f"{', '.join(record.input_dofs)} would be a force, which acts on no free decay"
-        remedy = 'Take rows after it has gone, and leave it out: --rows FIRST- --columns "time=1,decay=3-".'
+        remedy = f'Take rows after it has gone, and leave it out: --rows FIRST- --columns "{option}"'
         raise unreadable(f"{where} as a free decay", fault, remedy)
     return ImpulseResponse(
         values=record.outputs[:, :, None],
