@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,12 @@ import pytest
 import modalscope as ms
 from modalscope.cli import main
 from modalscope.doctor import examine
-from modalscope.doctor.runs import _largest_product, label_by_place, place_numbers
+from modalscope.doctor.places import Compared, differences, label_by_place, places_of
+from modalscope.doctor.runs import _largest_product, place_numbers
 from modalscope.identification.routes import usual_route
 from modalscope.preprocess import estimate_frf
 from modalscope.systems import chain5
+from tests.doctor.roving import Roving, roving
 from tests.support import random_system
 
 DT = chain5().dt
@@ -33,8 +36,9 @@ def hits(place: int, count: int = 2, samples: int = 1024, noise: float = 1e-3, s
 
 
 def test_hits_of_three_places_and_of_one() -> None:
-    assert place_numbers([hits(0), hits(2), hits(4), hits(0, seed=1)]) == [0, 0, 1, 1, 2, 2, 0, 0]
-    assert place_numbers([hits(3, count=6)]) == [0] * 6
+    assert places_of([hits(0), hits(2), hits(4), hits(0, seed=1)]) == [0, 1, 2, 0]
+    assert place_numbers(ms.merge([hits(0), hits(2), hits(4), hits(0, seed=1)])) == [0, 0, 1, 1, 2, 2, 0, 0]
+    assert place_numbers(hits(3, count=6)) == [0] * 6
 
 
 @pytest.mark.parametrize("spoil", ["turned", "exchanged"])
@@ -43,7 +47,7 @@ def test_channels_that_changed_in_a_run_are_no_other_place(spoil: str) -> None:
     outputs = record.outputs.copy()
     outputs[2] = outputs[2] * [1, -1, 1] if spoil == "turned" else outputs[2][:, [1, 0, 2]]
     spoilt = ms.Signals(outputs=outputs, inputs=record.inputs, sampling_rate=record.sampling_rate)
-    assert place_numbers([spoilt]) == [0] * 4
+    assert place_numbers(spoilt) == [0] * 4
     assert "places" not in {finding.kind for finding in examine(spoilt)}
 
 
@@ -72,12 +76,92 @@ def test_responses_at_several_places_are_told_apart_too() -> None:
     [
         [hits(0)],
         [hits(0), hits(0, seed=1)],
-        [hits(0), ms.merge([hits(2), hits(4)])],  # a file that holds several: the doctor names them
         [hits(0), ms.Signals(outputs=np.ones((9, 3)) * np.arange(9)[:, None], sampling_rate=1.0)],
     ],
 )
 def test_labels_stay_where_files_do_not_stand_for_places(parts: list[ms.Signals]) -> None:
     assert label_by_place(parts, [str(k) for k in range(len(parts))]) == (parts, ())
+
+
+def test_a_file_that_holds_several_places_is_a_place_of_its_own_and_the_doctor_names_it() -> None:
+    named, told = label_by_place([hits(0), ms.merge([hits(2), hits(4)])], ["a", "b"])
+    assert [part.input_dofs for part in named] == [("place 1",), ("place 2",)]
+    assert "place 1 (a); place 2 (b)" in str(told[0])
+    assert any(finding.kind == "places" for finding in examine(ms.merge(named)))
+
+
+def test_one_hit_a_file_is_weighed_by_the_quiet_samples_ahead_of_it() -> None:
+    assert places_of([hits(place, count=1, seed=k) for k, place in enumerate((0, 2, 0, 4, 2))]) == [0, 1, 0, 2, 1]
+
+
+def test_shaken_places_are_told_apart_and_repeated_runs_are_one() -> None:
+    def shaken(place: int, seed: int) -> ms.Signals:
+        record = chain5().simulate(
+            inputs="white",
+            at=[place],
+            samples=12_000,
+            sampling_rate=20.0,
+            quantity="acceleration",
+            noise=0.02,
+            seed=seed,
+        )
+        return replace(record, input_dofs=["shaker"])
+
+    assert places_of([shaken(0, 1), shaken(4, 2), shaken(0, 3)]) == [0, 1, 0]
+
+
+@pytest.mark.parametrize(("apart", "places"), [(0.079, [0, 0]), (0.081, [0, 1])])
+def test_what_differs_by_more_than_hits_repeat_is_another_place_and_asked(apart: float, places: list[int]) -> None:
+    f = np.linspace(1, 2, 32)
+    a = np.exp(1j * f)[:, None, None]
+    ratio = (1 + apart / 2) / (1 - apart / 2)
+    parts = [ms.FrequencyResponse(values=k * a, frequencies=f) for k in (1.0, ratio)]
+    assert places_of(parts) == places
+    _, told = label_by_place(parts, ["a", "b"])
+    assert ["Are a and b one place? They differ by 8.1 %" in str(note) for note in told] == [True] * (
+        len(set(places)) - 1
+    )
+
+
+def test_files_that_agree_with_one_of_a_place_only_do_not_join_it() -> None:
+    f = np.linspace(1, 2, 32)
+    parts = [ms.FrequencyResponse(values=k * np.exp(1j * f)[:, None, None], frequencies=f) for k in (1.0, 1.07, 1.14)]
+    assert places_of(parts) == [0, 0, 1]
+
+
+def test_files_of_noise_alone_agree_in_nothing() -> None:
+    rng = np.random.default_rng(0)
+    noise = rng.standard_normal((2, 64, 1)) + 1j * rng.standard_normal((2, 64, 1))
+    for variance, far in ((2.0, True), (1e-6, False)):
+        compared = Compared(1 + 1e-4 * noise if not far else noise, np.full((2, 64, 1), variance), np.full(2, np.inf))
+        assert np.isinf(differences(compared)[0, 1]) is np.bool_(far)
+
+
+def test_hits_at_the_start_of_their_runs_have_one_sign() -> None:
+    test = roving(37)
+    first = [record for record, place in zip(test.files, test.places, strict=True) if place == 0]
+    assert [finding.kind for finding in examine(ms.merge(first))] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [5, 14, 20])
+def test_places_of_roving_tests_of_symmetric_structures_and_their_shapes(seed: int, tmp_path: Path) -> None:
+    test = roving(seed)
+    assert places_of(test.files) == test.places
+    assert _least_mac(test, tmp_path) > 0.98
+
+
+def _least_mac(test: Roving, folder: Path) -> float:
+    """Return the least MAC of the shapes over the places, identified from the files as they are; 0 where a mode or a place is missing."""
+    paths = []
+    for k, record in enumerate(test.files):
+        paths.append(folder / f"point{k + 1}.npz")
+        ms.write(paths[-1], record)
+    modes = ms.analyze(paths, refine=False).modes
+    if len(modes) < len(test.frequencies) or len(modes.output_dofs) != len(test.shapes):
+        return 0.0
+    nearest = [int(np.argmin(np.abs(modes.frequencies - f))) for f in test.frequencies]
+    return min(float(ms.indicators.mac(modes.shapes[:, [j]], test.shapes[:, [i]])[0, 0]) for i, j in enumerate(nearest))
 
 
 def test_hits_of_labelled_places_give_responses_column_by_column() -> None:
@@ -140,8 +224,21 @@ def test_two_hundred_pairs_of_each_kind(study) -> None:
                 y = system.simulate(force)
                 y += noise * y.std(axis=0).max() * rng.standard_normal(y.shape)
                 runs.append(ms.Signals(outputs=y, inputs=force[:, [column]], sampling_rate=1 / system.dt))
-            apart[same] += len(set(place_numbers(runs))) > 1
+            apart[same] += len(set(place_numbers(ms.merge(runs)))) > 1
     table = study("pairs of hits, at one place and at two", "200 pairs of each, seed 2026")
     table.row("at one place, taken for two", apart[True], most=0)
     table.row("at two places, told apart", apart[False], least=121)
+    assert not table.missed
+
+
+@pytest.mark.study("checks")
+def test_a_hundred_roving_tests_of_symmetric_structures(study, tmp_path: Path) -> None:
+    right, shapes = 0, 0
+    for seed in range(100):
+        test = roving(seed)
+        right += places_of(test.files) == test.places
+        shapes += _least_mac(test, tmp_path) > 0.98
+    table = study("roving hammer tests, one sensor, 5 to 30 places of symmetric structures", "100 tests, seeds 0 to 99")
+    table.row("places as they are, hits repeated to 1 % of their distance", right, least=98)
+    table.row("shapes over the places, all MAC above .98", shapes, least=95)
     assert not table.missed

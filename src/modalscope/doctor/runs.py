@@ -13,19 +13,12 @@ W, too; therefore W is the largest over such changes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-from itertools import pairwise
-from typing import Any
-
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from modalscope.data.channels import AUTO
-from modalscope.data.notes import Finding, Note
+from modalscope.data.notes import Finding
 from modalscope.data.records import Signals
-from modalscope.data.responses import FrequencyResponse
 from modalscope.doctor.findings import finding
 from modalscope.numerics.checks import ComplexArray, RealArray
 from modalscope.preprocess.excitation import find_excitation
@@ -54,68 +47,15 @@ _MAX_SAMPLES = 1 << 16
 _MIN_LIKENESS, _MIN_EXCHANGE_RATIO = 0.5, 2.0
 
 
-def label_by_place(parts: Sequence[Any], names: Sequence[str]) -> tuple[list[Any], tuple[Note, ...]]:
-    """Label the input of each part of a test by its place when parts of one input label were driven at several places.
-
-    The parts are returned unchanged, without a note, if they have several inputs or different labels, if there is one place only, or if
-    the runs of one part were driven at several places.
-
-    Parameters
-    ----------
-    parts : sequence of data objects
-        Records or responses of one test.
-    names : sequence of str
-        Names of their files, for the note.
-    """
-    if not _one_input(parts):
-        return list(parts), ()
-    places = place_numbers(parts)
-    runs = np.cumsum([0, *(part.runs if isinstance(part, Signals) else 1 for part in parts)])
-    of_part = [set(places[start:stop]) - {None} for start, stop in pairwise(runs)]
-    if any(len(part_places) != 1 for part_places in of_part) or len(set.union(*of_part)) == 1:
-        return list(parts), ()
-    place = [int(k) for part_places in of_part for k in part_places if k is not None]
-    files = {k: ", ".join(name for name, p in zip(names, place, strict=True) if p == k) for k in sorted(set(place))}
-    listed = "; ".join(f"place {k + 1} ({listing})" for k, listing in files.items())
-    text = (
-        f"{len(parts)} files look like {len(files)} drive points, all labelled {parts[0].input_dofs[0]!r}. Inputs are named {listed}; "
-        "check with --input-dofs"
-    )
-    named = [replace(part, input_dofs=[f"place {k + 1}"], groups=AUTO) for part, k in zip(parts, place, strict=True)]
-    return named, (Note("places", {"places": float(len(files))}, text),)
-
-
-def _one_input(parts: Sequence[Any]) -> bool:
-    """Whether parts are records, or responses on one set of lines, of the same outputs and one input."""
-    first = parts[0]
-    if len(parts) < 2 or not isinstance(first, Signals | FrequencyResponse) or len(first.input_dofs) != 1:
-        return False
-    alike = all(
-        type(part) is type(first) and part.input_dofs == first.input_dofs and part.output_dofs == first.output_dofs
-        for part in parts
-    )
-    if not alike or isinstance(first, Signals):
-        return alike and len({part.sampling_rate for part in parts}) == 1
-    return all(np.array_equal(part.frequencies, first.frequencies) for part in parts)
-
-
-def place_numbers(parts: Sequence[Any]) -> list[int | None]:
-    """Return the number of the place of every run of every part, from 0 in the order of appearance; None for a run with an overloaded hit.
-
-    All parts have the same outputs and lines, and one input each.
-    """
-    if isinstance(parts[0], FrequencyResponse):
-        rows = np.stack([part.values[:, :, 0] for part in parts])
-        noise = [np.sum(part.variance, axis=(1, 2)) for part in parts if part.variance is not None]
-        # lines are divided by the standard deviation of their noise if all parts give it, so that noisy lines count less
-        return list(_clusters(rows / np.sqrt(np.sum(noise, axis=0))[:, None] if len(noise) == len(parts) else rows))
-    usable = [use for part in parts for use in _usable_runs(part)]
-    count = min(*(part.samples for part in parts), _MAX_SAMPLES)
-    spectra = [[np.fft.rfft(x[:, :count], axis=1)[:, 1:-1] for x in part.by_run()] for part in parts]
-    outputs, u = (np.concatenate(side)[usable] for side in zip(*spectra, strict=True))
+def place_numbers(signals: Signals) -> list[int | None]:
+    """Return the number of the place of every run, from 0 in the order of appearance; None for a run with an overloaded hit."""
+    usable = _usable_runs(signals)
+    outputs, inputs = signals.by_run()
+    assert inputs is not None
+    y, u = (np.fft.rfft(x[:, :_MAX_SAMPLES], axis=1)[usable, 1:-1] for x in (outputs, inputs))
     size = np.maximum(np.abs(u), np.finfo(float).tiny)
     mean = np.exp(np.mean(np.log(size), axis=0))  # responses times the usual force: lines without force do not count
-    places = iter(_clusters(outputs * (mean * u.conj() / size**2)))
+    places = iter(_clusters(y * (mean * u.conj() / size**2)))
     return [next(places) if use else None for use in usable]
 
 
@@ -174,7 +114,7 @@ def changed_runs(signals: Signals) -> list[Finding]:
     """Find runs of a test with one input that were driven at other places, or whose outputs changed sign or were exchanged."""
     if signals.runs < 2 or len(signals.input_dofs) > 1:
         return []
-    places = place_numbers([signals])
+    places = place_numbers(signals)
     different = sorted({place for place in places if place is not None})
     if len(different) < 2:
         return _changed_channels(signals) if signals.runs > 2 else []  # of two runs neither is the usual one
@@ -187,7 +127,9 @@ def _changed_channels(signals: Signals) -> list[Finding]:
     outputs, inputs = signals.by_run()
     assert inputs is not None
     tiny = np.finfo(float).tiny
-    segments = Segments.of(signals.samples, signals.samples)
+    # a Hann window would hide a hit at the start of its run
+    window = "hann" if find_excitation(signals) == "random" else "none"
+    segments = Segments.of(signals.samples, signals.samples, window=window)
     rows = []
     for y, u in zip(outputs, inputs, strict=True):
         S = cross_spectra(y[None], u[None], signals.sampling_rate, segments)

@@ -37,7 +37,7 @@ _MAX_BAND_RATIO, _MIN_GAP_RATIO = 4.0, 1.15
 _SAMPLES_PER_PERIOD = 4.0
 
 #: Useful lines have at least this part of the largest power of the force.
-_USEFUL_POWER = 0.01
+USEFUL_POWER = 0.01
 
 #: A band that reaches this part of half the sampling rate is not cut.
 _WHOLE_BAND = 0.8
@@ -167,7 +167,7 @@ def useful_lines(signals: Signals, frequencies: RealArray) -> BoolArray:
     times = np.arange(max((p.size for p in pulses), default=0)) / signals.sampling_rate
     waves = np.exp(-2j * np.pi * np.outer(frequencies, times))
     power = sum((np.abs(waves[:, : p.size] @ p) ** 2 for p in pulses), np.zeros(len(frequencies)))
-    return np.asarray(power >= _USEFUL_POWER * np.max(power))
+    return np.asarray(power >= USEFUL_POWER * np.max(power))
 
 
 def swept_lines(signals: Signals, frequencies: RealArray) -> BoolArray:
@@ -178,4 +178,4 @@ def swept_lines(signals: Signals, frequencies: RealArray) -> BoolArray:
     width = max(len(power) // 100, 1)
     smooth = scipy.signal.oaconvolve(power, np.ones(width) / width, mode="same")
     at_lines = np.interp(frequencies, fft.rfftfreq(signals.samples, 1 / signals.sampling_rate), smooth)
-    return np.asarray(at_lines >= _USEFUL_POWER * smooth.max())
+    return np.asarray(at_lines >= USEFUL_POWER * smooth.max())

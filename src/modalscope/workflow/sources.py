@@ -14,7 +14,7 @@ from modalscope.data import Geometry, ModalModel, Note, Signals, StoredSignals
 from modalscope.data.analysis import SourceFile
 from modalscope.data.setups import as_test, setups_of
 from modalscope.data.units import si_form
-from modalscope.doctor.runs import label_by_place
+from modalscope.doctor.places import label_by_place
 from modalscope.io import from_frame, survey
 from modalscope.io.arrays import to_arrays
 from modalscope.io.frames import is_frame
