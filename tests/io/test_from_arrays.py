@@ -6,7 +6,10 @@ import pytest
 import modalscope.io as mio
 from modalscope.io.arrays import to_arrays
 from tests.io import samples
+from tests.io.exports.verdict import dead_ends, obeyed, suggestions
 from tests.support import refused
+
+RNG = np.random.default_rng(4)
 
 
 def test_unknown_arrays_are_named_with_the_way_out(tmp_path):
@@ -88,3 +91,43 @@ def test_options_that_the_data_do_not_have_are_named(tmp_path):
 def test_labels_of_bytes_are_text(tmp_path):
     np.savez(tmp_path / "a.npz", outputs=np.ones((4, 2)), sampling_rate=1.0, output_dofs=np.array([b"1:+X", b"2:+X"]))
     assert mio.read(tmp_path / "a.npz").output_dofs == ("1:+X", "2:+X")
+
+
+def _saved(path, **arrays):
+    np.savez(path / "test.npz", **arrays)
+    return path / "test.npz"
+
+
+@pytest.mark.parametrize(("samples", "asked"), [(37, True), (39, True), (40, False)])
+def test_channels_in_rows_are_asked_for_where_there_are_not_twenty_times_as_many_samples(tmp_path, samples, asked):
+    path = _saved(tmp_path, acc=RNG.standard_normal((2, samples)), fs=100.0)
+    if asked:
+        refused("--transpose", mio.read, path)
+    assert mio.read(path, **({"transpose": True} if asked else {})).outputs.shape == (samples, 2)
+
+
+def test_arrays_of_settings_and_results_beside_a_record_are_left_with_a_note(tmp_path):
+    path = _saved(tmp_path, y=RNG.standard_normal((900, 3)), fs=10.0, phi=np.ones((6, 80)), zeta=np.ones(30))
+    survey = mio.survey(path)
+    assert survey.thing.outputs.shape == (900, 3)
+    assert "phi, zeta were left: no axis has 900 samples" in survey.notes
+    refused("--ignore z", mio.read, _saved(tmp_path, y=np.ones((900, 3)), fs=10.0, z=np.ones(800)))
+
+
+def test_columns_of_forces_that_are_short_are_hits(tmp_path):
+    force = np.zeros((400, 3))
+    force[20:23] = RNG.uniform(1, 2, (3, 3))
+    acc = RNG.standard_normal((400, 3))
+    record = mio.read(_saved(tmp_path, force=force.T, acc=acc.T, fs=1000.0))
+    assert (record.runs, record.outputs.shape) == (3, (3, 400, 1))
+    assert np.array_equal(record.inputs[:, :, 0], force.T)
+    refused("--axes inputs=samples,runs", mio.read, _saved(tmp_path, force=acc, acc=acc, fs=1000.0))
+
+
+@pytest.mark.parametrize("shape", [(3, 400, 5), (400, 5, 3)])
+def test_axes_are_named_in_the_order_in_which_they_are_stored(tmp_path, shape):
+    path = _saved(tmp_path, y=RNG.standard_normal(shape), fs=1000.0)
+    message = str(refused("an axis may count channels or hits", mio.read, path))
+    assert not dead_ends(path, message)
+    (way,) = suggestions(message)
+    assert obeyed(path, way).thing.outputs.shape == (3, 400, 5)

@@ -36,7 +36,6 @@ REFUSED = {
     "a gap in all channels": "--rows",
     "one array without a rate": "--sampling-rate",
     "one array with channels in rows": "--transpose",
-    "an archive with channels in rows": "--transpose",
     "hits as columns": "--axes",
     "a workbook of two tables": "--sheet",
     "a column that says overload": "--ignore",

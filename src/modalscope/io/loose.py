@@ -16,7 +16,7 @@ from modalscope.io.columns import Column, Table
 from modalscope.io.columns.axis import rises, sampling_of
 from modalscope.io.columns.facts import Statement, stated_by
 from modalscope.io.columns.vocabulary import key_meaning
-from modalscope.io.columns.weights import even_step, role_by_words
+from modalscope.io.columns.weights import even_step, is_short, role_by_words
 from modalscope.io.columns.words import kind_of_unit, split_head
 from modalscope.io.contents import Options, unreadable
 from modalscope.numerics.checks import Array
@@ -209,7 +209,19 @@ def _first_axis(where: str, name: str, array: Array, count: int, transpose: bool
 
 def _samples(evidence: _Evidence, options: Options) -> Meant | None:
     count, transpose = _count(evidence, options), bool(options.get("transpose"))
-    arrays = {name: _first_axis(evidence.where, name, array, count, transpose) for name, array in evidence.data.items()}
+    others = [name for name, array in evidence.data.items() if 2 * max(array.shape) < count]  # settings, results
+    measured = {name: array for name, array in evidence.data.items() if name not in others}
+    arrays = {name: _first_axis(evidence.where, name, array, count, transpose) for name, array in measured.items()}
+    turned = [
+        f"{name} {a.shape}" for name, a in measured.items() if a.squeeze().ndim == 2 and a.squeeze().shape[0] != count
+    ]
+    notes = [f"samples stand along the last axis of {', '.join(turned)}"] if turned and not transpose else []
+    notes += (
+        [f"{', '.join(others[:6])} {'was' if len(others) == 1 else 'were'} left: no axis has {count} samples"]
+        if others
+        else []
+    )
+    evidence.notes, evidence.rest = (*evidence.notes, *notes), (*evidence.rest, *others)
     forces = [name for name in arrays if _is_input(name)]
     if any(array.ndim > 3 for array in arrays.values()):
         return None
@@ -223,20 +235,24 @@ def _samples(evidence: _Evidence, options: Options) -> Meant | None:
         name, unit = split_head(evidence.axis[0].rpartition(".")[2])
         columns.append(Column(number=1, name=name, unit=unit, values=evidence.axis[2]))
     complexes = any(np.iscomplexobj(array) for array in arrays.values())
-    notes = evidence.notes if evidence.lines is None or not complexes else ()
-    return Meant(table=_table(evidence, columns, arrays, forces), notes=notes)
+    lines = evidence.lines is not None and complexes  # the rate that these follow from is none of a record
+    return Meant(table=_table(evidence, columns, arrays, forces), notes=tuple(notes) if lines else evidence.notes)
 
 
 def _count(evidence: _Evidence, options: Options) -> int:
-    """Return how many samples there are: as many as times, or the longest axis where that is the first."""
+    """Return how many samples there are: as many as times, or the longest axis of the largest array."""
     if evidence.axis is not None:
         return evidence.axis[2].size
     shapes = {name: array.squeeze().shape for name, array in evidence.data.items()}
     single = {shape[0] for shape in shapes.values() if len(shape) == 1}
     if len(single) == 1 and all(min(single) in shape for shape in shapes.values()):
         return int(min(single))  # the vectors count the samples
-    longest = int(max(max(shape) for shape in shapes.values()))
-    odd = [name for name, shape in shapes.items() if len(shape) > 1 and shape[0] != longest]
+    longest = int(max(max(evidence.data.values(), key=lambda array: array.size).shape))
+    odd = [
+        name
+        for name, shape in shapes.items()
+        if len(shape) == 2 and shape[1] == longest and shape[0] < longest < _MIN_ROWS_OF_CHANNEL * shape[0]
+    ]
     if odd and not options.get("transpose"):
         fault = f"{odd[0]} has the shape {evidence.data[odd[0]].shape}, which is more channels than samples"
         raise unreadable(evidence.where, fault, "If samples stand along its last axis, say so: --transpose")
@@ -248,28 +264,43 @@ def _is_input(name: str) -> bool:
 
 
 def _runs(evidence: _Evidence, arrays: Mapping[str, Array], forces: list[str], options: Options) -> Meant:
-    """Return runs where the shapes settle which axis counts them: forces (N, R) with responses (N, c, R) or (N, R, c)."""
+    """Return runs where shapes or values settle which axis counts them: forces (N, R) with responses (N, c, R) or (N, R, c), or hits."""
     outputs = [name for name in arrays if name not in forces]
-    if len(outputs) == 1 and len(forces) == 1 and arrays[outputs[0]].ndim == 3 and arrays[forces[0]].ndim <= 2:
+    if len(outputs) == 1 and len(forces) == 1 and arrays[forces[0]].ndim <= 2:
         out, into = arrays[outputs[0]], arrays[forces[0]]
         runs = into.shape[1] if into.ndim == 2 else 1
-        places = [k for k in (1, 2) if out.shape[k] == runs]
-        if len(places) == 1 and runs > 1:
+        places = [k for k in range(1, out.ndim) if out.shape[k] == runs]
+        hits = out.ndim == 3 or all(is_short(hit) for hit in into.T)
+        if len(places) == 1 and runs > 1 and hits:
             rate = np.array(_rate(evidence, options))
-            record = {"outputs": np.moveaxis(out, places[0], 0), "inputs": into.T[:, :, None], "sampling_rate": rate}
-            return Meant(arrays=record, left=evidence.rest, notes=(f"{runs} hits, as {forces[0]} has",))
+            moved = np.moveaxis(out, places[0], 0)
+            record = {
+                "outputs": moved.reshape(*moved.shape[:2], -1),
+                "inputs": into.T[:, :, None],
+                "sampling_rate": rate,
+            }
+            channels = "" if out.ndim == 3 else f" (else: {_as_channels(evidence, arrays, forces)})"
+            note = f"{runs} hits, as {forces[0]} has{channels}"
+            return Meant(arrays=record, left=evidence.rest, notes=(*evidence.notes, note))
     sides = {name: "inputs" if name in forces else "outputs" for name in (*forces, *outputs)}
-    axes = {2: "samples,runs", 3: "samples,outputs,runs", 1: "samples"}
     words = [f"--rename {name}={side}" for name, side in sides.items()]
-    words += [f"--axes {side}={axes[arrays[name].ndim]}" for name, side in sides.items()]
+    words += [f"--axes {side}={_stored_axes(evidence.data[name], len(arrays[name]))}" for name, side in sides.items()]
     unused = (*evidence.rest, evidence.axis[0] if evidence.axis else "", evidence.rate_name)
     words += [f"--ignore {name}" for name in unused if name]
     words += [f"--sampling-rate {_rate(evidence, options):.9g}"]
-    shapes = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())[:_MAX_CHARACTERS]
+    shapes = ", ".join(f"{name} {evidence.data[name].shape}" for name in arrays)[:_MAX_CHARACTERS]
     deep = any(array.ndim == 3 for array in arrays.values())
     channels = "" if deep else f"; for channels: {_as_channels(evidence, arrays, forces)}"
     fault = f"in {shapes} an axis may count channels or hits"
     raise unreadable(f"{evidence.where} as records", fault, f"For hits: {' '.join(words)}{channels}")
+
+
+def _stored_axes(array: Array, samples: int) -> str:
+    """Return the axes of an array of runs in their order: runs first, as this library has them, or last behind the samples."""
+    place = next(k for k, size in enumerate(array.shape) if size == samples)
+    others = ["runs", "outputs"][: array.ndim - 1]
+    others = others[::-1] if place == 0 else others
+    return ",".join([*others[:place], "samples", *others[place:]])
 
 
 def _as_channels(evidence: _Evidence, arrays: Mapping[str, Array], forces: list[str]) -> str:

@@ -238,6 +238,16 @@ def test_lines_to_missing_nodes_are_left_out_and_told(file):
     assert any("1 lines or faces were left out" in note for note in mio.survey(path).notes)
 
 
+@pytest.mark.parametrize(("count", "told"), [(2, False), (3, True), (1, True)])
+def test_a_trace_line_with_another_count_is_read_and_the_difference_told(file, count, told):
+    nodes = header(15, *(f"{n:10d}{0:10d}{0:10d}{0:10d}{n:13.5E}{-1:13.5E}{0:13.5E}" for n in (1, 2)))
+    path = file(frf("1:+Z"), more=nodes + header(82, f"{1:10d}{count:10d}{0:10d}", "outline", f"{1:10d}{2:10d}"))
+    survey = mio.survey(path)
+    assert survey.thing.geometry.lines.tolist() == [[0, 1]]
+    said = f"its header counts {count} nodes, and 2 are there"
+    assert any(said in finding.what for finding in survey.found) is told
+
+
 def test_unknown_sets_are_left_and_units_are_told(file):
     inches = header(
         164,

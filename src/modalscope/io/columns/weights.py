@@ -343,13 +343,21 @@ def _hit(columns: Sequence[Column]) -> Column | None:
     """Return the column of a hammer: short pulses, quiet before and after, where every other rings on."""
     if len(columns) < 2:
         return None
-    shares = []
-    for column in columns:
-        size = np.abs(column.values - np.median(column.values))
-        shares.append(float(np.mean(size > _PART_OF_PEAK * size.max())) if size.max() > 0 else 1.0)
+    shares = [_share_near_peak(column.values) for column in columns]
     order = np.argsort(shares)
     short, next_one = shares[order[0]], shares[order[1]]
     return columns[int(order[0])] if short <= _MAX_SHARE_OF_HIT and next_one > 4 * short else None
+
+
+def _share_near_peak(values: Array) -> float:
+    """Return the share of values that are farther from the middle than a part of the largest."""
+    size = np.abs(values - np.median(values))
+    return float(np.mean(size > _PART_OF_PEAK * size.max())) if size.max() > 0 else 1.0
+
+
+def is_short(values: Array) -> bool:
+    """Whether values are short pulses, quiet before and after, as forces of hammers are."""
+    return _share_near_peak(values) <= _MAX_SHARE_OF_HIT
 
 
 def likeliest_force(columns: Sequence[Column]) -> tuple[Column, bool]:
