@@ -52,7 +52,7 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
     from modalscope.judging.bands import merge_bands as merge_bands
     from modalscope.judging.select import select as select
     from modalscope.modal import indicators as indicators
-    from modalscope.modal.indicators import mac as mac
+    from modalscope.modal.indicators import mac as mac, mac_std as mac_std
     from modalscope.modal.mass_change import scale_by_mass as scale_by_mass
     from modalscope.modal.pairing import comac as comac, pair_modes as pair_modes
     from modalscope.modal.setups import merge_modes as merge_modes
@@ -94,7 +94,7 @@ _HOMES = {
     "judging.select": ("select",),
     "identification.stabilize": ("stabilize",),
     "checking.validation": ("Validation", "validate"),
-    "modal.indicators": ("mac",),
+    "modal.indicators": ("mac", "mac_std"),
     "modal.mass_change": ("scale_by_mass",),
     "modal.pairing": ("comac", "pair_modes"),
     "modal.setups": ("merge_modes",),

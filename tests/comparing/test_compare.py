@@ -68,6 +68,11 @@ def test_every_mode_of_a_known_structure_is_found_and_trusted_within_its_stated_
     assert not clean.findings
 
 
+def test_intervals_of_the_consensus_are_the_stated_scatter(clean: Comparison) -> None:
+    ends = clean.modes.interval()["frequency"]
+    np.testing.assert_allclose(np.ptp(ends, axis=1) / 2, clean.scatter.frequency, rtol=1e-3)
+
+
 def test_every_cell_that_samples_allow_is_a_row_and_the_others_are_noted(clean: Comparison) -> None:
     assert {r.method.domain for r in clean.results} == {"time", "z"}
     assert any(

@@ -325,7 +325,7 @@ def test_what_differs_is_said_with_its_values_and_without_a_rule_it_is_not_separ
 
 def test_bias_is_named_with_its_witness_and_small_distances_count_when_the_noise_cannot_make_them() -> None:
     g = replace(group(10, 0.02, ALL[:3]), damping_ratios={ALL[0]: 0.02, ALL[1]: 0.021, ALL[2]: 0.02})
-    nothing = (np.zeros(1),) * 6
+    nothing = (np.zeros(1),) * 7
     far = Scatter(*nothing, biased=({ALL[1]: (Biased("damping", 0.001, 12.3),)},), known=(frozenset(ALL[:2]),))
     (found,) = disagreements([g], SAMPLES, EVERY, [], far)
     assert found.what == "SSI-cov (alternate): damping 2.1 % (12.3 standard deviations of the difference)"

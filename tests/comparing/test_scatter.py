@@ -79,6 +79,7 @@ def test_of_parts_of_a_record_it_is_their_scatter_with_students_quantile() -> No
     expected = np.linalg.norm(moved, axis=1)
     np.testing.assert_allclose([found.frequency_noise[0], found.damping_noise[0]], expected, rtol=1e-6)
     assert found.frequency[0] / found.frequency_noise[0] == pytest.approx(2.093, abs=1e-3)  # 19 degrees of freedom
+    assert found.degrees == 19
 
 
 @pytest.mark.parametrize(("second", "far"), [(ONE, True), (0.999 * ONE, True), (TWO, False)])

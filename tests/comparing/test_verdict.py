@@ -117,7 +117,7 @@ def said(grades: list[str], data: tuple[Cause, ...] = (), failed: bool = False) 
     """Say what is thought of modes at 1, 2, ... Hz of 2 % damping, of which mode k scatters by k + 1 %."""
     n = len(grades)
     groups = [group(float(k + 1), 0.02) for k in range(n)]
-    scatter = Scatter(np.zeros(n), 0.0002 * np.arange(1, n + 1), *(np.zeros(n),) * 4)
+    scatter = Scatter(np.zeros(n), 0.0002 * np.arange(1, n + 1), *(np.zeros(n),) * 5)
     trust = [Trust(g, f"because of {k + 1}", ()) for k, g in enumerate(grades)]
     results = [*RAN, result("alternate (time)", None)] if failed else RAN
     return words(groups, trust, scatter, results, data).split("\n")
@@ -146,7 +146,7 @@ def test_every_other_mode_has_its_line_and_findings_their_remedy() -> None:
 
 
 def test_where_every_method_failed_the_reason_of_the_first_is_all_there_is_to_say() -> None:
-    nothing = Scatter(*(np.zeros(0),) * 6)
+    nothing = Scatter(*(np.zeros(0),) * 7)
     assert words([], [], nothing, [result(ERA, None)], ()) == "No method could use these data. it could not"
 
 
@@ -156,6 +156,6 @@ def test_where_every_method_failed_the_reason_of_the_first_is_all_there_is_to_sa
 )
 def test_a_cause_is_named_once_and_ends_in_one_stop(evidence: str, said: str) -> None:
     cause = Cause("too short", evidence)
-    nothing = Scatter(*np.zeros((6, 0)))
+    nothing = Scatter(*np.zeros((7, 0)))
     line = words([], [], nothing, [result(ERA)], [cause]).splitlines()[-1]
     assert line == said + cause.remedy

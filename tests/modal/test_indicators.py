@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+import modalscope as ms
 from modalscope import systems
 from modalscope.data import DataError
 from modalscope.modal.indicators import (
@@ -234,3 +237,22 @@ def test_the_criterion_takes_modes_whose_outputs_are_the_same() -> None:
     assert np.array_equal(mac(modes, modes.shapes), mac(modes))
     with pytest.raises(DataError, match="outputs differ: their order"):
         mac(modes, modes.select(outputs=[3, 2, 1, 0]))
+
+
+@pytest.mark.parametrize("alike", [None, 1.0, 0.0], ids=["some", "equal", "orthogonal"])
+def test_the_deviation_of_a_mac_is_that_of_many_draws(alike: float | None) -> None:
+    rng = np.random.default_rng(1)
+    a, b = rng.standard_normal((2, 5)) + 1j * rng.standard_normal((2, 5))
+    b = {None: b, 1.0: a, 0.0: b - a * (np.vdot(a, b) / np.vdot(a, a))}[alike]
+    deviations = 0.02 * rng.uniform(0.3, 2, (2, 5))
+    errors = rng.standard_normal((2, 5, 5000)) + 1j * rng.standard_normal((2, 5, 5000))
+    drawn = np.stack([a, b])[:, :, None] + deviations[:, :, None] * errors / np.sqrt(2)
+    cross, (p, q) = np.abs(np.sum(drawn[0].conj() * drawn[1], axis=0)) ** 2, np.sum(np.abs(drawn) ** 2, axis=1)
+    one, other = (
+        ms.ModalModel(poles=[-1 + 100j], shapes=x[:, None], shapes_std=s[:, None])
+        for x, s in zip((a, b), deviations, strict=True)
+    )
+    assert ms.mac_std(one, other)[0, 0] == pytest.approx((cross / (p * q)).std(), rel=0.06)
+    assert ms.mac_std(one) == 0
+    with pytest.raises(ms.DataError, match="modes_b has no standard deviations of its shapes"):
+        ms.mac_std(one, replace(other, shapes_std=None))

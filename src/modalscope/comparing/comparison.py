@@ -340,6 +340,7 @@ def _consensus(response: Response, groups: Sequence[Group], scatter: Scatter) ->
         damping_ratios_spread=np.array([g.damping_between for g in groups]),
         frequencies_std=scatter.deviation("frequency"),
         damping_ratios_std=scatter.deviation("damping"),
+        degrees=np.stack([scatter.degrees] * 2, axis=1),
         indicators={"found_by": np.array([float(len(g.members)) for g in groups])},
         **response.labelled(),
         **fitted,

@@ -39,7 +39,8 @@ class Biased(NamedTuple):
 class Scatter:
     """Half widths of 95 % intervals, and their parts (standard deviations).
 
-    `frequency`, `damping` (n,): stated scatter: Hz and ratio. `frequency_noise`, `damping_noise` (n,): of the consensus, by the noise in
+    `frequency`, `damping` (n,): stated scatter: Hz and ratio. `degrees` (n,): of freedom of the noise; NaN where its deviation is exact.
+    `frequency_noise`, `damping_noise` (n,): of the consensus, by the noise in
     the data; NaN where unknown. `frequency_bias`, `damping_bias` (n,): scatter of the votes beyond their differences by noise. `biased`:
     for every mode the methods that the noise does not explain. `known`: for every mode the methods on which the effect of the noise is
     known.
@@ -51,6 +52,7 @@ class Scatter:
     damping_noise: RealArray
     frequency_bias: RealArray
     damping_bias: RealArray
+    degrees: RealArray
     biased: tuple[Mapping[str, tuple[Biased, ...]], ...] = ()
     known: tuple[frozenset[str], ...] = ()
 
@@ -72,6 +74,7 @@ def stated(groups: Sequence[Group], results: Sequence[MethodResult]) -> Scatter:
     shared = _Covariances(groups, results)
     variances = [shared.variances(k, g) for k, g in enumerate(groups)]
     count = 2 * sum(max(len(v.distance) - 1, 0) for v in variances)
+    degrees = np.array([v.degrees if np.isfinite(v.degrees) else np.nan for v in variances])
     columns: dict[str, list[float]] = {f"{kind}{part}": [] for part in ("", "_noise", "_bias") for kind in _KINDS}
     biased: list[dict[str, tuple[Biased, ...]]] = []
     for g, v in zip(groups, variances, strict=True):
@@ -87,7 +90,9 @@ def stated(groups: Sequence[Group], results: Sequence[MethodResult]) -> Scatter:
             columns[f"{kind}_bias"].append(float(bias))
         biased.append(_biased(g, v, _quantile(1 - _FALSE_ALARM / 2 / max(count, 1), v.degrees)))
     arrays = {name: np.array(values) for name, values in columns.items()}
-    return Scatter(**arrays, biased=tuple(biased), known=tuple(frozenset(v.distance) for v in variances))
+    return Scatter(
+        **arrays, degrees=degrees, biased=tuple(biased), known=tuple(frozenset(v.distance) for v in variances)
+    )
 
 
 def _quantile(probability: float, degrees: float) -> float:

@@ -219,6 +219,72 @@ def mac(shapes_a: ArrayLike | ModalModel, shapes_b: ArrayLike | ModalModel | Non
     return np.asarray(np.divide(cross, norms, out=np.zeros_like(cross, dtype=float), where=norms > 0))
 
 
+def mac_std(modes_a: ModalModel, modes_b: ModalModel | None = None) -> RealArray:
+    """Standard deviation of the MAC between modes, from those of the components of their shapes.
+
+    With unit vectors a, b and c = a* b an error d of a changes the MAC m = |c|^2 by 2 Re d* (c* b - m a) to first order, which is nothing
+    for shapes that are equal or orthogonal: there m = 1 - |d|^2 across the shape, or |d* b|^2. For errors of components that are
+    independent and circular, with E |d_o|^2 = s_o of a and t_o of b, both have together the variance
+
+        2 sum_o |c* b - m a|_o^2 s_o + 2 sum_o |c a - m b|_o^2 t_o + (sum_o |b_o|^2 s_o + |a_o|^2 t_o)^2
+        + sum_o (m^2 - 2 m |a_o b_o|) (s_o + t_o)^2
+
+    What errors of components have in common, from the error of their pole, is left out.
+
+    Parameters
+    ----------
+    modes_a : ModalModel
+        With `shapes_std`.
+    modes_b : ModalModel, optional
+        Of the same outputs; `modes_a` itself by default: between a mode and itself the deviation is zero.
+
+    Returns
+    -------
+    array, (na, nb)
+        NaN where the deviations of a shape are not known.
+
+    Raises
+    ------
+    DataError
+        Modes without deviations of shapes, or of other outputs.
+
+    Examples
+    --------
+    >>> import modalscope as ms
+    >>> modes = ms.ModalModel(
+    ...     poles=[-1 + 100j, -1 + 200j], shapes=[[1, 1], [1, -1]], shapes_std=[[0.01, 0.02], [0.01, 0.02]]
+    ... )
+    >>> mac_std(modes).round(5)  # of orthogonal shapes: errors squared
+    array([[0.     , 0.00025],
+           [0.00025, 0.     ]])
+    """
+    other = modes_a if modes_b is None else modes_b
+    _same_outputs(modes_a, other)
+    for name, modes in (("modes_a", modes_a), ("modes_b", other)):
+        if modes.shapes_std is None:
+            raise DataError(
+                "the standard deviation of a MAC was asked",
+                f"{name} has no standard deviations of its shapes",
+                "Refine the modes: ms.refine(data, modes).",
+            )
+    (x, y), (s, t) = zip(*(_unit_shapes(modes) for modes in (modes_a, other)), strict=True)
+    a, b, s, t = x[:, :, None], y[:, None], s[:, :, None], t[:, None]  # (l, n, m)
+    c = np.sum(a.conj() * b, axis=0)
+    m = np.abs(c) ** 2
+    linear = 2 * np.abs(c.conj() * b - m * a) ** 2 * s + 2 * np.abs(c * a - m * b) ** 2 * t
+    across = np.sum(np.abs(b) ** 2 * s + np.abs(a) ** 2 * t, axis=0) ** 2
+    variance = np.sum(linear + (m**2 - 2 * m * np.abs(a * b)) * (s + t) ** 2, axis=0) + across
+    if modes_b is None:
+        np.fill_diagonal(variance, 0)
+    return np.asarray(np.sqrt(np.maximum(variance, 0)))
+
+
+def _unit_shapes(modes: ModalModel) -> tuple[ComplexArray, RealArray]:
+    """Return shapes of length one and the variances of their components, (l, n) each."""
+    size = np.maximum(np.linalg.norm(modes.shapes, axis=0), 1e-300)
+    return modes.shapes / size, (np.asarray(modes.shapes_std) / size) ** 2
+
+
 def _same_outputs(a: ModalModel, b: ModalModel) -> None:
     if a.output_dofs != b.output_dofs:
         odd = sorted(set(a.output_dofs) ^ set(b.output_dofs)) or ["their order"]
