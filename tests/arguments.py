@@ -292,7 +292,7 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
 #: Methods of what the classes of responses share with their modules; those are for the library itself.
 INNER = re.compile(
     r"\.(around|basis|chain|derivatives|doubts|driven|energy|functions|in_band|in_plane|named_terms|of_inputs|of_modes|processed|rebuilt_by|reported_band|"
-    r"residual_of|shortest_participation|values_of|with_model|spectrum|whole_basis)$"
+    r"shortest_participation|values_of|with_model|spectrum|whole_basis)$"
 )
 
 #: What the library makes; users read it.
