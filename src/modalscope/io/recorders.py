@@ -236,6 +236,7 @@ def read_wav(path: Path, options: Options) -> Contents:
         columns=tuple(columns),
         rate=float(rate),
         rate_from="its header",
+        roles=dict.fromkeys(range(1, samples.shape[1] + 1), "out"),
         notes=(f"{scale}; multiply by the sensor's range to have its unit",),
         layout=(("samples", f"{values.dtype} {len(values)}, {samples.shape[1]} channels"),),
     )

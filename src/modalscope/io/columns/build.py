@@ -181,8 +181,9 @@ def _refuse_near(table: Table, found: Sequence[Reading], works: Callable[[str], 
     lines = both["response"].option if "imag=" in both["response"].option else f"frequency={axis.number},{pairs}"
     ways = [*_record_options(table, both["record"]), *([lines] if pairs else [])]
     ways = [f'--columns "{words}"' for words in ways if works(words)]
-    remedy = f"Say which: {', or '.join(ways)}."
-    raise needs(table.where, "a column of time or frequency by its name or unit", fault, remedy)
+    if ways:
+        remedy = f"Say which: {', or '.join(ways)}."
+        raise needs(table.where, "a column of time or frequency by its name or unit", fault, remedy)
 
 
 def _record_options(table: Table, reading: Reading) -> list[str]:
