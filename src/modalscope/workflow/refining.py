@@ -11,7 +11,7 @@ import numpy as np
 from modalscope.data.mode_fields import joined
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
-from modalscope.data.record_residual import DELAY, UNMEASURED
+from modalscope.data.record_residual import UNMEASURED
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
@@ -127,8 +127,6 @@ def _unfit(diagram: StabilizationDiagram) -> str:
         )
     if any(note.kind == "transformed" for note in diagram.notes):
         return "the data were transformed; choose a domain that uses them as measured"
-    if any(note.kind == DELAY for note in diagram.notes):
-        return "channels are delayed; align them"
     if band is not None and response.in_band(band) is response:
         return "samples are not filtered, and contain modes outside the band"
     return ""
