@@ -123,6 +123,12 @@ def test_what_differs_by_more_than_hits_repeat_is_another_place_and_asked(apart:
     )
 
 
+def test_responses_of_opposite_sign_are_two_places() -> None:
+    f = np.linspace(1, 2, 32)
+    parts = [ms.FrequencyResponse(values=k * np.exp(1j * f)[:, None, None], frequencies=f) for k in (1.0, -1.0)]
+    assert places_of(parts) == [0, 1]
+
+
 def test_files_that_agree_with_one_of_a_place_only_do_not_join_it() -> None:
     f = np.linspace(1, 2, 32)
     parts = [ms.FrequencyResponse(values=k * np.exp(1j * f)[:, None, None], frequencies=f) for k in (1.0, 1.07, 1.14)]

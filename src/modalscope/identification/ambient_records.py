@@ -23,6 +23,7 @@ from modalscope.preprocess.bands import AutomaticBands, at_lower_rate, automatic
 from modalscope.preprocess.conditioning import straightened
 from modalscope.preprocess.harmonics import Line, harmonic_notes, lines_in
 from modalscope.preprocess.harmonics_removed import without_lines
+from modalscope.preprocess.modeless import modeless_notes
 from modalscope.preprocess.spectra import Spectrum
 from modalscope.preprocess.spectral_peaks import Levels, levels_in, noise_notes, uncorrelated
 
@@ -44,7 +45,8 @@ class Conditioned(NamedTuple):
 class SeenRecord:
     """A record without inputs with its spectrum levels, bands and harmonics, found once for all bands and orders.
 
-    Verbs take it in place of its record. `excerpt`: what was examined, all of a record in memory. `lines`: harmonics.
+    Verbs take it in place of its record. `excerpt`: what was examined, all of a record in memory. `lines`: harmonics. `modeless`: why it
+    holds no modes, if so.
     """
 
     record: Signals | StoredSignals
@@ -52,6 +54,7 @@ class SeenRecord:
     levels: Levels
     own: AutomaticBands
     lines: tuple[Line, ...]
+    modeless: tuple[Note, ...]
 
 
 def seen_record(record: Signals | StoredSignals) -> SeenRecord:
@@ -60,7 +63,8 @@ def seen_record(record: Signals | StoredSignals) -> SeenRecord:
     excerpt = straight.excerpt()
     spectrum = Spectrum.of(excerpt)
     levels = levels_in(spectrum).with_combinations(levels_in(uncorrelated(spectrum)))
-    return SeenRecord(straight, excerpt, levels, automatic_bands(levels, record.sampling_rate), lines_in(spectrum))
+    bands, lines = automatic_bands(levels, record.sampling_rate), lines_in(spectrum)
+    return SeenRecord(straight, excerpt, levels, bands, lines, modeless_notes(spectrum, levels, lines))
 
 
 def looked_through(data: Any, exclude: Any = None) -> Any:
@@ -83,7 +87,8 @@ def conditioned(seen: SeenRecord, band: Band | None) -> Conditioned:
     chosen = bands.whole if band is None else band
     inside = record if chosen is None else at_lower_rate(record, chosen[1], bands.drift)
     clean, removal = _without_lines(inside, lines)
-    return Conditioned(clean, chosen, (*choice, *noise_notes(seen.levels, chosen), *harmonic_notes(lines), *removal))
+    modeless = seen.modeless or noise_notes(seen.levels, chosen)
+    return Conditioned(clean, chosen, (*choice, *modeless, *harmonic_notes(lines), *removal))
 
 
 def _without_lines(record: Signals | StoredSignals, lines: Sequence[Line]) -> tuple[Any, tuple[Note, ...]]:

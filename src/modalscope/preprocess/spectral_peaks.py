@@ -29,7 +29,7 @@ _BIN_WIDTH, _MIN_BIN_LINES = 0.01, 8
 _NEIGHBOURHOOD, _MIN_NEIGHBOURS, _MAX_NEIGHBOURS = 0.25, 8, 60
 
 #: Probability of a peak in a record of white noise; and the minimum ratio of a peak, since backgrounds bend, too.
-_FALSE_ALARM, _MIN_PEAK_RATIO = 1e-3, 1.4
+_FALSE_ALARM, MIN_PEAK_RATIO = 1e-3, 1.4
 
 #: Adjacent bins that are averaged: a damped resonance is that wide.
 _AVERAGED_BINS = 3
@@ -108,7 +108,7 @@ class Levels:
         The mean of k lines is a gamma variable of shape k over k.
         """
         n = _AVERAGED_BINS * self.independent
-        return np.maximum(special.gammainccinv(n, _FALSE_ALARM / max(len(n) * trials, 1)) / n, _MIN_PEAK_RATIO)
+        return np.maximum(special.gammainccinv(n, _FALSE_ALARM / max(len(n) * trials, 1)) / n, MIN_PEAK_RATIO)
 
     @cached_property
     def _averaged_heights(self) -> RealArray:
