@@ -26,7 +26,7 @@ export function makeShape(place, acts = {}) {
   let frames = 0;
   let visible = true;
   let stage = /** @type {any} */ (null);
-  const bars = h("canvas", { role: "img", "aria-label": "Mode shape as bars, one per channel" });
+  const bars = h("canvas", { role: "img", "aria-label": "Mode shape as bars, one per channel, with one standard deviation to either side" });
 
   const loop = (/** @type {number} */ now) => {
     const step = Math.min((now - last) / 1000, 0.1);
@@ -72,6 +72,18 @@ export function makeShape(place, acts = {}) {
       }
       ctx.fillStyle = v < 0 ? colour("below") : colour("above");
       ctx.fillRect(x, middle - Math.max(v, 0) * reach, wide * 0.72, Math.max(Math.abs(v) * reach, 0.5));
+      if (data.shape_std?.[at + i]) { // one standard deviation to either side
+        ctx.strokeStyle = colour("ink");
+        ctx.beginPath();
+        const [upper, lower] = [1, -1].map((sign) => middle - (v + sign * data.shape_std[at + i]) * reach);
+        ctx.moveTo(x + wide * 0.36, upper);
+        ctx.lineTo(x + wide * 0.36, lower);
+        for (const end of [upper, lower]) {
+          ctx.moveTo(x + wide * 0.22, end);
+          ctx.lineTo(x + wide * 0.5, end);
+        }
+        ctx.stroke();
+      }
       ctx.fillStyle = colour("muted");
       if (i % every === 0) ctx.fillText(data.outputs[i], x + wide * 0.36, high - 5);
     }

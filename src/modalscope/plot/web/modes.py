@@ -40,6 +40,9 @@ def modes_parts(modes: ModalModel, names: Mapping[str, str]) -> tuple[dict[str, 
         "shape_imag": shapes.T.imag,
         "mac": mac(modes.shapes) if len(modes) else np.zeros((0, 0)),
     }
+    if modes.shapes_std is not None:
+        size = np.linalg.norm(shapes, axis=0) / np.maximum(np.linalg.norm(modes.shapes, axis=0), 1e-300)
+        arrays["shape_std"] = np.nan_to_num(modes.shapes_std * size).T
     drawn = _moved(modes.geometry, modes.output_dofs, shapes)
     if drawn is None:
         return {**entries, "nodes": None}, arrays
