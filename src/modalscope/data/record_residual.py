@@ -81,7 +81,7 @@ def excess_notes(found: Excess) -> tuple[Note, ...]:
     text = (
         f"unmeasured forces, or noise on the inputs: the residual is {found.decibels:.0f} dB higher at the modes than between them "
         f"({100 * found.share:.2g} % of the response there). Unmeasured forces widen intervals, noise on the inputs biases damping; "
-        "one record cannot tell which it is."
+        "one record cannot separate the two."
     )
     return (Note(UNMEASURED, {"decibels": found.decibels, "share": found.share}, text),)
 
