@@ -131,3 +131,37 @@ def test_axes_are_named_in_the_order_in_which_they_are_stored(tmp_path, shape):
     assert not dead_ends(path, message)
     (way,) = suggestions(message)
     assert obeyed(path, way).thing.outputs.shape == (3, 400, 5)
+
+
+def _of_an_analyser(**changed):
+    """Arrays as an analyser exports them to MATLAB: the last record beside averaged spectra and one response."""
+    line, time = np.ones(65), np.arange(160) / 128.0
+    response = RNG.standard_normal((65, 1)) + 1j * RNG.standard_normal((65, 1))
+    arrays = {"Time_domain": time, "Time_chan_1": RNG.standard_normal(160), "Time_chan_2": RNG.standard_normal(160)}
+    arrays |= {
+        "Freq_domain": np.arange(65.0),
+        "PSD_chan_1": line,
+        "PSD_DeltaF": 1.0,
+        "Auto_Correlation_1": np.ones(129),
+    }
+    arrays |= {"Hf_chan_2": response, "Hf_Cross_Spec_chan_2": response, "Hf_coh_chan_2": 0.9 * line}
+    return arrays | changed
+
+
+def test_of_records_and_responses_in_one_file_the_responses_are_read_and_the_records_offered(tmp_path):
+    arrays = _of_an_analyser()
+    path = _saved(tmp_path, **arrays)
+    survey = mio.survey(path)
+    np.testing.assert_array_equal(survey.thing.values[:, :, 0], arrays["Hf_chan_2"])
+    np.testing.assert_allclose(survey.thing.coherence, 0.9)
+    (note,) = [note for note in survey.notes if "else" in note]
+    assert "(else: --ignore Freq_domain)" in note
+    record = mio.read(path, ignore=["Freq_domain"])
+    np.testing.assert_array_equal(record.outputs, np.stack([arrays["Time_chan_1"], arrays["Time_chan_2"]], axis=1))
+
+
+@pytest.mark.parametrize(("top", "taken"), [(1 + 5e-7, True), (1 + 2e-6, False)])
+def test_a_coherence_beyond_one_is_left_with_a_note(tmp_path, top, taken):
+    survey = mio.survey(_saved(tmp_path, **_of_an_analyser(Hf_coh_chan_2=np.linspace(0.5, top, 65))))
+    assert (survey.thing.coherence is not None) is taken
+    assert any("a coherence lies between 0 and 1" in note for note in survey.notes) is not taken

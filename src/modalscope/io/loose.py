@@ -7,7 +7,7 @@ does not settle (hits as columns look as channels do) is an error that names the
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -31,6 +31,8 @@ _ANGULAR = {"w", "om", "omega"}
 _COHERENCE = {"coh", "coherence", "gamma2"}
 #: Axes that analysers write as start, increment and number: `x_values` with `y_values`, as Testlab exports structures.
 _INCREMENT = re.compile(r"(?P<of>(?:.*\.)?)x_values\.increment\Z")
+#: By how much a coherence may lie above 1.
+_ROUNDED = 1e-6
 #: Characters of names and shapes of arrays in a message.
 _MAX_CHARACTERS = 300
 
@@ -108,6 +110,7 @@ def is_rate(name: str) -> bool:
 def _sorted(where: str, arrays: Mapping[str, Array]) -> _Evidence:
     evidence = _Evidence(where)
     data, scalars, rest = {}, {}, []
+    axes: list[tuple[str, str, Array]] = []
     for name, array in arrays.items():
         numeric = array.dtype.kind in "biufc"
         meaning = "unit" if "unit" in _leaf(name) else key_meaning(name.rpartition(".")[2])
@@ -116,23 +119,47 @@ def _sorted(where: str, arrays: Mapping[str, Array]) -> _Evidence:
         elif array.dtype.kind in "US" and (meaning in ("unit", "channel") or _leaf(name) in _LABELS):
             texts = tuple(str(text) for text in np.atleast_1d(array).ravel())
             evidence.names, evidence.units = (evidence.names, texts) if meaning == "unit" else (texts, evidence.units)
-        elif (
-            numeric
-            and evidence.axis is None
-            and 1 < array.size == max(array.shape)
-            and (kind := axis_kind(name, array))
-        ):
-            evidence.axis = (name, kind, array.ravel())
+        elif numeric and 1 < array.size == max(array.shape) and (kind := axis_kind(name, array)):
+            axes.append((name, kind, array.ravel()))
         elif numeric and array.size > 1:
             data[name] = array
         else:
             rest.append(name)
+    data = _along_one_axis(evidence, axes, data)
     used = _facts(evidence, scalars, max((max(array.shape) for array in data.values()), default=0))
     largest = max((array.size for array in data.values()), default=0)
     small = {name for name, array in data.items() if array.size <= _MOST_SETTINGS and 20 * array.size < largest}
     evidence.data = {name: array for name, array in data.items() if name not in small}
-    evidence.rest = (*rest, *small, *(name for name in scalars if name not in used))
+    evidence.rest = (*evidence.rest, *rest, *small, *(name for name in scalars if name not in used))
     return evidence
+
+
+def _along_one_axis(
+    evidence: _Evidence, axes: Sequence[tuple[str, str, Array]], data: dict[str, Array]
+) -> dict[str, Array]:
+    """Put the axis into the evidence and return the arrays along it; those along others are left, and a note says how to take them.
+
+    Responses go before the records beside them, which are the last of those that were averaged; spectra and correlations are neither.
+    """
+
+    def along(axis: tuple[str, str, Array]) -> dict[str, Array]:
+        return {name: array for name, array in data.items() if axis[2].size in array.shape}
+
+    def weight(axis: tuple[str, str, Array]) -> tuple[bool, bool]:
+        held = along(axis)
+        return axis[1] == "frequency" and any(map(np.iscomplexobj, held.values())), bool(held)
+
+    best = max(axes, key=weight, default=None)
+    evidence.axis = best
+    others = [axis for axis in axes if axis is not best and best is not None and axis[2].size != best[2].size]
+    if best is None or not others:
+        evidence.rest = tuple(name for name, _, _ in axes if best and name != best[0])
+        return data
+    kept = {name: array for name, array in along(best).items() if not _is_spectrum(name)}
+    evidence.rest = (*(axis[0] for axis in axes if axis is not best), *(name for name in data if name not in kept))
+    words = f"{', '.join(axis[0] for axis in others)} and {len(data) - len(kept)} arrays that are not along {best[0]} were left"
+    evidence.notes = (f"{words} (else: --ignore {best[0]})",)
+    return kept
 
 
 def _facts(evidence: _Evidence, scalars: Mapping[str, float], rows: int) -> set[str]:
@@ -182,17 +209,28 @@ def _lines(evidence: _Evidence, axis: tuple[str, str, Array]) -> Meant | None:
     notes = [f"{name} is taken as frequencies in {'rad/s' if angular else 'Hz'}"]
     if len(complexes) != 1 or arrays[complexes[0]].ndim > 3:
         columns = [Column(number=1, name=name, unit="rad/s" if angular else "Hz", values=vector)]
-        return Meant(table=_table(evidence, columns, arrays, ()), notes=tuple(notes))
+        return Meant(table=_table(evidence, columns, arrays, ()), notes=(*evidence.notes, *notes))
     key, values = complexes[0], arrays[complexes[0]]
     values = values.reshape(*values.shape, *(1,) * (3 - values.ndim))
     if values.shape[1] > 1 and values.shape[2] > 1:
         notes.append(f"axes of {key} are read as lines, outputs, inputs (else: --axes values=lines,inputs,outputs)")
     response = {"frequencies": vector / (2 * np.pi if angular else 1), "values": values}
-    for other, array in arrays.items():
-        if _leaf(other) in _COHERENCE and array.size == values.size:
-            response["coherence"] = array.reshape(values.shape)
-    unused = tuple(k for k in arrays if k != key and not (_leaf(k) in _COHERENCE and "coherence" in response))
-    return Meant(arrays=response, left=(*unused, *evidence.rest), notes=tuple(notes))
+    unused = [name for name in arrays if name != key]
+    for other in [name for name in unused if _is_coherence(name) and arrays[name].size == values.size]:
+        if arrays[other].min() >= 0 and arrays[other].max() <= 1 + _ROUNDED:
+            response["coherence"] = np.minimum(arrays[other], 1).reshape(values.shape)
+            unused.remove(other)
+        else:
+            notes.append(f"{other} was left: a coherence lies between 0 and 1")
+    return Meant(arrays=response, left=(*unused, *evidence.rest), notes=(*evidence.notes, *notes))
+
+
+def _is_spectrum(name: str) -> bool:
+    return role_by_words(name.rpartition(".")[2]) == "spectrum"
+
+
+def _is_coherence(name: str) -> bool:
+    return _leaf(name) in _COHERENCE or role_by_words(name.rpartition(".")[2]) == "coh"
 
 
 def _first_axis(where: str, name: str, array: Array, count: int, transpose: bool = False) -> Array:
@@ -209,7 +247,11 @@ def _first_axis(where: str, name: str, array: Array, count: int, transpose: bool
 
 def _samples(evidence: _Evidence, options: Options) -> Meant | None:
     count, transpose = _count(evidence, options), bool(options.get("transpose"))
-    others = [name for name, array in evidence.data.items() if 2 * max(array.shape) < count]  # settings, results
+    others = [  # settings, results
+        name
+        for name, array in evidence.data.items()
+        if 2 * max(array.shape) < count or (count not in array.shape and _is_spectrum(name))
+    ]
     measured = {name: array for name, array in evidence.data.items() if name not in others}
     arrays = {name: _first_axis(evidence.where, name, array, count, transpose) for name, array in measured.items()}
     turned = [

@@ -38,7 +38,10 @@ COLUMNS = {
         "temperature temp temperatur temperatura humidity rpm speed voltage battery batterie comment remark "
         "status kommentar drehzahl commentaire luftfeuchte"
     ),
-    "spectrum": "fft psd spectrum spectra autospectrum autospectra spektrum autopower apsd spectre espectro spettro",
+    "spectrum": (
+        "fft psd csd spec spectrum spectra autospectrum autospectra spektrum autopower crosspower apsd spectre espectro spettro "
+        "correlation autocorrelation crosscorrelation"
+    ),
     "real": "realteil real reelle reel reell reale reele re",
     "imag": "imaginary imaginarteil imaginaire immaginaria imaginaria imaginair imaginardel imagin imag img im",
     "mag": "magnitude db mag abs absolute amplitude amp modulus module modulo modul betrag gain ampiezza amplitud",
