@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -119,3 +121,52 @@ def test_a_hit_adds_to_a_name_of_a_force_in_an_odd_unit() -> None:
     columns = (Column(number=1, name="F", unit="g", values=hit), Column(number=2, name="m_1", unit="g", values=ring))
     record = contents_from_table(Table(where="a", columns=columns, rate=1e3), {}).thing
     assert record.input_dofs == ("F",)
+
+
+_PULSE = """Header Size:\t 79\t 
+Data Type:\t{form}\t 
+X-Axis size:\t{rows}\t 
+X-Axis unit:\t{unit}\t 
+X-Axis first value:\t  {first:.10e}\t 
+X-Axis delta:\t  {step:.10e}\t 
+InputSampleFrequency:\t  2.6214400000e+05\t 
+Signal:\t{signal}\t 
+SignalUnit:\tm/s2\t 
+Time:\t \t15:40:50:041
+{body}
+TagsBegin:\t \t 
+OverLoad:\t \tFalse
+TagsEnd:\t \t 
+"""  # noqa: W291 - as the program writes it
+
+
+def _pulse(path: Path, x: np.ndarray, *columns: np.ndarray, **words: str) -> Path:
+    """Write a signal as PULSE LabShop does: a count of rows, the axis and the values, below keys with their colons."""
+    rows = zip(x, *columns, strict=True)
+    body = "\n".join(f"{k}\t  " + "\t ".join(f"{value: .10e}" for value in row) for k, row in enumerate(rows, 1))
+    path.write_text(_PULSE.format(rows=len(x), first=x[0], step=x[1] - x[0], body=body, **words))
+    return path
+
+
+def test_an_axis_that_the_header_states_by_first_value_step_and_unit(tmp_path: Path) -> None:
+    path = _pulse(
+        tmp_path / "h.txt", 39 + _LINES, *_PARTS[:2], form="Complex", unit="Hz", signal="H1(Acc,Force) - Mark 1"
+    )
+    found = ms.read(path)
+    assert isinstance(found, ms.FrequencyResponse)
+    assert np.allclose(found.frequencies, 39 + _LINES)
+    assert np.allclose(found.values[:, 0, 0], _H[:, 0])
+    assert found.units[0] == ("m/s2",)
+    times = np.arange(300) / 512
+    record = ms.read(_pulse(tmp_path / "t.txt", times, _RNG.standard_normal(300), form="Real", unit="s", signal="Left"))
+    assert isinstance(record, ms.Signals)
+    assert record.sampling_rate == pytest.approx(512, rel=1e-9)
+    spectrum = _pulse(tmp_path / "s.txt", _LINES, np.abs(_H[:, 0]), form="Real", unit="Hz", signal="Autospectrum(Acc)")
+    refused("complex values with its frequencies", ms.read, spectrum)
+
+
+def test_values_that_the_header_calls_complex_are_parts_whatever_they_are(tmp_path: Path) -> None:
+    noise = _RNG.standard_normal((300, 2))
+    path = _pulse(tmp_path / "n.txt", 39 + _LINES, *noise.T, form="Complex", unit="Hz", signal="Noise")
+    assert np.allclose(ms.read(path).values[:, 0, 0], noise[:, 0] + 1j * noise[:, 1])
+    refused("complex values", ms.read, _pulse(path, 39 + _LINES, *noise.T, form="Real", unit="Hz", signal="Noise"))

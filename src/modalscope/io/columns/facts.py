@@ -44,12 +44,15 @@ class Statement:
 class Stated:
     """What a header says.
 
-    `rates`: samples per second, each with its statement. `lines`: first frequency and step, Hz. `unit`: of what is measured.
+    `rates`: samples per second, each with its statement. `lines`: first frequency and step, Hz. `axis`: unit, first value and step as they
+    stand. `unit`: of what is measured. `complex_values`: whether it says that values are complex.
     """
 
     rates: list[tuple[float, Statement]] = field(default_factory=list)
     lines: tuple[float, float] | None = None
+    axis: tuple[str, float, float] | None = None
     unit: str = ""
+    complex_values: bool = False
 
     def rate(self, where: str, steps: Sequence[float]) -> tuple[float, Statement] | None:
         """Return the rate with its statement; of several the one that a step (s, or parts of it) agrees with.
@@ -84,14 +87,16 @@ def stated_by(statements: Iterable[Statement], decimal: str) -> Stated:
     >>> said.rates[0][0], stated_by([Statement(0, "dt [ms]", "0,5")], ",").rates[0][0]
     (1024.0, 2000.0)
     """
-    found, first, step, axis = Stated(), None, None, ""
+    found, first, step, axis, axis_unit = Stated(), None, None, "", ""
     for statement in statements:
         meaning = key_meaning(statement.key) if len(statement.key) <= _MAX_CHARACTERS_OF_KEY else ""
         text = statement.value.strip().strip('"')
         if meaning == "unit":
             found.unit = text
-        elif meaning == "axis unit" and kind_of_unit(text) == "frequency":
-            axis = "frequency"
+        elif meaning == "axis unit" and kind_of_unit(text) in ("frequency", "time"):
+            axis, axis_unit = kind_of_unit(text), text
+        elif meaning == "form":
+            found.complex_values = text.lower().startswith(("complex", "komplex"))
         if meaning not in ("rate", "step", "frequency step", "first"):
             continue
         number, unit = _quantity(statement, meaning, decimal)
@@ -105,6 +110,8 @@ def stated_by(statements: Iterable[Statement], decimal: str) -> Stated:
         elif meaning != "rate" and kind in ("time", "frequency", ""):
             step, axis = number * factor_to_base(unit), axis or kind
             found.rates += [(1 / step, statement)] if kind != "frequency" else []
+    if step is not None and axis_unit:
+        found.axis = (axis_unit, first or 0.0, step)
     if step is not None and axis != "time" and (axis == "frequency" or first is not None):
         found.lines = (first or 0.0, step)
         found.rates = [(rate, s) for rate, s in found.rates if axis != "frequency" or key_meaning(s.key) == "rate"]

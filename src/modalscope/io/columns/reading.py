@@ -23,6 +23,7 @@ _IN_RECORDS, _IN_RESPONSES = (
     ("out", "in", "index", "ignore"),
     ("", "real", "imag", "mag", "phase", "coh", "index", "ignore"),
 )
+_BY_PLACE = "by its place: pairs are causal responses"
 #: Readings this near in log likelihood are asked about: odds of 10 to 1.
 NEAR = 2.3
 #: Share of the energy at positive times of a causal response, from a random pair (one half) to a sure one.
@@ -109,6 +110,8 @@ def _readings(table: Table, columns: Sequence[Column], spoken: Mapping[int, str]
                 reading.score += _of_rate(axis, rate) if content == "record" else 0.0
                 reading.score -= 2 * SURE * (not np.isfinite(axis.values).all())  # an axis has a value in every row
             build(reading, [c for c in columns if c is not axis], weights, stated)
+            if table.complex_values and content == "response":
+                _pair_parts(reading)
             found.append(reading)
     return sorted(found, key=lambda reading: -reading.score)
 
@@ -158,7 +161,9 @@ def _record(reading: Reading, others: Sequence[Column], weights: dict[int, Weigh
             _take(reading, column, held, _IN_RECORDS)
             unsaid = reading.roles[column.number] == "out" and held.of("out") <= 0
             reading.score -= 1.0 if unsaid and held.of("level") > 0 else 0.0
+            # parts of complex values are no channels, and what has a unit of frequencies counts no samples, either
             reading.score -= parts if reading.roles[column.number] in ("in", "out") else 0.0
+            reading.score -= held.of("frequency") if kind_of_unit(column.unit) == "frequency" else 0.0
 
 
 def _response(reading: Reading, others: Sequence[Column], weights: dict[int, Weights], stated: bool) -> None:
@@ -195,7 +200,17 @@ def _response(reading: Reading, others: Sequence[Column], weights: dict[int, Wei
     if ways and not pairing:
         reading.score += 2 * HINT if magnitudes else -WORD
     reading.roles |= pairing
-    reading.reasons |= dict.fromkeys(pairing, "by its place: pairs are causal responses")
+    reading.reasons |= dict.fromkeys(pairing, _BY_PLACE)
+
+
+def _pair_parts(reading: Reading) -> None:
+    """Take columns of which nothing is known as real and imaginary parts side by side, as a header says that values are complex."""
+    parts = [number for number, role in reading.roles.items() if role in ("", "real", "imag", "mag", "phase", "coh")]
+    unnamed = all(reading.reasons.get(number, "") in ("", _BY_PLACE) for number in parts)
+    if parts and len(parts) % 2 == 0 and unnamed:
+        reading.roles |= {number: ("real", "imag")[k % 2] for k, number in enumerate(parts)}
+        reading.reasons |= dict.fromkeys(parts, "the header says that values are complex")
+        reading.score += SURE
 
 
 def _layouts(columns: Sequence[Column]) -> Iterator[tuple[list[Column], list[Column], list[Column]]]:

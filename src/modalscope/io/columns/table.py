@@ -42,9 +42,9 @@ class Table:
     """Columns of equal length, their sampling rate, and notes.
 
     `rate`: samples per second. `rate_from`: where the rate stands: `header line 3`. `lines`: the first frequency and
-    the step, Hz, where a header says them. `notes`: what was found, in words. `layout`: the evidence on the layout:
-    part, and what it is. `roles`: what the file itself says of its columns. `first_row`: the row of the file that is
-    the first here, from 1 below the head.
+    the step, Hz, where a header says them. `complex_values`: whether a header says that values are complex. `notes`: what was found, in
+    words. `layout`: the evidence on the layout: part, and what it is. `roles`: what the file itself says of its columns. `first_row`: the
+    row of the file that is the first here, from 1 below the head.
     """
 
     where: str
@@ -52,6 +52,7 @@ class Table:
     rate: float | None = None
     rate_from: str = ""
     lines: tuple[float, float] | None = None
+    complex_values: bool = False
     notes: tuple[str, ...] = ()
     layout: tuple[tuple[str, str], ...] = ()
     roles: Mapping[int, str] = field(default_factory=dict)

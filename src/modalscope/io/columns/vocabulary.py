@@ -77,6 +77,7 @@ STATEMENTS = {
         "numberofsamples numberofvalues numberofpoints datapoints npts ndata ndat datanum xaxissize "
         "anzahlmesswerte nombredepoints numerodicampioni numerodemuestras aantalmonsters numerodeamostras"
     ),
+    "form": "datatype dataformat valuetype datentyp typededonnees",
     "axis unit": "xaxisunit xunit xunits xunitlabel",
     "unit": "yunit yunits yaxisunit yunitlabel unit units einheit unite unita unidad unidade eenheid enhet",
     "channel": "channel channels name names kanal label title voie canale canal kanaal chno chname channelname",

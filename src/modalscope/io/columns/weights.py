@@ -307,7 +307,8 @@ def _of_relations(columns: Sequence[Column], weights: dict[int, Weights]) -> Ite
             for c in measured
             if np.min(c.values) < 0 and weights[c.number].of("in") <= HINT and weights[c.number].of("ignore") <= HINT
         ]
-        if np.min(column.values) >= 0 and _is_length(squares[column.number], others):
+        part = max(weights[column.number].of(kind) for kind in ("real", "imag", "phase")) > 0
+        if not part and np.min(column.values) >= 0 and _is_length(squares[column.number], others):
             yield column, "ignore", 2 * SURE, "it is the magnitude of the others"
     hit = _hit(measured)
     if hit is not None and not any(_is_force(weights[c.number]) for c in columns if c.number != hit.number):

@@ -132,7 +132,9 @@ def _head(
     )
     for k in range(body - 1, max(-1, body - _MAX_ROWS_OF_HEAD), -1):
         cells = (
-            None if _is_statement(lines[k], dialect) else _fitted(lines[k], rows[k], width, dialect, places, rows[full])
+            None
+            if _is_statement(lines[k], rows[k], dialect)
+            else _fitted(lines[k], rows[k], width, dialect, places, rows[full])
         )
         if cells is not None and not _are_numbers_of_channels(cells) and not all(map(is_missing, cells)):
             heads.append((k, cells))
@@ -315,8 +317,10 @@ def _is_row_name(cell: str) -> bool:
     return len(cell) <= _MAX_CHARACTERS_OF_KEY and key_meaning(cell) in ("unit", "channel")
 
 
-def _is_statement(line: str, dialect: Dialect) -> bool:
-    """Whether a line is a key that is known and its number."""
+def _is_statement(line: str, cells: Sequence[str], dialect: Dialect) -> bool:
+    """Whether a line is a key that is known and its number, or a key by its colon and one value."""
+    if cells[0].endswith(":") and sum(not is_missing(cell) for cell in cells[1:]) == 1:
+        return True
     stated = statements_of(line[:_MAX_CHARACTERS], dialect)[:1]
     known = (value for key, value in stated if key_meaning(key) not in ("", "unit", "channel"))
     return any(is_number(value.split()[0]) for value in known)

@@ -16,8 +16,9 @@ import numpy as np
 
 from modalscope.data import DataError
 from modalscope.io.columns import COLUMN_OPTIONS, Column, Table, contents_from_table
+from modalscope.io.columns.axis import rises, same_rate
 from modalscope.io.columns.facts import Statement, stated_by, steps_of
-from modalscope.io.columns.weights import goes_one_way, role_by_words
+from modalscope.io.columns.weights import even_step, role_by_words
 from modalscope.io.columns.words import ignored_columns, is_unit
 from modalscope.io.contents import Contents, Options, unreadable
 from modalscope.io.limits import Room, room
@@ -212,29 +213,40 @@ def _table(
     place = "" if stated is None else f"line {first[stated[1].line][0]} ({stated[1].key} {stated[1].value[:60]})"
     return Table(
         where=where,
-        columns=_with_unit(columns, said.unit),
+        columns=_with_unit(_with_axis(columns, said.axis), said.unit),
         rate=None if stated is None else stated[0],
         rate_from=place,
         lines=said.lines,
+        complex_values=said.complex_values,
         notes=(*notes, *column_notes),
         layout=_evidence(first, dialect, layout, (stated is not None and place) or ""),
     )
 
 
+def _with_axis(columns: tuple[Column, ...], axis: tuple[str, float, float] | None) -> tuple[Column, ...]:
+    """Return columns of which the one that goes from the first value on by the step, as the header says, has the unit that it says."""
+    if axis is None:
+        return columns
+    unit, first, step = axis
+    return tuple(
+        replace(c, unit=unit)
+        if not c.unit
+        and not c.textual
+        and same_rate(even_step(c.values), step)
+        and abs(c.values[0] - first) < 0.5 * step
+        else c
+        for c in columns
+    )
+
+
 def _with_unit(columns: tuple[Column, ...], unit: str) -> tuple[Column, ...]:
     """Return columns with the unit that the header says of one quantity, where it says it of no column and one or two have none."""
-    bare = [
-        c
-        for c in columns
-        if not c.unit and not c.textual and role_by_words(c.name) not in ("time", "frequency", "index")
-    ]
-    if (
-        not is_unit(unit)
-        or any(c.unit for c in columns if role_by_words("", c.unit) in ("in", "out"))
-        or len(bare) > _MAX_COLUMNS_OF_UNIT
-    ):
+    taken = ("time", "frequency", "index")
+    bare = [c for c in columns if not (c.unit or c.textual or role_by_words(c.name) in taken or rises(c.values))]
+    said = any(c.unit for c in columns if role_by_words("", c.unit) in ("in", "out"))
+    if not is_unit(unit) or said or len(bare) > _MAX_COLUMNS_OF_UNIT:
         return columns
-    return tuple(replace(c, unit=unit) if c in bare and not goes_one_way(c.values) else c for c in columns)
+    return tuple(replace(c, unit=unit) if c in bare else c for c in columns)
 
 
 def _but_ignored(kinds: list[str], layout: Layout, options: Options) -> list[str]:
