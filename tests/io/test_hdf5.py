@@ -12,6 +12,7 @@ import modalscope.io as mio
 from modalscope.io import hdf5, hdf5_walk
 from modalscope.io.limits import room
 from tests.io import samples
+from tests.io.exports.verdict import dead_ends
 from tests.support import refused
 
 h5py = pytest.importorskip("h5py")
@@ -113,3 +114,32 @@ def test_the_program_says_what_the_function_finds(foreign, tmp_path):
     (tmp_path / "b.h5").write_bytes(foreign.read_bytes()[:500])
     there, here = hdf5._apart(tmp_path / "b.h5", space), hdf5._here(tmp_path / "b.h5", space)
     assert there == here != []
+
+
+def test_attributes_are_statements_and_groups_are_read(tmp_path):
+    rng = np.random.default_rng(2)
+    acc, force = rng.standard_normal((400, 2)), rng.standard_normal(400)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.attrs["sampling_rate"], file.attrs["operator"] = 512.0, "M. K."
+        group = file.create_group("measurement")
+        group.create_dataset("acc", data=acc).attrs["units"] = "m/s^2"
+        group.create_dataset("force", data=force).attrs["units"] = "kN"
+        group["acc"].attrs["notes"] = np.zeros(6000)  # too large to be a statement, and not looked at
+    record = mio.read(tmp_path / "a.h5")
+    np.testing.assert_array_equal(record.outputs, acc)
+    np.testing.assert_array_equal(record.inputs[:, 0], force)
+    assert (record.sampling_rate, record.units) == (512.0, (("m/s^2", "m/s^2"), ("kN",)))
+
+
+def test_of_several_experiments_one_is_asked_for(tmp_path):
+    rng = np.random.default_rng(3)
+    arrays = {name: rng.standard_normal((400, 2)) for name in ("baseline", "damaged")}
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for name, acc in arrays.items():
+            group = file.create_group(name)
+            group.attrs["fs"] = 512.0
+            group["acc"], group["force"] = acc, acc[:, 0]
+    message = str(refused('--sheet "baseline" or --sheet "damaged"', mio.read, tmp_path / "a.h5"))
+    assert not dead_ends(tmp_path / "a.h5", message)
+    np.testing.assert_array_equal(mio.read(tmp_path / "a.h5", sheet="damaged").outputs, arrays["damaged"])
+    refused("its experiments are baseline, damaged", mio.read, tmp_path / "a.h5", sheet="other")

@@ -153,3 +153,15 @@ def test_channels_of_other_times_or_rates_are_told(tmp_path: Path) -> None:
     savemat(path, {"f": cells([np.arange(1.0, 51), np.arange(2.0, 52)]), "H": cells(lines)})
     with pytest.raises(ms.DataError, match="frequencies differ: f begins with 1, 2, and ends with 50, 51"):
         ms.read(path)
+
+
+@pytest.mark.parametrize("labels", [("run1", "run2"), ("Test_3", "Test_4"), ("exp01", "exp02")])
+def test_arrays_that_are_called_runs_are_asked_for(tmp_path: Path, labels: tuple[str, str]) -> None:
+    path = tmp_path / "runs.mat"
+    acc = np.random.default_rng(1).standard_normal((2, 300, 3))
+    savemat(path, {f"acc_{label}": values for label, values in zip(labels, acc, strict=True)} | {"fs": RATE})
+    with pytest.raises(ms.DataError, match=f'--sheet "{labels[0]}" or --sheet "{labels[1]}"'):
+        ms.read(path)
+    np.testing.assert_array_equal(ms.read(path, sheet=labels[1]).outputs, acc[1])
+    savemat(path, {"acc_1": acc[0], "acc_2": acc[1], "fs": RATE})  # channels of two sensors
+    assert ms.read(path).outputs.shape == (300, 6)

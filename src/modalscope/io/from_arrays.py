@@ -37,13 +37,13 @@ from modalscope.io.arrays import (
     names_of,
 )
 from modalscope.io.columns import contents_from_table
-from modalscope.io.contents import Contents, DataObject, Finding, Options, damage_as_error, needs
+from modalscope.io.contents import Contents, DataObject, Finding, Options, chosen, damage_as_error, needs
 from modalscope.io.loose import meaning_of, with_vectors
-from modalscope.io.members import Lists, lists_of, names_selecting, stacked_runs
+from modalscope.io.members import Lists, experiments_of, lists_of, names_selecting, stacked_runs
 from modalscope.numerics.checks import Array
 
 #: Options of the formats that hold named arrays.
-ARRAY_OPTIONS = ("rename", "axes", "ignore", "columns", "transpose", "rows", "resample")
+ARRAY_OPTIONS = ("rename", "axes", "ignore", "columns", "transpose", "rows", "resample", "sheet")
 
 #: Fields of a data object that may be given, or overridden, while it is read from any format.
 FIELD_OPTIONS = (
@@ -131,6 +131,21 @@ def _without_lists(where: str, lists: Lists, findings: list[Finding], options: O
     return Contents(thing=thing, findings=tuple(findings), notes=tuple(dict.fromkeys(notes)))
 
 
+def _of_one_experiment(
+    where: str, arrays: dict[str, Array], options: Options
+) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Return the arrays of the experiment that is asked, of several in one file, and what all share; and a note."""
+    found = experiments_of(arrays)
+    if not found and options.get("sheet") is None:
+        return arrays, ()
+    label = chosen(where, "experiments", found, list(found), options)
+    others = set().union(*(names for other, names in found.items() if other != label))
+    kept = {name: array for name, array in arrays.items() if name not in others}
+    return kept, (
+        f"experiment {label!r}; the others were left: {', '.join(other for other in found if other != label)[:60]}",
+    )
+
+
 def _fields(options: Options) -> dict[str, Any]:
     """Return the fields that were given, without units of single channels: these need the labels."""
     given = {name: options[name] for name in FIELD_OPTIONS if options.get(name) is not None}
@@ -143,14 +158,15 @@ def _by_evidence(
     """Return the data that arrays of other names hold by names and shapes, or raise where these say nothing."""
     given = {name for name in FIELD_OPTIONS if options.get(name) is not None}
     complete = data_class is not None and _NEEDED[data_class] <= {*arrays, *given}
+    notes: tuple[str, ...] = ()
     if not complete:
-        arrays = with_vectors(arrays)
+        arrays, notes = _of_one_experiment(where, with_vectors(arrays), options)
     meant = None if complete or options.get("axes") else meaning_of(where, arrays, options)
     if meant is None:
         raise _unknown_arrays(where, unknown or list(arrays), data_class)
     if meant.table is not None:
         contents = contents_from_table(meant.table, {**options, "ignore": None})
-        return replace(contents, notes=(*meant.notes, *contents.notes))
+        return replace(contents, notes=(*notes, *meant.notes, *contents.notes))
     _refuse_rows(where, options)
     layout = dict(meant.arrays or {})
     thing = _build(where, class_of(layout) or Signals, layout, _fields(options))

@@ -13,6 +13,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,8 @@ import numpy as np
 from modalscope.data import ImpulseResponse
 from modalscope.io import hdf5_walk
 from modalscope.io.arrays import joined, to_arrays
+from modalscope.io.columns.vocabulary import key_meaning
+from modalscope.io.columns.words import is_unit
 from modalscope.io.contents import ArrayData, Contents, Options, damage_as_error, unreadable
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import RAISE_THE_LIMIT, Room, room
@@ -36,6 +39,8 @@ _PROCESSOR_TIME, _CLOCK_TIME = (2, 50_000_000), (20, 10_000_000)
 #: Arrays in memory during a walk: one read, a chunk of it packed, and one inflated.
 _COPIES_IN_WALK = 3
 _LAYOUT = 1
+#: What attributes state.
+_STATED = ("rate", "step", "frequency step", "first", "unit")
 
 _DIMENSIONS = {
     "frequencies": ("line",),
@@ -114,7 +119,7 @@ def _label(file: Any, name: str, axes: tuple[str, ...]) -> None:
 
 
 def read(path: Path, options: Options) -> Contents:
-    """Read a file in this layout, or any HDF5 file whose root datasets are renamed to it."""
+    """Read a file in this layout, or any HDF5 file by the names of its datasets and what attributes state."""
     h5py = optional_package(f"reading {path.suffix}", "h5py", "hdf5")
     space = room(path.name, path.stat().st_size)
     # a file says truly how large its arrays are when it has been walked through: until then its own size decides
@@ -125,11 +130,7 @@ def read(path: Path, options: Options) -> Contents:
         with h5py.File(path, "r") as file:
             if streamed in file:
                 rows = _rows(path, streamed, file[streamed])
-            arrays = {
-                name: _values(name, item, space)
-                for name, item in file.items()
-                if isinstance(item, h5py.Dataset) and not _is_axis(name, item) and not (rows and name == streamed)
-            }
+            arrays = _arrays(h5py, file, space, "", streamed if rows else "")
             if not all(isinstance(name, str) for name in arrays):
                 raise ValueError("a name in it is no text")
         for name in [name for name in arrays if name.endswith("_real")]:
@@ -139,6 +140,33 @@ def read(path: Path, options: Options) -> Contents:
     if rows is not None:
         return stored_contents(path.name, rows, arrays, options)
     return contents_from_arrays(path.name, arrays, options)
+
+
+def _arrays(h5py: Any, group: Any, space: Room, prefix: str, streamed: str) -> dict[str, Array]:
+    """Return the datasets of a group and of those in it, and what attributes state, names parted by points.
+
+    A unit stands behind the name of its dataset, in brackets; rates, steps and first values are arrays of one number.
+    """
+    arrays: dict[str, Array] = {}
+    own = "modalscope_layout" in group.file.attrs
+    for name, item in group.items():
+        said = (
+            {} if own else {key: value for key, value in hdf5_walk.stated(item).items() if key_meaning(key) in _STATED}
+        )
+        unit = next((str(value) for key, value in said.items() if key_meaning(key) == "unit"), "")
+        if isinstance(item, h5py.Dataset) and not _is_axis(name, item) and name != streamed:
+            head = f"{prefix}{name} [{unit}]" if is_unit(unit) else f"{prefix}{name}"
+            arrays[head] = _values(name, item, space)
+            arrays |= _numbers(prefix, said)
+        elif isinstance(item, h5py.Group) and not own:
+            arrays |= _arrays(h5py, item, space, f"{prefix}{name}.", streamed)
+    return arrays | ({} if own else _numbers(prefix, hdf5_walk.stated(group)))
+
+
+def _numbers(prefix: str, said: Mapping[str, Any]) -> dict[str, Array]:
+    """Return the attributes that state a rate, a step or a first value as arrays."""
+    held = {key: np.asarray(value) for key, value in said.items() if key_meaning(key) in _STATED}
+    return {f"{prefix}{key}": value for key, value in held.items() if value.dtype.kind in "iuf"}
 
 
 def _rows(path: Path, name: str, item: Any) -> Hdf5Rows | None:

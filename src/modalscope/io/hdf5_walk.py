@@ -93,7 +93,23 @@ def _group(prefix: str, group: Any, visit: _Visit, depth: int) -> None:
             _dataset(whole, item, visit)
 
 
+def stated(item: Any) -> dict[str, Any]:
+    """Return the attributes of an object that are one number or one text, and short."""
+    found = {}
+    for name in item.attrs:
+        attribute = item.attrs.get_id(name)
+        short = attribute.get_storage_size() <= _MAX_BYTES_OF_ATTRIBUTE and attribute.shape in ((), (1,))
+        value: Any = item.attrs[name] if short and attribute.dtype.kind in "iufSO" else None
+        value = value[0] if getattr(value, "shape", ()) == (1,) else value
+        value = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
+        if isinstance(value, str) or getattr(getattr(value, "dtype", None), "kind", "") in ("i", "u", "f"):
+            found[name] = value
+    return found
+
+
 def _attributes(item: Any, visit: _Visit) -> None:
+    visit.objects += len(item.attrs)
+    stated(item)
     for name in ATTRIBUTES:
         if name in item.attrs:
             attribute = item.attrs.get_id(name)

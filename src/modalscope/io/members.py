@@ -27,6 +27,11 @@ BYTES_OF_MEMBER = 300
 #: Members listed in a message.
 _MAX_LISTED = 6
 
+#: What experiments are called.
+_EXPERIMENT = re.compile(
+    r"(?<![A-Za-z])(?P<label>(?:run|test|trial|exp|experiment|meas|measurement|messung|versuch|essai|prova|ensayo)_?\d+)(?!\d)",
+    re.IGNORECASE,
+)
 _MEMBER = re.compile(r"(?P<of>[^({]*)(?:\((?P<round>[0-9]{1,9})\)|\{(?P<curly>[0-9]{1,9})\})(?P<rest>.*)\Z")
 
 
@@ -193,6 +198,34 @@ def _refuse_clocks(where: str, name: str, vectors: Sequence[Array]) -> None:
 def _apart(vectors: Sequence[Array], place: int) -> str:
     """Return the entries of members at one place, each once, in words."""
     return ", ".join(dict.fromkeys(f"{array[place]:.6g}" for array in vectors[:_MAX_LISTED]))
+
+
+def experiments_of(arrays: Mapping[str, Array]) -> dict[str, set[str]]:
+    """Return the experiments of a file, each with the names of its arrays; none where there are not several.
+
+    An experiment is a structure that holds the same arrays as another, more than one of them measured, or what is called `run2`
+    beside `run1`.
+
+    Examples
+    --------
+    >>> channels = {f"run{k}.{name}": np.sin(np.arange(9.0)) for k in (1, 2) for name in ("acc", "force")}
+    >>> sorted(experiments_of(channels))
+    ['run1', 'run2']
+    """
+    by_structure: dict[str, set[str]] = {}
+    by_word: dict[str, set[str]] = {}
+    for name in arrays:
+        structure, point, _ = name.partition(".")
+        match = _EXPERIMENT.search(name)
+        by_structure.setdefault(structure if point else "", set()).add(name)
+        by_word.setdefault(match["label"] if match else "", set()).add(name)
+    for groups, least in ((by_structure, 2), (by_word, 1)):
+        found = {label: names for label, names in groups.items() if label}
+        inside = [frozenset(name.replace(label, "", 1) for name in names) for label, names in found.items()]
+        measured = [_measured({name: arrays[name] for name in names}) for names in found.values()]
+        if len(found) > 1 and len(set(inside)) == 1 and all(len(vectors) >= least for vectors in measured):
+            return found
+    return {}
 
 
 def stacked_runs(where: str, runs: Sequence[object]) -> Signals:

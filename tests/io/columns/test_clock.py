@@ -11,7 +11,8 @@ import modalscope as ms
 from modalscope.io import read, survey
 from modalscope.io.columns.axis import nearly_even, parts_of_second
 from modalscope.io.columns.clock import clock_of, resampled
-from tests.support import DATA
+from tests.io.exports.verdict import dead_ends
+from tests.support import DATA, refused
 
 RATE, COUNT = 200.0, 2000
 
@@ -176,3 +177,13 @@ def test_what_resampling_loses_falls_with_the_fourth_power_of_the_step(per_perio
     twice, lost = resampled(t, np.sin(2 * np.pi * t / per_period)[:, None], 2.0)
     between = twice[1::2, 0] - np.sin(2 * np.pi * (t[:-1] + 0.5) / per_period)
     assert 1 < lost / (np.sqrt(2) * np.std(between[20:-20])) < 1.4
+
+
+def test_of_records_that_follow_each_other_in_one_table_one_is_asked_for(tmp_path: Path) -> None:
+    values = np.random.default_rng(5).standard_normal((900, 2))
+    rows = "\n".join(f"{(k % 300) / 200:.4f},{a:.6f},{b:.6f}" for k, (a, b) in enumerate(values))
+    path = tmp_path / "three.csv"
+    path.write_text("Time (s),Force (N),Acc (g)\n" + rows)
+    message = str(refused("begin anew in row 301: 3 records follow each other", ms.read, path))
+    assert not dead_ends(path, message)
+    assert np.allclose(ms.read(path, rows="301-600").outputs[:, 0], values[300:600, 1], atol=1e-6)

@@ -169,4 +169,3 @@ def test_values_that_the_header_calls_complex_are_parts_whatever_they_are(tmp_pa
     noise = _RNG.standard_normal((300, 2))
     path = _pulse(tmp_path / "n.txt", 39 + _LINES, *noise.T, form="Complex", unit="Hz", signal="Noise")
     assert np.allclose(ms.read(path).values[:, 0, 0], noise[:, 0] + 1j * noise[:, 1])
-    refused("complex values", ms.read, _pulse(path, 39 + _LINES, *noise.T, form="Real", unit="Hz", signal="Noise"))

@@ -36,6 +36,9 @@ _STEP_TOLERANCE, _MIN_SHARE_OF_ROWS = 0.5, 0.25
 #: Nearly even times vary so by this share of the steps at least, over so many rows.
 _MIN_SHARE_OF_STEPS, _MIN_ROWS_OF_CLOCK = 0.98, 8
 
+#: Records that follow each other in one table at most, and rows of one at least.
+_MOST_RECORDS, _MIN_ROWS_OF_RECORD = 1000, 3
+
 _RANGE = re.compile(r"\s*(\d*)\s*-\s*(\d*)\s*\Z")
 
 
@@ -295,6 +298,25 @@ def longest_even(times: RealArray) -> tuple[int, int] | None:
     except DataError:
         return None
     return (first, last) if last - first >= _MIN_SHARE_OF_ROWS * len(times) else None
+
+
+def records_of(times: RealArray) -> list[tuple[int, int]]:
+    """Return the first and the last row, from 1, of each record of several whose even times begin anew; none where they do not.
+
+    Examples
+    --------
+    >>> records_of(np.array([0.0, 0.1, 0.2, 0.0, 0.1, 0.2])), records_of(np.array([0.0, 0.1, 0.2, 0.5]))
+    ([(1, 3), (4, 6)], [])
+    """
+    ends = [*(np.flatnonzero(np.diff(times) < 0) + 1).tolist(), len(times)]
+    parts = list(zip([0, *ends[:-1]], ends, strict=True))
+    if not 1 < len(parts) <= _MOST_RECORDS or min(end - start for start, end in parts) < _MIN_ROWS_OF_RECORD:
+        return []
+    try:
+        rates = [sampling_of(times[start:end]).rate for start, end in parts]
+    except DataError:
+        return []
+    return [(start + 1, end) for start, end in parts] if all(same_rate(rate, rates[0]) for rate in rates) else []
 
 
 def longest_stretch(whole: BoolArray) -> tuple[int, int]:

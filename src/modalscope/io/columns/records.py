@@ -12,7 +12,7 @@ from modalscope.data import DataError, ImpulseResponse, Signals
 from modalscope.data.channels import names_base
 from modalscope.data.geometry import label_of
 from modalscope.functions.poles import QUANTITIES
-from modalscope.io.columns.axis import longest_even, parts_of_second, rises, same_rate, sampling_of
+from modalscope.io.columns.axis import longest_even, parts_of_second, records_of, rises, same_rate, sampling_of
 from modalscope.io.columns.clock import evened
 from modalscope.io.columns.table import Column, Table, as_word, span
 from modalscope.io.columns.weights import likeliest_force
@@ -216,8 +216,12 @@ def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[
     try:
         sampling = sampling_of(times)
     except DataError as error:
-        even = longest_even(times)
+        even, several = longest_even(times), records_of(times)
         above = table.first_row - 1
+        if several:
+            fault = f"the times of {axis} begin anew in row {above + several[1][0]}: {len(several)} records follow each other"
+            ways = [f"--rows {above + first}-{above + last}" for first, last in several[:3]]
+            raise needs(table.where, "one record", fault, f"Take one: {', or '.join(ways)}") from None
         rows = "" if even is None else f", or --rows {above + even[0]}-{above + even[1]}, the longest even stretch"
         clock = "or leave its clock out where that alone is uneven, not the samples"
         remedy = f"Resample the record, {clock}: --resample auto, or {way_out} HZ{rows}"

@@ -319,7 +319,7 @@ def _is_row_name(cell: str) -> bool:
 
 def _is_statement(line: str, cells: Sequence[str], dialect: Dialect) -> bool:
     """Whether a line is a key that is known and its number, or a key by its colon and one value."""
-    if cells[0].endswith(":") and sum(not is_missing(cell) for cell in cells[1:]) == 1:
+    if cells and cells[0].endswith(":") and sum(not is_missing(cell) for cell in cells[1:]) == 1:
         return True
     stated = statements_of(line[:_MAX_CHARACTERS], dialect)[:1]
     known = (value for key, value in stated if key_meaning(key) not in ("", "unit", "channel"))
