@@ -11,6 +11,7 @@ from scipy.stats import f as fisher, t as student
 
 import modalscope as ms
 from modalscope.data.record_transform import record_spectra
+from modalscope.data.records import Records
 from modalscope.functions.poles import frequencies_and_damping
 from modalscope.likelihood.covariance import (
     Parts,
@@ -211,3 +212,13 @@ def test_a_wandering_frequency_takes_what_it_adds_off_the_lower_end_of_damping()
     assert far[0] == pytest.approx(wide / 2)
     even = lower_damping(np.array([pole]), np.array([1.0]), np.array([50.0]), parts)
     assert np.isnan(even[0])
+
+
+def test_an_input_that_never_moves_leaves_the_intervals_of_the_others() -> None:
+    runs = runs_of(system(3, 1), [2000], noise=1e-3)
+    (run,) = runs.runs
+    dead = np.column_stack([run.inputs, np.zeros(run.samples)])
+    with_dead = ms.Signals(outputs=run.outputs, inputs=dead, sampling_rate=run.sampling_rate)
+    one, both = (ms.refine(data, started(data)) for data in (runs, Records(runs=(with_dead,))))
+    for name in ("frequencies_std", "damping_ratios_std", "degrees"):
+        np.testing.assert_allclose(getattr(both, name), getattr(one, name), rtol=0.05)

@@ -138,10 +138,10 @@ _MIN_SHARE_OF_DIRECTION = 0.01
 _UNDETERMINED = float(np.finfo(float).eps) ** -2
 
 
-def inverse(information: RealArray) -> RealArray:
+def inverse(information: RealArray, undetermined: float = _UNDETERMINED) -> RealArray:
     """Return the inverse, columns brought to one level first.
 
-    A direction below the rounding of the products, about which the data say nothing, gives the variance `_UNDETERMINED` to the unknowns
+    A direction below the rounding of the products, about which the data say nothing, gives the variance `undetermined` to the unknowns
     that it consists of, and nothing to others.
     """
     scale = np.sqrt(np.diag(information))
@@ -150,14 +150,24 @@ def inverse(information: RealArray) -> RealArray:
     known = values > _ROUNDING_OF_PRODUCTS * values.max(initial=0.0)
     found = (vectors[:, known] / values[known]) @ vectors[:, known].T
     lost = np.any(vectors[:, ~known] ** 2 >= _MIN_SHARE_OF_DIRECTION, axis=1)
-    found[lost, lost] = _UNDETERMINED
+    found[lost, lost] = undetermined
     return np.asarray(found / np.outer(scale, scale))
 
 
+#: A column of which less than this part is left beside what modes explain is rounding.
+_ROUNDING_OF_COLUMNS = 1e-10
+
+
 def _free(point: Point, fitted: Fitted) -> ComplexArray:
+    """Return the columns of the unknowns without what modes explain.
+
+    Those that are nothing but rounding, of an input that is zero or the sum of others, are zero: of length one they would lead anywhere.
+    """
     W = np.ascontiguousarray(point.directions())
     V = W.view(np.float64)  # real columns with real columns: half the work
+    before = np.einsum("ka,ka->a", V, V)
     V -= fitted.kept @ (fitted.kept.T @ V)
+    V[:, np.einsum("ka,ka->a", V, V) <= _ROUNDING_OF_COLUMNS**2 * before] = 0
     return W
 
 

@@ -84,9 +84,10 @@ def spread_of(
     `poles` (n,): rad/s, as the modes are to have them. `variance`: of a row of the whitened noise. `response`: that was refined.
     `groups`: one label an input, or a run. `seen`: of the residual.
     """
-    C = inverse(normal(point, fitted)[0])
+    information = normal(point, fitted)[0]
+    C, known = inverse(information), inverse(information, 0.0)
     asked = point.problem.records or seen.coloured
-    rows = _rows(point, fitted, C, response) if asked else None
+    rows = _rows(point, fitted, known, response) if asked else None
     between = _between(point, fitted, C, groups, rows)
     own = variance * np.diag(fitted.spread).reshape(-1, 2).sum(axis=1)
     candidates: list[_Candidate] = []
@@ -96,8 +97,8 @@ def spread_of(
         found = C @ meat @ C if noise is None else variance * noise.covariance
         candidates.append(_Candidate(found, np.full((2, len(poles)), float(point.problem.freedom)), own))
     if rows is not None:
-        free, parts = rows.told(gradients_of_poles(poles), C)
-        candidates.append(_Candidate(rows.covariance(C), free, rows.own_of_shapes()))
+        free, parts = rows.told(gradients_of_poles(poles), known)
+        candidates.append(_Candidate(rows.covariance(known) + C - known, free, rows.own_of_shapes()))
     if seen.coloured and not point.problem.records and between is None:
         each = [part for part in _by_channels(point, fitted) if len(part) >= LEAST_GROUPS]
         candidates += [_Candidate(sandwich(C, part), np.full((2, len(poles)), len(part) - 1.0), own) for part in each]
