@@ -169,3 +169,17 @@ def test_values_that_the_header_calls_complex_are_parts_whatever_they_are(tmp_pa
     noise = _RNG.standard_normal((300, 2))
     path = _pulse(tmp_path / "n.txt", 39 + _LINES, *noise.T, form="Complex", unit="Hz", signal="Noise")
     assert np.allclose(ms.read(path).values[:, 0, 0], noise[:, 0] + 1j * noise[:, 1])
+
+
+def test_text_that_is_said_to_be_measured_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("Time,Acc,Comment\n" + "".join(f"{k / 100},{np.sin(k):.4f},word\n" for k in range(50)))
+    refused("holds text", ms.read, path, columns="time=1,out=2-3")
+    assert ms.read(path).outputs.shape == (50, 1)
+
+
+def test_times_that_are_written_twice_are_a_clock_and_no_channel(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    times = np.r_[0.0, 0.002, np.arange(1, 300) * 0.002]
+    path.write_text("".join(f"{t:.4f};{a:.5f}\n" for t, a in zip(times, _RNG.standard_normal(301), strict=True)))
+    refused("evenly sampled times in column 1", ms.read, path)

@@ -134,3 +134,9 @@ def test_a_time_behind_a_date_has_no_name_wherever_the_date_stands() -> None:
 def test_a_column_of_remarks_does_not_hide_the_sign_that_parts_cells() -> None:
     lines = ["Response 1 [g]\tComment", "0.5\tstart of test", *(f"{k}.25\t" for k in range(8))]
     assert dialect_of("a.csv", lines).delimiter == "\t"
+
+
+def test_decimal_commas_between_blanks_part_no_cells() -> None:
+    lines = [f"  {2000 * k},00    0,{1879 + k}195    0,{k:02d}000000" for k in range(9)]
+    found = dialect_of("a.txt", lines)
+    assert (found.delimiter, found.decimal) == ("", ",")

@@ -176,7 +176,7 @@ def _refuse_near(table: Table, found: Sequence[Reading], works: Callable[[str], 
     axis = best.axis
     step = even_step(np.asarray(axis.values))
     fault = f"{axis} rises evenly by {step:.6g} from {axis.values[0]:g}, which may be either"
-    rest = [number for number in best.roles if number != axis.number]
+    rest = [c.number for c in table.columns if c.number in best.roles and c is not axis and not c.textual]
     pairs = ",".join(f"real={a},imag={b}" for a, b in zip(rest[::2], rest[1::2], strict=False))
     lines = both["response"].option if "imag=" in both["response"].option else f"frequency={axis.number},{pairs}"
     ways = [*_record_options(table, both["record"]), *([lines] if pairs else [])]

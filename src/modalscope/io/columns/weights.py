@@ -182,22 +182,8 @@ def of_values(column: Column) -> Iterator[tuple[str, float, str]]:
     else:
         yield "index", NEVER, ""
     step = even_step(values)
-    if step:
-        if step != 1.0 or not counted:
-            weight = HINT * (1 + (step < _MAX_TIME_STEP) + in_epoch(values))
-            yield "time", weight, f"it rises evenly by {step:.6g}"
-        low = values[-1] < _LOWEST_BAND  # lines of a band in which nothing vibrates
-        yield "frequency", HINT - WORD * low, f"it rises evenly by {step:.6g}"
-        yield "out", -1.0, ""
-    elif nearly_even(values):
-        yield (
-            "time",
-            HINT + HINT * (float(np.median(np.diff(values))) < _MAX_TIME_STEP),
-            "it rises by nearly even steps",
-        )
-    elif not counted and rises(values):
-        yield "frequency", 1.0, "it rises"
-    elif _only(values, (0.0, 1.0)) and len(values) >= _MIN_ROWS:
+    yield from _of_what_rises(values, step, counted)
+    if _only(values, (0.0, 1.0)) and len(values) >= _MIN_ROWS:
         yield "ignore", WORD + 1, "it is 0 or 1, as a trigger"
     if not step and not counted and _stands_still(values):
         yield "ignore", WORD, "it hardly changes, and slowly"
@@ -205,6 +191,23 @@ def of_values(column: Column) -> Iterator[tuple[str, float, str]]:
         yield "level", HINT, "it is never negative, and mostly small, as spectra are"
     if len(values) >= _MIN_ROWS and not step and values.min() >= 0 and values.max() <= 1:
         yield "coh", 1.0, "it lies between 0 and 1"
+
+
+def _of_what_rises(values: Array, step: float, counted: bool) -> Iterator[tuple[str, float, str]]:
+    """Give what steps say: times and frequencies rise, mostly evenly, and no vibration does all along."""
+    if rises(values):
+        yield "out", -WORD, ""
+    if step:
+        if step != 1.0 or not counted:
+            weight = HINT * (1 + (step < _MAX_TIME_STEP) + in_epoch(values))
+            yield "time", weight, f"it rises evenly by {step:.6g}"
+        low = values[-1] < _LOWEST_BAND  # lines of a band in which nothing vibrates
+        yield "frequency", HINT - WORD * low, f"it rises evenly by {step:.6g}"
+    elif nearly_even(values):
+        short = float(np.median(np.diff(values))) < _MAX_TIME_STEP
+        yield "time", HINT * (1 + short), "it rises by nearly even steps"
+    elif not counted and rises(values):
+        yield "frequency", 1.0, "it rises"
 
 
 def _finite(column: Column) -> Array:

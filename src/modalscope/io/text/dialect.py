@@ -115,12 +115,12 @@ def _mostly_text(cells: Sequence[str]) -> bool:
 
 
 def _score(rows: Sequence[Sequence[str]]) -> int:
-    """Return how many cells are values in the rows of values, less those that are text where others are not."""
+    """Return how many cells are values in the rows of values, less those that are none: words in columns of words do not count."""
     width, of_values = value_rows(rows)
     texts = _text_columns(rows, width)
     good = [row for row, of_value in zip(rows, of_values, strict=True) if of_value]
     cells = [(k, cell) for row in good for k, cell in enumerate(row) if not is_missing(cell)]
-    return sum(1 if is_value(cell) else -2 * (k not in texts) for k, cell in cells)
+    return sum(1 if is_value(cell) else -2 * (k not in texts or cell[:1] in "0123456789+-.,") for k, cell in cells)
 
 
 def dialect_of(where: str, lines: Sequence[str], delimiter: str | None = None, decimal: str | None = None) -> Dialect:
