@@ -11,9 +11,19 @@ from modalscope.data.sizes import check_size
 from modalscope.data.stored import StoredResponse, StoredSignals
 from modalscope.doctor.delays import delayed, exchanged, late
 from modalscope.doctor.findings import dead_channels, identical_channels, sides_of
+from modalscope.doctor.halves import changes
 from modalscope.doctor.prediction import isolated_samples, missing_samples
-from modalscope.doctor.records import bad_hits, clipped, events, leakage, noisy_channels, too_short, transposed
-from modalscope.doctor.responses import examine_response
+from modalscope.doctor.records import (
+    bad_hits,
+    clipped,
+    events,
+    leakage,
+    noisy_channels,
+    predicted_by_inputs,
+    too_short,
+    transposed,
+)
+from modalscope.doctor.responses import MIN_COHERENCE, examine_response
 from modalscope.doctor.runs import changed_runs
 from modalscope.doctor.samples import frozen, overflows, spikes
 from modalscope.numerics.arguments import named
@@ -33,9 +43,10 @@ def examine(data: Signals | StoredSignals | StoredResponse | Records | Setups | 
 
     The faults are overloaded, double and clipped hits; clipped, dead, noisy, duplicate, swapped and delayed channels; converter
     overflows, frozen channels, gaps, missing samples and spikes; force and response exchanged; transposed or conjugate arrays, values
-    without phase, levels or angles instead of complex values; outlying lines, events that dominate a record without inputs, wrong
-    polarity, leakage, low coherence, responses that are not reciprocal, a wrong quantity, records too short for their damping. Some need
-    certain data: polarity driving points, reciprocity two inputs at output dofs.
+    without phase, levels or angles instead of complex values; outlying lines, events that dominate a record without inputs, channels
+    and records that change half-way, halves that repeat, clocks that differ, drift, wrong polarity, leakage, low coherence, responses
+    that are not reciprocal, a wrong quantity, records too short for their damping. Some need certain data: polarity driving points,
+    reciprocity two inputs at output dofs.
 
     Parameters
     ----------
@@ -81,13 +92,15 @@ def _examine_record(signals: Signals) -> list[Finding]:
         moving_channels[side] = [i for i, dof in enumerate(labels) if dof not in dead]
         findings += constant + identical_channels(columns, labels)
     isolated = isolated_samples(signals) if kind in ("random", "ambient") else []
-    overflowed = overflows(signals, isolated)
+    overflowed = overflows(signals, kind, isolated)
     findings += clipped(signals, kind) + overflowed + frozen(signals)
     findings += spikes(signals, kind, {f.channels[0] for f in overflowed}, isolated)
     if not all(moving_channels.values()):
         return findings
     moving = signals.select(**{f"{side}s": chosen for side, chosen in moving_channels.items()})
-    findings += events(moving) + missing_samples(moving, kind)
+    single = events(moving)
+    altered = changes(moving, "event" if single else kind)
+    findings += single + missing_samples(moving, kind) + altered
     reversed_ = exchanged(moving) if kind != "sweep" else []
     findings += reversed_ or delayed(moving) or (late(moving) if kind in ("random", "burst") else [])
     if kind == "impact":
@@ -100,7 +113,7 @@ def _examine_record(signals: Signals) -> list[Finding]:
     changed = changed_runs(moving) if forced else []
     findings += changed
     # a change between runs lowers the coherence too: one cause, one finding; another place of the force changes all outputs
-    explained = {dof for f in changed for dof in f.channels}
+    explained = {dof for f in (*changed, *altered) for dof in f.channels}
     if any(f.kind == "places" for f in changed):
         explained.update(moving.output_dofs)
     noisy = [f for f in noisy_channels(moving, kind) if f.channels[0] not in explained]
@@ -125,4 +138,7 @@ def _of_response(signals: Signals, kind: str, short: bool, explained: set[str]) 
     elif kind in ("sweep", "burst"):
         lines &= swept_lines(signals, response.frequencies)
     findings = (f for f in examine_response(response.at_lines(lines)) if f.kind in _KINDS_OF_RESPONSES)
+    if kind == "random":  # on lines without force a response is noise, and so is its coherence
+        predicted = zip(signals.output_dofs, predicted_by_inputs(signals), strict=True)
+        explained = explained | {dof for dof, part in predicted if part > MIN_COHERENCE}
     return [f for f in findings if f.kind != "low coherence" or not (short or f.channels[0] in explained)]

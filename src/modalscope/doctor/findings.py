@@ -152,6 +152,26 @@ ROWS = {
         "runs {runs} look like {count} drive points",
         "Give every place a file, or its own label: input_dofs, --input-dofs.",
     ),
+    "changed: channel": (
+        "all others predict {first:.0f} % of its power in the first half, {second:.0f} % in the second",
+        "Look for a broken cable or a sensor that fell off; use one half, or leave it out: exclude=[{channels[0]!r}].",
+    ),
+    "changed: all": (
+        "each half is predicted {factor:.2g} times less well by the other than by itself",
+        "Look for two tests in one file, or sensors that were moved. " + _AS_RUNS,
+    ),
+    "clock": (
+        "its clock is {rate:.0f} millionths too {side} against most other channels",
+        "Record all channels with one clock, or resample this one; shorter parts of the record suffer less.",
+    ),
+    "repeated": (
+        "{second} repeats {first}, sample by sample",
+        "Leave one of both out: it adds nothing, and deviations become too small.",
+    ),
+    "drift": (
+        "{percent:.0f} % of its power lies below {limit:.3g} Hz, {usual:.2g} % in the median",
+        "Look for temperature or an unsettled sensor, and choose a band above: band=(f1, f2).",
+    ),
     "event": (
         "{share:.0f} % of the power lies between {start:.4g} and {stop:.4g} s: averages are worth {worth:.3g} s of steady vibration",
         "Cut the event out. " + _AS_RUNS + " Or identify it alone, a free decay from its release on: "

@@ -163,24 +163,11 @@ def noisy_channels(signals: Signals, kind: str) -> list[Finding]:
     """Compare how much of every output's power follows from the inputs, or from the other outputs when nothing was driven."""
     outputs, inputs = signals.by_run()
     l = outputs.shape[2]
-    total = signals.runs * signals.samples
-    others = l - 1 if inputs is None else inputs.shape[2]
-    length = min(signals.samples, total // (8 * (others + 1)))
-    if l < 3 or length < 32 or kind in ("impact", "sweep", "burst"):
+    if l < 3 or kind in ("impact", "sweep", "burst"):
         return []
-    segments = Segments.of(signals.samples, length)
-    y = outputs - outputs.mean(axis=1, keepdims=True)
-    u = None if inputs is None else inputs - inputs.mean(axis=1, keepdims=True)
-    spectra = cross_spectra(y, u, signals.sampling_rate, segments, whole=inputs is None)
-    power = spectra.output_powers
-    if inputs is None:
-        explained = _from_others(spectra.outputs)
-    else:
-        rows = spectra.cross @ np.linalg.pinv(spectra.inputs, rcond=1e-12, hermitian=True)  # inputs may be alike
-        explained = np.sum(rows * np.conj(spectra.cross), axis=2).real
-    part = explained.sum(axis=0) / power.sum(axis=0)
-    # without the coherence of independent channels from a finite number of averages
-    part = 1 - (1 - part) * spectra.effective / (spectra.effective - others)
+    part = _predicted(outputs, inputs, signals.sampling_rate)
+    if part is None:
+        return []
     limit = _MAX_PREDICTED_BY_OUTPUTS if inputs is None else _MAX_PREDICTED
     usual = float(np.median(part))
     source = "the other outputs" if inputs is None else "the inputs"
@@ -195,6 +182,34 @@ def noisy_channels(signals: Signals, kind: str) -> list[Finding]:
         if share > max(_MIN_UNEXPLAINED, _UNEXPLAINED_RATIO * usual):
             findings.setdefault(dof, finding("noisy: unexplained", dof, percent=100 * share, usual=100 * usual))
     return list(findings.values())
+
+
+def predicted_by_inputs(signals: Signals) -> RealArray:
+    """Return the part of every output's power that follows from the inputs (l,), on all lines together; 1 where a record is too short."""
+    outputs, inputs = signals.by_run()
+    part = _predicted(outputs, inputs, signals.sampling_rate)
+    return np.ones(outputs.shape[2]) if part is None else part
+
+
+def _predicted(outputs: RealArray, inputs: RealArray | None, rate: float, averages: int = 8) -> RealArray | None:
+    """Return the part of every output's power that follows from the inputs, or from the other outputs without any; None if too short."""
+    runs, samples, l = outputs.shape
+    others = l - 1 if inputs is None else inputs.shape[2]
+    averages = 8 if inputs is None else 4  # few inputs need few averages, and short segments leak
+    length = min(samples, runs * samples // (averages * (others + 1)))
+    if length < 32:
+        return None
+    y = outputs - outputs.mean(axis=1, keepdims=True)
+    u = None if inputs is None else inputs - inputs.mean(axis=1, keepdims=True)
+    spectra = cross_spectra(y, u, rate, Segments.of(samples, length), whole=inputs is None)
+    if inputs is None:
+        explained = _from_others(spectra.outputs)
+    else:
+        rows = spectra.cross @ np.linalg.pinv(spectra.inputs, rcond=1e-12, hermitian=True)  # inputs may be alike
+        explained = np.sum(rows * np.conj(spectra.cross), axis=2).real
+    part = explained.sum(axis=0) / spectra.output_powers.sum(axis=0)
+    # without the coherence of independent channels from a finite number of averages
+    return np.asarray(1 - (1 - part) * spectra.effective / (spectra.effective - others))
 
 
 def _from_others(S: Array) -> RealArray:

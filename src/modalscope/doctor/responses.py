@@ -55,7 +55,7 @@ _MIN_CHANGE_RATIO, _MIN_PHASE_CHANGE = 8.0, 0.1
 _MAX_DECIBELS, _MAX_LEVEL_RANGE = 200.0, 6.0
 
 #: Minimum part of an output's power that the inputs explain: short segments alone leave more.
-_MIN_COHERENCE = 0.6
+MIN_COHERENCE = 0.6
 
 #: Minimum half-power bandwidth in lines: a vibration then decays to one per cent within one over the line spacing.
 _MIN_BANDWIDTH = np.log(100) / np.pi
@@ -292,7 +292,7 @@ def _coherence(response: FrequencyResponse) -> list[Finding]:
     total = power.sum(axis=0)
     explained = np.divide(np.sum(c * power, axis=0), total, out=np.ones(len(total)), where=total > 0)
     pairs = zip(response.output_dofs, explained.tolist(), strict=True)
-    return [finding("low coherence", dof, explained=part) for dof, part in pairs if part < _MIN_COHERENCE]
+    return [finding("low coherence", dof, explained=part) for dof, part in pairs if part < MIN_COHERENCE]
 
 
 def bandwidths(response: FrequencyResponse) -> tuple[Array, RealArray]:

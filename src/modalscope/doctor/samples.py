@@ -24,6 +24,9 @@ _FALSE_ALARM = 1e-3
 #: The outer tenths of the range (-1 to 1), which an overflow joins; a signal of two levels spends more than this part of its time there.
 _OUTER, _TWO_LEVELS = 0.8, 0.6
 
+#: Samples on either side of a jump over which neighbours are compared.
+_BESIDE = 12
+
 #: Maximum median step, from or to the outer halves of the range, of a smooth signal.
 _SMOOTH_STEP, _OUTER_HALF = 0.1, 0.5
 
@@ -40,13 +43,15 @@ _SPIKE_TOLERANCE = 0.25
 _NEIGHBOURS, _SPIKE_FACTOR = 25, 1.5
 
 
-def overflows(signals: Signals, isolated: Sequence[IsolatedSample] = ()) -> list[Finding]:
+def overflows(signals: Signals, kind: str, isolated: Sequence[IsolatedSample] = ()) -> list[Finding]:
     """Find channels that jump from one end of their range to the other and go on from there: the converter overflowed.
+
+    The force of a hammer goes through its range in a sample or two.
 
     An isolated sample of an output counts, too, when it is at one end of the range and expected at the other.
     """
     findings = []
-    for i, (dof, x) in enumerate(channels_of(signals)):
+    for i, (dof, x) in enumerate(channels_of(signals, inputs=kind != "impact")):
         places = {(r, int(k) + 1) for r, run in enumerate(x) for k in wraps(run)}
         places |= {(s.run, s.sample) for s in isolated if s.channel == i and _across(s, x[s.run])}
         if places:
@@ -78,6 +83,7 @@ def wraps(x: RealArray) -> Array:
     if np.mean(high) + np.mean(low) > _TWO_LEVELS:
         return none
     jumps = np.flatnonzero((high[:-1] & low[1:]) | (low[:-1] & high[1:]))
+    jumps = jumps[[_smooth_beside(side, int(k)) for k in jumps]] if jumps.size else jumps
     if not jumps.size:
         return none
     steps = np.abs(np.diff(side))
@@ -91,6 +97,13 @@ def wraps(x: RealArray) -> Array:
     part = min(3 * float(np.mean(y**2)) ** 2 / float(np.mean(y**4)), 1.0)
     expected = 2 * len(x) * float(np.mean(high) * np.mean(low)) / part
     return jumps if pdtrc(len(jumps) - 1, expected) < _FALSE_ALARM else none
+
+
+def _smooth_beside(x: RealArray, k: int) -> bool:
+    """Return whether neighbours around a jump from sample k to the next are correlated positively: a blow rings up and down."""
+    around = x[max(k - _BESIDE, 0) : k + 2 + _BESIDE]
+    products = around[1:] * around[:-1]
+    return float(np.sum(products[products > -(_OUTER**2)])) > 0
 
 
 def frozen(signals: Signals) -> list[Finding]:

@@ -39,6 +39,9 @@ _SIGNIFICANT_POWER, _LINES_OF_RANGE, _SAMPLES_PER_PERIOD = 33.0, 500, 3.2
 #: Length of the low-pass filter in samples of the slower rate, to either side.
 _FILTER_REACH = 10
 
+#: Windows of a record for every sample in one: more determine the exponents no better than a test of what they leave needs.
+_ROWS_PER_COLUMN = 16
+
 #: Singular values below this part of the largest are rounding.
 _RANK_TOLERANCE = 1e-13
 
@@ -138,6 +141,7 @@ def unexplained_by_decay(y: RealArray, states: int) -> float:
     samples, outputs = y.shape
     block_rows = max(2, min(samples // 3, -(-4 * states // outputs)))
     H = np.lib.stride_tricks.sliding_window_view(y, block_rows + 1, axis=0).transpose(0, 2, 1)
+    H = H[:: max(1, len(H) // (_ROWS_PER_COLUMN * (block_rows + 1) * outputs))]
     columns = H.reshape(len(H), -1)
     values, vectors = np.linalg.eigh(columns.T @ columns)
     rank = min(states, block_rows * outputs, int(np.sum(values > _RANK_TOLERANCE * values[-1])))

@@ -58,7 +58,8 @@ def modeless_notes(spectrum: Spectrum, levels: Levels, lines: Sequence[Line]) ->
     slow = float(power[: int(_PERIODS)].sum() / power.sum())
     if slow > _MIN_SHARE:
         f = _PERIODS * spectrum.step
-        text = f"Quasi-static motion: {_percent(slow)} of the power lies below {f:.3g} Hz, and there is no spectral peak: only precise modes count"
+        held = f"{_percent(slow)} of the power lies below {f:.3g} Hz"
+        text = f"Quasi-static motion: {held}, and there is no spectral peak: only precise modes count"
         return (Note(UNSEEN, {"share": slow, "hz": f}, text),)
     return ()
 

@@ -1,0 +1,221 @@
+"""Hold the parts of a record against each other: what a channel follows from all others, and when, must not change.
+
+With h the response of channel i to the others o in one half of the record, the part of its power that is not predicted in the other half,
+
+    sum (S_ii - 2 Re h* S_io + h* S_oo h) / sum S_ii,
+
+is about what h of that half itself leaves, wherever the loads were and however strong: ratios of channels at resonances are those of mode
+shapes. A cable that breaks leaves one channel unpredicted, another structure all of them. A clock that is fast turns the spectra between
+channels by the angle w D from one stretch to the next.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import fft
+
+from modalscope.data.notes import Finding
+from modalscope.data.records import Signals
+from modalscope.doctor.findings import finding
+from modalscope.numerics.checks import BoolArray, ComplexArray, RealArray
+from modalscope.preprocess.correlation import spanning_outputs
+from modalscope.preprocess.spectra import Segments, cross_spectra
+
+#: Maximum number of outputs that predict the others; minimum independent averages a channel of these; minimum and maximum samples of a
+#: segment.
+_MAX_PREDICTORS, _AVERAGES, _MIN_SEGMENT, _MAX_SEGMENT = 6, 8, 32, 4096
+
+#: A cable broke where at most the first part of a channel's power is predicted in one half, and at least the second in the other. Parts of
+#: two unrelated records are below .02.
+_MAX_BROKEN, _MIN_WHOLE = 0.05, 0.3
+
+#: Two halves are of two tests where the error of either half's prediction is in the median over the channels larger by this factor in the
+#: other. Under loads that change it reaches 2.3 (six parts of an ambient record of a building); two structures have 3.8 and more.
+_TWO_TESTS = 3.0
+
+#: Added to the spectra of the predictors, as a part of their mean.
+_LOADING = 1e-9
+
+#: Stretches of a run that clocks are compared in, most of them, their maximum number of samples, and the most lines and runs.
+_STRETCHES, _MAX_STRETCHES, _MAX_STRETCH, _LINES, _MAX_RUNS = 48, 96, 2048, 64, 4
+
+#: Rates of clocks that are tried, and the one of equal clocks.
+_RATES = np.linspace(-1e-3, 1e-3, 201)
+_STILL = 100
+
+#: Minimum gain: of incoherent lines the mean |sum|^2 / K scatters about one by .13, and is larger by .7 at the best of all rates.
+_MIN_GAIN = 1.5
+
+#: Periods in the record below which power is drift; its least part of a channel's power, and the largest of the median channel's.
+_DRIFT_PERIODS, _MIN_DRIFT, _MAX_USUAL_DRIFT = 10, 0.5, 0.1
+
+
+def changes(signals: Signals, kind: str) -> list[Finding]:
+    """Find what changes from one part of a record to another: a cable that breaks, another structure, clocks, one half repeated."""
+    found = repeated(signals)
+    if found or kind not in ("random", "ambient"):
+        return found
+    found = clocks(signals)
+    if not found and (halves := _halves(signals)) is not None:
+        found = _broken(signals, halves) or _two_tests(signals, halves)
+    return found + drifting(signals)
+
+
+def repeated(signals: Signals) -> list[Finding]:
+    """Find runs, or halves of a run, that are the same sample by sample."""
+    outputs, _ = signals.by_run()
+    parts = list(outputs)
+    names = [f"run {r + 1}" for r in range(len(parts))]
+    if len(parts) == 1:
+        count = signals.samples // 2
+        parts, names = [outputs[0, :count], outputs[0, -count:]], ["its first half", "its second half"]
+    seen: dict[bytes, str] = {}
+    for part, name in zip(parts, names, strict=True):
+        key = np.ascontiguousarray(part).tobytes()
+        if key in seen and np.any(part != part[0]):
+            return [finding("repeated", *signals.output_dofs, second=name, first=seen[key])]
+        seen[key] = name
+    return []
+
+
+class Halves(NamedTuple):
+    """Parts of the power of every channel that all others do not predict, (2 halves, c): by the response of that half, of the other."""
+
+    own: RealArray
+    other: RealArray
+
+
+def _channels(signals: Signals) -> RealArray:
+    """Return outputs and inputs side by side, (R, N, c)."""
+    outputs, inputs = signals.by_run()
+    return outputs if inputs is None else np.concatenate([outputs, inputs], axis=2)
+
+
+def _halves(signals: Signals) -> Halves | None:
+    """Return what is not predicted in the halves of a record; None where it is too short, or a channel is at rest in one."""
+    x, outputs = _channels(signals), len(signals.output_dofs)
+    half, channels = signals.samples // 2, x.shape[2]
+    predictors = [*spanning_outputs(signals, _MAX_PREDICTORS), *range(outputs, channels)]
+    length = min(half * len(x) // (_AVERAGES * (len(predictors) + 1)), half, _MAX_SEGMENT)
+    if channels < 2 or length < _MIN_SEGMENT:
+        return None
+    spectra, effective = [], 1.0
+    for part in (x[:, :half], x[:, half : 2 * half]):
+        y = part - part.mean(axis=1, keepdims=True)
+        found = cross_spectra(y, None, 1.0, Segments.of(half, length), whole=True)
+        spectra.append(found.outputs[1:])
+        effective = found.effective
+    if not all(np.all(np.einsum("fii->i", S).real > 0) for S in spectra):
+        return None
+    own, other = np.ones((2, channels)), np.ones((2, channels))
+    for i in range(channels):
+        o = [j for j in predictors if j != i]
+        if not o:
+            continue
+        responses = [_response(S, i, o) for S in spectra]
+        for k, S in enumerate(spectra):
+            # what chance predicts, and what the errors of a response add in the other half
+            own[k, i] = _unpredicted(S, i, o, responses[k]) * effective / (effective - len(o))
+            other[k, i] = _unpredicted(S, i, o, responses[1 - k]) * effective / (effective + len(o))
+    return Halves(own, other)
+
+
+def _response(S: ComplexArray, i: int, others: list[int]) -> ComplexArray:
+    """Return the response h (F, o) of channel i to others, S_io S_oo^-1."""
+    A = S[:, others][:, :, others]
+    load = _LOADING * np.einsum("fii->f", A).real / len(others)
+    A = A + load[:, None, None] * np.eye(len(others))
+    return np.asarray(np.linalg.solve(A.transpose(0, 2, 1), S[:, i, others][:, :, None])[:, :, 0])
+
+
+def _unpredicted(S: ComplexArray, i: int, others: list[int], h: ComplexArray) -> float:
+    """Return the part of a channel's power that a response to the others leaves."""
+    cross = np.einsum("fo,fo->f", h.conj(), S[:, i, others]).real
+    predicted = np.einsum("fo,fop,fp->f", h, S[:, others][:, :, others], h.conj()).real
+    return float(np.sum(S[:, i, i].real - 2 * cross + predicted) / np.sum(S[:, i, i].real))
+
+
+def _broken(signals: Signals, halves: Halves) -> list[Finding]:
+    """Find channels that all others predict in one half of a record, and not at all in the other."""
+    parts = 1 - halves.own
+    low, high = parts.min(axis=0), parts.max(axis=0)
+    broken = (low < _MAX_BROKEN) & (high > _MIN_WHOLE)
+    dofs = (*signals.output_dofs, *signals.input_dofs)
+    return [
+        finding("changed: channel", dofs[i], first=100 * max(parts[0, i], 0.0), second=100 * max(parts[1, i], 0.0))
+        for i in np.flatnonzero(broken)
+    ]
+
+
+def _two_tests(signals: Signals, halves: Halves) -> list[Finding]:
+    """Find records whose halves do not predict each other."""
+    factor = float(np.min(np.median(halves.other / np.maximum(halves.own, np.finfo(float).tiny), axis=1)))
+    return [finding("changed: all", *signals.output_dofs, factor=factor)] if factor > _TWO_TESTS else []
+
+
+def clocks(signals: Signals) -> list[Finding]:
+    """Find channels whose delay against most others grows over the record: recorders with clocks of their own.
+
+    u_k are the spectra between a channel and the reference in stretch k over their magnitudes. Where the delay grows at a rate r,
+    u_k exp(j w r k L) has the same phase in all stretches of L samples: r maximizes the mean over lines of
+    |sum_k u_k exp(j w r k L) / K|^2.
+    """
+    dofs = (*signals.output_dofs, *signals.input_dofs)
+    rate, gain, agrees = _rates(signals)
+    drifts = (gain > _MIN_GAIN) & agrees & (rate != 0)
+    if 2 * np.sum(drifts) > len(dofs):  # the reference is one of the few
+        drifts, rate = ~drifts, rate - np.median(rate[drifts])
+    return [
+        finding("clock", dofs[i], rate=1e6 * abs(rate[i]), side="slow" if rate[i] > 0 else "fast")
+        for i in np.flatnonzero(drifts)
+    ]
+
+
+def _rates(signals: Signals) -> tuple[RealArray, RealArray, BoolArray]:
+    """Return the rate of every channel's delay (c,), the gain by it, and whether both halves of the record gain."""
+    x, length = _channels(signals)[:_MAX_RUNS], min(signals.samples // _STRETCHES, _MAX_STRETCH)
+    channels = x.shape[2]
+    if channels < 2 or length < _MIN_SEGMENT:
+        return np.zeros(channels), np.zeros(channels), np.zeros(channels, dtype=bool)
+    count = min(signals.samples // length, _MAX_STRETCHES)
+    starts = length * np.round(np.linspace(0, signals.samples // length - 1, count)).astype(int)
+    window = np.hanning(length)[:, None]
+    X = np.stack([[fft.rfft(run[s : s + length] * window, axis=0)[1:-1] for s in starts] for run in x])
+    X /= np.sqrt(np.maximum(np.mean(np.abs(X) ** 2, axis=(0, 1)), np.finfo(float).tiny))
+    S = np.einsum("rkfi,rkfj->fij", X.conj(), X)
+    reference = int(np.argmax(np.abs(S).sum(axis=(0, 1))))
+    u = X * X[..., [reference]].conj()
+    u /= np.maximum(np.abs(u), np.finfo(float).tiny)
+    rate, gain, agrees = np.zeros(channels), np.zeros(channels), np.zeros(channels, dtype=bool)
+    for i in range(channels):
+        # lines on which the phase is steady from stretch to stretch, at any rate
+        steady = np.abs(np.sum(u[:, 1:, :, i] * u[:, :-1, :, i].conj(), axis=(0, 1)))
+        lines = np.sort(np.argsort(steady)[-_LINES:])
+        w = 2 * np.pi * (lines + 1) / length
+        turned = np.einsum("rkf,fqk->krfq", u[:, :, lines, i], np.exp(1j * w[:, None, None] * _RATES[:, None] * starts))
+        whole, first, second = (
+            np.mean(np.abs(part.sum(axis=0)) ** 2, axis=(0, 1)) / len(part)
+            for part in (turned, turned[: count // 2], turned[count // 2 :])
+        )
+        best = int(np.argmax(whole))
+        rate[i], gain[i] = _RATES[best], whole[best] - whole[_STILL]
+        agrees[i] = min(first[best] - first[_STILL], second[best] - second[_STILL]) > 0
+    return rate, gain, agrees
+
+
+def drifting(signals: Signals) -> list[Finding]:
+    """Find outputs with most of their power in drift, while the others have little."""
+    outputs, _ = signals.by_run()
+    power = np.sum(np.abs(fft.rfft(outputs - outputs.mean(axis=1, keepdims=True), axis=1)) ** 2, axis=0)
+    share = power[: _DRIFT_PERIODS + 1].sum(axis=0) / np.maximum(power.sum(axis=0), np.finfo(float).tiny)
+    usual = float(np.median(share))
+    if usual > _MAX_USUAL_DRIFT or outputs.shape[2] < 2:
+        return []
+    limit = _DRIFT_PERIODS / signals.duration
+    return [
+        finding("drift", dof, percent=100 * part, limit=limit, usual=100 * usual)
+        for dof, part in zip(signals.output_dofs, share, strict=True)
+        if part > _MIN_DRIFT
+    ]
