@@ -10,7 +10,7 @@ import modalscope as ms
 from modalscope.io.columns import Column, Table, contents_from_table
 from modalscope.io.columns.axis import grain_of, roundest, sampling_of
 from modalscope.io.columns.weights import role_by_words
-from modalscope.io.columns.words import UNITS, is_unit, kind_of_unit, plain_unit, spoken_roles
+from modalscope.io.columns.words import UNITS, is_unit, kind_of_unit, plain_unit, roles_of_option
 from modalscope.io.text.cells import Dialect, complex_of, is_value, number_of, split
 from tests.support import refused
 
@@ -141,7 +141,7 @@ def test_a_rising_column_is_time_beside_a_force_and_asked_for_otherwise() -> Non
 
 def test_roles_go_on_until_the_next() -> None:
     columns = [Column(number=k, name=f"c{k}", values=np.zeros(2)) for k in range(1, 7)]
-    assert spoken_roles(columns, "time=1,in=2,4,out=5-") == {1: "time", 2: "in", 4: "in", 5: "out", 6: "out"}
+    assert roles_of_option(columns, "time=1,in=2,4,out=5-") == {1: "time", 2: "in", 4: "in", 5: "out", 6: "out"}
 
 
 @settings(max_examples=200, deadline=None)

@@ -15,7 +15,7 @@ from modalscope.io.columns.reading import NEAR, Reading, readings
 from modalscope.io.columns.records import free_decay, nothing_measured, records
 from modalscope.io.columns.table import Column, Table, as_word
 from modalscope.io.columns.weights import even_step, likeliest_force
-from modalscope.io.columns.words import ignored_columns, named_columns, short_unit, spoken_roles
+from modalscope.io.columns.words import ignored_columns, named_columns, roles_of_option, short_unit
 from modalscope.io.contents import Contents, Finding, Options, needs
 
 #: Options of every format that gives columns.
@@ -44,12 +44,12 @@ def contents_from_table(table: Table, options: Options) -> Contents:
     table = _with_units(with_rows(_real_where_real(table), options.get("rows")), options.get("units"))
     ignored = {column.number for column in ignored_columns(table.columns, options.get("ignore"))}
     columns = [column for column in table.columns if column.number not in ignored]
-    spoken = spoken_roles(columns, options["columns"]) if options.get("columns") else {}
-    found = readings(table, columns, spoken, options.get("sampling_rate") or table.rate)
-    if not spoken:
+    option_roles = roles_of_option(columns, options["columns"]) if options.get("columns") else {}
+    found = readings(table, columns, option_roles, options.get("sampling_rate") or table.rate)
+    if not option_roles:
         _refuse_near(table, found, _works(table, columns, options))
-    contents = _read(table, columns, found, spoken, options)
-    weighed = [] if spoken else [Finding(part="reading", what=_compared(found))]
+    contents = _read(table, columns, found, option_roles, options)
+    weighed = [] if option_roles else [Finding(part="reading", what=_compared(found))]
     return replace(contents, findings=(*contents.findings, *weighed))
 
 
@@ -62,7 +62,7 @@ def _compared(found: Sequence[Reading]) -> str:
 
 
 def _read(
-    table: Table, columns: Sequence[Column], found: Sequence[Reading], spoken: Mapping[int, str], options: Options
+    table: Table, columns: Sequence[Column], found: Sequence[Reading], option_roles: Mapping[int, str], options: Options
 ) -> Contents:
     """Return what the first of some readings makes of a table."""
     reading = found[0]
@@ -79,15 +79,15 @@ def _read(
     if not others:
         raise nothing_measured(table, axis, kind, options)
     thing: FrequencyResponse | ImpulseResponse | Signals
-    notes = _notes(found, spoken, table)
+    notes = _notes(found, option_roles, table)
     if kind == "frequency":
         lines = _lines(table) if axis is None else axis
         works = _works(table, columns, options)
-        thing, notes_of_data, unused = frequency_response(table, lines, others, roles, spoken, works)
+        thing, notes_of_data, unused = frequency_response(table, lines, others, roles, option_roles, works)
     else:
         record, notes_of_data, unused = records(table, axis, others, roles, options)
         free = replace(reading, roles={number: role for number, role in roles.items() if role != "in"})
-        thing = free_decay(record, table.where, free.option) if "decay" in spoken.values() else record
+        thing = free_decay(record, table.where, free.option) if "decay" in option_roles.values() else record
     findings = [Finding(part=part, what=what) for part, what in table.layout]
     findings += [_finding(column, reading, omitted | unused) for column in table.columns]
     return Contents(
@@ -101,10 +101,10 @@ def _works(table: Table, columns: Sequence[Column], options: Options) -> Callabl
     def works(words: str) -> bool:
         if options.get("columns"):
             return True
-        spoken = spoken_roles(columns, words)
+        option_roles = roles_of_option(columns, words)
         try:
-            found = readings(table, columns, spoken, options.get("sampling_rate") or table.rate)
-            _read(table, columns, found, spoken, {**options, "columns": words})
+            found = readings(table, columns, option_roles, options.get("sampling_rate") or table.rate)
+            _read(table, columns, found, option_roles, {**options, "columns": words})
         except DataError as error:
             return "--sampling-rate HZ" in error.change or "--units" in error.change
         return True
@@ -196,12 +196,12 @@ def _record_options(table: Table, reading: Reading) -> list[str]:
     return [driven.option, reading.option] if followed else [reading.option]
 
 
-def _notes(found: Sequence[Reading], spoken: Mapping[int, str], table: Table) -> list[str]:
+def _notes(found: Sequence[Reading], option_roles: Mapping[int, str], table: Table) -> list[str]:
     """Return what was concluded from values alone, and the option that says otherwise."""
     reading = found[0]
     axis, roles, notes = reading.axis, reading.roles, []
     reason = reading.reasons.get(axis.number, "") if axis is not None else ""
-    if axis is not None and axis.number not in spoken and reason.startswith("it rises"):
+    if axis is not None and axis.number not in option_roles and reason.startswith("it rises"):
         other = next((r.option for r in found if r.axis is axis and r.kind != reading.kind), "")
         other = f' (else: --columns "{other}")' if "out=" in other or "imag=" in other or "phase=" in other else ""
         unit = "s" if reading.kind == "time" else "Hz"
@@ -210,7 +210,7 @@ def _notes(found: Sequence[Reading], spoken: Mapping[int, str], table: Table) ->
         notes.append(f"frequencies start at {table.lines[0]:g} Hz with a step of {table.lines[1]:g} Hz, by the header")
     for column in table.columns:
         role, why = roles.get(column.number), reading.reasons.get(column.number, "")
-        if column.number in spoken or column.textual or not why.startswith("it "):
+        if column.number in option_roles or column.textual or not why.startswith("it "):
             continue
         if role == "index" and why == "it counts rows":
             notes.append(f"{column} counts rows: it was left")

@@ -134,17 +134,17 @@ def joined_polar(where: str, magnitude: Array, phase: Array, unit: str, example:
 
 
 def parts_of_responses(
-    columns: Sequence[Column], roles: Mapping[int, str], spoken: Mapping[int, str]
+    columns: Sequence[Column], roles: Mapping[int, str], option_roles: Mapping[int, str]
 ) -> dict[tuple[str, int], Parts]:
     """Return parts by the name of what they belong to.
 
     What `--columns` names is paired by place: the first real part with the first imaginary one. Other parts are paired by the stems of
     their names where all have their other so; else by place, too.
 
-    `roles`: what each column is. `spoken`: what `--columns` says.
+    `roles`: what each column is. `option_roles`: what `--columns` says.
     """
-    groups = _by_place([c for c in columns if spoken.get(c.number) in _FAMILY_OF_PART], spoken)
-    rest = [c for c in columns if spoken.get(c.number) not in _FAMILY_OF_PART]
+    groups = _by_place([c for c in columns if option_roles.get(c.number) in _FAMILY_OF_PART], option_roles)
+    rest = [c for c in columns if option_roles.get(c.number) not in _FAMILY_OF_PART]
     named = _by_stem(rest, roles)
     alone = {
         part
@@ -216,17 +216,17 @@ def frequency_response(
     axis: Column,
     columns: Sequence[Column],
     roles: Mapping[int, str],
-    spoken: Mapping[int, str],
+    option_roles: Mapping[int, str],
     works: Works = lambda option: True,
 ) -> tuple[FrequencyResponse, list[str], dict[int, str]]:
     """Return frequency responses, notes, and what was left with its reason.
 
-    `axis`: the frequencies. `columns`: all others that may be taken. `roles`: what each is. `spoken`: what `--columns` says. `works`:
+    `axis`: the frequencies. `columns`: all others that may be taken. `roles`: what each is. `option_roles`: what `--columns` says. `works`:
     whether the table is read with other words of `--columns`.
 
     Raises `DataError`: magnitudes without phases, a part without its other, an unknown unit of phases, pairs that make no matrix.
     """
-    groups = parts_of_responses(columns, roles, spoken)
+    groups = parts_of_responses(columns, roles, option_roles)
     notes: list[str] = []
     used: dict[int, str] = {}
     responses: dict[tuple[str, str], tuple[Array, str]] = {}
@@ -240,7 +240,7 @@ def frequency_response(
         if values is None and set(parts) == {"mag"} and any(_is_whole(other) for other in groups.values()):
             continue  # a magnitude beside complex values adds nothing to them
         if values is None:
-            raise _incomplete(table, axis, parts, groups, spoken)
+            raise _incomplete(table, axis, parts, groups, option_roles)
         first = next(iter(parts.values()))
         responses[pair] = (values, first.unit)
         used |= {column.number: "" for column in parts.values()}
@@ -293,7 +293,7 @@ def _values(table: Table, parts: Parts, notes: list[str]) -> Array | None:
 
 
 def _incomplete(
-    table: Table, axis: Column, parts: Parts, found: Mapping[tuple[str, int], Parts], spoken: Mapping[int, str]
+    table: Table, axis: Column, parts: Parts, found: Mapping[tuple[str, int], Parts], option_roles: Mapping[int, str]
 ) -> DataError:
     """Return the error of a part that lacks its other; the example names columns where as many of both kinds are left."""
     part = next(part for part in parts if part in _OTHER_PART)
@@ -307,7 +307,7 @@ def _incomplete(
     ways = [f"leave the column out: --ignore {as_word(parts[part].label)}"] if whole else []
     ways += [f'say what the columns are: --columns "{",".join(example)}"'] if example else []
     remedy = ", or ".join(["Export it", *ways]) + ("" if ways else ".")
-    if spoken.get(parts[part].number) == part:
+    if option_roles.get(parts[part].number) == part:
         remedy = f"Name as many columns {_OTHER_PART[part]}= as {part}= in --columns, in the same order."
     fault = f"{parts[part]} has no {_WORDS_OF_PARTS[_OTHER_PART[part]]} with it"
     return needs(table.where, "complex values", fault, remedy)

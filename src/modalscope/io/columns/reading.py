@@ -66,23 +66,27 @@ class Reading:
         return ",".join(parts + [f"{role}={span(numbers)}" for role, numbers in sorted(order.items())])
 
 
-def readings(table: Table, columns: Sequence[Column], spoken: Mapping[int, str], rate: float | None) -> list[Reading]:
+def readings(
+    table: Table, columns: Sequence[Column], option_roles: Mapping[int, str], rate: float | None
+) -> list[Reading]:
     """Return readings of a table, the likeliest first.
 
-    `columns`: those that may be taken. `spoken`: what the user says. `rate`: samples per second, where a header or an option says it.
+    `columns`: those that may be taken. `option_roles`: what the user says. `rate`: samples per second, where a header or an option says it.
     """
     with np.errstate(all="ignore"):  # numbers of a file may be anything
-        return _readings(table, columns, spoken, rate)
+        return _readings(table, columns, option_roles, rate)
 
 
-def _readings(table: Table, columns: Sequence[Column], spoken: Mapping[int, str], rate: float | None) -> list[Reading]:
+def _readings(
+    table: Table, columns: Sequence[Column], option_roles: Mapping[int, str], rate: float | None
+) -> list[Reading]:
     weights = weigh(columns)
     for number, role in table.roles.items():
         if number in weights:
             weights[number].add(role, SURE + WORD, "its array is one by its name")
-    named = {"out", "decay", "real", "mag"} & set(spoken.values())
+    named = {"out", "decay", "real", "mag"} & set(option_roles.values())
     for column in columns:
-        said = spoken.get(column.number)
+        said = option_roles.get(column.number)
         if said is not None:
             weights[column.number].add(said, -NEVER * SURE, "--columns says so")
         elif named:
@@ -97,7 +101,7 @@ def _readings(table: Table, columns: Sequence[Column], spoken: Mapping[int, str]
         axes = [
             c
             for c in columns
-            if not c.textual and weights[c.number].of(kind) > 0 and not (named and c.number not in spoken)
+            if not c.textual and weights[c.number].of(kind) > 0 and not (named and c.number not in option_roles)
         ]
         axes = [c for c in axes if not _is_counter(c)]
         axes = sorted(axes, key=lambda column: -weights[column.number].of(kind))[:_MOST_AXES]

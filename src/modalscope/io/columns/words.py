@@ -217,7 +217,7 @@ def _absent(columns: Sequence[Column], text: str, option: str) -> DataError:
     return DataError(f"column {text[:60]!r} of --{option} was asked", fault, remedy)
 
 
-def spoken_roles(columns: Sequence[Column], text: str) -> dict[int, str]:
+def roles_of_option(columns: Sequence[Column], text: str) -> dict[int, str]:
     """Return the role of each column that `--columns` names, by its number.
 
     `text`: such as `time=1,in=2,out=3-9`; a part without a role belongs to the one before.
@@ -228,7 +228,7 @@ def spoken_roles(columns: Sequence[Column], text: str) -> dict[int, str]:
     --------
     >>> import numpy as np
     >>> columns = [Column(number=k, name=name, values=np.zeros(2)) for k, name in enumerate(("t", "F", "a", "b"), 1)]
-    >>> spoken_roles(columns, "time=1,in=F,out=3-")
+    >>> roles_of_option(columns, "time=1,in=F,out=3-")
     {1: 'time', 2: 'in', 3: 'out', 4: 'out'}
     """
     roles: dict[int, str] = {}
