@@ -183,3 +183,13 @@ def test_times_that_are_written_twice_are_a_clock_and_no_channel(tmp_path: Path)
     times = np.r_[0.0, 0.002, np.arange(1, 300) * 0.002]
     path.write_text("".join(f"{t:.4f};{a:.5f}\n" for t, a in zip(times, _RNG.standard_normal(301), strict=True)))
     refused("evenly sampled times in column 1", ms.read, path)
+
+
+def test_a_constant_in_seconds_is_no_axis() -> None:
+    constant = Column(number=1, name="delay", unit="s", values=np.zeros(200))
+    others = (
+        Column(number=2, name="t", unit="s", values=np.arange(200) / 100),
+        Column(number=3, values=_RNG.standard_normal(200)),
+    )
+    found = contents_from_table(Table(where="a", columns=(constant, *others)), {}).thing
+    assert found.sampling_rate == 100

@@ -99,3 +99,23 @@ def test_a_measured_hammer_record_has_its_names_units_and_rate() -> None:
 def test_a_spectrum_in_the_form_of_a_record_is_refused_as_what_it_is() -> None:
     with pytest.raises(ms.DataError, match="a spectrum in dB: the phase between signals is gone"):
         read(DATA / "labview_spectrum" / "FFT_data.lvm")
+
+
+def test_units_of_channels_with_an_x_value_each_stand_at_every_second_place(tmp_path: Path) -> None:
+    path = tmp_path / "a.lvm"
+    path.write_text(written(VALUES, x="Multi").replace("Y_Unit_Label\tg\tg", "Y_Unit_Label\tN\t\tg\t"))
+    found = read(path)
+    assert (found.input_dofs, found.units) == (("Acc A",), (("g",), ("N",)))
+
+
+def test_channels_of_different_steps_are_asked_about_unless_a_column_of_times_agrees(tmp_path: Path) -> None:
+    path = tmp_path / "a.lvm"
+    text = written(VALUES, x="No").replace("Delta_X\t0.01\t0.01", "Delta_X\t1.000000\t0.01")
+    path.write_text(text)
+    with pytest.raises(ms.DataError, match=r"its header says several: 'Delta_X 1.000000 0.01'"):
+        read(path)
+    times = (f"\t{row[0]:.6f}\t{row[1]:.6f}" for row in VALUES)
+    for k, row in enumerate(times):
+        text = text.replace(row, f"\t{k * STEP:.6f}\t{VALUES[k, 1]:.6f}", 1)
+    path.write_text(text.replace("Acc A", "time").replace("Y_Unit_Label\tg", "Y_Unit_Label\ts"))
+    assert read(path).sampling_rate == pytest.approx(100)

@@ -66,7 +66,8 @@ class Stated:
         rates = agree or self.rates
         values = [rate for rate, _ in rates]
         if values and max(values) > 1.001 * min(values):
-            raise _several_rates(where, [f"{s.key} {s.value[:_MAX_CHARACTERS_OF_KEY]}" for _, s in rates[:4]])
+            said = dict.fromkeys(f"{s.key} {s.value[:_MAX_CHARACTERS_OF_KEY]}" for _, s in rates)
+            raise _several_rates(where, list(said)[:4])
         return rates[0] if rates else None
 
 
@@ -109,7 +110,8 @@ def stated_by(statements: Iterable[Statement], decimal: str) -> Stated:
             found.rates += [(each * factor_to_base(unit), statement) for each in (number, *_others(statement))]
         elif meaning != "rate" and kind in ("time", "frequency", ""):
             step, axis = number * factor_to_base(unit), axis or kind
-            found.rates += [(1 / step, statement)] if kind != "frequency" else []
+            steps = [each * factor_to_base(unit) for each in (number, *_others(statement)) if each > 0]
+            found.rates += [(1 / each, statement) for each in steps] if kind != "frequency" else []
     if step is not None and axis_unit:
         found.axis = (axis_unit, first or 0.0, step)
     if step is not None and axis != "time" and (axis == "frequency" or first is not None):
@@ -164,6 +166,8 @@ def steps_of(columns: Iterable[np.ndarray]) -> list[float]:
     steps = []
     for values in columns:
         if values.dtype.kind in "biuf" and len(values) > 2:
-            step = float(np.median(np.diff(values.astype(float))))
-            steps += [step] if np.isfinite(step) and step > 0 else []
+            with np.errstate(all="ignore"):
+                differences = np.diff(values.astype(float))
+            differences = differences[np.isfinite(differences)]  # channels may end early
+            steps += [step] if differences.size and (step := float(np.median(differences))) > 0 else []
     return steps

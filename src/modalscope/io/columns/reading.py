@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from modalscope.io.columns.axis import rises
 from modalscope.io.columns.table import Column, Table, span
 from modalscope.io.columns.vocabulary import meanings_of
 from modalscope.io.columns.weights import HINT, NEVER, SURE, WORD, Weights, even_step, weigh
@@ -165,8 +166,11 @@ def _record(reading: Reading, others: Sequence[Column], weights: dict[int, Weigh
             _take(reading, column, held, _IN_RECORDS)
             unsaid = reading.roles[column.number] == "out" and held.of("out") <= 0
             reading.score -= 1.0 if unsaid and held.of("level") > 0 else 0.0
+            taken = reading.roles[column.number] in ("in", "out")
+            if taken and len(column.values) >= _MIN_ROWS and rises(column.values):
+                reading.score -= WORD  # no vibration rises all along
             # parts of complex values are no channels, and what has a unit of frequencies counts no samples, either
-            reading.score -= parts if reading.roles[column.number] in ("in", "out") else 0.0
+            reading.score -= parts if taken else 0.0
             reading.score -= held.of("frequency") if kind_of_unit(column.unit) == "frequency" else 0.0
 
 

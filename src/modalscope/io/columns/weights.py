@@ -173,7 +173,7 @@ def of_values(column: Column) -> Iterator[tuple[str, float, str]]:
     values = _finite(column)
     if len(values) < 3:
         return
-    if not goes_one_way(values):
+    if not goes_one_way(values) or values[0] == values[-1]:
         yield from _of_what_turns(column)
     counted = _counts(values)
     if counted:
@@ -194,10 +194,9 @@ def of_values(column: Column) -> Iterator[tuple[str, float, str]]:
 
 
 def _of_what_rises(values: Array, step: float, counted: bool) -> Iterator[tuple[str, float, str]]:
-    """Give what steps say: times and frequencies rise, mostly evenly, and no vibration does all along."""
-    if rises(values):
-        yield "out", -WORD, ""
+    """Give what steps say: times and frequencies rise, mostly evenly."""
     if step:
+        yield "out", -1.0, ""
         if step != 1.0 or not counted:
             weight = HINT * (1 + (step < _MAX_TIME_STEP) + in_epoch(values))
             yield "time", weight, f"it rises evenly by {step:.6g}"

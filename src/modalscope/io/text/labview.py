@@ -7,13 +7,13 @@ column, in one, or before every channel; segments whose X values go on are one r
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from modalscope.io.columns import Column, Table, contents_from_table
+from modalscope.io.columns.facts import Stated, Statement, stated_by, steps_of
 from modalscope.io.contents import Contents, Options, needs, unreadable
 from modalscope.io.limits import Room
 from modalscope.io.members import stacked_runs
@@ -43,9 +43,11 @@ class _Segment:
         return int(cells) if cells.isdecimal() else 0
 
     def column(self, key: str, k: int) -> str:
-        """Return what a line of the header says of channel k."""
-        cells = self.head.get(key, [])
-        return cells[k].strip() if k < len(cells) else ""
+        """Return what a line of the header says of channel k; where X values stand before every channel blanks stand between."""
+        cells = [cell.strip() for cell in self.head.get(key, [])]
+        filled = [cell for cell in cells if cell]
+        cells = filled if len(filled) == self.channels else cells
+        return cells[k] if k < len(cells) else ""
 
 
 def is_labview(first: Sequence[str]) -> bool:
@@ -169,18 +171,14 @@ def _table(where: str, head: Mapping[str, list[str]], segment: _Segment) -> Tabl
         for k, place in enumerate(places)
         if not np.isnan(values[:, place]).all()
     ]
-    step = re.sub(",", ".", segment.column("Delta_X", 0))
-    rate = 1 / float(step) if places[0] == 0 and _positive(step) else None
+    steps = " ".join(segment.column("Delta_X", k) for k in range(count))
+    decimal = head.get("Decimal_Separator", ["."])[0].strip() or "."
+    said = stated_by([Statement(-1, "Delta_X", steps)], decimal) if places[0] == 0 else Stated()
+    stated = said.rate(where, steps_of(column.values for column in columns))
+    rate = None if stated is None else stated[0]
     begun = " ".join(segment.column(key, 0)[:19] for key in ("Date", "Time"))
     layout = (("segment", f"{len(values)} rows, {count} channels{f', begun {begun}' if begun.strip() else ''}"),)
     return Table(where=where, columns=tuple(columns), rate=rate, rate_from="Delta_X in its header", layout=layout)
-
-
-def _positive(text: str) -> bool:
-    try:
-        return float(text) > 0
-    except ValueError:
-        return False
 
 
 def _joined(tables: Sequence[Table]) -> list[Table]:
