@@ -287,7 +287,7 @@ function makeWork(begin, state) {
     settings.setChannels(found.outputs);
     shape.set(found, Math.max(0, found.modes.indexOf(listed[chosen])));
     caption(listed[chosen], chosen);
-    matrix.set(found.mac, found.modes.length);
+    matrix.set(found.mac, found.modes.length, found.outputs.length);
     matrix.choose(chosen);
     if (!blob.early && found.columns) response.setChannels(found.outputs, found.columns);
   }

@@ -50,11 +50,12 @@ export function makeMatrix(place, select) {
 
   const find = (/** @type {MouseEvent} */ event) => [event.offsetY - geometry.top, event.offsetX - geometry.left].map((v) => Math.floor(v / geometry.cell));
   canvas.addEventListener("mousemove", (event) => {
+    if (!count) return;
     const [i, j] = find(event);
     const inside = i >= 0 && j >= 0 && i < count && j < count;
     words.textContent = inside ? `modes ${i + 1} and ${j + 1}: ${values[i * count + j].toFixed(3)}` : "";
   });
-  canvas.addEventListener("mouseleave", () => (words.textContent = ""));
+  canvas.addEventListener("mouseleave", () => count && (words.textContent = ""));
   canvas.addEventListener("click", (event) => {
     const [i] = find(event);
     if (i >= 0 && i < count) select(i);
@@ -62,9 +63,10 @@ export function makeMatrix(place, select) {
   new ResizeObserver(paint).observe(holder);
   onTheme(paint);
   return {
-    /** @param {ArrayLike<number>} mac @param {number} modes */
-    set(mac, modes) {
-      [values, count] = [mac, modes];
+    /** @param {ArrayLike<number>} mac @param {number} modes @param {number} outputs */
+    set(mac, modes, outputs) {
+      [values, count] = [mac, outputs > 1 ? modes : 0];
+      words.textContent = modes && outputs === 1 ? "One output: shapes cannot be compared." : "";
       paint();
     },
     choose(/** @type {number} */ mode) {

@@ -28,6 +28,8 @@ export function makeShape(place, acts = {}) {
   let stage = /** @type {any} */ (null);
   const bars = h("canvas", { role: "img", "aria-label": "Mode shape as bars, one per channel, with one standard deviation to either side" });
 
+  const ONE_OUTPUT = "One output was measured: a shape of one number says nothing. Measure more points, or give responses to several forces.";
+
   const loop = (/** @type {number} */ now) => {
     const step = Math.min((now - last) / 1000, 0.1);
     last = now;
@@ -126,13 +128,14 @@ export function makeShape(place, acts = {}) {
     set(given, mode) {
       const same = stage && data?.nodes && given.nodes && data.nodes.length === given.nodes.length && given.rest?.every((/** @type {number} */ v, /** @type {number} */ i) => v === data.rest[i]);
       data = given;
-      const solid = Boolean(data.nodes);
+      const solid = Boolean(data.nodes) && data.outputs.length > 1;
       views.disabled = !solid;
       if (!same) {
         stage?.end();
         stage = null;
         fill(holder);
-        if (solid) (stage = makeStage(holder, data, () => run || draw())).look(views.value);
+        if (data.outputs.length === 1 && data.modes.length) fill(holder, h("div.muted.one-output", {}, ONE_OUTPUT));
+        else if (solid) (stage = makeStage(holder, data, () => run || draw())).look(views.value);
         else holder.append(bars);
       } else stage.data(data);
       choose(Math.min(mode, data.modes.length - 1));

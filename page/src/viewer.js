@@ -32,7 +32,7 @@ export function makeViewer(root, data, acts = {}) {
   diagram.setCurves({ lines: data.behind, levels: Array.from({ length: data.shapes.curves[0] }, (_, k) => data.curves.subarray(k * count, (k + 1) * count)) }, ends(data.bands), data.level);
   diagram.setPoles({ frequency: data.frequency, damping: data.damping, order: data.order, kind: data.kind, std: data.std, damping_std: data.damping_std }, Math.max(...data.orders, 2));
   shape.set(data, 0);
-  matrix.set(data.mac, data.modes.length);
+  matrix.set(data.mac, data.modes.length, data.outputs.length);
   modes.set({ modes: data.modes, leftOut: data.left_out, refused: [], chosen: 0, words: data.explained ?? "" });
   response?.setChannels(data.outputs, data.columns);
   function select(/** @type {number} */ i) {

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import modalscope as ms
@@ -265,3 +266,17 @@ def test_a_bad_file_is_told_where_it_is_dropped(window: Window, folder: Path) ->
     told = page.locator("[role=alert]").inner_text()
     assert "broken.uff" in told
     assert page.get_by_role("button", name="again").count() == 1
+
+
+def test_one_output_is_drawn_neither_as_shape_nor_as_mac(window: Window, tmp_path: Path) -> None:
+    ms.write(
+        tmp_path / "one.npz", ms.systems.chain5().frequency_response(np.arange(0.2, 9, 0.01), outputs=[0], inputs=[0])
+    )
+    page = window.page
+    with page.expect_file_chooser() as chooser:
+        page.locator(".drop").click()
+    chooser.value.set_files(str(tmp_path / "one.npz"))
+    window.until("!!globalThis.modalscope?.state.key")
+    window.done()
+    until(lambda: "a shape of one number says nothing" in page.locator(".plot.shape").inner_text(), 20)
+    assert "shapes cannot be compared" in page.locator(".panel.matrix").inner_text()

@@ -57,3 +57,11 @@ def test_singular_values_are_drawn_relative_to_the_largest() -> None:
 def test_singular_values_of_zero_leave_a_gap_on_the_logarithmic_axis() -> None:
     (line,) = plot.singular_values([4.0, 2.0, 0.0]).get_lines()
     assert np.asarray(line.get_ydata()).tolist() == [1.0, 0.5]
+
+
+def test_one_output_has_neither_shape_nor_mac() -> None:
+    modes = examples.modes().select(outputs=[0])
+    for ax, words in ((plot.mac(modes), "cannot be compared"), (plot.shape(modes), "one number says nothing")):
+        assert not ax.images
+        assert not ax.patches
+        assert words in ax.texts[0].get_text()

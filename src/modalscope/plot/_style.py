@@ -87,6 +87,13 @@ def frameless(ax: Axes) -> None:
         spine.set_visible(False)
 
 
+def one_output(ax: Axes, why: str) -> Axes:
+    """Write into empty axes that one output was measured, and what follows."""
+    ax.set_axis_off()
+    ax.text(0.5, 0.5, f"One output was measured: {why}.", ha="center", va="center", color=MUTED, transform=ax.transAxes)
+    return ax
+
+
 def aside(ax: Axes, text: str) -> None:
     """Write a remark at the right above the axes."""
     ax.set_title(text, loc="right", fontsize=9.5, color=MUTED, pad=8)

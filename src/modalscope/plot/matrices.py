@@ -22,6 +22,7 @@ from modalscope.plot._style import (
     frameless,
     key,
     new_axes,
+    one_output,
     sequential,
 )
 
@@ -46,7 +47,7 @@ class Factored(Protocol):
 
 @named()
 def mac(a: ModalModel | ArrayLike, b: ModalModel | ArrayLike | None = None, ax: Axes | None = None) -> Axes:
-    """Draw the modal assurance criterion between two sets of shapes, or the AutoMAC of one set.
+    """Draw the modal assurance criterion between two sets of shapes, or the AutoMAC of one set; of one output a remark instead.
 
     Parameters
     ----------
@@ -69,6 +70,8 @@ def mac(a: ModalModel | ArrayLike, b: ModalModel | ArrayLike | None = None, ax: 
     ax = new_axes(ax, (7.2, 6.4))
     if isinstance(a, ModalModel) and isinstance(b, ModalModel) and a.output_dofs != b.output_dofs:
         b = b.select(outputs=a.output_dofs)
+    if len(_shapes(a)) == 1:
+        return one_output(ax, "shapes cannot be compared")
     values = indicators.mac(_shapes(a), None if b is None else _shapes(b))
     ax.imshow(values, cmap=sequential(), vmin=0, vmax=1, aspect="equal")
     rows, columns = values.shape

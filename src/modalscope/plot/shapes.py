@@ -30,6 +30,7 @@ from modalscope.plot._style import (
     headline,
     key,
     new_axes,
+    one_output,
     plain,
 )
 
@@ -102,7 +103,8 @@ def shape(
 
     A complex shape is rotated to minimum imaginary parts; the MPC above the picture states how much is hidden (1: nothing). Nodes on a
     line are drawn as displacement over position, nodes with motion in their plane flat, all others obliquely. Without a geometry
-    every channel is a bar. Of very many channels, lines and faces a regular subset is drawn.
+    every channel is a bar. Of very many channels, lines and faces a regular subset is drawn. One output has no shape, which is written
+    instead.
 
     Parameters
     ----------
@@ -126,6 +128,8 @@ def shape(
         An unknown mode, a geometry with none of the channels, or standard deviations that are not known.
     """
     check_mode(modes, index)
+    if len(modes.output_dofs) == 1:
+        return one_output(new_axes(ax), "a shape of one number says nothing")
     if std and modes.shapes_std is None:
         raise DataError(
             "standard deviations of a shape were asked", "these modes have none", "Refine them: ms.refine(data, modes)."
