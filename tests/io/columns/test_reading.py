@@ -74,7 +74,7 @@ def test_parts_and_coherences_without_names_are_found_by_their_places(columns: t
 
 
 def test_pairs_that_are_no_causal_responses_are_refused() -> None:
-    spectra = np.abs(_RNG.standard_normal((300, 2))) * [1, 150]
+    spectra = np.abs(_RNG.uniform(0, 6.2, (300, 2)))  # the second might be angles by its size
     refused("complex values with its frequencies", contents_from_table, _table(_LINES, *spectra.T, names="Hz,a,b"), {})
 
 
