@@ -56,14 +56,14 @@ class Sampling:
 
 
 def rises(values: Array) -> bool:
-    """Whether every value is larger than the one before; differences of unsigned integers would always be.
+    """Whether every value is larger than the one before, of real ones; differences of unsigned integers would always be.
 
     Examples
     --------
     >>> rises(np.array([1, 2, 4])), rises(np.array([4, 2, 1], dtype=np.uint8))
     (True, False)
     """
-    return bool(np.all(values[1:] > values[:-1]))
+    return not np.iscomplexobj(values) and bool(np.all(values[1:] > values[:-1]))
 
 
 def nearly_even(values: RealArray) -> bool:
