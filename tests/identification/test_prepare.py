@@ -117,7 +117,9 @@ def test_records_with_inputs_become_frequency_responses_of_all_pairs_where_that_
     assert isinstance(found.response, FrequencyResponse)
     assert found.response.values.shape[1:] == (2, 3)
     assert found.records is None
-    assert [str(n) for n in found.notes] == ["frequency responses were estimated from the records (H1)"]
+    assert [str(n) for n in found.notes] == [
+        "Taken as a test with measured forces: frequency responses were estimated from the records (H1)"
+    ]
 
 
 def test_records_without_inputs_become_correlations_and_stay_beside_them() -> None:

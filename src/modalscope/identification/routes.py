@@ -76,6 +76,10 @@ def chosen_route(records: Records, method: str | None, domain: str | None, asked
     return next((route for route in (usual, *USUAL) if route in routes), usual)
 
 
+#: Kinds of tests with forces, in words.
+_TAKEN = {"hammer": "a hammer test", "shaker": "a test with measured forces", "earthquake": "an earthquake"}
+
+
 def by_route(records: Records, route: str, band: tuple[float, float] | None) -> Way:
     """Return the response of records with inputs by a route, in a band (Hz)."""
     if route == "frf":
@@ -89,9 +93,10 @@ def by_route(records: Records, route: str, band: tuple[float, float] | None) -> 
     refuse_beyond_memory(record_cost(lines, len(records.output_dofs), len(records.input_dofs), 0))
     runs = len(records.runs)
     what = "the record" if runs == 1 else f"{runs} runs"
-    note = Note(
-        "records on lines", {"runs": runs}, f"lines of {what} fitted directly; inputs and end effects eliminated"
+    text = (
+        f"Taken as {_TAKEN[records.kind_of_test]}: lines of {what} fitted directly; inputs and end effects eliminated"
     )
+    note = Note("records on lines", {"runs": runs}, text)
     spectra = record_spectra(records, band)
     return Way(spectra, band, (note,)) if route != "records" else _level(spectra, band, note)
 
@@ -112,7 +117,8 @@ def _averaged(records: Records, band: tuple[float, float] | None) -> Way:
     stacked, period = records.stacked(), _periodic(records)
     chosen, note_on_band = struck_band(stacked, band) or (band, None)
     kind = "auto" if period is None else "periodic"
-    note = Note("estimated", {}, "frequency responses were estimated from the records (H1)")
+    text = f"Taken as {_TAKEN[records.kind_of_test]}: frequency responses were estimated from the records (H1)"
+    note = Note("estimated", {}, text)
     response = joined_frf(stacked, excitation=kind, period=period).in_band(chosen)
     return Way(response, chosen, (note,) if note_on_band is None else (note_on_band, note))
 
