@@ -9,7 +9,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.io import read, survey
-from modalscope.io.columns.axis import nearly_even, parts_of_second
+from modalscope.io.columns.axis import nearly_even, parts_of_second, sampling_of
 from modalscope.io.columns.clock import clock_of, resampled
 from tests.io.exports.verdict import dead_ends
 from tests.support import DATA, refused
@@ -187,3 +187,21 @@ def test_of_records_that_follow_each_other_in_one_table_one_is_asked_for(tmp_pat
     message = str(refused("begin anew in row 301: 3 records follow each other", ms.read, path))
     assert not dead_ends(path, message)
     assert np.allclose(ms.read(path, rows="301-600").outputs[:, 0], values[300:600, 1], atol=1e-6)
+
+
+@pytest.mark.parametrize("rate", [100.0, 51.2, 128.0, 1024.0])
+@pytest.mark.parametrize("start", [0.0, 0.37])
+def test_whole_seconds_give_the_rate_by_the_samples_from_tick_to_tick(rate: float, start: float) -> None:
+    whole = np.floor(start + np.arange(int(60 * rate)) / rate)
+    assert sampling_of(whole).rate == rate
+
+
+@pytest.mark.parametrize(("seconds", "asked"), [(10.5, True), (12.5, False)])
+def test_whole_seconds_over_too_few_samples_leave_the_rate_open(tmp_path: Path, seconds: float, asked: bool) -> None:
+    values = np.random.default_rng(6).standard_normal(int(100 * seconds))
+    path = tmp_path / "a.csv"
+    path.write_text("Time,Acc\n" + "".join(f"10:12:{10 + k // 100},{v:.5f}\n" for k, v in enumerate(values)))
+    if asked:
+        refused("the digits of the times in column 1, 'Time' .s. leave it open", read, path)
+    else:
+        assert read(path).sampling_rate == 100

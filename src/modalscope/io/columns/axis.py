@@ -29,6 +29,8 @@ _PARTS_OF_SECOND = (1e3, 1e6, 1e9)
 _LONGEST_STEP, _SLOWEST_RATE = 2.0, 5.0
 #: Relative accuracy of the clocks of samplers, at best.
 _CLOCK_ACCURACY = 1e-6
+#: Ticks of a clock that is coarser than the samples, by which their rate is known.
+_MIN_TICKS = 3
 #: Times examined at each end for their digits, and decimals at most.
 _TIMES_AT_END, _MIN_TIMES_AT_END, _MAX_DECIMALS = 5000, 16, 9
 #: Relative difference of steps of one even stretch from the usual one, at most; share of the rows of a stretch that is offered, at least.
@@ -154,7 +156,7 @@ def parts_of_second(times: RealArray, rate: float | None = None) -> float:
 
 
 def sampling_of(times: RealArray) -> Sampling:
-    """Return the rate 1/T of times t(k) = t(0) + k T, T = (t(N-1) - t(0)) / (N-1).
+    """Return the rate 1/T of times t(k) = t(0) + k T, T = (t(N-1) - t(0)) / (N-1); of a coarse clock N counts from its first tick on.
 
     `times` (N,): seconds.
 
@@ -187,7 +189,13 @@ def sampling_of(times: RealArray) -> Sampling:
     # whoever writes 0.00, 0.01, 0.02 ... means what stands there
     same = steps[widest] - steps[back] <= 1e-6 * step + 4 * float(np.spacing(np.abs(times).max()))
     doubt = 0.0 if same else (grain + 2 * ulp) / (step * steps.size) / step
-    return Sampling(roundest(1 / step, doubt + _CLOCK_ACCURACY / step), doubt, off / step)
+    rate, ticks = 1 / step, np.flatnonzero(steps > 0)
+    if (
+        grain > step and ticks.size > _MIN_TICKS
+    ):  # a clock that stands still between its ticks: samples from one to the last
+        seconds = float(times[ticks[-1] + 1] - times[ticks[0] + 1])
+        rate, doubt = float(ticks[-1] - ticks[0]) / seconds, 1 / seconds
+    return Sampling(roundest(rate, doubt + _CLOCK_ACCURACY * rate), doubt, off / step)
 
 
 def _has_gaps(steps: RealArray, grain: float) -> bool:
