@@ -14,6 +14,7 @@ import modalscope as ms
 from modalscope.data import Signals
 from modalscope.doctor import examine
 from modalscope.doctor.halves import changes, clocks, drifting
+from modalscope.doctor.records import too_short
 from modalscope.doctor.samples import overflows
 from tests.doctor.sound_records import ambient, oversampled, shaken, sound, struck
 
@@ -147,6 +148,16 @@ def test_a_blow_that_rings_is_no_overflow() -> None:
     u[100:102, 0] = 1.0, -1.0
     record = Signals(outputs=y + 0.2 * np.sin(t / 5)[:, None], inputs=u, sampling_rate=1000.0)
     assert overflows(record, "impact") == []
+
+
+@pytest.mark.parametrize(("frequency", "short"), [(0.4, False), (0.3, True)])
+def test_what_is_narrower_than_any_resonance_makes_no_record_short(frequency: float, short: bool) -> None:
+    rng = np.random.default_rng(0)
+    t = np.arange(18_000) / 30
+    size = np.exp(-0.5 * ((t - 200) / 250) ** 2)
+    y = (size * np.sin(2 * np.pi * frequency * t))[:, None] * [1.0, 0.5] + 0.1 * rng.standard_normal((18_000, 2))
+    record = Signals(outputs=y, sampling_rate=30.0)
+    assert bool(too_short(record)) is short
 
 
 @pytest.mark.slow

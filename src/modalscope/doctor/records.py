@@ -17,7 +17,7 @@ from modalscope.numerics.errors import DataError
 from modalscope.preprocess.bands import useful_lines
 from modalscope.preprocess.excitation import EVENT, powers_of_stretches
 from modalscope.preprocess.frf import estimate_frf
-from modalscope.preprocess.harmonics import find_lines
+from modalscope.preprocess.harmonics import MIN_DAMPING, find_lines
 from modalscope.preprocess.impacts import Hit, clipped_samples, find_hits
 from modalscope.preprocess.plans import plan_hits, without_offset
 from modalscope.preprocess.spectra import Segments, cross_spectra
@@ -235,7 +235,8 @@ def too_short(signals: Signals) -> list[Finding]:
         for line in find_lines(signals.select(outputs=[i])):
             power[np.abs(lines - line.frequency) < _HARMONIC_WIDTH * line.frequency] = 0
         slowest = _slowest(signals, power, lines)
-    if slowest is None:
+    # what is narrower than any resonance is a machine, however its strength wanders
+    if slowest is None or 2 * np.pi * slowest[0] * slowest[1] > 1 / MIN_DAMPING:
         return []
     f0, constant = slowest
     seconds = signals.runs * signals.duration

@@ -27,7 +27,7 @@ from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.preprocess.spectra import Spectrum
 
 #: Minimum damping ratio of a structure: a narrower resonance cannot be distinguished from a harmonic.
-_MIN_DAMPING = 0.001
+MIN_DAMPING = 0.001
 
 _TINY = float(np.finfo(float).tiny)
 
@@ -126,7 +126,7 @@ def _values(combined: ComplexArray) -> ComplexArray:
 
 def _max_unsteadiness(spectrum: Spectrum, first: IntArray, count: IntArray, chance: float) -> RealArray:
     """Return the g from which on the probability of bands is no smaller than a given one: a bound without another transform."""
-    half = np.maximum(_MIN_DAMPING * (first + count), 0.5)
+    half = np.maximum(MIN_DAMPING * (first + count), 0.5)
     n = _most_independent(count, spectrum.step, half, _seconds(spectrum))
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(n < 2, 0.0, special.gammaincinv((n - 1) / 2, chance) * (1 + (n + 1) / (6 * n)) / n)
@@ -187,7 +187,7 @@ def _independent(power: RealArray, step: float, centre: float, seconds: float) -
 
     S is the power smoothed by h / pi / (h^2 + k^2), whose transform is exp(-h |w|); the squares are summed by Parseval's theorem.
     """
-    half = max(_MIN_DAMPING * centre / step, 0.5)  # minimum half bandwidth of a resonance, lines
+    half = max(MIN_DAMPING * centre / step, 0.5)  # minimum half bandwidth of a resonance, lines
     count = int(fft.next_fast_len(4 * len(power), real=True))
     w = 2 * np.pi * np.arange(count // 2 + 1) / count
     squares = np.abs(fft.rfft(power, count)) ** 2 * np.exp(-2 * half * w)
