@@ -13,6 +13,7 @@ from modalscope.checking import certificate
 from modalscope.checking.certificate import Calibration, calibration, replicates_of
 from modalscope.likelihood.noise import coloured
 from modalscope.systems import chain5
+from tests.likelihood.interval_cases import record
 from tests.support import refused
 
 TRUTH = chain5().modes()
@@ -110,6 +111,15 @@ def test_records_with_inputs_are_certified_under_their_own_forces():
     with_it = replace(result, data=None)  # the diagram holds what is needed
     few, again = (ms.certify(each, replicates=4) for each in (result, with_it))
     np.testing.assert_array_equal(again.bias, few.bias)
+
+
+@pytest.mark.slow
+def test_records_with_forces_between_samples_and_coloured_noise_are_certified() -> None:
+    """Replicates that leave out the terms beside the modes would scatter forty times as far."""
+    data, _ = record(4502, "AR(.95)", seconds=20.0)
+    result = ms.analyze(data)
+    certificate = ms.certify(result, replicates=5)
+    assert np.mean(certificate.holds) >= 0.7
 
 
 def test_noise_of_a_record_is_drawn_with_its_own_spectrum_and_what_channels_share():

@@ -15,6 +15,7 @@ from scipy.special import stdtrit
 
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
+from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
@@ -22,18 +23,20 @@ from modalscope.data.shown import Shown, counted, summary_of, text_table
 from modalscope.identification.method_names import find_method
 from modalscope.identification.pipeline import factor
 from modalscope.identification.prepare import Measured, pose
-from modalscope.identification.refine import refine
+from modalscope.identification.refine import left_by_refined, refine
 from modalscope.identification.stabilize import stabilized
 from modalscope.identification.sweep import Sweep
 from modalscope.judging.select import selected
 from modalscope.likelihood.deviations import residual_variance, unexplained_energy
 from modalscope.likelihood.noise import SPLIT, Noise, noise_of
+from modalscope.likelihood.refined import astray
 from modalscope.modal.indicators import mac
 from modalscope.modal.rebuilt import rebuilt
 from modalscope.modal.shapes import joint_residues
-from modalscope.numerics.checks import Array, BoolArray, IntArray, RealArray
+from modalscope.numerics.checks import Array, BoolArray, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import assign
+from modalscope.workflow.refining import poles_beside
 
 #: Maximum distance of a mode of a replicate, in half bandwidths or standard deviations, and minimum MAC of its shape.
 _MAX_HALF_BANDWIDTHS, _MAX_DEVIATIONS, _MIN_MAC = 2.0, 10.0, 0.5
@@ -43,7 +46,8 @@ _MAX_HALF_BANDWIDTHS, _MAX_DEVIATIONS, _MIN_MAC = 2.0, 10.0, 0.5
 class Replicates:
     """How replicates of a result are made and identified; made by `replicates_of`.
 
-    `modes`: the truth of every replicate. `clean`: the rebuilt response. `whole`: whether the selection is replayed, too.
+    `modes`: the truth of every replicate. `clean`: the rebuilt response. `beside`: poles that refinement holds fixed, rad/s.
+    `whole`: whether the selection is replayed, too.
     """
 
     diagram: StabilizationDiagram
@@ -51,6 +55,7 @@ class Replicates:
     clean: Array
     noise: Noise
     order: int
+    beside: ComplexArray
     whole: bool
 
     def one(self, rng: np.random.Generator) -> RealArray:
@@ -64,8 +69,7 @@ class Replicates:
             return values
         true, of_replicate = matched(self.modes, modes)
         if self.modes.unrefined is not None and len(of_replicate):
-            modes = refine(response, modes.take(np.sort(of_replicate)))
-            true, of_replicate = matched(self.modes, modes)
+            modes, true, of_replicate = self._refined(response, modes.poles[of_replicate], true)
         values[0, true], values[1, true] = modes.frequencies[of_replicate], modes.damping_ratios[of_replicate]
         for row, name in ((2, "frequencies_std"), (3, "damping_ratios_std")):
             reported, std = _as_normal(self.modes, name), _as_normal(modes, name)
@@ -73,6 +77,25 @@ class Replicates:
                 of_modes = np.full(len(true), np.nan) if std is None else std[of_replicate]
                 values[row, true] = np.where(np.isfinite(of_modes), of_modes, reported[true])
         return values
+
+    def _refined(
+        self, response: Response, poles: ComplexArray, found: IntArray
+    ) -> tuple[ModalModel, IntArray, IntArray]:
+        """Return refined modes of a replicate, and which of them are which of those found, with an interval.
+
+        Modes not found begin at their true values: without them the others would be biased. What went astray, and what the replicate
+        leaves open, has no interval in an analysis either.
+
+        `poles`: of the modes found.
+        """
+        begun = self.modes.poles.copy()
+        begun[found] = poles
+        modes = refine(response, replace(self.modes, poles=begun, unrefined=None), fixed=self.beside)
+        true, of_replicate = matched(self.modes, modes)
+        kept = np.isin(true, found) & ~astray(begun[true], modes.poles[of_replicate])
+        if modes.degrees is not None:
+            kept &= (modes.degrees[of_replicate] != 0).all(axis=1)
+        return modes, true[kept], of_replicate[kept]
 
     def _identified(self, response: Response) -> ModalModel:
         diagram, settings = self.diagram, self.diagram.settings
@@ -115,10 +138,16 @@ def replicates_of(
         have = "it projects records on their past, and replicates are responses"
         raise DataError(f"a certificate of {row.label} was asked", have, "Certify another method on the same record.")
     response, order = diagram.response, nearest_order(diagram, modes.unrefined or modes)
-    clean = rebuilt(response, modes)
-    noise = _noise_beside(diagram, modes, order, records)
+    beside = np.zeros(0, complex) if modes.unrefined is None else poles_beside(diagram, modes.unrefined)
+    if isinstance(response, RecordSpectra) and modes.unrefined is not None:
+        # forces that are not held between samples, and modes beyond the band, take terms that only the refinement has
+        left = left_by_refined(response, modes, beside)
+        clean = response.values - left
+        noise = noise_of(response, records).beside(np.mean(np.abs(left) ** 2, axis=0), left)
+    else:
+        clean, noise = rebuilt(response, modes), _noise_beside(diagram, modes, order, records)
     noise.drawn(clean.shape, np.random.default_rng(0))  # raises where nothing is known of it
-    return Replicates(diagram, modes, clean, noise, order, whole)
+    return Replicates(diagram, modes, clean, noise, order, beside, whole)
 
 
 def _noise_beside(diagram: StabilizationDiagram, modes: ModalModel, order: int, records: Signals | None) -> Noise:

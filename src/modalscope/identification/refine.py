@@ -13,6 +13,7 @@ from modalscope.data.channels import AUTO, check_groups
 from modalscope.data.mode_fields import PER_MODE, joined
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Candidate, Note
+from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.data.results import Settings
@@ -205,6 +206,22 @@ def refine(
         text = f"Refinement did not converge: {descent.why}; values are the best so far"
         notes.append(Note("not converged", {"iterations": descent.iterations}, text))
     return refined(task, start.take(kept), settled, chosen, lost, notes)
+
+
+def left_by_refined(spectra: RecordSpectra, modes: ModalModel, fixed: ComplexArray) -> ComplexArray:
+    """Return what refined modes and the terms beside them leave of the lines of records, (F, l, 1), brought to the level of errors.
+
+    `fixed` (k,): rad/s: further poles.
+    """
+    task = task_of(spectra, fixed - spectra.added_damping, None, None)
+    settled = settle(task, modes.poles - spectra.added_damping, modes.shapes, _participation(task, modes), most=0)
+    descent = settled.descent
+    problem = descent.point.problem
+    rows = residual(descent.point, descent.fitted)[:, :, 0] * problem.rows[:, None]
+    size = (
+        settled.levels.outputs * settled.levels.inputs[0] * np.sqrt(settled.variance * problem.data.size / descent.cost)
+    )
+    return np.asarray((rows[: spectra.count] + 1j * rows[spectra.count :]) * size)[:, :, None]
 
 
 def _ambient(data: Any) -> Setups | None:

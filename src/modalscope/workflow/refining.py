@@ -56,8 +56,7 @@ def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> 
         return modes.noted(_kept(why))
     # what unmeasured forces shake more than the measured ones is not significant in the likelihood, and a mode all the same
     shaken = any(note.kind == UNMEASURED for note in diagram.notes)
-    last = usable_orders(diagram)[0][-1]
-    extra = needed_beside(diagram.response, modes.poles, diagram.poles[diagram.order_of_pole == last])
+    extra = poles_beside(diagram, modes)
     stay = np.ones(len(modes), bool)
     for _ in range(_MAX_ROUNDS):
         fixed = np.concatenate([extra, modes.poles[~stay]])
@@ -79,6 +78,12 @@ def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> 
     where = ", ".join(f"{abs(s) / (2 * np.pi):.5g} Hz" for s in modes.poles[~stay])
     kept = _kept(f"the optimum is far from {where}: the data contain more than these modes")
     return _placed(diagram.response, modes, extra).noted(kept)
+
+
+def poles_beside(diagram: StabilizationDiagram, modes: ModalModel) -> ComplexArray:
+    """Return the poles of the last order that the data need beside the modes, rad/s: refinement holds them fixed."""
+    last = usable_orders(diagram)[0][-1]
+    return needed_beside(diagram.response, modes.poles, diagram.poles[diagram.order_of_pole == last])
 
 
 def _placed(response: Response, modes: ModalModel, extra: ComplexArray) -> ModalModel:
