@@ -205,3 +205,11 @@ def test_whole_seconds_over_too_few_samples_leave_the_rate_open(tmp_path: Path, 
         refused("the digits of the times in column 1, 'Time' .s. leave it open", read, path)
     else:
         assert read(path).sampling_rate == 100
+
+
+@pytest.mark.parametrize("rate", [100.0, 10000.0])
+@pytest.mark.parametrize("rows", [300, 317, 341])
+def test_times_printed_to_their_step_are_no_coarse_clock(rate: float, rows: int) -> None:
+    printed = np.array([float(f"{1615716753.0 + k / rate:.6f}") for k in range(rows)])
+    assert sampling_of(printed).doubt < 1e-3 * rate
+    assert sampling_of(np.round(np.arange(rows) / rate, 8)).doubt < 1e-6 * rate

@@ -190,11 +190,10 @@ def sampling_of(times: RealArray) -> Sampling:
     same = steps[widest] - steps[back] <= 1e-6 * step + 4 * float(np.spacing(np.abs(times).max()))
     doubt = 0.0 if same else (grain + 2 * ulp) / (step * steps.size) / step
     rate, ticks = 1 / step, np.flatnonzero(steps > 0)
-    if (
-        grain > step and ticks.size > _MIN_TICKS
-    ):  # a clock that stands still between its ticks: samples from one to the last
+    if ticks.size > _MIN_TICKS:
+        # a clock that stands still between its ticks: samples from one to the last
         seconds = float(times[ticks[-1] + 1] - times[ticks[0] + 1])
-        rate, doubt = float(ticks[-1] - ticks[0]) / seconds, 1 / seconds
+        rate, doubt = (float(ticks[-1] - ticks[0]) / seconds, 1 / seconds) if 1 / seconds < doubt else (rate, doubt)
     return Sampling(roundest(rate, doubt + _CLOCK_ACCURACY * rate), doubt, off / step)
 
 
