@@ -105,6 +105,8 @@ _ROWS = "\n0,1,2\n1,2,3\n2,3,5"
         ("Filter,400 Hz low pass,", ("", "", "")),
         ("Comment,none", ("", "", "")),
         ("ID,PCD-400A", ("", "", "")),
+        ("Comment,second try,", ("", "", "")),
+        ("Time,Acc,", ("Time", "Acc", "")),
         ("Force,Acc", ("", "Force", "Acc")),
         ("Time,Force,Acc,Comment", ("Time", "Force", "Acc")),
     ],
@@ -115,6 +117,8 @@ def test_statements_are_no_names_and_names_may_be_one_too_few_or_many(above: str
 
 def test_a_section_is_no_unit_and_own_units_go_before_those_of_a_row() -> None:
     assert _layout("[Date]\nax (g)\n1\n2\n3", "\t").units == ("g",)
+    assert _layout("t ax\n[Test]\n 1 2\n 2 3\n 3 5", "").units == ("", "")
+    assert _layout("t ax\n[s]\n 1 2\n 2 3\n 3 5", "").units == ("s", "")
     found = _layout("[Test]   [x]\nax/(m/s2)  ay/(m/s2)\n 1  2\n 1  3\n 4  5", "")
     assert found.units == ("m/s2", "m/s2")
 

@@ -176,6 +176,8 @@ def name_score(cells: Sequence[str]) -> float:
     counts = Counter(filled)
     called = bool(cells) and _is_row_name(cells[0])
     score = 2.0 * called - sum(map(is_missing, cells[1:])) - 5.0 * (2 * len(filled) < len(cells))
+    pair = len(filled) == 2 < len(cells) and filled == list(cells[:2])  # a key and its value
+    score -= 5.0 * (pair and not _name_columns(filled))
     for cell in filled:
         name, unit = split_head(cell)
         known = bool(meanings_of(name) or part_of(name))
@@ -294,6 +296,7 @@ def _units_after(cells: Sequence[str]) -> int | None:
     if (
         units
         and len(units) == len(filled)
+        and (len(filled) > 1 or is_unit(_bare(filled[0])) or filled[0] not in bracketed)
         and (len(filled) > 1 or len(cells) == 1 or bracketed or not is_ambiguous(filled[0]))
     ):
         return 0
