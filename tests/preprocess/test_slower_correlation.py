@@ -28,3 +28,13 @@ def test_a_response_that_is_no_correlation_stays() -> None:
     correlation = ImpulseResponse(values=response.values, sampling_rate=200.0, kind="correlation")
     assert slower_correlation(correlation, 60.0) is correlation
     assert np.all(np.isfinite(slower_correlation(correlation, 1.0).values))
+
+
+def test_a_free_decay_sampled_far_beyond_its_band_keeps_its_poles_and_gets_no_others() -> None:
+    decay = chain5().free_decay(60_000, velocity=np.arange(1.0, 6.0), sampling_rate=2000.0)
+    slow = slower_correlation(decay, 8.0)
+    assert slow.sampling_rate == 2000 / 62
+    found = identify(slow, method="era", order=10)
+    assert match_poles(found.modes.poles, chain5().modes().poles).damping_error < 1e-6
+    short = chain5().free_decay(1000, velocity=np.arange(1.0, 6.0), sampling_rate=2000.0)
+    assert slower_correlation(short, 8.0).samples >= 100

@@ -175,7 +175,7 @@ ROWS = {
     "event": (
         "{share:.0f} % of the power lies between {start:.4g} and {stop:.4g} s: averages are worth {worth:.3g} s of steady vibration",
         "Cut the event out. " + _AS_RUNS + " Or identify it alone, a free decay from its release on: "
-        "--rows FIRST- --columns \"time=1,decay=2-\", or ImpulseResponse(..., kind='free decay').",
+        "--rows FIRST- --columns \"time=1,decay=2-\" --band LOW HIGH, or ImpulseResponse(..., kind='free decay').",
     ),
 }
 

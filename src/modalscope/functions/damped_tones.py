@@ -94,13 +94,23 @@ def slower(y: RealArray) -> tuple[RealArray, int]:
     tones = np.concatenate([np.any(part > _SIGNIFICANT_POWER * np.median(part, axis=0), axis=1) for part in ranges])
     highest = (int(np.max(np.flatnonzero(tones), initial=0)) + 1) / len(power)  # in Nyquist frequencies
     q = max(1, int(2 / (_SAMPLES_PER_PERIOD * highest)))
-    q = min(q, max(1, len(y) // (2 * _FILTER_REACH + _MIN_SAMPLES)))
+    q = min(q, largest_step(len(y)))
+    return one_in(y, q), q
+
+
+def largest_step(samples: int) -> int:
+    """Return the largest q at which a record so long keeps the samples of a decay."""
+    return max(1, samples // (2 * _FILTER_REACH + _MIN_SAMPLES))
+
+
+def one_in(y: RealArray, q: int) -> RealArray:
+    """Return a record (N, ...) low-pass filtered, one sample in q kept, without half a filter length at either end."""
     if q == 1:
-        return y, 1
+        return y
     at = np.arange(-_FILTER_REACH * q, _FILTER_REACH * q + 1)
     taps = np.sinc(0.8 * at / q) * np.hamming(at.size)
     windows = np.lib.stride_tricks.sliding_window_view(y, len(taps), axis=0)[::q]
-    return np.ascontiguousarray(windows @ (taps / taps.sum())), q
+    return np.ascontiguousarray(windows @ (taps / taps.sum()))
 
 
 def release_of(y: RealArray) -> Release | None:

@@ -199,7 +199,10 @@ def _unfiltered(problem: Problem) -> tuple[Note, ...]:
     band = problem.options.band
     if band is None or problem.records is not None or problem.response is not problem.measured:
         return ()
-    text = f"Samples are not filtered: the model has all modes, the diagram those of {band[0]:g} to {band[1]:g} Hz"
+    inside = f"the diagram those of {band[0]:g} to {band[1]:g} Hz"
+    text = f"Samples are not filtered: the model has all modes, {inside}"
+    if any("low-pass filtered" in step for step in problem.response.processing):
+        text = f"Samples are filtered from above only: the model has modes below the band, too, {inside}"
     return (Note("not filtered", {"lowest": band[0], "highest": band[1]}, text),)
 
 

@@ -17,6 +17,7 @@ from scipy import fft
 from modalscope.data.records import Signals
 from modalscope.data.responses import ImpulseResponse
 from modalscope.data.stored import Record, Rows, StoredSignals
+from modalscope.functions.damped_tones import largest_step, one_in
 from modalscope.functions.poles import QUANTITIES
 from modalscope.numerics.arguments import COUNT, POSITIVE, named
 from modalscope.numerics.checks import Array, RealArray, check_kind
@@ -360,19 +361,26 @@ def _outputs_only(signals: Signals, y: RealArray, quantities: tuple[str | None, 
 
 
 def slower_correlation(correlation: ImpulseResponse, highest: float) -> ImpulseResponse:
-    """Return a correlation low-pass filtered, one sample in q kept, q the largest with 4 samples a period of `highest`.
+    """Return a correlation or a free decay low-pass filtered, one sample in q kept, q the largest with 4 samples a period of `highest`.
 
     Other impulse responses are returned unchanged. R(k), k >= 1, is a Markov sequence, and so is its causally filtered version: with the
     same poles and those of the filter, which lie at the end of the band. R(0) contains the noise of the channels, is no part of it and is
-    dropped.
+    dropped. A free decay filtered by a symmetric filter of finite length has its own poles alone, from half a filter length on.
 
     `highest`: Hz.
     """
     check_kind("slower_correlation", correlation, ImpulseResponse)
     rate = correlation.sampling_rate
-    factor = min(int(rate / (_LAGS_PER_PERIOD * highest)), correlation.samples // 4) if correlation.ambient else 1
+    if correlation.origin not in ("correlation", "free decay"):
+        return correlation
+    decays = correlation.origin == "free decay"
+    largest = largest_step(correlation.samples) if decays else correlation.samples // 4
+    factor = min(int(rate / (_LAGS_PER_PERIOD * highest)), largest)
     if factor < 2:
         return correlation
+    if decays:
+        slower = replace(correlation, values=one_in(correlation.values, factor), sampling_rate=rate / factor)
+        return slower.processed(f"low-pass filtered, one sample in {factor} kept")
     filtered = scipy.signal.sosfilt(_low_pass(0.8 * rate / factor / 2, rate), correlation.values, axis=0)
     values = np.ascontiguousarray(filtered[factor - 1 :: factor])  # the first is lag 1 of the new rate
     slower = replace(correlation, values=values, feedthrough=None, sampling_rate=rate / factor)
