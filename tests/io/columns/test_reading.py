@@ -193,3 +193,9 @@ def test_a_constant_in_seconds_is_no_axis() -> None:
     )
     found = contents_from_table(Table(where="a", columns=(constant, *others)), {}).thing
     assert found.sampling_rate == 100
+
+
+def test_no_record_is_offered_of_complex_values() -> None:
+    notes = contents_from_table(_table(_LINES, _H[:, 0], _H[:, 1]), {}).notes
+    assert any("taken as frequency in Hz" in note for note in notes)
+    assert not any("--columns" in note for note in notes)

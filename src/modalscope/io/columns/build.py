@@ -202,7 +202,8 @@ def _notes(found: Sequence[Reading], option_roles: Mapping[int, str], table: Tab
     axis, roles, notes = reading.axis, reading.roles, []
     reason = reading.reasons.get(axis.number, "") if axis is not None else ""
     if axis is not None and axis.number not in option_roles and reason.startswith("it rises"):
-        other = next((r.option for r in found if r.axis is axis and r.kind != reading.kind), "")
+        real = not any(np.iscomplexobj(c.values) for c in table.columns)  # complex values are no record
+        other = next((r.option for r in found if r.axis is axis and r.kind != reading.kind and real), "")
         other = f' (else: --columns "{other}")' if "out=" in other or "imag=" in other or "phase=" in other else ""
         unit = "s" if reading.kind == "time" else "Hz"
         notes.append(f"{axis} {reason[3:]}: taken as {reading.kind} in {unit}{other}")
