@@ -11,7 +11,6 @@ import numpy as np
 from modalscope.data.mode_fields import joined
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
-from modalscope.data.record_residual import UNMEASURED
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
@@ -54,8 +53,6 @@ def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> 
     why = _unfit(diagram)
     if why:
         return modes.noted(_kept(why))
-    # what unmeasured forces shake more than the measured ones is not significant in the likelihood, and a mode all the same
-    shaken = any(note.kind == UNMEASURED for note in diagram.notes)
     extra = poles_beside(diagram, modes)
     stay = np.ones(len(modes), bool)
     for _ in range(_MAX_ROUNDS):
@@ -69,7 +66,6 @@ def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> 
             return replace(_placed(diagram.response, modes, extra), converged=False).noted(_kept(*reasons))
         before = modes.poles[stay] if refined.unrefined is None else refined.unrefined.poles
         out = np.isin(modes.poles, before[astray(before, refined.poles)])
-        out |= stay & ~np.isin(modes.poles, before) if shaken else False
         if not np.any(out):
             return refined if stay.all() else _with_others(diagram.response, modes, refined, modes.take(~stay), extra)
         stay &= ~out
