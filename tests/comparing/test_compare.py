@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import copy
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -213,6 +215,12 @@ def test_the_same_whatever_the_number_of_workers() -> None:
     one, two = (compare(chain(), ["era", "alternate"], orders=ORDERS, workers=n) for n in (1, 2))
     assert np.array_equal(one.modes.poles, two.modes.poles)
     assert one.verdict == two.verdict
+
+
+def test_a_comparison_is_copied_and_pickled(clean: Comparison) -> None:
+    for again in (copy.deepcopy(clean), pickle.loads(pickle.dumps(clean))):
+        np.testing.assert_array_equal(again.modes.frequencies, clean.modes.frequencies)
+        assert again.table() == clean.table()
 
 
 def test_the_table_holds_modes_methods_and_verdict(clean: Comparison) -> None:

@@ -16,7 +16,7 @@ from modalscope.preprocess.spectra import Spectrum
 def test_no_spectrum_is_worth_more_than_the_bound(count: int, half: float) -> None:
     """Flat ones, single lines, all power at both ends, powers over ten decades."""
     rng, step = np.random.default_rng(0), 0.01
-    centre = half * step / envelopes._MIN_DAMPING
+    centre = half * step / envelopes.MIN_DAMPING
     ends = np.zeros(count)
     ends[[0, -1]] = 1
     spectra = [np.ones(count), np.eye(count)[3], ends, *(10 ** rng.uniform(-10, 0, (20, count)))]

@@ -16,6 +16,9 @@ from modalscope.numerics.checks import Array, IntArray, RealArray, check_count, 
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import Operator
 
+#: A Hankel matrix of more blocks on one side fits in no memory.
+_MAX_BLOCKS = 1_000_000
+
 
 def block_shifts(name: str, shifts: Sequence[int] | None, blocks: int | None, other: str) -> list[int]:
     """Return the shifts of the blocks of one side: 0, 1, 2, ..., or those given, which must begin at 0 and have no common factor.
@@ -26,7 +29,11 @@ def block_shifts(name: str, shifts: Sequence[int] | None, blocks: int | None, ot
     if shifts is None:
         if blocks is None:
             raise DataError(f"a Hankel matrix needs {other} or {name}", "neither is given", f"Give {other}.")
-        return list(range(check_count(other, blocks)))
+        if check_count(other, blocks) > _MAX_BLOCKS:
+            raise DataError(
+                f"{other}={blocks} was asked", f"no data have more than {_MAX_BLOCKS} blocks", f"Lower {other}."
+            )
+        return list(range(blocks))
     numbers = [check_count(name, s, least=0) for s in shifts]
     if not numbers or numbers[0] != 0 or any(b <= a for a, b in pairwise(numbers)):
         raise DataError(

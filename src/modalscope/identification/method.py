@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -179,7 +178,7 @@ class Method:
     options_type: type[Options]
     forms: tuple[str, ...] = ("observable",)
     aliases: tuple[str, ...] = ()
-    fixed: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}), hash=False)
+    fixed: Mapping[str, Any] = field(default_factory=dict, hash=False)
     from_records: str = ""
 
     def __str__(self) -> str:

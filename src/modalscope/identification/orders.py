@@ -29,10 +29,13 @@ _MAX_COMPANION_STATES, _MAX_DRIVEN_STATES = 200, 80
 #: Above this number of orders every second one is computed for companion forms.
 _MAX_COMPANION_ORDERS = 30
 
+#: A diagram of more orders is a mistake: none has so many rows.
+MAX_ORDERS = 10_000
+
 
 def checked_orders(orders: Iterable[int]) -> list[int]:
     """Return the distinct orders, increasing; an empty list is an error."""
-    increasing = sorted({check_count("order", n) for n in check_each("orders", orders, "whole numbers")})
+    increasing = sorted({check_count("order", n) for n in check_each("orders", orders, "whole numbers", MAX_ORDERS)})
     if not increasing:
         raise DataError(
             "orders were asked", "the range of orders is empty", "Give range(2, 61, 2) or 2:60:2, for instance."

@@ -219,6 +219,7 @@ def mac(shapes_a: ArrayLike | ModalModel, shapes_b: ArrayLike | ModalModel | Non
     return np.asarray(np.divide(cross, norms, out=np.zeros_like(cross, dtype=float), where=norms > 0))
 
 
+@named()
 def mac_std(modes_a: ModalModel, modes_b: ModalModel | None = None) -> RealArray:
     """Standard deviation of the MAC between modes, from those of the components of their shapes.
 
@@ -304,13 +305,23 @@ def mpc(shapes: ArrayLike) -> RealArray:
 
     Parameters
     ----------
-    shapes : array, (l, n)
+    shapes : array, (l,) or (l, n)
     """
-    phi = np.asarray(shapes, dtype=np.complex128)
+    phi = _columns(shapes)
     xx, yy = np.sum(phi.real**2, axis=0), np.sum(phi.imag**2, axis=0)
     xy = np.sum(phi.real * phi.imag, axis=0)
     total = (xx + yy) ** 2
     return np.asarray(np.divide((xx - yy) ** 2 + 4 * xy**2, total, out=np.zeros_like(total), where=total > 0))
+
+
+def _columns(shapes: ArrayLike) -> ComplexArray:
+    """Return shapes (l, n) as they are, one shape (l,) as a column; NaN may stand for what is not known."""
+    phi = np.asarray(shapes, dtype=np.complex128)
+    if phi.ndim not in (1, 2):
+        raise DataError(
+            "shapes needs axes (channels,) or (channels, modes)", f"it has {phi.ndim} axes", "Give one or two."
+        )
+    return phi[:, None] if phi.ndim == 1 else phi
 
 
 @plainly
@@ -321,9 +332,9 @@ def mpd(shapes: ArrayLike) -> RealArray:
 
     Parameters
     ----------
-    shapes : array, (l, n)
+    shapes : array, (l,) or (l, n)
     """
-    phi = np.asarray(shapes, dtype=np.complex128)
+    phi = _columns(shapes)
     step = max(_NUMBERS_AT_A_TIME // max(phi.shape[1], 1), 1)
     parts = [phi[start : start + step] for start in range(0, len(phi), step)]
     # the best line's direction theta: phi^2 summed has twice its angle

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Sized
 from os import PathLike, fsencode, fspath
 from pathlib import Path
 from typing import Any
@@ -268,8 +268,11 @@ def check_positive(name: str, value: float) -> float:
 
 def check_count(name: str, value: int, least: int = 1) -> int:
     """Return a whole number not below `least`, or raise."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value < 2**62:
-        raise DataError(f"{name} needs a whole number of at least {least}", f"it is {value!r}", f"Raise it to {least}.")
+    # NumPy takes a duration for an integer
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool | np.timedelta64)
+    if not whole or not least <= value < 2**62:
+        remedy = f"Raise it to {least}." if whole and value < least else "Give a whole number, such as 4."
+        raise DataError(f"{name} needs a whole number of at least {least}", f"it is {value!r}", remedy)
     return int(value)
 
 
@@ -318,8 +321,13 @@ def check_band(band: Any) -> tuple[float, float]:
     return low, high
 
 
-def check_each(name: str, values: Any, what: str) -> list[Any]:
-    """Return what a list, a tuple, a range or an array holds; text, one bare value and other things are an error."""
+def check_each(name: str, values: Any, what: str, most: int = 10**8) -> list[Any]:
+    """Return what a list, a tuple, a range or an array holds; text, one bare value and other things are an error.
+
+    `most`: entries: a range may have more than a machine can hold.
+    """
+    if isinstance(values, Sized) and getattr(values, "ndim", 1) != 0 and len(values) > most:
+        raise DataError(f"{name} needs {what}, at most {most}", f"there are {len(values)}", "Give fewer.")
     if not isinstance(values, str | bytes | Mapping):
         try:
             return list(values)

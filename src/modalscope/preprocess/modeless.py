@@ -39,7 +39,7 @@ def modeless_notes(spectrum: Spectrum, levels: Levels, lines: Sequence[Line]) ->
     >>> noise = 0.1 * np.random.default_rng(0).standard_normal((30000, 2))
     >>> spectrum = Spectrum.of(Signals(outputs=hum + noise, sampling_rate=50.0))
     >>> print(*modeless_notes(spectrum, levels_in(spectrum), lines_in(spectrum)))
-    Nothing but hum of machines: the line at 12 Hz holds 98 % of the power, and there is no other spectral peak
+    Nothing but hum of machines: the line at 12 Hz holds 97.3 % of the power, and there is no other spectral peak
     """
     peaks = levels.in_peak.copy()
     for line in lines:

@@ -15,6 +15,7 @@ from modalscope.data.response import Response
 from modalscope.data.results import Result, StabilizationDiagram
 from modalscope.doctor.examine import examine
 from modalscope.identification.options import AllOptions, labels_of
+from modalscope.identification.orders import MAX_ORDERS
 from modalscope.judging.select import selected
 from modalscope.modal.rebuilt import explained, explains_enough, fit_of, of_noise, share_explained
 from modalscope.numerics.arguments import named
@@ -104,7 +105,7 @@ def analyze(
         reciprocal=reciprocal,
         method=method,
         domain=domain,
-        orders=None if orders is None else tuple(check_each("orders", orders, "whole numbers")),
+        orders=None if orders is None else tuple(check_each("orders", orders, "whole numbers", MAX_ORDERS)),
         options={name: value for name, value in options.items() if value is not None},
         frequencies=None if frequencies is None else tuple(check_each("frequencies", frequencies, "numbers in Hz")),
         taken=tuple(check_each("take", take, "numbers in Hz")),
