@@ -152,6 +152,7 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "scale_by_mass": lambda t: {"modes": t["modes"], "changed": t["modes"][:3], "masses": {"1:+X": 0.1}},
     "merge_bands": lambda t: {"results": [t["modes"]], "bands": [(0.2, 8.0)]},
     "mac": lambda t: {"shapes_a": t["modes"].shapes},
+    "mac_std": lambda t: {"modes_a": replace(t["modes"], shapes_std=0.01 * np.abs(t["modes"].shapes))},
     "ods": lambda t: {"data": t["lines"], "frequency": 1.0},
     "read": lambda t: {"path": FOLDER / "data.npz"},
     "realize": lambda t: {"data": t["samples"], "order": 4},
@@ -292,7 +293,7 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
 #: Methods of what the classes of responses share with their modules; those are for the library itself.
 INNER = re.compile(
     r"\.(around|basis|chain|derivatives|doubts|driven|energy|functions|in_band|in_plane|named_terms|of_inputs|of_modes|processed|rebuilt_by|reported_band|"
-    r"shortest_participation|values_of|with_model|spectrum|whole_basis)$"
+    r"residual_of|shortest_participation|values_of|with_model|spectrum|whole_basis)$"
 )
 
 #: What the library makes; users read it.

@@ -43,7 +43,7 @@ FILES: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
     "ruler_mat, ten responses": (("ruler_mat/ruler_grid_acc_3.mat",), {"band": (5.0, 300.0)}),
     "ruler_mat, coherence": (("ruler_mat/jw_tf_coh.mat",), {}),
     "ruler_mat, time": (("ruler_mat/jw_time.mat",), {}),
-    "board_lvm": (("board_lvm/vibration_1.lvm",), {}),
+    "board_lvm": (("board_lvm/vibration_1.lvm",), {"band": (20.0, 500.0)}),
     "labview_spectrum": (("labview_spectrum/FFT_data.lvm",), {}),
     "labview_forms, hits": (("labview_forms/long_single_header_multi_ch.lvm",), {"reading": {"columns": "in=1"}}),
     "labview_forms, several times": (("labview_forms/multi_time_column.lvm",), {}),

@@ -201,6 +201,17 @@ class RecordSpectra(Response):
         relative = np.asarray(1j * self.frequencies / self.span[1])
         return self.lines.basis(self.in_plane(poles), self.values, relative, powers)
 
+    def residual_of(
+        self, poles: Array, shapes: Array, participation: Array, powers: tuple[int, ...] = (0,)
+    ) -> RealArray:
+        """Return the data without what modes give; see `Response.residual_of`."""
+        nothing = np.zeros((1, self.values.shape[1], self.drive.shape[1]))
+        rows = np.empty((2, *self.values.shape))
+        for s, part in self.modelled(poles, shapes, participation, nothing):
+            residual = self.values[s, :, 0] - part
+            rows[0, s, :, 0], rows[1, s, :, 0] = residual.real, residual.imag
+        return rows.reshape(-1, *self.values.shape[1:])
+
     @property
     def eliminated(self) -> tuple[int, int]:
         """Functions beside the outputs: at most in one run (its inputs and its ends), and of all runs together."""

@@ -265,6 +265,23 @@ class Response(Channels, Convertible):
         """
         return self.basis(poles, powers)
 
+    def residual_of(
+        self, poles: Array, shapes: Array, participation: Array, powers: tuple[int, ...] = (0,)
+    ) -> RealArray:
+        """Return the data without what modes give, on the rows of `whole_basis`, (K, l, m); terms stay in it.
+
+        Parameters
+        ----------
+        poles : array of complex, (n,)
+        shapes : array of complex, (l, n)
+        participation : array of complex, (n, m) or more columns
+        powers : tuple of int
+            Of the terms that the basis has.
+        """
+        basis = self.whole_basis(poles, powers)
+        nothing = basis.of_terms(np.zeros((basis.terms.shape[1], basis.data[0].size)))
+        return basis.data - basis.rebuilt(shapes, participation, nothing)
+
     @abstractmethod
     def named_terms(self, terms: RealArray, powers: tuple[int, ...]) -> dict[str, RealArray | None]:
         """Return fitted terms as the fields of a `ModalModel`: direct term, or lower and upper residual in powers of j w.

@@ -63,13 +63,22 @@ def modes_of(
 def _residues(
     response: Response, values: ComplexArray, chosen: list[Candidate], poles: Poles
 ) -> tuple[ComplexArray, dict[str, Any]]:
-    """Return shapes, participation and terms fitted to all data, from the shapes of the candidates on: the best that these poles allow."""
-    shapes = np.zeros((response.values.shape[1], len(chosen)), complex)
+    """Return shapes, participation and terms: residues that are known as the nearest of rank one, the others fitted to what these leave."""
+    outputs, inputs = response.values.shape[1], len(response.input_dofs)
+    shapes, participation = np.zeros((outputs, len(chosen)), complex), np.zeros((len(chosen), inputs), complex)
+    known = np.array([c.residue is not None for c in chosen], dtype=bool)
     for j, c in enumerate(chosen):
-        shapes[:, j] = (
-            _middle(poles, c) if c.residue is None else np.linalg.svd(c.residue, full_matrices=False)[0][:, 0]
-        )
-    return joint_residues(response, values, shapes)
+        if c.residue is None:
+            shapes[:, j] = _middle(poles, c)
+        else:
+            U, d, Vh = np.linalg.svd(c.residue, full_matrices=False)
+            shapes[:, j], participation[j] = U[:, 0], d[0] * Vh[0]
+    if not known.any():
+        return joint_residues(response, values, shapes)
+    held = values[known], shapes[:, known], participation[known]
+    shapes[:, ~known], fitted = joint_residues(response, values[~known], shapes[:, ~known], held)
+    participation[~known] = fitted["participation"]
+    return shapes, {**fitted, "participation": participation}
 
 
 def _undecided(diagram: StabilizationDiagram, candidates: Sequence[Candidate]) -> tuple[Note, ...]:

@@ -29,8 +29,12 @@ _MIN_DECREASE = 1e-10
 _MAX_ROUNDS = 200
 
 
+#: Poles (n,), shapes (l, n) and participation (n, m).
+_Modes = tuple[Array, Array, Array]
+
+
 def joint_residues(
-    response: Response, poles: Array, shapes: Array, rows: RealArray | None = None
+    response: Response, poles: Array, shapes: Array, held: _Modes | None = None, rows: RealArray | None = None
 ) -> tuple[ComplexArray, dict[str, Any]]:
     """Fit residues of rank one, R_j = c_j l_j, of all modes together to all data; poles are kept.
 
@@ -38,7 +42,8 @@ def joint_residues(
     shapes held, then shapes with the participation held, and so on. No round can raise the misfit, so that the result explains at
     least what the given shapes explain. The data are compressed once to as many rows as there are functions.
 
-    `poles` (n,): rad/s, as the modes have them. `shapes` (l, n): starting values. `rows` (K,): divisors of the rows of `whole_basis`.
+    `poles` (n,): rad/s, as the modes have them. `shapes` (l, n): starting values. `held`: poles, shapes and participation of modes with
+    known residues, which are subtracted from the data. `rows` (K,): divisors of the rows of `whole_basis`; not with `held`.
 
     Returns
     -------
@@ -46,9 +51,14 @@ def joint_residues(
     fields : dict
         `participation` and the direct term or residuals, as a `ModalModel` has them.
     """
+    if held is not None and rows is not None:
+        raise TypeError("joint_residues() takes `held` or `rows`, not both: residuals of held modes are not divided")
     powers = response.outside_powers
     own = poles - response.added_damping
     basis = response.basis(own, powers) if rows is None else _divided(response.whole_basis(own, powers), rows)
+    if held is not None:
+        left = response.residual_of(held[0] - response.added_damping, *held[1:], powers)
+        basis = replace(basis, data=left, whole=None)
     basis = basis.compressed()
     participation, terms = basis.fit_participation(shapes)
     best = float(np.linalg.norm(basis.data - basis.rebuilt(shapes, participation, terms))) ** 2
