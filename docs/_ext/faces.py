@@ -6,7 +6,7 @@ import inspect
 from pathlib import Path
 from typing import Any
 
-NAMESPACES = ("plot", "preprocess", "indicators", "systems")
+NAMESPACES = ("monitoring", "plot", "preprocess", "indicators", "systems")
 
 
 def setup(app: Any) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from warnings import warn
 
 if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the same place when it is first asked for
-    from modalscope import plot as plot, preprocess as preprocess, systems as systems
+    from modalscope import monitoring as monitoring, plot as plot, preprocess as preprocess, systems as systems
     from modalscope.checking.certificate import Certificate as Certificate
     from modalscope.checking.certify import certify as certify
     from modalscope.checking.selfcheck import selfcheck as selfcheck
@@ -130,7 +130,13 @@ _HOMES = {
 }
 
 #: What else there is, in namespaces.
-_NAMESPACES = {"indicators": "modal.indicators", "plot": "plot", "preprocess": "preprocess", "systems": "systems"}
+_NAMESPACES = {
+    "indicators": "modal.indicators",
+    "monitoring": "monitoring",
+    "plot": "plot",
+    "preprocess": "preprocess",
+    "systems": "systems",
+}
 
 #: Names that stood at the face and now stand in a namespace alone.
 _MOVED = {

@@ -8,7 +8,7 @@ from inspect import cleandoc
 from typing import NamedTuple
 
 from modalscope import __version__
-from modalscope.cli import about, app, files, identify, results, spectra
+from modalscope.cli import about, app, files, identify, results, spectra, watch
 from modalscope.cli.parser import Parser, add_common
 
 
@@ -28,6 +28,7 @@ class Command(NamedTuple):
 COMMANDS = (
     Command(identify.identify, identify.add_identify),
     Command(app.app, app.add_app),
+    Command(watch.watch, watch.add_watch),
     Command(results.compare, results.add_compare),
     Command(results.certify, results.add_certify),
     Command(results.refine, results.add_refine),

@@ -1,0 +1,236 @@
+"""Look for new records in a folder, identify them in this process or in several, and store their modes."""
+
+from __future__ import annotations
+
+import csv
+import multiprocessing
+import time
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from modalscope.io.formats import FORMATS
+from modalscope.monitoring.entries import CHOICES, Entry, entry_of, time_of_file
+from modalscope.monitoring.history import as_times
+from modalscope.monitoring.store import Store
+from modalscope.numerics.arguments import COUNT, named
+from modalscope.numerics.checks import RealArray, check_path
+from modalscope.numerics.errors import DataError, check_option_names
+from modalscope.workflow.sources import source_of_file
+
+Progress = Callable[[int, int], None]
+
+#: Seconds that size and date of a file must stay, before it counts as written.
+_SETTLED = 2.0
+
+#: Records given to workers ahead of what they have done, for each of them: memory does not grow with the folder.
+_AHEAD = 2
+
+
+@dataclass(frozen=True)
+class Collected:
+    """What a look at a folder found.
+
+    Parameters
+    ----------
+    added : int
+        Records stored.
+    known : int
+        Records that were stored before.
+    refused : tuple of (str, str)
+        Files that cannot be used, each with the reason.
+    waiting : tuple of str
+        Files that are still being written.
+    """
+
+    added: int
+    known: int
+    refused: tuple[tuple[str, str], ...]
+    waiting: tuple[str, ...]
+
+
+@named(store=Store, jobs=COUNT, options=Mapping)
+def collect(
+    folder: str | Path,
+    store: Store,
+    *,
+    jobs: int = 1,
+    options: Mapping[str, Any] | None = None,
+    progress: Progress | None = None,
+) -> Collected:
+    """Identify every file of a folder that the store does not know, and store its modes or the reason why there are none.
+
+    A file is known by its content. Files whose size or date change within two seconds are still being written: they are left for the
+    next look.
+
+    Parameters
+    ----------
+    folder : path
+        Its files and those of its folders that have a suffix that `read` knows.
+    store : Store
+    jobs : int
+        Processes that identify.
+    options : mapping, optional
+        As of `analyze`.
+    progress : callable, optional
+        Called with (files done, files in all).
+
+    Returns
+    -------
+    Collected
+
+    Raises
+    ------
+    DataError
+        No such folder, or a worker that was ended.
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> place = Path(mkdtemp())
+    >>> with Store(place / "bridge.modes") as store:
+    ...     collect(place, store)
+    Collected(added=0, known=0, refused=(), waiting=())
+    """
+    place = check_path(folder)
+    check_option_names("analyze", options or {}, CHOICES)
+    if not place.is_dir():
+        raise DataError(f"records in {str(place)!r} were asked", "there is no such folder", "Name a folder.")
+    files, waiting = _settled(place)
+    known = 0
+    new: list[tuple[Path, str]] = []
+    for path, size, changed in files:
+        sha = store.seen(str(path), size, changed) or store.seen(
+            str(path), size, changed, source_of_file(path, {}).sha256
+        )
+        if sha is None or store.holds(sha) or any(sha == other for _, other in new):
+            known += 1
+        else:
+            new.append((path, sha))
+    entries = _identified(new, jobs, dict(options or {}))
+    added = 0
+    refused: list[tuple[str, str]] = []
+    for done, entry in enumerate(entries, 1):
+        if store.put(entry) and entry.refused is None:
+            added += 1
+        if entry.refused is not None:
+            refused.append((entry.name, entry.refused))
+        if progress is not None:
+            progress(done, len(new))
+    return Collected(added, known, tuple(refused), tuple(waiting))
+
+
+def _settled(folder: Path) -> tuple[list[tuple[Path, int, int]], list[str]]:
+    """Return the files with their sizes and dates, and the names of those that are still being written."""
+
+    def look() -> dict[Path, tuple[int, int]]:
+        found = {}
+        for path in sorted(folder.rglob("*")):
+            try:
+                if path.is_file() and path.suffix.lower() in FORMATS:
+                    state = path.stat()
+                    found[path] = (state.st_size, state.st_mtime_ns)
+            except OSError:  # gone meanwhile
+                continue
+        return found
+
+    first = look()
+    if any(time.time() - changed * 1e-9 < _SETTLED for _, changed in first.values()):
+        time.sleep(_SETTLED)
+    second = look()
+    same = [path for path, state in second.items() if first.get(path) == state]
+    return [(path, *second[path]) for path in same], [path.name for path in second if path not in same]
+
+
+def _identified(new: list[tuple[Path, str]], jobs: int, options: dict[str, Any]) -> Iterator[Entry]:
+    """Give the entries of files as they are done, by this process or by several."""
+    if jobs == 1 or len(new) < 2:
+        yield from (_entry(path, sha, options) for path, sha in new)
+        return
+    # not forked: a library's threads do not survive that
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(min(jobs, len(new)), mp_context=context) as pool:
+        under_way: set[Future[Entry]] = set()
+        left = iter(new)
+        try:
+            while True:
+                while len(under_way) < _AHEAD * jobs and (task := next(left, None)) is not None:
+                    under_way.add(pool.submit(_entry, *task, options))
+                if not under_way:
+                    return
+                done, under_way = wait(under_way, return_when=FIRST_COMPLETED)
+                yield from (each.result() for each in done)
+        except BrokenProcessPool:
+            found = "a worker was ended by the system"
+            raise DataError("records were to be identified", found, "Use fewer jobs; what is done is stored.") from None
+
+
+def _entry(path: Path, sha: str, options: Mapping[str, Any]) -> Entry:
+    """Return the entry of one file."""
+    try:
+        when, origin = time_of_file(path)
+    except OSError as error:
+        return Entry(sha256=sha, name=path.name, time=0.0, refused=f"the file is gone ({error.strerror})")
+    return entry_of(path, sha=sha, name=path.name, time=when, origin={"time": origin}, options=options)
+
+
+@named()
+def read_covariates(path: str | Path) -> tuple[Any, dict[str, RealArray]]:
+    r"""Read a table of what was measured beside the records: times in the first column, a name in the head of each other one.
+
+    Parameters
+    ----------
+    path : path
+        Text with columns separated by commas or semicolons; times are ISO texts or seconds since 1970.
+
+    Returns
+    -------
+    times : array of datetime64, (k,)
+    values : dict of name to array (k,)
+        NaN where a cell is empty or no number.
+
+    Raises
+    ------
+    DataError
+        No such file, no head, or times that cannot be read.
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> path = Path(mkdtemp()) / "weather.csv"
+    >>> _ = path.write_text("time,temperature\n2026-06-01T00:00,11.5\n2026-06-01T01:00,\n")
+    >>> read_covariates(path)[1]
+    {'temperature': array([11.5,  nan])}
+    """
+    place = check_path(path)
+    asked = f"a table of covariates in {place.name} was asked"
+    remedy = "Give a text table: time, then a column for each, with their names in the first line."
+    try:
+        text = place.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError(asked, f"it cannot be read ({error})", remedy) from None
+    lines = [line for line in text.splitlines() if line.strip()]
+    head = lines[0] if lines else ""
+    rows = list(csv.reader(lines, delimiter=";" if head.count(";") > head.count(",") else ","))
+    if len(rows) < 2 or len(rows[0]) < 2 or any(len(row) != len(rows[0]) for row in rows):
+        raise DataError(asked, "it has no columns, or lines of different length", remedy)
+    stamps = [row[0].strip().removesuffix("Z").replace(" ", "T", 1) for row in rows[1:]]
+    numbers = [_number(stamp) for stamp in stamps]
+    times = as_times(f"the first column of {place.name}", stamps if np.isnan(numbers).any() else numbers)
+    columns = zip(*(row[1:] for row in rows[1:]), strict=True)
+    return times, {
+        name.strip(): np.array([_number(cell) for cell in cells])
+        for name, cells in zip(rows[0][1:], columns, strict=True)
+    }
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell.strip().replace(",", "."))
+    except ValueError:
+        return np.nan
