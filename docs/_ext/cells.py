@@ -19,6 +19,8 @@ EQUATIONS = {
     "ssi-cva": r"R_{ff}^{-1/2}\,O\,R_{pp}^{-T/2} = P D Q^T, \qquad V = R_{ff}^{1/2} P_n D^{1/2}, \qquad A = [E V]^{\#}[\sigma E V]",
     "n4sid": r"O = Y_f /_{U_f} \begin{bmatrix} U_p \\ Y_p \end{bmatrix}, \qquad A = [E V]^{\#}[\sigma E V]",
     "prce": r"\sum_{i<p} Y(k+i)\, a_i = -Y(k+p) \quad \text{for all } k",
+    "loewner": r"H(0)_{ij} = -\frac{V_i - W_j}{\mu_i - \lambda_j} = O R, \qquad "
+    r"H(1)_{ij} = -\frac{\mu_i V_i - \lambda_j W_j}{\mu_i - \lambda_j} = O A R, \qquad A = D^{-1/2} P^T H(1)\, Q\, D^{-1/2}",
     "lscf": r"H(z) = N(z)\,D(z)^{-1}, \qquad \min \sum_f \| N(z_f) - H(f)\,D(z_f) \|^2",
 }
 
@@ -33,6 +35,8 @@ USE = {
     "ssi-cva": "Ambient records with modes of very different strength: canonical variates weight them equally.",
     "n4sid": "Records with inputs and strong unmeasured forces.",
     "prce": "Impulse responses of few references, to reproduce results of the complex exponential. Damping is biased by noise: nothing is truncated.",
+    "loewner": "Frequency responses, whole or in a band, even or uneven lines: no degree of polynomials is chosen, and the model is nearly "
+    "balanced. In ambient tests the half spectra of correlations.",
     "lscf": "Frequency responses of many channels over a wide band, for very clear diagrams. Damping of weak modes is biased low by noise.",
 }
 #: Name and colour of each column.

@@ -11,8 +11,13 @@ import scipy.linalg as sla
 from modalscope.blocks.influence import Influence
 from modalscope.data import FrequencyResponse, ImpulseResponse
 from modalscope.data.response import Response
+from modalscope.identification import matrices
+from modalscope.identification.method_names import find_method
+from modalscope.identification.pipeline import factor
+from modalscope.identification.prepare import prepare
 from modalscope.likelihood.covariance import influence_on
 from modalscope.preprocess import estimate_correlation
+from modalscope.realizations.shift import shift
 from modalscope.systems import chain5
 from modalscope.systems.records import white_noise
 from tests.support import built, cut_order, relative
@@ -112,7 +117,7 @@ def test_samples(method, order, options):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("domain", ["s", "z"])
-@pytest.mark.parametrize("method", ["era", "least_squares", "alternate", "polyreference"])
+@pytest.mark.parametrize("method", ["era", "least_squares", "alternate", "polyreference", "loewner"])
 def test_lines(method, domain):
     predicted, measured = differences(lines(), 10, method=method, domain=domain)
     assert relative(predicted, measured) < 1e-3
@@ -122,6 +127,24 @@ def test_lines(method, domain):
 def test_shifted_transfer_functions_of_a_window(method):
     predicted, measured = differences(samples(), 10, method=method, domain="z")
     assert relative(predicted, measured) < 1e-3
+
+
+def test_lines_that_shift_on_a_loewner_matrix():
+    row = replace(find_method("loewner", "s", "s"), factor=matrices.tall_factors, realize=shift)
+    data = lines()
+
+    def realized(response):
+        return factor(replace(prepare(response, "loewner", "s"), method=row), 10)
+
+    pipeline = realized(data)
+    cut = cut_order(pipeline, 10)
+    found = influence_on(pipeline.matrix, pipeline.realization, cut.order, cut.triple, cut.modal.eigen)
+    change = QUIET * noise_like(data, np.random.default_rng(7))
+    ends = [
+        cut_order(realized(replace(data, values=data.values + sign * STEP * change)), 10).modal.poles
+        for sign in (1, -1)
+    ]
+    assert relative(found.of(change[None])[0], (ends[0] - ends[1]) / (2 * STEP)) < 1e-3
 
 
 def test_shifted_transfer_functions_of_a_full_grid():

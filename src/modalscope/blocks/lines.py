@@ -22,9 +22,10 @@ from modalscope.blocks.factor import Factors
 from modalscope.blocks.influence import LineInfluence, Lines, Outer, all_lines
 from modalscope.blocks.matrix import DataMatrix, RowShift
 from modalscope.blocks.polynomials import Plane, both_sums, evaluate
-from modalscope.blocks.triple import Eigen, ModalFit, Triple
+from modalscope.blocks.triple import Eigen, Misfit, ModalFit, Triple
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse
+from modalscope.functions.pole_basis import LineData, line_basis, line_data
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, real_array
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import DenseMatrix, Operator, real_times
@@ -400,3 +401,38 @@ class PolynomialRows(RowsOnLines):
         upper, lower = (real - 1j * imaginary), (real + 1j * imaginary)
         half = np.broadcast_to(w, index.shape)[:, None]
         return LineInfluence((Outer(at, upper * half),), (Outer(mirrored, lower * half),), kept)
+
+
+class FittedToLines(DataMatrix):
+    """A matrix of a response on lines whose shapes come from its rows; participation is fitted to the lines.
+
+    A concrete matrix has the fields below, and `shapes`.
+    """
+
+    response: FrequencyResponse
+    output_scale: RealArray
+    weights: RealArray | None
+    fits_states = True
+
+    @abstractmethod
+    def shapes(self, V: Array, poles: Array) -> ComplexArray:
+        """Return the shapes (l, k) of modes from their columns of the row factor; poles (k,) in the plane of the matrix."""
+
+    def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
+        """Return shapes from all block rows; participation and direct term by least squares over the lines."""
+        shapes = self.shapes(model.row_states(eigen.vectors), eigen.values)
+        lines, poles = self.response, self.to_s(eigen.values)
+        basis = line_basis(lines.frequencies, lines.sampling_rate, self._line_data, poles, (0,), self.weights)
+        participation = basis.solved(shapes)
+        fit = ModalFit(shapes, participation.side, participation.terms, reach=basis.reach, basis=basis)
+        if self.weights is not None:
+            return fit
+        return replace(fit, misfit=self._misfit.of_left(participation.left), unexplained=participation.unexplained)
+
+    @cached_property
+    def _line_data(self) -> LineData:
+        return line_data(self.response.values, self.weights)
+
+    @cached_property
+    def _misfit(self) -> Misfit:
+        return Misfit(self.response, self.output_scale)

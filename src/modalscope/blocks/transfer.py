@@ -9,7 +9,7 @@ Columns are real: real and imaginary parts side by side, which is the same as us
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -18,13 +18,19 @@ from numpy.typing import ArrayLike
 from modalscope.blocks.costs import Cost, costs_of
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.line_products import LineProducts
-from modalscope.blocks.lines import LineMatrix, LinePencil, PolynomialRows, kept_block_rows, line_pencil, real_columns
+from modalscope.blocks.lines import (
+    FittedToLines,
+    LineMatrix,
+    LinePencil,
+    PolynomialRows,
+    kept_block_rows,
+    line_pencil,
+    real_columns,
+)
 from modalscope.blocks.polynomials import Plane, basis_on, plane_of, remainders
-from modalscope.blocks.triple import Eigen, Misfit, ModalFit, Triple
 from modalscope.data.channels import derivatives_between, known_quantity
 from modalscope.data.response import output_scale
 from modalscope.data.responses import FrequencyResponse
-from modalscope.functions.pole_basis import LineData, line_basis, line_data
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_count, real_array
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import Operator
@@ -128,7 +134,7 @@ def transfer(
 
 
 @dataclass(frozen=True, eq=False)
-class Transfer(PolynomialRows, LineMatrix):
+class Transfer(PolynomialRows, LineMatrix, FittedToLines):
     """The block matrix of one band, through its exact triangular factor (made by `transfer`)."""
 
     response: FrequencyResponse
@@ -142,7 +148,6 @@ class Transfer(PolynomialRows, LineMatrix):
     known_functions: ComplexArray | None = None
     row_shifts: tuple[int, ...] | None = None
     orthogonal: bool = True
-    fits_states = True
 
     @property
     def inputs(self) -> int:
@@ -242,25 +247,6 @@ class Transfer(PolynomialRows, LineMatrix):
     def level(self) -> RealArray:
         """Size of the scaled response on every line, (F,)."""
         return np.asarray(np.linalg.norm(self.response.values / self.output_scale[:, None], axis=(1, 2)))
-
-    def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
-        """Return shapes from all block rows; participation and direct term by least squares over the lines."""
-        shapes = self.shapes(model.row_states(eigen.vectors), eigen.values)
-        lines, poles = self.response, self.to_s(eigen.values)
-        basis = line_basis(lines.frequencies, lines.sampling_rate, self._line_data, poles, (0,), self.weights)
-        participation = basis.solved(shapes)
-        fit = ModalFit(shapes, participation.side, participation.terms, reach=basis.reach, basis=basis)
-        if self.weights is not None:
-            return fit
-        return replace(fit, misfit=self._misfit.of_left(participation.left), unexplained=participation.unexplained)
-
-    @cached_property
-    def _line_data(self) -> LineData:
-        return line_data(self.response.values, self.weights)
-
-    @cached_property
-    def _misfit(self) -> Misfit:
-        return Misfit(self.response, self.output_scale)
 
     def describe(self) -> str:
         """Say what the matrix is, in words."""

@@ -120,7 +120,7 @@ def plan(
     table = [m for m in methods() if (not m.driven if route is None else m.route == route)]
     chosen: list[Method] = []
     if isinstance(wanted, str) and wanted == "all":
-        chosen = [m for m in table if allowed(m)]
+        chosen = [m for m in table if m.votes and allowed(m)]
     else:
         for item in [wanted] if isinstance(wanted, str) else wanted:
             named = _named(item, table, route is not None, allowed)

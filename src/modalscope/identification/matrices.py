@@ -8,12 +8,13 @@ from dataclasses import replace
 from typing import Any
 
 from modalscope.blocks.combinations import Combinations, CombinedOutputs, combinations, enough
-from modalscope.blocks.costs import record_cost, refuse_beyond_memory
+from modalscope.blocks.costs import DENSE_ENTRIES, record_cost, refuse_beyond_memory
 from modalscope.blocks.driven import driven_projection
 from modalscope.blocks.factor import Factors, factorize, left_factor
 from modalscope.blocks.fraction import Fraction, fraction
 from modalscope.blocks.hankel import TurnedHankel, hankel
 from modalscope.blocks.lines import line_weights
+from modalscope.blocks.loewner import loewner
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.blocks.projections import Projection, canonical_projection, projection
 from modalscope.blocks.records import record_lines
@@ -103,6 +104,19 @@ def transfer_of_lines(problem: Problem, order: int) -> Built:
     if few is not None:
         matrix = CombinedOutputs(response, few, matrix)
     return Built(matrix, replace(options, block_rows=matrix.block_rows, source="elimination"))
+
+
+def loewner_of_lines(problem: Problem, order: int) -> Built:
+    """Return the Loewner matrix of the lines of any band."""
+    options, response = problem.options, problem.response
+    assert isinstance(response, FrequencyResponse)
+    few = fewer_outputs(response, order, options)
+    taken: Any = response if few is None else few.response
+    weights = line_weights(response, options.weights)
+    matrix: DataMatrix = loewner(
+        taken, domain=problem.method.domain, order=order, weights=weights, equal_outputs=few is None
+    )
+    return Built(matrix if few is None else CombinedOutputs(response, few, matrix), options)
 
 
 def fewer_outputs(response: Response, order: int, options: Any, *given: Any) -> Combinations | None:
@@ -280,6 +294,12 @@ def driven_records(problem: Problem, order: int) -> Built:
 def h0_factors(matrix: DataMatrix, order: int, route: str) -> Factors:
     """Factor H(0)."""
     return matrix.with_columns(factorize(matrix.shifted(0), order, route))
+
+
+def loewner_factors(matrix: DataMatrix, order: int, route: str) -> Factors:
+    """Factor H(0); a large one by a range, which knows directions in the bulk of the noise to 1e-6, where a dense way takes minutes."""
+    rows, columns = matrix.shifted(0).shape
+    return h0_factors(matrix, order, "randomized" if route == "auto" and rows * columns > DENSE_ENTRIES else route)
 
 
 def tall_factors(matrix: DataMatrix, order: int, route: str) -> Factors:

@@ -161,7 +161,8 @@ class Method:
     largest order) -> data matrix and settings. `factor`: (data matrix, largest order, route) -> factors. `realize`: (data matrix, factors)
     -> models of all orders. `orders`: what an order counts: states, blocks of states, or the degree of a polynomial. `options_type`: of its
     data matrix. `forms`: available forms, the default first; "smaller" is the one with fewer states. `fixed`: options that define the row.
-    `from_records`: the route from records with inputs, where it is not that of all rows with these data.
+    `from_records`: the route from records with inputs, where it is not that of all rows with these data. `votes`: whether a comparison
+    of all methods runs it: trust was calibrated with the votes of the rows of the report. Others are compared where they are named.
     """
 
     name: str
@@ -180,6 +181,7 @@ class Method:
     aliases: tuple[str, ...] = ()
     fixed: Mapping[str, Any] = field(default_factory=dict, hash=False)
     from_records: str = ""
+    votes: bool = True
 
     def __str__(self) -> str:
         return f"{self.name} ({', '.join((self.domain, *self._of_records))})"

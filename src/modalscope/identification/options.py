@@ -189,6 +189,19 @@ class FractionOptions(Options):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class PointOptions(Options):
+    """Of a Loewner matrix; see `modalscope.blocks.loewner`.
+
+    `form`: "observable". `weights` (lines,).
+    """
+
+    why_not = "a Loewner matrix interpolates the lines themselves"
+
+    form: str | None = None
+    weights: Any = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class DrivenOptions(Options):
     """Of records with inputs projected on their past; see `modalscope.blocks.driven`.
 

@@ -16,6 +16,7 @@ from modalscope.identification.options import (
     FractionOptions,
     HankelOptions,
     LineOptions,
+    PointOptions,
     RecordOptions,
     SpectraOptions,
 )
@@ -36,6 +37,9 @@ _COLUMNS: dict[str, dict[str, Any]] = {
     "z": {"takes": Takes.RESPONSE, "matrix": matrices.transfer_of_response, "options_type": LineOptions},
     "s": {"takes": Takes.CONTINUOUS, "matrix": matrices.transfer_of_lines, "options_type": LineOptions},
 }
+
+#: Domains of Loewner matrices, and what they take.
+_ON_LINES = {"s": Takes.CONTINUOUS, "z": Takes.LINES}
 
 
 class _Cell(NamedTuple):
@@ -224,6 +228,31 @@ _REPORTED: tuple[Method, ...] = (
 )
 
 
+#: Rows on Loewner matrices, a further column of lines in either domain.
+_INTERPOLATING: tuple[Method, ...] = tuple(
+    Method(
+        name="loewner",
+        domain=domain,
+        realization="balanced projection",
+        section="II-3 on Loewner matrices, not in the report",
+        common="Loewner",
+        known_as=(
+            "Loewner framework",
+            "quadrature-based balanced truncation (quadBT), B and D by least squares",
+            "NExT-LF on half spectra",
+        ),
+        aliases=("ilf", "loewner framework", "next-lf", "quadbt"),
+        takes=takes,
+        matrix=matrices.loewner_of_lines,
+        factor=matrices.loewner_factors,
+        realize=balanced,
+        orders=STATES,
+        options_type=PointOptions,
+        votes=False,
+    )
+    for domain, takes in _ON_LINES.items()
+)
+
 _ON_RECORDS: dict[str, Any] = {
     "takes": Takes.RECORDS,
     "matrix": matrices.records_on_lines,
@@ -233,6 +262,7 @@ _ON_RECORDS: dict[str, Any] = {
 #: The reported rows; those of the frequency domains stand again on the lines of records.
 _TABLE: tuple[Method, ...] = (
     *_REPORTED,
+    *_INTERPOLATING,
     *(
         replace(row, section=f"{row.section}, on records", **_ON_RECORDS)
         for row in _REPORTED
