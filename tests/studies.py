@@ -34,6 +34,7 @@ SUBJECTS = {
     "certificates": "Certificates",
     "comparison": "Comparison of methods",
     "checks": "Checks of data",
+    "monitoring": "Months of records",
     "resources": "Time and memory",
     "reading": "Exports of other programs",
     "robustness": "Damaged files, wrong arguments and interrupted programs",

@@ -1,10 +1,12 @@
 """Months of records: modes stored and followed, weather taken out, change told."""
 
 from modalscope.monitoring.history import History
+from modalscope.monitoring.netcdf import read_history
 from modalscope.monitoring.store import Store
+from modalscope.monitoring.tracking import Tracks, track
 from modalscope.monitoring.watch import Collected, collect, read_covariates
 from modalscope.numerics.arguments import plain_methods
 
-__all__ = ["Collected", "History", "Store", "collect", "read_covariates"]
+__all__ = ["Collected", "History", "Store", "Tracks", "collect", "read_covariates", "read_history", "track"]
 
-plain_methods(History, Store)
+plain_methods(History, Store, Tracks)

@@ -17,6 +17,7 @@ import numpy as np
 from modalscope.io.formats import FORMATS
 from modalscope.monitoring.entries import CHOICES, Entry, entry_of, time_of_file
 from modalscope.monitoring.history import as_times
+from modalscope.monitoring.netcdf import read_weather
 from modalscope.monitoring.store import Store
 from modalscope.numerics.arguments import COUNT, named
 from modalscope.numerics.checks import RealArray, check_path
@@ -179,14 +180,16 @@ def _entry(path: Path, sha: str, options: Mapping[str, Any]) -> Entry:
     return entry_of(path, sha=sha, name=path.name, time=when, origin={"time": origin}, options=options)
 
 
-@named()
-def read_covariates(path: str | Path) -> tuple[Any, dict[str, RealArray]]:
+@named(statistic=str)
+def read_covariates(path: str | Path, *, statistic: str = "mean") -> tuple[Any, dict[str, RealArray]]:
     r"""Read a table of what was measured beside the records: times in the first column, a name in the head of each other one.
 
     Parameters
     ----------
     path : path
-        Text with columns separated by commas or semicolons; times are ISO texts or seconds since 1970.
+        Text with columns separated by commas or semicolons, times as ISO texts or seconds since 1970; or NetCDF (.nc).
+    statistic : str
+        The variable of a NetCDF file with the axes (time, channels).
 
     Returns
     -------
@@ -208,6 +211,8 @@ def read_covariates(path: str | Path) -> tuple[Any, dict[str, RealArray]]:
     {'temperature': array([11.5,  nan])}
     """
     place = check_path(path)
+    if place.suffix.lower() == ".nc":
+        return read_weather(place, statistic)
     asked = f"a table of covariates in {place.name} was asked"
     remedy = "Give a text table: time, then a column for each, with their names in the first line."
     try:
