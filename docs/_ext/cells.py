@@ -21,6 +21,10 @@ EQUATIONS = {
     "prce": r"\sum_{i<p} Y(k+i)\, a_i = -Y(k+p) \quad \text{for all } k",
     "loewner": r"H(0)_{ij} = -\frac{V_i - W_j}{\mu_i - \lambda_j} = O R, \qquad "
     r"H(1)_{ij} = -\frac{\mu_i V_i - \lambda_j W_j}{\mu_i - \lambda_j} = O A R, \qquad A = D^{-1/2} P^T H(1)\, Q\, D^{-1/2}",
+    "aaa": r"H(x) \approx \frac{\sum_j w_j W_j / (x - \lambda_j)}{\sum_j w_j / (x - \lambda_j)}, \qquad L\, w = \sigma_{\min}, \qquad "
+    r"\det\left(\begin{bmatrix} 0 & w^T \\ 1 & \Lambda \end{bmatrix} - x \begin{bmatrix} 0 & 0 \\ 0 & I \end{bmatrix}\right) = 0",
+    "vector-fitting": r"\sigma = d + \sum_j \frac{c_j}{x - p_j}, \qquad \min \sum_f \| \sigma H - N \|^2, \qquad "
+    r"p \leftarrow \text{eigenvalues of } P - b\,c^T / d",
     "lscf": r"H(z) = N(z)\,D(z)^{-1}, \qquad \min \sum_f \| N(z_f) - H(f)\,D(z_f) \|^2",
 }
 
@@ -37,6 +41,9 @@ USE = {
     "prce": "Impulse responses of few references, to reproduce results of the complex exponential. Damping is biased by noise: nothing is truncated.",
     "loewner": "Frequency responses, whole or in a band, even or uneven lines: no degree of polynomials is chosen, and the model is nearly "
     "balanced. In ambient tests the half spectra of correlations.",
+    "aaa": "Responses on lines without much noise, computed ones above all: the smallest rational function through them. Noise is interpolated.",
+    "vector-fitting": "Responses on lines where the default has no clear result at low orders, and to compare with electrical models. No standard "
+    "deviations of its own (`refine` gives them), and a repeated mode has one shape.",
     "lscf": "Frequency responses of many channels over a wide band, for very clear diagrams. Damping of weak modes is biased low by noise.",
 }
 #: Name and colour of each column.
@@ -75,7 +82,11 @@ EXAMPLES = {
 }
 
 #: Choices of rows that count orders otherwise than in states.
-CHOICES: dict[str, dict[str, Any]] = {"prce": {"orders": range(12, 73, 6)}, "lscf": {"orders": range(2, 17)}}
+CHOICES: dict[str, dict[str, Any]] = {
+    "prce": {"orders": range(12, 73, 6)},
+    "lscf": {"orders": range(2, 17)},
+    "aaa": {"orders": range(2, 21)},
+}
 
 
 def setup(app: Any) -> dict[str, Any]:

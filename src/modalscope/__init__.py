@@ -42,12 +42,12 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
         identify as identify,
         realize as realize,
     )
+    from modalscope.identification.method_names import methods as methods
     from modalscope.identification.pipeline import factor as factor
     from modalscope.identification.prepare import prepare as prepare
     from modalscope.identification.refine import refine as refine
     from modalscope.identification.stabilize import stabilize as stabilize
     from modalscope.identification.sweep import sweep as sweep
-    from modalscope.identification.table import methods as methods
     from modalscope.io import from_frame as from_frame, read as read, write as write
     from modalscope.judging.bands import merge_bands as merge_bands
     from modalscope.judging.select import select as select
@@ -87,7 +87,7 @@ _HOMES = {
     "identification.prepare": ("prepare",),
     "identification.refine": ("refine",),
     "identification.sweep": ("sweep",),
-    "identification.table": ("methods",),
+    "identification.method_names": ("methods",),
     "io": ("from_frame", "read", "write"),
     "judging.bands": ("merge_bands",),
     "checking.certificate": ("Certificate",),

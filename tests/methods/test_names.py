@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
+import modalscope as ms
+from modalscope.blocks.factor import factorize
+from modalscope.blocks.projections import projection
 from modalscope.data import ImpulseResponse
 from modalscope.identification.identify import identify
+from modalscope.realizations.shift import shift
 from tests.support import FIVE, add_noise, built, relative
 
 #: One formula against another on the same numbers: rounding, times the condition of the data at 20 dB.
@@ -76,3 +81,92 @@ def test_polyreference_complex_exponential_solves_its_own_equations(noisy):
     a = -np.linalg.lstsq(known, target, rcond=None)[0]
     model = built(noisy, method="prce", order=16, block_rows=rows, block_columns=p).triple(16)
     assert relative(-model.A[:, -2:], a) < EXACT
+
+
+@pytest.mark.parametrize(
+    ("name", "row"),
+    [
+        ("dmd", "least_squares"),
+        ("exact-dmd", "least_squares"),
+        ("Hankel DMD", "least_squares"),
+        ("projected-dmd", "era"),
+        ("tls-dmd", "alternate"),
+        ("subspace-dmd", "ssi-data"),
+        ("quadbt", "loewner"),
+        ("NExT-LF", "loewner"),
+        ("set-valued aaa", "aaa"),
+        ("frvf", "vector-fitting"),
+    ],
+)
+def test_names_of_the_literature_are_rows(name: str, row: str) -> None:
+    assert {m.name for m in ms.methods(name)} == {row}
+
+
+def snapshots(response: ImpulseResponse) -> tuple[np.ndarray, np.ndarray]:
+    """Return X and Y, each snapshot in Y one sample after its own in X: all that a dynamic mode decomposition is given."""
+    values = np.concatenate(list(response.values), axis=1)
+    return values[:, :-2], values[:, 2:]
+
+
+def test_exact_dynamic_mode_decomposition_is_least_squares_of_one_block_row(noisy) -> None:
+    """Tu et al. (2014): eigenvalues of Y X#, with truncation of X to rank r those of Y X_r#; projected: U_r' Y V_r S_r^-1."""
+    X, Y = snapshots(noisy)
+    for r in (2, 4):
+        U, s, Vt = np.linalg.svd(X, full_matrices=False)
+        exact = np.linalg.eigvals(Y @ Vt[:r].T / s[:r] @ U[:, :r].T)
+        exact = exact[np.argsort(-abs(exact))][:r]
+        projected = U[:, :r].T @ Y @ Vt[:r].T / s[:r]
+        for method in ("exact-dmd", "projected-dmd"):
+            A = built(noisy, method=method, order=r, block_rows=1, block_columns=79).triple(r).A
+            assert same(A, projected)
+            assert same(A, np.diag(exact))
+
+
+def test_total_least_squares_dynamic_mode_decomposition_is_the_alternate_row(noisy) -> None:
+    """Hemati et al. (2017): X and Y projected on the leading right singular vectors of both stacked, then Y X#."""
+    X, Y = snapshots(noisy)
+    for r in (2, 4):
+        V = np.linalg.svd(np.vstack([X, Y]), full_matrices=False)[2][:r].T
+        Xp, Yp = X @ V, Y @ V
+        textbook = np.linalg.eigvals(Yp @ np.linalg.pinv(Xp))
+        textbook = textbook[np.argsort(-abs(textbook))][:r]
+        A = built(noisy, method="tls-dmd", order=r, block_rows=1, block_columns=79).triple(r).A
+        assert same(A, np.diag(textbook))
+
+
+def test_subspace_dynamic_mode_decomposition_is_the_projection_of_ssi_data() -> None:
+    """Takeishi et al. (2017): O = Y_f P(Y_p), U_q its leading left vectors in halves U1 and U2, A = U1# U2, as in the paper."""
+    y = np.random.default_rng(0).standard_normal((500, 3)).cumsum(axis=0) * 0.1
+    record = ms.Signals(outputs=y + np.random.default_rng(1).standard_normal((500, 3)), sampling_rate=10.0)
+    z = record.outputs - record.outputs.mean(axis=0)
+    past = np.vstack([z[1:-2].T, z[:-3].T])
+    future = np.vstack([z[2:-1].T, z[3:].T])
+    O = future @ np.linalg.pinv(past) @ past
+    U = np.linalg.svd(O, full_matrices=False)[0][:, :3]
+    textbook = np.linalg.pinv(U[:3]) @ U[3:]
+    matrix = projection(record, [0, 1, 2], 1, 2)
+    assert same(shift(matrix, factorize(matrix.tall(), 3)).triple(3).A, textbook)
+
+
+def test_optimized_dynamic_mode_decomposition_is_refinement(noisy) -> None:
+    """Askham and Kutz (2018): least squares of sum_j b_j exp(s_j t), amplitudes by linear least squares, are `refine`."""
+    decay = FIVE["chain5"]().impulse_response(300, quantity="acceleration", input="dirac", noise=0.01, seed=1)
+    decay = decay.select(inputs=decay.input_dofs[:1])
+    modes = ms.refine(decay, ms.identify(decay, order=N).modes)
+    assert len(modes) == 5
+    t = np.arange(300) / decay.sampling_rate
+    rebuilt = modes.impulse_response(300, decay.sampling_rate).values
+    level = (decay.values / np.sqrt(np.mean((decay.values - rebuilt) ** 2, axis=0))).reshape(300, -1)
+
+    def left(x: np.ndarray) -> np.ndarray:
+        s = x[:5] + 1j * x[5:]
+        g = np.exp(np.outer(t, s))
+        basis = np.linalg.qr(np.hstack([g.real, g.imag]))[0]
+        return (level - basis @ (basis.T @ level)).ravel()
+
+    found = least_squares(
+        left, np.concatenate([modes.poles.real, modes.poles.imag]), x_scale=np.tile(-modes.poles.real, 2), xtol=1e-12
+    )
+    s = found.x[:5] + 1j * found.x[5:]
+    # one decay: residues of rank one are free ones; both stop at the minimum to a hundredth of a standard deviation
+    assert np.all(abs(s - modes.poles) < 0.01 * 2 * np.pi * modes.frequencies_std)

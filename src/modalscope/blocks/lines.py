@@ -406,7 +406,7 @@ class PolynomialRows(RowsOnLines):
 class FittedToLines(DataMatrix):
     """A matrix of a response on lines whose shapes come from its rows; participation is fitted to the lines.
 
-    A concrete matrix has the fields below, and `shapes`.
+    A concrete matrix has the fields below, and `shapes` of its rows, or `mode_shapes` where it has none.
     """
 
     response: FrequencyResponse
@@ -414,13 +414,17 @@ class FittedToLines(DataMatrix):
     weights: RealArray | None
     fits_states = True
 
-    @abstractmethod
     def shapes(self, V: Array, poles: Array) -> ComplexArray:
         """Return the shapes (l, k) of modes from their columns of the row factor; poles (k,) in the plane of the matrix."""
+        self._has_no("row factor")
+
+    def mode_shapes(self, model: Triple, eigen: Eigen) -> ComplexArray:
+        """Return the shapes (l, k) of the modes of a model."""
+        return self.shapes(model.row_states(eigen.vectors), eigen.values)
 
     def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
-        """Return shapes from all block rows; participation and direct term by least squares over the lines."""
-        shapes = self.shapes(model.row_states(eigen.vectors), eigen.values)
+        """Return shapes as they are known best; participation and direct term by least squares over the lines."""
+        shapes = self.mode_shapes(model, eigen)
         lines, poles = self.response, self.to_s(eigen.values)
         basis = line_basis(lines.frequencies, lines.sampling_rate, self._line_data, poles, (0,), self.weights)
         participation = basis.solved(shapes)

@@ -9,16 +9,19 @@ from modalscope.cli.process import say
 
 
 def add_methods(parser: Parser) -> None:
-    """`methods` takes no argument."""
+    """Add the arguments of `methods`."""
+    parser.add_argument("name", nargs="?", help="a row, or a name from the literature: its cells alone")
 
 
-def methods(_: argparse.Namespace) -> None:
+def methods(options: argparse.Namespace) -> None:
     """Print the table of methods."""
     from modalscope.data.shown import text_table
-    from modalscope.identification.table import methods
+    from modalscope.identification.method_names import methods
 
     rows = [("name", "method", "domain", "realization", "report", "known as")]
-    rows += [(m.common, m.name, m.domain, m.realization, m.section, "; ".join(m.known_as)) for m in methods()]
+    rows += [
+        (m.common, m.name, m.domain, m.realization, m.section, "; ".join(m.known_as)) for m in methods(options.name)
+    ]
     print(text_table(rows, left=range(6)))
 
 

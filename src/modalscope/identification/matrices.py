@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from modalscope.blocks.combinations import Combinations, CombinedOutputs, combinations, enough
+from modalscope.blocks.common_poles import CommonPoles, aaa, vector_fitting
 from modalscope.blocks.costs import DENSE_ENTRIES, record_cost, refuse_beyond_memory
 from modalscope.blocks.driven import driven_projection
 from modalscope.blocks.factor import Factors, factorize, left_factor
@@ -108,14 +109,26 @@ def transfer_of_lines(problem: Problem, order: int) -> Built:
 
 def loewner_of_lines(problem: Problem, order: int) -> Built:
     """Return the Loewner matrix of the lines of any band."""
+    return _of_points(loewner, problem, order)
+
+
+def interpolant(problem: Problem, order: int) -> Built:
+    """Return barycentric interpolants; the order counts lines."""
+    return _of_points(aaa, problem, order)
+
+
+def moving_poles(problem: Problem, order: int) -> Built:
+    """Return vector fits; the order counts poles."""
+    return _of_points(vector_fitting, problem, order)
+
+
+def _of_points(made: Callable[..., DataMatrix], problem: Problem, order: int) -> Built:
     options, response = problem.options, problem.response
     assert isinstance(response, FrequencyResponse)
     few = fewer_outputs(response, order, options)
     taken: Any = response if few is None else few.response
     weights = line_weights(response, options.weights)
-    matrix: DataMatrix = loewner(
-        taken, domain=problem.method.domain, order=order, weights=weights, equal_outputs=few is None
-    )
+    matrix = made(taken, domain=problem.method.domain, order=order, weights=weights, equal_outputs=few is None)
     return Built(matrix if few is None else CombinedOutputs(response, few, matrix), options)
 
 
@@ -310,6 +323,11 @@ def tall_factors(matrix: DataMatrix, order: int, route: str) -> Factors:
 def complete_factors(matrix: DataMatrix, order: int, route: str) -> Factors:
     """Factor the matrix with one block row more, with all columns of the left factor."""
     return left_factor(matrix.tall(), route)
+
+
+def factors_of(matrix: CommonPoles, order: int, route: str) -> Factors:
+    """Return the singular values of the linearized problem of common poles."""
+    return matrix.factors
 
 
 def fraction_factors(matrix: Fraction, order: int, route: str) -> Factors:

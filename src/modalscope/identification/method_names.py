@@ -7,7 +7,8 @@ from difflib import get_close_matches
 from typing import Any
 
 from modalscope.identification.method import DOMAINS, Method, plain
-from modalscope.identification.table import methods
+from modalscope.identification.table import methods as table
+from modalscope.numerics.arguments import named
 from modalscope.numerics.errors import DataError, check_choice
 
 _FDD = (
@@ -37,7 +38,7 @@ _ANSWERS = {
     "lsfd": "Residues of known poles are modalscope.fit_residues(response, modes); identify fits them by itself.",
     "fdd, efdd, fsdd, cfdd, peak picking, pp, bfdd": _FDD,
     "cmif, mif, mmif": "An indicator, not a method: modalscope.plot.indicator(response) draws it, select uses it by itself.",
-    "mle, mlmm, ml, maximum likelihood": _ML,
+    "mle, mlmm, ml, maximum likelihood, optimized dmd, opt dmd": _ML,
     "bayesian fft": f"Not offered. {_ML}",
     "matrix pencil": "Use method='esprit' (the row alternate): the pencil of a Hankel matrix and its shift.",
     "half power, circle fit, sdof, smac": _SINGLE,
@@ -54,6 +55,40 @@ _ANSWERS = {
 POINTERS = {name: answer for names, answer in _ANSWERS.items() for name in names.split(", ")}
 
 
+@named()
+def methods(name: str | None = None) -> tuple[Method, ...]:
+    """Return the table of methods: one entry a cell, with name, domain, realization, report section and names in the literature.
+
+    Parameters
+    ----------
+    name : str, optional
+        A row, or one of its names in the literature ("tls-dmd", "polymax"): its cells alone.
+
+    Raises
+    ------
+    DataError
+        A name that is no row; where it is known, with what to use instead.
+
+    Examples
+    --------
+    >>> sorted({m.name for m in methods()})[:2]
+    ['aaa', 'alternate']
+    >>> [str(m) for m in methods("PolyMAX")]
+    ['lscf (z)']
+    """
+    return table() if name is None else _rows_named(name)
+
+
+def _rows_named(name: Any) -> tuple[Method, ...]:
+    """Return the cells of a row by its name or one of its aliases, in any case, with hyphens, underscores or blanks."""
+    wanted = plain(name) if isinstance(name, str) else ""
+    rows = [m for m in table() if plain(m.name) == wanted]
+    rows = rows or [m for m in table() if wanted in {plain(alias) for alias in m.aliases}]
+    if not rows:
+        raise _unknown(name)
+    return tuple(rows)
+
+
 def cell_label(name: str, domain: str) -> str:
     """Return the common name of a cell with its name in the table; an unknown name with its domain.
 
@@ -62,7 +97,7 @@ def cell_label(name: str, domain: str) -> str:
     >>> cell_label("alternate", "time"), cell_label("lscf", "z")
     ('SSI-cov (alternate)', 'PolyMAX (lscf, z)')
     """
-    return next((m.label for m in methods() if (m.name, m.domain) == (name, domain)), f"{name} ({domain})")
+    return next((m.label for m in table() if (m.name, m.domain) == (name, domain)), f"{name} ({domain})")
 
 
 def find_method(name: str, domain: str | None, default_domain: str, route: str | None = None) -> Method:
@@ -73,11 +108,7 @@ def find_method(name: str, domain: str | None, default_domain: str, route: str |
 
     Raises `DataError`: an unknown name, or a cell that does not exist.
     """
-    wanted = plain(name) if isinstance(name, str) else ""
-    rows = [m for m in methods() if plain(m.name) == wanted]
-    rows = rows or [m for m in methods() if wanted in {plain(alias) for alias in m.aliases}]
-    if not rows:
-        raise _unknown(name)
+    rows = _rows_named(name)
     cells: dict[str, Method] = {}
     for m in rows:
         if route is None or not m.route or m.served_by(route):
@@ -102,11 +133,11 @@ def find_method(name: str, domain: str | None, default_domain: str, route: str |
 
 
 def _unknown(name: Any) -> DataError:
-    rows = list(dict.fromkeys(m.name for m in methods()))
+    rows = list(dict.fromkeys(m.name for m in table()))
     pointer = POINTERS.get(" ".join(re.split(r"[-_/ ]+", str(name).strip().lower())))
     if pointer is not None:
         return DataError(f"method={name!r} was asked", "it is no row of the table", pointer)
-    words = {plain(word): word for m in methods() for word in (m.name, *m.aliases)}
+    words = {plain(word): word for m in table() for word in (m.name, *m.aliases)}
     near = get_close_matches(plain(str(name)), words, n=1)
     hint = f"Did you mean {words[near[0]]!r}? " if near else ""
     return DataError(

@@ -21,10 +21,12 @@ from modalscope.identification.options import (
     SpectraOptions,
 )
 from modalscope.identification.orders import BLOCKS, COMPANIONS, DEGREES, STATES
+from modalscope.identification.point_orders import INTERPOLANTS, POLES
 from modalscope.realizations.balanced import balanced
 from modalscope.realizations.companion import fraction_companion, least_squares_companion, null_space_companion
 from modalscope.realizations.regression import regression
 from modalscope.realizations.shift import shift
+from modalscope.realizations.zeros import zeros
 
 #: Fields of `Method` that a column of the table fixes, for rows whose realization suits every data matrix.
 _COLUMNS: dict[str, dict[str, Any]] = {
@@ -76,7 +78,7 @@ _REPORTED: tuple[Method, ...] = (
                 "II-3, Eqs. 24-41",
                 "ERA",
                 ("ERA", "Ho-Kalman", "ERA/DC with column_compression=H(0)", "NExT-ERA on correlations"),
-                ("ho-kalman", "next-era", "eigensystem realization algorithm"),
+                ("ho-kalman", "next-era", "eigensystem realization algorithm", "projected-dmd"),
             ),
             "z": _Cell("III-2, Eqs. 82-88", "ERA-FD", ("ERA-FD",), ("era-fd",)),
             "s": _Cell("III-2, Eqs. 89-94", "ERA-FD", ("ERA-FD, continuous",), ("era-fd continuous",)),
@@ -116,7 +118,7 @@ _REPORTED: tuple[Method, ...] = (
                 "II-5, Eqs. 55-64",
                 "SSI-cov",
                 ("SSI-cov on correlations", "Kung", "LS-ESPRIT", "ERA without H(1)"),
-                ("ssi-cov", "cov-ssi", "kung", "ls-esprit", "esprit"),
+                ("ssi-cov", "cov-ssi", "kung", "ls-esprit", "esprit", "tls-dmd", "total-least-squares dmd"),
             ),
             "z": _Cell("III-4, Eq. 110", "FD-subspace", ("alternate FD",), ("alternate-fd",)),
             "s": _Cell(
@@ -138,7 +140,7 @@ _REPORTED: tuple[Method, ...] = (
                 "II-6, Eqs. 65-66",
                 "ITD",
                 ("least squares regression, truncated", "ITD (Ibrahim), truncated", "delay-embedded DMD"),
-                ("itd", "ibrahim", "ibrahim time domain", "dmd", "delay-embedded dmd"),
+                ("itd", "ibrahim", "ibrahim time domain", "dmd", "exact-dmd", "delay-embedded dmd", "hankel-dmd"),
             ),
             "z": _Cell("left to the reader", "Least squares", ("least squares FD",), ("least-squares-fd",)),
             "s": _Cell(
@@ -155,7 +157,7 @@ _REPORTED: tuple[Method, ...] = (
         section="II-5 on projected records",
         common="SSI-data",
         known_as=("SSI-data, UPC (unweighted principal components)", "MOESP/N4SID without inputs"),
-        aliases=("ssi-upc", "upc", "dd-ssi", "data-driven ssi"),
+        aliases=("ssi-upc", "upc", "dd-ssi", "data-driven ssi", "subspace-dmd"),
         takes=Takes.PAST,
         matrix=matrices.projected_records,
         options_type=RecordOptions,
@@ -228,6 +230,28 @@ _REPORTED: tuple[Method, ...] = (
 )
 
 
+#: Rows with one denominator of all channels.
+_COMMON_POLES: tuple[dict[str, Any], ...] = (
+    {
+        "name": "aaa",
+        "realization": "null space, arrow pencil",
+        "common": "AAA",
+        "known_as": ("set-valued AAA, adaptive barycentric interpolation",),
+        "aliases": ("set-valued aaa", "barycentric interpolation"),
+        "matrix": matrices.interpolant,
+        "orders": INTERPOLANTS,
+    },
+    {
+        "name": "vector-fitting",
+        "realization": "common-denominator fraction, zeros",
+        "common": "Vector fitting",
+        "known_as": ("vector fitting, relaxed, fast", "Sanathanan-Koerner iteration in partial fractions"),
+        "aliases": ("vf", "frvf", "relaxed vector fitting"),
+        "matrix": matrices.moving_poles,
+        "orders": POLES,
+    },
+)
+
 #: Rows on Loewner matrices, a further column of lines in either domain.
 _INTERPOLATING: tuple[Method, ...] = tuple(
     Method(
@@ -251,6 +275,19 @@ _INTERPOLATING: tuple[Method, ...] = tuple(
         votes=False,
     )
     for domain, takes in _ON_LINES.items()
+) + tuple(
+    Method(
+        domain=domain,
+        takes=takes,
+        section="not in the report",
+        factor=matrices.factors_of,
+        realize=zeros,
+        options_type=PointOptions,
+        votes=False,
+        **row,
+    )
+    for row in _COMMON_POLES
+    for domain, takes in _ON_LINES.items()
 )
 
 _ON_RECORDS: dict[str, Any] = {
@@ -272,11 +309,5 @@ _TABLE: tuple[Method, ...] = (
 
 
 def methods() -> tuple[Method, ...]:
-    """Return the table of methods: one entry a cell, with name, domain, realization, report section and names in the literature.
-
-    Examples
-    --------
-    >>> sorted({m.name for m in methods()})[:2]
-    ['alternate', 'era']
-    """
+    """Return all rows; `modalscope.identification.method_names` finds some of them by name."""
     return _TABLE
