@@ -10,7 +10,7 @@ import modalscope as ms
 from modalscope.blocks.common_poles import Interpolant, VectorFitting, aaa, partial_fractions, vector_fitting
 from modalscope.blocks.fraction import fraction
 from modalscope.blocks.loewner import CauchyProducts, Points
-from modalscope.data import FrequencyResponse
+from modalscope.data import FrequencyResponse, StateSpace
 from modalscope.realizations.zeros import zeros
 from tests.support import FIVE, add_noise, match_poles, random_system, refused, relative
 
@@ -181,9 +181,16 @@ def test_refined_vector_fits_are_refined_modes_of_the_default() -> None:
     assert max(match.frequency_error, match.damping_error) < 1e-5
 
 
-def test_an_unstable_start_is_mirrored_and_too_many_poles_are_refused() -> None:
+def test_poles_of_an_unstable_response_are_mirrored_before_each_relocation() -> None:
+    model = random_system(np.random.default_rng(5), outputs=2, inputs=1, modes=2, sampled=False)
+    backwards = StateSpace(A=-model.A, B=model.B, C=model.C).frequency_response(np.linspace(0.01, 0.5, 60))
+    matrix = vector_fitting(backwards, domain="s", order=4)
+    assert np.all(np.linalg.eigvals(matrix.sigma(4).zeros_matrix()).real > 0)
+    assert np.all(matrix.sigma(4).points.real < 0)
+
+
+def test_too_many_poles_are_refused() -> None:
     few = noisy(lines=LINES[:12])
     matrix = vector_fitting(few, domain="s", order=11)
-    assert np.all(matrix.sigma(4).points.real < 0)
     refused("Lower the order to at most 11", vector_fitting, few, domain="s", order=12)
     refused("the fraction has orders 1 to 11", zeros(matrix, matrix.factors).triple, 12)
