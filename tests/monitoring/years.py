@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modalscope.monitoring import History
+from modalscope.monitoring import History, Tracks
 from modalscope.numerics.checks import Array, IntArray, RealArray
 
 #: Hz at 0 degrees: modes 1 and 2, and 5 and 6, cross as the temperature changes.
@@ -135,3 +135,37 @@ def judged(year: Year, track: IntArray) -> tuple[float, float, int, int]:
     swaps = int(np.count_nonzero(real & (given >= 0) & (given != truth)))
     bad = np.unique(record[wrong]).size / len(year.history)
     return 1 - bad, 1 - float(wrong[real].mean()), swaps, int(np.unique(track[track >= 0]).size) - len(set(own))
+
+
+def tracked(records: int, seed: int, *, spoilt: float = 0.05, shift: float = 0.0, at: int = 0) -> Tracks:
+    """Return the tracks of a time without what tracking does: true modes, a slow disturbance that nobody measures, spoilt records.
+
+    `shift`: relative change of the frequencies of the first and the third mode from record `at` on.
+    """
+    draw = np.random.default_rng(seed)
+    hours = np.arange(records, dtype=float)
+    temperature = temperatures(hours, draw)
+    slow = np.zeros((records, 8))
+    kick = 0.3 * np.sqrt(1 - np.exp(-2 / 72)) * draw.standard_normal((records, 8))
+    for k in range(1, records):
+        slow[k] = slow[k - 1] * np.exp(-1 / 72) + kick[k]
+    bad = draw.random((records, 1)) < spoilt
+    f = levels(temperature) * (1 + NOISE * (slow + draw.standard_normal((records, 8)) * np.where(bad, 10, 1)))
+    f[at:, [0, 2]] *= 1 + shift
+    seen = draw.random((records, 8)) < 0.97
+    record, mode = np.nonzero(seen)
+    history = History(
+        times=3600 * hours,
+        record=record,
+        frequencies=f[record, mode],
+        covariates={"temperature": temperature + 0.3 * draw.standard_normal(records)},
+    )
+    return Tracks(
+        history=history,
+        track=mode,
+        probability=np.ones(mode.size),
+        double=np.zeros(mode.size, bool),
+        levels=levels(temperature),
+        scatter=NOISE * FREQUENCIES,
+        believed=np.zeros(8, bool),
+    )

@@ -134,8 +134,16 @@ class Tracks(Shown):
         ----------
         share : float
         """
-        kept = np.flatnonzero(np.isfinite(self.frequencies).mean(axis=0) >= share)
-        return _chosen(self, kept)
+        return self.pick(np.isfinite(self.frequencies).mean(axis=0) >= share)
+
+    def pick(self, which: BoolArray) -> Tracks:
+        """Return some of the tracks.
+
+        Parameters
+        ----------
+        which : array of bool, (T,)
+        """
+        return _chosen(self, np.flatnonzero(which))
 
     def table(self) -> str:
         """Return a row a track: frequency, scatter, how often it was seen, first and last record, doubles, doubts."""

@@ -7,11 +7,14 @@ from modalscope.plot.matrices import mac, singular_values
 from modalscope.plot.methods import deviations, method_distances, method_map
 from modalscope.plot.responses import response, spectra
 from modalscope.plot.shapes import complexity, shape
+from modalscope.plot.tracks import against, control_chart, tracks
 
 __all__ = [
+    "against",
     "animate",
     "certificate",
     "complexity",
+    "control_chart",
     "deviations",
     "fit_errors",
     "indicator",
@@ -24,4 +27,5 @@ __all__ = [
     "singular_values",
     "spectra",
     "stabilization",
+    "tracks",
 ]
