@@ -194,7 +194,8 @@ equation, its use, and its modes of the same beam.
 | records of forces and responses | the default: records on lines | no intermediate estimate: no windows, no averages, no leakage |
 | records with strong unmeasured forces | `n4sid` | past inputs and outputs as instruments |
 | ambient records | `ssi-cov` (the default), then `ssi-data` | modes of both are reliable |
-| a model for control | `era`, by `ms.realize` | balanced |
+| a model for control, from records | `ms.realize(record)` | several rows are tried at many orders on a part that is held out; stable |
+| a model for control, from responses | `era`, by `ms.realize` | balanced |
 | mass, damping and stiffness | `polyreference`, s | a sensor at each mass: M^-1 K and M^-1 D |
 | not sure | `ms.compare(data)` | all methods, their disagreements and the causes |
 

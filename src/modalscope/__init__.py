@@ -37,11 +37,7 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
     from modalscope.data.analysis import Analysis as Analysis
     from modalscope.data.results import Result as Result
     from modalscope.identification.dwell import Dwell as Dwell, tuned_dwell as tuned_dwell
-    from modalscope.identification.identify import (
-        Identification as Identification,
-        identify as identify,
-        realize as realize,
-    )
+    from modalscope.identification.identify import Identification as Identification, identify as identify
     from modalscope.identification.method_names import methods as methods
     from modalscope.identification.pipeline import factor as factor
     from modalscope.identification.prepare import prepare as prepare
@@ -74,6 +70,7 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
     from modalscope.reporting import report as report
     from modalscope.workflow.analyze import analyze as analyze
     from modalscope.workflow.full_field import FullField as FullField, full_field as full_field
+    from modalscope.workflow.realize import realize as realize
     from modalscope.workflow.replay import replay as replay
 
 __version__ = "0.2.0"
@@ -82,7 +79,7 @@ __version__ = "0.2.0"
 _HOMES = {
     "comparing": ("Comparison", "compare"),
     "identification.dwell": ("Dwell", "tuned_dwell"),
-    "identification.identify": ("Identification", "identify", "realize"),
+    "identification.identify": ("Identification", "identify"),
     "identification.pipeline": ("factor",),
     "identification.prepare": ("prepare",),
     "identification.refine": ("refine",),
@@ -126,6 +123,7 @@ _HOMES = {
     "workflow.analyze": ("analyze",),
     "checking.certify": ("certify",),
     "workflow.full_field": ("FullField", "full_field"),
+    "workflow.realize": ("realize",),
     "workflow.replay": ("replay",),
 }
 

@@ -31,30 +31,39 @@ def add_realize(parser: Parser) -> None:
     """Add the arguments of `realize`."""
     add_files(parser)
     parser.add_argument("--order", type=int, help="number of states (default: chosen by the data)")
+    part = "part of records with inputs that candidates are judged on (default .25; 0: none)"
+    parser.add_argument("--holdout", type=float, default=0.25, metavar="PART", help=part)
+    parser.add_argument("--unstable", action="store_true", help="keep poles that grow")
     add_method(parser)
     add_choices(parser)
     add_outputs(parser, "write A, B, C, D as .mat, .npz, .h5 or .json")
 
 
 def realize(options: argparse.Namespace) -> None:
-    """Identify a state-space model of one order, for control design."""
+    """Identify a state-space model for control design, of records with inputs the one that simulates best what it was not fitted to."""
     from modalscope.cli.output import check_outputs, require_output, write_outputs
     from modalscope.cli.reading import choices, read_test
     from modalscope.data.shown import summary_of
-    from modalscope.identification.identify import identify
+    from modalscope.workflow.realize import realize
 
     require_output(options, "model.mat")
     check_outputs(options, options.files, (".mat", ".npz", ".h5", ".hdf5", ".json"))
     data, notes = read_test(options)
-    identified = identify(data, method=options.method, domain=options.domain, order=options.order, **choices(options))
-    written = write_outputs(options, identified.state_space, data={"file": ""})
-    remark(*notes, *identified.notes)
-    explain(", ".join(f"{name}={value!r}" for name, value in identified.settings.items()))
-    say(
-        f"{summary_of(identified.state_space)}; fit error {100 * identified.fit_error:.3g} %",
-        identified.modes.table(),
-        *written,
+    model = realize(
+        data,
+        method=options.method,
+        domain=options.domain,
+        order=options.order,
+        stable=not options.unstable,
+        holdout=options.holdout,
+        **choices(options),
     )
+    written = write_outputs(options, model, data={"file": ""})
+    remark(*notes, *model.notes)
+    if model.validation is not None:
+        explain(model.validation.table())
+    said = [] if model.validation is None else [summary_of(model.validation)]
+    say(summary_of(model), *said, *written)
 
 
 def add_refine(parser: Parser) -> None:

@@ -176,20 +176,6 @@ def _factored(problem: Problem, largest: int) -> tuple[DataMatrix, Factors]:
     return pipeline.matrix.observable, pipeline.factors
 
 
-@named(AllOptions.__annotations__, ("largest_order", "deviations"))
-def realize(
-    data: Any, *, method: str | None = None, domain: str | None = None, order: int | None = None, **options: Any
-) -> StateSpace:
-    """Return the state-space model alone, for control work.
-
-    Parameters
-    ----------
-    data, method, domain, order, **options
-        As in `identify`.
-    """
-    return identify(data, method=method, domain=domain, order=order, **options).state_space
-
-
 def assemble(
     pipeline: Pipeline, order: int, chosen: tuple[Note, ...] = (), *, deviations: bool = True
 ) -> Identification:

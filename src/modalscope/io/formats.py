@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -235,6 +235,8 @@ def write(path: str | Path, thing: Any, **options: Any) -> None:
     if isinstance(thing, Result):
         options = {**options, "result": thing} if file.suffix.lower() == ".json" else options
         thing = thing.modes
+    if isinstance(thing, StateSpace):  # of a realized model the matrices alone
+        thing = StateSpace(**{field.name: getattr(thing, field.name) for field in fields(StateSpace)})
     row = format_of(file, "writing")
     if isinstance(thing, StabilizationDiagram) and file.suffix.lower() not in _SUFFIXES_OF_DIAGRAMS:
         fault = f"diagrams are written as {' or '.join(_SUFFIXES_OF_DIAGRAMS)}"

@@ -25,9 +25,9 @@ from typing import Any
 import numpy as np
 from scipy import io as sio
 
-from modalscope.data import DataError
+from modalscope.data import DataError, StateSpace
 from modalscope.data.mode_fields import PER_MODE
-from modalscope.io.arrays import INDICATOR, UNREFINED, joined, to_arrays
+from modalscope.io.arrays import INDICATOR, UNREFINED, class_of, joined, to_arrays
 from modalscope.io.atomic import MARK
 from modalscope.io.contents import ArrayData, Contents, Options, damage_as_error, unreadable
 from modalscope.io.from_arrays import contents_from_arrays
@@ -247,15 +247,17 @@ def read(path: Path, options: Options) -> Contents:
     ignored = [ignore] if isinstance(ignore, str) else list(ignore)
     arrays = _read_new(path, space, ignored) if new else read_mat5(path.read_bytes(), space, ignored)
     names = dict(options.get("rename") or {})
-    shaped = {name: _as_layout(names.get(name, name), array, options) for name, array in arrays.items()}
+    # a state-space model has a gain, too, which is a matrix
+    vectors = _VECTORS if class_of(names.get(name, name) for name in arrays) is not StateSpace else ()
+    shaped = {name: _as_layout(names.get(name, name), array, options, vectors) for name, array in arrays.items()}
     return contents_from_arrays(path.name, shaped, options, members=True)
 
 
-def _as_layout(name: str, array: Array, options: Options) -> Array:
+def _as_layout(name: str, array: Array, options: Options, vectors: Collection[str]) -> Array:
     if name in (options.get("axes") or {}):
         return array
     name = name.removeprefix(UNREFINED)
-    if name in _VECTORS or name.startswith(INDICATOR) or array.dtype.kind == "U":
+    if name in vectors or name.startswith(INDICATOR) or array.dtype.kind == "U":
         return array.ravel()
     return array[..., None] if name in _THREE_AXES and array.ndim == 2 else array
 

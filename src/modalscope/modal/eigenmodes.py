@@ -90,7 +90,13 @@ def split_extraneous(modes: Eigenmodes, model: Triple) -> tuple[Array, Array]:
 
 
 def state_space(matrix: DataMatrix, model: Triple, modes: Eigenmodes) -> StateSpace:
-    """Return the model as it was realized; from lines in real modal coordinates, which do not depend on the polynomials."""
+    """Return the model as it was realized, with the gain of its innovations where the data matrix knows it."""
+    made = deterministic(matrix, model, modes)
+    return made if model.B is not None else matrix.with_noise(made)
+
+
+def deterministic(matrix: DataMatrix, model: Triple, modes: Eigenmodes) -> StateSpace:
+    """Return the model without noise; from lines in real modal coordinates, which do not depend on the polynomials."""
     if model.B is not None:
         whole = matrix.of_all_outputs(model)
         assert whole.B is not None
@@ -99,7 +105,7 @@ def state_space(matrix: DataMatrix, model: Triple, modes: Eigenmodes) -> StateSp
     # samples: Y(0) is the first sample there is
     participation = matrix.judged.of_inputs(modes.participation) * z[:, None] ** matrix.judged.steps_late
     poles = modes.poles if matrix.dt is None else z
-    return matrix.with_noise(from_modes(poles, modes.shapes, participation, modes.direct, matrix.dt))
+    return from_modes(poles, modes.shapes, participation, modes.direct, matrix.dt)
 
 
 def from_modes(poles: Array, shapes: Array, participation: Array, direct: Array, dt: float | None) -> StateSpace:

@@ -1,0 +1,185 @@
+"""Models of records with inputs: chosen on a part that was held out, stable, in z, and honest about what they explain."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import modalscope as ms
+from modalscope.data import StateSpace
+from modalscope.data.records import as_records
+from modalscope.systems import chain5
+from modalscope.workflow.realize import (
+    _end,
+    driven_outputs,
+    explained,
+    free_run,
+    stabilized,
+    validated,
+    with_innovations,
+)
+from tests.support import measured, random_system, refused, relative
+
+
+def record(
+    samples: int = 1500, noise: float = 0.02, seed: int = 1, inputs: str = "white", **more: object
+) -> ms.Signals:
+    return chain5().simulate(inputs=inputs, samples=samples, sampling_rate=20.0, noise=noise, seed=seed, **more)
+
+
+def test_the_best_candidate_explains_what_it_was_not_fitted_to_and_has_the_order_of_the_structure() -> None:
+    model = ms.realize(record())
+    validation = model.validation
+    assert model.order == validation.order == 10
+    assert validation.free_run.min() > 99.8  # noise of 2 % is .04 % of the variance
+    assert validation.one_step.min() > 99.8
+    assert {c.how for c in validation.candidates} == {"n4sid", "records on lines", "OKID and ERA"}
+    top = max(c.free_run for c in validation.candidates)
+    assert np.mean(validation.free_run) > top - 0.5
+    fresh = record(800, seed=9)
+    assert explained(fresh.outputs, free_run(model, fresh.outputs, fresh.inputs, slice(None))[0]).min() > 99.8
+    assert model.gain is not None
+    assert model.initial_states.shape == (1, 10)
+    assert "n4sid" in validation.table()
+
+
+def test_the_held_out_part_is_not_fitted() -> None:
+    """Noise put on the last quarter alone leaves the candidates as they are, and their score falls."""
+    clean = record()
+    louder = replace(
+        clean, outputs=np.concatenate([clean.outputs[:1125], clean.outputs[1125:] + 5 * clean.outputs.std()])
+    )
+    rng = np.random.default_rng(0)
+    louder.outputs.setflags(write=True)
+    louder.outputs[1125:] += clean.outputs.std() * rng.standard_normal(louder.outputs[1125:].shape)
+    a, b = (ms.realize(data, method="n4sid", order=10).validation for data in (clean, louder))
+    assert a.free_run.min() > 99.8
+    assert np.all(b.free_run < 80)
+
+
+@pytest.mark.parametrize("dt", [None, 0.1])
+def test_growing_poles_are_mirrored_and_the_rest_fitted_again(dt: float | None) -> None:
+    model = random_system(np.random.default_rng(7), outputs=3, inputs=2, modes=4, direct=True, sampled=False)
+    values, T = np.linalg.eig(model.A)
+    values = np.where(np.abs(values.imag) == np.abs(values.imag).max(), -values.real + 1j * values.imag, values)
+    grows = StateSpace(A=(T @ np.diag(values) @ np.linalg.inv(T)).real, B=2 * model.B, C=model.C, D=model.D)
+    grows = grows if dt is None else grows.to_discrete(dt)
+    truth = model if dt is None else model.to_discrete(dt)
+    response = truth.frequency_response(np.linspace(0.01, 0.6, 120))
+    made, count, notes = stabilized(grows, response)
+    assert count == 2
+    assert "2 poles that grow were mirrored" in str(notes[0])
+    assert relative(np.sort_complex(made.poles), np.sort_complex(truth.poles)) < 1e-8
+    assert relative(made.frequency_response(response.frequencies).values, response.values) < 1e-8
+    same, none, said = stabilized(truth, response)
+    assert same is truth
+    assert (none, said) == (0, ())
+
+
+def test_a_model_that_grows_is_kept_where_that_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A structure that is excited by its own motion: the truth grows, and the stable model says what it leaves."""
+    model = chain5().state_space(dt=0.05)
+    values, T = np.linalg.eig(model.A)
+    values[np.abs(values) == np.abs(values).max()] *= 1.003 / np.abs(values).max()
+    unstable = StateSpace(A=(T @ np.diag(values) @ np.linalg.inv(T)).real, B=model.B, C=model.C, D=model.D, dt=0.05)
+    u = np.random.default_rng(0).standard_normal((1200, 2))
+    data = ms.Signals(outputs=unstable.simulate(u), inputs=u, sampling_rate=20.0)
+    kept, mirrored = (ms.realize(data, method="n4sid", order=10, stable=stable) for stable in (False, True))
+    assert np.abs(kept.poles).max() > 1
+    assert np.abs(mirrored.poles).max() < 1
+    assert any("mirrored" in str(note) for note in mirrored.notes)
+    assert not any("mirrored" in str(note) for note in kept.notes)
+
+
+def test_z_is_z_by_frequency_responses_too_and_a_poor_fit_is_said() -> None:
+    noisy = record(1500, noise=0.0, inputs="white")
+    model = ms.realize(noisy, route="frf", domain="z", method="alternate", order=10)
+    assert model.dt == 1 / 20
+    assert np.abs(model.poles).max() < 1
+    poor = [str(note) for note in model.notes if note.kind == "explains little"]
+    assert (np.mean(model.validation.free_run) < 90) == bool(poor)
+    assert all("omit route" in text for text in poor)
+    assert poor, "a random record of fifteen hundred samples leaks"
+
+
+@pytest.mark.slow
+def test_hits_are_held_out_as_whole_runs_and_a_single_transient_not_at_all() -> None:
+    forces = np.zeros((4, 800, 1))
+    forces[:, 20] = 1.0
+    hits = chain5().simulate(inputs=forces, at=[0], sampling_rate=20.0, noise=0.01, seed=0)
+    assert ms.realize(hits, order=10).validation.held_out == "1 of 4 runs"
+    one = chain5().simulate(inputs=forces[0], at=[0], sampling_rate=20.0, noise=0.01, seed=0)
+    assert "one transient" in ms.realize(one, order=10).validation.held_out
+
+
+def test_a_run_is_cut_by_its_forces() -> None:
+    u = np.zeros((400, 1))
+    u[:200, 0] = np.random.default_rng(0).standard_normal(200)
+    half = ms.Signals(outputs=np.zeros((400, 1)), inputs=u, sampling_rate=1.0)
+    end = _end(half, 0.25)
+    assert end is not None
+    assert 140 <= end <= 160  # three quarters of the first half
+    u[:] = 0
+    u[100] = 1
+    assert _end(replace(half, inputs=u), 0.25) is None
+    u[300] = 0.38  # its square is an eighth of all, half of the quarter that was asked
+    assert _end(replace(half, inputs=u), 0.25) is not None
+    u[300] = 0.37
+    assert _end(replace(half, inputs=u), 0.25) is None
+
+
+def test_simulation_pole_by_pole_is_simulation_and_the_first_state_is_found() -> None:
+    model = random_system(np.random.default_rng(3), outputs=2, inputs=2, modes=3, direct=True)
+    u = np.random.default_rng(0).standard_normal((300, 2))
+    assert relative(driven_outputs(model, u), model.simulate(u)) < 1e-10
+    first = np.random.default_rng(1).standard_normal(6)
+    y = model.simulate(u, first) + np.array([3.0, -2.0])
+    simulated, found = free_run(model, y, u, slice(0, 150))
+    assert relative(simulated, y) < 1e-9
+    assert relative(found, first) < 1e-8
+    defective = StateSpace(A=[[0.5, 1], [0, 0.5]], B=[[0], [1]], C=[[1, 0]], dt=1.0)
+    assert relative(driven_outputs(defective, u[:, :1]), defective.simulate(u[:, :1])) < 1e-10
+
+
+@pytest.mark.slow
+def test_one_step_errors_of_the_true_model_are_white_and_less_than_simulation_leaves() -> None:
+    data = record(4000, noise=0.02, process_noise=0.5)
+    records = as_records(data)
+    true = with_innovations(
+        chain5().state_space(dt=1 / 20, outputs=range(4)) if False else ms.realize(data, order=10), records
+    )
+    free, one, colour = validated(true, records, (slice(0, None),))
+    assert np.all(one > free)
+    assert colour < 4
+
+
+def test_nothing_is_held_out_where_that_is_asked_and_of_responses() -> None:
+    assert ms.realize(record(), order=10, holdout=0).validation is None
+    model = ms.realize(chain5().impulse_response(200), order=10)
+    assert model.validation is None
+    assert any(note.kind == "fit error" for note in model.notes)
+    refused("from 0 and below 0.9", ms.realize, record(), holdout=0.9)
+
+
+def test_channels_and_delays_are_taken_out_before_the_parts() -> None:
+    whole = record(1500)
+    late = replace(whole, outputs=whole.outputs[:-12], inputs=whole.inputs[12:])
+    names = whole.output_dofs
+    kept = [str(name) for name in names if name != names[2]]
+    for delays in (None, dict.fromkeys(kept, 12)):
+        model = ms.realize(late, order=10, delays=delays, exclude=[names[2]])
+        assert model.C.shape[0] == len(kept)
+        assert model.validation.free_run.min() > 99
+    assert ms.realize(late, order=10, delays={}, exclude=[names[2]]).validation.free_run.min() < 99
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("run", [0, 5])
+def test_a_measured_wing_is_simulated_to_nine_tenths(run: int) -> None:
+    z = np.load(measured("hati_gvt", "hati_ws3_200Hz.npz"))
+    data = ms.Signals(outputs=z["acc"][run], inputs=z["force"][run][:, None], sampling_rate=float(z["fs"]))
+    model = ms.realize(data)
+    assert np.abs(model.poles).max() < 1
+    assert model.validation.free_run.mean() > 90  # 92.8 and 94.4 were measured
