@@ -73,6 +73,10 @@ def test_growing_poles_are_mirrored_and_the_rest_fitted_again(dt: float | None) 
     assert "2 poles that grow were mirrored" in str(notes[0])
     assert relative(np.sort_complex(made.poles), np.sort_complex(truth.poles)) < 1e-8
     assert relative(made.frequency_response(response.frequencies).values, response.values) < 1e-8
+    if dt is not None:
+        samples, _, _ = stabilized(grows, truth.impulse_response(200))
+        assert relative(samples.markov_parameters(50), truth.markov_parameters(50)) < 1e-6
+        np.testing.assert_array_equal(samples.D, grows.D)
     same, none, said = stabilized(truth, response)
     assert same is truth
     assert (none, said) == (0, ())
@@ -114,20 +118,27 @@ def test_hits_are_held_out_as_whole_runs_and_a_single_transient_not_at_all() -> 
     assert "one transient" in ms.realize(one, order=10).validation.held_out
 
 
-def test_a_run_is_cut_by_its_forces() -> None:
-    u = np.zeros((400, 1))
-    u[:200, 0] = np.random.default_rng(0).standard_normal(200)
-    half = ms.Signals(outputs=np.zeros((400, 1)), inputs=u, sampling_rate=1.0)
-    end = _end(half, 0.25)
+def test_a_run_is_cut_by_time_or_earlier_by_its_forces() -> None:
+    u = np.random.default_rng(0).standard_normal((400, 1))
+    run = ms.Signals(outputs=np.zeros((400, 1)), inputs=u, sampling_rate=1.0)
+    assert _end(run, 0.25) == 300
+    u[200:] = 0
+    end = _end(replace(run, inputs=u), 0.25)
     assert end is not None
-    assert 140 <= end <= 160  # three quarters of the first half
+    assert 160 <= end <= 180  # an eighth of the forces of the first half is left
     u[:] = 0
     u[100] = 1
-    assert _end(replace(half, inputs=u), 0.25) is None
+    assert _end(replace(run, inputs=u), 0.25) is None
     u[300] = 0.38  # its square is an eighth of all, half of the quarter that was asked
-    assert _end(replace(half, inputs=u), 0.25) is not None
+    assert _end(replace(run, inputs=u), 0.25) is not None
     u[300] = 0.37
-    assert _end(replace(half, inputs=u), 0.25) is None
+    assert _end(replace(run, inputs=u), 0.25) is None
+
+
+def test_short_records_are_fitted_at_lower_orders() -> None:
+    candidates = ms.realize(record(160)).validation.candidates
+    assert {c.how for c in candidates if not c.failure} >= {"n4sid", "records on lines"}
+    assert max(c.order for c in candidates if c.how == "n4sid") < 40
 
 
 def test_simulation_pole_by_pole_is_simulation_and_the_first_state_is_found() -> None:
@@ -163,6 +174,18 @@ def test_nothing_is_held_out_where_that_is_asked_and_of_responses() -> None:
     refused("from 0 and below 0.9", ms.realize, record(), holdout=0.9)
 
 
+def test_a_model_is_validated_on_another_record() -> None:
+    model, fresh = ms.realize(record(), order=10), record(800, seed=5)
+    seen = ms.validate(model, fresh)
+    assert seen.free_run.min() > 99.8
+    assert seen.one_step.min() > 99.8
+    assert ms.validate(replace(model, B=0 * model.B, D=0 * model.D), fresh).free_run.max() < 50
+    assert np.isnan(ms.validate(replace(model, gain=None, innovation_covariance=None), fresh).one_step).all()
+    refused("at 20 Hz", ms.validate, model, replace(fresh, sampling_rate=10.0))
+    refused("to_discrete", ms.validate, model.to_continuous(), fresh)
+
+
+@pytest.mark.slow
 def test_channels_and_delays_are_taken_out_before_the_parts() -> None:
     whole = record(1500)
     late = replace(whole, outputs=whole.outputs[:-12], inputs=whole.inputs[12:])

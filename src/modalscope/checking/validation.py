@@ -11,6 +11,7 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.data.shown import Shown, summary_of
+from modalscope.data.statespace import StateSpace
 from modalscope.identification.prepare import measure
 from modalscope.identification.refine import refine
 from modalscope.likelihood.whitening import Colour, colour
@@ -18,6 +19,7 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import RealArray, check_kind
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import one_thread
+from modalscope.workflow.realize import ModelValidation, simulated
 
 #: Minimum number of parts: the others must have something in common with the one that is left out.
 _MIN_PARTS = 3
@@ -66,8 +68,10 @@ class Validation(Shown):
 
 @named()
 @one_thread
-def validate(data: Any, modes: ModalModel, *, leaving: str = "inputs") -> Validation:
+def validate(data: Any, modes: Any, *, leaving: str = "inputs") -> Validation | ModelValidation:
     """Leave out each input or output in turn, refine the modes on the others, and see how well they explain what was left out.
+
+    Of a state-space model and a record, simulate and predict the record, with the first state and the offset that fit best.
 
     Poles and shapes of an input that was left out are those of the other inputs; its participation alone is fitted (of an output: its
     components of the shapes). What is common to all inputs is explained as well as where it was fitted; what one of them alone makes up
@@ -75,15 +79,16 @@ def validate(data: Any, modes: ModalModel, *, leaving: str = "inputs") -> Valida
 
     Parameters
     ----------
-    data : FrequencyResponse or ImpulseResponse
-        In the band that the modes were identified in.
-    modes : ModalModel
+    data : FrequencyResponse, ImpulseResponse or StateSpace
+        In the band that the modes were identified in; or a sampled model.
+    modes : ModalModel, Signals or Records
+        Of a model a record with its inputs and outputs, at its rate.
     leaving : str
         "inputs" or "outputs".
 
     Returns
     -------
-    Validation
+    Validation, or ModelValidation of a model
 
     Raises
     ------
@@ -99,6 +104,8 @@ def validate(data: Any, modes: ModalModel, *, leaving: str = "inputs") -> Valida
     >>> bool(seen.white), bool(seen.fit_errors.max() < 0.02)
     (True, True)
     """
+    if isinstance(data, StateSpace):
+        return simulated(data, modes)
     check_kind("modes of validate", modes, ModalModel)
     check_choice("leaving", leaving, ("inputs", "outputs"))
     response = measure(data).response

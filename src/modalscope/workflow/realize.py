@@ -23,7 +23,7 @@ from modalscope.identification.routes import usual_route, without_delays
 from modalscope.identification.sweep import sweep
 from modalscope.modal.eigenmodes import deterministic, from_modes
 from modalscope.numerics.arguments import COUNT, between, named
-from modalscope.numerics.checks import Array, RealArray
+from modalscope.numerics.checks import Array, RealArray, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
 
@@ -222,7 +222,8 @@ def stabilized(model: StateSpace, response: Response) -> tuple[StateSpace, int, 
     poles = s if model.dt is None else to_discrete(s, model.dt)
     poles = np.where(np.isin(kept, np.flatnonzero(values.imag == 0)), poles.real, poles)
     factor = 1 if model.dt is None else poles[:, None] ** response.steps_late
-    made = from_modes(poles, shapes, own * factor, terms[0], model.dt)
+    # samples of a response have no direct term: it was measured beside them
+    made = from_modes(poles, shapes, own * factor, terms[0] if len(terms) else model.D, model.dt)
     left = basis.data - basis.rebuilt(shapes, participation, terms)
     cost = float(np.linalg.norm(left) / np.linalg.norm(basis.data))
     count = int(np.count_nonzero(grows))
@@ -240,7 +241,7 @@ class _Parts(NamedTuple):
 
 
 def _parts(records: Records, holdout: float) -> _Parts:
-    """Hold out the last part of every run, with as large a share of the forces; of many runs the last ones, each as a whole.
+    """Hold out the last part of every run, with a share of its forces; of many runs the last ones, each as a whole.
 
     A single transient has no such part: all of it is fitted, and simulated.
     """
@@ -261,18 +262,24 @@ def _parts(records: Records, holdout: float) -> _Parts:
         replace(run, outputs=run.outputs[:end], inputs=None if run.inputs is None else run.inputs[:end])
         for run, end in zip(records.runs, ends, strict=True)
     )
-    return _Parts(_of_runs(records, runs), tuple(slice(end, None) for end in ends), f"the last {100 * holdout:.3g} %")
+    held = tuple(slice(end, None) for end in ends)
+    part = 1 - sum(end or 0 for end in ends) / sum(records.samples)
+    return _Parts(_of_runs(records, runs), held, f"the last {100 * part:.0f} %")
 
 
 def _end(run: Signals, holdout: float) -> int | None:
-    """Return where a run is cut so that the rest has about the part `holdout` of the forces; None where no cut leaves half of that."""
+    """Return where a run is cut: where the part `holdout` of its time is left, or earlier so that half of that part of the forces is.
+
+    None where the forces lie too close together for any cut.
+    """
     assert run.inputs is not None
     u = run.inputs - np.median(run.inputs, axis=0)
     power = np.sum(u**2 / np.maximum(np.mean(u**2, axis=0), np.finfo(float).tiny), axis=1)
     ends = np.unique(np.linspace(0, run.samples, _CUTS + 1)[1:-1].astype(int))
     rest = 1 - np.cumsum(power)[ends - 1] / max(float(power.sum()), np.finfo(float).tiny)
-    best = int(np.argmin(np.abs(rest - holdout)))
-    return int(ends[best]) if _MIN_SHARE * holdout <= rest[best] <= 1 - _MIN_SHARE * (1 - holdout) else None
+    able = ends[(rest >= _MIN_SHARE * holdout) & (rest <= 1 - _MIN_SHARE * (1 - holdout))]
+    wanted = (1 - holdout) * run.samples
+    return int(able[np.argmin(np.abs(able - wanted))]) if able.size else None
 
 
 def _of_runs(records: Records, runs: Iterable[Signals]) -> Records:
@@ -346,6 +353,26 @@ def validated(model: StateSpace, records: Records, held_out: tuple[slice, ...]) 
     return by_free, explained(y, y - error), _colour(error)
 
 
+def simulated(model: StateSpace, record: Any) -> ModelValidation:
+    """Return how well a sampled model simulates a whole record and predicts it one sample ahead.
+
+    Raises `DataError`: a continuous model, or a record without its inputs and outputs at its rate.
+    """
+    check_kind("the record of a model", record, (Signals, Records))
+    records = as_records(record) if isinstance(record, Signals) else record
+    (l, m), rate = model.D.shape, np.nan if model.dt is None else 1 / model.dt
+    have = len(records.output_dofs), len(records.input_dofs)
+    if have != (l, m) or not np.isclose(records.sampling_rate, rate):
+        found = f"the record has {have[0]} outputs and {have[1]} inputs at {records.sampling_rate:g} Hz"
+        asked = f"a record of {l} outputs and {m} inputs at {rate:g} Hz was asked"
+        change = "Select the model's channels and resample to its rate; of a continuous model take to_discrete(dt)."
+        raise DataError(asked, found, change)
+    free, one, colour = validated(model, records, tuple(slice(0, None) for _ in records.runs))
+    return ModelValidation(
+        free_run=free, one_step=one, whiteness=colour, order=model.order, method="the model", held_out="the record"
+    )
+
+
 def _colour(error: RealArray) -> float:
     """Return the largest correlation at lags 1 to 10 over two deviations of that of white noise, 2 / sqrt(N)."""
     e = error - error.mean(axis=0)
@@ -404,11 +431,11 @@ def _tried(
     way: dict[str, Any],
     records: Records,
     parts: _Parts,
-    orders: Iterable[int],
+    orders: list[int],
     options: dict[str, Any],
     stable: bool,
 ) -> Iterator[_Tried]:
-    """Yield a candidate an order by one row, fitted to its part and simulated on the rest."""
+    """Yield a candidate an order by one row, fitted to its part and simulated on the rest; to lower orders where short records ask it."""
     try:
         cuts = sweep(parts.fitted, orders=orders, deviations=False, **{**options, **way})
         response = cuts.pipeline.response
@@ -421,6 +448,10 @@ def _tried(
             free = float(np.mean(validated(model, records, parts.held_out)[0]))
             yield _Tried(Candidate(name, cut.order, free, mirrored=mirrored), way, model)
     except (DataError, ValueError, ArithmeticError) as error:
+        fewer = orders[: len(orders) // 2]
+        if fewer:
+            yield from _tried(name, way, records, parts, fewer, options, stable)
+            return
         yield _Tried(Candidate(name, 0, failure=" ".join(str(error).split())), way, None)
 
 
