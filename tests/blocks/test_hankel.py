@@ -9,8 +9,9 @@ from modalscope.blocks.block_hankel import BlockHankel
 from modalscope.blocks.hankel import hankel
 from modalscope.blocks.sides import leading_directions, random_projection, selection, sums
 from modalscope.data import DataError, ImpulseResponse
+from modalscope.identification.identify import identify
 from modalscope.numerics.operators import DenseMatrix
-from tests.support import EPS, relative
+from tests.support import EPS, FIVE, add_noise, relative
 
 
 @pytest.fixture
@@ -108,8 +109,8 @@ def test_sums_are_warned_of_and_selections_are_not(response):
     [
         ({"row_shifts": [0, 2, 4]}, "row_shifts needs shifts without a common factor.*multiples of 2.*A\\^2"),
         ({"column_shifts": [0, 3, 6, 9]}, "column_shifts needs shifts without a common factor"),
-        ({"row_shifts": [1, 2, 3]}, "increase from 0"),
-        ({"row_shifts": [0, 2, 1]}, "increase from 0"),
+        ({"row_shifts": [1, 2, 3]}, "0 among them"),
+        ({"row_shifts": [0, 2, 2]}, "each shift once"),
         ({"row_shifts": [0, 1.5]}, "row_shifts"),
         ({"block_rows": 30, "block_columns": 11}, "reads samples 0 to 40, but the response has 40"),
         ({"row_shifts": [0, 1, 38]}, "Lower the sum of the last shifts"),
@@ -142,3 +143,33 @@ def test_shifts_with_a_common_factor_do_lose_rank():
     full = hankel(ImpulseResponse(values=values, sampling_rate=1.0), block_rows=8, block_columns=8).shifted(0).dense()
     assert np.linalg.matrix_rank(full, tol=1e-10) == 4
     assert np.linalg.matrix_rank(full[::2], tol=1e-10) == 2
+
+
+def test_shifts_in_any_order_are_those_in_order_with_their_own_subsets_weights_and_compression():
+    """Eq. 20 has arbitrary s_j and t_i: rows change places, and what belongs to them."""
+    response = add_noise(FIVE["chain5"]().impulse_response(60), 20.0)
+    given = [4, 0, 7, 1, 2, 5, 3]
+    order = np.argsort(given)
+    subsets = [[0, 1], [0, 1, 2, 3], [1, 3], [0, 1, 2, 3], [2, 3], [0, 1, 2], [3]]
+    ends = np.cumsum([0, *map(len, subsets)])
+    rows = np.concatenate([np.arange(ends[k], ends[k + 1]) for k in order])
+    rng = np.random.default_rng(0)
+    weights, T = rng.uniform(0.5, 2, rows.size), rng.standard_normal((10, rows.size))
+    common = {"column_shifts": [0, 1, 3, 4, 6, 9, 10]}
+    turned = hankel(response, row_shifts=given, row_subsets=subsets, row_weights=weights, row_compression=T, **common)
+    straight = hankel(
+        response,
+        row_shifts=sorted(given),
+        row_subsets=[subsets[k] for k in order],
+        row_weights=weights[rows],
+        row_compression=T[:, rows],
+        **common,
+    )
+    for k in (0, 1):
+        np.testing.assert_array_equal(turned.shifted(k).dense(), straight.shifted(k).dense())
+    columns = {"row_shifts": sorted(given), "column_shifts": [3, 0, 4, 1, 10, 9, 6]}
+    plain = {"row_shifts": sorted(given), **common}
+    ours, theirs = (
+        np.sort_complex(identify(response, method="era", order=10, **which).poles) for which in (columns, plain)
+    )
+    assert relative(ours, theirs) < 1e-9

@@ -127,7 +127,7 @@ def test_the_triangle_stands_for_the_whole_matrix() -> None:
 @pytest.mark.parametrize("domain", ["s", "z"])
 def test_any_block_rows_serve_the_methods_that_need_no_row_shift(method: str, domain: str) -> None:
     s = FIVE["ring5"]()
-    found = identify(lines_of("ring5"), method=method, domain=domain, order=10, row_shifts=[0, 2, 5, 6])
+    found = identify(lines_of("ring5"), method=method, domain=domain, order=10, row_shifts=[5, 0, 6, 2])
     assert match_poles(found.modes.poles, s.modes().poles).damping_error < 1e-8
     assert found.settings["block_rows"] == 7
 
@@ -193,7 +193,7 @@ def test_weights_of_coherence_follow_the_variance_of_an_estimate() -> None:
     [
         ({"initial_values": np.zeros((1, 3, 2))}, r"needs shape \(terms, 4, 2\)"),
         ({"initial_values": "nothing"}, r"there are arrays, and 'rest'"),
-        ({"row_shifts": [1, 2]}, r"increase from 0"),
+        ({"row_shifts": [1, 2]}, r"0 among them"),
         ({"basis": "legendre"}, r"orthogonal, powers"),
         ({"block_columns": 5}, r"columns .* are lines"),
         ({"column_weights": [1.0]}, r"columns .* are lines"),

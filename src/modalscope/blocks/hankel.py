@@ -83,7 +83,7 @@ def hankel(
     samples, outputs, inputs = response.values.shape
     s = block_shifts("row_shifts", row_shifts, block_rows, "block_rows")
     t = block_shifts("column_shifts", column_shifts, block_columns, "block_columns")
-    need = s[-1] + t[-1] + 2
+    need = max(s) + max(t) + 2
     if need > samples:
         raise DataError(
             f"hankel(block_rows={len(s)}, block_columns={len(t)}) reads samples 0 to {need - 1}",

@@ -10,7 +10,6 @@ from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -101,15 +100,14 @@ def line_weights(response: FrequencyResponse, weights: str | ArrayLike | None) -
 
 
 def kept_block_rows(shifts: ArrayLike | None) -> tuple[int, ...] | None:
-    """Return which block rows are kept, increasing from 0, or raise; None keeps all."""
+    """Return which block rows are kept, sorted, or raise; None keeps all."""
     if shifts is None:
         return None
     numbers = tuple(int(s) for s in np.atleast_1d(np.asarray(shifts)))
-    if not numbers or numbers[0] != 0 or any(b <= a for a, b in pairwise(numbers)):
-        raise DataError(
-            "row_shifts needs whole numbers that increase from 0", f"they are {list(numbers)}", "Sort them, 0 first."
-        )
-    return numbers
+    if not numbers or min(numbers) != 0 or len(set(numbers)) < len(numbers):
+        asked = "row_shifts needs different whole numbers, 0 among them"
+        raise DataError(asked, f"they are {list(numbers)}", "Give 0, and each shift once.")
+    return tuple(sorted(numbers))
 
 
 def real_columns(columns: ComplexArray, weights: Array | None) -> RealArray:

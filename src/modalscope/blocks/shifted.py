@@ -130,7 +130,7 @@ def shifted(
 
     `response`: samples, or the full DFT grid of a sampled system. `block_rows`: q: H(0) holds Y_0 ... Y_(q-1). `block_columns`: samples
     in the window, K; K + q of them are read. All by default. `band`: lines of the window that are used, Hz; all by default. `weights`
-    (lines used,). `row_shifts`: the t_i of Eq. 82, increasing from 0, in the place of block_rows.
+    (lines used,). `row_shifts`: the t_i of Eq. 82, 0 among them, in the place of block_rows.
 
     Raises `DataError`: A record that is too short, a band without lines, lines that are not a full grid.
     """

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from math import gcd
 
 import numpy as np
@@ -21,7 +20,7 @@ _MAX_BLOCKS = 1_000_000
 
 
 def block_shifts(name: str, shifts: Sequence[int] | None, blocks: int | None, other: str) -> list[int]:
-    """Return the shifts of the blocks of one side: 0, 1, 2, ..., or those given, which must begin at 0 and have no common factor.
+    """Return the shifts of the blocks of one side: 0, 1, 2, ..., or those given, in any order, 0 among them and without a common factor.
 
     If all shifts are multiples of p, the factor's blocks are C, C A^p, C A^2p, ..., and poles that A^p takes to one place are
     no longer told apart: the rank is lost although every mode is in the data.
@@ -35,11 +34,11 @@ def block_shifts(name: str, shifts: Sequence[int] | None, blocks: int | None, ot
             )
         return list(range(blocks))
     numbers = [check_count(name, s, least=0) for s in shifts]
-    if not numbers or numbers[0] != 0 or any(b <= a for a, b in pairwise(numbers)):
+    if not numbers or 0 not in numbers or len(set(numbers)) < len(numbers):
         raise DataError(
-            f"{name} needs whole numbers that increase from 0",
+            f"{name} needs different whole numbers, 0 among them",
             f"they are {numbers[:8]}",
-            "Start at 0 and give each shift once.",
+            "Give 0, and each shift once.",
         )
     if blocks is not None and blocks != len(numbers):
         raise DataError(
@@ -53,6 +52,27 @@ def block_shifts(name: str, shifts: Sequence[int] | None, blocks: int | None, ot
             "Add a shift that is not a multiple.",
         )
     return numbers
+
+
+def in_order(
+    shifts: list[int],
+    subsets: Sequence[Sequence[int]] | None,
+    weights: ArrayLike | None,
+    T: ArrayLike | None,
+    count: int,
+) -> tuple[list[int], Sequence[Sequence[int]] | None, ArrayLike | None, ArrayLike | None]:
+    """Return blocks by increasing shift with what was given for them, row by row, in their own order; `count` channels a whole block."""
+    order = np.argsort(shifts, kind="stable")
+    if np.array_equal(order, np.arange(len(shifts))):
+        return shifts, subsets, weights, T
+    sets = None if subsets is None else list(subsets)
+    sizes = [count] * len(shifts) if sets is None else [len(each) for each in sets]
+    ends = np.cumsum([0, *sizes])
+    rows = np.concatenate([np.arange(ends[k], ends[k + 1]) for k in order])
+    w, M = (None if given is None else np.asarray(given) for given in (weights, T))
+    w = w if w is None or w.shape != rows.shape else w[rows]
+    M = M if M is None or M.ndim != 2 or M.shape[1] != rows.size else M[:, rows]
+    return [shifts[k] for k in order], None if sets is None else [sets[k] for k in order], w, M
 
 
 def block_entries(
@@ -189,6 +209,7 @@ def side_of(
 ) -> Side:
     """Return one side with its conditions checked; what acts alike in every block goes into `within`."""
     what = {"row": "outputs", "column": "inputs"}[name]
+    shifts, subsets, weights, compression = in_order(shifts, subsets, weights, compression, count)
     entries = block_entries(f"{name}_subsets", subsets, shifts, count, what)
     full = entries.shape[1] == count * len(shifts)
     w = side_weights(f"{name}_weights", weights, entries, count)

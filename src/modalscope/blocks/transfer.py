@@ -89,7 +89,7 @@ def transfer(
     are scaled back. `basis`: "powers" are the plain powers of the scaled x of the report: for comparison, they fail in noise.
     `initial_values` (K, l, m): the first K of D, CB, CAB, ... in SI units (in the z-domain D, Y(0), Y(1), ...), where they are known.
     "rest": those that are zero for a structure at rest by the response's quantity. `row_shifts`: which of p_0 ... p_(q-1) the rows of
-    H(0) are (the arbitrary t_i of Eq. 82), increasing from 0; block_rows is then one more than the last.
+    H(0) are (the arbitrary t_i of Eq. 82), 0 among them; block_rows is then one more than the largest.
 
     Raises `DataError`: fewer lines than unknowns: 2 F m must be at least n + e m, with e eliminated polynomials.
 

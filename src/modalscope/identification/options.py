@@ -53,7 +53,9 @@ class AllOptions(TypedDict, total=False):
 
 
 def _shifts(name: str, value: Any) -> tuple[int, ...]:
-    return tuple(check_count(name, s, least=0) for s in check_each(name, value, "whole numbers that increase from 0"))
+    return tuple(
+        check_count(name, s, least=0) for s in check_each(name, value, "different whole numbers, 0 among them")
+    )
 
 
 #: Checks of sizes and shifts of blocks.
