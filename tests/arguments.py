@@ -78,7 +78,50 @@ def right() -> dict[str, Any]:
         "setups": ms.Setups(parts=(ambient.select(outputs=[0, 1]), ambient.select(outputs=[0, 2]))),
         "decomposition": preprocess.decomposition(ambient),
         "observer": preprocess.estimate_observer(records, observer_order=10),
+        **months(),
     }
+
+
+def months() -> dict[str, Any]:
+    """Return a short history, its tracks, what moves them, and a chart."""
+    hours, draw = np.arange(240), np.random.default_rng(0)
+    f = np.array([1.0, 2.0]) * (1 + 1e-3 * draw.standard_normal((240, 2)))
+    history = ms.monitoring.History(
+        times=3600.0 * hours, record=np.repeat(hours, 2), frequencies=f.ravel(), covariates={"air": np.sin(hours / 9)}
+    )
+    tracks = ms.monitoring.track(history)
+    chart = ms.monitoring.alarms(tracks)
+    return {"history": history, "tracks": tracks, "chart": chart, "explained": chart.explained}
+
+
+#: An alarm.
+ALARM = ms.monitoring.Alarm(
+    time=np.datetime64("2026-06-01"),
+    change=np.datetime64("2026-06-01"),
+    interval=(np.datetime64("2026-06-01"), np.datetime64("2026-06-02")),
+    statistic=1.1,
+    shifts={"1: 1 Hz": -0.1},
+    shifts_std={"1: 1 Hz": 0.01},
+)
+
+
+@cache
+def stored_months() -> Any:
+    """Return a store of modes."""
+    store = ms.monitoring.Store(FOLDER / "a.modes")
+    store.add_modes(right()["history"])
+    (FOLDER / "records").mkdir(exist_ok=True)
+    (FOLDER / "weather.csv").write_text("time,air\n2026-06-01,1\n2026-06-02,2\n")
+    return store
+
+
+def written_history() -> Path:
+    """Return a NetCDF file of modes."""
+    path = FOLDER / "modes.nc"
+    with pytest.importorskip("h5py").File(path, "w") as file:
+        file["time"], file["frequencies"] = [0, 1], [[1.0, 2.0], [1.1, 2.1]]
+        file["time"].attrs["units"] = "hours since 2026-06-01"
+    return path
 
 
 #: How well modes explain two inputs that were left out in turn.
@@ -119,6 +162,12 @@ OWNERS = {
     "StateSpace.predict": lambda t: replace(t["model"], gain=np.zeros((len(t["model"].A), len(t["model"].C)))),
     "StateSpace.to_discrete": lambda t: CHAIN.state_space(),
     "Validation": lambda t: VALIDATION,
+    "monitoring.Alarm": lambda t: ALARM,
+    "monitoring.Alarms": lambda t: t["chart"],
+    "monitoring.Explained": lambda t: t["explained"],
+    "monitoring.History": lambda t: t["history"],
+    "monitoring.Store": lambda t: stored_months(),
+    "monitoring.Tracks": lambda t: t["tracks"],
     "preprocess.Decomposition": lambda t: t["decomposition"],
     "preprocess.Finding": lambda t: Finding(kind="a", channels=("b",), reason="c", change="d"),
     "preprocess.Observer": lambda t: t["observer"],
@@ -280,6 +329,23 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "systems.Structure.simulate": lambda t: {"samples": 50, "sampling_rate": 20.0},
     "systems.Structure.state_space": lambda t: {},
     "StateSpace.predict": lambda t: {"signals": t["records"]},
+    "monitoring.alarms": lambda t: {"tracks": t["tracks"]},
+    "monitoring.collect": lambda t: {"folder": FOLDER / "records", "store": stored_months()},
+    "monitoring.explain": lambda t: {"tracks": t["tracks"]},
+    "monitoring.read_covariates": lambda t: {"path": FOLDER / "weather.csv"},
+    "monitoring.read_history": lambda t: {"path": written_history()},
+    "monitoring.track": lambda t: {"history": t["history"]},
+    "monitoring.Store.add": lambda t: {"data": t["samples"], "time": next(NUMBERS), "method": "era", "orders": (2, 4)},
+    "monitoring.Store.add_covariates": lambda t: {"times": [0.0, 1.0], "values": {"air": [1.0, 2.0]}},
+    "monitoring.Store.add_modes": lambda t: {"modes": t["modes"], "time": 0.0},
+    "monitoring.Store.export": lambda t: {"path": FOLDER / "modes.csv"},
+    "monitoring.Store.holds": lambda t: {"sha": "a"},
+    "monitoring.Store.seen": lambda t: {"path": "a", "size": 1, "changed": 1},
+    "monitoring.Tracks.of": lambda t: {"values": t["history"].frequencies},
+    "monitoring.Tracks.pick": lambda t: {"which": np.ones(2, bool)},
+    "plot.against": lambda t: {"found": t["explained"]},
+    "plot.control_chart": lambda t: {"found": t["chart"]},
+    "plot.tracks": lambda t: {"found": t["tracks"]},
     "plot.intervals": lambda t: {"modes": t["modes"]},
     "preprocess.force_correlation": lambda t: {"signals": t["records"]},
     "preprocess.local_models": lambda t: {"signals": t["records"]},
@@ -305,6 +371,12 @@ MADE = (
     "Identification",
     "Result",
     "Validation",
+    "monitoring.Alarm",
+    "monitoring.Alarms",
+    "monitoring.Collected",
+    "monitoring.Explained",
+    "monitoring.Store",  # any name is a file that it makes
+    "monitoring.Tracks",
     "preprocess.Decomposition",
     "preprocess.Finding",
     "preprocess.LocalEstimate",

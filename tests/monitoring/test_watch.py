@@ -86,6 +86,21 @@ def test_the_time_of_a_file_is_what_its_name_says(tmp_path: Path) -> None:
 def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with Store(tmp_path / "a.modes") as store, pytest.raises(DataError, match="there is no such folder"):
         collect(tmp_path / "nowhere", store)
+    with Store(tmp_path / "a.modes") as store, pytest.raises(DataError, match="there is no such folder"):
+        collect("", store)
+
+
+def test_a_record_that_makes_the_program_fail_is_listed_and_the_rest_goes_on(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def failing(path: Path, **options: object) -> object:
+        return 1 / 0 if path.name == "20260601_0000.npz" else ms.analyze(path, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("modalscope.monitoring.entries.analyze", failing)
+    with Store(tmp_path / "a.modes") as store:
+        found = collect(folder, store, options=FEW)
+        assert found.added == 1
+        assert ("20260601_0000.npz", "the program fails (ZeroDivisionError: division by zero)") in found.refused
 
 
 def test_a_misspelt_option_refuses_no_record(folder: Path, tmp_path: Path) -> None:

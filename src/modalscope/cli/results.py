@@ -217,7 +217,7 @@ def add_plot(parser: Parser) -> None:
 
 
 def plot(options: argparse.Namespace) -> None:
-    """Draw the contents of a file: responses, spectra, mode shapes, a stabilization diagram.
+    """Draw the contents of a file: responses, spectra, mode shapes, a stabilization diagram, tracks of a store of modes.
 
     A response is drawn with the modes of another file over it, records by their spectra, modes by the shape of one of them.
     """
@@ -226,11 +226,29 @@ def plot(options: argparse.Namespace) -> None:
 
     require_output(options, "picture.png")
     check_outputs(options, [path for path in (options.file, options.modes) if path is not None], PICTURES)
+    if options.file.suffix.lower() == ".modes":
+        say(*_pictures_of_store(options))
+        return
     data, notes = read_data(options, options.file)
     modes = None if options.modes is None else read_modes(options, options.modes)
     written = [write_picture(path, _picture(data, modes, options)) for path in options.outputs]
     remark(*notes)
     say(*written)
+
+
+def _pictures_of_store(options: argparse.Namespace) -> list[str]:
+    """Draw the modes of a store over time, joined into tracks."""
+    from modalscope.cli.output import write_picture
+    from modalscope.data import DataError
+    from modalscope.monitoring import Store, track
+    from modalscope.plot import tracks
+
+    if not options.file.exists():
+        raise DataError(f"the store {options.file} was asked", "there is no such file", "Make it: modalscope watch.")
+    with Store(options.file) as store:
+        found = track(store.history())
+    remark(found.table())
+    return [write_picture(path, tracks(found)) for path in options.outputs]
 
 
 def _picture(data: Any, modes: Any, options: argparse.Namespace) -> Axes:

@@ -1,8 +1,9 @@
-"""The command `watch`: new records of a folder into a store."""
+"""The command `watch`: new records of a folder into a store, and changes told."""
 
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,9 @@ from modalscope.cli.process import complain, progress, remark, say
 
 if TYPE_CHECKING:
     from modalscope.monitoring import Store
+
+#: Exit status where a change was told.
+EXIT_ALARM = 3
 
 
 def add_watch(parser: Parser) -> None:
@@ -22,6 +26,16 @@ def add_watch(parser: Parser) -> None:
     add("--again", action="store_true", help="try files again that could not be used before")
     add("--every", type=float, default=10.0, metavar="SECONDS", help="time between two looks (default: 10)")
     add("--jobs", type=int, default=1, metavar="N", help="number of processes (default: 1)")
+    add(
+        "--reference",
+        nargs=2,
+        metavar=("FIRST", "LAST"),
+        help="times of the sound structure, UTC: then changes are told",
+    )
+    add("--false-per-year", type=float, default=1.0, metavar="N", help="rate of false alarms (default: 1)")
+    add("--chart", type=Path, metavar="PICTURE", help="with --reference: draw the control chart, .png, .svg or .pdf")
+    add("--call", metavar="COMMAND", help="with --reference: run it at each alarm, which is JSON at its input")
+    add("--force", action="store_true", help="replace a picture that modalscope did not write")
     add("--covariates", type=Path, metavar="CSV", help="table of temperature, wind ...: time, then a column for each")
     add_reading(parser)
     add_method(parser)
@@ -30,31 +44,66 @@ def add_watch(parser: Parser) -> None:
 
 
 def watch(options: argparse.Namespace) -> None:
-    """Identify every new record of a folder, and store its modes.
+    """Identify every new record of a folder, store its modes, and tell changes.
 
     Files that cannot be used are listed with their reasons; the rest goes on. Every record is stored once, whatever ends the command.
+    With --reference, modes are followed through all records, and each alarm is a line of JSON; with --once, the exit status is 3 then.
     """
     import time
 
+    from modalscope.cli.output import PICTURES, check_output
     from modalscope.monitoring import Store, read_covariates
     from modalscope.numerics.checks import check_positive
+    from modalscope.numerics.errors import DataError
 
     pause = check_positive("--every", options.every)
+    if options.reference is None and (options.chart or options.call):
+        raise DataError("a chart of changes was asked", "no --reference was given", "Add --reference FIRST LAST.")
+    if options.chart is not None:
+        check_output(options.chart, (), options.force, PICTURES)
+    told: set[str] = set()
     with Store(options.store) as store:
         if options.covariates is not None:
             store.add_covariates(*read_covariates(options.covariates))
         if options.again:
             store.forget_refused()
         while True:
-            _look(options, store)
+            if (_look(options, store) or options.once) and options.reference is not None:
+                _judge(options, store, told)
             if options.once:
-                say(f"{options.store}: {store.history()!r}")
+                remark(f"{options.store}: {store.history()!r}")
+                if told:
+                    raise SystemExit(EXIT_ALARM)
                 return
             time.sleep(pause)
 
 
-def _look(options: argparse.Namespace, store: Store) -> None:
-    """Store what is new, and list what cannot be used."""
+def _judge(options: argparse.Namespace, store: Store, told: set[str]) -> None:
+    """Follow the modes of all records, and tell the alarms that were not told before."""
+    import subprocess
+
+    from modalscope.cli.output import write_picture
+    from modalscope.monitoring import alarms, track
+
+    tracks = track(store.history())
+    remark(tracks.table())
+    found = alarms(tracks, reference=options.reference, false_per_year=options.false_per_year)
+    remark(*found.notes)
+    for alarm in found.alarms:
+        line = json.dumps(alarm.to_dict())
+        if (key := str(alarm.time)) not in told:
+            told.add(key)
+            say(line)
+            if options.call is not None:
+                subprocess.run(options.call, input=line.encode(), shell=True, check=False)  # as the user's shell would
+    if options.chart is not None:
+        from modalscope.plot import control_chart
+
+        remark(write_picture(options.chart, control_chart(found)))
+
+
+def _look(options: argparse.Namespace, store: Store) -> bool:
+    """Store what is new, and list what cannot be used; return whether anything is new."""
     from modalscope.monitoring import collect
 
     with progress("identifying", "record") as show:
@@ -65,6 +114,7 @@ def _look(options: argparse.Namespace, store: Store) -> None:
         remark(f"{found.added} stored, {found.known} known before, {len(found.refused)} cannot be used")
     if found.waiting and options.once:
         complain(f"still being written, left for the next run: {', '.join(found.waiting)}")
+    return found.added > 0
 
 
 def _choices(options: argparse.Namespace) -> dict[str, Any]:

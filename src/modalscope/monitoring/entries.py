@@ -22,6 +22,19 @@ from modalscope.workflow.analyze import analyze
 #: What `analyze` may be told of a record.
 CHOICES = (*inspect.signature(analyze).parameters, *AllOptions.__annotations__)
 
+#: What a record that nobody foresaw may raise.
+_FAILURES = (
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    LookupError,
+    MemoryError,
+    OSError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+)
+
 #: Date and time in the name of a file: 2026-06-01T12-30-00, 20260601_1230, 2026.06.01 12.30 and the like.
 _STAMP = re.compile(
     r"(?<!\d)((?:19|20)\d\d)[-._]?(\d\d)[-._]?(\d\d)[-._T ]{0,3}(\d\d)[-._:hH]?(\d\d)(?:[-._:mM]?(\d\d))?(?!\d)"
@@ -77,8 +90,8 @@ def entry_of(
         result = analyze(data, **(options or {}))
     except DataError as error:
         return Entry(**more, refused=str(error), provenance=about)
-    except (MemoryError, RecursionError, OSError) as error:
-        return Entry(**more, refused=f"{type(error).__name__}: {error}", provenance=about)
+    except _FAILURES as error:  # months go on without this record
+        return Entry(**more, refused=f"the program fails ({type(error).__name__}: {error})", provenance=about)
     modes = rows_of(result.modes.normalized())
     kept = np.array([kind == "mode" for kind in result.modes.kinds], bool)
     unit = result.modes.normalized()

@@ -48,8 +48,8 @@ def as_times(name: str, values: Any) -> Array:
     array(['1970-01-01T00:00:00.000', '1970-01-01T01:00:00.000'],
           dtype='datetime64[ms]')
     """
-    array = np.asarray(values)
     try:
+        array = np.asarray(values)
         if array.dtype.kind in "iuf" and np.isfinite(array).all() and (np.abs(array) < 1e12).all():
             return (1000 * array).round().astype("datetime64[ms]")
         if array.dtype.kind in "MUO":
@@ -60,6 +60,14 @@ def as_times(name: str, values: Any) -> Array:
         pass
     remedy = f"Give {name} as datetime64, ISO texts or seconds since 1970."
     raise DataError(f"{name} needs times", f"it is {str(values)[:60]}", remedy)
+
+
+def as_seconds(name: str, value: Any) -> float:
+    """Return one time as seconds since 1970."""
+    times = np.atleast_1d(as_times(name, value))
+    if times.shape != (1,):
+        raise DataError(f"{name} needs one time", f"there are {times.size}", f"Give {name} as one datetime64 or text.")
+    return float(times[0].astype(np.int64) / 1000)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)

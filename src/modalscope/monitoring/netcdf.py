@@ -116,11 +116,9 @@ class _Variable:
 def _variables(path: Path) -> dict[str, _Variable]:
     """Return the variables of the root of a file, which is walked through first: what it states may be anything."""
     h5py = optional_package(f"reading {path.suffix}", "h5py", "hdf5")
-    try:
-        size = path.stat().st_size
-    except OSError:
-        raise unreadable(repr(str(path)), "there is no such file", "Check the name and the folder.") from None
-    space = room(path.name, size)
+    if not path.is_file():
+        raise unreadable(repr(str(path)), "there is no such file", "Check the name and the folder.")
+    space = room(path.name, path.stat().st_size)
     check_hdf5(path, space)
     with damage_as_error(f"{path.name} as NetCDF", "Write it again as netCDF 4."), h5py.File(path, "r") as file:
         items = {name: item for name, item in file.items() if isinstance(item, h5py.Dataset) and item.shape}

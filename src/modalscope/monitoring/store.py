@@ -20,7 +20,7 @@ from modalscope.data.analysis import VERSION
 from modalscope.io.arrays import plain
 from modalscope.io.atomic import replacing
 from modalscope.monitoring.entries import CHOICES, Entry, entry_of, time_of_file
-from modalscope.monitoring.history import PER_MODE, History, as_times, assembled, rows_of
+from modalscope.monitoring.history import PER_MODE, History, as_seconds, as_times, assembled, rows_of
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import RealArray, check_path, real_array
 from modalscope.numerics.errors import DataError, optional_package
@@ -209,14 +209,14 @@ class Store:
         """
         if isinstance(data, str | Path):
             path = check_path(data)
-            if not path.exists():
+            if not path.is_file() and path.suffix.lower() != ".zarr":
                 raise DataError(f"{str(path)!r} was asked", "there is no such file", "Check the name.")
             sha, name = source_of_file(path, {}).sha256, name or path.name
-            seconds, origin = time_of_file(path) if time is None else (_seconds(time), "given")
+            seconds, origin = time_of_file(path) if time is None else (as_seconds("time", time), "given")
         elif time is None:
             raise DataError("a record was to be stored", "its time is not known", "Give time.")
         else:
-            seconds, origin = _seconds(time), "given"
+            seconds, origin = as_seconds("time", time), "given"
             sha = sha256(f"{source_of_data(data).sha256} {seconds}".encode()).hexdigest()
         if self.holds(sha):
             return False
@@ -257,7 +257,7 @@ class Store:
                 return sum(self._insert(entry) for entry in _entries(modes, about)) > 0
         if time is None:
             raise DataError("modes of a record were to be stored", "its time is not known", "Give time.")
-        rows, seconds = rows_of(modes), _seconds(time)
+        rows, seconds = rows_of(modes), as_seconds("time", time)
         sha = _digest(rows, seconds, name)
         more = dict(covariates or {})
         return self.put(Entry(sha256=sha, name=name, time=seconds, modes=rows, covariates=more, provenance=about))
@@ -400,10 +400,6 @@ class Store:
         table = self.to_pandas()
         with replacing(target, [self.path]) as temporary:
             table.to_csv(temporary, index=False) if suffix == ".csv" else table.to_parquet(temporary)
-
-
-def _seconds(time: Any) -> float:
-    return float(np.atleast_1d(as_times("time", [time]))[0].astype(np.int64) / 1000)
 
 
 def _text(value: Any) -> str:

@@ -17,7 +17,7 @@ from modalscope.data.shown import Shown, summary_of, text_table
 from modalscope.monitoring.history import History, rows_of
 from modalscope.monitoring.likelihood import SPOILT, Expected, Found, Nothing, gains, marginals, noise_of, shape_misfit
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import BoolArray, ComplexArray, IntArray, RealArray
+from modalscope.numerics.checks import BoolArray, ComplexArray, IntArray, RealArray, check_shape
 from modalscope.numerics.errors import DataError, optional_package
 from modalscope.numerics.statistics import assign
 
@@ -122,9 +122,11 @@ class Tracks(Shown):
         ----------
         values : array, (n,)
         """
+        each = np.asarray(values)
+        check_shape("values", each, "one a mode", self.track.shape)
         found = np.full((len(self.history), len(self)), np.nan)
         kept = (self.track >= 0) & ~self.double
-        found[self.history.record[kept], self.track[kept]] = np.asarray(values)[kept]
+        found[self.history.record[kept], self.track[kept]] = each[kept]
         return found
 
     def strong(self, share: float = 0.5) -> Tracks:
@@ -143,7 +145,13 @@ class Tracks(Shown):
         ----------
         which : array of bool, (T,)
         """
-        return _chosen(self, np.flatnonzero(which))
+        chosen = np.asarray(which)
+        if chosen.shape != (len(self),) or chosen.dtype != bool:
+            have = f"it is of shape {chosen.shape}, {chosen.dtype}"
+            raise DataError(
+                f"which needs one bool for each of {len(self)} tracks", have, "Give a condition on all tracks."
+            )
+        return _chosen(self, np.flatnonzero(chosen))
 
     def table(self) -> str:
         """Return a row a track: frequency, scatter, how often it was seen, first and last record, doubles, doubts."""

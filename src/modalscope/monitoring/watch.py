@@ -100,7 +100,7 @@ def collect(
     """
     place = check_path(folder)
     check_option_names("analyze", options or {}, CHOICES)
-    if not place.is_dir():
+    if not str(folder) or not place.is_dir():  # no name at all is no folder, and not the one that the program works in
         raise DataError(f"records in {str(place)!r} were asked", "there is no such folder", "Name a folder.")
     files, waiting = _settled(place)
     known = 0

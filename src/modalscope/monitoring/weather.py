@@ -166,7 +166,10 @@ def inside_of(tracks: Tracks, during: Any) -> BoolArray:
     times = tracks.history.times
     if during is None:
         return np.ones(times.size, bool)
-    chosen = np.asarray(during)
+    try:
+        chosen = np.asarray(during)
+    except ValueError:  # ragged
+        chosen = np.zeros(0)
     if chosen.dtype == bool and chosen.shape == times.shape:
         inside = chosen
     elif chosen.shape == (2,) and chosen.dtype != bool:
