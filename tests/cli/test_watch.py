@@ -72,6 +72,7 @@ def test_a_change_is_a_line_of_json_an_exit_status_and_a_command(
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_a_store_is_drawn(changed: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plot", changed[3], "-o", str(tmp_path / "tracks.png")]) == 0
     assert "written" in capsys.readouterr().out

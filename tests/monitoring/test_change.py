@@ -54,6 +54,7 @@ def test_the_other_charts_tell_a_large_change(kind: str) -> None:
     assert found.alarms[-1].change - np.datetime64("1970-01-01") == np.timedelta64(1200, "h")
 
 
+@pytest.mark.slow
 def test_more_false_alarms_are_a_lower_limit() -> None:
     rare, often = (
         alarms(tracked(3000, 3), false_per_year=rate, reference=HALF).statistic.max() for rate in (0.5, 12.0)

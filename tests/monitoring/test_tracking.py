@@ -58,8 +58,8 @@ def test_a_mode_that_is_lost_for_days_goes_on_and_one_that_ends_is_said_to() -> 
 
 
 def test_stated_deviations_are_believed_until_the_scatter_contradicts_them() -> None:
-    f = scattered([1.0, 2.0], 400)
-    for factor, believed in ((1.0, True), (1.2, True), (0.85, True), (2.0, False), (0.5, False)):
+    f = scattered([1.0, 2.0], 250)
+    for factor, believed in ((1.2, True), (0.85, True), (2.0, False), (0.5, False)):
         found = track(history(f, frequencies_std=factor * 1e-3 * f.ravel()))
         assert found.believed.tolist() == [believed] * 2
         assert np.allclose(found.frequencies_std, (factor if believed else 1) * 1e-3 * np.array([1.0, 2.0]), rtol=0.15)
@@ -125,6 +125,7 @@ def test_too_few_records_are_refused() -> None:
         track(history(scattered([1.0, 2.0], 1)))
 
 
+@pytest.mark.slow
 def test_a_simulated_month_with_spoilt_records_stays_in_its_tracks() -> None:
     """Of eight ways, one of which is a clock that is 1 % wrong; two of a pair are exchanged where swapped sensors make it look so."""
     drawn = year(500, seed=3)
