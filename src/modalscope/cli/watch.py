@@ -30,7 +30,7 @@ def add_watch(parser: Parser) -> None:
         "--reference",
         nargs=2,
         metavar=("FIRST", "LAST"),
-        help="times of the sound structure, UTC: then changes are told",
+        help="times of the sound structure, UTC: changes after them are alarms",
     )
     add("--false-per-year", type=float, default=1.0, metavar="N", help="rate of false alarms (default: 1)")
     add("--chart", type=Path, metavar="PICTURE", help="with --reference: draw the control chart, .png, .svg or .pdf")
