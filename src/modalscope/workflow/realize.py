@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
@@ -30,11 +30,11 @@ from modalscope.numerics.resources import one_thread
 #: Orders that are tried: even ones to the first number, then every fourth.
 _FINE_ORDERS, _MAX_ORDER = 20, 40
 
-#: Candidates within this many per cent of the best free run count as equal: of these the best one-step prediction is taken.
-_EQUAL = 0.5
+#: Candidates within this many per cent of the best free run count as equal: of these the one with fewest states is taken.
+_EQUAL = 0.1
 
-#: Cuts of a run that are considered, evenly, and the least share of the forces in either part, relative to what was asked.
-_CUTS, _MIN_SHARE = 40, 0.5
+#: Least share of the forces in a part that is held out and in the rest, relative to their share of the time.
+_MIN_SHARE = 0.5
 
 #: Rows of a run to which first state and offset are fitted at most.
 _MAX_ROWS = 20_000
@@ -49,13 +49,12 @@ _MIN_EXPLAINED = 90.0
 class Candidate(NamedTuple):
     """A model that was tried: how, its order, and the variance explained of the held-out part, in per cent, mean over the outputs.
 
-    `one_step`: NaN where it was not computed. `mirrored`: poles that were unstable. `failure`: why there is no model.
+    `mirrored`: poles that were unstable. `failure`: why there is no model.
     """
 
     how: str
     order: int
     free_run: float = np.nan
-    one_step: float = np.nan
     mirrored: int = 0
     failure: str = ""
 
@@ -90,12 +89,10 @@ class ModelValidation(Shown):
 
     def table(self) -> str:
         """Return one line a candidate, the best first."""
-        rows = [("model", "order", "free run %", "one step %", "mirrored poles", "")]
+        rows = [("model", "order", "free run %", "mirrored poles", "")]
         ranked = sorted(self.candidates, key=lambda c: (np.isnan(c.free_run), -c.free_run))
-        rows += [
-            (c.how, str(c.order), f"{c.free_run:.1f}", f"{c.one_step:.1f}", str(c.mirrored), c.failure) for c in ranked
-        ]
-        return text_table(rows, left=(0, 5))
+        rows += [(c.how, str(c.order), f"{c.free_run:.1f}", str(c.mirrored), c.failure) for c in ranked]
+        return text_table(rows, left=(0, 4))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
@@ -232,54 +229,58 @@ def stabilized(model: StateSpace, response: Response) -> tuple[StateSpace, int, 
 
 
 # ------------------------------------------------------------------------------------------------------------- validation
-class _Parts(NamedTuple):
-    """Records to fit to, and of every run the samples that are held out."""
+class _Fold(NamedTuple):
+    """Records to fit to, and records to simulate."""
 
     fitted: Records
-    held_out: tuple[slice, ...]
-    words: str
+    tested: Records
 
 
-def _parts(records: Records, holdout: float) -> _Parts:
-    """Hold out the last part of every run, with a share of its forces; of many runs the last ones, each as a whole.
+def _folds(records: Records, holdout: float) -> tuple[list[_Fold], str]:
+    """Hold out the first and the last part of the records in turn, and say so: of runs that share their inputs whole ones.
 
-    A single transient has no such part: all of it is fitted, and simulated.
+    A part without its share of the forces tests nothing; of a single transient all is fitted, and simulated.
     """
     count = len(records.runs)
-    whole = int(count * holdout)
-    if whole:
-        kept = records.runs[: count - whole]
-        held = tuple(slice(0, 0) if r < len(kept) else slice(0, None) for r in range(count))
-        return _Parts(_of_runs(records, kept), held, f"{whole} of {count} runs")
-    ends = [_end(run, holdout) for run in records.runs]
-    if None in ends:
-        return _Parts(
-            records,
-            tuple(slice(0, None) for _ in ends),
-            "what it was fitted to (one transient, no part of it can be held out)",
-        )
-    runs = tuple(
-        replace(run, outputs=run.outputs[:end], inputs=None if run.inputs is None else run.inputs[:end])
-        for run, end in zip(records.runs, ends, strict=True)
-    )
-    held = tuple(slice(end, None) for end in ends)
-    part = 1 - sum(end or 0 for end in ends) / sum(records.samples)
-    return _Parts(_of_runs(records, runs), held, f"the last {100 * part:.0f} %")
+    size = max(round(count * holdout), 1)
+    if count > 1:
+        ends = [(records.runs[size:], records.runs[:size]), (records.runs[:-size], records.runs[-size:])]
+        folds = [_Fold(_of_runs(records, kept), _of_runs(records, held)) for kept, held in ends]
+        if all(set(fold.fitted.input_dofs) == set(records.input_dofs) == set(fold.tested.input_dofs) for fold in folds):
+            return folds, f"the first and the last {size} of {count} runs"
+    share = _shares(records, holdout)
+    folds, names = [], []
+    ends_of = {"first": (holdout, 1.0, (0.0, holdout)), "last": (0.0, 1 - holdout, (1 - holdout, 1.0))}
+    for name, (first, last, tested) in ends_of.items():
+        left = share(*tested)
+        if _MIN_SHARE * holdout <= left <= 1 - _MIN_SHARE * (1 - holdout):
+            folds.append(_Fold(_cut(records, first, last), _cut(records, *tested)))
+            names.append(name)
+    if folds:
+        return folds, f"the {' and the '.join(names)} {100 * holdout:.3g} %"
+    return [_Fold(records, records)], "what it was fitted to (one transient, no part of it can be held out)"
 
 
-def _end(run: Signals, holdout: float) -> int | None:
-    """Return where a run is cut: where the part `holdout` of its time is left, or earlier so that half of that part of the forces is.
+def _cut(records: Records, first: float, last: float) -> Records:
+    """Return a part of every run, from and to fractions of its length."""
 
-    None where the forces lie too close together for any cut.
-    """
-    assert run.inputs is not None
-    u = run.inputs - np.median(run.inputs, axis=0)
-    power = np.sum(u**2 / np.maximum(np.mean(u**2, axis=0), np.finfo(float).tiny), axis=1)
-    ends = np.unique(np.linspace(0, run.samples, _CUTS + 1)[1:-1].astype(int))
-    rest = 1 - np.cumsum(power)[ends - 1] / max(float(power.sum()), np.finfo(float).tiny)
-    able = ends[(rest >= _MIN_SHARE * holdout) & (rest <= 1 - _MIN_SHARE * (1 - holdout))]
-    wanted = (1 - holdout) * run.samples
-    return int(able[np.argmin(np.abs(able - wanted))]) if able.size else None
+    def of(run: Signals) -> Signals:
+        assert run.inputs is not None
+        part = slice(int(first * run.samples), int(last * run.samples))
+        return replace(run, outputs=run.outputs[part], inputs=run.inputs[part])
+
+    return _of_runs(records, map(of, records.runs))
+
+
+def _shares(records: Records, holdout: float) -> Callable[[float, float], float]:
+    """Return the least share of the forces of any run between two fractions of its length."""
+    sums = []
+    for run in records.runs:
+        assert run.inputs is not None
+        u = run.inputs - np.median(run.inputs, axis=0)
+        power = np.sum(u**2 / np.maximum(np.mean(u**2, axis=0), np.finfo(float).tiny), axis=1)
+        sums.append(np.concatenate([[0.0], np.cumsum(power)]) / max(float(power.sum()), np.finfo(float).tiny))
+    return lambda first, last: float(min(s[int(last * (s.size - 1))] - s[int(first * (s.size - 1))] for s in sums))
 
 
 def _of_runs(records: Records, runs: Iterable[Signals]) -> Records:
@@ -305,22 +306,34 @@ def driven_outputs(model: StateSpace, u: RealArray) -> RealArray:
     return np.asarray((states @ (model.C @ V).T).real + u @ model.D.T)
 
 
-def free_run(model: StateSpace, y: RealArray, u: RealArray, fitted: slice) -> tuple[RealArray, RealArray]:
-    """Return what a model simulates from the inputs, (N, l), with first state and offset fitted to some samples; and the state (n,)."""
+class FreeRun(NamedTuple):
+    """What a model simulates from the inputs, (N, l), with the first state (n,) and the offset (l,) that fit best."""
+
+    outputs: RealArray
+    first: RealArray
+    offset: RealArray
+
+
+def free_run(model: StateSpace, y: RealArray, u: RealArray) -> FreeRun:
+    """Simulate a run from its inputs alone; first state and offset are least squares over the first samples, the offset over all."""
+    l, n = model.C.shape
     with np.errstate(all="ignore"):
         driven = driven_outputs(model, u)
-        if not np.all(np.isfinite(driven)):
-            return np.full_like(y, np.inf), np.zeros(model.order)
-    l, n = model.C.shape
-    rows = np.arange(len(y))[fitted][:_MAX_ROWS]
-    free = np.empty((len(y), l, n))
+    if not np.all(np.isfinite(driven)):
+        return FreeRun(np.full_like(y, np.inf), np.zeros(n), np.zeros(l))
+    rows = min(len(y), _MAX_ROWS)
+    free = np.empty((rows, l, n))
     power = np.array(model.C)
     for row in free:
         row[:] = power
         power = power @ model.A
-    columns = np.concatenate([free, np.broadcast_to(np.eye(l), (len(y), l, l))], axis=2)
-    theta = np.linalg.lstsq(columns[rows].reshape(-1, n + l), (y - driven)[rows].ravel(), rcond=None)[0]
-    return driven + columns @ theta, theta[:n]
+    columns = np.concatenate([free, np.broadcast_to(np.eye(l), (rows, l, l))], axis=2).reshape(-1, n + l)
+    first = np.linalg.lstsq(columns, (y - driven)[:rows].ravel(), rcond=None)[0][:n, None]
+    # a first state is a pulse at the first sample
+    start = StateSpace(A=model.A, B=model.A @ first, C=model.C, D=model.C @ first, dt=model.dt)
+    outputs = driven + driven_outputs(start, np.eye(len(y), 1))
+    offset = np.mean(y - outputs, axis=0)
+    return FreeRun(outputs + offset, first.ravel(), offset)
 
 
 def explained(y: Array, rebuilt: Array) -> RealArray:
@@ -331,26 +344,28 @@ def explained(y: Array, rebuilt: Array) -> RealArray:
     return np.where(np.isfinite(share), share, -np.inf)
 
 
-def validated(model: StateSpace, records: Records, held_out: tuple[slice, ...]) -> tuple[RealArray, RealArray, float]:
-    """Return the variance explained of held-out samples by free run and one step ahead, (l,) each, and how coloured the errors are."""
+def validated(model: StateSpace, records: Records) -> tuple[RealArray, RealArray, float]:
+    """Return the variance explained of records by free run and one step ahead, (l,) each, and how coloured the errors are."""
+    y, free, ahead = _rebuilt(model, records)
+    error = y - ahead
+    white = _colour(error) if np.all(np.isfinite(error)) else np.nan
+    return explained(y, free), explained(y, ahead) if model.gain is not None else np.full(y.shape[1], np.nan), white
+
+
+def _rebuilt(model: StateSpace, records: Records) -> tuple[RealArray, RealArray, RealArray]:
+    """Return all outputs of records without the mean of each run, their simulation, and predictions one step ahead (NaN without a gain)."""
     measured, free, ahead = [], [], []
-    for run, (y, u), held in zip(records.runs, _runs(records), held_out, strict=True):
-        if not len(y[held]):
+    for run, (y, u) in zip(records.runs, _runs(records), strict=True):
+        simulated, mean = free_run(model, y, u), np.mean(y, axis=0)
+        measured.append(y - mean)
+        free.append(simulated.outputs - mean)
+        if model.gain is None or not np.all(np.isfinite(simulated.outputs)):
+            ahead.append(np.full_like(y, np.nan))
             continue
-        fitted = slice(0, held.start) if held.start else slice(None)
-        simulated, first = free_run(model, y, u, fitted)
-        measured.append(y[held])
-        free.append(simulated[held])
-        if model.gain is not None:
-            offset = np.mean(y[fitted], axis=0) - np.mean(simulated[fitted], axis=0)
-            one = Signals(outputs=y - offset, inputs=u, sampling_rate=run.sampling_rate)
-            ahead.append(model.predict(one, first)[held] + offset)
-    y = np.concatenate(measured)
-    by_free = explained(y, np.concatenate(free))
-    if not ahead:
-        return by_free, np.full(y.shape[1], np.nan), np.nan
-    error = y - np.concatenate(ahead)
-    return by_free, explained(y, y - error), _colour(error)
+        one = Signals(outputs=y - simulated.offset, inputs=u, sampling_rate=run.sampling_rate)
+        with np.errstate(all="ignore"):
+            ahead.append(model.predict(one, simulated.first) + simulated.offset - mean)
+    return np.concatenate(measured), np.concatenate(free), np.concatenate(ahead)
 
 
 def simulated(model: StateSpace, record: Any) -> ModelValidation:
@@ -367,7 +382,7 @@ def simulated(model: StateSpace, record: Any) -> ModelValidation:
         asked = f"a record of {l} outputs and {m} inputs at {rate:g} Hz was asked"
         change = "Select the model's channels and resample to its rate; of a continuous model take to_discrete(dt)."
         raise DataError(asked, found, change)
-    free, one, colour = validated(model, records, tuple(slice(0, None) for _ in records.runs))
+    free, one, colour = validated(model, records)
     return ModelValidation(
         free_run=free, one_step=one, whiteness=colour, order=model.order, method="the model", held_out="the record"
     )
@@ -421,38 +436,46 @@ def _sampled(model: StateSpace, rate: float) -> StateSpace:
 
 
 class _Tried(NamedTuple):
+    """A way and an order with its models, one a fold; none where it failed."""
+
     candidate: Candidate
     way: dict[str, Any]
-    model: StateSpace | None
+    models: tuple[StateSpace, ...] = ()
+
+
+def _of_fold(
+    fold: _Fold, way: dict[str, Any], orders: list[int], options: dict[str, Any], stable: bool
+) -> dict[int, tuple[StateSpace, int]]:
+    """Return sampled models of one row by order with the poles that were mirrored; of lower orders where a short record asks it."""
+    try:
+        cuts = sweep(fold.fitted, orders=orders, deviations=False, **{**options, **way})
+        found = {}
+        for cut in cuts:
+            model, mirrored = deterministic(cuts.pipeline.matrix, cut.triple, cut.modal), 0
+            if stable:
+                model, mirrored, _ = stabilized(model, cuts.pipeline.response)
+            found[cut.order] = _sampled(model, fold.fitted.sampling_rate), mirrored
+        return found
+    except (DataError, ValueError, ArithmeticError):
+        if len(orders) < 2:
+            raise
+        return _of_fold(fold, way, orders[: len(orders) // 2], options, stable)
 
 
 def _tried(
-    name: str,
-    way: dict[str, Any],
-    records: Records,
-    parts: _Parts,
-    orders: list[int],
-    options: dict[str, Any],
-    stable: bool,
+    name: str, way: dict[str, Any], folds: list[_Fold], orders: list[int], options: dict[str, Any], stable: bool
 ) -> Iterator[_Tried]:
-    """Yield a candidate an order by one row, fitted to its part and simulated on the rest; to lower orders where short records ask it."""
+    """Yield a candidate an order by one row, fitted to the rest of each fold and simulated on what is held out."""
     try:
-        cuts = sweep(parts.fitted, orders=orders, deviations=False, **{**options, **way})
-        response = cuts.pipeline.response
-        for cut in cuts:
-            model = deterministic(cuts.pipeline.matrix, cut.triple, cut.modal)
-            mirrored = 0
-            if stable:
-                model, mirrored, _ = stabilized(model, response)
-            model = _sampled(model, records.sampling_rate)
-            free = float(np.mean(validated(model, records, parts.held_out)[0]))
-            yield _Tried(Candidate(name, cut.order, free, mirrored=mirrored), way, model)
+        by_fold = [_of_fold(fold, way, orders, options, stable) for fold in folds]
     except (DataError, ValueError, ArithmeticError) as error:
-        fewer = orders[: len(orders) // 2]
-        if fewer:
-            yield from _tried(name, way, records, parts, fewer, options, stable)
-            return
-        yield _Tried(Candidate(name, 0, failure=" ".join(str(error).split())), way, None)
+        yield _Tried(Candidate(name, 0, failure=" ".join(str(error).split())), way)
+        return
+    for order in sorted(set.intersection(*(set(found) for found in by_fold))):
+        models = tuple(found[order][0] for found in by_fold)
+        free = [np.mean(validated(m, fold.tested)[0]) for m, fold in zip(models, folds, strict=True)]
+        mirrored = max(found[order][1] for found in by_fold)
+        yield _Tried(Candidate(name, order, float(np.mean(free)), mirrored=mirrored), way, models)
 
 
 def _of_records(
@@ -464,78 +487,75 @@ def _of_records(
     stable: bool,
     holdout: float,
 ) -> RealizedModel:
-    parts = _parts(records, holdout)
+    folds, words = _folds(records, holdout)
     options = {k: v for k, v in choice.items() if k not in ("method", "route", "domain") and v is not None}
     orders = [order] if order else [*range(2, _FINE_ORDERS + 1, 2), *range(_FINE_ORDERS + 4, _MAX_ORDER + 1, 4)]
-    tried = [
-        one
-        for name, way in _ways(records, choice).items()
-        for one in _tried(name, way, records, parts, orders, options, stable)
-    ]
-    found = [t for t in tried if t.model is not None and np.isfinite(t.candidate.free_run)]
+    ways = _ways(records, choice)
+    tried = [one for name, way in ways.items() for one in _tried(name, way, folds, orders, options, stable)]
+    found = [t for t in tried if np.isfinite(t.candidate.free_run)]
     if not found:  # nothing can be fitted to a part: what identify finds in all, or its error
         return _of_one(records, order, choice, stable=stable)
-    best, validation = _best(found, tried, records, parts)
+    best = _best(found)
+    validation = _validation(best, tried, folds, words)
     model, said = _again(best, records, options, stable=stable)
-    first = [free_run(model, y, u, slice(None))[1] for y, u in _runs(records)]
+    first = [free_run(model, y, u).first for y, u in _runs(records)]
     warning = _warnings(validation, asked=choice.get("route"))
     return RealizedModel(
         **_fields(model), notes=(*notes, *said, *warning), validation=validation, initial_states=np.array(first)
     )
 
 
-def _best(found: list[_Tried], tried: list[_Tried], records: Records, parts: _Parts) -> tuple[_Tried, ModelValidation]:
-    """Return the candidate of the best one-step prediction among those whose free run is within half a per cent of the best."""
-    top = max(t.candidate.free_run for t in found)
-    near = [t for t in found if t.candidate.free_run >= top - _EQUAL]
-    fewest = {
-        name: min((t for t in near if t.candidate.how == name), key=lambda t: t.candidate.order)
-        for name in {t.candidate.how for t in near}
-    }
-    judged = []
-    for t in sorted(fewest.values(), key=lambda t: t.candidate.how):
-        assert t.model is not None
-        free, one, colour = validated(with_innovations(t.model, parts.fitted), records, parts.held_out)
-        judged.append((t, free, one, colour))
-    best = max(judged, key=lambda j: (np.nan_to_num(np.mean(j[2]), nan=-np.inf), -j[0].candidate.order))
-    t, free, one, colour = best
-    with_ahead = {id(j[0]): float(np.mean(j[2])) for j in judged}
-    candidates = tuple(c.candidate._replace(one_step=with_ahead.get(id(c), np.nan)) for c in tried)
-    validation = ModelValidation(
-        free_run=free,
-        one_step=one,
-        whiteness=colour,
-        order=t.candidate.order,
-        method=t.candidate.how,
-        candidates=candidates,
-        held_out=parts.words,
+def _best(found: list[_Tried]) -> _Tried:
+    """Return the candidate that simulates best, with the fewest states of its row that are as good."""
+    top = max(found, key=lambda t: t.candidate.free_run)
+    same = [t for t in found if t.candidate.how == top.candidate.how]
+    return min(
+        (t for t in same if t.candidate.free_run >= top.candidate.free_run - _EQUAL), key=lambda t: t.candidate.order
     )
-    return t, validation
+
+
+def _validation(best: _Tried, tried: list[_Tried], folds: list[_Fold], words: str) -> ModelValidation:
+    parts = [
+        _rebuilt(with_innovations(model, fold.fitted), fold.tested)
+        for model, fold in zip(best.models, folds, strict=True)
+    ]
+    y, free, ahead = (np.concatenate([part[k] for part in parts]) for k in range(3))
+    error = y - ahead
+    return ModelValidation(
+        free_run=explained(y, free),
+        one_step=explained(y, ahead) if np.all(np.isfinite(ahead)) else np.full(y.shape[1], np.nan),
+        whiteness=_colour(error) if np.all(np.isfinite(error)) else np.nan,
+        order=best.candidate.order,
+        method=best.candidate.how,
+        candidates=tuple(t.candidate for t in tried),
+        held_out=words,
+    )
 
 
 def _again(
     best: _Tried, records: Records, options: dict[str, Any], *, stable: bool
 ) -> tuple[StateSpace, tuple[Note, ...]]:
-    """Return the model of all records by the way that was best; that of the part where all together give a worse one."""
+    """Return the model of all records by the way that was best; that of a part where it explains all records better."""
+    whole: list[tuple[StateSpace, tuple[Note, ...]]] = []
     try:
         found = identify(records, order=best.candidate.order, deviations=False, **{**options, **best.way})
         model, notes = found.state_space, found.notes
         if stable:
             model, _, said = stabilized(model, found.response)
             notes = (*notes, *said)
-        model = with_innovations(_sampled(model, records.sampling_rate), records)
-        whole = tuple(slice(0, None) for _ in records.runs)
-        if best.model is not None:
-            both = [float(np.mean(validated(m, records, whole)[0])) for m in (model, best.model)]
-            if both[1] > both[0] + _EQUAL:
-                text = f"fitted to a part alone, which explains {both[1]:.1f} % of all records; a fit to all explains {both[0]:.1f} %"
-                return with_innovations(best.model, records), (*notes, Note("fitted part", {}, text))
-        return model, notes
+        whole.append((_sampled(model, records.sampling_rate), notes))
     except DataError as error:
-        assert best.model is not None
-        return with_innovations(best.model, records), (
-            Note("fitted part", {}, f"fitted to a part alone: {error.found}"),
-        )
+        notes = (Note("fitted part", {}, f"all records together were refused: {error.found}"),)
+    text = Note(
+        "fitted part", {}, "fitted to a part of the records, which explains all of them better than a fit to all"
+    )
+    whole += [(model, (*notes, text)) for model in best.models]
+    scores = [
+        float(np.mean(validated(replace(m, gain=None, innovation_covariance=None), records)[0])) for m, _ in whole
+    ]
+    scores[0] += _EQUAL  # a fit to all is preferred
+    model, notes = whole[int(np.argmax(scores))]
+    return with_innovations(model, records), notes
 
 
 def _warnings(validation: ModelValidation, asked: str | None) -> tuple[Note, ...]:
