@@ -79,8 +79,8 @@ def shape_misfit(shape: ComplexArray, found: Found) -> tuple[RealArray, RealArra
     return np.clip(1 - mac, 0, 1), np.maximum(both - 1, 0)
 
 
-def _log_shapes(expected: Expected, found: Found, spoilt: float) -> RealArray:
-    """Return the log of p(shape | track) / p(shape | none): normal around the shape over even on all directions, (T, n).
+def _log_shapes(expected: Expected, found: Found) -> tuple[RealArray, RealArray]:
+    """Return the log of p(shape | track) / p(shape | none), (T, n), of shapes that scatter, and of spoilt ones.
 
     k free complex components of variances s_i have the density prod exp(-|c_i|^2 / s_i) / (pi s_i), and all directions k! / pi^k. The
     MAC of a spoilt shape may be anything, evenly: of all directions it has the density k (1 - MAC)^(k - 1).
@@ -92,11 +92,9 @@ def _log_shapes(expected: Expected, found: Found, spoilt: float) -> RealArray:
     log_normal = (
         -turned / v - (misfit - turned) / s - np.log(v / s) - free * np.log(s) - _LOG_FACTORIAL[free.astype(int)]
     )
-    if spoilt:
-        away = np.maximum(misfit, np.minimum(free * s, 1))
-        log_even = np.log(spoilt) - np.log(np.maximum(free, 1)) - (free - 1) * np.log(away)
-        log_normal = np.logaddexp(log_normal + np.log1p(-spoilt), log_even)
-    return np.where(free > 0, log_normal, 0.0)
+    log_even = -np.log(np.maximum(free, 1)) - (free - 1) * np.log(np.maximum(misfit, np.minimum(free * s, 1)))
+    # where no shape was measured none can be spoilt
+    return np.where(free > 0, log_normal, 0.0), np.where(free > 0, log_even, -np.inf)
 
 
 def noise_of(expected: Expected, stated: RealArray) -> RealArray:
@@ -105,22 +103,32 @@ def noise_of(expected: Expected, stated: RealArray) -> RealArray:
 
 
 def gains(expected: Expected, found: Found, nothing: Nothing, spoilt: float = SPOILT) -> RealArray:
-    """Return the log likelihood ratio of every mode for every track, (T, n). `spoilt`: part that may be anything; 0: none."""
+    """Return the log likelihood ratio of every mode for every track, (T, n). `spoilt`: part that may be anything; 0: none.
+
+    The frequency of a mode may be spoilt, or its shape: where both are, nothing says that it is the mode.
+    """
     noise = np.where(expected.believed[:, None] & np.isfinite(found.noise), found.noise, expected.noise[:, None])
-    S = expected.variance[:, None] + noise
     away = (found.level - expected.level[:, None]) ** 2
-    log_f = -away / (2 * S) - 0.5 * np.log(S) + np.log1p(-spoilt)
+    shape, other_shape = _log_shapes(expected, found)
+    log_fu = _log_normal(away, expected.variance[:, None] + noise) + shape
     if spoilt:
-        W = expected.variance[:, None] + _WIDER**2 * noise
-        log_f = np.logaddexp(log_f, -away / (2 * W) - 0.5 * np.log(W) + np.log(spoilt))
-    log_f = log_f - 0.5 * np.log(2 * np.pi) + np.log(nothing.frequencies)
+        wide = _log_normal(away, expected.variance[:, None] + _WIDER**2 * noise) + shape
+        log_fu = log_fu + np.log1p(-2 * spoilt)
+        log_fu = np.logaddexp(log_fu, wide + np.log(spoilt))
+        log_fu = np.logaddexp(
+            log_fu, _log_normal(away, expected.variance[:, None] + noise) + other_shape + np.log(spoilt)
+        )
     Z = expected.damping_variance[:, None]
-    off = (found.damping - expected.damping[:, None]) ** 2 / Z
-    log_z = -off / 2 - 0.5 * np.log(2 * np.pi * Z) + np.log(nothing.dampings) + np.log1p(-SPOILT)
+    log_z = (
+        _log_normal((found.damping - expected.damping[:, None]) ** 2, Z) + np.log(nothing.dampings) + np.log1p(-SPOILT)
+    )
     log_z = np.where(np.isnan(log_z), 0.0, np.logaddexp(np.nan_to_num(log_z), np.log(SPOILT)))
-    log_u = _log_shapes(expected, found, spoilt)
     chance = np.log(expected.seen) - np.log1p(-expected.seen)
-    return np.asarray(log_f + log_z + log_u + chance[:, None] - np.log(nothing.number))
+    return np.asarray(log_fu + np.log(nothing.frequencies) + log_z + chance[:, None] - np.log(nothing.number))
+
+
+def _log_normal(square: RealArray, variance: RealArray) -> RealArray:
+    return np.asarray(-square / (2 * variance) - 0.5 * np.log(2 * np.pi * variance))
 
 
 def marginals(gain: RealArray) -> RealArray:
