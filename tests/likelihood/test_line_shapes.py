@@ -1,6 +1,8 @@
-"""Shapes from the lines of a record: overlaid ones are estimated, all others stay as they are."""
+"""Shapes from the lines of a record, their deviations, and those that stay as they are."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from modalscope.data import ModalModel, Signals
 from modalscope.functions.poles import poles_from
 from modalscope.likelihood.line_shapes import line_shapes
 from modalscope.modal.indicators import mac
+from tests.judging.any_ambient import Truth, made
 from tests.judging.dominated import hidden_modes
 
 F, ZETA = np.array([1.0, 1.5]), np.array([0.01, 0.01])
@@ -30,34 +33,67 @@ def started(bad: float) -> ModalModel:
 def test_a_shape_that_a_stronger_mode_spoilt_is_found_again() -> None:
     modes = started(2.0)
     before = mac(modes.shapes[:, 1:], SHAPES[:, 1:].astype(complex))[0, 0]
-    found = line_shapes(pair(0.05), modes)
+    found = line_shapes(pair(0.05), modes).shapes
     assert before < 0.5
     assert mac(found[:, 1:], SHAPES[:, 1:].astype(complex))[0, 0] > 0.85
-    assert np.array_equal(found[:, 0], modes.shapes[:, 0])  # nothing overlays the strong one
+    assert mac(found[:, :1], SHAPES[:, :1].astype(complex))[0, 0] > 0.999
 
 
-def test_shapes_of_modes_that_stand_apart_stay_to_the_last_bit() -> None:
-    modes = started(0.1)
-    assert np.array_equal(line_shapes(pair(1.0), modes), modes.shapes)
+def test_a_wrong_shape_of_a_mode_that_stands_apart_is_found_again() -> None:
+    found = line_shapes(pair(1.0), started(2.0)).shapes
+    assert mac(found[:, 1:], SHAPES[:, 1:].astype(complex))[0, 0] > 0.99
 
 
-@pytest.mark.parametrize(("part", "stays"), [(0.1, True), (0.4, False)])
-def test_a_fifth_of_its_own_power_overlays_a_mode(part: float, stays: bool) -> None:
+@pytest.mark.parametrize(("part", "stays"), [(0.005, True), (0.02, False)])
+def test_what_is_complex_stays_where_others_have_less_than_a_hundredth_of_the_power(part: float, stays: bool) -> None:
     """Its power is known by some twenty lines, to a quarter: both sides of the limit are twice as far."""
     r, z = F[1] / F[0], ZETA[0]
     skirt = (2 * z * r**2) ** 2 / ((1 - r**2) ** 2 + (2 * z * r) ** 2)
     # RMS^2 is the power at the peak times its width, f zeta
     ratio = np.sqrt(skirt / part * F[1] / F[0] * np.sum(SHAPES[:, 0] ** 2) / np.sum(SHAPES[:, 1] ** 2))
-    modes = started(0.2)
-    assert np.array_equal(line_shapes(pair(float(ratio)), modes)[:, 1], modes.shapes[:, 1]) == stays
+    modes = started(0.0)
+    turned = replace(modes, shapes=modes.shapes + 0.2j * modes.shapes[::-1])
+    assert np.any(line_shapes(pair(float(ratio)), turned).shapes[:, 1].imag) == stays
+
+
+def test_shapes_stay_where_a_strong_mode_is_missing_in_the_list() -> None:
+    weak = started(2.0).take(np.array([1]))
+    found = line_shapes(pair(0.02), weak)
+    assert mac(found.shapes, weak.shapes)[0, 0] == pytest.approx(1, abs=1e-12)
+    assert np.linalg.norm(found.deviations) > 0.3 * np.linalg.norm(found.shapes)  # the lines have another one
+
+
+def test_deviations_are_the_scatter_of_shapes() -> None:
+    """Errors across a shape are sums of two squares: forty records tell their mean to a sixth."""
+    errors, stated = [], []
+    for seed in range(40):
+        record = hidden_modes(np.random.default_rng(seed), F, ZETA, SHAPES, np.array([1.0, 0.3]), 20.0).record
+        found = line_shapes(record, started(0.0))
+        shapes, true = found.shapes.real, SHAPES / np.linalg.norm(SHAPES, axis=0)
+        length = np.linalg.norm(shapes, axis=0)
+        across = shapes / length - true * np.einsum("aj,aj->j", shapes / length, true)
+        errors.append(np.sum(across**2, axis=0))
+        stated.append(np.sum((found.deviations / length) ** 2, axis=0))
+    ratio = np.mean(errors, axis=0) / np.mean(stated, axis=0)
+    assert np.all(np.abs(ratio - 1) < 0.5)
+
+
+def test_forces_that_are_correlated_do_not_bias_a_shape() -> None:
+    rng = np.random.default_rng(6)
+    forces = np.array([[1.0, 0.0], [0.9, np.sqrt(1 - 0.81)]])
+    truth = Truth(np.array([1.0, 1.05]), np.array([0.02, 0.02]), SHAPES, forces, np.zeros(3), 10.0, 60_000)
+    y, _ = made(rng, truth, 0.01)
+    modes = ModalModel(poles=poles_from(truth.frequencies, truth.damping_ratios), shapes=SHAPES.astype(complex))
+    found = line_shapes(Signals(outputs=y, sampling_rate=10.0), modes).shapes
+    assert np.all(mac(found, SHAPES.astype(complex)).diagonal() > 0.995)
 
 
 def test_units_of_channels_do_not_matter() -> None:
     record, units = pair(0.02), np.array([1.0, 1e3, 1e-3])
     modes = started(2.0)
     scaled = ModalModel(poles=modes.poles, shapes=modes.shapes * units[:, None])
-    one = line_shapes(record, modes)
-    two = line_shapes(Signals(outputs=record.outputs * units, sampling_rate=20.0), scaled)
+    one = line_shapes(record, modes).shapes
+    two = line_shapes(Signals(outputs=record.outputs * units, sampling_rate=20.0), scaled).shapes
     assert mac(two / units[:, None], one).diagonal() == pytest.approx(1, abs=1e-6)
 
 
@@ -65,5 +101,5 @@ def test_a_machine_beside_a_mode_is_avoided() -> None:
     record, modes = pair(0.05), started(2.0)
     t = np.arange(record.samples) / 20.0
     loud = record.outputs + np.outer(np.sin(2 * np.pi * 1.51 * t), [1.0, 0.0, 0.0])
-    found = line_shapes(Signals(outputs=loud, sampling_rate=20.0), modes, [(1.51, 0.004)])
+    found = line_shapes(Signals(outputs=loud, sampling_rate=20.0), modes, [(1.51, 0.004)]).shapes
     assert mac(found[:, 1:], SHAPES[:, 1:].astype(complex))[0, 0] > 0.85

@@ -209,9 +209,14 @@ def usable_orders(diagram: StabilizationDiagram) -> tuple[tuple[int, ...], float
 
     Higher orders fit noise only.
     """
-    enough = sufficient_order(diagram)
-    orders = tuple(n for n in diagram.orders if n <= max(2 * enough, enough + _MIN_FURTHER_ORDERS))
+    last = usable_up_to(sufficient_order(diagram))
+    orders = tuple(n for n in diagram.orders if n <= last)
     return orders, float(diagram.fit_errors[: len(orders)].min())
+
+
+def usable_up_to(enough: int) -> int:
+    """Return the last usable order where `enough` is sufficient."""
+    return max(2 * enough, enough + _MIN_FURTHER_ORDERS)
 
 
 def still_falls(diagram: StabilizationDiagram) -> bool:
@@ -223,6 +228,16 @@ def still_falls(diagram: StabilizationDiagram) -> bool:
     return bool(last > _MIN_FIT_ERROR and last < (1 - _MIN_FALL) * errors[~late].min())
 
 
+def ends_too_soon(diagram: StabilizationDiagram) -> bool:
+    """Return whether more orders may show more modes: usable ones are missing, or, unless data are correlations, the fit error falls.
+
+    Errors of estimation are part of a correlation: its fit error falls slowly in any case.
+    """
+    if diagram.response.ambient:
+        return diagram.exact_rank is None and usable_up_to(sufficient_order(diagram)) > diagram.orders[-1]
+    return still_falls(diagram)
+
+
 #: Kind of the notes that modes may be missing because the orders end too soon.
 ORDERS_END = "orders end"
 
@@ -231,14 +246,14 @@ _MAX_DOUBLINGS, _MAX_FINE_ORDER = 2, 100
 
 
 def grown(found: StabilizationDiagram, again: Callable[[Iterable[int]], StabilizationDiagram]) -> StabilizationDiagram:
-    """Double the orders of a diagram while the fit error still falls, and note where they end first.
+    """Double the orders of a diagram while they end too soon, and note where they still do.
 
     `found`: at the default orders. `again`: computes the diagram of other orders.
     """
-    if found.response.ambient or not found.response.separable:
+    if not found.response.separable:
         return found
     for _ in range(_MAX_DOUBLINGS):
-        if not still_falls(found):
+        if not ends_too_soon(found):
             return found
         top = 2 * found.orders[-1]
         room = found.response.max_states
@@ -246,9 +261,10 @@ def grown(found: StabilizationDiagram, again: Callable[[Iterable[int]], Stabiliz
             break
         step = 2 if top <= _MAX_FINE_ORDER else 4
         found = again(range(step, top + 1, step))
-        text = f"orders extended to {top}: the fit error still fell at {top // 2}"
+        why = "usable orders ended" if found.response.ambient else "the fit error still fell"
+        text = f"orders extended to {top}: {why} at {top // 2}"
         found = replace(found, notes=(*found.notes, Note("orders grew", {"largest": top}, text)))
-    if still_falls(found):
+    if not found.response.ambient and still_falls(found):
         last = found.orders[-1]
         text = f"The fit error still falls at order {last}: modes may be missing. Give more orders, or narrower bands"
         found = replace(found, notes=(*found.notes, Note(ORDERS_END, {"largest": last}, text)))

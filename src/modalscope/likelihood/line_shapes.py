@@ -1,4 +1,4 @@
-"""Estimate mode shapes of an ambient record once more on its own lines, where stronger modes lie over them, with all poles fixed."""
+"""Estimate mode shapes of an ambient record once more on its own lines, with all poles fixed, and what is not known of them."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from modalscope.preprocess.spectra import Spectrum
 #: A shape is estimated from the lines within this many half bandwidths; the noise from those in this range of half bandwidths.
 _SHAPE_HALF_BANDWIDTHS, _NOISE_HALF_BANDWIDTHS = 6.0, (1.5, 5.0)
 
-#: A shape is kept where all other modes together have less than this fraction of its power at its frequency: correlated forces, which
-#: the model lacks, would change it more.
-_MIN_OVERLAP = 0.2
+#: A shape is real where all other modes together have this fraction of its power at its frequency or more: forces that are correlated
+#: with theirs add up to that part of its squared length in quadrature.
+_MAX_OVERLAP = 0.01
 
 #: Rounds over all modes, and steps of expectation and maximization for each.
 _ROUNDS, _STEPS_PER_MODE = 2, 10
@@ -32,27 +32,61 @@ _MIN_NOISE = 1e-8
 #: Minimum initial power of a mode, relative to the power of its lines in its shape.
 _MIN_POWER = 0.05
 
+#: Modes whose forces may be correlated with those of a mode: at most so many, with this part of its power on its lines at least; and the
+#: largest correlation.
+_MAX_BESIDE, _MIN_POWER_BESIDE, _MAX_CORRELATION = 4, 1e-3, 0.98
+
+#: Maximum number of passes over the modes that moved by more than this part of a deviation, or beside which others did; scoring steps of
+#: each mode, and times that a step is shortened; damping at first, after a failed step at least, and its factors.
+_MAX_PASSES, _SETTLED, _SCORING_STEPS, _MAX_SHORTENED = 8, 0.5, 2, 5
+_FIRST_DAMPING, _FAILED_DAMPING, _GROWTH, _FALL = 1e-3, 1e-2, 10.0, 0.2
+
+#: Squared correlations of spectral lines 0, 1 and 2 apart under a Hann window: each line stands for one over their sum, both sides counted.
+_CORRELATED_LINES = np.array([1.0, 2 / 3, 1 / 6]) ** 2
+
+#: A shape stays as it is where the mean square of the whitened lines exceeds this: something is on them that is no mode of the list. Of 455
+#: modes of random records, in half of which the strongest mode was missing, lines gave the better shapes below and fits above it.
+_MAX_MISFIT = 10.0
+
 
 class _Lines(NamedTuple):
-    """Lines of a record, channels at a root mean square of one: transforms Y (R, F, l), Hz (F,), powers |h|^2 of all modes (n, F)."""
+    """Lines of a record, channels at a root mean square of one: transforms Y (R, F, l), Hz (F,), responses h of all modes (n, F)."""
 
     Y: ComplexArray
     frequencies: RealArray
-    powers: RealArray
+    responses: ComplexArray
+
+    @property
+    def powers(self) -> RealArray:
+        """|h|^2, (n, F)."""
+        return np.asarray(np.abs(self.responses) ** 2)
 
 
-def line_shapes(record: Signals, modes: ModalModel, avoided: Sequence[tuple[float, float]] = ()) -> ComplexArray:
-    """Return the shapes of modes (l, n): those that other modes overlay as the lines of the record have them, all others as they are.
+class LineShapes(NamedTuple):
+    """Shapes (l, n), and the standard deviations of their components, NaN where lines are too few to tell."""
 
-    Lines are Y = sum_j h_j phi_j a_j + e under independent white modal forces a_j, with h = 2 zeta r^p / (1 - r^2 + 2 i zeta r),
-    r = f / f_j, p = 0, 1, 2 of displacement, velocity and acceleration. For one mode at a time, the strongest first, with E the spectral
-    matrix of all others and of the noise and P = |h|^2, ten steps of
+    shapes: ComplexArray
+    deviations: RealArray
+
+
+def line_shapes(record: Signals, modes: ModalModel, avoided: Sequence[tuple[float, float]] = ()) -> LineShapes:
+    """Return the shapes of modes as the lines of the record have them.
+
+    Lines are Y = sum_j h_j phi_j a_j + e under white modal forces a_j, with h = 2 zeta r^p / (1 - r^2 + 2 i zeta r), r = f / f_j,
+    p = 0, 1, 2 of displacement, velocity and acceleration, and real phi_j. For one mode at a time, the strongest first, with E the
+    spectral matrix of all others and of the noise and P = |h|^2, ten steps of
 
         v = 1 / (phi' E^-1 phi),  q = v phi' E^-1 Y,  m = q P / (P + v),  p = |m|^2 + P v / (P + v),
         phi = (sum p E^-1)^-1 Re sum E^-1 Y m*
 
-    are those of expectation and maximization of Whittle's likelihood by phi. Noise is independent from channel to channel, its size the
-    smallest eigenvalue of the normed spectral matrix beside the mode.
+    are those of expectation and maximization of Whittle's likelihood by phi, with uncorrelated forces. From there Fisher scoring by phi
+    and by the correlations of its force with those of the modes that are strongest on its lines, which are real where forces act at one
+    time, leads to the maximum. The covariance of phi is the inverse of the information there times the misfit where that exceeds one; what
+    only the size of the mode has is no error of its shape. Noise is independent from channel to channel, its size the smallest
+    eigenvalue of the normed spectral matrix beside the mode.
+
+    What is complex in the given shape stays where other modes hardly overlay it. A given shape stays where the misfit says that there is
+    more on the lines than the modes; what the two shapes differ by is then part of its deviation.
 
     `avoided`: frequencies and half widths (Hz) of lines that are no random vibration.
     """
@@ -60,13 +94,49 @@ def line_shapes(record: Signals, modes: ModalModel, avoided: Sequence[tuple[floa
     size = np.sqrt(np.mean(np.abs(lines.Y) ** 2, axis=(0, 1)))
     size = np.where(size > 0, size, 1.0)
     lines = lines._replace(Y=lines.Y / size)
-    shapes = _with_power(lines, modes, modes.shapes / size[:, None])
-    before = shapes.copy()
+    given = _turned_real(modes.shapes / size[:, None])
+    shapes = _with_power(lines, modes, given.real)
     for _ in range(_ROUNDS):
-        for j in np.argsort(-np.linalg.norm(shapes, axis=0)):
-            shapes[:, j] = _estimated(lines, modes, shapes, int(j))
-    changed = _overlaid(lines, modes, shapes) & np.any(shapes != before, axis=0)
-    return np.asarray(np.where(changed, shapes * size[:, None], modes.shapes))
+        for j in _strongest_first(shapes):
+            shapes[:, j] = _estimated(lines, modes, shapes, j)
+    shapes, deviations, misfits = _at_maximum(lines, modes, shapes)
+    length = np.einsum("aj,aj->j", given.real, shapes)
+    fitted = given * length
+    found = shapes + 1j * np.where(_overlaid(lines, modes, shapes), 0.0, fitted.imag)
+    strange = misfits > _MAX_MISFIT
+    deviations = np.where(strange, np.hypot(deviations, fitted.real - shapes), deviations)
+    known = np.isfinite(misfits) & (length != 0)
+    return LineShapes(
+        np.where(known, np.where(strange, fitted, found) * size[:, None], modes.shapes),
+        np.where(known, deviations * size[:, None], np.nan),
+    )
+
+
+def _at_maximum(lines: _Lines, modes: ModalModel, shapes: RealArray) -> tuple[RealArray, RealArray, RealArray]:
+    """Return shapes and their deviations where every mode's lines are most likely given all others, and the misfits (n,), NaN unknown."""
+    forces, deviations, misfits = np.eye(len(modes)), np.full(shapes.shape, np.nan), np.full(len(modes), np.nan)
+    depends = np.eye(len(modes), dtype=bool)
+    moved = np.ones(len(modes), dtype=bool)
+    for _ in range(_MAX_PASSES):
+        before = shapes
+        for j in _strongest_first(shapes):
+            found = _scored(lines, modes, shapes, forces, j) if np.any(moved & depends[j]) else None
+            if found is not None:
+                shapes, forces = found.shapes, found.forces
+                depends[j, found.beside] = True
+                deviations[:, j], misfits[j] = found.deviations, found.misfit
+        moved = np.any(np.abs(shapes - before) > _SETTLED * deviations, axis=0)
+    return shapes, deviations, misfits
+
+
+def _strongest_first(shapes: RealArray) -> list[int]:
+    return [int(j) for j in np.argsort(-np.linalg.norm(shapes, axis=0))]
+
+
+def _turned_real(shapes: ComplexArray) -> ComplexArray:
+    """Return shapes turned to be as real as they can, their real parts of length one."""
+    turned = shapes * np.exp(-0.5j * np.angle(np.sum(shapes**2, axis=0)))
+    return np.asarray(turned / np.linalg.norm(turned.real, axis=0))
 
 
 def _lines_of(record: Signals, modes: ModalModel, avoided: Sequence[tuple[float, float]]) -> _Lines:
@@ -79,14 +149,11 @@ def _lines_of(record: Signals, modes: ModalModel, avoided: Sequence[tuple[float,
     zeta = modes.damping_ratios[:, None]
     power = QUANTITIES.get(record.quantity or "acceleration", 2)
     h = 2 * zeta * r**power / (1 - r**2 + 2j * zeta * r)
-    return _Lines(spectrum.lines[:, kept], np.asarray(f[kept], dtype=np.float64), np.asarray(np.abs(h) ** 2))
+    return _Lines(spectrum.lines[:, kept], np.asarray(f[kept], dtype=np.float64), np.asarray(h))
 
 
-def _with_power(lines: _Lines, modes: ModalModel, shapes: ComplexArray) -> RealArray:
-    """Return real shapes whose lengths are the roots of the power of the modal forces, each given the stronger ones."""
-    angle = np.angle(np.sum(shapes**2, axis=0)) / 2
-    real = (shapes * np.exp(-1j * angle)).real
-    real = real / np.linalg.norm(real, axis=0)
+def _with_power(lines: _Lines, modes: ModalModel, real: RealArray) -> RealArray:
+    """Return shapes whose lengths are the roots of the power of the modal forces, each given the stronger ones."""
     own = [_within(lines, f, 0.0, f * z) for f, z in zip(modes.frequencies, modes.damping_ratios, strict=True)]
     seen = [
         float(np.mean(np.abs(lines.Y[:, k] @ phi) ** 2)) if k.size else 0.0 for k, phi in zip(own, real.T, strict=True)
@@ -109,7 +176,7 @@ def _overlaid(lines: _Lines, modes: ModalModel, shapes: RealArray) -> BoolArray:
     at = np.clip(np.searchsorted(lines.frequencies, modes.frequencies), 0, len(lines.frequencies) - 1)
     there = power[:, None] * lines.powers[:, at]
     own = np.diag(there).copy()
-    return np.asarray(there.sum(axis=0) - own >= _MIN_OVERLAP * own)
+    return np.asarray(there.sum(axis=0) - own >= _MAX_OVERLAP * own)
 
 
 def _within(lines: _Lines, f: float, near: float, far: float) -> IntArray:
@@ -120,9 +187,10 @@ def _within(lines: _Lines, f: float, near: float, far: float) -> IntArray:
 
 
 class _Near(NamedTuple):
-    """Lines of one mode `own` (f,), E^-1 of all others and of the noise there (f, l, l), and E^-1 Y (R, f, l)."""
+    """Lines of one mode `own` (f,), noise (l,), E^-1 of all others and of the noise there (f, l, l), and E^-1 Y (R, f, l)."""
 
     own: IntArray
+    noise: RealArray
     inverse: RealArray
     weighted: ComplexArray
 
@@ -137,8 +205,9 @@ def _near(lines: _Lines, modes: ModalModel, shapes: RealArray, j: int) -> _Near 
     )
     if len(lines.Y) * min(own.size, beside.size) < max(_MIN_LINES, 2 * outputs):
         return None
-    inverse = _inverse_of_others(lines, shapes, j, own, _noise(lines.Y[:, beside].reshape(-1, outputs)))
-    return _Near(own, inverse, np.einsum("fab,rfb->rfa", inverse, lines.Y[:, own]))
+    noise = _noise(lines.Y[:, beside].reshape(-1, outputs))
+    inverse = _inverse_of_others(lines, shapes, j, own, noise)
+    return _Near(own, noise, inverse, np.einsum("fab,rfb->rfa", inverse, lines.Y[:, own]))
 
 
 def _estimated(lines: _Lines, modes: ModalModel, shapes: RealArray, j: int) -> RealArray:
@@ -171,3 +240,114 @@ def _inverse_of_others(lines: _Lines, shapes: RealArray, j: int, own: IntArray, 
     powers = np.delete(lines.powers, j, axis=0)[:, own]
     E = np.einsum("ak,kf,bk->fab", others, powers, others, optimize=True) + np.diag(noise)
     return np.asarray(np.linalg.inv(E))
+
+
+# ------------------------------------------------------------------------------------------------------------- scoring
+
+
+class _Scored(NamedTuple):
+    """All shapes and correlations of forces with those of one mode at the maximum, the modes beside it, its deviations, and the misfit."""
+
+    shapes: RealArray
+    forces: RealArray
+    beside: list[int]
+    deviations: RealArray
+    misfit: float
+
+
+class _Spectral(NamedTuple):
+    """S = A R A* + N on the lines of a mode, A = [phi_k h_k]: L^-1, L^-1 A and L^-1 A R with S = L L*, L^-1 Y, and -log p."""
+
+    root: ComplexArray
+    sides: ComplexArray
+    driven: ComplexArray
+    whitened: ComplexArray
+    cost: float
+
+
+class _Lobe(NamedTuple):
+    """What is held while one mode is scored: its lines Y (R, f, l), h of all modes there (f, n), noise (l,), itself, those beside it."""
+
+    Y: ComplexArray
+    h: ComplexArray
+    noise: RealArray
+    mode: int
+    beside: list[int]
+
+    def spectral(self, shapes: RealArray, forces: RealArray) -> _Spectral | None:
+        """Return S at shapes (l, n) and correlations (n, n); None where it is not positive definite."""
+        A = shapes * self.h[:, None, :]
+        driven = A @ forces
+        try:
+            L = np.linalg.cholesky(driven @ A.conj().swapaxes(1, 2) + np.diag(self.noise))
+        except np.linalg.LinAlgError:
+            return None
+        root: ComplexArray = np.asarray(np.linalg.inv(L), dtype=np.complex128)
+        x = np.einsum("fab,rfb->rfa", root, self.Y)
+        logs = 2 * len(self.Y) * float(np.log(np.einsum("faa->fa", L).real).sum())
+        return _Spectral(root, root @ A, root @ driven, x, logs + float(np.sum(np.abs(x) ** 2)))
+
+    def equations(self, at: _Spectral) -> tuple[RealArray, RealArray]:
+        """Return Fisher's information and the score of phi and of the correlations, (p, p) and (p,).
+
+        Every derivative of S is u v* + v u*: of a component of phi u = e_a h and v a column of A R, of a correlation u and v are columns
+        of A. The information is the sum of 2 Re (v* S^-1 u)(v* S^-1 u)' + (v* S^-1 v)(u* S^-1 u), the score of
+        2 Re (u* S^-1 y)(y* S^-1 v) - u* S^-1 v.
+        """
+        l, j = at.root.shape[1], self.mode
+        own, column = at.root * self.h[:, j, None, None], at.sides[:, :, j : j + 1]
+        u = np.concatenate([own, np.repeat(column, len(self.beside), axis=2)], axis=2)
+        v = np.concatenate([np.repeat(at.driven[:, :, j : j + 1], l, axis=2), at.sides[:, :, self.beside]], axis=2)
+        u_, v_ = u.conj().swapaxes(1, 2), v.conj().swapaxes(1, 2)
+        vu = v_ @ u
+        products = vu * vu.swapaxes(1, 2) + (v_ @ v) * (u_ @ u)
+        x = at.whitened.transpose(1, 2, 0)
+        seen = np.sum((u_ @ x) * (v_ @ x).conj(), axis=2) - len(self.Y) * np.einsum("fpp->fp", vu).conj()
+        return 2 * len(self.Y) * products.real.sum(axis=0), 2 * seen.real.sum(axis=0)
+
+    def moved(self, shapes: RealArray, forces: RealArray, step: RealArray) -> tuple[RealArray, RealArray]:
+        """Return shapes and correlations after a step of one shape and its correlations."""
+        l, j = len(shapes), self.mode
+        shapes, forces = shapes.copy(), forces.copy()
+        shapes[:, j] += step[:l]
+        forces[j, self.beside] = np.clip(forces[j, self.beside] + step[l:], -_MAX_CORRELATION, _MAX_CORRELATION)
+        forces[self.beside, j] = forces[j, self.beside]
+        return shapes, forces
+
+
+def _scored(lines: _Lines, modes: ModalModel, shapes: RealArray, forces: RealArray, j: int) -> _Scored | None:
+    """Return the shape of one mode at the maximum of the likelihood of its lines; None where they are too few."""
+    near = _near(lines, modes, shapes, j)
+    if near is None or not np.any(shapes[:, j]):
+        return None
+    power = np.sum(shapes**2, axis=0) * np.mean(lines.powers[:, near.own], axis=1)
+    beside = [int(k) for k in np.argsort(-power) if k != j and power[k] >= _MIN_POWER_BESIDE * power[j]][:_MAX_BESIDE]
+    lobe = _Lobe(lines.Y[:, near.own], lines.responses[:, near.own].T, near.noise, j, beside)
+    at, damping = lobe.spectral(shapes, forces), _FIRST_DAMPING
+    if at is None:
+        return None
+    for _ in range(_SCORING_STEPS):
+        information, score = lobe.equations(at)
+        for _ in range(_MAX_SHORTENED):
+            stiff = information + damping * np.diag(np.diag(information))
+            step = np.asarray(np.linalg.solve(stiff, score), dtype=np.float64)
+            there = lobe.moved(shapes, forces, step)
+            new = lobe.spectral(*there) if np.linalg.eigvalsh(there[1])[0] > 0 else None
+            if new is not None and new.cost < at.cost:
+                break
+            damping = max(_GROWTH * damping, _FAILED_DAMPING)
+        else:
+            break
+        (shapes, forces), at, damping = there, new, _FALL * damping
+    misfit = float(np.mean(np.abs(at.whitened) ** 2))
+    covariance = np.linalg.pinv(lobe.equations(at)[0], hermitian=True)[: len(shapes), : len(shapes)]
+    unit = shapes[:, j] / np.linalg.norm(shapes[:, j])
+    across = np.eye(len(unit)) - np.outer(unit, unit)
+    variances = np.diag(across @ covariance @ across) * _lines_a_line(near.own) * max(misfit, 1.0)
+    return _Scored(shapes, forces, beside, np.sqrt(np.maximum(variances, 0)), misfit)
+
+
+def _lines_a_line(lines: IntArray) -> float:
+    """Return how many lines count as an independent one, by their distance: 35/18 of neighbours."""
+    step = int(np.diff(lines).min()) if lines.size > 1 else 1
+    return float(2 * np.sum(_CORRELATED_LINES[::step]) - 1)

@@ -145,23 +145,20 @@ def with_line_shapes(
     A stored record is used where it fits into memory. `diagrams`: of all bands.
     """
     record = _record(data, exclude)
-    if record is None or len(modes) < 2 or len(record.output_dofs) < 2:
+    if record is None or not len(modes) or len(record.output_dofs) < 2:
         return modes
     numbers = [note.numbers for diagram in diagrams for note in diagram.notes if note.kind == HARMONIC]
     avoided = [
         (n["frequency_hz"], _HALF_WIDTH_SPREADS * n["spread_hz"] + _HALF_WIDTH * n["frequency_hz"]) for n in numbers
     ]
-    shapes = line_shapes(record, modes, avoided)
-    changed = np.flatnonzero(np.any(shapes != modes.shapes, axis=0))
-    if not changed.size:
-        return modes
-    refitted = _refitted(modes, shapes, diagrams).normalized("unit")
+    shapes, deviations = line_shapes(record, modes, avoided)
+    refitted = replace(_refitted(modes, shapes, diagrams), shapes_std=deviations).normalized("unit")
     alike = np.diag(mac(refitted.shapes, modes.shapes))
-    names = ", ".join(f"{modes.frequencies[j]:.5g} Hz" for j in changed if alike[j] < 1 - _MIN_CHANGE)
+    names = ", ".join(f"{f:.5g} Hz" for f in modes.frequencies[alike < 1 - _MIN_CHANGE])
     if not names:
         return refitted
-    text = f"Overlaid by other modes: {names}. Real shapes were estimated on the lines of the record"
-    return refitted.noted(Note("shapes of lines", {"modes": float(changed.size)}, text))
+    text = f"Shapes estimated on the lines of the record, where those of the correlations are others: {names}"
+    return refitted.noted(Note("shapes of lines", {"modes": float(np.sum(alike < 1 - _MIN_CHANGE))}, text))
 
 
 def _record(data: Any, exclude: Any) -> Signals | None:
