@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.special import chdtri
 
 from modalscope.data.shown import Shown, summary_of
-from modalscope.monitoring.tracking import Tracks
+from modalscope.monitoring.tracks import Tracks
 from modalscope.monitoring.weather import Explained, explain, inflation, inside_of
 from modalscope.numerics.arguments import POSITIVE, at_least, named
 from modalscope.numerics.checks import BoolArray, RealArray

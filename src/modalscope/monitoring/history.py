@@ -197,11 +197,6 @@ def _(history: History) -> str:
     return f"modes of {len(history)} records: {history.record.size}, from {first} to {last}"
 
 
-def history_of(models: Sequence[ModalModel], times: ArrayLike, names: Sequence[str] = ()) -> History:
-    """Return the modes of several identifications as a history; poles that are no oscillations are left out."""
-    return assembled([rows_of(modes) for modes in models], times, names)
-
-
 def rows_of(modes: ModalModel) -> dict[str, Any]:
     """Return what a history holds of the modes of one record, by field; `output_dofs` are the columns of `shapes`."""
     kept = modes.take(np.array([kind == "mode" for kind in modes.kinds], bool))

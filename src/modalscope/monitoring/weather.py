@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from modalscope.data.shown import Shown, summary_of, text_table
 from modalscope.monitoring.history import as_times
-from modalscope.monitoring.tracking import Tracks
+from modalscope.monitoring.tracks import Tracks
 from modalscope.numerics.arguments import NUMBER, named
 from modalscope.numerics.checks import BoolArray, RealArray, check_shape, real_array
 from modalscope.numerics.errors import DataError

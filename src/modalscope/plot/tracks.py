@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modalscope.monitoring.change import Alarms
-from modalscope.monitoring.tracking import DOUBT, Tracks
+from modalscope.monitoring.tracks import DOUBT, Tracks
 from modalscope.monitoring.weather import Explained
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_kind
