@@ -30,8 +30,8 @@ from modalscope.numerics.resources import one_thread
 #: Orders that are tried: even ones to the first number, then every fourth.
 _FINE_ORDERS, _MAX_ORDER = 20, 40
 
-#: Candidates within this many per cent of the best free run count as equal: of these the one with fewest states is taken.
-_EQUAL = 0.1
+#: Parts of the variance that count as equal whatever their error, and stretches of a part that is held out.
+_EQUAL, _STRETCHES = 1e-3, 10
 
 #: Least share of the forces in a part that is held out and in the rest, relative to their share of the time.
 _MIN_SHARE = 0.5
@@ -139,8 +139,9 @@ def realize(
     """Return a state-space model for control work, of records with inputs the one that explains best what it was not fitted to.
 
     Of records with inputs several rows are candidates unless `method` or `route` says one: n4sid, records on lines, an observer (OKID) with
-    ERA, and for hits and periodic forces Loewner matrices of their frequency responses. Each is fitted to a part of the records at
-    many orders and simulates the rest from the inputs alone; the best is fitted again to all, and has the gain of its innovations.
+    ERA, and for hits and periodic forces Loewner matrices of their frequency responses. Each is fitted
+    to a part of the records at many orders and simulates the rest from the inputs alone; the best is fitted again to all, and has the
+    gain of its innovations.
 
     Parameters
     ----------
@@ -436,11 +437,12 @@ def _sampled(model: StateSpace, rate: float) -> StateSpace:
 
 
 class _Tried(NamedTuple):
-    """A way and an order with its models, one a fold; none where it failed."""
+    """A way and an order with its models, one a fold, none where it failed; `blocks`: what they leave of stretches of what is held out."""
 
     candidate: Candidate
     way: dict[str, Any]
     models: tuple[StateSpace, ...] = ()
+    blocks: RealArray = np.zeros(0)
 
 
 def _of_fold(
@@ -473,9 +475,23 @@ def _tried(
         return
     for order in sorted(set.intersection(*(set(found) for found in by_fold))):
         models = tuple(found[order][0] for found in by_fold)
-        free = [np.mean(validated(m, fold.tested)[0]) for m, fold in zip(models, folds, strict=True)]
+        left = _left(models, folds)
         mirrored = max(found[order][1] for found in by_fold)
-        yield _Tried(Candidate(name, order, float(np.mean(free)), mirrored=mirrored), way, models)
+        yield _Tried(
+            Candidate(name, order, 100 * (1 - float(np.mean(left))), mirrored=mirrored), way, models, blocks=left
+        )
+
+
+def _left(models: tuple[StateSpace, ...], folds: list[_Fold]) -> RealArray:
+    """Return what simulations leave of stretches of what is held out, over the variance of each output, mean over the outputs."""
+    parts = []
+    for model, fold in zip(models, folds, strict=True):
+        y, free, _ = _rebuilt(replace(model, gain=None, innovation_covariance=None), fold.tested)
+        power = np.var(y, axis=0)
+        with np.errstate(all="ignore"):
+            left = np.mean((y - free) ** 2 / np.where(power > 0, power, np.inf), axis=1)
+        parts += [float(np.mean(stretch)) for stretch in np.array_split(left, _STRETCHES)]
+    return np.array(parts)
 
 
 def _of_records(
@@ -490,8 +506,9 @@ def _of_records(
     folds, words = _folds(records, holdout)
     options = {k: v for k, v in choice.items() if k not in ("method", "route", "domain") and v is not None}
     orders = [order] if order else [*range(2, _FINE_ORDERS + 1, 2), *range(_FINE_ORDERS + 4, _MAX_ORDER + 1, 4)]
-    ways = _ways(records, choice)
-    tried = [one for name, way in ways.items() for one in _tried(name, way, folds, orders, options, stable)]
+    tried = [
+        one for name, way in _ways(records, choice).items() for one in _tried(name, way, folds, orders, options, stable)
+    ]
     found = [t for t in tried if np.isfinite(t.candidate.free_run)]
     if not found:  # nothing can be fitted to a part: what identify finds in all, or its error
         return _of_one(records, order, choice, stable=stable)
@@ -506,12 +523,18 @@ def _of_records(
 
 
 def _best(found: list[_Tried]) -> _Tried:
-    """Return the candidate that simulates best, with the fewest states of its row that are as good."""
+    """Return the candidate of fewest states that simulates as well as the best to one standard error of their difference.
+
+    Breiman et al., Classification and Regression Trees, 1984, section 3.4.3. The error is that of the mean over stretches.
+    """
     top = max(found, key=lambda t: t.candidate.free_run)
-    same = [t for t in found if t.candidate.how == top.candidate.how]
-    return min(
-        (t for t in same if t.candidate.free_run >= top.candidate.free_run - _EQUAL), key=lambda t: t.candidate.order
-    )
+
+    def as_good(other: _Tried) -> bool:
+        worse = other.blocks - top.blocks
+        return bool(np.mean(worse) <= max(np.std(worse) / np.sqrt(worse.size), _EQUAL))
+
+    able = [t for t in found if as_good(t)]
+    return min(able, key=lambda t: (t.candidate.order, -t.candidate.free_run))
 
 
 def _validation(best: _Tried, tried: list[_Tried], folds: list[_Fold], words: str) -> ModelValidation:
@@ -535,7 +558,7 @@ def _validation(best: _Tried, tried: list[_Tried], folds: list[_Fold], words: st
 def _again(
     best: _Tried, records: Records, options: dict[str, Any], *, stable: bool
 ) -> tuple[StateSpace, tuple[Note, ...]]:
-    """Return the model of all records by the way that was best; that of a part where it explains all records better."""
+    """Return the model of all records by the way that was best; that of a part where it leaves less than half of all records."""
     whole: list[tuple[StateSpace, tuple[Note, ...]]] = []
     try:
         found = identify(records, order=best.candidate.order, deviations=False, **{**options, **best.way})
@@ -547,14 +570,15 @@ def _again(
     except DataError as error:
         notes = (Note("fitted part", {}, f"all records together were refused: {error.found}"),)
     text = Note(
-        "fitted part", {}, "fitted to a part of the records, which explains all of them better than a fit to all"
+        "fitted part",
+        {},
+        "fitted to a part of the records, which leaves less than half of what a fit to all leaves of them",
     )
     whole += [(model, (*notes, text)) for model in best.models]
-    scores = [
-        float(np.mean(validated(replace(m, gain=None, innovation_covariance=None), records)[0])) for m, _ in whole
-    ]
-    scores[0] += _EQUAL  # a fit to all is preferred
-    model, notes = whole[int(np.argmax(scores))]
+    plain = [replace(m, gain=None, innovation_covariance=None) for m, _ in whole]
+    left = [100 - float(np.mean(validated(m, records)[0])) for m in plain]
+    best_part = int(np.argmin(left))
+    model, notes = whole[best_part if left[best_part] < left[0] / 2 else 0]
     return with_innovations(model, records), notes
 
 
