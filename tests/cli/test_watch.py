@@ -72,6 +72,21 @@ def test_a_change_is_a_line_of_json_an_exit_status_and_a_command(
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_it_waits_for_more_where_there_are_too_few_to_judge(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ms.write(tmp_path / "20260601_0000.npz", chain5().impulse_response(150, noise=0.01, seed=0))
+    os.utime(tmp_path / "20260601_0000.npz", (time.time() - 3600,) * 2)
+
+    def interrupted(seconds: float) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(time, "sleep", interrupted)
+    command = ["watch", str(tmp_path), "--store", str(tmp_path / "a.modes"), "--method", "era"]
+    assert main([*command, "--reference", "2026-01-01", "2026-07-01"]) == 130
+    assert "Give more records" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 def test_a_store_is_drawn(changed: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plot", changed[3], "-o", str(tmp_path / "tracks.png")]) == 0

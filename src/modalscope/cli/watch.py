@@ -69,7 +69,12 @@ def watch(options: argparse.Namespace) -> None:
             store.forget_refused()
         while True:
             if (_look(options, store) or options.once) and options.reference is not None:
-                _judge(options, store, told)
+                try:
+                    _judge(options, store, told)
+                except DataError as error:
+                    if options.once:
+                        raise
+                    complain(error)  # too few records yet: more come
             if options.once:
                 remark(f"{options.store}: {store.history()!r}")
                 if told:
