@@ -47,6 +47,7 @@ def changed(tmp_path: Path) -> list[str]:
     return ["watch", str(tmp_path / "records"), "--store", str(tmp_path / "a.modes"), "--once", "-q"]
 
 
+@pytest.mark.slow
 def test_a_change_is_a_line_of_json_an_exit_status_and_a_command(
     changed: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -36,6 +36,7 @@ def test_a_change_is_told_with_its_time_and_its_modes() -> None:
     assert str(alarm) in found.table()
 
 
+@pytest.mark.slow
 def test_no_change_is_no_alarm_and_a_single_spoilt_record_is_none() -> None:
     sound = tracked(3000, 3)
     assert len(alarms(sound, reference=HALF, deviations={"temperature": 0.3})) == 0

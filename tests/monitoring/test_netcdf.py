@@ -51,6 +51,7 @@ def test_modes_are_read_whatever_the_order_of_axes_and_times(tmp_path: Path) -> 
     assert np.isnan(found.frequencies_std).all()
 
 
+@pytest.mark.slow
 def test_damping_in_per_cent_is_told_by_its_unit_or_its_values(tmp_path: Path) -> None:
     """A median of 20 % of critical damping is the limit."""
     axes = {"frequencies": ("time", "mode"), "damping": ("time", "mode")}

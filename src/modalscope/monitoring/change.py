@@ -309,11 +309,12 @@ def _limit(
     scale = np.maximum(found.residual_std, 1e-9)
     design = found.design[judged]
     simulated = np.empty((paths, when.size, z.shape[1]))
+    values, vectors = np.linalg.eigh(found.covariance)
+    spread = vectors * np.sqrt(np.maximum(values, 0))[:, None]
     for s in range(paths):
         # twice: the errors of the coefficients are in the records that are judged, and are missing in those of the reference
         errors = np.sqrt(2) * root @ draw.standard_normal(found.coefficients.shape)
-        values, vectors = np.linalg.eigh(found.covariance)
-        errors = np.einsum("tij,tj->ti", vectors * np.sqrt(np.maximum(values, 0))[:, None], errors)
+        errors = np.einsum("tij,tj->ti", spread, errors)
         simulated[s] = like[s] + design @ errors.T / scale
     value = chart.run(_bounded(simulated), when)
     low, high = 0.0, float(value.max())
