@@ -209,14 +209,9 @@ def usable_orders(diagram: StabilizationDiagram) -> tuple[tuple[int, ...], float
 
     Higher orders fit noise only.
     """
-    last = usable_up_to(sufficient_order(diagram))
-    orders = tuple(n for n in diagram.orders if n <= last)
+    enough = sufficient_order(diagram)
+    orders = tuple(n for n in diagram.orders if n <= max(2 * enough, enough + _MIN_FURTHER_ORDERS))
     return orders, float(diagram.fit_errors[: len(orders)].min())
-
-
-def usable_up_to(enough: int) -> int:
-    """Return the last usable order where `enough` is sufficient."""
-    return max(2 * enough, enough + _MIN_FURTHER_ORDERS)
 
 
 def still_falls(diagram: StabilizationDiagram) -> bool:
@@ -229,13 +224,18 @@ def still_falls(diagram: StabilizationDiagram) -> bool:
 
 
 def ends_too_soon(diagram: StabilizationDiagram) -> bool:
-    """Return whether more orders may show more modes: usable ones are missing, or, unless data are correlations, the fit error falls.
+    """Return whether more orders may show more modes: the fit error still falls, or, of correlations, half of the orders are too few.
 
-    Errors of estimation are part of a correlation: its fit error falls slowly in any case.
+    Errors of estimation are part of a correlation: its fit error falls slowly in any case. But usable orders are up to twice those that
+    explain the data: where half of them leave much, and all leave less, these are missing.
     """
-    if diagram.response.ambient:
-        return diagram.exact_rank is None and usable_up_to(sufficient_order(diagram)) > diagram.orders[-1]
-    return still_falls(diagram)
+    if not diagram.response.ambient:
+        return still_falls(diagram)
+    errors, early = diagram.fit_errors, np.array(diagram.orders) <= 0.5 * diagram.orders[-1]
+    if diagram.exact_rank is not None or not early.any():
+        return False
+    half = errors[early].min()
+    return bool(half > _MIN_FIT_ERROR and errors.min() < (1 - _MIN_FALL) * half)
 
 
 #: Kind of the notes that modes may be missing because the orders end too soon.
@@ -261,8 +261,12 @@ def grown(found: StabilizationDiagram, again: Callable[[Iterable[int]], Stabiliz
             break
         step = 2 if top <= _MAX_FINE_ORDER else 4
         found = again(range(step, top + 1, step))
-        why = "usable orders ended" if found.response.ambient else "the fit error still fell"
-        text = f"orders extended to {top}: {why} at {top // 2}"
+        at = (
+            f"half of {top // 2} left much of the data"
+            if found.response.ambient
+            else f"the fit error still fell at {top // 2}"
+        )
+        text = f"orders extended to {top}: {at}"
         found = replace(found, notes=(*found.notes, Note("orders grew", {"largest": top}, text)))
     if not found.response.ambient and still_falls(found):
         last = found.orders[-1]

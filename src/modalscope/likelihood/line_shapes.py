@@ -198,6 +198,8 @@ class _Near(NamedTuple):
 def _near(lines: _Lines, modes: ModalModel, shapes: RealArray, j: int) -> _Near | None:
     """Return the lines of a mode given all others; None where they are too few."""
     f, outputs = float(modes.frequencies[j]), len(shapes)
+    if len(lines.frequencies) < 2:
+        return None
     half = max(f * float(modes.damping_ratios[j]), 2 * float(lines.frequencies[1] - lines.frequencies[0]))
     own, beside = (
         _within(lines, f, 0.0, _SHAPE_HALF_BANDWIDTHS * half),
