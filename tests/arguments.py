@@ -19,6 +19,7 @@ import modalscope as ms
 from modalscope import preprocess, systems
 from modalscope.doctor import Finding
 from modalscope.identification.options import AllOptions
+from modalscope.monitoring.entries import Entry
 from tests.test_docstrings import CALLABLES
 
 pd = pytest.importorskip("pandas")
@@ -340,6 +341,7 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "monitoring.Store.add_modes": lambda t: {"modes": t["modes"], "time": 0.0},
     "monitoring.Store.export": lambda t: {"path": FOLDER / "modes.csv"},
     "monitoring.Store.holds": lambda t: {"sha": "a"},
+    "monitoring.Store.put": lambda t: {"entry": Entry(sha256=str(next(NUMBERS)), name="a", time=0.0)},
     "monitoring.Store.seen": lambda t: {"path": "a", "size": 1, "changed": 1},
     "monitoring.Tracks.of": lambda t: {"values": t["history"].frequencies},
     "monitoring.Tracks.pick": lambda t: {"which": np.ones(2, bool)},

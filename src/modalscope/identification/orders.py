@@ -223,21 +223,6 @@ def still_falls(diagram: StabilizationDiagram) -> bool:
     return bool(last > _MIN_FIT_ERROR and last < (1 - _MIN_FALL) * errors[~late].min())
 
 
-def ends_too_soon(diagram: StabilizationDiagram) -> bool:
-    """Return whether more orders may show more modes: the fit error still falls, or, of correlations, half of the orders are too few.
-
-    Errors of estimation are part of a correlation: its fit error falls slowly in any case. But usable orders are up to twice those that
-    explain the data: where half of them leave much, and all leave less, these are missing.
-    """
-    if not diagram.response.ambient:
-        return still_falls(diagram)
-    errors, early = diagram.fit_errors, np.array(diagram.orders) <= 0.5 * diagram.orders[-1]
-    if diagram.exact_rank is not None or not early.any():
-        return False
-    half = errors[early].min()
-    return bool(half > _MIN_FIT_ERROR and errors.min() < (1 - _MIN_FALL) * half)
-
-
 #: Kind of the notes that modes may be missing because the orders end too soon.
 ORDERS_END = "orders end"
 
@@ -246,14 +231,14 @@ _MAX_DOUBLINGS, _MAX_FINE_ORDER = 2, 100
 
 
 def grown(found: StabilizationDiagram, again: Callable[[Iterable[int]], StabilizationDiagram]) -> StabilizationDiagram:
-    """Double the orders of a diagram while they end too soon, and note where they still do.
+    """Double the orders of a diagram while the fit error still falls, and note where they end first.
 
     `found`: at the default orders. `again`: computes the diagram of other orders.
     """
-    if not found.response.separable:
+    if found.response.ambient or not found.response.separable:
         return found
     for _ in range(_MAX_DOUBLINGS):
-        if not ends_too_soon(found):
+        if not still_falls(found):
             return found
         top = 2 * found.orders[-1]
         room = found.response.max_states
@@ -261,14 +246,9 @@ def grown(found: StabilizationDiagram, again: Callable[[Iterable[int]], Stabiliz
             break
         step = 2 if top <= _MAX_FINE_ORDER else 4
         found = again(range(step, top + 1, step))
-        at = (
-            f"half of {top // 2} left much of the data"
-            if found.response.ambient
-            else f"the fit error still fell at {top // 2}"
-        )
-        text = f"orders extended to {top}: {at}"
+        text = f"orders extended to {top}: the fit error still fell at {top // 2}"
         found = replace(found, notes=(*found.notes, Note("orders grew", {"largest": top}, text)))
-    if not found.response.ambient and still_falls(found):
+    if still_falls(found):
         last = found.orders[-1]
         text = f"The fit error still falls at order {last}: modes may be missing. Give more orders, or narrower bands"
         found = replace(found, notes=(*found.notes, Note(ORDERS_END, {"largest": last}, text)))

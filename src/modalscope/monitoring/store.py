@@ -22,7 +22,7 @@ from modalscope.io.atomic import replacing
 from modalscope.monitoring.entries import CHOICES, Entry, entry_of, time_of_file
 from modalscope.monitoring.history import PER_MODE, History, as_seconds, as_times, assembled, rows_of
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import RealArray, check_path, real_array
+from modalscope.numerics.checks import RealArray, check_kind, check_path, real_array
 from modalscope.numerics.errors import DataError, optional_package
 from modalscope.workflow.sources import source_of_data, source_of_file
 
@@ -304,6 +304,7 @@ class Store:
         ----------
         entry : Entry
         """
+        check_kind("entry", entry, Entry)
         with self._transaction():
             return self._insert(entry)
 

@@ -25,6 +25,11 @@ from modalscope.data import (
 from modalscope.data.results import Result
 from modalscope.data.stored import StoredResponse, StoredSignals
 from modalscope.identification.identify import Identification
+from modalscope.monitoring.change import Alarms
+from modalscope.monitoring.history import History
+from modalscope.monitoring.tracking import track
+from modalscope.monitoring.tracks import Tracks
+from modalscope.monitoring.weather import Explained
 from modalscope.plot._camera import oblique
 from modalscope.plot._style import BLUE, MUTED, PALE, VERMILLION, dress, frameless, new_axes
 from modalscope.plot.diagrams import indicator, stabilization
@@ -32,6 +37,7 @@ from modalscope.plot.intervals import certificate
 from modalscope.plot.methods import method_map
 from modalscope.plot.responses import spectra
 from modalscope.plot.shapes import shape
+from modalscope.plot.tracks import against, control_chart, tracks
 from modalscope.preprocess import decomposition, estimate_frf
 
 if TYPE_CHECKING:
@@ -44,7 +50,7 @@ def drawn(thing: Any, ax: Axes | None = None) -> Axes:
 
     Results and diagrams: poles with modes. Modes: the first shape. Responses, identifications and records with inputs: the mode indicator.
     Other records: singular values of the spectra. Models: poles. Geometries: lines. Comparisons: the map. Certificates: intervals.
-    Validations: fit errors.
+    Validations: fit errors. Histories and tracks: frequencies over time. Alarms: the chart. Explained tracks: against a covariate.
 
     `ax`: a new figure by default.
 
@@ -77,6 +83,26 @@ def _(thing: Comparison, ax: Any = None) -> Any:
 @drawn.register
 def _(thing: Certificate, ax: Any = None) -> Any:
     return certificate(thing, ax)
+
+
+@drawn.register
+def _(thing: Tracks, ax: Any = None) -> Any:
+    return tracks(thing, ax)
+
+
+@drawn.register
+def _(thing: History, ax: Any = None) -> Any:
+    return tracks(track(thing), ax)
+
+
+@drawn.register
+def _(thing: Explained, ax: Any = None) -> Any:
+    return against(thing, ax=ax)
+
+
+@drawn.register
+def _(thing: Alarms, ax: Any = None) -> Any:
+    return control_chart(thing, ax)
 
 
 @drawn.register

@@ -15,6 +15,7 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import ArrayLike
 from scipy import special
+from scipy.signal import find_peaks
 
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
@@ -54,6 +55,9 @@ _MIN_PEAK_LINES, _SURROUNDINGS = 4, (1.5, 5.0)
 
 #: Minimum lines of the surroundings for every output, so that their covariance has an inverse; and maximum lines of either set.
 _LINES_PER_OUTPUT, _MAX_LINES = 4, 2000
+
+#: A peak is clear where it rises so many times above the dips beside it in so many outputs; lower levels are rounding.
+_CLEAR_HEIGHT, _CLEAR_OUTPUTS, _LEAST_LEVEL = 10.0, 3, 1e-15
 
 #: A peak of this height needs no further evidence; a lower one has to exceed this probability, shared by all that might be tested.
 _CERTAIN_HEIGHT, _CHANCE_OF_ANY = 2.0, 0.01
@@ -132,6 +136,25 @@ class Levels:
         """Return which bins lie in a band (Hz), (b,); all where it is None."""
         low, high = (0.0, np.inf) if band is None else band
         return np.asarray((self.frequencies >= low) & (self.frequencies <= high))
+
+
+def clear_peaks(levels: Levels) -> list[float]:
+    """Return the frequencies (Hz) of peaks that rise ten times and more above the lower of the dips beside them, and above chance.
+
+    They do so in three outputs, or in all where there are fewer. Of neighbouring bins the one with the highest mean level counts.
+    """
+    outputs = levels.levels.shape[1]
+    logs = np.log(np.maximum(levels.levels, _LEAST_LEVEL * levels.levels.max(axis=0, initial=np.finfo(float).tiny)))
+    count = np.zeros(len(logs))
+    for own, tested in zip(logs.T, levels.single_peaks.T[:outputs], strict=True):
+        top = find_peaks(own, prominence=np.log(_CLEAR_HEIGHT))[0]
+        near = np.zeros(len(logs), dtype=bool)
+        near[np.clip(top[tested[top], None] + [-1, 0, 1], 0, len(logs) - 1)] = True
+        count += near
+    clear = np.flatnonzero(count >= min(_CLEAR_OUTPUTS, outputs))
+    runs = np.split(clear, np.flatnonzero(np.diff(clear) > 1) + 1)
+    mean = logs.mean(axis=1)
+    return [float(levels.frequencies[run[np.argmax(mean[run])]]) for run in runs if run.size]
 
 
 def levels_of(signals: Signals) -> Levels:

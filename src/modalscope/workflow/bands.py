@@ -17,7 +17,7 @@ from modalscope.data.records import Signals
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.setups import Setups, setups_of
 from modalscope.data.shown import counted
-from modalscope.identification.ambient_records import bands_of_record, bands_of_setups, looked_through
+from modalscope.identification.ambient_records import SeenRecord, bands_of_record, bands_of_setups, looked_through
 from modalscope.identification.stabilize import Watch, stabilize
 from modalscope.judging.bands import Part, cut_of, holds_too_little, joined_diagram, joined_modes, merge_bands
 from modalscope.judging.select import between_groups, selected
@@ -25,15 +25,16 @@ from modalscope.likelihood.refine_setups import refine_setups
 from modalscope.modal.setups import merge_modes, with_repeatability
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.correlation import estimate_correlation
-from modalscope.workflow.refining import refined_where_it_helps, with_line_shapes
+from modalscope.workflow.ambient_lines import machine, peaks_in, with_lines_of_record, without_mode
+from modalscope.workflow.refining import refined_where_it_helps
 
 Progress = Callable[[int, int], None]
 Choose = Callable[..., ModalModel]
 Band = tuple[float, float] | None
-Sweep = Callable[[Band], StabilizationDiagram]
+Sweep = Callable[..., StabilizationDiagram]
 
-#: Maximum number of times that a band is cut in two: into eight parts.
-_MAX_CUTS = 3
+#: Maximum number of times that a band is cut in two: into eight parts; and that orders are doubled for clear peaks.
+_MAX_CUTS, _MAX_DOUBLINGS = 3, 2
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -77,12 +78,12 @@ def looked_at(
 
     seen = looked_through(data, document.exclude or None)
 
-    def sweep(band: Band) -> StabilizationDiagram:
+    def sweep(band: Band, orders: Sequence[int] | None = document.orders) -> StabilizationDiagram:
         return stabilize(
             seen,
             method=document.method,
             domain=document.domain,
-            orders=document.orders,
+            orders=orders,
             band=band,
             exclude=document.exclude or None,
             route=document.route,
@@ -100,12 +101,37 @@ def looked_at(
         else:
             bands, told = bands_of_record(seen)
     if len(bands) > 1 or document.orders is not None or document.frequencies is not None:
-        return [Look(sweep(band), band, notes=told) for band in bands or (None,)]
+        by_hand = document.orders is not None or document.frequencies is not None
+        swept = sweep if by_hand else lambda band: _with_clear_peaks(seen, sweep, band, choose)
+        return [Look(swept(band), band, notes=told) for band in bands or (None,)]
     band = bands[0] if bands else None
-    whole = sweep(band)
+    whole = _with_clear_peaks(seen, sweep, band, choose)
     by_line = not isinstance(document.options.get("weights"), str | None)  # they belong to the lines of the whole band
     parts = _parts(sweep, choose, _part(choose, band, whole), 0 if by_line else _MAX_CUTS)
     return [Look(whole if len(parts) == 1 else joined_diagram(whole, parts), band, tuple(parts), told)]
+
+
+def _with_clear_peaks(seen: Any, sweep: Sweep, band: Band, choose: Choose) -> StabilizationDiagram:
+    """Return the diagram of a band; of more orders as long as clear peaks of an ambient record then get the modes that they lack."""
+    found = sweep(band)
+    if not isinstance(seen, SeenRecord):
+        return found
+    machines = [machine(line.frequency, line.spread) for line in seen.lines]
+    peaks = peaks_in(seen.levels, [found.response.reported_band(found.settings.band)], machines)
+    lacking = len(without_mode(peaks, choose(found)))
+    for _ in range(_MAX_DOUBLINGS):
+        if not lacking:
+            break
+        more = sweep(band, range(2, 2 * found.orders[-1] + 1, 2))
+        still = len(without_mode(peaks, choose(more)))
+        if still >= lacking:
+            break
+        text = f"orders extended to {more.orders[-1]}: {counted(lacking - still, 'clear peak')} had no mode at {found.orders[-1]}"
+        found, lacking = (
+            replace(more, notes=(*more.notes, Note("orders grew", {"largest": more.orders[-1]}, text))),
+            still,
+        )
+    return found
 
 
 def setups_apart(data: Any, document: Analysis) -> tuple[Signals, ...]:
@@ -135,7 +161,8 @@ def modes_chosen(data: Any, document: Analysis, looks: Sequence[Look], choose: C
     """Return the modes of all identified bands, refined where that was asked and helps; `choose`: as in `looked_at`."""
     if not setups_of(data):
         found = _of_bands(document, looks, choose)
-        return with_line_shapes(data, document.exclude, found, [look.diagram for look in looks])
+        diagrams = [look.diagram for look in looks]
+        return with_lines_of_record(data, document.exclude, found, diagrams, chosen=document.frequencies is None)
     found = _of_setups(data, replace(document, refine=False), looks, choose)
     kept = data.select(exclude=document.exclude) if document.exclude else data
     return refine_setups(kept, found, apart=document.apart) if document.refine else found

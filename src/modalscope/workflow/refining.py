@@ -1,32 +1,24 @@
-"""Refine selected modes: poles to the maximum of the likelihood, shapes of ambient modes on the lines of the record."""
+"""Refine selected modes to the maximum of the likelihood."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from modalscope.data.mode_fields import joined
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
-from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
-from modalscope.data.stored import StoredSignals
 from modalscope.identification.orders import usable_orders
 from modalscope.identification.refine import in_place, refine
-from modalscope.identification.routes import one_record
 from modalscope.judging.bands import evened
-from modalscope.likelihood.line_shapes import line_shapes
 from modalscope.likelihood.refined import astray
 from modalscope.likelihood.settling import needed_beside
-from modalscope.modal.indicators import mac, mpc, mpd
 from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.checks import ComplexArray
 from modalscope.numerics.errors import DataError
-from modalscope.preprocess.harmonics import HARMONIC
 
 _STD_FIELDS = (
     *("frequencies_std", "damping_ratios_std", "frequencies_repeatability", "damping_ratios_repeatability"),
@@ -35,12 +27,6 @@ _STD_FIELDS = (
 
 #: Modes that drift away are fixed and the others refined again: maximum number of rounds, and minimum share of refined modes.
 _MAX_ROUNDS, _MIN_REFINED = 4, 0.5
-
-#: Half width of a machine's line: in its spreads, plus this part of its frequency.
-_HALF_WIDTH_SPREADS, _HALF_WIDTH = 3.0, 0.002
-
-#: Minimum change of a shape, 1 - MAC, that is noted.
-_MIN_CHANGE = 0.01
 
 
 def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> ModalModel:
@@ -135,69 +121,3 @@ def _unfit(diagram: StabilizationDiagram) -> str:
 
 def _kept(why: str) -> Note:
     return Note("not refined", {}, f"Not refined: {why}")
-
-
-def with_line_shapes(
-    data: Any, exclude: Any, modes: ModalModel, diagrams: Sequence[StabilizationDiagram]
-) -> ModalModel:
-    """Return modes of a record without inputs with the shapes of `likelihood.line_shapes`; modes of other data as they are.
-
-    A stored record is used where it fits into memory. `diagrams`: of all bands.
-    """
-    record = _record(data, exclude)
-    if record is None or not len(modes) or len(record.output_dofs) < 2:
-        return modes
-    numbers = [note.numbers for diagram in diagrams for note in diagram.notes if note.kind == HARMONIC]
-    avoided = [
-        (n["frequency_hz"], _HALF_WIDTH_SPREADS * n["spread_hz"] + _HALF_WIDTH * n["frequency_hz"]) for n in numbers
-    ]
-    shapes, deviations = line_shapes(record, modes, avoided)
-    refitted = replace(_refitted(modes, shapes, diagrams), shapes_std=deviations).normalized("unit")
-    alike = np.diag(mac(refitted.shapes, modes.shapes))
-    names = ", ".join(f"{f:.5g} Hz" for f in modes.frequencies[alike < 1 - _MIN_CHANGE])
-    if not names:
-        return refitted
-    text = f"Shapes estimated on the lines of the record, where those of the correlations are others: {names}"
-    return refitted.noted(Note("shapes of lines", {"modes": float(np.sum(alike < 1 - _MIN_CHANGE))}, text))
-
-
-def _record(data: Any, exclude: Any) -> Signals | None:
-    """Return the record of the channels that are used, where it is one without inputs and in memory."""
-    if not isinstance(data, Signals | StoredSignals | Records) or data.input_dofs:
-        return None
-    kept = data.select(exclude=exclude) if exclude else data
-    if isinstance(kept, Records):
-        return one_record(kept, "correlations")
-    settled = kept.settled() if isinstance(kept, StoredSignals) else kept
-    return settled if isinstance(settled, Signals) else None
-
-
-def _refitted(modes: ModalModel, shapes: ComplexArray, diagrams: Sequence[StabilizationDiagram]) -> ModalModel:
-    """Return modes with other shapes, and participation fitted to the response of their band, whitened as it was identified."""
-    participation = modes.known_participation("shapes of the record's lines").copy()
-    fields: dict[str, Any] = {}
-    for diagram in diagrams:
-        low, high = diagram.response.reported_band(diagram.settings.band)
-        inside = np.flatnonzero((modes.frequencies >= low) & (modes.frequencies <= high))
-        participation[inside], terms = _participation(diagram, modes.poles[inside], shapes[:, inside])
-        fields = terms if len(diagrams) == 1 else {}
-    changed = np.any(shapes != modes.shapes, axis=0)
-    indicators = dict(modes.indicators)
-    for name, of_shapes in (("mpc", mpc), ("mpd", mpd)):
-        if name in indicators:
-            indicators[name] = np.where(changed, of_shapes(shapes), indicators[name])
-    return replace(modes, shapes=shapes, participation=participation, indicators=indicators, **fields)
-
-
-def _participation(
-    diagram: StabilizationDiagram, poles: ComplexArray, shapes: ComplexArray
-) -> tuple[ComplexArray, dict[str, Any]]:
-    """Return participation (n, m) of modes with these shapes by least squares on the response, and the residual terms by name."""
-    whitening, response = diagram.whitening, diagram.whitened().response
-    inside = shapes if whitening is None else whitening.of_shapes(shapes)
-    basis = response.basis(poles - response.added_damping, response.outside_powers).compressed()
-    participation, terms = basis.fit_participation(inside)
-    participation = response.of_inputs(participation)
-    if whitening is not None:
-        participation, terms = whitening.references_back(participation), whitening.values_back(terms)
-    return participation, dict(diagram.response.named_terms(terms, response.outside_powers))

@@ -1,0 +1,142 @@
+"""What the lines of an ambient record say of its modes: their shapes, and peaks that no mode explains."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from modalscope.data.modes import ModalModel
+from modalscope.data.notes import Note
+from modalscope.data.records import Records, Signals
+from modalscope.data.results import StabilizationDiagram
+from modalscope.data.stored import StoredSignals
+from modalscope.identification.routes import one_record
+from modalscope.likelihood.line_shapes import line_shapes
+from modalscope.modal.indicators import mac, mpc, mpd
+from modalscope.numerics.checks import ComplexArray
+from modalscope.preprocess.harmonics import HARMONIC
+from modalscope.preprocess.spectral_peaks import Levels, clear_peaks, levels_of
+
+#: Half width of a machine's line: in its spreads, plus this part of its frequency.
+_HALF_WIDTH_SPREADS, _HALF_WIDTH = 3.0, 0.002
+
+#: Minimum change of a shape, 1 - MAC, that is noted.
+_MIN_CHANGE = 0.01
+
+#: A peak is a mode's within this part of its frequency, two bins, or its half bandwidth.
+_PEAK_OF_MODE = 0.02
+
+
+def with_lines_of_record(
+    data: Any, exclude: Any, modes: ModalModel, diagrams: Sequence[StabilizationDiagram], *, chosen: bool = True
+) -> ModalModel:
+    """Return modes of a record without inputs with the shapes of its lines and what peaks lack a mode; modes of other data as they are.
+
+    A stored record is used where it fits into memory. `diagrams`: of all bands. `chosen`: whether the list is automatic: what was chosen
+    by hand lacks nothing.
+    """
+    record = _record(data, exclude)
+    if record is None:
+        return modes
+    numbers = [note.numbers for diagram in diagrams for note in diagram.notes if note.kind == HARMONIC]
+    machines = [machine(n["frequency_hz"], n["spread_hz"]) for n in numbers]
+    found = _with_line_shapes(record, modes, diagrams, machines)
+    bands = [diagram.response.reported_band(diagram.settings.band) for diagram in diagrams]
+    return with_note_on_peaks(found, peaks_in(levels_of(record), bands, machines)) if chosen else found
+
+
+def machine(frequency: float, spread: float) -> tuple[float, float]:
+    """Return the frequency and the half width of a machine's line, Hz."""
+    return frequency, _HALF_WIDTH_SPREADS * spread + _HALF_WIDTH * frequency
+
+
+def peaks_in(
+    levels: Levels, bands: Sequence[tuple[float, float]], machines: Sequence[tuple[float, float]]
+) -> list[float]:
+    """Return the clear peaks (Hz) in bands that are no line of a machine."""
+    return [
+        f
+        for f in clear_peaks(levels)
+        if any(low <= f <= high for low, high in bands)
+        and not any(abs(f - line) < half + _PEAK_OF_MODE * f for line, half in machines)
+    ]
+
+
+def without_mode(peaks: Sequence[float], modes: ModalModel) -> list[float]:
+    """Return the peaks (Hz) at which there is no mode."""
+    width = np.maximum(_PEAK_OF_MODE * modes.frequencies, modes.frequencies * modes.damping_ratios)
+    return [f for f in peaks if not np.any(np.abs(modes.frequencies - f) <= width)]
+
+
+def with_note_on_peaks(modes: ModalModel, peaks: Sequence[float]) -> ModalModel:
+    """Return modes with a note on the clear peaks (Hz) that none of them explains, and why."""
+    open_there = without_mode(peaks, modes)
+    if not open_there:
+        return modes
+    why = []
+    for f in open_there:
+        near = [c.reason for c in modes.left_out if abs(c.frequency - f) <= _PEAK_OF_MODE * f]
+        why.append(f"{f:.4g} Hz ({near[0] if near else 'no poles agree there'})")
+    text = f"Clear peaks without a mode: {'; '.join(why)}. Narrower bands may show more"
+    return modes.noted(Note("peaks without a mode", {"peaks": float(len(open_there))}, text))
+
+
+def _with_line_shapes(
+    record: Signals, modes: ModalModel, diagrams: Sequence[StabilizationDiagram], avoided: Sequence[tuple[float, float]]
+) -> ModalModel:
+    """Return modes with the shapes of `likelihood.line_shapes`; `avoided`: frequencies and half widths of machines' lines (Hz)."""
+    if not len(modes) or len(record.output_dofs) < 2:
+        return modes
+    shapes, deviations = line_shapes(record, modes, avoided)
+    refitted = replace(_refitted(modes, shapes, diagrams), shapes_std=deviations).normalized("unit")
+    alike = np.diag(mac(refitted.shapes, modes.shapes))
+    names = ", ".join(f"{f:.5g} Hz" for f in modes.frequencies[alike < 1 - _MIN_CHANGE])
+    if not names:
+        return refitted
+    text = f"Shapes estimated on the lines of the record, where those of the correlations are others: {names}"
+    return refitted.noted(Note("shapes of lines", {"modes": float(np.sum(alike < 1 - _MIN_CHANGE))}, text))
+
+
+def _record(data: Any, exclude: Any) -> Signals | None:
+    """Return the record of the channels that are used, where it is one without inputs and in memory."""
+    if not isinstance(data, Signals | StoredSignals | Records) or data.input_dofs:
+        return None
+    kept = data.select(exclude=exclude) if exclude else data
+    if isinstance(kept, Records):
+        return one_record(kept, "correlations")
+    settled = kept.settled() if isinstance(kept, StoredSignals) else kept
+    return settled if isinstance(settled, Signals) else None
+
+
+def _refitted(modes: ModalModel, shapes: ComplexArray, diagrams: Sequence[StabilizationDiagram]) -> ModalModel:
+    """Return modes with other shapes, and participation fitted to the response of their band, whitened as it was identified."""
+    participation = modes.known_participation("shapes of the record's lines").copy()
+    fields: dict[str, Any] = {}
+    for diagram in diagrams:
+        low, high = diagram.response.reported_band(diagram.settings.band)
+        inside = np.flatnonzero((modes.frequencies >= low) & (modes.frequencies <= high))
+        participation[inside], terms = _participation(diagram, modes.poles[inside], shapes[:, inside])
+        fields = terms if len(diagrams) == 1 else {}
+    changed = np.any(shapes != modes.shapes, axis=0)
+    indicators = dict(modes.indicators)
+    for name, of_shapes in (("mpc", mpc), ("mpd", mpd)):
+        if name in indicators:
+            indicators[name] = np.where(changed, of_shapes(shapes), indicators[name])
+    return replace(modes, shapes=shapes, participation=participation, indicators=indicators, **fields)
+
+
+def _participation(
+    diagram: StabilizationDiagram, poles: ComplexArray, shapes: ComplexArray
+) -> tuple[ComplexArray, dict[str, Any]]:
+    """Return participation (n, m) of modes with these shapes by least squares on the response, and the residual terms by name."""
+    whitening, response = diagram.whitening, diagram.whitened().response
+    inside = shapes if whitening is None else whitening.of_shapes(shapes)
+    basis = response.basis(poles - response.added_damping, response.outside_powers).compressed()
+    participation, terms = basis.fit_participation(inside)
+    participation = response.of_inputs(participation)
+    if whitening is not None:
+        participation, terms = whitening.references_back(participation), whitening.values_back(terms)
+    return participation, dict(diagram.response.named_terms(terms, response.outside_powers))
