@@ -69,7 +69,7 @@ HELD = {
     "howto/plot_dwell": Held("chain5", first=1),
     "howto/plot_export": Held(words=("[1. 1. 1. 1. 1.] [1. 1. 1. 1. 1.]",)),
     "howto/plot_fdd": Held(BUILDING, 5e-3),
-    "howto/plot_frames": Held("chain5", 2e-3, last=4),
+    "howto/plot_frames": Held("chain5", 3e-3),
     "howto/plot_free_decay": Held("chain5"),
     "howto/plot_frf_estimators": Held((1 / 1.09, 1.0), 0.01),
     "howto/plot_intervals": Held(words=("within: [ True  True  True  True  True]",)),

@@ -263,6 +263,18 @@ def test_a_refinement_gives_nothing_to_what_inputs_do_not_excite(third: float) -
     assert np.allclose(residues(three.shapes, shared), residues(two.shapes, two.participation), rtol=1e-3, atol=1e-4)
 
 
+def test_the_shortest_participation_explains_the_same() -> None:
+    """Of an input and another that is three times as large each has half of what both give."""
+    rng = np.random.default_rng(7)
+    u = rng.standard_normal((N, 2))
+    record = Signals(outputs=u, inputs=np.column_stack([u, 3 * u[:, 0]]), sampling_rate=1.0)
+    given = rng.standard_normal((4, 3))
+    found = record_spectra(Records(runs=(record,))).shortest_participation(given)
+    both = [[1.0, 0.0], [0.0, 1.0], [3.0, 0.0]]
+    assert np.allclose(found @ both, given @ both, rtol=1e-9)
+    assert np.allclose(3 * found[:, 2], found[:, 0], rtol=1e-9)
+
+
 def residues(shapes: np.ndarray, participation: np.ndarray) -> np.ndarray:
     return np.asarray(shapes.T[:, :, None] * participation[:, None, :])
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 import scipy.linalg as sla
 from numpy.typing import ArrayLike
 from scipy import special
-from scipy.signal import find_peaks
 
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
@@ -147,7 +147,7 @@ def clear_peaks(levels: Levels) -> list[float]:
     logs = np.log(np.maximum(levels.levels, _LEAST_LEVEL * levels.levels.max(axis=0, initial=np.finfo(float).tiny)))
     count = np.zeros(len(logs))
     for own, tested in zip(logs.T, levels.single_peaks.T[:outputs], strict=True):
-        top = find_peaks(own, prominence=np.log(_CLEAR_HEIGHT))[0]
+        top = scipy.signal.find_peaks(own, prominence=np.log(_CLEAR_HEIGHT))[0]
         near = np.zeros(len(logs), dtype=bool)
         near[np.clip(top[tested[top], None] + [-1, 0, 1], 0, len(logs) - 1)] = True
         count += near
