@@ -22,7 +22,7 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.blocks.factor import Factors
-from modalscope.blocks.lines import FittedToLines
+from modalscope.blocks.lines import FittedToLines, OnPlane
 from modalscope.blocks.polynomials import Plane, plane_of
 from modalscope.blocks.triple import Eigen, Triple
 from modalscope.data.response import output_scale
@@ -73,7 +73,7 @@ def partial_fractions(points: Array, at: ComplexArray) -> ComplexArray:
 
 
 @dataclass(frozen=True, eq=False)
-class CommonPoles(FittedToLines):
+class CommonPoles(OnPlane, FittedToLines):
     """A scalar fraction of all channels of a response.
 
     `largest`: order up to which models are asked.
@@ -124,19 +124,6 @@ class CommonPoles(FittedToLines):
         residues = found[1::2] + 1j * found[2::2]
         left = np.linalg.svd(residues.reshape(-1, *lines.values.shape[1:]), full_matrices=False)[0]
         return np.asarray(self.output_scale[:, None] * left[:, :, 0].T)
-
-    def to_s(self, poles: Array) -> ComplexArray:
-        """Continuous poles, rad/s."""
-        return self.plane.to_s(poles)
-
-    def from_s(self, poles: Array) -> ComplexArray:
-        """Poles in the plane of the points."""
-        return self.plane.from_s(poles)
-
-    @property
-    def dt(self) -> float | None:
-        """Sampling interval of the identified system; None in the s-domain and under the bilinear map."""
-        return self.plane.dt
 
     def _said(self, what: str) -> str:
         f = self.response.frequencies

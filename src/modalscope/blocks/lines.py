@@ -133,6 +133,25 @@ class VectorsOnLines(NamedTuple):
         return real, imaginary
 
 
+class OnPlane(DataMatrix):
+    """A matrix of lines taken to points of a plane: its poles lie there."""
+
+    plane: Plane
+
+    def to_s(self, poles: Array) -> ComplexArray:
+        """Continuous poles, rad/s."""
+        return self.plane.to_s(poles)
+
+    def from_s(self, poles: Array) -> ComplexArray:
+        """Poles in that plane."""
+        return self.plane.from_s(poles)
+
+    @property
+    def dt(self) -> float | None:
+        """Sampling interval of the identified system; None in the s-domain and under the bilinear map."""
+        return self.plane.dt
+
+
 class RowsOnLines(DataMatrix):
     """A block matrix that stands for many columns on lines: its rows through one exact triangular factor.
 
@@ -307,7 +326,7 @@ class LineColumns:
         return np.stack([matrix.columns_array(i)[:, pick] @ back for i in range(matrix.inputs)])
 
 
-class PolynomialRows(RowsOnLines):
+class PolynomialRows(OnPlane, RowsOnLines):
     """A matrix whose rows are [C p_0(A); ...; C p_q(A)] times states, outputs divided by their scale.
 
     A concrete matrix has the fields below.
@@ -366,19 +385,6 @@ class PolynomialRows(RowsOnLines):
         unit = p / np.where(overflow, 1, size)
         c = np.einsum("kn,kln->ln", unit.conj(), blocks) / np.sum(np.abs(unit) ** 2, axis=0) / size
         return np.asarray(self.output_scale[:, None] * c)
-
-    def to_s(self, poles: Array) -> ComplexArray:
-        """Continuous poles, rad/s."""
-        return self.plane.to_s(poles)
-
-    def from_s(self, poles: Array) -> ComplexArray:
-        """Poles in the plane of the polynomials."""
-        return self.plane.from_s(poles)
-
-    @property
-    def dt(self) -> float | None:
-        """Sampling interval of the identified system; None in the s-domain and under the bilinear map."""
-        return self.plane.dt
 
     def evolution(self, poles: Array, blocks: int) -> ComplexArray:
         """Return p_k(x) / p_0 at the poles."""

@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 
 from modalscope.blocks.factor import Factors
 from modalscope.blocks.influence import LineInfluence, Lines, Outer, all_lines
-from modalscope.blocks.lines import FittedToLines
+from modalscope.blocks.lines import FittedToLines, OnPlane
 from modalscope.blocks.matrix import RowShift
 from modalscope.blocks.polynomials import Plane, plane_of
 from modalscope.data.response import output_scale
@@ -267,7 +267,7 @@ class LoewnerPencil(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Loewner(FittedToLines):
+class Loewner(OnPlane, FittedToLines):
     """The Loewner matrix of one band (made by `loewner`)."""
 
     response: FrequencyResponse
@@ -353,19 +353,6 @@ class Loewner(FittedToLines):
         blocks = np.asarray(V).reshape(self.block_rows, self.outputs, -1)
         c = np.einsum("kn,kln->ln", g.conj(), blocks) / np.sum(np.abs(g) ** 2, axis=0)
         return np.asarray(self.output_scale[:, None] * c)
-
-    def to_s(self, poles: Array) -> ComplexArray:
-        """Continuous poles, rad/s."""
-        return self.plane.to_s(poles)
-
-    def from_s(self, poles: Array) -> ComplexArray:
-        """Poles in the plane of the points."""
-        return self.plane.from_s(poles)
-
-    @property
-    def dt(self) -> float | None:
-        """Sampling interval of the identified system; None in the s-domain and under the bilinear map."""
-        return self.plane.dt
 
     # ------------------------------------------------------------------------------------------------------ influence
     def pencil(self, left: Array, values: Array, *, tall: bool) -> LoewnerPencil:

@@ -92,9 +92,8 @@ def entry_of(
         return Entry(**more, refused=str(error), provenance=about)
     except _FAILURES as error:  # months go on without this record
         return Entry(**more, refused=f"the program fails ({type(error).__name__}: {error})", provenance=about)
-    modes = rows_of(result.modes.normalized())
-    kept = np.array([kind == "mode" for kind in result.modes.kinds], bool)
     unit = result.modes.normalized()
+    modes, kept = rows_of(unit), np.array([kind == "mode" for kind in unit.kinds], bool)
     modes |= {"shapes_std": None if unit.shapes_std is None else unit.shapes_std[:, kept].T}
     modes |= {"gain": None if unit.gain is None else unit.gain[kept]}
     return Entry(
