@@ -152,7 +152,7 @@ export function makeDiagram(place, acts = {}) {
       ctx.globalAlpha = i === chosen ? 1 : 0.75;
       ctx.strokeStyle = ctx.fillStyle = colour("mode");
       ctx.lineWidth = (i === chosen ? 1.8 : 1) * ratio;
-      ctx.setLineDash(mode.pending ? [2 * ratio, 3 * ratio] : i === chosen ? [] : [6 * ratio, 4 * ratio]);
+      ctx.setLineDash(mode.shown?.grade === "preliminary" ? [2 * ratio, 3 * ratio] : i === chosen ? [] : [6 * ratio, 4 * ratio]);
       ctx.beginPath();
       ctx.moveTo(x, bbox.top);
       ctx.lineTo(x, bbox.top + bbox.height);

@@ -27,15 +27,19 @@ export function namedToLeave(change) {
   return [...list.matchAll(/'([^']*)'/g)].map((found) => found[1]);
 }
 
-/** @param {any[]} findings @param {any[]} notes @param {(channel: string) => void} exclude */
-export function showFindings(findings, notes, exclude) {
-  const listed = findings.map((f) =>
+/** @param {any} found  the result @param {(channel: string) => void} exclude */
+export function showFindings(found, exclude) {
+  const { findings = [], warnings = [], notes = [], computing = [], taken = [] } = found;
+  const listed = findings.map((/** @type {any} */ f) =>
     h("li", {}, h("b", {}, `${f.kind}: ${f.channels.join(", ")}`), h("p", {}, `${cap(f.reason)}. ${f.change}`), (/leave|exclude|drop/i.test(f.change) ? f.channels : []).map((/** @type {string} */ c) => h("button.small", { onclick: () => (exclude(c), shown.element.close()) }, `exclude ${c}`))),
   );
-  const shown = dialog("Findings about the data", [
+  const items = (/** @type {string[]} */ texts) => texts.map((text) => h("li", {}, text));
+  const shown = dialog("Findings and notes", [
+    [...warnings, ...taken].map((text) => h("p", {}, text)),
     listed.length ? h("ul.findings", {}, listed) : h("p", {}, "No data problem found."),
     notes.length ? h("h3", {}, "Notes") : null,
-    h("ul.notes", {}, notes.filter((n) => !n.kind.startsWith("data:")).map((n) => h("li", {}, n.text))),
+    h("ul.notes", {}, items(notes)),
+    computing.length ? h("details", {}, h("summary", {}, "How it was computed"), h("ul.notes", {}, items(computing))) : null,
   ]);
 }
 
@@ -57,7 +61,7 @@ export function showComparison(found) {
       found.verdict.split("\n").map((/** @type {string} */ line) => h("p", {}, line)),
       h("div.scroll", {}, h("table", {}, heads("#", ["f [Hz]", "ζ [%]", "between [Hz]"], "identified by", "trust", "reason"), h("tbody", {}, rows))),
       h("div.pictures", {}, picture("map", "Map of methods by the distance of their poles"), picture("deviations", "Deviation of each method from the consensus")),
-      h("div.scroll", {}, h("table", {}, heads("method", ["modes", "fit error [%]"], "remark"), h("tbody", {}, methods))),
+      h("div.scroll", {}, h("table", {}, heads("method", ["modes", "unexplained [%]"], "remark"), h("tbody", {}, methods))),
       Object.entries(found.causes).map(([name, cure]) => h("p", {}, h("b", {}, `${cap(name)}: `), String(cure))),
     ],
     "wide",

@@ -117,11 +117,3 @@ export function hertz(value, highest) {
   const decimals = Math.min(4, Math.max(0, 4 - Math.floor(Math.log10(Math.max(highest, 1e-9)))));
   return value.toFixed(decimals);
 }
-
-/** The half-width of an interval with two digits, small ones with one. @param {[number, number] | undefined} ends @param {number} [scale] */
-export function plusMinus(ends, scale = 1) {
-  if (!ends || ends[0] === null || ends[1] === null) return "";
-  const half = ((ends[1] - ends[0]) / 2) * scale;
-  if (!(half > 0)) return "";
-  return `± ${Number(half.toPrecision(half < 1e-3 ? 1 : 2))}`;
-}

@@ -61,7 +61,7 @@ function makeWork(begin, state) {
     h("button.tool", { onclick: does, title: `${label} (${key})`, "aria-label": label }, icon(path), h("span.label", {}, label));
   const undo = button("undo", "Ctrl+Z", ICONS.undo, () => act("undo"));
   const redo = button("redo", "Ctrl+Y", ICONS.redo, () => act("redo"));
-  const findings = h("button.chip", { onclick: () => found && showFindings(found.findings ?? [], found.notes ?? [], (c) => act("set", { exclude: [...now.document.exclude, c] })) });
+  const findings = h("button.chip", { onclick: () => found && showFindings(found, (c) => act("set", { exclude: [...now.document.exclude, c] })) });
   const formats = h("div.menu", { hidden: true, role: "menu" });
   const exporting = button("export", "e", ICONS.export, () => menu());
   const header = h(
@@ -116,11 +116,9 @@ function makeWork(begin, state) {
     const source = diagram.poles;
     let best = -1;
     for (let i = 0; i < source.frequency.length; i++) if (best < 0 || Math.abs(source.frequency[i] - f) < Math.abs(source.frequency[best] - f)) best = i;
-    const std = source.std?.[best];
-    const zstd = source.damping_std?.[best];
-    const around = (/** @type {number} */ v, /** @type {number} */ s) => (s > 0 ? [v - 1.96 * s, v + 1.96 * s] : undefined);
     const damping = best < 0 ? NaN : source.damping[best];
-    return { frequency: f, damping, pending: true, frequency_interval: around(f, std), damping_ratio_interval: around(damping, zstd) };
+    const shown = { frequency: number(f, 6), damping: number(100 * damping, 3), grade: "preliminary", mpc: "", reason: "value of the pole, refinement pending" };
+    return { frequency: f, damping, shown };
   }
   const stageName = () => now.stage.stage;
 
@@ -128,7 +126,7 @@ function makeWork(begin, state) {
     const listed = shown();
     chosen = Math.max(0, Math.min(chosen, listed.length - 1));
     const leftOut = (found?.left_out ?? []).filter((/** @type {any} */ c) => !now.document.taken.some((/** @type {number} */ f) => Math.abs(f - c.frequency_hz) <= 0.002 * f));
-    modes.set({ modes: listed, leftOut, refused: now.document.refused, chosen, words: found?.explained ?? "", loud: found?.fit_error > 0.5 });
+    modes.set({ modes: listed, leftOut, refused: now.document.refused, chosen, unexplained: found?.unexplained, warnings: found?.warnings });
     diagram.setModes({ modes: listed, leftOut, chosen });
     return listed;
   }
@@ -147,7 +145,7 @@ function makeWork(begin, state) {
 
   /** @param {any} mode @param {number} i */
   function caption(mode, i) {
-    if (mode) shape.caption(h("b", {}, mode.name || `Mode ${i + 1}`), ` ${number(mode.frequency, 6)} Hz, ${number(100 * mode.damping, 3)} %`);
+    if (mode) shape.caption(h("b", {}, mode.name || `Mode ${i + 1}`), ` ${mode.shown.frequency} Hz, ${mode.shown.damping} %`);
     else shape.caption(found ? "no mode" : "");
   }
 
@@ -279,10 +277,10 @@ function makeWork(begin, state) {
     const before = found;
     found = blob.early && before ? { ...before, ...blob, settled: false } : blob;
     const listed = drawModes();
-    const bad = (found.findings ?? []).length;
+    const bad = (found.findings ?? []).length + (found.warnings ?? []).length;
     if (!blob.early) {
       findings.classList.toggle("bad", bad > 0);
-      fill(findings, bad ? `${bad} finding${bad > 1 ? "s" : ""}` : "no data problem found");
+      fill(findings, bad ? `${bad} finding${bad > 1 ? "s" : ""}` : "no problem found");
     }
     settings.setChannels(found.outputs);
     shape.set(found, Math.max(0, found.modes.indexOf(listed[chosen])));

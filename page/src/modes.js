@@ -1,5 +1,5 @@
 // The table of modes, with intervals, reasons and what was left out.
-import { fill, h, hertz, icon, ICONS, number, plusMinus } from "./dom.js";
+import { fill, h, icon, ICONS, number } from "./dom.js";
 
 /**
  * @param {HTMLElement} place
@@ -10,7 +10,7 @@ export function makeModes(place, acts) {
   const table = h(
     "table.modes",
     {},
-    h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "#"), h("th.num", { scope: "col" }, "f [Hz]", h("small", {}, "95 %")), h("th.num", { scope: "col" }, "ζ [%]", h("small", {}, "95 %")), h("th.num", { scope: "col", title: "Modal phase collinearity: 1 when all points move in phase or in opposition" }, "MPC"), acts.refuse ? h("th", { scope: "col" }, h("span.hidden", {}, "do")) : null)),
+    h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "#"), h("th.num", { scope: "col" }, "f [Hz]", h("small", {}, "± 95 %")), h("th.num", { scope: "col" }, "damping [%]", h("small", {}, "± 95 %")), h("th", { scope: "col" }, "grade"), h("th.num", { scope: "col", title: "Modal phase collinearity: 1 when all points move in phase or in opposition" }, "MPC"), acts.refuse ? h("th", { scope: "col" }, h("span.hidden", {}, "do")) : null)),
     body,
   );
   const why = h("div.why", { "aria-live": "polite" });
@@ -20,13 +20,16 @@ export function makeModes(place, acts) {
   let modes = /** @type {any[]} */ ([]);
   let chosen = -1;
 
-  /** @param {any} mode @param {number} i @param {number} highest */
-  function row(mode, i, highest) {
+  /** @param {any} mode @param {number} i */
+  function row(mode, i) {
+    const { frequency, frequency_half, damping, damping_half, grade, mpc, reason } = mode.shown;
+    const half = (/** @type {string} */ text) => h("small", {}, text && text !== "-" ? `± ${text}` : "");
     const cells = [
       h("td", {}, h("button.link", { "aria-label": `mode ${i + 1}`, onclick: () => acts.select(i) }, i + 1)),
-      h("td.num", {}, h("b", {}, hertz(mode.frequency, highest)), h("small", {}, plusMinus(mode.frequency_interval)), mode.name ? h("em", {}, mode.name) : null),
-      h("td.num", {}, digits(100 * mode.damping), h("small", {}, plusMinus(mode.damping_ratio_interval, 100))),
-      h("td.num", {}, mode.pending ? h("span.muted", { title: "Values of the pole; refinement pending" }, "…") : mode.mpc === undefined || mode.mpc === null ? "–" : mode.mpc.toFixed(2)),
+      h("td.num", {}, h("b", {}, frequency), half(frequency_half), mode.name ? h("em", {}, mode.name) : null),
+      h("td.num", {}, damping, half(damping_half)),
+      h("td", { title: reason }, h(`span.grade.${grade}`, {}, grade), grade === "good" ? null : h("span.reason", {}, reason)),
+      h("td.num", {}, mpc),
     ];
     if (acts.refuse)
       cells.push(
@@ -37,10 +40,8 @@ export function makeModes(place, acts) {
           h("button.small.quiet", { title: "Refuse it (x)", "aria-label": `refuse mode ${i + 1}`, onclick: (/** @type {Event} */ e) => (e.stopPropagation(), acts.refuse(i)) }, icon(ICONS.close)),
         ),
       );
-    return h(`tr${i === chosen ? ".chosen" : ""}${mode.pending ? ".pending" : ""}`, { "data-mode": i, onclick: () => acts.select(i) }, cells);
+    return h(`tr${i === chosen ? ".chosen" : ""}${mode.shown.grade === "preliminary" ? ".pending" : ""}`, { "data-mode": i, onclick: () => acts.select(i) }, cells);
   }
-
-  const digits = (/** @type {number} */ v) => (Number.isFinite(v) ? v.toFixed(v < 10 ? 3 : 2) : "–");
 
   function rename(/** @type {number} */ i) {
     const cell = body.children[i].children[1];
@@ -69,16 +70,16 @@ export function makeModes(place, acts) {
     const told = Object.entries(mode.indicators ?? {}).map(([name, value]) => `${name.replace(/_/g, " ")} ${number(value, 3)}`);
     if (mode.gain !== undefined && mode.gain !== null) told.unshift(`significance ${number(mode.gain, 3)}`);
     const before = mode.frequency_before ? `before refinement ${number(mode.frequency_before, 6)} Hz, ${number(100 * mode.damping_before, 3)} %` : "";
-    return fill(why, h("p", {}, h("b", {}, mode.name ? `Mode ${chosen + 1}, ${mode.name}: ` : `Mode ${chosen + 1}: `), mode.text || (mode.pending ? "taken by hand; refinement pending" : "")), h("p.muted", {}, [before, ...told].filter(Boolean).join(" · ")));
+    const { grade, reason } = mode.shown;
+    return fill(why, h("p", {}, h("b", {}, mode.name ? `Mode ${chosen + 1}, ${mode.name}: ` : `Mode ${chosen + 1}: `), h(`span.grade.${grade}`, {}, grade), `, ${reason}. `), h("p", {}, mode.text ?? ""), h("p.muted", {}, [before, ...told].filter(Boolean).join(" · ")));
   }
 
   return {
-    /** @param {{modes: any[], leftOut: any[], refused: number[], chosen: number, words: string, loud?: boolean}} given */
+    /** @param {{modes: any[], leftOut: any[], refused: number[], chosen: number, unexplained?: string[], warnings?: string[]}} given */
     set(given) {
       ({ modes, chosen } = given);
-      const highest = Math.max(...modes.map((m) => m.frequency), 1e-9);
       fill(heading, "Modes", modes.length ? h("span.count", {}, modes.length) : null);
-      fill(body, modes.map((mode, i) => row(mode, i, highest)));
+      fill(body, modes.map((mode, i) => row(mode, i)));
       explain();
       const refused = given.refused.map((f) => h("li", {}, h("b.struck", {}, `${number(f, 6)} Hz`), " refused by hand ", acts.take ? h("button.small", { onclick: () => acts.take(f) }, "restore") : null));
       const out = given.leftOut.map((c) =>
@@ -86,7 +87,8 @@ export function makeModes(place, acts) {
       );
       fill(
         left,
-        given.words ? h(`p.explained${given.loud ? ".loud" : ""}`, {}, given.words) : null,
+        (given.warnings ?? []).map((words) => h("p.explained.loud", {}, words)),
+        (given.unexplained ?? []).map((words) => h("p.explained", {}, words)),
         refused.length ? h("ul", {}, refused) : null,
         out.length ? h("details", { open: /** @type {any} */ (left.querySelector("details"))?.open ?? true }, h("summary", {}, `Candidates left out (${out.length})`), h("ul", {}, out)) : null,
       );

@@ -1,6 +1,6 @@
 // Diagram, modes, shape, curve and MAC of a finished result: in the report and in a notebook.
 import { ends, makeDiagram } from "./diagram.js";
-import { h, number } from "./dom.js";
+import { h } from "./dom.js";
 import { makeMatrix } from "./matrix.js";
 import { makeModes } from "./modes.js";
 import { makeResponse } from "./response.js";
@@ -33,7 +33,7 @@ export function makeViewer(root, data, acts = {}) {
   diagram.setPoles({ frequency: data.frequency, damping: data.damping, order: data.order, kind: data.kind, std: data.std, damping_std: data.damping_std }, Math.max(...data.orders, 2));
   shape.set(data, 0);
   matrix.set(data.mac, data.modes.length, data.outputs.length);
-  modes.set({ modes: data.modes, leftOut: data.left_out, refused: [], chosen: 0, words: data.explained ?? "" });
+  modes.set({ modes: data.modes, leftOut: data.left_out, refused: [], chosen: 0, unexplained: data.unexplained, warnings: data.warnings });
   response?.setChannels(data.outputs, data.columns);
   function select(/** @type {number} */ i) {
     modes.choose(i);
@@ -41,7 +41,7 @@ export function makeViewer(root, data, acts = {}) {
     matrix.choose(i);
     diagram.setModes({ modes: data.modes, leftOut: data.left_out, chosen: i });
     const mode = data.modes[i];
-    if (mode) shape.caption(h("b", {}, mode.name || `Mode ${i + 1}`), ` ${number(mode.frequency, 6)} Hz, ${number(100 * mode.damping, 3)} %`);
+    if (mode) shape.caption(h("b", {}, mode.name || `Mode ${i + 1}`), ` ${mode.shown.frequency} Hz, ${mode.shown.damping} %`);
     acts.select?.(i);
   }
   if (data.modes.length) select(0);

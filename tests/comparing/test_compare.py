@@ -329,8 +329,8 @@ def test_a_consensus_that_explains_too_little_says_so_first() -> None:
     record = systems.chain5().simulate(inputs="ambient", samples=20000, sampling_rate=20.0, seed=0)
     c = compare(estimate_correlation(record), ["era/time", "alternate/time"], orders=[2], workers=1)
     assert c.fit_error > 0.6
-    assert c.verdict.startswith("WARNING: the modes explain only")
-    assert "EXPLAINS ONLY" in c.table()
+    assert "% of the response is unexplained" in c.verdict.splitlines()[0]
+    assert "TOO MUCH UNEXPLAINED" in c.table()
 
 
 def test_every_cause_has_a_remedy() -> None:

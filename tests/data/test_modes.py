@@ -160,18 +160,19 @@ def test_selecting_channels_cuts_shapes_participation_and_direct_terms() -> None
 
 def test_the_table_shows_what_is_known() -> None:
     text = FIVE["over4"]().modes().table()
-    assert text.splitlines()[0].split() == ["mode", "f", "[Hz]", "zeta", "[%]", "kind"]
-    assert text.count("real") == 2
+    assert " ".join(text.splitlines()[0].split()) == "mode f [Hz] ± 95 % damping [%] ± 95 % grade MPC reason"
+    assert text.count("pole is real: no decaying oscillation") == 2
     frame = pytest.importorskip("pandas") and FIVE["over4"]().modes().to_dataframe()
-    assert list(frame.columns) == ["frequency_hz", "damping_ratio", "kind"]
+    assert list(frame.columns) == ["frequency_hz", "damping_ratio", "kind", "mpc", "grade", "reason"]
 
 
 def test_what_is_not_known_of_one_mode_is_a_dash() -> None:
     modes = FIVE["chain5"]().modes()
     known = np.arange(len(modes)) > 0
     values = np.where(known, 0.5, np.nan)
-    rows = replace(modes, indicators={"mpc": values}, gain=100 * values).table().splitlines()[1:]
-    assert [row.split()[-2:] for row in rows] == [["50.0", "0.500"] if each else ["-", "-"] for each in known]
+    table = replace(modes, indicators={"emac": values}, gain=100 * values).table(wide=True)
+    rows = [row.partition("uncertainty")[0].split() for row in table.splitlines()[1:]]
+    assert [row[-2:] for row in rows] == [["50.0", "0.500"] if each else ["-", "-"] for each in known]
 
 
 @pytest.mark.parametrize(

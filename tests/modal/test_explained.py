@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from modalscope.modal.rebuilt import explained, explains_enough, share_explained
+from modalscope.modal.rebuilt import explains_enough, share_explained, unexplained
 
 
 @pytest.mark.parametrize(("error", "share"), [(0.0, 1.0), (0.6, 0.64), (1.0, 0.0), (3.0, 0.0), (np.nan, 0.0)])
@@ -15,6 +15,6 @@ def test_from_seventy_per_cent_on_it_is_enough():
     edge = np.sqrt(0.3)
     assert explains_enough(edge - 1e-9)
     assert not explains_enough(edge + 1e-9)
-    assert explained(edge - 1e-9).startswith("The modes explain 70 % of the measured mean square")
-    assert explained(edge + 1e-9).startswith("WARNING: the modes explain only 70 %")
+    assert unexplained(edge - 1e-9).startswith("Unexplained: 54.8 % of the response")
+    assert unexplained(edge + 1e-9).startswith("WARNING: 54.8 % of the response is unexplained")
     assert not explains_enough(np.nan)

@@ -29,7 +29,7 @@ def test_magnitude_stands_above_phase_with_both_curves() -> None:
 def test_the_fit_error_of_the_channel_is_told() -> None:
     r = examples.response()
     ax = plot.response(replace(r, values=r.values * 2), examples.modes(), 0, 0)
-    assert ax.get_title(loc="right") == "fit error 50 %"  # |2h - h| / |2h|
+    assert ax.get_title(loc="right") == "unexplained 50 %"  # |2h - h| / |2h|
 
 
 def test_channels_are_named_by_label_or_index_and_else_the_strongest_is_taken() -> None:

@@ -10,8 +10,8 @@ import pytest
 import modalscope as ms
 from modalscope.data.notes import Note
 from modalscope.identification.ambient_records import seen_record
+from modalscope.judging.grades import grades
 from modalscope.preprocess.spectral_peaks import noise_notes
-from modalscope.reporting.grades import grades
 from modalscope.systems import chain5, close4, heavy4, ring5
 from tests.preprocess.modeless_records import KINDS, modeless
 

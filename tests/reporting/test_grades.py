@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from modalscope.data import ModalModel, Signals
+from modalscope.judging.grades import ALIKE, alike_pairs, grades, half_widths
 from modalscope.reporting.document import Origin
-from modalscope.reporting.grades import ALIKE, alike_pairs, grades, half_widths
 from modalscope.reporting.html import table
 from modalscope.reporting.modes import modes_section, summary_section
 from modalscope.reporting.record import data_section
@@ -32,7 +32,7 @@ def words(modes: ModalModel) -> list[str]:
 def test_modes_known_to_a_per_cent_with_shapes_of_their_own_are_good_and_say_how_well_they_are_known() -> None:
     found = grades(known())
     assert {grade.word for grade in found} == {"good"}
-    assert all("damping within ±2" in grade.reason for grade in found)  # 1.96 times 1 %
+    assert all("damping known within ±2" in grade.reason for grade in found)  # 1.96 times 1 %
 
 
 def test_without_deviations_nothing_is_good() -> None:

@@ -7,15 +7,22 @@ import pytest
 
 from modalscope.data import ImpulseResponse
 from modalscope.data.modes import ModalModel
+from modalscope.data.shown import frequency, percent
 from modalscope.functions.poles import poles_from
-from modalscope.reporting.html import decimals, frequency, heading, list_some, percent, value
+from modalscope.judging.description import decimals
+from modalscope.reporting.html import heading, list_some, value
 from modalscope.reporting.modes import summary_section
 from tests.judging.made import Pole, diagram_of
 
 
-@pytest.mark.parametrize(("lowest", "count"), [(0.02, 5), (1.0, 5), (9.99, 5), (10.0, 4), (123.0, 3), (1e4, 2)])
-def test_the_lowest_frequency_has_about_six_digits(lowest: float, count: int) -> None:
-    assert decimals(np.array([1e5, lowest, 0.0])) == count
+@pytest.mark.parametrize(("lowest", "count"), [(0.02, 6), (1.0, 5), (9.99, 5), (10.0, 4), (123.0, 3), (1e4, 2)])
+def test_the_lowest_frequency_has_six_digits_where_no_interval_is_known(lowest: float, count: int) -> None:
+    assert decimals(np.array([1e5, lowest, 0.0]), 6) == count
+
+
+@pytest.mark.parametrize(("smallest", "count"), [(0.99, 2), (0.11, 2), (0.09, 3), (0.0099, 4), (1e-9, 5)])
+def test_the_smallest_interval_has_two_digits(smallest: float, count: int) -> None:
+    assert decimals(np.array([1.5, 20.0]), 6, [smallest, 1.0, np.nan]) == count
 
 
 def test_ratios_are_told_in_per_cent_and_everything_else_as_it_is() -> None:
@@ -56,7 +63,7 @@ def test_the_least_sure_mode_is_the_one_whose_damping_scatters_most_of_its_own_v
     assert "Least certain: mode 3 at 30 Hz, whose damping scatters by 20 % over the orders." in summary(0.5)
 
 
-def test_what_is_explained_is_that_of_the_mean_square_and_little_is_a_warning() -> None:
-    # what is left is 0.5 of the norm, 0.25 of the mean square; or 0.6 and 0.36
-    assert "The modes explain 75 % of the measured mean square (fit error 50 %)." in summary(0.5)
-    assert "WARNING: the modes explain only 64 % of the measured mean square (fit error 60 %)." in summary(0.6)
+def test_the_misfit_is_one_number_and_a_large_one_is_a_warning() -> None:
+    # 0.5 of the norm is 0.25 of the mean square, 0.6 is 0.36: the limit is 0.3
+    assert "Unexplained: 50 % of the response (norm of measured - rebuilt)." in summary(0.5)
+    assert "WARNING: 60 % of the response is unexplained" in summary(0.6)

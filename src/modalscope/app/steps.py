@@ -16,10 +16,10 @@ from modalscope.doctor.examine import examine
 from modalscope.identification.method_names import cell_label
 from modalscope.io.analysis import analysis_to
 from modalscope.judging.select import Weighed, chosen_of, weighed
-from modalscope.modal.rebuilt import explained
-from modalscope.plot.web.fits import channel_blob, fit_of_bands
+from modalscope.plot.web.fits import channel_blob
 from modalscope.plot.web.modes import modes_blob
 from modalscope.plot.web.poles import cut_view, overview_blob, poles_blob
+from modalscope.plot.web.verdict import grouped, notes_that_matter, verdict_of_result
 from modalscope.reporting.record import result_script
 from modalscope.workflow.analyze import concluded
 from modalscope.workflow.bands import Look, looked_at, modes_chosen
@@ -28,22 +28,20 @@ from modalscope.workflow.sources import opened
 
 
 def result_head(result: Result) -> dict[str, Any]:
-    """Return the description of a result: method, settings, notes, findings, script and fit error."""
-    first = result.diagrams[0]
+    """Return the description of a result: method, settings, notes, findings, script and verdict."""
+    first, (texts, computing) = result.diagrams[0], notes_that_matter(result.notes)
     head: dict[str, Any] = {
         "label": cell_label(first.method, first.domain),
         "orders": [first.orders[0], first.orders[-1]] if first.orders else [],
         "settings": [dict(settings.items()) for settings in result.settings],
-        "notes": [note.to_dict() for note in result.notes],
-        "findings": [finding._asdict() for finding in result.findings],
+        "notes": texts,
+        "computing": computing,
+        "findings": [finding._asdict() for finding in grouped(result.findings)],
         "script": result_script(result),
         "columns": list(first.response.columns),
     }
-    if len(result.modes) and not result.analysis.apart:
-        fit = fit_of_bands(result.modes, result.diagrams)
-        if fit is not None:
-            head |= {"fit_error": fit[0], "explained": explained(fit[0])}
-    return head
+    verdict = verdict_of_result(result)
+    return head | {"taken": verdict.taken, "unexplained": verdict.unexplained, "warnings": verdict.warnings}
 
 
 class Stages:
@@ -139,7 +137,10 @@ class Stages:
         """Report the selected modes before they are refined."""
         if document.refine:
             modes = modes_chosen(self.data, replace(document, refine=False), self._looks, self._choose)
-            self._tell("blob", ("modes", modes_blob(replace(modes, notes=()), document.names, {"early": True})))
+            self._tell(
+                "blob",
+                ("modes", modes_blob(replace(modes, notes=()), document.names, {"early": True}, preliminary=True)),
+            )
             self._tell("stage", {"stage": "refining"})
 
     def _examined(self, data: Any) -> tuple[Any, ...]:

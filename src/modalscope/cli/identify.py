@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from modalscope.cli.parser import Parser, add_choices, add_files, add_method, add_orders, add_outputs, add_workers
-from modalscope.cli.process import complain, explain, progress, remark, say
+from modalscope.cli.process import complain, explain, narrowed, progress, remark, say
 from modalscope.numerics.errors import DataError
 
 if TYPE_CHECKING:
     from modalscope.data import ModalModel
-    from modalscope.data.notes import Note
     from modalscope.data.results import Result
     from modalscope.numerics.checks import RealArray
 
@@ -30,6 +29,9 @@ LOCAL_SETTINGS = {
 
 #: Prefix of the address of processes on this machine.
 _LOCAL_ADDRESS = "local"
+
+#: Maximum number of columns of a terminal that the table of modes takes.
+_MAX_COLUMNS = 100
 
 #: Seconds that a scheduler has to answer.
 _CONNECT_SECONDS = 20
@@ -47,6 +49,7 @@ def add_identify(parser: Parser) -> None:
     add("--refuse", nargs="+", type=float, metavar="HZ", help="do not report the modes at these frequencies")
     add("--no-refine", dest="refine", action="store_false", help="no maximum likelihood refinement")
     add("--all", action="store_true", help="also print the candidates left out, with reasons")
+    add("--wide", action="store_true", help="print all columns: spreads, significance, indicators")
     add("--each", action="store_true", help="every file is a test: one table, modes paired with those of the first")
     add("--reference", type=Path, metavar="MODES", help="with --each: file of modes to pair with")
     add("--apart", action="store_true", help="identify the setups one by one and merge their modes, not their records")
@@ -70,7 +73,7 @@ def identify(options: argparse.Namespace) -> None:
         raise DataError(asked, "a report covers one measurement", "Write .json or .csv, or one report per setup.")
     result = result_of(options, options.files)
     written = write_outputs(options, result)
-    _print(result, everything=options.all)
+    _print(result, everything=options.all, wide=options.wide)
     say(*written)
 
 
@@ -125,12 +128,12 @@ def result_of(options: argparse.Namespace, files: list[Path]) -> Result:
     from modalscope.workflow.replay import replay
 
     if len(files) == 1 and files[0].name.lower().endswith(".analysis.json"):
-        with progress("identifying") as show:
+        with progress("identifying", then="selecting and refining") as show:
             return replay(files[0], progress=show)
     bands = [tuple(band) for band in options.band or ()]
     given: dict[str, Any] = choices(options) | {"band": bands[0] if len(bands) == 1 else bands or None}
     given |= {name: getattr(options, name) for name in ("method", "domain", "frequencies", "refine", "apart")}
-    with workers_of(options), progress("identifying") as show:
+    with workers_of(options), progress("identifying", then="selecting and refining") as show:
         return analyze(
             files[0] if len(files) == 1 else files,
             orders=parse_orders(options.orders),
@@ -142,53 +145,51 @@ def result_of(options: argparse.Namespace, files: list[Path]) -> Result:
         )
 
 
-def _print(result: Result, *, everything: bool = False) -> None:
-    """Print the method, the notes and the modes, with the sentences of the report on all bands together."""
-    from modalscope.plot.web.fits import fit_of_bands
-    from modalscope.reporting.modes import verdict_of
+#: Notes on how the data are interpreted, printed before the modes.
+_ON_READING = ("file", "places", "base", "free decay", "units", "units not known", "bands chosen")
 
-    kinds = ("file", "places", "base", "free decay", "units", "units not known", "bands chosen")
-    remark(*(note for note in result.notes if note.kind in kinds))
-    _print_diagrams(result)
-    rebuildable = len(result.modes) > 0 and not result.analysis.apart
-    fit = fit_of_bands(result.modes, result.diagrams) if rebuildable else None
-    verdict = verdict_of(result.modes, result.diagrams[0].response, fit)
-    remark(*verdict.taken)
-    if result.findings:
-        remark("quality:", *(f"  {finding}" for finding in result.findings))
+
+def _print(result: Result, *, everything: bool = False, wide: bool = False) -> None:
+    """Print a result: how the data were read, the table, the verdict, findings, notes, candidates left out.
+
+    Each note is printed once; those on computing only with --verbose. `everything`: also the candidates. `wide`: all columns.
+    """
+    from modalscope.plot.web.verdict import grouped, notes_that_matter, verdict_of_result
+
+    verdict = verdict_of_result(result)
+    remark(*(note for note in result.notes if note.kind in _ON_READING), *_methods(result), *verdict.taken)
     if len(result.modes):
-        parts = "setups identified apart" if result.analysis.apart else "bands merged"
-        several = f"{len(result.diagrams)} {parts}\n\n" if len(result.diagrams) > 1 else ""
-        say(f"\n{several}{result.modes.table()}")
-        printed = {note for diagram in result.diagrams for note in diagram.notes}
-        remark(*(f"  {note}" for note in result.modes.notes if note not in printed))
-        say("")
-        for text in (*verdict.explained, *verdict.warnings):
-            say(text)
+        table = result.modes.table(wide=wide) if wide else narrowed(result.modes.table(), _MAX_COLUMNS)
+        say("", table, "")
     else:
         reasons = [str(note) for note in result.modes.notes if note.kind == "no mode"]
         say(next(iter(reasons), "no significant mode"))
-    remark(*(f"  {note}" for note in result.notes if note.kind == "lines of noise"))
+    say(*verdict.unexplained, *verdict.graded, *verdict.warnings)
+    texts, computing = notes_that_matter(note for note in result.notes if note.kind not in _ON_READING)
+    if result.findings:
+        remark("data:", *(f"  {finding}" for finding in grouped(result.findings)))
+    if texts:
+        remark("notes:", *(f"  {text}" for text in texts))
     _print_left_out(result, everything)
-    explain(*(f"mode {index + 1}: {reasons}" for index, reasons in enumerate(result.modes.reasons)))
+    for settings in result.settings:
+        explain("settings: " + ", ".join(f"{name}={value!r}" for name, value in settings.items()))
+    explain("computing:", *(f"  {text}" for text in computing))
+    explain(*(f"mode {index + 1}: {reasons.get('text', '')}" for index, reasons in enumerate(result.modes.reasons)))
 
 
-def _print_diagrams(result: Result) -> None:
-    """Print method, orders and notes of each band or setup; a note is printed once."""
+def _methods(result: Result) -> list[str]:
+    """Return method and orders of each band or setup."""
     from modalscope.identification.method_names import cell_label
     from modalscope.reporting.sections import bands_of
 
     apart, bands = result.analysis.apart, bands_of(result.modes, result.diagrams)
-    printed: set[Note] = set()
+    lines = []
     for band in bands:
         diagram = band.diagram
         which = f"setup {band.number}: " if apart else f"{band.words}: " if len(bands) > 1 else ""
         orders = f"orders {diagram.orders[0]} to {diagram.orders[-1]}"
-        remark(f"{which}{cell_label(diagram.method, diagram.domain)}, {orders}")
-        if not (apart and printed):
-            remark(*(f"  {note}" for note in diagram.notes if note not in printed))
-        printed |= set(diagram.notes)
-        explain("  " + ", ".join(f"{name}={value!r}" for name, value in diagram.settings.items()))
+        lines.append(f"{which}{cell_label(diagram.method, diagram.domain)}, {orders}")
+    return lines
 
 
 def _print_left_out(result: Result, everything: bool) -> None:
@@ -199,7 +200,7 @@ def _print_left_out(result: Result, everything: bool) -> None:
     if candidates and not everything:
         remark(f"{counted(len(candidates), 'candidate')} left out; --all lists them with reasons")
     elif candidates:
-        say("\nleft out:")
+        say("left out:")
         for candidate in candidates:
             significance = "" if candidate.gain != candidate.gain else f" (significance {candidate.gain:.1f})"
             say(f"  {candidate}{significance}. {candidate.remedy}")

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from time import monotonic
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 #: The name of an output that means JSON on stdout.
 STDOUT = "-"
@@ -82,8 +84,29 @@ def say(*texts: object) -> None:
     """Print results, one below the other; control characters, such as codes that move the cursor, are escaped."""
     from modalscope.numerics.errors import printable
 
+    out = sys.stderr if VOICE.aside else sys.stdout
     for text in texts:
-        print(printable(str(text)), file=sys.stderr if VOICE.aside else sys.stdout)
+        print(_coloured(printable(str(text)), out), file=out)
+
+
+#: Words that are coloured on a terminal, and their codes: green, yellow, bold yellow.
+_COLOURS = {"good": "32", "look": "33", "doubtful": "35", "WARNING": "1;33"}
+
+
+def _coloured(text: str, out: Any) -> str:
+    """Return text with colours for grades and warnings if `out` is a terminal that shows them (see no-color.org)."""
+    if not out.isatty() or os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
+        return text
+    return _COLOURED.sub(lambda found: f"\x1b[{_COLOURS[found[0]]}m{found[0]}\x1b[0m", text)
+
+
+#: Grades in a table stand between blanks; a warning is the first word.
+_COLOURED = re.compile(r"(?<=  )(?:good|look|doubtful)(?=  )|^WARNING(?=:)", re.MULTILINE)
+
+
+def narrowed(table: str, columns: int) -> str:
+    """Return a table whose last column is cut where a line is wider than `columns`."""
+    return "\n".join(line if len(line) <= columns else f"{line[: columns - 1]}…" for line in table.splitlines())
 
 
 def remark(*texts: object) -> None:
@@ -115,14 +138,22 @@ def hang_up() -> None:
 
 
 @contextmanager
-def progress(what: str, unit: str = "order") -> Iterator[Callable[[int, int], None]]:
-    """Show a progress bar while the block runs, `show(done, total)`; none if stderr is no terminal."""
+def progress(what: str, unit: str = "order", then: str = "") -> Iterator[Callable[[int, int], None]]:
+    """Show a progress bar while the block runs, `show(done, total)`; none if stderr is no terminal.
+
+    `then`: the stage that follows the last unit. What took more than a second ends with a line that gives the time.
+    """
     from tqdm import tqdm
 
+    start = monotonic()
     with tqdm(desc=what, unit=unit, file=sys.stderr, leave=False, disable=VOICE.quiet or None) as bar:
 
         def show(done: int, total: int) -> None:
             bar.total = total
             bar.update(done - bar.n)
+            bar.set_description(then if then and done == total else what)
 
         yield show
+        shown = not bar.disable
+    if shown and monotonic() - start > 1:
+        print(f"{what}: done in {monotonic() - start:.1f} s", file=sys.stderr)

@@ -33,7 +33,7 @@ from modalscope.data.setups import Setups, as_test
 from modalscope.data.shown import Shown, cells_of, summary_of, text_table
 from modalscope.identification.options import AllOptions
 from modalscope.identification.prepare import Data
-from modalscope.modal.rebuilt import explained, explains_enough, fit_error_heard, rebuilt, share_explained
+from modalscope.modal.rebuilt import explains_enough, fit_error_heard, rebuilt, unexplained
 from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_count, check_kind
@@ -154,15 +154,13 @@ class Comparison(Shown):
         return f"{lead}\n{text_table([head, *rows], (0,))}" if rows else "No mode in common."
 
     def _methods_table(self) -> str:
-        head = ["method", "modes", "fit error [%]", "seconds", ""]
+        head = ["method", "modes", "unexplained [%]", "seconds", ""]
         rows = []
         for r in self.results:
             if r.modes is None or r.fit_error is None:
                 rows.append([r.label, "-", "-", f"{r.seconds:.1f}", f"failed: {r.failure}"])
                 continue
-            notes = (
-                [] if explains_enough(r.fit_error) else [f"EXPLAINS ONLY {100 * share_explained(r.fit_error):.0f} %"]
-            )
+            notes = [] if explains_enough(r.fit_error) else ["TOO MUCH UNEXPLAINED"]
             notes += [] if r.exact else ["no vote" if r.route else "transformed data, no vote"]
             rows.append([r.label, str(len(r.modes)), f"{100 * r.fit_error:.2f}", f"{r.seconds:.1f}", "; ".join(notes)])
         return f"Methods\n{text_table([head, *rows], (0, 4))}"
@@ -307,7 +305,7 @@ def _judged(
         causes = mode_causes(k, groups, response, results)
         trouble = interval_trouble(g, scatter.frequency_noise[k], scatter.damping_noise[k], tried)
         trust.append(judge(g, scatter.frequency[k], scatter.damping[k], causes, findings, trouble))
-    warning = f"{explained(fit_error)}\n" if groups and not explains_enough(fit_error) else ""
+    warning = f"{unexplained(fit_error)}\n" if groups and not explains_enough(fit_error) else ""
     return {
         "modes": modes,
         "groups": groups,

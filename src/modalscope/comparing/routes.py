@@ -35,7 +35,7 @@ from modalscope.identification.orders import STATES, checked_orders
 from modalscope.identification.prepare import Measured, measure
 from modalscope.identification.routes import USUAL
 from modalscope.identification.table import methods
-from modalscope.modal.rebuilt import explains_enough, share_explained
+from modalscope.modal.rebuilt import explains_enough
 from modalscope.numerics.errors import DataError, check_choice
 
 #: Minimum lines in a half bandwidth: with fewer a window broadens a mode. Minimum decay times of a mode in a record.
@@ -187,7 +187,7 @@ def _insufficient(result: MethodResult, usual: MethodResult) -> Cause | None:
         return None
     route = f"route {result.route} by {result.label}"
     if not explains_enough(result.fit_error):
-        return Cause("poor fit", f"the modes of {route} explain {100 * share_explained(result.fit_error):.0f} %")
+        return Cause("poor fit", f"the modes of {route} leave {100 * result.fit_error:.3g} % unexplained")
     most, needed = max(result.diagram.orders, default=0) if result.diagram else 0, 2 * len(usual.modes)
     if most < needed:
         return Cause("too few blocks", f"{route} has orders up to {most}, {len(usual.modes)} modes need {needed}")

@@ -303,31 +303,6 @@ def known_columns(modes: ModeFields) -> dict[str, Any]:
     }
 
 
-def cells_of_modes(modes: ModeFields) -> list[list[str]]:
-    """Return the table of modes as text, cell by cell, the first row its heads."""
-    columns: dict[str, list[str]] = {
-        "mode": [str(i + 1) for i in range(len(modes))],
-        "f [Hz]": [f"{v:.4f}" for v in modes.frequencies],
-        "zeta [%]": [f"{100 * v:.3f}" for v in modes.damping_ratios],
-    }
-    if any(kind != "mode" for kind in modes.kinds):
-        columns["kind"] = list(modes.kinds)
-    halves = [half if np.isfinite(half).any() else None for half in half_widths(modes)]
-    for word, frequencies, damping_ratios in (
-        ("spread", modes.frequencies_spread, modes.damping_ratios_spread),
-        ("+-95%", halves[0], halves[1]),
-    ):
-        if frequencies is not None:
-            columns[f"f {word}"] = [told(v) for v in frequencies]
-        if damping_ratios is not None:
-            columns[f"zeta {word}"] = [told(100 * v) for v in damping_ratios]
-    if modes.gain is not None:
-        columns["gain"] = [_fixed(v, 1) for v in modes.gain]
-    for name, values in modes.indicators.items():
-        columns[name] = [_fixed(v, 3) for v in values]
-    return [list(columns), *map(list, zip(*columns.values(), strict=True))]
-
-
 def told(deviation: float) -> str:
     """Return a deviation with two digits; a dash where it is withheld.
 
@@ -337,11 +312,6 @@ def told(deviation: float) -> str:
     ('0.012', '-')
     """
     return f"{deviation:.2g}" if deviation == deviation else "-"
-
-
-def _fixed(value: float, decimals: int) -> str:
-    """Return a number with that many decimals; a dash where there is none, as of modes that no order of the diagram shows."""
-    return f"{value:.{decimals}f}" if value == value else "-"
 
 
 def values_on_samples(modes: ModeFields, samples: int, rate: float, first_sample: int = 0) -> RealArray:

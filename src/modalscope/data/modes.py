@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from importlib import import_module
 from typing import Any, overload
 
 import numpy as np
@@ -13,16 +14,13 @@ from modalscope.data.channels import derivatives_between
 from modalscope.data.mode_fields import (
     COLUMNS,
     ModeFields,
-    cells_of_modes,
     interval_ends,
-    known_columns,
     mode_indices,
     values_on_lines,
     values_on_samples,
 )
 from modalscope.data.response import CORRELATED, INSEPARABLE
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
-from modalscope.data.shown import text_table
 from modalscope.numerics.arguments import between, named
 from modalscope.numerics.checks import ComplexArray, RealArray, check_positive
 from modalscope.numerics.errors import DataError, optional_package
@@ -364,9 +362,16 @@ class ModalModel(ModeFields):
             values=values, frequencies=lines, quantity=self.quantity, sampling_rate=rate, **self.labelled()
         )
 
-    def table(self) -> str:
-        """Return the modes as a text table: frequency, damping, spread over orders, indicators."""
-        return text_table(cells_of_modes(self))
+    @named()
+    def table(self, *, wide: bool = False) -> str:
+        """Return the modes as a text table: frequency, damping, their 95 % intervals, grade, MPC and the reason of the grade.
+
+        Parameters
+        ----------
+        wide : bool
+            Whether spreads over orders, significance and indicators are columns, too.
+        """
+        return str(_description().text_of(self, wide=wide))
 
     def to_dataframe(self) -> Any:
         """Return the table as a pandas DataFrame, in the columns of the files.
@@ -376,4 +381,10 @@ class ModalModel(ModeFields):
         DataError
             pandas is not installed: the extra `pandas` brings it.
         """
-        return optional_package("to_dataframe", "pandas", "pandas").DataFrame(known_columns(self))
+        frames = optional_package("to_dataframe", "pandas", "pandas")
+        return frames.DataFrame(_description().columns_of(self))
+
+
+def _description() -> Any:
+    """Return the module that describes modes: it grades them, stands above the data classes, and is loaded when it is needed."""
+    return import_module("modalscope.judging.description")

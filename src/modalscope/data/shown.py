@@ -93,6 +93,18 @@ def counted(number: int, word: str) -> str:
     return f"{number} {word}" + ("" if number == 1 else "s")
 
 
+def frequency(hertz: float) -> str:
+    """Return a frequency with five digits and its unit."""
+    return f"{hertz:.5g} Hz"
+
+
+def percent(ratio: float, digits: int = 3) -> str:
+    """Return a ratio in per cent, or a dash if it is not finite."""
+    if not np.isfinite(ratio):
+        return "–"
+    return f"{100 * ratio:.0f} %" if abs(100 * ratio) >= 10**digits else f"{100 * ratio:.{digits}g} %"
+
+
 def text_table(rows: Iterable[Sequence[str]], left: Container[int] = ()) -> str:
     """Return rows of cells as lines of text, columns aligned to the right; those counted in `left` to the left.
 

@@ -9,7 +9,7 @@ sampling_rate, kind, first_sample).
 | `frequency_hz` | `real 3:+Z / 1:+Z [m/s2 / N]`, `imag 3:+Z / 1:+Z`, for every output and input | a frequency response |
 | `time_s` | `out 3:+Z [m/s2]`, `in 1:+Z [N]` | records |
 | `time_s` | `3:+Z / 1:+Z [m/s2 / N]`, for every output and input | an impulse response |
-| `mode` | `frequency_hz`, `damping_ratio`, `kind`, deviations and indicators by name, `real 3:+Z`, `imag 3:+Z` of the shapes | modes |
+| `mode` | what `columns_of` of `modalscope.judging.description` gives, then `real 3:+Z`, `imag 3:+Z` of the shapes | modes |
 
 Columns are separated by comma, semicolon or tab, whichever the header has. Numbers are written with every digit. Coherence,
 variance, geometry and direct terms have no column: .npz, .h5 and .uff keep them. Participation, reasons and notes of modes have none: .json
@@ -29,7 +29,7 @@ from typing import Any, NamedTuple, TextIO
 import numpy as np
 
 from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, ModalModel, Signals
-from modalscope.data.mode_fields import COLUMNS, DEGREES, known_columns
+from modalscope.data.mode_fields import COLUMNS, DEGREES
 from modalscope.data.response import Response
 from modalscope.functions.poles import poles_from
 from modalscope.io import text
@@ -38,6 +38,7 @@ from modalscope.io.atomic import MARK
 from modalscope.io.columns.words import is_unit
 from modalscope.io.contents import Contents, DataObject, Finding, Options, needs, unreadable
 from modalscope.io.limits import Room, room
+from modalscope.judging.description import DERIVED, columns_of
 from modalscope.numerics.checks import Array, RealArray
 
 _PAIR = re.compile(
@@ -47,6 +48,9 @@ _SIDE = re.compile(r"^(?P<side>out|in)\s+(?P<dof>.+?)\s*(?:\[(?P<unit>.*)\])?$")
 
 #: Columns by which a table of modes is known.
 _OF_MODES = {"frequency_hz", "damping_ratio"}
+
+#: Columns of words in a table of modes.
+_OF_WORDS = ("kind", "grade", "reason")
 
 #: What stands in a header without ambiguity.
 _PLAIN = re.compile(r"[\w :+.²³µ-]*|\w+/\w+²?")
@@ -130,7 +134,7 @@ def _table(path: Path, space: Room) -> _Table:
             space.parts("columns", first.count(delimiter) + 1)
             reader = csv.reader(chain([first, second], rows), delimiter=delimiter, strict=True)
             header = [name.strip() for name in next(reader)]
-            words = [k for k, name in enumerate(header) if name == "kind"] if set(header) >= _OF_MODES else []
+            words = [k for k, name in enumerate(header) if name in _OF_WORDS] if set(header) >= _OF_MODES else []
             body = ([cell for k, cell in enumerate(row) if k not in words] for row in reader)
             header = [name for k, name in enumerate(header) if k not in words]
             return _Table(notes, header, _cells(path, body, len(header), space))
@@ -231,7 +235,8 @@ def _modes(path: Path, table: _Table) -> ModalModel:
         fault = f"imag {missing[0]} is missing" if missing else "a name stands twice, or a value is none of a mode"
         need = "each column once, real and imaginary parts of shapes, frequencies from 0 on and damping ratios within 1"
         raise needs(path.name, need, fault, "Correct that column.")
-    columns.pop("mode", None)
+    for name in ("mode", *DERIVED):
+        columns.pop(name, None)
     fields = {name: columns.pop(column) for column, name in COLUMNS.items() if column in columns}
     degrees = [columns.pop(name, np.full(f.size, np.nan)) for name in DEGREES] if set(DEGREES) & set(columns) else None
     return ModalModel(
@@ -354,7 +359,7 @@ def _record_table(record: Signals) -> tuple[list[str], list[list[float]]]:
 
 def _modes_table(modes: ModalModel) -> tuple[list[str], list[list[Any]]]:
     columns: dict[str, Sequence[Any]] = {"mode": list(range(1, len(modes) + 1))}
-    columns |= {name: np.asarray(values).tolist() for name, values in known_columns(modes).items()}
+    columns |= {name: np.asarray(values).tolist() for name, values in columns_of(modes).items()}
     for label, row in zip(modes.output_dofs, modes.shapes, strict=True):
         columns |= {f"real {label}": row.real.tolist(), f"imag {label}": row.imag.tolist()}
     return list(columns), [list(row) for row in zip(*columns.values(), strict=True)]

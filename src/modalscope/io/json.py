@@ -6,6 +6,7 @@ The layout is that of the command line (`identify -o modes.json`):
      "modes": [{"frequency_hz", "damping_ratio", "kind", "frequency_spread_hz", "damping_ratio_spread", "frequency_std_hz",
                 "damping_ratio_std", "frequency_repeatability_hz", "damping_ratio_repeatability", "damping_ratio_lower",
                 "degrees": [of the frequency, of the damping ratio], "gain",
+                "interval_95": {"frequency_hz": [low, high], "damping_ratio": [low, high]}, "grade", "grade_reason", "mpc",
                 "indicators": {...}, "reasons": {...}, "shape": {"dof", "real", "imag", "std"},
                 "pole": {"real", "imag"}, "participation": {"dof", "real", "imag"}}],
      "left_out": [{"frequency_hz", "damping_ratio", "gain", "reason", "remedy"}],
@@ -15,12 +16,15 @@ The layout is that of the command line (`identify -o modes.json`):
 
 A state-space model is {"modalscope": version, "state_space": {"A", "B", "C", "D", "dt", ...}}.
 
+Intervals, grades and MPC follow from the rest, and are not read back.
+
 `pole` (rad/s) keeps every digit; a file without it is read by frequency and damping ratio. What is not known is null.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +41,7 @@ from modalscope.io.contents import Contents, Finding, Options, damage_as_error, 
 from modalscope.io.diagrams import DIAGRAM, document_contents, write_document
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import room
+from modalscope.judging.description import columns_of
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
 #: What the caller may add: how the modes were found, and the data they were found in.
@@ -68,11 +73,11 @@ def write(path: Path, modes: Any, options: Options) -> None:
         "method": options.get("method"),
         "domain": options.get("domain"),
         "orders": None if options.get("orders") is None else [int(order) for order in np.atleast_1d(options["orders"])],
-        "modes": [_mode(modes, j) for j in range(len(modes))],
+        "modes": _rows(modes),
         **{name: None if (a := getattr(modes, name)) is None else a.tolist() for name in _DIRECT},
         "left_out": [candidate.to_dict() for candidate in modes.left_out],
         "harmonics": [harmonic.to_dict() for harmonic in modes.harmonics],
-        "unrefined": None if (u := modes.unrefined) is None else [_mode(u, j) for j in range(len(u))],
+        "unrefined": None if (u := modes.unrefined) is None else _rows(u),
         "converged": modes.converged,
         "route": options.get("route"),
         "notes": [note.to_dict() for note in dict.fromkeys((*modes.notes, *options.get("notes", ())))],
@@ -99,7 +104,14 @@ def _of_result(result: Result | None) -> dict[str, Any]:
     return entries
 
 
-def _mode(modes: ModalModel, j: int) -> dict[str, Any]:
+def _rows(modes: ModalModel) -> list[dict[str, Any]]:
+    """Return the entries of all modes."""
+    columns = columns_of(modes)
+    return [_mode(modes, j, {name: values[j] for name, values in columns.items()}) for j in range(len(modes))]
+
+
+def _mode(modes: ModalModel, j: int, columns: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the entry of one mode; `columns`: its numbers by column."""
     pole, std, part = modes.poles[j], modes.shapes_std, modes.participation
     shape = {"dof": list(modes.output_dofs), **_parts(modes.shapes[:, j]), "std": None if std is None else std[:, j]}
     return {
@@ -108,7 +120,14 @@ def _mode(modes: ModalModel, j: int) -> dict[str, Any]:
         "kind": modes.kinds[j],
         **{key: None if (a := getattr(modes, name)) is None else a[j] for key, name in COLUMNS.items()},
         "degrees": None if modes.degrees is None else modes.degrees[j],
-        "indicators": {name: values[j] for name, values in modes.indicators.items()},
+        "interval_95": {
+            of: [columns.get(f"{name}_95_{end}{unit}") for end in ("low", "high")]
+            for of, name, unit in (("frequency_hz", "frequency", "_hz"), ("damping_ratio", "damping_ratio", ""))
+        },
+        "grade": columns["grade"],
+        "grade_reason": columns["reason"],
+        "mpc": columns.get("mpc"),
+        "indicators": {name: columns[name] for name in modes.indicators},
         "reasons": dict(modes.reasons[j]) if modes.reasons else {},
         "shape": shape,
         "pole": {"real": pole.real, "imag": pole.imag},

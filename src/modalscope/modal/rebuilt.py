@@ -1,4 +1,4 @@
-"""Rebuild responses from modes, and compute the fit error, the share explained and the contribution of each pole."""
+"""Rebuild responses from modes, and compute what they leave unexplained and the contribution of each pole."""
 
 from __future__ import annotations
 
@@ -91,8 +91,8 @@ def explains_enough(fit_error: float) -> bool:
     return share_explained(fit_error) >= ENOUGH
 
 
-def explained(fit_error: float) -> str:
-    """Return a sentence on how much the modes explain; below 70 % it says so first, and what to look at.
+def unexplained(fit_error: float) -> str:
+    """Return a sentence on the unexplained part; where more than 30 % of the mean square is unexplained, a warning with remedies.
 
     Parameters
     ----------
@@ -101,19 +101,18 @@ def explained(fit_error: float) -> str:
 
     Examples
     --------
-    >>> print(explained(0.1))
-    The modes explain 99 % of the measured mean square (fit error 10 %).
-    >>> print(explained(0.72))
-    WARNING: the modes explain only 48.16 % of the measured mean square (fit error 72 %). \
-Something that was measured is not in them: raise the largest order, choose a narrower band, \
-or look for channels and lines that no mode explains.
+    >>> print(unexplained(0.1))
+    Unexplained: 10 % of the response (norm of measured - rebuilt).
+    >>> print(unexplained(0.72))
+    WARNING: 72 % of the response is unexplained (norm of measured - rebuilt). Modes are missing, or something else was measured: raise \
+the largest order, choose a narrower band, or look for channels and lines that no mode explains.
     """
-    share = f"{100 * share_explained(fit_error):.4g} % of the measured mean square (fit error {100 * fit_error:.3g} %)."
+    share = f"{100 * fit_error:.3g} % of the response"
     if explains_enough(fit_error):
-        return f"The modes explain {share}"
+        return f"Unexplained: {share} (norm of measured - rebuilt)."
     return (
-        f"WARNING: the modes explain only {share} Something that was measured is not in them: raise the largest order, "
-        "choose a narrower band, or look for channels and lines that no mode explains."
+        f"WARNING: {share} is unexplained (norm of measured - rebuilt). Modes are missing, or something else was measured: "
+        "raise the largest order, choose a narrower band, or look for channels and lines that no mode explains."
     )
 
 

@@ -247,5 +247,5 @@ def fit_errors(diagram: StabilizationDiagram, ax: Axes | None = None) -> Axes:
         ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.yaxis.set_major_formatter(lambda number, _: f"{number:g}")
         ax.yaxis.set_minor_formatter(NullFormatter())
-    dress(ax, xlabel="model order (states)", ylabel="fit error |measured - synthesized| / |measured|")
+    dress(ax, xlabel="model order (states)", ylabel="unexplained |measured - rebuilt| / |measured|")
     return ax

@@ -108,7 +108,7 @@ def response(
     if fit is not None:
         norm = float(np.linalg.norm(measured))
         if norm > 0 and drawn is data:
-            aside(upper, f"fit error {100 * float(np.linalg.norm(measured - fit)) / norm:.3g} %")
+            aside(upper, f"unexplained {100 * float(np.linalg.norm(measured - fit)) / norm:.3g} %")
     return upper
 
 

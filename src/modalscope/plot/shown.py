@@ -144,7 +144,7 @@ def _(thing: Validation, ax: Any = None) -> Any:
     ax.bar(places + 0.2, 100 * thing.fit_errors, 0.4, color=BLUE, label="left out")
     ax.set_xticks(places, thing.parts, rotation=45 if len(thing.parts) > 6 else 0)
     ax.legend(frameon=False)
-    dress(ax, title="cross-validation", xlabel="left out", ylabel="fit error [%]")
+    dress(ax, title="cross-validation", xlabel="left out", ylabel="unexplained [%]")
     return ax
 
 

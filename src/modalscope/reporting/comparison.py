@@ -9,11 +9,12 @@ import numpy as np
 from modalscope import plot
 from modalscope.comparing import CAUSES, Comparison, MethodResult
 from modalscope.comparing.scatter import LEVEL
-from modalscope.modal.rebuilt import explained, explains_enough
+from modalscope.judging.description import decimals
+from modalscope.modal.rebuilt import explains_enough, unexplained
 from modalscope.plot.web.fits import fit_of
 from modalscope.reporting import record, sections
 from modalscope.reporting.figures import draw, stabilization_svg
-from modalscope.reporting.html import Section, decimals, folded, listing, paragraph, picture, table
+from modalscope.reporting.html import Section, folded, listing, paragraph, picture, table
 from modalscope.reporting.record import comparison_script
 
 #: Maximum number of drawn stabilization diagrams.
@@ -58,8 +59,8 @@ def _verdict(c: Comparison) -> Section:
     count = f"{len(ran)} of {len(c.results)} methods" if len(ran) < len(c.results) else f"{len(ran)} methods"
     lead = f"{count} on the same data, {low:.5g} to {high:.5g} Hz; {len(c.modes)} modes in the consensus."
     if c.groups and explains_enough(c.fit_error):
-        lead += f" {explained(c.fit_error)}"
-    digits = decimals(c.modes.frequencies)
+        lead += f" {unexplained(c.fit_error)}"
+    digits = decimals(c.modes.frequencies, 6)
     rows = [
         [
             str(k + 1),
@@ -82,7 +83,7 @@ def _verdict(c: Comparison) -> Section:
 
 
 def _modes(c: Comparison) -> Section:
-    digits = decimals(c.modes.frequencies)
+    digits = decimals(c.modes.frequencies, 6)
     ran = sum(r.modes is not None for r in c.results)
     columns = {
         "mode": [str(k + 1) for k in range(len(c.groups))],
@@ -116,8 +117,8 @@ def _modes(c: Comparison) -> Section:
 
 def _methods(c: Comparison) -> Section:
     rows = [_method_row(r) for r in c.results]
-    head = ["method", "realization", "modes", "fit error [%]", "orders", "seconds", "remark"]
-    caption = "Fit error: residual of the method's modes on the responses it was applied to"
+    head = ["method", "realization", "modes", "unexplained [%]", "orders", "seconds", "remark"]
+    caption = "Unexplained: residual of the method's modes on the responses it was applied to"
     body = table(head, rows, words=[0, 1, 6], caption=caption)
     for kind, title, scale in (
         ("frequencies", "Frequencies [Hz]", 1.0),
@@ -141,7 +142,7 @@ def _values_table(c: Comparison, kind: str, title: str, scale: float) -> str:
     names = [r.name for r in c.results if r.modes is not None]
     if not names or not c.groups:
         return ""
-    digits = {"frequencies": decimals(c.modes.frequencies), "damping_ratios": 3, "mac": 3}[kind]
+    digits = {"frequencies": decimals(c.modes.frequencies, 6), "damping_ratios": 3, "mac": 3}[kind]
     rows = [
         [
             c.label(name),

@@ -21,6 +21,7 @@ from modalscope.identification.identify import Identification
 from modalscope.identification.method_names import cell_label
 from modalscope.io.atomic import replacing
 from modalscope.io.formats import sources_of
+from modalscope.judging.grades import grades
 from modalscope.judging.select import select
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_kind, check_path
@@ -28,7 +29,6 @@ from modalscope.plot.web.fits import fit_of, fit_of_bands
 from modalscope.preprocess.singular_spectra import Decomposition, decomposition
 from modalscope.reporting import record, sections
 from modalscope.reporting.comparison import comparison_sections
-from modalscope.reporting.grades import grades
 from modalscope.reporting.html import Section, listing, page
 from modalscope.reporting.modes import (
     certificate_section,
@@ -162,14 +162,15 @@ def _origin(result: Result, source: str | None, command: str | None) -> Origin:
 
 def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, origin: Origin) -> Iterator[Section]:
     """Yield the sections on a diagram and its modes in the order of reading, each drawn when it is asked for."""
-    judged = grades(modes, origin.certificate)
+    holds = None if origin.certificate is None else origin.certificate.holds
+    judged = grades(modes, holds)
     bands = sections.bands_of(modes, origin.diagrams if len(origin.diagrams) > 1 else (diagram,))
     diagrams, several = [band.diagram for band in bands], len(bands) > 1
     fit = fit_of_bands(modes, diagrams)
     yield summary_section(modes, diagrams, fit, band=_limits(bands), judged=judged)
     spectra = origin.spectra
     yield from sections.alive_section(modes, *diagrams, spectra=spectra)
-    yield modes_section(modes, judged)
+    yield modes_section(modes, holds)
     if len(modes):
         yield intervals_section(modes)
     if origin.certificate is not None:

@@ -16,31 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.numerics.checks import Array
 from modalscope.numerics.errors import printable
 
 #: The page loads nothing from outside, whatever the file contains.
 _POLICY = "default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
-
-
-def decimals(frequencies: Array) -> int:
-    """Return the decimals that give the lowest frequency about six digits, 2 to 5."""
-    positive = frequencies[frequencies > 0]
-    if not positive.size:
-        return 3
-    return int(np.clip(5 - np.floor(np.log10(positive.min())), 2, 5))
-
-
-def frequency(hertz: float) -> str:
-    """Return a frequency with five digits and its unit."""
-    return f"{hertz:.5g} Hz"
-
-
-def percent(ratio: float, digits: int = 3) -> str:
-    """Return a ratio in per cent, or a dash if it is not finite."""
-    if not np.isfinite(ratio):
-        return "–"
-    return f"{100 * ratio:.0f} %" if abs(100 * ratio) >= 10**digits else f"{100 * ratio:.{digits}g} %"
 
 
 def heading(key: str) -> str:

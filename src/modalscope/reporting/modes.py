@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from modalscope.checking.certificate import Certificate
 from modalscope.data import ModalModel, StabilizationDiagram
-from modalscope.data.mode_fields import half_widths, told
-from modalscope.data.response import Response
-from modalscope.data.shown import counted
+from modalscope.data.mode_fields import told
+from modalscope.data.shown import counted, frequency, percent
 from modalscope.identification.identify import Identification
 from modalscope.identification.method_names import cell_label
-from modalscope.modal.rebuilt import explained, explains_enough
+from modalscope.judging.description import HEADS, WORDS, decimals, described, reported_indicators
+from modalscope.judging.grades import Grade
+from modalscope.modal.rebuilt import explains_enough, unexplained
+from modalscope.numerics.checks import BoolArray
 from modalscope.plot.web.fits import Fit, asked_ends
+from modalscope.plot.web.verdict import verdict_of
 from modalscope.reporting.figures import certificate_svg, intervals_svg
-from modalscope.reporting.grades import GRADES, Grade, alike_pairs, grades
-from modalscope.reporting.html import Section, decimals, folded, frequency, paragraph, percent, picture, table
+from modalscope.reporting.html import Section, folded, paragraph, picture, table
 
 #: Meaning of the indicators, for the legend below their table.
 _INDICATOR_MEANINGS = {
@@ -99,7 +100,7 @@ def summary_section(
     band: str = "",
     judged: Sequence[Grade] | None = None,
 ) -> Section:
-    """Write the verdict: warnings, number of modes, share explained, grades, and the least certain mode.
+    """Write the verdict: warnings, number of modes, what is unexplained, grades, and the least certain mode.
 
     `diagrams`: one a band. `fit`: fit error in all and per channel. `band`: sentence on the chosen band.
     """
@@ -107,27 +108,24 @@ def summary_section(
     low, high = min(low for low, _ in ends), max(high for _, high in ends)
     orders = f"orders {diagram.orders[0]} to {diagram.orders[-1]}" if diagram.orders else "no order"
     lead = f"{counted(len(modes), 'mode')} between {low:.5g} and {high:.5g} Hz, by {cell_label(diagram.method, diagram.domain)}, {orders}."
-    verdict = verdict_of(modes, diagram.response, fit)
-    graded = _grade_counts(grades(modes) if judged is None else judged)
-    lines = (graded, band, *verdict.taken, _least_certain(modes), odd_poles(modes))
+    verdict = verdict_of(modes, diagram.response, fit, judged)
+    lines = (*verdict.graded, band, *verdict.taken, _least_certain(modes), odd_poles(modes))
     body = "".join(paragraph(text, "loud") for text in verdict.warnings)
-    body += paragraph(" ".join([lead, *verdict.explained]), "verdict")
+    body += paragraph(" ".join([lead, *verdict.unexplained]), "verdict")
     return Section("summary", "Summary", body + "".join(paragraph(text) for text in lines if text))
 
 
 def identification_summary(identified: Identification) -> Section:
-    """Write the verdict on one identification: number of modes, share explained, poles that are no modes."""
+    """Write the verdict on one identification: number of modes, what is unexplained, poles that are no modes."""
     modes, (low, high) = identified.modes, identified.response.span
     method = cell_label(identified.method, identified.domain)
     body = paragraph(
         f"{counted(len(modes), 'mode')} between {low:.5g} and {high:.5g} Hz, by {method}, order {identified.order}.",
         "verdict",
     )
-    if explains_enough(identified.fit_error):
-        # the fit error includes real and unstable poles of the model
-        body += paragraph(explained(identified.fit_error).replace("modes explain", "whole model explains", 1))
-    else:
-        body = paragraph(explained(identified.fit_error), "loud") + body
+    misfit = unexplained(identified.fit_error)  # by the whole model, with its real and unstable poles
+    enough = explains_enough(identified.fit_error)
+    body = body + paragraph(misfit) if enough else paragraph(misfit, "loud") + body
     odd = odd_poles(modes)
     body += paragraph(odd) if odd else ""
     body += paragraph("One order cannot separate modes from noise; use stabilize and select.", "muted")
@@ -137,47 +135,6 @@ def identification_summary(identified: Identification) -> Section:
 def odd_poles(modes: ModalModel) -> str:
     """Name the poles that are no modes, such as unstable ones."""
     return "; ".join(f"mode {i + 1} is {kind}" for i, kind in enumerate(modes.kinds) if kind != "mode")
-
-
-class Verdict(NamedTuple):
-    """Sentences on a list of modes for the report and the terminal.
-
-    `taken`: how the data are interpreted, if that is a choice. `explained`: the share explained, if it suffices. `warnings`: the share is
-    too low; shapes are alike.
-    """
-
-    taken: tuple[str, ...]
-    explained: tuple[str, ...]
-    warnings: tuple[str, ...]
-
-
-def verdict_of(modes: ModalModel, response: Response, fit: Fit) -> Verdict:
-    """Return the sentences on a list of modes.
-
-    `response`: that of the first band. `fit`: fit error of all bands, in all and per channel; None if it is not known.
-    """
-    share = () if fit is None else (explained(fit[0]),)
-    enough = fit is None or explains_enough(fit[0])
-    taken = ("No force was measured: taken as ambient vibration.",) if response.ambient else ()
-    return Verdict(taken, share if enough else (), (*(() if enough else share), *_alike(modes)))
-
-
-def _alike(modes: ModalModel) -> list[str]:
-    """Return the warning that shapes are alike, if they are."""
-    pairs = alike_pairs(modes)
-    if not pairs:
-        return []
-    i, j, value = pairs[0]
-    which = f"modes {i + 1} and {j + 1} ({frequency(modes.frequencies[i])} and {frequency(modes.frequencies[j])})"
-    more = f", and those of {counted(len(pairs) - 1, 'more pair')}" if len(pairs) > 1 else ""
-    causes = "Possible causes: too few sensors, a strong signal common to all sensors, or a duplicate mode."
-    return [f"WARNING: the shapes of {which} are alike (MAC {value:.2f}){more}. {causes}"]
-
-
-def _grade_counts(judged: Sequence[Grade]) -> str:
-    counts = [(word, sum(grade.word == word for grade in judged)) for word in GRADES]
-    listed = [f"{number} {word}" for word, number in counts if number]
-    return f"Graded: {', '.join(listed)}." if listed else ""
 
 
 def _least_certain(modes: ModalModel) -> str:
@@ -193,25 +150,12 @@ def _least_certain(modes: ModalModel) -> str:
     return f"Least certain: {where}, whose damping scatters by {percent(share[worst], 2)} over the orders."
 
 
-def modes_section(modes: ModalModel, judged: Sequence[Grade] | None = None) -> Section:
+def modes_section(modes: ModalModel, holds: BoolArray | None = None) -> Section:
     """Write the table of modes: values, 95 % intervals, grade and its reason; all indicators are folded."""
-    judged = grades(modes) if judged is None else judged
-    digits = decimals(modes.frequencies)
-    widths = half_widths(modes)
-    columns = {
-        "mode": [str(i + 1) for i in range(len(modes))],
-        "frequency [Hz]": [f"{v:.{digits}f}" for v in modes.frequencies],
-        "± 95 % [Hz]": [told(v) for v in widths[0]],
-        "damping [%]": [f"{100 * v:.3f}" for v in modes.damping_ratios],
-        "± 95 % [%]": [told(100 * v) for v in widths[1]],
-        "grade": [grade.word for grade in judged],
-        "reason": [grade.reason for grade in judged],
-    }
-    if not any(np.isfinite(half).any() for half in widths):
-        del columns["± 95 % [Hz]"], columns["± 95 % [%]"]
-    heads = list(columns)
-    graded = heads.index("grade")
-    body = table(heads, zip(*columns.values(), strict=True), words=[graded, heads.index("reason")], graded=graded)
+    shown = described(modes, holds)
+    graded = list(HEADS).index("grade")
+    rows = (list(each.to_dict().values()) for each in shown)
+    body = table(list(HEADS.values()), rows, words=WORDS, graded=graded)
     return Section("modes", "Modes", body + folded("All values: deviations, spreads, indicators", figures_of(modes)))
 
 
@@ -219,7 +163,7 @@ def figures_of(modes: ModalModel) -> str:
     """Return the table of all values of the modes, and the meaning of their names."""
     columns: list[tuple[str, Sequence[str]]] = [("mode", [str(i + 1) for i in range(len(modes))])]
     for name, title, unit, scale, places in (
-        ("frequencies", "frequency", "[Hz]", 1.0, decimals(modes.frequencies)),
+        ("frequencies", "frequency", "[Hz]", 1.0, decimals(modes.frequencies, 6)),
         ("damping_ratios", "damping", "[%]", 100.0, 3),
     ):
         columns.append((f"{title} {unit}", [f"{scale * v:.{places}f}" for v in getattr(modes, name)]))
@@ -229,7 +173,7 @@ def figures_of(modes: ModalModel) -> str:
                 columns.append((f"{word} {unit}", [told(scale * v) for v in values]))
     if any(kind != "mode" for kind in modes.kinds):
         columns.append(("kind", modes.kinds))
-    for name, values in modes.indicators.items():
+    for name, values in reported_indicators(modes).items():
         columns.append((name.replace("_", " "), [f"{v:.3f}" if np.isfinite(v) else "–" for v in values]))
     head, cells = zip(*columns, strict=True)
     body = table(head, zip(*cells, strict=True), words=[i for i, name in enumerate(head) if name == "kind"])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import version
 from itertools import pairwise
 from typing import Any
@@ -13,12 +13,14 @@ import numpy as np
 from modalscope.comparing import Comparison
 from modalscope.data import FrequencyResponse, ImpulseResponse, StabilizationDiagram
 from modalscope.data.analysis import VERSION
+from modalscope.data.notes import Note, notes_of
 from modalscope.data.response import Response, root_mean_squares
 from modalscope.data.results import Result, Settings
 from modalscope.doctor import Finding, examine
 from modalscope.identification.identify import Identification
 from modalscope.identification.method_names import cell_label
-from modalscope.reporting.html import Section, heading, list_some, listing, paragraph, script, table, value
+from modalscope.plot.web.verdict import grouped, notes_that_matter
+from modalscope.reporting.html import Section, folded, heading, list_some, listing, paragraph, script, table, value
 
 #: Maximum number of listed channels.
 _MAX_CHANNEL_ROWS = 60
@@ -137,7 +139,7 @@ def _quality(findings: Sequence[Finding]) -> str:
     """List the findings about the data with their remedies."""
     if not findings:
         return paragraph("No data problem found.")
-    rows = [[f.kind, list_some(f.channels), f.reason, f.change] for f in findings]
+    rows = [[f.kind, list_some(f.channels), f.reason, f.change] for f in grouped(findings)]
     return table(["finding", "channels", "reason", "remedy"], rows, words=[0, 1, 2, 3])
 
 
@@ -207,16 +209,19 @@ def _orders(orders: tuple[int, ...]) -> str:
     return ", ".join(map(str, orders))
 
 
-def notes_section(notes: Sequence[object], kinds: Sequence[str] = ()) -> Section:
+def notes_section(notes: Iterable[Note | str], kinds: Sequence[str] = ()) -> Section:
     """List the notes, and the number of poles that a diagram cannot show.
 
     `kinds`: of all poles.
     """
     hidden = [f"{kinds.count(kind)} {kind}" for kind in ("real", "nyquist", "zero") if kind in kinds]
-    texts = [str(note) for note in notes]
+    texts, computing = notes_that_matter(notes_of(notes))
     if hidden:
-        texts.append(f"Poles without a frequency, not drawn: {', '.join(hidden)}.")
-    return Section("notes", "Notes", "".join(map(paragraph, texts)) or paragraph("No notes."))
+        computing.append(f"Poles without a frequency, not drawn: {', '.join(hidden)}.")
+    body = "".join(map(paragraph, texts)) or paragraph("No notes on the result.")
+    if computing:
+        body += folded("How it was computed", "".join(map(paragraph, computing)))
+    return Section("notes", "Notes", body)
 
 
 def repeat_section(script_text: str, command: str | None) -> Section:

@@ -10,6 +10,7 @@ import numpy as np
 
 from modalscope.data import ModalModel, StabilizationDiagram
 from modalscope.data.response import Response
+from modalscope.data.shown import frequency, percent
 from modalscope.identification.identify import Identification
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.plot.web.alive import alive_blob, front_end
@@ -23,19 +24,7 @@ from modalscope.reporting.figures import (
     singular_values_svg,
     stabilization_svg,
 )
-from modalscope.reporting.html import (
-    Section,
-    folded,
-    frequency,
-    heading,
-    listing,
-    numbered,
-    paragraph,
-    percent,
-    picture,
-    table,
-    value,
-)
+from modalscope.reporting.html import Section, folded, heading, listing, numbered, paragraph, picture, table, value
 
 #: Maximum rows and columns of a table of channels.
 _MAX_TABLE_ROWS, _MAX_TABLE_COLUMNS = 40, 12
@@ -104,7 +93,7 @@ def alive_section(
 def stabilization_section(
     diagram: StabilizationDiagram, modes: ModalModel, spectra: Decomposition | None = None
 ) -> Section:
-    """Draw the diagram with the selected modes over the mode indicator or given spectra, singular values and fit errors."""
+    """Draw the diagram with the selected modes over the mode indicator or given spectra, singular values and the misfit of every order."""
     curves = "the singular values of the spectra" if spectra is not None else "the mode indicator"
     caption = f"Poles of all orders over {curves}; lines mark the selected modes."
     if diagram.tolerances:
@@ -120,8 +109,10 @@ def stabilization_section(
     body = picture(drawn, f"Stabilization diagram with {len(modes)} selected modes", caption)
     pictures = singular_values_picture(diagram.singular_values, diagram.orders)
     if len(diagram.orders) > 1:
-        caption = "Fit error of each order, outputs scaled to the same level: beyond the knee, more states fit noise."
-        pictures += picture(fit_errors_svg(diagram), "Fit error of each order", caption)
+        caption = (
+            "Unexplained part at each order, outputs scaled to the same level: beyond the knee, more states fit noise."
+        )
+        pictures += picture(fit_errors_svg(diagram), "Unexplained part at each order", caption)
     body += f'<div class="pair">{pictures}</div>' if pictures else ""
     return Section("stabilization", "Stabilization", body)
 
@@ -142,7 +133,7 @@ def model_section(identified: Identification) -> Section:
         "order": f"{identified.order}, the rank of the truncation",
         "kind": "continuous" if model.dt is None else f"sampled every {model.dt:.6g} s",
         "stable": "yes" if stable else "no",
-        "fit error": percent(identified.fit_error),
+        "unexplained": percent(identified.fit_error),
     }
     if len(identified.extraneous):
         facts["extraneous poles"] = f"{len(identified.extraneous)}, beyond the rank; identified by their amplitude"
@@ -202,13 +193,11 @@ def left_out_section(modes: ModalModel) -> Section:
 
 
 def responses_section(modes: ModalModel, response: Response, fit: Fit) -> Section:
-    """Draw the channels of largest, median and smallest fit error, and list the fit error of every channel."""
-    title = "Measured and synthesized responses"
+    """Draw the channels of largest, median and smallest misfit, and list what is unexplained of every channel."""
+    title = "Measured and rebuilt responses"
     if fit is None:
         return Section(
-            "responses",
-            title,
-            paragraph("Responses cannot be synthesized: the participation of the modes is not known."),
+            "responses", title, paragraph("Responses cannot be rebuilt: the participation of the modes is not known.")
         )
     errors = fit[1]
     order = np.argsort(-np.nan_to_num(errors, nan=-1.0), axis=None, kind="stable")
@@ -217,11 +206,11 @@ def responses_section(modes: ModalModel, response: Response, fit: Fit) -> Sectio
     lead = "All channels."
     if len(drawn) > _MAX_CHANNELS:
         drawn = [drawn[0], drawn[1], drawn[len(drawn) // 2], drawn[-1]]
-        lead = "The channels of the two largest, the median and the smallest fit error."
+        lead = "The channels with the two largest, the median and the smallest unexplained part."
     pictures = "".join(
         picture(
             response_svg(response, modes, i, j),
-            f"Output {response.output_dofs[i]}, {response.column_word} {response.columns[j]}, measured and synthesized",
+            f"Output {response.output_dofs[i]}, {response.column_word} {response.columns[j]}, measured and rebuilt",
         )
         for i, j in drawn
     )
@@ -230,9 +219,9 @@ def responses_section(modes: ModalModel, response: Response, fit: Fit) -> Sectio
 
 
 def _error_table(response: Response, errors: Array, ranked: list[tuple[int, int]]) -> str:
-    """Return a table of outputs by inputs where it fits on a page, else a list by descending fit error."""
+    """Return a table of outputs by inputs where it fits on a page, else a list by descending misfit."""
     outputs, inputs = errors.shape
-    caption = "Fit error |measured - synthesized| / |measured| of each channel, %"
+    caption = "Unexplained part of each channel, |measured - rebuilt| / |measured|, %"
     if outputs <= _MAX_TABLE_ROWS and inputs <= _MAX_TABLE_COLUMNS:
         largest = float(np.nanmax(errors, initial=0.0)) or 1.0
         shades = [[0.0, *(0.75 * min(e / largest, 1.0) if np.isfinite(e) else 0.0 for e in row)] for row in errors]
@@ -247,4 +236,4 @@ def _error_table(response: Response, errors: Array, ranked: list[tuple[int, int]
     rows = [
         [response.output_dofs[i], response.columns[j], f"{100 * errors[i, j]:.3g}"] for i, j in ranked[:_MAX_TABLE_ROWS]
     ]
-    return table(["output", response.column_word, "fit error [%]"], rows, words=[0, 1], caption=caption)
+    return table(["output", response.column_word, "unexplained [%]"], rows, words=[0, 1], caption=caption)

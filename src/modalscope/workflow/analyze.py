@@ -17,7 +17,7 @@ from modalscope.doctor.examine import examine
 from modalscope.identification.options import AllOptions, labels_of
 from modalscope.identification.orders import MAX_ORDERS
 from modalscope.judging.select import selected
-from modalscope.modal.rebuilt import explained, explains_enough, fit_of, of_noise, share_explained
+from modalscope.modal.rebuilt import explains_enough, fit_of, of_noise, share_explained, unexplained
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_each, check_kind
 from modalscope.numerics.resources import one_thread
@@ -194,4 +194,4 @@ def _unexplained(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) ->
     error = fit_of(modes, diagrams[0].response) if len(modes) else 0.0
     if explains_enough(error):
         return noise
-    return (*noise, Note("little explained", {"share": share_explained(error), "fit_error": error}, explained(error)))
+    return (*noise, Note("little explained", {"share": share_explained(error), "fit_error": error}, unexplained(error)))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.modal.rebuilt import explained, fit_error, rebuilt
+from modalscope.modal.rebuilt import fit_error, rebuilt, unexplained
 from modalscope.plot.web.alive import alive_blob, front_end
 from modalscope.preprocess.singular_spectra import decomposition
 from modalscope.systems import chain5
@@ -34,7 +34,7 @@ def test_what_is_left_of_records_is_told_as_the_summary_tells_it_and_of_all_inpu
     modes = ms.select(diagram)
     told = _head(alive_blob(modes, diagram))
     whole, each = fit_error(diagram.response.values, rebuilt(diagram.response, modes))
-    assert told["explained"] == explained(whole)
+    assert told["unexplained"] == [unexplained(whole)]
     np.testing.assert_allclose(told["fits"], np.broadcast_to(each, (4, 2)))
 
 

@@ -12,14 +12,14 @@ from modalscope.data import DataError, ModalModel, StabilizationDiagram
 from modalscope.data.results import Result
 from modalscope.identification.method_names import cell_label
 from modalscope.judging.select import select
-from modalscope.modal.rebuilt import explained
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, IntArray
+from modalscope.numerics.checks import Array, BoolArray, IntArray
 from modalscope.numerics.errors import optional_package
 from modalscope.plot.web.blob import pack
 from modalscope.plot.web.fits import asked_ends, band_of, fit_of_bands, rebuilt_lines
 from modalscope.plot.web.modes import modes_parts
 from modalscope.plot.web.poles import behind, pole_arrays, thinned
+from modalscope.plot.web.verdict import verdict_of
 from modalscope.preprocess.singular_spectra import Decomposition
 
 #: Maximum numbers of all channels in a blob, and minimum and maximum lines of a channel.
@@ -43,13 +43,20 @@ def front_end(name: str) -> str | None:
     return path.read_text(encoding="utf-8") if path.is_file() else None
 
 
-def alive_blob(modes: ModalModel, *diagrams: StabilizationDiagram, spectra: Decomposition | None = None) -> bytes:
+def alive_blob(
+    modes: ModalModel,
+    *diagrams: StabilizationDiagram,
+    spectra: Decomposition | None = None,
+    holds: BoolArray | None = None,
+) -> bytes:
     """Return modes and their diagrams, one per band, as one blob.
 
-    `spectra`: whose singular values are drawn behind the poles instead of the indicator.
+    `spectra`: whose singular values are drawn behind the poles instead of the indicator. `holds`: as in `grades`.
     """
-    entries, drawn = modes_parts(modes, {})
+    entries, drawn = modes_parts(modes, {}, holds)
     first = diagrams[0]
+    fit = fit_of_bands(modes, diagrams) if len(modes) else None
+    verdict = verdict_of(modes, first.response, fit)
     lines, curves = behind(diagrams, _MAX_POINTS) if spectra is None else _spectra_behind(spectra, diagrams)
     head: dict[str, Any] = {
         **entries,
@@ -58,11 +65,11 @@ def alive_blob(modes: ModalModel, *diagrams: StabilizationDiagram, spectra: Deco
         "bands": [list(band_of(d, len(diagrams)) if spectra is None else asked_ends(d)) for d in diagrams],
         "level": "mode indicator" if spectra is None else "singular values of the spectra",
         "columns": list(first.response.columns),
+        "unexplained": verdict.unexplained,
+        "warnings": verdict.warnings,
     }
     arrays = {**drawn, **pole_arrays(diagrams), "behind": lines, "curves": curves}
-    fit = fit_of_bands(modes, diagrams) if len(modes) else None
     if fit is not None:
-        head["explained"] = explained(fit[0])
         channels, shape = _channels(modes, diagrams)
         if channels:  # records have one fit error per output, (l, 1)
             head |= {"channels": True, "fits": np.broadcast_to(fit[1], shape)}

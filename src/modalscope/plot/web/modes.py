@@ -2,33 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from modalscope.data import DataError, Geometry, ModalModel
 from modalscope.data.analysis import named_near
-from modalscope.modal.indicators import mac, mpc
+from modalscope.judging.description import HEADS, ModeDescription, described, reported_indicators
+from modalscope.modal.indicators import mac
 from modalscope.numerics.checks import Array, ComplexArray
 from modalscope.plot._camera import extent
 from modalscope.plot.shapes import has_channels, turned
 from modalscope.plot.web.blob import pack
 
 
-def modes_blob(modes: ModalModel, names: Mapping[str, str], head: Mapping[str, Any]) -> bytes:
+def modes_blob(
+    modes: ModalModel, names: Mapping[str, str], head: Mapping[str, Any], *, preliminary: bool = False
+) -> bytes:
     """Return modes and their arrays as a blob.
 
-    `head`: entries on the whole result.
+    `head`: entries on the whole result. `preliminary`: the values will be refined.
     """
-    parts, arrays = modes_parts(modes, names)
+    parts, arrays = modes_parts(modes, names, preliminary=preliminary)
     return pack({**head, **parts}, arrays)
 
 
-def modes_parts(modes: ModalModel, names: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, Array]]:
-    """Return the entries and the arrays of modes."""
+def modes_parts(
+    modes: ModalModel, names: Mapping[str, str], holds: Array | None = None, *, preliminary: bool = False
+) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Return the entries and the arrays of modes; `holds`, `preliminary`: as in `described`."""
     entries = {
-        "modes": _rows(modes, names),
+        "heads": HEADS,
+        "modes": _rows(modes, names, described(modes, holds, preliminary=preliminary)),
         "left_out": [candidate.to_dict() for candidate in modes.left_out],
         "harmonics": [harmonic.to_dict() for harmonic in modes.harmonics],
         "outputs": list(modes.output_dofs),
@@ -49,19 +55,20 @@ def modes_parts(modes: ModalModel, names: Mapping[str, str]) -> tuple[dict[str, 
     return {**entries, "nodes": list(drawn[0])}, arrays | drawn[1]
 
 
-def _rows(modes: ModalModel, names: Mapping[str, str]) -> list[dict[str, Any]]:
-    """Return one row per mode: values, 95 % intervals, indicators and the reason."""
+def _rows(modes: ModalModel, names: Mapping[str, str], shown: Sequence[ModeDescription]) -> list[dict[str, Any]]:
+    """Return one row per mode: what is shown of it, values, 95 % intervals, indicators and why it is a mode."""
     try:
         intervals = modes.interval(0.95)
     except DataError:  # no standard deviations
         intervals = {}
-    rows = []
+    rows, indicators = [], reported_indicators(modes)
     for j, mode in enumerate(modes):
         row = {
             "frequency": mode.frequency,
             "damping": mode.damping_ratio,
+            "shown": shown[j].to_dict(),
             "kind": mode.kind,
-            "indicators": dict(mode.indicators),
+            "indicators": {name: float(values[j]) for name, values in indicators.items()},
             "text": str(mode.reason.get("text", "")),
             "name": named_near(names, mode.frequency),
             **{name: float(values[j]) for name, values in _measures(modes).items()},
@@ -73,14 +80,13 @@ def _rows(modes: ModalModel, names: Mapping[str, str]) -> list[dict[str, Any]]:
 
 
 def _measures(modes: ModalModel) -> dict[str, Array]:
-    """Return significance, deviations, spreads, MPC and the unrefined values, as far as they are known."""
+    """Return significance, deviations, spreads and the unrefined values, as far as they are known."""
     measures: dict[str, Any] = {
         "gain": modes.gain,
         "frequency_std": modes.frequencies_std,
         "damping_std": modes.damping_ratios_std,
         "frequency_spread": modes.frequencies_spread,
         "damping_spread": modes.damping_ratios_spread,
-        "mpc": mpc(modes.shapes) if len(modes) else None,
     }
     if modes.unrefined is not None and len(modes.unrefined) == len(modes):
         measures |= {"frequency_before": modes.unrefined.frequencies, "damping_before": modes.unrefined.damping_ratios}

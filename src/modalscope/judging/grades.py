@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.checking.certificate import Certificate
-from modalscope.data import ModalModel
 from modalscope.data.mode_fields import half_widths
+from modalscope.data.modes import ModalModel
+from modalscope.data.shown import percent
 from modalscope.judging.evidence import LEAST_PEAK, LEAST_PROMINENCE
 from modalscope.modal.indicators import mac, mpc
-from modalscope.reporting.html import percent
+from modalscope.numerics.checks import BoolArray
 
 #: Best first.
 GRADES = ("good", "look", "doubtful")
@@ -48,10 +48,10 @@ class Grade:
     reason: str
 
 
-def grades(modes: ModalModel, certificate: Certificate | None = None) -> tuple[Grade, ...]:
+def grades(modes: ModalModel, holds: BoolArray | None = None) -> tuple[Grade, ...]:
     """Return a grade for each mode by the rules of this module.
 
-    `certificate`: of the intervals, by simulations.
+    `holds` (n,): whether the interval of each mode held in simulations (see `certify`).
     """
     widths, pairs = half_widths(modes), alike_pairs(modes)
     graded = []
@@ -59,11 +59,10 @@ def grades(modes: ModalModel, certificate: Certificate | None = None) -> tuple[G
         f, zeta = float(widths[0][i]), float(widths[1][i])
         if reason := _doubt(modes, i, f, zeta):
             graded.append(Grade("doubtful", reason))
-        elif reason := _weakness(modes, i, zeta, pairs, certificate):
+        elif reason := _weakness(modes, i, zeta, pairs, holds):
             graded.append(Grade("look", reason))
         else:
-            relative = percent(f / float(modes.frequencies[i]), 2), percent(zeta / float(modes.damping_ratios[i]), 2)
-            graded.append(Grade("good", f"frequency within ±{relative[0]}, damping within ±{relative[1]}"))
+            graded.append(Grade("good", f"damping known within ±{percent(zeta / float(modes.damping_ratios[i]), 2)}"))
     return tuple(graded)
 
 
@@ -81,23 +80,22 @@ def _doubt(modes: ModalModel, i: int, f: float, zeta: float) -> str:
     if modes.kinds[i] != "mode":
         return f"pole is {modes.kinds[i]}: no decaying oscillation"
     if modes.degrees is not None and modes.degrees[i, 0] == 0:
-        return "left open by the data: frequency uncertain by more than 0.3 half-power half-bandwidths"
+        return "not determined by the data: no interval"
     if f > value * modes.frequencies[i]:
-        return f"frequency uncertain by ±{f:.2g} Hz, more than its half-power half-bandwidth"
+        return "frequency uncertain beyond its bandwidth"
     if zeta >= value:
-        return f"damping uncertain by ±{percent(zeta / value, 2)}: probably not a mode"
+        return f"damping uncertain by {percent(zeta / value, 2)}: maybe no mode"
     return ""
 
 
 def _weakness(
-    modes: ModalModel, i: int, zeta: float, pairs: list[tuple[int, int, float]], certificate: Certificate | None
+    modes: ModalModel, i: int, zeta: float, pairs: list[tuple[int, int, float]], holds: BoolArray | None
 ) -> str:
     for a, b, value in pairs:
         if i in (a, b) and i not in _stronger(modes, a, b):
-            other = (b if i == a else a) + 1
-            return f"shape equals that of mode {other} (MAC {value:.2f}): too few sensors, or a duplicate"
-    if certificate is not None and i < len(certificate.holds) and not certificate.holds[i]:
-        return "interval did not hold in simulations of this case"
+            return f"shape like that of mode {(b if i == a else a) + 1} (MAC {value:.2f})"
+    if holds is not None and i < len(holds) and not holds[i]:
+        return "interval failed in simulations"
     uncertainty = zeta / float(modes.damping_ratios[i])
     if uncertainty > _MAX_DAMPING_UNCERTAINTY:
         return f"damping uncertain by ±{percent(uncertainty, 2)}"
@@ -107,7 +105,7 @@ def _weakness(
     reasons: Mapping[str, Any] = modes.reasons[i] if modes.reasons else {}
     share, prominence = (reasons.get(key) for key in ("share_of_peak", "indicator_prominence"))
     if share is not None and prominence is not None and share < LEAST_PEAK and prominence < LEAST_PROMINENCE:
-        return f"weak: {percent(share, 2)} of the response at its frequency, no peak of the mode indicator"
+        return f"weak: {percent(share, 2)} of its response, no peak"
     return "" if np.isfinite(uncertainty) else "uncertainty not known"
 
 
