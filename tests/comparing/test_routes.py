@@ -40,7 +40,7 @@ def test_a_way_that_explains_little_has_no_vote_beside_one_that_explains_enough(
     judged, causes = route_causes([result(way, error) for way, error in zip(ways, errors, strict=True)])
     assert tuple(r.exact for r in judged) == voting
     assert [c.name for c in causes] == ["poor fit"] * voting.count(False)
-    assert all("route subspace" in c.evidence and "19 %" in c.evidence for c in causes)
+    assert all("route subspace" in c.evidence and "90 % unexplained" in c.evidence for c in causes)
     assert all(c.remedy for c in causes)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from modalscope.data import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Note, Signals
 from modalscope.data.notes import Candidate, Harmonic
+from modalscope.modal.indicators import mpc
 
 OUTPUTS, INPUTS = ("1:+Z", "2:+Z", "12:-X"), ("1:+Z", "shaker")
 UNITS = ("m/s2", "N")
@@ -80,16 +81,18 @@ def unrefined(seed: int = 0, count: int = 2) -> ModalModel:
 
 def modes(seed: int = 0, count: int = 2) -> ModalModel:
     rng = np.random.default_rng(seed)
+    poles = -rng.uniform(0.1, 1, count) + 1j * np.sort(rng.uniform(5, 500, count))
+    shapes = rng.normal(size=(3, count)) + 1j * rng.normal(size=(3, count))
     return ModalModel(
-        poles=-rng.uniform(0.1, 1, count) + 1j * np.sort(rng.uniform(5, 500, count)),
-        shapes=rng.normal(size=(3, count)) + 1j * rng.normal(size=(3, count)),
+        poles=poles,
+        shapes=shapes,
         participation=rng.normal(size=(count, 2)) + 1j * rng.normal(size=(count, 2)),
         feedthrough=rng.normal(size=(3, 2)),
         lower_residual=rng.normal(size=(3, 2)),
         quantity="acceleration",
         frequencies_spread=rng.uniform(size=count),
         damping_ratios_spread=np.where(np.arange(count) == 0, np.nan, 0.001),
-        indicators={"emac": rng.uniform(size=count), "mpc": rng.uniform(size=count)},
+        indicators={"emac": rng.uniform(size=count), "mpc": mpc(shapes)},
         reasons=tuple({"orders": [4, 6], "spread": 0.1 * j} for j in range(count)),
         output_dofs=OUTPUTS,
         input_dofs=INPUTS,

@@ -11,6 +11,7 @@ import pytest
 
 import modalscope as ms
 from modalscope import systems
+from modalscope.judging.description import DERIVED
 from tests.support import refused
 
 WRITTEN = Path(__file__).parent / "written"
@@ -92,7 +93,10 @@ def test_modes_are_read(name):
 def test_a_table_of_modes_keeps_its_columns(tmp_path):
     modes = ms.read(WRITTEN / "modes.npz")
     ms.write(tmp_path / "modes.csv", modes)
-    assert (tmp_path / "modes.csv").read_text().splitlines()[0] == (WRITTEN / "modes.csv").read_text().splitlines()[0]
+    now, before = (
+        place.read_text().splitlines()[0].split(",") for place in (tmp_path / "modes.csv", WRITTEN / "modes.csv")
+    )
+    assert [name for name in now if name not in DERIVED] == before
 
 
 @pytest.mark.parametrize("name", ["compared.json", "certified.json"])

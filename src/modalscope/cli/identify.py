@@ -154,10 +154,12 @@ def _print(result: Result, *, everything: bool = False, wide: bool = False) -> N
 
     Each note is printed once; those on computing only with --verbose. `everything`: also the candidates. `wide`: all columns.
     """
+    from modalscope.data.shown import summary_of
     from modalscope.plot.web.verdict import grouped, notes_that_matter, verdict_of_result
 
     verdict = verdict_of_result(result)
-    remark(*(note for note in result.notes if note.kind in _ON_READING), *_methods(result), *verdict.taken)
+    read = (note for note in result.notes if note.kind in _ON_READING)
+    remark(summary_of(result.data), *read, *_methods(result), *verdict.taken)
     if len(result.modes):
         table = result.modes.table(wide=wide) if wide else narrowed(result.modes.table(), _MAX_COLUMNS)
         say("", table, "")
