@@ -1,6 +1,6 @@
 // Blobs of modalscope.app.blob: four bytes with the length of the head, the head as JSON, then the arrays.
 
-const KINDS = { f4: Float32Array, f8: Float64Array, i4: Int32Array, u1: Uint8Array };
+const KINDS = { f4: Float32Array, f8: Float64Array, i4: Int32Array, u1: Uint8Array, f2: Uint16Array };
 
 /**
  * @param {ArrayBuffer} buffer
@@ -17,6 +17,17 @@ export function unpack(buffer) {
     found.shapes[name] = shape;
   }
   return found;
+}
+
+/** The number of sixteen bits of half precision. @param {number} bits */
+export function half(bits) {
+  const [sign, power, rest] = [bits & 0x8000 ? -1 : 1, (bits >> 10) & 31, bits & 1023];
+  return sign * (power ? 2 ** (power - 15) * (1 + rest / 1024) : 2 ** -24 * rest);
+}
+
+/** What zlib compressed. @param {ArrayBuffer} buffer */
+export function inflated(buffer) {
+  return new Response(new Blob([buffer]).stream().pipeThrough(new DecompressionStream("deflate"))).arrayBuffer();
 }
 
 /** @param {string} text  base64 */

@@ -23,12 +23,13 @@ export function makeModes(place, acts) {
   /** @param {any} mode @param {number} i */
   function row(mode, i) {
     const { frequency, frequency_half, damping, damping_half, grade, mpc, reason } = mode.shown;
+    const aside = grade !== "good"; // what is good needs no reason beside it
     const half = (/** @type {string} */ text) => h("small", {}, text && text !== "-" ? `± ${text}` : "");
     const cells = [
-      h("td", {}, h("button.link", { "aria-label": `mode ${i + 1}`, onclick: () => acts.select(i) }, i + 1)),
+      h("td", {}, h("button.link", { "aria-label": `mode ${i + 1}`, onclick: () => acts.select(i) }, i + 1), aside ? h("span.reason", {}, reason) : null),
       h("td.num", {}, h("b", {}, frequency), half(frequency_half), mode.name ? h("em", {}, mode.name) : null),
       h("td.num", {}, damping, half(damping_half)),
-      h("td", { title: reason }, h(`span.grade.${grade}`, {}, grade), grade === "good" ? null : h("span.reason", {}, reason)),
+      h("td", { title: reason }, h(`span.grade.${grade}`, {}, grade)),
       h("td.num", {}, mpc),
     ];
     if (acts.refuse)
@@ -40,7 +41,7 @@ export function makeModes(place, acts) {
           h("button.small.quiet", { title: "Refuse it (x)", "aria-label": `refuse mode ${i + 1}`, onclick: (/** @type {Event} */ e) => (e.stopPropagation(), acts.refuse(i)) }, icon(ICONS.close)),
         ),
       );
-    return h(`tr${i === chosen ? ".chosen" : ""}${mode.shown.grade === "preliminary" ? ".pending" : ""}`, { "data-mode": i, onclick: () => acts.select(i) }, cells);
+    return h(`tr${i === chosen ? ".chosen" : ""}${aside ? ".reasoned" : ""}${mode.shown.grade === "preliminary" ? ".pending" : ""}`, { "data-mode": i, onclick: () => acts.select(i) }, cells);
   }
 
   function rename(/** @type {number} */ i) {

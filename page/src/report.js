@@ -1,12 +1,14 @@
 // In a report: the data stand in the page itself; without scripts its pictures stay.
 import "uplot/dist/uPlot.min.css";
 import "./style.css";
-import { fromBase64, unpack } from "./blob.js";
+import { fromBase64, inflated, unpack } from "./blob.js";
 import { makeViewer } from "./viewer.js";
 
 const place = document.getElementById("alive");
 const data = document.getElementById("alive-data");
 if (place && data) {
-  document.body.classList.add("alive");
-  makeViewer(place, unpack(fromBase64(data.textContent.trim())));
+  inflated(fromBase64(data.textContent.trim())).then((blob) => {
+    document.body.classList.add("alive");
+    makeViewer(place, unpack(blob));
+  });
 }

@@ -24,12 +24,13 @@ export function makeSettings(place, acts, methods) {
   const data = h("p.muted.data");
   const used = h("p.muted");
   const hand = h("div.hand");
+  const group = (/** @type {string} */ title, /** @type {any[]} */ ...inside) => h(`div.group.${title.toLowerCase()}`, {}, h("h2", {}, title), inside);
   place.append(
-    h("h2", {}, "Data"), data, box, reading,
-    h("h2", {}, "Band"), h("div.pair", {}, low, "–", high, h("span.muted", {}, "Hz")), h("p.hint", {}, "or drag on the strip below the diagram"),
-    h("h2", {}, "Method"), method, used,
-    h("h2", {}, "Orders"), h("div.pair.three", {}, first, last, step), h("label.slider", {}, "shown up to ", shown, slider),
-    h("h2", {}, "Modes"), h("label.check", { title: "Maximum likelihood, with standard deviations" }, refine, "refine values"), hand,
+    group("Data", data, box, reading),
+    group("Band", h("div.pair", {}, low, "–", high, h("span.muted", {}, "Hz")), h("p.hint", {}, "or drag on the strip below the diagram")),
+    group("Method", method, used),
+    group("Orders", h("div.pair.three", {}, first, last, step), h("label.slider", {}, "shown up to ", shown, slider)),
+    group("Modes", h("label.check", { title: "Maximum likelihood, with standard deviations" }, refine, "refine values"), hand),
   );
   place.addEventListener("keydown", (event) => {
     // what was typed counts, and the keys of the page work again

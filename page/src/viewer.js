@@ -1,5 +1,6 @@
 // Diagram, modes, shape, curve and MAC of a finished result: in the report and in a notebook.
 import { ends, makeDiagram } from "./diagram.js";
+import { half } from "./blob.js";
 import { h } from "./dom.js";
 import { makeMatrix } from "./matrix.js";
 import { makeModes } from "./modes.js";
@@ -53,6 +54,7 @@ function channelOf(data, output, column) {
   const [outputs, columns, lines] = data.shapes.measured_real;
   const at = (output * columns + column) * lines;
   if (output >= outputs) return null;
-  const part = (/** @type {string} */ name) => data[name].subarray(at, at + lines);
+  const scale = data.scales[output][column];
+  const part = (/** @type {string} */ name) => Float32Array.from(data[name].subarray(at, at + lines), (bits) => scale * half(bits));
   return { lines: data.response_lines, measured_real: part("measured_real"), measured_imag: part("measured_imag"), rebuilt_real: part("rebuilt_real"), rebuilt_imag: part("rebuilt_imag"), fit: data.fits[output][column] };
 }

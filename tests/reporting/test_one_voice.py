@@ -18,7 +18,7 @@ from modalscope.cli.identify import _print
 from modalscope.judging.description import HEADS, described
 from modalscope.judging.grades import grades
 from modalscope.modal.indicators import mpc
-from modalscope.plot.web.alive import alive_blob
+from modalscope.plot.web.alive import alive_blob, drawing_of
 from modalscope.plot.web.modes import modes_blob
 from modalscope.plot.web.verdict import verdict_of_result
 from modalscope.systems import chain5
@@ -73,7 +73,7 @@ def test_terminal_page_report_and_notebook_show_the_same_table(
     ]
     assert printed == rows
     assert [row["shown"] for row in _head(modes_blob(result.modes, {}, result_head(result)))["modes"]] == shown
-    assert [row["shown"] for row in _head(alive_blob(result.modes, *result.diagrams))["modes"]] == shown
+    assert [row["shown"] for row in _head(alive_blob(drawing_of(result.modes, *result.diagrams)))["modes"]] == shown
     page = ms.report(result, tmp_path / "r.html").read_text(encoding="utf-8")
     section = page.partition('<section id="modes">')[2]
     assert _cells(section) == rows
@@ -90,7 +90,7 @@ def test_terminal_page_and_report_say_the_same_sentences(
     _print(result)
     printed = capsys.readouterr().out
     report = html.unescape(ms.report(result, tmp_path / "r.html").read_text(encoding="utf-8"))
-    page, alive = result_head(result), _head(alive_blob(result.modes, *result.diagrams))
+    page, alive = result_head(result), _head(alive_blob(drawing_of(result.modes, *result.diagrams)))
     for sentence in (*verdict.warnings, *verdict.unexplained):
         assert sentence in printed
         assert sentence in report

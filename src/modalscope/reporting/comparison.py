@@ -11,10 +11,10 @@ from modalscope.comparing import CAUSES, Comparison, MethodResult
 from modalscope.comparing.scatter import LEVEL
 from modalscope.judging.description import decimals
 from modalscope.modal.rebuilt import explains_enough, unexplained
-from modalscope.plot.web.fits import fit_of
+from modalscope.plot.web.fits import fit_of, lines_of_response
 from modalscope.reporting import record, sections
 from modalscope.reporting.figures import draw, stabilization_svg
-from modalscope.reporting.html import Section, folded, listing, paragraph, picture, table
+from modalscope.reporting.html import Section, figure, folded, listing, paragraph, picture, table
 from modalscope.reporting.record import comparison_script
 
 #: Maximum number of drawn stabilization diagrams.
@@ -47,7 +47,9 @@ def comparison_sections(c: Comparison, *, source: str | None = None, command: st
         yield _stabilization(c)
     if len(c.modes):
         yield from sections.mode_pictures(c.modes)
-        yield sections.responses_section(c.modes, c.response, fit)
+        yield sections.responses_section(
+            c.response, fit, None if fit is None else lines_of_response(c.modes, c.response)
+        )
     yield record.data_section(c.response, source)
     yield _settings(c)
     yield record.repeat_section(comparison_script(c, source), command)
@@ -218,7 +220,7 @@ def _stabilization(c: Comparison) -> Section:
             classes.add(kind)
             kept.append(r)
     parts = [
-        picture(stabilization_svg(r.diagram, r.modes), f"Stabilization diagram of {r.label}", r.label)
+        figure(stabilization_svg(r.diagram, r.modes, None, f"Stabilization diagram of {r.label}"), r.label)
         for r in kept[:_MAX_DIAGRAMS]
         if r.diagram is not None and r.modes is not None
     ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
+from itertools import takewhile
 from pathlib import Path
 from typing import Protocol
 
@@ -25,7 +26,8 @@ from modalscope.judging.grades import grades
 from modalscope.judging.select import select
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_kind, check_path
-from modalscope.plot.web.fits import fit_of, fit_of_bands
+from modalscope.plot.web.alive import drawing_of
+from modalscope.plot.web.fits import fit_of, lines_of, lines_of_response
 from modalscope.preprocess.singular_spectra import Decomposition, decomposition
 from modalscope.reporting import record, sections
 from modalscope.reporting.comparison import comparison_sections
@@ -124,7 +126,19 @@ def _selected(thing: object) -> tuple[ModalModel, StabilizationDiagram]:
 
 
 def _heading(what: str, joint: str, source: str | None) -> str:
-    return f"{what}{joint}{Path(source).name}" if source else what
+    return f"{what}{joint}{_name_of_test(source.split(', '))}" if source else what
+
+
+def _name_of_test(files: Sequence[str]) -> str:
+    """Return the name of a file; of several what their names have in common, or their folder, and how many they are."""
+    places = [Path(file) for file in files]
+    if len(places) == 1:
+        return places[0].name
+    letters = zip(*(place.stem for place in places), strict=False)
+    same = "".join(each[0] for each in takewhile(lambda each: len(set(each)) == 1, letters))
+    common = same.rstrip(" _-.0123456789")
+    folder = places[0].resolve().parent.name
+    return f"{common if len(common) > 2 else folder} ({len(places)} files)"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -165,11 +179,10 @@ def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, ori
     holds = None if origin.certificate is None else origin.certificate.holds
     judged = grades(modes, holds)
     bands = sections.bands_of(modes, origin.diagrams if len(origin.diagrams) > 1 else (diagram,))
-    diagrams, several = [band.diagram for band in bands], len(bands) > 1
-    fit = fit_of_bands(modes, diagrams)
-    yield summary_section(modes, diagrams, fit, band=_limits(bands), judged=judged)
-    spectra = origin.spectra
-    yield from sections.alive_section(modes, *diagrams, spectra=spectra)
+    diagrams, several, spectra = [band.diagram for band in bands], len(bands) > 1, origin.spectra
+    drawing = drawing_of(modes, *diagrams, spectra=spectra, holds=holds)
+    yield summary_section(modes, diagrams, drawing.fit, band=_limits(bands), judged=judged)
+    yield from sections.alive_section(drawing)
     yield modes_section(modes, holds)
     if len(modes):
         yield intervals_section(modes)
@@ -177,10 +190,11 @@ def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, ori
         yield certificate_section(origin.certificate)
     for band in bands:
         yield band.named(sections.stabilization_section(band.diagram, band.modes, spectra), several)
-    yield from sections.mode_pictures(modes)
+    yield from sections.mode_pictures(modes, drawing.arrays, holds)
     for band in bands:
-        band_fit = fit_of(band.modes, band.diagram.response) if several else fit
-        yield band.named(sections.responses_section(band.modes, band.diagram.response, band_fit), several)
+        band_fit = fit_of(band.modes, band.diagram.response) if several else drawing.fit
+        band_lines = lines_of(band.modes, (band.diagram,)) if several and band_fit else drawing.lines
+        yield band.named(sections.responses_section(band.diagram.response, band_fit, band_lines), several)
     if modes.reasons:
         yield sections.reasons_section(modes)
     if modes.left_out:
@@ -210,7 +224,8 @@ def identification_sections(
     yield modes_section(modes)
     yield sections.model_section(identified)
     yield from sections.mode_pictures(modes)
-    yield sections.responses_section(modes, response, fit)
+    lines = None if fit is None else lines_of_response(modes, response)
+    yield sections.responses_section(response, fit, lines)
     yield record.data_section(response, source)
     settings = {
         "method": cell_label(identified.method, identified.domain),

@@ -157,6 +157,12 @@ def script(text: str) -> str:
     return f"<pre><code>{_escaped(text)}</code></pre>"
 
 
+def figure(svg: str, caption: str = "") -> str:
+    """Return a figure with its SVG in the page; `caption`: plain text below it."""
+    below = f"<figcaption>{_escaped(caption)}</figcaption>" if caption else ""
+    return f"<figure>{svg}{below}</figure>"
+
+
 def picture(svg: bytes, description: str, caption: str = "") -> str:
     """Return a figure with its picture as data; the description is the alternative text."""
     data = base64.b64encode(svg).decode("ascii")

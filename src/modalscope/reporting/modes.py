@@ -17,9 +17,9 @@ from modalscope.judging.grades import Grade
 from modalscope.modal.rebuilt import explains_enough, unexplained
 from modalscope.numerics.checks import BoolArray
 from modalscope.plot.web.fits import Fit, asked_ends
-from modalscope.plot.web.verdict import verdict_of
+from modalscope.plot.web.verdict import notes_that_matter, verdict_of
 from modalscope.reporting.figures import certificate_svg, intervals_svg
-from modalscope.reporting.html import Section, folded, paragraph, picture, table
+from modalscope.reporting.html import Section, figure, folded, paragraph, table
 
 #: Meaning of the indicators, for the legend below their table.
 _INDICATOR_MEANINGS = {
@@ -44,9 +44,9 @@ def intervals_section(modes: ModalModel) -> Section:
     scatter = " and the scatter between groups" if modes.frequencies_repeatability is not None else ""
     lead = paragraph(f"95 % intervals relative to each value, from the noise{scatter}.", "muted")
     pictures = "".join(
-        picture(intervals_svg(modes, of), f"95 % intervals of every mode's {of}") for of in ("frequency", "damping")
+        figure(intervals_svg(modes, of, f"95 % intervals of every mode's {of}")) for of in ("frequency", "damping")
     )
-    notes = "".join(paragraph(str(note)) for note in modes.notes)
+    notes = "".join(map(paragraph, notes_that_matter(modes.notes)[0]))
     return Section("intervals", title, f'{lead}<div class="pair">{pictures}</div>{notes}')
 
 
@@ -60,10 +60,7 @@ def certificate_section(certificate: Certificate) -> Section:
         "the predicted one, and the coverage at least 88 %. Intervals that fail are tried again with five times as many simulations."
     )
     pictures = "".join(
-        picture(
-            certificate_svg(certificate, of),
-            f"Simulated deviations of every mode's {of}, in predicted standard deviations",
-        )
+        figure(certificate_svg(certificate, of, f"Simulated deviations of every mode's {of}"))
         for of in ("frequency", "damping")
     )
     notes = "".join(paragraph(str(note)) for note in certificate.notes)

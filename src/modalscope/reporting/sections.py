@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator, Sequence
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,9 +13,11 @@ from modalscope.data import ModalModel, StabilizationDiagram
 from modalscope.data.response import Response
 from modalscope.data.shown import frequency, percent
 from modalscope.identification.identify import Identification
-from modalscope.numerics.checks import Array, RealArray
-from modalscope.plot.web.alive import alive_blob, front_end
-from modalscope.plot.web.fits import Fit, band_of, inside
+from modalscope.judging.description import described
+from modalscope.numerics.checks import Array, BoolArray, RealArray
+from modalscope.plot.web.alive import Drawing, alive_blob, front_end
+from modalscope.plot.web.fits import Fit, Lines, band_of, inside
+from modalscope.plot.web.modes import modes_parts
 from modalscope.preprocess.singular_spectra import Decomposition
 from modalscope.reporting.figures import (
     fit_errors_svg,
@@ -24,7 +27,7 @@ from modalscope.reporting.figures import (
     singular_values_svg,
     stabilization_svg,
 )
-from modalscope.reporting.html import Section, folded, heading, listing, numbered, paragraph, picture, table, value
+from modalscope.reporting.html import Section, figure, folded, heading, listing, numbered, paragraph, table, value
 
 #: Maximum rows and columns of a table of channels.
 _MAX_TABLE_ROWS, _MAX_TABLE_COLUMNS = 40, 12
@@ -69,17 +72,15 @@ def bands_of(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> lis
     return bands
 
 
-def alive_section(
-    modes: ModalModel, *diagrams: StabilizationDiagram, spectra: Decomposition | None = None
-) -> Iterator[Section]:
+def alive_section(drawing: Drawing) -> Iterator[Section]:
     """Yield the interactive section, if there are modes and the package has its front end.
 
-    Labels of the user are in the data, which are base64, never in the markup. `spectra`: of a record without inputs, behind the poles.
+    Labels of the user are in the data, which are base64, never in the markup.
     """
     script, style = front_end("viewer.js"), front_end("viewer.css")
-    if script is None or style is None or not len(modes):
+    if script is None or style is None or not len(drawing.modes):
         return
-    data = base64.b64encode(alive_blob(modes, *diagrams, spectra=spectra)).decode("ascii")
+    data = base64.b64encode(zlib.compress(alive_blob(drawing), 6)).decode("ascii")
     lead = "Drag to zoom, double-click for the full range; select a mode in the table or a channel of the response."
     yield Section(
         "explore",
@@ -101,18 +102,14 @@ def stabilization_section(
             f"MAC above {1 - limit:.3g}" if name == "shape" else f"{name} within {percent(limit)}"
             for name, limit in diagram.tolerances.items()
         )
-        caption += (
-            " Letters state the agreement with a pole of the previous order: s all, v frequency and shape, d frequency and damping, "
-            f"f frequency, o none. Tolerances: {tolerances}."
-        )
-    drawn = stabilization_svg(diagram, modes, spectra)
-    body = picture(drawn, f"Stabilization diagram with {len(modes)} selected modes", caption)
+        caption += f" Marks state what agrees with a pole of the previous order. Tolerances: {tolerances}."
+    body = figure(stabilization_svg(diagram, modes, spectra, f"Stabilization diagram with {len(modes)} modes"), caption)
     pictures = singular_values_picture(diagram.singular_values, diagram.orders)
     if len(diagram.orders) > 1:
         caption = (
             "Unexplained part at each order, outputs scaled to the same level: beyond the knee, more states fit noise."
         )
-        pictures += picture(fit_errors_svg(diagram), "Unexplained part at each order", caption)
+        pictures += figure(fit_errors_svg(diagram, "Unexplained part at each order"), caption)
     body += f'<div class="pair">{pictures}</div>' if pictures else ""
     return Section("stabilization", "Stabilization", body)
 
@@ -121,7 +118,7 @@ def singular_values_picture(values: RealArray, orders: Sequence[int]) -> str:
     """Draw the singular values of the data matrix, if there are several."""
     title = "Singular values of the data matrix"
     caption = f"{title}: a gap indicates the number of significant states."
-    return picture(singular_values_svg(values, orders), title, caption) if values.size > 1 else ""
+    return figure(singular_values_svg(values, orders, title), caption) if values.size > 1 else ""
 
 
 def model_section(identified: Identification) -> Section:
@@ -141,21 +138,31 @@ def model_section(identified: Identification) -> Section:
     return Section("model", "Model", listing(facts.items()) + (f'<div class="narrow">{drawn}</div>' if drawn else ""))
 
 
-def mode_pictures(modes: ModalModel) -> Iterator[Section]:
-    """Yield the mode shapes and their AutoMAC, as far as there are modes; a single output has one number, 1, for a shape."""
+def mode_pictures(
+    modes: ModalModel, drawn: Mapping[str, Array] | None = None, holds: BoolArray | None = None
+) -> Iterator[Section]:
+    """Yield the mode shapes and their AutoMAC, as far as there are modes; a single output has one number, 1, for a shape.
+
+    `drawn`: the arrays of `modes_parts`, if they are known. `holds`: as in `grades`.
+    """
     if len(modes.output_dofs) < 2:
         return
+    drawn = modes_parts(modes, {})[1] if drawn is None else drawn
     if len(modes):
         pictures = "".join(
-            picture(shape_svg(modes, i), f"Shape of mode {i + 1}, {frequency(f)}")
-            for i, f in enumerate(modes.frequencies)
+            figure(
+                shape_svg(modes, i, drawn, f"Shape of mode {i + 1}"),
+                f"Mode {each.number}: {each.frequency} Hz, damping {each.damping} %, {each.grade}, MPC {each.mpc}",
+            )
+            for i, each in enumerate(described(modes, holds))
         )
         lead = f"Rotated to minimum imaginary parts, largest component 1; at MPC 1 nothing is hidden. In files: {modes.scaling}."
         yield Section("shapes", "Mode shapes", f'{paragraph(lead, "muted")}<div class="pair">{pictures}</div>')
     if len(modes) > 1:
         lead = "Similarity of the shapes: 1 equal, 0 orthogonal. High values off the diagonal: too few channels, or a duplicate mode."
-        drawn = picture(mac_svg(modes), "AutoMAC of the modes")
-        yield Section("mac", "AutoMAC", f'{paragraph(lead)}<div class="narrow">{drawn}</div>')
+        yield Section(
+            "mac", "AutoMAC", f'{paragraph(lead)}<div class="narrow">{figure(mac_svg(modes, "AutoMAC"))}</div>'
+        )
 
 
 def reasons_section(modes: ModalModel) -> Section:
@@ -192,10 +199,10 @@ def left_out_section(modes: ModalModel) -> Section:
     return Section("left-out", "Candidates left out", table(columns, rows, words=(3, 4)))
 
 
-def responses_section(modes: ModalModel, response: Response, fit: Fit) -> Section:
+def responses_section(response: Response, fit: Fit, lines: Lines | None) -> Section:
     """Draw the channels of largest, median and smallest misfit, and list what is unexplained of every channel."""
     title = "Measured and rebuilt responses"
-    if fit is None:
+    if fit is None or lines is None:
         return Section(
             "responses", title, paragraph("Responses cannot be rebuilt: the participation of the modes is not known.")
         )
@@ -207,15 +214,20 @@ def responses_section(modes: ModalModel, response: Response, fit: Fit) -> Sectio
     if len(drawn) > _MAX_CHANNELS:
         drawn = [drawn[0], drawn[1], drawn[len(drawn) // 2], drawn[-1]]
         lead = "The channels with the two largest, the median and the smallest unexplained part."
-    pictures = "".join(
-        picture(
-            response_svg(response, modes, i, j),
-            f"Output {response.output_dofs[i]}, {response.column_word} {response.columns[j]}, measured and rebuilt",
-        )
-        for i, j in drawn
-    )
+    pictures = "".join(_channel(response, lines, i, j, errors[i, j]) for i, j in drawn)
     body = f'{paragraph(lead, "muted")}<div class="pair">{pictures}</div>'
     return Section("responses", title, body + _error_table(response, errors, ranked))
+
+
+def _channel(response: Response, lines: Lines, i: int, j: int, error: float) -> str:
+    """Draw one channel, with its coherence where that is known on the lines drawn."""
+    coherence, of_channel = response.coherence, None
+    if coherence is not None and len(coherence) == len(lines.frequencies):
+        each = coherence.reshape(*coherence.shape[:2], -1)
+        of_channel = each[:, i, min(j, each.shape[2] - 1)]
+    words = f"Output {response.output_dofs[i]}, {response.column_word} {response.columns[j]}"
+    drawn = response_svg(lines, i, j, of_channel, f"{words}, measured and rebuilt")
+    return figure(drawn, f"{words}: {percent(error)} unexplained")
 
 
 def _error_table(response: Response, errors: Array, ranked: list[tuple[int, int]]) -> str:

@@ -10,7 +10,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.modal.rebuilt import fit_error, rebuilt, unexplained
-from modalscope.plot.web.alive import alive_blob, front_end
+from modalscope.plot.web.alive import alive_blob, drawing_of, front_end
 from modalscope.preprocess.singular_spectra import decomposition
 from modalscope.systems import chain5
 from tests.plot import examples
@@ -19,7 +19,7 @@ from tests.support import refused
 
 def test_a_result_is_one_blob_with_its_modes_poles_and_channels() -> None:
     modes, diagram = examples.modes(), examples.diagram()
-    blob = alive_blob(modes, diagram)
+    blob = alive_blob(drawing_of(modes, diagram))
     head = _head(blob)
     shapes = {entry["name"]: entry["shape"] for entry in head["arrays"]}
     assert [mode["frequency"] for mode in head["modes"]] == pytest.approx(list(modes.frequencies))
@@ -32,7 +32,7 @@ def test_what_is_left_of_records_is_told_as_the_summary_tells_it_and_of_all_inpu
     record = chain5().simulate(samples=1500, sampling_rate=20.0, noise=0.03, seed=2)
     diagram = ms.stabilize(record, orders=range(8, 15, 2))
     modes = ms.select(diagram)
-    told = _head(alive_blob(modes, diagram))
+    told = _head(alive_blob(drawing_of(modes, diagram)))
     whole, each = fit_error(diagram.response.values, rebuilt(diagram.response, modes))
     assert told["unexplained"] == [unexplained(whole)]
     np.testing.assert_allclose(told["fits"], np.broadcast_to(each, (4, 2)))
@@ -42,7 +42,7 @@ def test_singular_values_of_spectra_stand_behind_the_poles_in_the_band_that_was_
     record = chain5().simulate(inputs="ambient", samples=3000, sampling_rate=20.0, seed=3)
     result = ms.analyze(record, band=(2.0, 5.0), orders=range(2, 13, 2))
     spectra = decomposition(record)
-    told = _head(alive_blob(result.modes, result.diagram, spectra=spectra))
+    told = _head(alive_blob(drawing_of(result.modes, result.diagram, spectra=spectra)))
     inside = np.count_nonzero((spectra.frequencies >= 2.0) & (spectra.frequencies <= 5.0))
     assert told["bands"] == [[2.0, 5.0]]
     assert told["level"] == "singular values of the spectra"
@@ -64,6 +64,6 @@ def test_a_widget_carries_the_front_end() -> None:
     if front_end("widget.js") is None:
         pytest.skip("the front end of the page is not built: make page")
     made = ms.widget((examples.modes(), examples.diagram()))
-    assert made.blob == alive_blob(examples.modes(), examples.diagram())
+    assert made.blob == alive_blob(drawing_of(examples.modes(), examples.diagram()))
     made.chosen = 1
     assert made.chosen == 1

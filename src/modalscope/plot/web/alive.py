@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,22 +12,23 @@ import numpy as np
 from modalscope.data import DataError, ModalModel, StabilizationDiagram
 from modalscope.data.results import Result
 from modalscope.identification.method_names import cell_label
+from modalscope.judging.grades import grades
 from modalscope.judging.select import select
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, BoolArray, IntArray
 from modalscope.numerics.errors import optional_package
 from modalscope.plot.web.blob import pack
-from modalscope.plot.web.fits import asked_ends, band_of, fit_of_bands, rebuilt_lines
+from modalscope.plot.web.fits import Fit, Lines, asked_ends, band_of, fit_of_bands, lines_of
 from modalscope.plot.web.modes import modes_parts
-from modalscope.plot.web.poles import behind, pole_arrays, thinned
-from modalscope.plot.web.verdict import verdict_of
+from modalscope.plot.web.poles import behind, pole_arrays
+from modalscope.plot.web.verdict import Verdict, verdict_of
 from modalscope.preprocess.singular_spectra import Decomposition
 
 #: Maximum numbers of all channels in a blob, and minimum and maximum lines of a channel.
 _MAX_NUMBERS, _MIN_LINES, _MAX_LINES = 200_000, 100, 1500
 
-#: Maximum number of drawn singular values.
-_MAX_CURVES = 4
+#: Maximum ratio to the largest measured value that half precision holds, with room.
+_MAX_RATIO = 6e4
 
 #: Maximum points of a curve, about twice the width of a wide screen.
 _MAX_POINTS = 4000
@@ -43,63 +45,83 @@ def front_end(name: str) -> str | None:
     return path.read_text(encoding="utf-8") if path.is_file() else None
 
 
-def alive_blob(
+@dataclass(frozen=True, eq=False, slots=True)
+class Drawing:
+    """What a finished result shows, computed once: entries and arrays of its modes, fit, verdict and lines.
+
+    `spectra`: of a record without inputs, drawn behind the poles instead of the indicator. `fit`: None where responses cannot be rebuilt,
+    and `lines` with it.
+    """
+
+    modes: ModalModel
+    diagrams: Sequence[StabilizationDiagram]
+    spectra: Decomposition | None
+    entries: Mapping[str, Any]
+    arrays: Mapping[str, Array]
+    fit: Fit
+    lines: Lines | None
+    verdict: Verdict
+
+
+def drawing_of(
     modes: ModalModel,
     *diagrams: StabilizationDiagram,
     spectra: Decomposition | None = None,
     holds: BoolArray | None = None,
-) -> bytes:
-    """Return modes and their diagrams, one per band, as one blob.
+) -> Drawing:
+    """Return what is shown of modes and their diagrams, one per band.
 
-    `spectra`: whose singular values are drawn behind the poles instead of the indicator. `holds`: as in `grades`.
+    `spectra`: of a record without inputs. `holds`: as in `grades`.
     """
-    entries, drawn = modes_parts(modes, {}, holds)
+    entries, arrays = modes_parts(modes, {}, holds)
+    fit = fit_of_bands(modes, diagrams)
+    verdict = verdict_of(modes, diagrams[0].response, fit if len(modes) else None, grades(modes, holds))
+    lines = None if fit is None else lines_of(modes, diagrams)
+    return Drawing(modes, diagrams, spectra, entries, arrays, fit, lines, verdict)
+
+
+def alive_blob(drawing: Drawing) -> bytes:
+    """Return modes and their diagrams as one blob."""
+    diagrams, spectra = drawing.diagrams, drawing.spectra
     first = diagrams[0]
-    fit = fit_of_bands(modes, diagrams) if len(modes) else None
-    verdict = verdict_of(modes, first.response, fit)
-    lines, curves = behind(diagrams, _MAX_POINTS) if spectra is None else _spectra_behind(spectra, diagrams)
+    lines, curves = behind(diagrams, _MAX_POINTS, spectra)
     head: dict[str, Any] = {
-        **entries,
+        **drawing.entries,
         "label": cell_label(first.method, first.domain),
         "orders": sorted({order for diagram in diagrams for order in diagram.orders}),
         "bands": [list(band_of(d, len(diagrams)) if spectra is None else asked_ends(d)) for d in diagrams],
         "level": "mode indicator" if spectra is None else "singular values of the spectra",
         "columns": list(first.response.columns),
-        "unexplained": verdict.unexplained,
-        "warnings": verdict.warnings,
+        "unexplained": drawing.verdict.unexplained,
+        "warnings": drawing.verdict.warnings,
     }
-    arrays = {**drawn, **pole_arrays(diagrams), "behind": lines, "curves": curves}
-    if fit is not None:
-        channels, shape = _channels(modes, diagrams)
+    arrays = {**drawing.arrays, **pole_arrays(diagrams), "behind": lines, "curves": curves}
+    if drawing.fit is not None and drawing.lines is not None:
+        shape = drawing.lines.measured.shape[1:]
+        channels, scales = _channels(drawing.modes, drawing.lines)
         if channels:  # records have one fit error per output, (l, 1)
-            head |= {"channels": True, "fits": np.broadcast_to(fit[1], shape)}
+            head |= {"channels": True, "fits": np.broadcast_to(drawing.fit[1], shape), "scales": scales}
             arrays |= channels
-    return pack(head, arrays, exact=("frequency", "behind", "response_lines"))
+    return pack(head, arrays, exact=("frequency", "behind", "response_lines"), half=tuple(_SIDES))
 
 
-def _spectra_behind(spectra: Decomposition, diagrams: Sequence[StabilizationDiagram]) -> tuple[Array, Array]:
-    """Return lines (P,) in the chosen bands, and square roots (k, P) of the largest singular values, which are amplitudes."""
-    f = spectra.frequencies
-    kept = np.any([(low <= f) & (f <= high) for low, high in map(asked_ends, diagrams)], axis=0)
-    return thinned(f[kept], np.sqrt(spectra.singular_values[kept, :_MAX_CURVES]), _MAX_POINTS)
+#: Arrays of responses: half precision, relative to the largest value of each channel, is a hundredth of a decibel.
+_SIDES = ("measured_real", "measured_imag", "rebuilt_real", "rebuilt_imag")
 
 
-def _channels(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> tuple[dict[str, Array], tuple[int, ...]]:
-    """Return lines, measured and rebuilt values (l, m, lines) of all bands, none if there are too many channels, and (l, m)."""
-    parts = [rebuilt_lines(modes, diagram, len(diagrams)) for diagram in diagrams]
-    f, measured, fitted = (np.concatenate(side) for side in zip(*parts, strict=True))
-    shape = measured.shape[1:]
-    most = min(_MAX_NUMBERS // max(4 * int(np.prod(shape)), 1), _MAX_LINES)
+def _channels(modes: ModalModel, lines: Lines) -> tuple[dict[str, Array], Array]:
+    """Return lines, measured and rebuilt values (l, m, lines) relative to `scales` (l, m), and these; none of too many channels."""
+    scales = np.maximum(np.max(np.abs(lines.measured), axis=0, initial=0.0), np.finfo(float).tiny)
+    most = min(_MAX_NUMBERS // max(4 * scales.size, 1), _MAX_LINES)
     if most < _MIN_LINES:
-        return {}, shape
-    kept = _shown(f, modes, most)
-    sides = {"measured": measured[kept], "rebuilt": fitted[kept]}
-    drawn = {
-        f"{name}_{part}": np.moveaxis(getattr(side, part), 0, -1)
-        for name, side in sides.items()
-        for part in ("real", "imag")
-    }
-    return {"response_lines": f[kept], **drawn}, shape
+        return {}, scales
+    kept = _shown(lines.frequencies, modes, most)
+    drawn = {}
+    for name in _SIDES:
+        side, part = name.split("_")
+        values = np.clip(getattr(getattr(lines, side)[kept] / scales, part), -_MAX_RATIO, _MAX_RATIO)
+        drawn[name] = np.moveaxis(values, 0, -1)
+    return {"response_lines": lines.frequencies[kept], **drawn}, scales
 
 
 def _shown(f: Array, modes: ModalModel, most: int) -> IntArray:
@@ -145,7 +167,7 @@ def widget(thing: Any) -> Any:
         "blob": traitlets.Bytes().tag(sync=True),
         "chosen": traitlets.Int(0).tag(sync=True),
     }
-    return type("Widget", (anywidget.AnyWidget,), fields)(blob=alive_blob(modes, *diagrams))
+    return type("Widget", (anywidget.AnyWidget,), fields)(blob=alive_blob(drawing_of(modes, *diagrams)))
 
 
 def _pair(thing: Any) -> tuple[ModalModel, tuple[StabilizationDiagram, ...]]:

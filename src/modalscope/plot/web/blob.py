@@ -22,11 +22,13 @@ _ALIGN = 8
 _TYPES = {"f": "<f4", "i": "<i4", "u": "|u1", "b": "|u1"}
 
 
-def pack(head: Mapping[str, Any], arrays: Mapping[str, Array], exact: tuple[str, ...] = ()) -> bytes:
+def pack(
+    head: Mapping[str, Any], arrays: Mapping[str, Array], exact: tuple[str, ...] = (), half: tuple[str, ...] = ()
+) -> bytes:
     """Return a head and arrays as one blob.
 
-    `head`: JSON values; numbers that are not finite become null. `arrays`: real, stored in single precision. `exact`: names of arrays in
-    double precision.
+    `head`: JSON values; numbers that are not finite become null. `arrays`: real, stored in single precision. `exact`, `half`: names of
+    arrays in double and in half precision.
 
     Examples
     --------
@@ -36,7 +38,7 @@ def pack(head: Mapping[str, Any], arrays: Mapping[str, Array], exact: tuple[str,
     """
     listed, parts, at = [], [], 0
     for name, values in arrays.items():
-        kind = "<f8" if name in exact else _TYPES[np.asarray(values).dtype.kind]
+        kind = "<f8" if name in exact else "<f2" if name in half else _TYPES[np.asarray(values).dtype.kind]
         array = np.ascontiguousarray(values, dtype=kind)
         listed.append({"name": name, "type": kind[1:], "shape": list(array.shape), "at": at})
         raw = array.tobytes()

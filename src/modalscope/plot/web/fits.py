@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,15 +49,36 @@ def cut_to_band(lines: tuple[Array, ...], diagram: StabilizationDiagram, bands: 
     return tuple(values[kept] for values in lines)
 
 
+class Lines(NamedTuple):
+    """Lines (F,) in Hz with measured and rebuilt values (F, l, m)."""
+
+    frequencies: Array
+    measured: Array
+    rebuilt: Array
+
+
+def lines_of(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> Lines:
+    """Return the lines of all bands, one after the other."""
+    parts = [rebuilt_lines(modes, diagram, len(diagrams)) for diagram in diagrams]
+    return Lines(*(np.concatenate(side) for side in zip(*parts, strict=True)))
+
+
 def rebuilt_lines(modes: ModalModel, diagram: StabilizationDiagram, bands: int) -> tuple[Array, Array, Array]:
     """Return lines (F,), measured and rebuilt values (F, l, m) of one of several bands."""
-    response = diagram.response.picture()
+    f, measured, fitted = cut_to_band(
+        lines_of_response(inside(modes, diagram, bands), diagram.response), diagram, bands
+    )
+    return f, measured, fitted
+
+
+def lines_of_response(modes: ModalModel, response: Response) -> Lines:
+    """Return the lines of a response; samples are transformed."""
+    response = response.picture()
     f, measured = response.spectrum()
-    fitted = rebuilt(response, inside(modes, diagram, bands))
+    fitted = rebuilt(response, modes)
     if fitted.shape != measured.shape:
         fitted = np.fft.rfft(fitted, n=2 * (len(f) - 1), axis=0) / (2 * f[-1])
-    f, measured, fitted = cut_to_band((np.asarray(f), measured, fitted), diagram, bands)
-    return f, measured, fitted
+    return Lines(np.asarray(f), measured, fitted)
 
 
 def fit_of(modes: ModalModel, response: Response) -> Fit:

@@ -17,11 +17,15 @@ from modalscope.io.arrays import plain
 from modalscope.numerics.checks import Array
 from modalscope.plot.diagrams import indicator_curves
 from modalscope.plot.web.blob import pack
-from modalscope.plot.web.fits import band_of, cut_to_band
+from modalscope.plot.web.fits import asked_ends, band_of, cut_to_band
 from modalscope.preprocess import decomposition, estimate_frf
+from modalscope.preprocess.singular_spectra import Decomposition
 
 #: Maximum number of curves of an indicator, and maximum points of each: more than a screen has.
 _MAX_CURVES, _MAX_POINTS = 3, 200_000
+
+#: Maximum number of drawn singular values of spectra.
+_MAX_SPECTRA = 4
 
 
 def curves_of(data: Any) -> tuple[Array, Array]:
@@ -100,11 +104,25 @@ def pole_arrays(diagrams: Sequence[StabilizationDiagram]) -> dict[str, Array]:
     return {name: np.concatenate(parts) for name, parts in joined.items()}
 
 
-def behind(diagrams: Sequence[StabilizationDiagram], points: int) -> tuple[Array, Array]:
-    """Return lines (F,) and indicator curves (k, F) of diagrams, thinned to `points`."""
+def behind(
+    diagrams: Sequence[StabilizationDiagram], points: int, spectra: Decomposition | None = None
+) -> tuple[Array, Array]:
+    """Return lines (F,) and indicator curves (k, F) of diagrams, thinned to `points`.
+
+    `spectra`: square roots of their largest singular values, which are amplitudes, instead of the indicator, in the chosen bands.
+    """
+    if spectra is not None:
+        f = spectra.frequencies
+        kept = np.any([(low <= f) & (f <= high) for low, high in map(asked_ends, diagrams)], axis=0)
+        return thinned(f[kept], np.sqrt(spectra.singular_values[kept, :_MAX_SPECTRA]), points)
     curves = [cut_to_band(curves_of(d.response), d, len(diagrams)) for d in diagrams]
     count = min(_MAX_CURVES, *(c.shape[1] for _, c in curves))
     return thinned(np.concatenate([f for f, _ in curves]), np.concatenate([c[:, :count] for _, c in curves]), points)
+
+
+def decibels(values: Array) -> Array:
+    """Return 20 log10 of what is positive, NaN elsewhere."""
+    return 20 * np.log10(values, out=np.full(np.shape(values), np.nan), where=np.asarray(values) > 0)
 
 
 def thinned(lines: Array, curves: Array, points: int) -> tuple[Array, Array]:
