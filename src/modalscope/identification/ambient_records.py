@@ -25,7 +25,8 @@ from modalscope.preprocess.harmonics import Line, harmonic_notes, lines_in
 from modalscope.preprocess.harmonics_removed import without_lines
 from modalscope.preprocess.modeless import modeless_notes
 from modalscope.preprocess.spectra import Spectrum
-from modalscope.preprocess.spectral_peaks import Levels, levels_in, noise_notes, uncorrelated
+from modalscope.preprocess.spectral_peaks import Levels, clear_peaks, levels_in, levels_of, noise_notes, uncorrelated
+from modalscope.preprocess.steady import steadied
 
 Band = tuple[float, float]
 
@@ -43,10 +44,10 @@ class Conditioned(NamedTuple):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SeenRecord:
-    """A record without inputs with its spectrum levels, bands and harmonics, found once for all bands and orders.
+    """A record without inputs at one level, with its spectrum levels, bands and harmonics, found once for all bands and orders.
 
     Verbs take it in place of its record. `excerpt`: what was examined, all of a record in memory. `lines`: harmonics. `modeless`: why it
-    holds no modes, if so.
+    holds no modes, if so. `level`: what was done to its level.
     """
 
     record: Signals | StoredSignals
@@ -55,16 +56,47 @@ class SeenRecord:
     own: AutomaticBands
     lines: tuple[Line, ...]
     modeless: tuple[Note, ...]
+    level: tuple[Note, ...] = ()
 
 
 def seen_record(record: Signals | StoredSignals) -> SeenRecord:
-    """Examine the spectrum of a record without inputs, of a stored record that of an excerpt; straight lines are taken out first."""
+    """Examine the spectrum of a record without inputs, of a stored record that of an excerpt.
+
+    Straight lines are taken out first, and stretches brought to one level where every clear peak stays clear: an earthquake may be the one
+    stretch that has them.
+    """
     straight = straightened(record)
-    excerpt = straight.excerpt()
+    whole = _examined(straight)
+    straight, (excerpt, spectrum, levels), told = _at_one_level(straight, whole)
+    # machines go on through gusts
+    bands, lines = automatic_bands(levels, record.sampling_rate), lines_in(whole.spectrum)
+    return SeenRecord(straight, excerpt, levels, bands, lines, modeless_notes(spectrum, levels, lines), told)
+
+
+class _Examined(NamedTuple):
+    excerpt: Signals
+    spectrum: Spectrum
+    levels: Levels
+
+
+def _examined(record: Signals | StoredSignals) -> _Examined:
+    excerpt = record.excerpt()
     spectrum = Spectrum.of(excerpt)
-    levels = levels_in(spectrum).with_combinations(levels_in(uncorrelated(spectrum)))
-    bands, lines = automatic_bands(levels, record.sampling_rate), lines_in(spectrum)
-    return SeenRecord(straight, excerpt, levels, bands, lines, modeless_notes(spectrum, levels, lines))
+    return _Examined(excerpt, spectrum, levels_in(spectrum).with_combinations(levels_in(uncorrelated(spectrum))))
+
+
+def _at_one_level(record: Any, seen: _Examined) -> tuple[Any, _Examined, tuple[Note, ...]]:
+    """Return a record at one level, its spectrum, and what was done; as it is where it is steady, or its loudest part shows the most.
+
+    An earthquake in a record that is quiet otherwise has more than twice the clear peaks of all stretches at one level.
+    """
+    steady = steadied(record, seen.spectrum)
+    if steady is None:
+        return record, seen, ()
+    then = _examined(steady.record)
+    if steady.loudest is not None and len(clear_peaks(levels_of(steady.loudest))) > 2 * len(clear_peaks(then.levels)):
+        return record, seen, ()
+    return steady.record, then, (steady.note,)
 
 
 def looked_through(data: Any, exclude: Any = None) -> Any:
@@ -88,7 +120,7 @@ def conditioned(seen: SeenRecord, band: Band | None) -> Conditioned:
     inside = record if chosen is None else at_lower_rate(record, chosen[1], bands.drift)
     clean, removal = _without_lines(inside, lines)
     modeless = seen.modeless or noise_notes(seen.levels, chosen)
-    return Conditioned(clean, chosen, (*choice, *modeless, *harmonic_notes(lines), *removal))
+    return Conditioned(clean, chosen, (*choice, *seen.level, *modeless, *harmonic_notes(lines), *removal))
 
 
 def _without_lines(record: Signals | StoredSignals, lines: Sequence[Line]) -> tuple[Any, tuple[Note, ...]]:
@@ -134,15 +166,22 @@ class ConditionedSetups(NamedTuple):
 
 def conditioned_setups(setups: Setups, band: Band | None) -> ConditionedSetups:
     """Return setups decimated to a band and without drift; by default the band in which any of them has peaks."""
-    setups = replace(setups, parts=tuple(map(_without_drift, setups.parts)))
+    straight = map(_without_drift, setups.parts)
+    level = [_at_one_level(part, _examined(part)) for part in straight]
+    setups = replace(setups, parts=tuple(part for part, _, _ in level))
+    told = tuple(
+        replace(note, text=f"Setup {k + 1}: {note.text[0].lower()}{note.text[1:]}")
+        for k, (_, _, notes) in enumerate(level)
+        for note in notes
+    )
     own = _own(setups)
     chosen = own.whole if band is None else band
     lowest = None if own.span is None else max(own.span[0], 0.0 if band is None else band[0])
     if chosen is None:
-        return ConditionedSetups(setups, None, lowest, ())
+        return ConditionedSetups(setups, None, lowest, told)
     parts = tuple(at_lower_rate(part, chosen[1], own.drift) for part in setups.parts)
     return ConditionedSetups(
-        replace(setups, parts=parts), chosen, lowest, (own.note((chosen,)),) if band is None else ()
+        replace(setups, parts=parts), chosen, lowest, (*((own.note((chosen,)),) if band is None else ()), *told)
     )
 
 

@@ -10,15 +10,14 @@ import numpy as np
 
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
-from modalscope.data.records import Records, Signals
+from modalscope.data.records import Signals
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.stored import StoredSignals
-from modalscope.identification.routes import one_record
+from modalscope.identification.ambient_records import SeenRecord
 from modalscope.likelihood.line_shapes import line_shapes
 from modalscope.modal.indicators import mac, mpc, mpd
 from modalscope.numerics.checks import ComplexArray
-from modalscope.preprocess.harmonics import HARMONIC
-from modalscope.preprocess.spectral_peaks import Levels, clear_peaks, levels_of
+from modalscope.preprocess.spectral_peaks import Levels, clear_peaks
 
 #: Half width of a machine's line: in its spreads, plus this part of its frequency.
 _HALF_WIDTH_SPREADS, _HALF_WIDTH = 3.0, 0.002
@@ -31,26 +30,25 @@ _PEAK_OF_MODE = 0.02
 
 
 def with_lines_of_record(
-    data: Any, exclude: Any, modes: ModalModel, diagrams: Sequence[StabilizationDiagram], *, chosen: bool = True
+    seen: SeenRecord | None, modes: ModalModel, diagrams: Sequence[StabilizationDiagram], *, chosen: bool = True
 ) -> ModalModel:
     """Return modes of a record without inputs with the shapes of its lines and what peaks lack a mode; modes of other data as they are.
 
     A stored record is used where it fits into memory. `diagrams`: of all bands. `chosen`: whether the list is automatic: what was chosen
     by hand lacks nothing.
     """
-    record = _record(data, exclude)
-    if record is None:
+    if seen is None:
         return modes
-    numbers = [note.numbers for diagram in diagrams for note in diagram.notes if note.kind == HARMONIC]
-    machines = [machine(n["frequency_hz"], n["spread_hz"]) for n in numbers]
-    found = _with_line_shapes(record, modes, diagrams, machines)
+    machines = machines_in(seen)
+    record = seen.record.settled() if isinstance(seen.record, StoredSignals) else seen.record
+    found = _with_line_shapes(record, modes, diagrams, machines) if isinstance(record, Signals) else modes
     bands = [diagram.response.reported_band(diagram.settings.band) for diagram in diagrams]
-    return with_note_on_peaks(found, peaks_in(levels_of(record), bands, machines)) if chosen else found
+    return with_note_on_peaks(found, peaks_in(seen.levels, bands, machines)) if chosen else found
 
 
-def machine(frequency: float, spread: float) -> tuple[float, float]:
-    """Return the frequency and the half width of a machine's line, Hz."""
-    return frequency, _HALF_WIDTH_SPREADS * spread + _HALF_WIDTH * frequency
+def machines_in(seen: SeenRecord) -> list[tuple[float, float]]:
+    """Return the frequencies and half widths of the lines of machines, Hz."""
+    return [(line.frequency, _HALF_WIDTH_SPREADS * line.spread + _HALF_WIDTH * line.frequency) for line in seen.lines]
 
 
 def peaks_in(
@@ -92,23 +90,17 @@ def _with_line_shapes(
         return modes
     shapes, deviations = line_shapes(record, modes, avoided)
     refitted = replace(_refitted(modes, shapes, diagrams), shapes_std=deviations).normalized("unit")
+    real = np.all(shapes.imag == 0, axis=0)
+    if real.any():
+        which = ", ".join(f"{f:.5g} Hz" for f in modes.frequencies[real])
+        text = f"Shapes taken as real, so that their MPC is 1: other modes overlay {which}"
+        refitted = refitted.noted(Note("real shapes", {"modes": float(real.sum())}, text))
     alike = np.diag(mac(refitted.shapes, modes.shapes))
     names = ", ".join(f"{f:.5g} Hz" for f in modes.frequencies[alike < 1 - _MIN_CHANGE])
     if not names:
         return refitted
     text = f"Shapes estimated on the lines of the record, where those of the correlations are others: {names}"
     return refitted.noted(Note("shapes of lines", {"modes": float(np.sum(alike < 1 - _MIN_CHANGE))}, text))
-
-
-def _record(data: Any, exclude: Any) -> Signals | None:
-    """Return the record of the channels that are used, where it is one without inputs and in memory."""
-    if not isinstance(data, Signals | StoredSignals | Records) or data.input_dofs:
-        return None
-    kept = data.select(exclude=exclude) if exclude else data
-    if isinstance(kept, Records):
-        return one_record(kept, "correlations")
-    settled = kept.settled() if isinstance(kept, StoredSignals) else kept
-    return settled if isinstance(settled, Signals) else None
 
 
 def _refitted(modes: ModalModel, shapes: ComplexArray, diagrams: Sequence[StabilizationDiagram]) -> ModalModel:

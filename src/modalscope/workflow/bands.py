@@ -25,7 +25,7 @@ from modalscope.likelihood.refine_setups import refine_setups
 from modalscope.modal.setups import merge_modes, with_repeatability
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.correlation import estimate_correlation
-from modalscope.workflow.ambient_lines import machine, peaks_in, with_lines_of_record, without_mode
+from modalscope.workflow.ambient_lines import machines_in, peaks_in, with_lines_of_record, without_mode
 from modalscope.workflow.refining import refined_where_it_helps
 
 Progress = Callable[[int, int], None]
@@ -43,6 +43,7 @@ class Look:
 
     `diagram`: of the whole band, joined of its parts. `band`: Hz; None for all data. `parts`: with a range of orders each; none where
     orders, frequencies or several bands were given. `notes`: why this band. `setup`: its index, where setups are identified apart.
+    `seen`: the examined record, where it is one without inputs.
     """
 
     diagram: StabilizationDiagram
@@ -50,6 +51,7 @@ class Look:
     parts: tuple[Part, ...] = ()
     notes: tuple[Note, ...] = ()
     setup: int = 0
+    seen: SeenRecord | None = None
 
     @property
     def reported(self) -> tuple[float, float]:
@@ -77,6 +79,7 @@ def looked_at(
         ]
 
     seen = looked_through(data, document.exclude or None)
+    ambient = seen if isinstance(seen, SeenRecord) else None
 
     def sweep(band: Band, orders: Sequence[int] | None = document.orders) -> StabilizationDiagram:
         return stabilize(
@@ -103,12 +106,12 @@ def looked_at(
     if len(bands) > 1 or document.orders is not None or document.frequencies is not None:
         by_hand = document.orders is not None or document.frequencies is not None
         swept = sweep if by_hand else lambda band: _with_clear_peaks(seen, sweep, band, choose)
-        return [Look(swept(band), band, notes=told) for band in bands or (None,)]
+        return [Look(swept(band), band, notes=told, seen=ambient) for band in bands or (None,)]
     band = bands[0] if bands else None
     whole = _with_clear_peaks(seen, sweep, band, choose)
     by_line = not isinstance(document.options.get("weights"), str | None)  # they belong to the lines of the whole band
     parts = _parts(sweep, choose, _part(choose, band, whole), 0 if by_line else _MAX_CUTS)
-    return [Look(whole if len(parts) == 1 else joined_diagram(whole, parts), band, tuple(parts), told)]
+    return [Look(whole if len(parts) == 1 else joined_diagram(whole, parts), band, tuple(parts), told, seen=ambient)]
 
 
 def _with_clear_peaks(seen: Any, sweep: Sweep, band: Band, choose: Choose) -> StabilizationDiagram:
@@ -116,8 +119,7 @@ def _with_clear_peaks(seen: Any, sweep: Sweep, band: Band, choose: Choose) -> St
     found = sweep(band)
     if not isinstance(seen, SeenRecord):
         return found
-    machines = [machine(line.frequency, line.spread) for line in seen.lines]
-    peaks = peaks_in(seen.levels, [found.response.reported_band(found.settings.band)], machines)
+    peaks = peaks_in(seen.levels, [found.response.reported_band(found.settings.band)], machines_in(seen))
     lacking = len(without_mode(peaks, choose(found)))
     for _ in range(_MAX_DOUBLINGS):
         if not lacking:
@@ -162,7 +164,7 @@ def modes_chosen(data: Any, document: Analysis, looks: Sequence[Look], choose: C
     if not setups_of(data):
         found = _of_bands(document, looks, choose)
         diagrams = [look.diagram for look in looks]
-        return with_lines_of_record(data, document.exclude, found, diagrams, chosen=document.frequencies is None)
+        return with_lines_of_record(looks[0].seen, found, diagrams, chosen=document.frequencies is None)
     found = _of_setups(data, replace(document, refine=False), looks, choose)
     kept = data.select(exclude=document.exclude) if document.exclude else data
     return refine_setups(kept, found, apart=document.apart) if document.refine else found
