@@ -109,12 +109,15 @@ def test_each_file_is_a_test_of_its_own_and_modes_stand_beside_those_of_the_firs
         *runs,
         str(tmp_path / "no.npz"),
     ]
-    assert main(words) == 2
+    with pytest.raises(SystemExit, match="4"):
+        main(words)
     out, err = capsys.readouterr()
     rows = [line for line in out.splitlines() if re.match(r" *\d  ", line)]
     assert len(rows) == 5
     assert all(row.count("Hz") == 2 for row in rows)
-    assert "no.npz: reading" in err
+    assert len(err.splitlines()) == 2
+    assert "no.npz: " in err
+    assert "1 of 3 files failed: no.npz" in err
     assert (tmp_path / "m_run1.json").exists()
     assert (tmp_path / "m_run2.json").exists()
 

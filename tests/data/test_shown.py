@@ -73,5 +73,5 @@ def test_a_curve_of_a_million_samples_keeps_its_extremes_and_stays_small() -> No
 
 def test_dots_are_thinned_and_all_of_nothing_is_nothing() -> None:
     x = np.arange(50_000.0)
-    assert 1_000 < dots(x, x, x > 100).count("<circle") <= 3_000
+    assert 1_000 < dots(x, x, x > 100).count("h0") <= 3_000
     assert dots(x[:0], x[:0], x[:0] > 0) == ""

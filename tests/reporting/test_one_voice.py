@@ -90,10 +90,12 @@ def test_terminal_page_and_report_say_the_same_sentences(
     _print(result)
     printed = capsys.readouterr().out
     report = html.unescape(ms.report(result, tmp_path / "r.html").read_text(encoding="utf-8"))
+    notebook = html.unescape(result._repr_html_())
     page, alive = result_head(result), _head(alive_blob(drawing_of(result.modes, *result.diagrams)))
     for sentence in (*verdict.warnings, *verdict.unexplained):
         assert sentence in printed
         assert sentence in report
+        assert sentence in notebook
         for head in (page, alive):
             assert sentence in (*head["warnings"], *head["unexplained"])
     assert all(sentence in printed and sentence in report for sentence in verdict.graded)

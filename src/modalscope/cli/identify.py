@@ -8,8 +8,17 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modalscope.cli.parser import Parser, add_choices, add_files, add_method, add_orders, add_outputs, add_workers
-from modalscope.cli.process import complain, explain, narrowed, progress, remark, say
+from modalscope.cli.parser import (
+    Parser,
+    add_choices,
+    add_files,
+    add_method,
+    add_orders,
+    add_outputs,
+    add_pictures,
+    add_workers,
+)
+from modalscope.cli.process import EXIT_PARTLY, EXIT_WRONG, complain, explain, narrowed, progress, remark, say
 from modalscope.numerics.errors import DataError
 
 if TYPE_CHECKING:
@@ -55,6 +64,7 @@ def add_identify(parser: Parser) -> None:
     add("--apart", action="store_true", help="identify the setups one by one and merge their modes, not their records")
     add_workers(parser)
     add_outputs(parser, "write .json, .csv, .uff or an .html report")
+    add_pictures(parser)
 
 
 def identify(options: argparse.Namespace) -> None:
@@ -62,7 +72,7 @@ def identify(options: argparse.Namespace) -> None:
 
     Several files are the parts of one test; with --each, every file is a test of its own.
     """
-    from modalscope.cli.output import check_outputs, is_page, write_outputs
+    from modalscope.cli.output import check_outputs, is_page, write_outputs, write_pictures
 
     if options.each:
         _run_each(options)
@@ -72,7 +82,10 @@ def identify(options: argparse.Namespace) -> None:
         asked = "one report on setups identified apart was asked"
         raise DataError(asked, "a report covers one measurement", "Write .json or .csv, or one report per setup.")
     result = result_of(options, options.files)
-    written = write_outputs(options, result)
+    written = [
+        *write_outputs(options, result),
+        *write_pictures(options, options.outputs, result.modes, result.diagrams),
+    ]
     _print(result, everything=options.all, wide=options.wide)
     say(*written)
 
@@ -211,12 +224,11 @@ def _print_left_out(result: Result, everything: bool) -> None:
 def _run_each(options: argparse.Namespace) -> None:
     """Identify every file by itself, and print the modes of all, paired with those of the first that has any.
 
-    An output names the files to write: `-o results.json` gives results_NAME.json for every NAME. A file that cannot be used is
-    reported, and the others are identified.
+    An output names the files to write: `-o results.json` gives results_NAME.json for every NAME. A file that cannot be used is one line on
+    stderr, and the others are identified; the exit status is 4 then, and 2 if none could be used.
     """
-    from modalscope.cli.output import check_output
+    from modalscope.cli.output import check_output, write_file, write_pictures
     from modalscope.cli.reading import read_modes
-    from modalscope.io import write
 
     reference = None if options.reference is None else read_modes(options, options.reference)
     places = {
@@ -235,21 +247,18 @@ def _run_each(options: argparse.Namespace) -> None:
         try:
             result = result_of(options, [path])
         except DataError as error:
-            complain(f"{path}: {error}")
+            complain(f"{path.name}: {error}")
             failed.append(path.name)
             continue
         for place in places[path]:
-            write(place, result)
-            remark(f"written: {place}")
+            remark(write_file(options, place, result, str(path)))
+        remark(*write_pictures(options, places[path], result.modes, result.diagrams))
         tests.append((path.name, result.modes))
     if tests:
         say(_table(tests, reference))
     if failed:
-        asked, failures = (
-            f"modes in {len(options.files)} files were asked",
-            f"{len(failed)} failed: {', '.join(failed)}",
-        )
-        raise DataError(asked, failures, "The messages above give the reasons.")
+        complain(f"{len(failed)} of {len(options.files)} files failed: {', '.join(failed)}")
+        raise SystemExit(EXIT_PARTLY if tests else EXIT_WRONG)
 
 
 def _table(tests: Sequence[tuple[str, ModalModel]], reference: ModalModel | None) -> str:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from tempfile import mkstemp
 from typing import TYPE_CHECKING, Any
 
 from modalscope.cli.process import STDOUT
-from modalscope.data import DataError, ModalModel
+from modalscope.data import DataError, ModalModel, StabilizationDiagram
 from modalscope.data.results import Result
 from modalscope.io.atomic import MARK, PENDING, check_target, is_ours, replacing
 
@@ -62,19 +63,30 @@ def write_outputs(
     `options`: `files`, `outputs`, and the `command_line` of the report. `certificate`: for the report. `**fields`: written into JSON
     with the modes.
     """
-    source, messages = ", ".join(map(str, options.files)), []
+    source = ", ".join(map(str, options.files))
     fields = {"data": {"file": Path(source).name}, **fields}
-    for path in (path for path in options.outputs if str(path) != STDOUT):
-        if is_page(path):
-            from modalscope.reporting import report
-
-            report(result, path, source=source, command=options.command_line, certificate=certificate)
-            messages.append(f"written: {path}")
-        else:
-            messages.append(_write(path, result, fields))
+    named = [path for path in options.outputs if str(path) != STDOUT]
+    messages = [write_file(options, path, result, source, certificate, fields) for path in named]
     if STDOUT in map(str, options.outputs):
         print(_document(result, fields))
     return messages
+
+
+def write_file(
+    options: argparse.Namespace,
+    path: Path,
+    result: Any,
+    source: str,
+    certificate: Certificate | None = None,
+    fields: dict[str, Any] | None = None,
+) -> str:
+    """Write a result to one file, a report or data, and return the message."""
+    if not is_page(path):
+        return _write(path, result, fields or {})
+    from modalscope.reporting import report
+
+    report(result, path, source=source, command=options.command_line, certificate=certificate)
+    return f"written: {path}"
 
 
 def _document(result: Any, fields: dict[str, Any]) -> str:
@@ -107,6 +119,44 @@ def write_picture(path: Path, axes: Axes) -> str:
     with replacing(path) as temporary:
         figure.savefig(temporary, format=path.suffix.lower()[1:], dpi=150, metadata={where: MARK}, bbox_inches="tight")
     return f"written: {path}"
+
+
+def write_pictures(
+    options: argparse.Namespace, outputs: Sequence[Path], modes: ModalModel, diagrams: Sequence[StabilizationDiagram]
+) -> list[str]:
+    """Write the pictures of a result, named after its first output, and return a message per file.
+
+    `options`: `files`, `pictures` (a suffix or None), `force`.
+    """
+    if options.pictures is None:
+        return []
+    from matplotlib.figure import Figure
+
+    from modalscope import plot
+    from modalscope.plot._style import DPI, SIZE
+
+    named = [path for path in outputs if str(path) != STDOUT]
+    if not named:
+        raise DataError(
+            "--pictures names its files after an output", "no -o was given", "Add for instance -o report.html."
+        )
+    drawn: dict[str, Callable[[Axes], object]] = {}
+    for k, diagram in enumerate(diagrams):
+        number = str(k + 1) if len(diagrams) > 1 else ""
+        drawn[f"diagram{number}"] = partial(plot.stabilization, diagram, modes)
+    if len(modes.output_dofs) > 1:
+        drawn |= {f"mode{k + 1}": partial(plot.shape, modes, k, None) for k in range(len(modes))}
+        drawn["mac"] = partial(plot.mac, modes, None)
+    if modes.participation is not None and len(modes):
+        drawn["response"] = partial(plot.response, diagrams[0].response, modes, None, None)
+    messages = []
+    for name, draw in drawn.items():
+        path = named[0].with_name(f"{named[0].stem}_{name}.{options.pictures}")
+        check_output(path, options.files, options.force, PICTURES)
+        axes = Figure(figsize=SIZE, dpi=DPI, layout="constrained").add_subplot()
+        draw(axes)
+        messages.append(write_picture(path, axes))
+    return messages
 
 
 def write_data(path: Path, data: Any) -> str:

@@ -138,6 +138,12 @@ def add_outputs(parser: Parser, what: str) -> None:
     add_force(parser)
 
 
+def add_pictures(parser: Parser) -> None:
+    """Add whether the pictures of a result are written, too."""
+    words = "also write diagram, shapes, AutoMAC and strongest response as files named after the first -o"
+    parser.add_argument("--pictures", choices=("png", "svg", "pdf"), help=words)
+
+
 def add_force(parser: Parser) -> None:
     """Add whether a file that modalscope did not write may be replaced."""
     parser.add_argument("--force", action="store_true", help="replace a file that modalscope did not write")

@@ -19,6 +19,9 @@ STDOUT = "-"
 #: Exit status for wrong use or unusable data.
 EXIT_WRONG = 2
 
+#: Exit status when some of several files could not be used.
+EXIT_PARTLY = 4
+
 _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 
 _STOPPED = b"modalscope: stopped; every output file is complete or unchanged"

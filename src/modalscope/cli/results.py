@@ -17,6 +17,7 @@ from modalscope.cli.parser import (
     add_method,
     add_orders,
     add_outputs,
+    add_pictures,
     add_reading,
 )
 from modalscope.cli.process import explain, remark, say
@@ -277,6 +278,7 @@ def add_report(parser: Parser) -> None:
     parser.add_argument("--title", help="heading of the report")
     add_geometry(parser)
     add_outputs(parser, "write .html")
+    add_pictures(parser)
 
 
 def report(options: argparse.Namespace) -> None:
@@ -284,9 +286,10 @@ def report(options: argparse.Namespace) -> None:
 
     The result is a .json file of identify, an .analysis.json document or a stabilization diagram. The data file must be unchanged.
     """
-    from modalscope.cli.output import check_outputs, require_output
+    from modalscope.cli.output import check_outputs, require_output, write_pictures
     from modalscope.cli.process import progress
     from modalscope.io import set_max_memory
+    from modalscope.judging.select import select
     from modalscope.reporting import report
 
     require_output(options, "report.html")
@@ -297,6 +300,10 @@ def report(options: argparse.Namespace) -> None:
     for path in options.outputs:
         report(result, path, title=options.title, command=options.command_line)
         say(f"written: {path}")
+    if options.pictures is not None:
+        options.files = [options.file, *(options.data or ())]
+        modes, diagrams = (result.modes, result.diagrams) if hasattr(result, "modes") else (select(result), (result,))
+        say(*write_pictures(options, options.outputs, modes, diagrams))
 
 
 def _saved(options: argparse.Namespace, show: Any) -> Any:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
+from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -233,6 +235,18 @@ class Result(Shown):
                 "the diagram was asked", "a file holds none", "Make it again: modalscope.replay(result.analysis)."
             )
         return self.diagrams[0]
+
+    def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, Any]:
+        """Return the table for a notebook, and the living diagram where anywidget is installed and the front end is built."""
+        bundle = {"text/plain": repr(self), "text/html": self._repr_html_()}
+        if not self.diagrams or not len(self.modes) or find_spec("anywidget") is None:
+            return bundle
+        # what draws stands above the data classes, and is only loaded where something is drawn
+        alive = import_module("modalscope.plot.web.alive")
+        if alive.front_end("widget.js") is None:
+            return bundle
+        living = alive.widget(self)._repr_mimebundle_()
+        return {**bundle, **(living[0] if isinstance(living, tuple) else living), "text/html": bundle["text/html"]}
 
     @property
     def settings(self) -> tuple[Settings, ...]:

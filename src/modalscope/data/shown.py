@@ -54,7 +54,8 @@ class Shown:
         return import_module("modalscope.plot.shown").drawn(self, ax)
 
     def _repr_html_(self) -> str:
-        return f"<div><p>{escape(summary_of(self))}</p>{sketch_of(self)}{html_table(cells_of(self))}</div>"
+        said = "".join(f"<p>{escape(sentence)}</p>" for sentence in said_of(self))
+        return f"<div><p>{escape(summary_of(self))}</p>{sketch_of(self)}{html_table(cells_of(self))}{said}</div>"
 
 
 @singledispatch
@@ -80,6 +81,12 @@ def sketch_of(thing: object) -> str:
 def cells_of(thing: object) -> list[list[str]]:
     """Return the rows of a table of something, the first its heads; none where it has no table."""
     return []
+
+
+@singledispatch
+def said_of(thing: object) -> tuple[str, ...]:
+    """Return what must be said of something, in sentences; none by default."""
+    return ()
 
 
 def counted(number: int, word: str) -> str:
@@ -161,11 +168,13 @@ def dots(x: Array, y: Array, dark: Array) -> str:
     if not len(chosen):
         return ""
     px, py = _placed(np.asarray(x)[chosen], np.asarray(y)[chosen])
-    marks = (
-        f'<circle cx="{a:.1f}" cy="{b:.1f}" r="1.3" fill-opacity="{0.9 if full else 0.2}"/>'
-        for a, b, full in zip(px, py, np.asarray(dark)[chosen], strict=True)
-    )
-    return _framed(f'<g fill="currentColor">{"".join(marks)}</g>')
+    full = np.asarray(dark)[chosen].astype(bool)
+    paths = []
+    for kept, opacity in ((~full, 0.2), (full, 0.9)):
+        at = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(px[kept], py[kept], strict=True))
+        paths.append(f'<path stroke-opacity="{opacity}" d="{at}"/>')
+    style = 'stroke="currentColor" stroke-width="2.6" stroke-linecap="round"'
+    return _framed(f"<g {style}>{''.join(paths)}</g>")
 
 
 def _placed(x: Array, y: Array) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from modalscope.data.records import Records, Signals
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.results import Result, StabilizationDiagram
 from modalscope.data.setups import Setups
-from modalscope.data.shown import cells_of, counted, curve, dots, sketch_of, summary_of
+from modalscope.data.shown import cells_of, counted, curve, dots, said_of, sketch_of, summary_of
 from modalscope.data.statespace import StateSpace
 from modalscope.data.stored import StoredResponse, StoredSignals
 
@@ -131,6 +131,14 @@ def _(thing: ModalModel | Result) -> list[list[str]]:
     # grades stand above the data classes, and are only loaded where modes are shown
     table_of = import_module("modalscope.judging.description").table_of
     return list(table_of(thing.modes if isinstance(thing, Result) else thing))
+
+
+@said_of.register
+def _(thing: Result) -> tuple[str, ...]:
+    if not thing.diagrams:
+        return ()
+    verdict = import_module("modalscope.plot.web.verdict").verdict_of_result(thing)
+    return (*verdict.taken, *verdict.unexplained, *verdict.graded, *verdict.warnings)
 
 
 def _kind(thing: FrequencyResponse | ImpulseResponse | ModalModel | Signals | StoredSignals | Records | Setups) -> str:

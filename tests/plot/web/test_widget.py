@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -67,3 +68,15 @@ def test_a_widget_carries_the_front_end() -> None:
     assert made.blob == alive_blob(drawing_of(examples.modes(), examples.diagram()))
     made.chosen = 1
     assert made.chosen == 1
+
+
+def test_a_notebook_shows_the_table_of_a_result_and_the_living_diagram() -> None:
+    pytest.importorskip("anywidget")
+    data = chain5().frequency_response(np.linspace(0.3, 7.5, 200), noise=0.01, seed=0)
+    result = ms.analyze(data, orders=range(8, 15, 2))
+    bundle = result._repr_mimebundle_()
+    assert "± 95 %" in bundle["text/html"]
+    assert len(bundle["text/html"]) < 20_000
+    living = "application/vnd.jupyter.widget-view+json"
+    assert (living in bundle) == (front_end("widget.js") is not None)
+    assert set(replace(result, diagrams=())._repr_mimebundle_()) == {"text/plain", "text/html"}
