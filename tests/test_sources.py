@@ -83,4 +83,4 @@ def test_a_source_is_a_name_or_names() -> None:
     assert check_source(None) is None
     assert check_source(()) is None
     assert check_source("a.npz") == Path("a.npz")
-    refused("the name of a file was asked", check_source, 3)
+    refused("the name of a file", check_source, 3)

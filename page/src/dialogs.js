@@ -15,7 +15,14 @@ export function dialog(title, inside, kind = "") {
 
 /** @param {any} parts  asked, found, change */
 export function errorBox(parts) {
-  return h("div.error", { role: "alert" }, h("b", {}, cap(parts.asked ?? "A request was sent"), ", but ", parts.found ?? parts.text ?? "", "."), h("span", {}, ` ${parts.change ?? ""}`));
+  return h("div.error", { role: "alert" }, h("b", {}, cap(faultOf(parts))), h("span", {}, ` ${parts.change ?? ""}`));
+}
+
+/** The fault of an error, without its remedy. @param {any} parts */
+function faultOf({ asked = "", found, text }) {
+  if (!found) return text ?? "the request failed.";
+  const subject = asked.replace(/,? (was|were) asked$/, "");
+  return subject === asked ? `${asked}, but ${found}.` : `${subject}: ${found}.`;
 }
 
 /** @param {string} text */

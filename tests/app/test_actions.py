@@ -77,4 +77,4 @@ def test_a_mode_has_one_name() -> None:
     ],
 )
 def test_what_cannot_be_done_is_said_in_three_parts(action: str, given: dict[str, object]) -> None:
-    refused(r", but ", acted, PLAIN, action, given)
+    refused(r", but |: ", acted, PLAIN, action, given)

@@ -125,7 +125,7 @@ def test_samples_are_transformed_with_a_note() -> None:
     ("options", "text"),
     [
         ({"order": 200}, r"2 x lines x outputs >= \(p \+ 1\) x outputs"),
-        ({"order": 10, "block_rows": 4}, r"'block_rows' was asked"),
+        ({"order": 10, "block_rows": 4}, r"'block_rows'"),
         ({"order": 10, "domain": "s"}, r"has only z"),
         ({"order": 10, "form": "observable"}, r"controllable"),
     ],

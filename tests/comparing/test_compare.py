@@ -308,11 +308,11 @@ def test_a_result_is_found_by_any_name_of_its_method(name: str, wanted: str) -> 
 
 
 def test_a_result_that_is_not_there_is_an_error_that_names_the_nearest(clean: Comparison) -> None:
-    with pytest.raises(DataError, match=r"'nonsense' was asked, but there are era \(time\), "):
+    with pytest.raises(DataError, match=r"'nonsense': there are era \(time\), "):
         clean["nonsense"]
     with pytest.raises(DataError, match=r"Did you mean 'polyreference \(time\)'"):
         clean["polyrefrence/time"]
-    with pytest.raises(DataError, match=r"'era' was asked, but that is era \(time\) and era \(z\)"):
+    with pytest.raises(DataError, match=r"'era': that is era \(time\) and era \(z\)"):
         clean["era"]
 
 

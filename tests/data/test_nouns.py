@@ -46,7 +46,7 @@ GOOD = {
         (Signals, {"sampling_rate": 0}, "sampling_rate needs a positive number, but it is 0"),
         (Signals, {"sampling_rate": "fast"}, "sampling_rate needs a positive number, but it is 'fast'"),
         (Signals, {"quantities": ("velocity",)}, "quantities needs 2, but 1 are given"),
-        (Signals, {"quantities": "speed"}, "quantity='speed' was asked, but there are only displacement"),
+        (Signals, {"quantities": "speed"}, "quantity='speed': there are only displacement"),
         (Signals, {"output_dofs": ["1:X", "1X"]}, r"output_dofs needs different labels, but 1:\+X are repeated"),
         (Signals, {"units": ("g", "N", "s")}, "units needs one unit or a pair"),
         (Signals, {"units": (("g",), "N")}, "outputs needs 2 units, but 1 are given"),
@@ -57,7 +57,7 @@ GOOD = {
             {"feedthrough": np.ones((1, 2))},
             r"feedthrough needs shape \(2, 1\), \(outputs, inputs\), but it has \(1, 2\)",
         ),
-        (ImpulseResponse, {"kind": "step"}, "kind='step' was asked, but there are only pulse, dirac"),
+        (ImpulseResponse, {"kind": "step"}, "kind='step': there are only pulse, dirac"),
         (ImpulseResponse, {"kind": "puls"}, "Did you mean 'pulse'"),
         (ImpulseResponse, {"first_sample": -1}, "first_sample needs a whole number of at least 0, but it is -1"),
         (FrequencyResponse, {"values": np.ones((5, 2, 1))}, "they are magnitudes"),
@@ -69,7 +69,7 @@ GOOD = {
             {"frequencies": np.arange(5.0) - 1},
             "frequencies needs lines from 0 Hz, but the first is -1 Hz",
         ),
-        (FrequencyResponse, {"sampling_rate": 6.0}, "half the sampling rate, 3 Hz, .*, but there are lines up to 4 Hz"),
+        (FrequencyResponse, {"sampling_rate": 6.0}, "half the sampling rate, 3 Hz: there are lines up to 4 Hz"),
         (FrequencyResponse, {"coherence": np.full((5, 2), 2.0)}, "at least 0 and at most 1, but they lie between 2"),
         (FrequencyResponse, {"variance": np.ones((5, 2))}, r"variance needs the shape of values, \(5, 2, 1\)"),
         (FrequencyResponse, {"averages": 0}, "averages needs a whole number of at least 1"),
@@ -87,7 +87,7 @@ def test_what_cannot_be_used_is_refused_in_three_parts(noun: type, change: dict,
     assert error.asked
     assert error.found
     assert error.change.endswith((".", "?"))
-    assert str(error) == f"{error.asked}, but {error.found}.\n{error.change}"
+    assert str(error) == f"{error.fault}.\n{error.change}"
 
 
 def test_an_error_survives_another_process() -> None:
@@ -151,9 +151,9 @@ def test_selection_by_label_number_and_exclusion_agree() -> None:
 @pytest.mark.parametrize(
     ("choice", "message"),
     [
-        ({"outputs": "7:X"}, r"output '7:\+X' was asked, but there are only y1, y2"),
-        ({"inputs": [3]}, "input '3' was asked, but there are only u1"),
-        ({"exclude": "y9"}, "channel to exclude 'y9' was asked, but there are only y1, y2, u1"),
+        ({"outputs": "7:X"}, r"output '7:\+X': there are only y1, y2"),
+        ({"inputs": [3]}, "input '3': there are only u1"),
+        ({"exclude": "y9"}, "channel to exclude 'y9': there are only y1, y2, u1"),
         ({"exclude": ["y1", "y2"]}, "at least one output, but none is left"),
         ({"exclude": "u1"}, "that leaves no input"),
         ({"outputs": [0, 0]}, "output_dofs needs different labels"),
@@ -234,3 +234,18 @@ def test_modes_know_their_number_frequencies_and_kinds() -> None:
     assert len(modes) == 2
     assert modes.kinds == ("mode", "real")
     np.testing.assert_allclose(modes.frequencies, [np.hypot(0.1, 6) / (2 * np.pi), 3 / (2 * np.pi)])
+
+
+@pytest.mark.parametrize(
+    ("asked", "fault"),
+    [
+        ("order=12 was asked", "order=12: the rank is 10"),
+        ("orders 6 to 8 were asked", "orders 6 to 8: the rank is 10"),
+        ("that all have inputs, were asked", "that all have inputs: the rank is 10"),
+        ("hankel() reads 209 samples", "hankel() reads 209 samples, but the rank is 10"),
+    ],
+)
+def test_a_message_begins_with_the_fault(asked: str, fault: str) -> None:
+    error = DataError(asked, "the rank is 10", "Lower it.")
+    assert error.fault == fault
+    assert str(error) == f"{fault}.\nLower it."

@@ -66,7 +66,7 @@ def test_merge_gives_records_where_runs_do_not_stack() -> None:
     assert isinstance(three, Records)
     assert three.samples == (5, 7, 4)
     assert isinstance(merge([run(5), run(5)]), Signals)
-    with pytest.raises(DataError, match="references was asked, but records of the same channels"):
+    with pytest.raises(DataError, match="references: records of the same channels"):
         merge([run(5), run(7)], references=[0])
 
 
@@ -98,13 +98,13 @@ def test_every_run_is_a_group_unless_labels_say_otherwise() -> None:
 @pytest.mark.parametrize(
     ("other", "message"),
     [
-        ({"sampling_rate": 16.0}, "one sampling rate were asked, but run 1 has 8 Hz, run 3 16 Hz"),
-        ({"output_dofs": ["2Z", "1Z"]}, r"same outputs were asked, but number 1 is 1:\+Z in run 1 and 2:\+Z in run 3"),
-        ({"outputs": np.ones((5, 1)), "output_dofs": ["1Z"]}, "same outputs were asked, but run 1 has 2, run 3 1"),
+        ({"sampling_rate": 16.0}, "one sampling rate: run 1 has 8 Hz, run 3 16 Hz"),
+        ({"output_dofs": ["2Z", "1Z"]}, r"same outputs: number 1 is 1:\+Z in run 1 and 2:\+Z in run 3"),
+        ({"outputs": np.ones((5, 1)), "output_dofs": ["1Z"]}, "same outputs: run 1 has 2, run 3 1"),
         ({"quantities": ("acceleration", None)}, "number 2 is acceleration in run 1 and not known in run 3"),
-        ({"units": ("g", "N")}, "units of the outputs were asked, but number 1 is m/s2 in run 1 and g in run 3"),
-        ({"units": ("m/s2", "lbf")}, r"input 1:\+Z in one unit was asked, but it is in N in one run and in lbf"),
-        ({"inputs": ()}, "all have inputs, or none, were asked, but run 3 has none"),
+        ({"units": ("g", "N")}, "units of the outputs: number 1 is m/s2 in run 1 and g in run 3"),
+        ({"units": ("m/s2", "lbf")}, r"input 1:\+Z in one unit: it is in N in one run and in lbf"),
+        ({"inputs": ()}, "all have inputs, or none: run 3 has none"),
     ],
 )
 def test_runs_that_do_not_belong_together_are_named(other: dict, message: str) -> None:  # type: ignore[type-arg]
@@ -117,7 +117,7 @@ def test_what_records_do_not_have_they_say() -> None:
         Records(runs=())
     with pytest.raises(DataError, match="each of the runs"):
         Records(runs=(np.ones((3, 2)),))  # type: ignore[arg-type]
-    with pytest.raises(DataError, match="run 1 was asked, but there are 1"):
+    with pytest.raises(DataError, match="run 1: there are 1"):
         Records(runs=(run(),)).inputs_of(1)
     with pytest.raises(DataError, match="groups needs 1 labels, one a run, but 2 are given"):
         Records(runs=(run(),), groups=("a", "b"))

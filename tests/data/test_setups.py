@@ -41,7 +41,7 @@ def test_channels_are_chosen_from_all_setups():
             {},
             "a is not known in g in one setup and not known in not known",
         ),
-        ([record(["a"]), record(["a", "b"])], {"references": ["b"]}, "reference that every setup has, 'b' was asked"),
+        ([record(["a"]), record(["a", "b"])], {"references": ["b"]}, "reference that every setup has, 'b'"),
         ([record(["a"]), record(["a", "b"])], {"groups": ["x"]}, "groups needs 2 labels, one a setup"),
     ],
 )

@@ -104,11 +104,11 @@ def test_the_way_can_be_asked_for_and_one_that_ends_nowhere_says_so() -> None:
     data = records(inputs=True)
     assert str(prepare(data, route="frf").method) == "alternate (s)"
     assert str(prepare(data, route="records", domain="s").method) == "alternate (s, records)"
-    with pytest.raises(DataError, match=r"by route='records' was asked, but .* reach it by route .frf"):
+    with pytest.raises(DataError, match=r"by route='records': .* reach it by route .frf"):
         prepare(data, "lscf", None, route="records")
     with pytest.raises(DataError, match="not records with inputs"):
         prepare(samples(), route="records")
-    with pytest.raises(DataError, match="route='recods' was asked"):
+    with pytest.raises(DataError, match="route='recods'"):
         prepare(data, route="recods")
 
 
@@ -243,7 +243,7 @@ def test_an_option_of_other_rows_is_refused_with_those_that_have_it() -> None:
 
 @pytest.mark.parametrize("form", ["controllable", "smaller"])
 def test_lines_have_no_form_but_the_observable_one(form: str) -> None:
-    with pytest.raises(DataError, match=r"in domain 's' was asked, but it has only observable"):
+    with pytest.raises(DataError, match=r"in domain 's': it has only observable"):
         prepare(lines(), "era", "s", form=form)
     assert prepare(lines(), "era", "s", form="observable").options.form == "observable"
     assert prepare(samples(), "era", "time", form=form).options.form == form

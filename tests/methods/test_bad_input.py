@@ -16,7 +16,7 @@ RESPONSE = CHAIN.impulse_response(200)
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"order": 11}, "order=11 was asked, but the data matrix has rank 10.*Lower the order"),
+        ({"order": 11}, "order=11: the data matrix has rank 10.*Lower the order"),
         ({"order": 10, "block_rows": 150, "block_columns": 60}, "reads samples 0 to 209, but the response has 200"),
         ({"order": 10, "block_rows": 0}, "block_rows"),
         ({"order": 0}, "order"),
@@ -64,7 +64,7 @@ def test_prce_below_the_controllability_index_is_refused_and_above_it_is_exact()
     ring = FIVE["ring5"]()
     truth = np.linalg.eigvals(ring.state_space().A)
     response = ring.impulse_response(100)
-    with pytest.raises(DataError, match=r"companion of 5 blocks was asked, but .*fewer than the observability index"):
+    with pytest.raises(DataError, match=r"companion of 5 blocks: .*fewer than the observability index"):
         identify(response, method="prce", order=10, block_rows=40, block_columns=5)
     found = identify(response, method="prce", order=12, block_rows=40, block_columns=6)
     assert match_poles(found.modes.poles, truth).frequency_error < 1e-9

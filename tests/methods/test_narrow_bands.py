@@ -57,7 +57,7 @@ def test_bands_and_lines_that_cannot_be_used() -> None:
     with pytest.raises(DataError, match="increasing lines"):
         FrequencyResponse(values=frf.values, frequencies=frf.frequencies[::-1])
     bare = FrequencyResponse(values=frf.values, frequencies=frf.frequencies)
-    with pytest.raises(DataError, match="initial_values='rest' was asked, but the quantity"):
+    with pytest.raises(DataError, match="initial_values='rest': the quantity"):
         identify(bare, method="era", domain="s", order=10, initial_values="rest")
 
 

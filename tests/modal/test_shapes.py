@@ -181,7 +181,7 @@ def test_modes_as_a_model_and_back() -> None:
     ("change", "options", "text"),
     [
         ({"quantity": None}, {}, r"quantity of the response is not known"),
-        ({"quantity": None}, {"kind": "real"}, r"real modes were asked.*\n?.*not known"),
+        ({"quantity": None}, {"kind": "real"}, r"real modes.*\n?.*not known"),
         ({}, {"kind": "normal"}, r"complex, real"),
         ({}, {"participation": "none"}, r"given, free"),
     ],

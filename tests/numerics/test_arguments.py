@@ -62,7 +62,7 @@ def test_a_value_within_its_limit_arrives(name: str, value: Any) -> None:
         ({"overlap": -1e-9}, "overlap needs a number from 0 and below 1"),
         ({"overlap": 1}, "overlap needs a number from 0 and below 1"),
         ({"rate": 0}, "rate needs a positive number, but it is 0"),
-        ({"kind": "hold"}, r"kind='hold' was asked, but there are only held, dirac.\nDid you mean 'held'"),
+        ({"kind": "hold"}, r"kind='hold': there are only held, dirac.\nDid you mean 'held'"),
         ({"sed": 0}, "has no option 'sed'; did you mean 'seed'"),
     ],
 )

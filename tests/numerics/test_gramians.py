@@ -133,7 +133,7 @@ def test_states_that_are_not_seen_are_left_out_of_the_balanced_model() -> None:
     assert balanced.state_space.order == 4
     f = np.linspace(0.1, 5, 30)
     assert relative(balanced.state_space.frequency_response(f).values, model.frequency_response(f).values) < GRAMIAN
-    with pytest.raises(DataError, match=r"order 5 was asked, but 4 states are both observable"):
+    with pytest.raises(DataError, match=r"order 5: 4 states are both observable"):
         model.balanced(5)
 
 
@@ -154,12 +154,9 @@ def test_small_hankel_singular_values_keep_their_digits() -> None:
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda m: m.controllability_gramian(), "over all time was asked, but 1 poles do not decay"),
+        (lambda m: m.controllability_gramian(), "over all time: 1 poles do not decay"),
         (lambda m: m.balanced(), "do not decay"),
-        (
-            lambda m: m.to_discrete(0.1).controllability_gramian(2.5),
-            "horizon of whole samples was asked, but it is 2.5",
-        ),
+        (lambda m: m.to_discrete(0.1).controllability_gramian(2.5), "horizon of whole samples: it is 2.5"),
         (lambda m: m.controllability_gramian(-1.0), "horizon needs a positive number"),
         (lambda m: m.observability_matrix(0), "blocks needs a whole number of at least 1"),
     ],

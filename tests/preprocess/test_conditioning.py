@@ -107,7 +107,7 @@ def test_units_and_inputs_of_a_derivative():
 @pytest.mark.parametrize(
     ("call", "text"),
     [
-        (lambda s: filter_band(s, 4, 1), "the band 4 to 1 Hz was asked"),
+        (lambda s: filter_band(s, 4, 1), "the band 4 to 1 Hz"),
         (lambda s: filter_band(s, 1, 60), "contains 0 to 50 Hz"),
         (lambda s: decimate(s, 0), "factor needs a whole number"),
         (lambda s: decimate(s, 3000), "one sample in 3000"),

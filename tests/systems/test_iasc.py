@@ -34,5 +34,5 @@ def test_iasc_asce_without_braces_has_the_frequencies_of_its_damage_patterns() -
         frequencies = systems.iasc_asce(without_braces=storeys).modes().frequencies
         # weak direction; the members' stiffness is published to four digits
         assert all(np.min(np.abs(frequencies - f)) < 0.01 for f in published)
-    with pytest.raises(DataError, match=r"storeys \[5\] without braces were asked, but the storeys are 1 to 4"):
+    with pytest.raises(DataError, match=r"storeys \[5\] without braces: the storeys are 1 to 4"):
         systems.iasc_asce(without_braces=[5])

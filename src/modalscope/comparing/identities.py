@@ -58,7 +58,7 @@ def check_identities(response: Response, order: int) -> tuple[Identity, ...]:
             try:
                 residual = check(response, row.domain, max(order, 2))
             except DataError as error:
-                note = f"{error.asked}: {error.found}"
+                note = error.fault
             identities.append(Identity(name, row.domain, source, max(order, 2), residual, note))
     return tuple(identities)
 

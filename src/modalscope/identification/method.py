@@ -79,7 +79,7 @@ def _no_even_lines(response: Response) -> str:
     try:
         response.as_samples()
     except DataError as error:
-        return f"{error.asked}, but {error.found}"
+        return error.fault
     return ""
 
 

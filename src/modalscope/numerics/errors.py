@@ -45,7 +45,8 @@ def _within(parts: Iterable[str], limit: int) -> list[str]:
 class DataError(ValueError):
     """Data that cannot be used, or an option that cannot be met.
 
-    The message is printable, and cut in the middle of its longest part where it has more than 600 characters.
+    The message names the fault first, then what there is, then the remedy: what ends in "was asked" is its subject alone. It is
+    printable, and cut in the middle of its longest part where it has more than 600 characters.
 
     Parameters
     ----------
@@ -61,7 +62,7 @@ class DataError(ValueError):
     Examples
     --------
     >>> print(DataError("order=12 was asked", "the data have rank 10", "Lower the order to at most 10."))
-    order=12 was asked, but the data have rank 10.
+    order=12: the data have rank 10.
     Lower the order to at most 10.
     """
 
@@ -69,7 +70,13 @@ class DataError(ValueError):
         asked, found, change = _within(map(printable, (asked, found, change)), _MAX_MESSAGE_LENGTH - len(", but .\n"))
         text = None if text is None else shortened(text)
         self.asked, self.found, self.change, self.text = asked, found, change, text
-        super().__init__(f"{asked}, but {found}.\n{change}" if text is None else text)
+        super().__init__(f"{self.fault}.\n{change}" if text is None else text)
+
+    @property
+    def fault(self) -> str:
+        """The fault and what there is, without the remedy."""
+        subject = self.asked.removesuffix(" was asked").removesuffix(" were asked").rstrip(",")
+        return f"{self.asked}, but {self.found}" if subject == self.asked else f"{subject}: {self.found}"
 
     def __reduce__(self) -> tuple[type[DataError], tuple[str, str, str, str | None]]:
         return type(self), (self.asked, self.found, self.change, self.text)

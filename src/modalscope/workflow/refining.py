@@ -46,7 +46,7 @@ def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> 
         try:
             refined = refine(diagram.response.whole, modes.take(stay), fixed=fixed)
         except DataError as error:
-            return modes.noted(_kept(f"{error.asked}, but {error.found}"))
+            return modes.noted(_kept(error.fault))
         if not refined.converged:
             reasons = [str(note) for note in refined.notes if note.kind == "not converged"]
             return replace(_placed(diagram.response, modes, extra), converged=False).noted(_kept(*reasons))
