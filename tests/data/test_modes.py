@@ -270,7 +270,7 @@ def test_one_mode_is_a_view_and_several_are_modes() -> None:
 
 @pytest.mark.parametrize("which", [3, -4, [0, 3], [0.5], "first", [[0]], [True, False]])
 def test_modes_that_are_not_there_are_an_error(which: object) -> None:
-    with pytest.raises(DataError, match="(?s)mode.*counted from 0"):
+    with pytest.raises(DataError, match=r"(?s)mode.*counted from 0"):
         full()[which]  # type: ignore[call-overload]
 
 
