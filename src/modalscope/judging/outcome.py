@@ -55,6 +55,7 @@ def modes_of(
         *response.inseparable_inputs,
         *withheld(model),
         *_undecided(diagram, left),
+        *_shifting(chosen),
         *_none(diagram, chosen, left),
     )
     return replace(model, reasons=reasons, notes=notes).normalized("unit")
@@ -89,6 +90,19 @@ def _undecided(diagram: StabilizationDiagram, candidates: Sequence[Candidate]) -
     where, last = ", ".join(f"{f:.5g} Hz" for f in late), diagram.orders[-1]
     text = f"Modes at {where} appear at the last orders only (up to {last}): give more orders, or narrower bands"
     return (Note(ORDERS_END, {"largest": last, "late": len(late)}, text),)
+
+
+def _shifting(chosen: Sequence[Candidate]) -> tuple[Note, ...]:
+    """Return a note on resonances that differ from channel to channel."""
+    known = next((c.facts for c in chosen if "shift_by_output" in c.facts), None)
+    if known is None:
+        return ()
+    by_output, by_input = (100 * known[f"shift_by_{side}"] for side in ("output", "input"))
+    text = (
+        f"Frequencies scatter by about {by_output:.2g} % from output to output and {by_input:.2g} % from input to input: "
+        "the structure or its loading changed during the test"
+    )
+    return (Note("shifts", {"by_output": by_output, "by_input": by_input}, text),)
 
 
 def _none(diagram: StabilizationDiagram, chosen: Sequence[Candidate], left: Sequence[Candidate]) -> tuple[Note, ...]:

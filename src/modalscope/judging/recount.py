@@ -6,7 +6,7 @@ that a mode is more significant there.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -64,6 +64,20 @@ class ColouredErrors:
         longest = max(len(self.even), len(self.own))
         even, own = (np.pad(each, (0, longest - len(each))) for each in (self.even, self.own))
         return np.asarray((1 - share) * even + share * own)
+
+    def on(self, lines: slice) -> ColouredErrors:
+        """Return the errors of some lines."""
+        return replace(self, variance=self.variance[lines], share=self.share[lines])
+
+    def combined(self, shapes: ComplexArray, participation: ComplexArray) -> ColouredErrors:
+        """Return the errors of sums of channels, those of each channel by itself.
+
+        `shapes` (q, a), `participation` (p, b): columns of what rows and columns are multiplied by.
+        """
+        parts = (self.variance * self.share, self.variance * (1 - self.share))
+        both = [np.einsum("qa,fqp,pb->fab", abs(shapes) ** 2, part, abs(participation) ** 2) for part in parts]
+        variance = both[0] + both[1]
+        return replace(self, variance=variance, share=both[0] / variance)
 
     def covariances(self, channels: slice, rows: ComplexArray) -> RealArray:
         """Return Re of conj x' D^-1 (q A q + s K s) D^-1 y for pairs x, y of rows (c, k, 2, F), (c, k, 2, 2).
@@ -279,7 +293,7 @@ def _inverse(M: RealArray) -> RealArray:
 # ------------------------------------------------------------------------------------------------------------- recount
 
 #: Relative uncertainty of the estimated error variances: the threshold is multiplied by it.
-_UNCERTAINTY_OF_VARIANCE = 1.5
+UNCERTAINTY_OF_VARIANCE = 1.5
 
 #: Half width of the main lobe of a Hann window, in lines; a sinusoid leaks less than a thirtieth of its amplitude beyond.
 _LOBE_LINES = 2.0
@@ -323,7 +337,7 @@ class Recount:
     @property
     def bar(self) -> float:
         """What errors may explain with free residues, in variances, including their uncertainty."""
-        return _UNCERTAINTY_OF_VARIANCE * free_bound(self.left[0].size, len(self.left))
+        return UNCERTAINTY_OF_VARIANCE * free_bound(self.left[0].size, len(self.left))
 
     @cached_property
     def fits(self) -> ChannelFits:
@@ -358,7 +372,7 @@ class Recount:
             agreed, whole = float(np.sum(towards * r[:, 0])), float(np.sum(towards * a[:, 0]))
             told[k] = (
                 agreed >= _MIN_AGREEMENT * whole
-                and agreed**2 > _UNCERTAINTY_OF_VARIANCE * ndtri(_CHANCE_OF_AGREEMENT) ** 2 * whole
+                and agreed**2 > UNCERTAINTY_OF_VARIANCE * ndtri(_CHANCE_OF_AGREEMENT) ** 2 * whole
             )
         return told
 
@@ -446,12 +460,12 @@ def recount_of(selection: SelectionProblem, descent: Descent) -> Recount:
     Q = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))[0]
     flat = problem.data.reshape(len(problem.data), -1)
     left = (flat - Q @ (Q.T @ flat)).reshape(problem.data.shape)
-    whole = _complex(problem.data if selection.whole is None else selection.whole)
-    even = _complex(1 / problem.rows[:, None]).real[:, 0] ** 2
-    return Recount(selection, descent, left, errors_of(_complex(left), whole, even, columns.shape[1]))
+    whole = lines_of_rows(problem.data if selection.whole is None else selection.whole)
+    even = lines_of_rows(1 / problem.rows[:, None]).real[:, 0] ** 2
+    return Recount(selection, descent, left, errors_of(lines_of_rows(left), whole, even, columns.shape[1]))
 
 
-def _complex(rows: RealArray) -> ComplexArray:
+def lines_of_rows(rows: RealArray) -> ComplexArray:
     """Return lines of real and imaginary parts, one half after the other."""
     real, imag = np.split(rows, 2)
     return np.asarray(real + 1j * imag)

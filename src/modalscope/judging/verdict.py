@@ -7,6 +7,7 @@ orders agree on has refined ones.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,10 @@ from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.functions.poles import frequencies_and_damping, overlap, poles_from
 from modalscope.identification.orders import usable_orders
+from modalscope.judging.copies import Copies, copies_of
 from modalscope.judging.evidence import LEAST_PERSISTENCE, Candidate, Evidence, Own, judge, peaks
 from modalscope.judging.joint_selection import Outcome, gains_in_residual, select_jointly
+from modalscope.judging.recount import recount_of
 from modalscope.judging.selection_problem import MAX_DAMPING_OF_RESONANCES, SelectionProblem
 from modalscope.judging.tracking import GAP, Poles, collinear, consensus, merge_splits, tracks
 from modalscope.likelihood.likelihood import whitened
@@ -99,7 +102,7 @@ _MAX_DAMPING_DIFFERENCE, _MIN_MAC = 0.5, 0.8
 _MIN_SHARE_OF_ORDERS = 0.25
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False)
 class SelectionResult:
     """A diagram, its poles and evidence, and the outcome of the joint selection."""
 
@@ -109,10 +112,18 @@ class SelectionResult:
     selection: SelectionProblem
     found: Outcome
 
+    @cached_property
+    def copies(self) -> Copies | None:
+        """The poles that are copies of others, where that is evident."""
+        if self.selection.problem.light.grid is None:
+            return None
+        return copies_of(self.found.recount or recount_of(self.selection, self.found.descent))
+
     @property
     def refined_poles(self) -> ComplexArray:
         """The refined poles as modes have them, rad/s."""
-        return self.found.poles + self.diagram.as_measured.added_damping
+        poles = self.found.poles if self.copies is None else self.copies.poles
+        return poles + self.diagram.as_measured.added_damping
 
     @property
     def bar(self) -> float:
@@ -135,6 +146,8 @@ class SelectionResult:
         Coloured data: overlapping poles of one shape, as a shifting resonance needs. Else: overlapping poles that are each uncertain.
         """
         host, gain, s = np.arange(len(self.refined_poles)), self.found.gain, self.found.poles
+        if self.copies is not None:
+            return self.copies.host
         if self.selection.coloured:
             one = collinear(s, *self.found.residues)
         else:
@@ -164,8 +177,8 @@ class SelectionResult:
         return (both[0] / (f * zeta), both[1] / zeta) if zeta > 0 else (np.inf, np.inf)
 
     def residue(self, candidate: Candidate, family: Array) -> ComplexArray | None:
-        """Return the residue of a mode at the values it is listed with, from its poles; None for white data."""
-        if not self.selection.coloured:
+        """Return the residue of a mode at the values it is listed with, from its poles; None for white data without copies."""
+        if not self.selection.coloured and self.copies is None:
             return None
         listed = complex(poles_from(candidate.frequency, candidate.damping)) - self.diagram.as_measured.added_damping
         shapes, participation = self.found.residues
@@ -218,7 +231,11 @@ def _mode(
     """Return a mode with its gain, and the reasons against it: uncertain values, or too few orders."""
     several = bool(np.any(np.delete(host, j) == j))
     reach = _MAX_DISTANCE_COLOURED if trial.selection.coloured else _MAX_DEVIATION
-    near = groups if several else [c for c in groups if _close(c, complex(trial.refined_poles[j]), reach)]
+    near = (
+        groups
+        if several and trial.copies is None
+        else [c for c in groups if _close(c, complex(trial.refined_poles[j]), reach)]
+    )
     best = max(near, key=lambda c: c.members.size) if near else _by_itself(trial, j, fit)
     f, zeta = (float(v) for v in frequencies_and_damping(trial.refined_poles[j]))
     low, high = trial.diagram.as_measured.reported_band(trial.diagram.settings.band)
@@ -240,8 +257,11 @@ def _mode(
         if hidden and rare and len(against) == 1 and zeta < MAX_DAMPING_OF_RESONANCES and _late(best, trial)
         else {}
     )
-    if several and not trial.selection.coloured:
+    if several and not trial.selection.coloured and trial.copies is None:
         undecided = {"cluster": int(np.sum(host == j))}
+    if several and trial.copies is not None:
+        best = replace(best, frequency=f, damping=zeta)
+        undecided |= trial.copies.facts(turned=trial.selection.problem.turned)
     residue = trial.residue(best, np.flatnonzero(host == j))
     known = replace(best, against=tuple(against), facts=best.facts | _alone(trial, j) | undecided, residue=residue)
     return _with_gain(trial, known, gain)
@@ -292,7 +312,7 @@ def _part(trial: SelectionResult, j: int, host: Candidate, fit: float) -> Candid
     """Return a pole that is part of a stronger mode, or cannot be separated from it."""
     shifts = "duplicate of {:.5g} Hz (frequency drifted during the measurement)"
     close = "too close to {:.5g} Hz to separate; counted in its cluster"
-    against = ((shifts if trial.selection.coloured else close).format(host.frequency),)
+    against = ((close if trial.copies is None and not trial.selection.coloured else shifts).format(host.frequency),)
     part = _by_itself(trial, j, fit)
     return _with_gain(trial, replace(part, against=against, residue=trial.residue(part, np.array([j]))), trial.gain[j])
 
