@@ -287,7 +287,7 @@ function makeWork(begin, state) {
     caption(listed[chosen], chosen);
     matrix.set(found.mac, found.modes.length, found.outputs.length);
     matrix.choose(chosen);
-    if (!blob.early && found.columns) response.setChannels(found.outputs, found.columns);
+    if (!blob.early && found.columns) response.setChannels(found.outputs, found.columns, found.fits);
   }
 
   async function refresh() {

@@ -6,7 +6,8 @@ export function makeMatrix(place, select) {
   const canvas = h("canvas", { role: "img", "aria-label": "AutoMAC of the modes" });
   const words = h("div.muted.matrix-words");
   const holder = h("div.plot", {}, canvas);
-  place.append(holder, words);
+  const key = h("div.matrix-key", { "aria-hidden": "true" }, "0", h("i"), "1");
+  place.append(holder, key, words);
   let values = /** @type {ArrayLike<number>} */ ([]);
   let count = 0;
   let chosen = -1;
@@ -35,7 +36,7 @@ export function makeMatrix(place, select) {
         ctx.fillStyle = colour("matrix");
         ctx.fillRect(left + j * cell + 0.5, top + i * cell + 0.5, cell - 1, cell - 1);
         ctx.globalAlpha = 1;
-        if (cell > 24) {
+        if (cell > 18) {
           ctx.fillStyle = v > 0.55 ? colour("on-matrix") : ink;
           ctx.fillText(v > 0.995 ? "1" : v.toFixed(2).replace(/^0/, ""), left + (j + 0.5) * cell, top + (i + 0.5) * cell);
         }
@@ -66,6 +67,7 @@ export function makeMatrix(place, select) {
     /** @param {ArrayLike<number>} mac @param {number} modes @param {number} outputs */
     set(mac, modes, outputs) {
       [values, count] = [mac, outputs > 1 ? modes : 0];
+      key.hidden = !count;
       words.textContent = modes && outputs === 1 ? "One output: shapes cannot be compared." : "";
       paint();
     },

@@ -1,15 +1,23 @@
-// One channel, measured and rebuilt: magnitude, phase, real, imaginary, or one over the other.
+// Channels, measured and rebuilt: magnitude, phase, real, imaginary, coherence, or one part over the other.
 import { axis, decibels, fitted, uPlot, wheelZoom } from "./chart.js";
-import { colour, fill, h, number } from "./dom.js";
+import { colour, fill, h, icon, ICONS, number } from "./dom.js";
 
 const FORMS = {
-  dB: { label: "magnitude [dB]", of: (/** @type {number} */ x, /** @type {number} */ y) => decibels(Math.hypot(x, y)) },
+  dB: { label: "magnitude [dB]", unit: "dB", of: (/** @type {number} */ x, /** @type {number} */ y) => decibels(Math.hypot(x, y)) },
   linear: { label: "magnitude", of: Math.hypot },
-  phase: { label: "phase [°]", of: (/** @type {number} */ x, /** @type {number} */ y) => (Math.atan2(y, x) * 180) / Math.PI },
+  phase: { label: "phase [°]", unit: "°", of: (/** @type {number} */ x, /** @type {number} */ y) => (Math.atan2(y, x) * 180) / Math.PI },
   real: { label: "real", of: (/** @type {number} */ x) => x },
   imaginary: { label: "imaginary", of: (/** @type {number} */ _, /** @type {number} */ y) => y },
   Nyquist: { label: "imaginary", of: null },
+  coherence: { label: "coherence", unit: "", of: null },
 };
+
+/** Most channels over one another, and the colours of those behind the first. */
+const MOST = 6;
+const BEHIND = ["pole-s", "pole-d", "pole-v", "pole-f", "curve-1"];
+
+/** Channels that the list of what is unexplained names at most. */
+const LISTED = 200;
 
 /**
  * @param {HTMLElement} place
@@ -19,10 +27,16 @@ export function makeResponse(place, ask) {
   const outputs = h("select", { "aria-label": "Output", onchange: load });
   const inputs = h("select", { "aria-label": "Input", onchange: load });
   const forms = h("select", { "aria-label": "Representation", onchange: () => draw() }, Object.keys(FORMS).map((name) => h("option", {}, name)));
-  const fit = h("span.muted.fit");
+  const pin = h("button.small", { title: "Keep this channel behind the next ones", onclick: keep }, icon(ICONS.plus), "overlay");
+  const clear = h("button.small.quiet", { title: "Remove the channels behind", "aria-label": "Remove overlays", hidden: true, onclick: () => { kept = []; draw(); } }, icon(ICONS.close));
+  const fit = h("button.small.quiet.fit", { title: "List what is unexplained of every channel", onclick: list });
+  const key = h("div.curve-key");
   const holder = h("div.plot");
-  place.append(h("div.bar", {}, outputs, inputs, forms, fit), holder);
+  const listed = h("div.menu.fits", { hidden: true });
+  place.append(h("div.bar", {}, outputs, inputs, forms, pin, clear, h("div.holder", {}, fit, listed)), key, holder);
   let data = /** @type {any} */ (null);
+  let kept = /** @type {any[]} */ ([]);
+  let fits = /** @type {number[][] | undefined} */ (undefined);
   let chart = /** @type {any} */ (null);
   let asked = 0;
   outputs.hidden = inputs.hidden = true;
@@ -40,18 +54,57 @@ export function makeResponse(place, ask) {
     }
   }
 
+  function keep() {
+    if (!data || kept.includes(data)) return;
+    kept = [data, ...kept].slice(0, MOST - 1);
+    next(1);
+  }
+
+  const nameOf = (/** @type {any} */ d) => (inputs.options.length > 1 ? `${d.output} / ${d.input}` : d.output) ?? "";
+
+  /** Channels by what is unexplained of them; a click shows one. */
+  function list() {
+    listed.hidden = !listed.hidden;
+    if (listed.hidden || !fits) return;
+    const all = fits.flatMap((row, o) => row.map((value, c) => ({ o, c, value }))).filter(({ value }) => Number.isFinite(value));
+    all.sort((a, b) => b.value - a.value);
+    const show = (/** @type {number} */ o, /** @type {number} */ c) => {
+      [outputs.selectedIndex, inputs.selectedIndex] = [o, c];
+      listed.hidden = true;
+      load();
+    };
+    const words = (/** @type {number} */ o, /** @type {number} */ c) => [outputs.options[o].text, inputs.options.length > 1 ? ` / ${inputs.options[c].text}` : ""].join("");
+    fill(listed, all.slice(0, LISTED).map(({ o, c, value }) => h("button", { onclick: () => show(o, c) }, h("b", {}, `${number(100 * value, 3)} %`), h("span", {}, words(o, c)))));
+  }
+
+  /** What a curve is made of, by form. @param {any} d @param {string} side */
+  function valuesOf(d, side) {
+    const form = FORMS[forms.value];
+    if (forms.value === "coherence") return side === "measured" && d.coherence ? Array.from(d.coherence, (v) => (Number.isFinite(v) ? v : null)) : null;
+    const [x, y] = [d[`${side}_real`], d[`${side}_imag`]];
+    return Array.from(x, (v, i) => (Number.isFinite(v) ? form.of(v, y[i]) : null));
+  }
+
   function draw() {
     if (!data) return;
     const form = FORMS[forms.value];
     chart?.destroy();
     fill(holder);
+    const behind = kept.filter((d) => d !== data && d.lines.length === data.lines.length);
+    clear.hidden = !kept.length;
     fit.textContent = data.fit === null ? "" : `unexplained: ${number(100 * data.fit, 3)} %`;
-    const sides = ["measured", "rebuilt"].map((side) => [data[`${side}_real`], data[`${side}_imag`]]);
-    const nyquist = form.of === null;
-    const values = nyquist ? [] : sides.map(([x, y]) => Array.from(x, (v, i) => (Number.isFinite(v) ? form.of(v, y[i]) : null)));
-    const looks = [{ stroke: () => colour("measured"), width: 1.3 }, { stroke: () => colour("mode"), width: 1.5, dash: [5, 3] }];
+    fit.disabled = !fits;
+    const unit = form.unit ?? data.unit ?? "";
+    const words = forms.value === "dB" && data.unit ? `magnitude [dB re ${data.unit}]` : form.unit === undefined && unit ? `${form.label} [${unit}]` : form.label;
+    const entries = [["measured", `measured ${nameOf(data)}`], ...(forms.value === "coherence" ? [] : [["mode", "rebuilt"]]), ...behind.map((d, k) => [BEHIND[k], nameOf(d)])];
+    const readings = entries.map(() => h("span.reading"));
+    const where = h("span.reading");
+    fill(key, entries.map(([c, text], i) => h("span", {}, h("i.stroke", { style: `background: var(--${c})` }), text, readings[i])), where);
     const common = { width: Math.max(holder.clientWidth, 60), height: Math.max(holder.clientHeight, 60), legend: { show: false }, padding: [8, 14, 0, 0] };
-    if (nyquist) {
+    const looks = [{ stroke: () => colour("measured"), width: 1.3 }, { stroke: () => colour("mode"), width: 1.5, dash: [5, 3] }];
+    const behindLooks = behind.map((_, k) => ({ stroke: () => colour(BEHIND[k]), width: 1.1 }));
+    if (forms.value === "Nyquist") {
+      const sides = [...["measured", "rebuilt"].map((side) => [data[`${side}_real`], data[`${side}_imag`]]), ...behind.map((d) => [d.measured_real, d.measured_imag])];
       const box = limits(sides);
       const path = (/** @type {any} */ u, /** @type {number} */ s) => trace(u, u.data[s][0], u.data[s][1]);
       chart = new uPlot(
@@ -59,8 +112,8 @@ export function makeResponse(place, ask) {
           ...common,
           mode: 2,
           scales: { x: { time: false, range: () => box[0] }, y: { range: () => box[1] } },
-          axes: [axis({ label: "real", size: 24 }), axis({ label: "imaginary", size: 50 })],
-          series: [null, ...looks.map((look) => ({ ...look, facets: [{ scale: "x", auto: true }, { scale: "y", auto: true }], paths: path, points: { show: false } }))],
+          axes: [axis({ label: unit ? `real [${unit}]` : "real", size: 24 }), axis({ label: words, size: 50 })],
+          series: [null, ...[...looks, ...behindLooks].map((look) => ({ ...look, facets: [{ scale: "x", auto: true }, { scale: "y", auto: true }], paths: path, points: { show: false } }))],
           cursor: { points: { show: false } },
         }),
         /** @type {any} */ ([null, ...sides]),
@@ -68,37 +121,55 @@ export function makeResponse(place, ask) {
       );
       return;
     }
+    const curves = [valuesOf(data, "measured"), ...(forms.value === "coherence" ? [] : [valuesOf(data, "rebuilt")]), ...behind.map((d) => valuesOf(d, "measured"))];
+    if (!curves[0]) {
+      fill(holder, h("div.muted.one-output", {}, "The coherence of these data is not known."));
+      chart = null;
+      return;
+    }
+    const drawn = curves.map((values, i) => ({ values: values ?? [], look: i === 0 ? looks[0] : i < entries.length - behind.length ? looks[1] : behindLooks[i - (entries.length - behind.length)] }));
+    const read = (/** @type {any} */ u) => {
+      const at = u.cursor.idx;
+      where.textContent = at === null || at === undefined ? "" : `${number(data.lines[at], 6)} Hz`;
+      drawn.forEach(({ values }, i) => (readings[i].textContent = at === null || at === undefined || values[at] === null ? "" : ` ${number(values[at], 4)}${unit ? ` ${unit}` : ""}`));
+    };
     chart = new uPlot(
       /** @type {any} */ ({
         ...common,
         cursor: { drag: { x: true, y: false, dist: 4 }, points: { size: 5 } },
-        scales: { x: { time: false } },
-        axes: [axis({ label: "frequency [Hz]", size: 24 }), axis({ label: form.label, size: 44 })],
-        series: [{}, ...looks.map((look) => ({ ...look, points: { show: false } }))],
+        scales: { x: { time: false }, ...(forms.value === "coherence" ? { y: { range: () => [0, 1.02] } } : {}) },
+        axes: [axis({ label: "frequency [Hz]", size: 24 }), axis({ label: words, size: 44 })],
+        series: [{}, ...drawn.map(({ look }) => ({ ...look, points: { show: false } }))],
+        hooks: { setCursor: [read] },
       }),
-      /** @type {any} */ ([data.lines, ...values]),
+      /** @type {any} */ ([data.lines, ...drawn.map(({ values }) => values)]),
       holder,
     );
     wheelZoom(chart, () => [data.lines[0], data.lines[data.lines.length - 1]]);
   }
 
   fitted(holder, () => chart);
+  /** @param {number} step */
+  function next(step) {
+    outputs.selectedIndex = (outputs.selectedIndex + step + outputs.options.length) % outputs.options.length;
+    load();
+  }
   return {
-    /** @param {string[]} outs @param {string[]} ins */
-    setChannels(outs, ins) {
-      const same = outs.length === outputs.options.length && ins.length === inputs.options.length;
-      if (!same) {
+    /** @param {string[]} outs @param {string[]} ins @param {number[][]} [unexplained]  of each output and input */
+    setChannels(outs, ins, unexplained) {
+      const names = (/** @type {any} */ select) => Array.from(select.options, (o) => o.text).join("\n");
+      if (names(outputs) !== outs.join("\n") || names(inputs) !== ins.join("\n")) {
         fill(outputs, outs.map((name) => h("option", {}, name)));
         fill(inputs, ins.map((name) => h("option", {}, name)));
       }
+      kept = [];
+      fits = unexplained;
       outputs.hidden = !outs.length;
       inputs.hidden = ins.length < 2;
+      pin.hidden = outs.length * ins.length < 2;
       load();
     },
-    next(/** @type {number} */ step) {
-      outputs.selectedIndex = (outputs.selectedIndex + step + outputs.options.length) % outputs.options.length;
-      load();
-    },
+    next,
   };
 }
 

@@ -35,7 +35,7 @@ export function makeViewer(root, data, acts = {}) {
   shape.set(data, 0);
   matrix.set(data.mac, data.modes.length, data.outputs.length);
   modes.set({ modes: data.modes, leftOut: data.left_out, refused: [], chosen: 0, unexplained: data.unexplained, warnings: data.warnings });
-  response?.setChannels(data.outputs, data.columns);
+  response?.setChannels(data.outputs, data.columns, data.fits);
   function select(/** @type {number} */ i) {
     modes.choose(i);
     shape.choose(i);
@@ -56,5 +56,5 @@ function channelOf(data, output, column) {
   if (output >= outputs) return null;
   const scale = data.scales[output][column];
   const part = (/** @type {string} */ name) => Float32Array.from(data[name].subarray(at, at + lines), (bits) => scale * half(bits));
-  return { lines: data.response_lines, measured_real: part("measured_real"), measured_imag: part("measured_imag"), rebuilt_real: part("rebuilt_real"), rebuilt_imag: part("rebuilt_imag"), fit: data.fits[output][column] };
+  return { lines: data.response_lines, measured_real: part("measured_real"), measured_imag: part("measured_imag"), rebuilt_real: part("rebuilt_real"), rebuilt_imag: part("rebuilt_imag"), fit: data.fits[output][column], unit: data.unit ?? "", output: data.outputs[output], input: data.columns[column] };
 }

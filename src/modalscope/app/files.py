@@ -22,6 +22,8 @@ FORMATS = {
     ".mat": "MATLAB arrays",
     ".h5": "HDF5 arrays",
     ".html": "the report, one file with its pictures",
+    ".docx": "the report as a Word document",
+    ".pptx": "the report as slides",
     ".analysis.json": "the document: every choice, to repeat the analysis",
 }
 

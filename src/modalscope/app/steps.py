@@ -8,6 +8,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from modalscope.app.actions import diagrams_key
 from modalscope.data import DataError, ModalModel, Note, StabilizationDiagram
 from modalscope.data.analysis import Analysis
@@ -16,10 +18,10 @@ from modalscope.doctor.examine import examine
 from modalscope.identification.method_names import cell_label
 from modalscope.io.analysis import analysis_to
 from modalscope.judging.select import Weighed, chosen_of, weighed
-from modalscope.plot.web.fits import channel_blob
+from modalscope.plot.web.fits import channel_blob, fit_of_bands
 from modalscope.plot.web.modes import modes_blob
 from modalscope.plot.web.poles import cut_view, overview_blob, poles_blob
-from modalscope.plot.web.verdict import grouped, notes_that_matter, verdict_of_result
+from modalscope.plot.web.verdict import grouped, notes_that_matter, verdict_of
 from modalscope.reporting.record import result_script
 from modalscope.workflow.analyze import concluded
 from modalscope.workflow.bands import Look, looked_at, modes_chosen
@@ -40,7 +42,11 @@ def result_head(result: Result) -> dict[str, Any]:
         "script": result_script(result),
         "columns": list(first.response.columns),
     }
-    verdict = verdict_of_result(result)
+    rebuildable = len(result.modes) > 0 and not result.analysis.apart
+    fit = fit_of_bands(result.modes, result.diagrams) if rebuildable else None
+    if fit is not None:
+        head["fits"] = np.broadcast_to(fit[1], first.response.values.shape[1:])
+    verdict = verdict_of(result.modes, first.response, fit)
     return head | {"taken": verdict.taken, "unexplained": verdict.unexplained, "warnings": verdict.warnings}
 
 

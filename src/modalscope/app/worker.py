@@ -30,7 +30,7 @@ def export(stages: Stages, progress: Progress, suffix: str, target: str) -> Path
     result, path = stages.finished(), Path(target)
     if suffix not in FORMATS:
         raise DataError(f"{suffix} was asked", f"the formats are {', '.join(FORMATS)}", "Choose one of these.")
-    if suffix == ".html":
+    if suffix in (".html", ".docx", ".pptx"):
         from modalscope.reporting import report
 
         return report(result, path)

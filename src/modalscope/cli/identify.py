@@ -63,7 +63,7 @@ def add_identify(parser: Parser) -> None:
     add("--reference", type=Path, metavar="MODES", help="with --each: file of modes to pair with")
     add("--apart", action="store_true", help="identify the setups one by one and merge their modes, not their records")
     add_workers(parser)
-    add_outputs(parser, "write .json, .csv, .uff or an .html report")
+    add_outputs(parser, "write .json, .csv, .uff or a report: .html, .docx, .pptx")
     add_pictures(parser)
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from modalscope.checking.certificate import Certificate
 
 #: Suffixes of reports, data, pictures and results.
-_PAGES = (".html", ".htm")
+_PAGES = (".html", ".htm", ".docx", ".pptx")
 DATA = (".uff", ".unv", ".npz", ".mat", ".h5", ".hdf5", ".csv")
 PICTURES = (".png", ".svg", ".pdf")
 _RESULTS = (".json", ".csv", ".uff", ".unv", *_PAGES, ".npz", ".h5", ".hdf5", ".mat")

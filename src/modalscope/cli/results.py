@@ -277,7 +277,7 @@ def add_report(parser: Parser) -> None:
     parser.add_argument("--data", type=Path, nargs="+", metavar="FILE", help="the data files, if they were moved")
     parser.add_argument("--title", help="heading of the report")
     add_geometry(parser)
-    add_outputs(parser, "write .html")
+    add_outputs(parser, "write .html, .docx or .pptx")
     add_pictures(parser)
 
 
@@ -294,7 +294,7 @@ def report(options: argparse.Namespace) -> None:
 
     require_output(options, "report.html")
     set_max_memory(options.max_memory)
-    check_outputs(options, (options.file, *(options.data or ())), (".html", ".htm"))
+    check_outputs(options, (options.file, *(options.data or ())), (".html", ".htm", ".docx", ".pptx"))
     with progress("identifying") as show:
         result = _saved(options, show)
     for path in options.outputs:

@@ -1,7 +1,8 @@
 """Describe modes: the numbers and words that terminal, page, report, notebook and files show of each of them.
 
-A frequency has as many decimals as give the smallest interval two digits, at most those that give the lowest frequency six; a damping ratio
-is given in per cent with three digits of the smallest. Half-widths are those of 95 % intervals, of damping ratios in their logarithm.
+Values have as many decimals as give the smallest interval two digits, at most those that give the lowest frequency six digits and the
+smallest damping ratio, in per cent, five; three where no interval is known. Half-widths are those of 95 % intervals, of damping ratios in
+their logarithm.
 """
 
 from __future__ import annotations
@@ -80,7 +81,8 @@ def described(
     f, percents = modes.frequencies, 100 * modes.damping_ratios
     halves = half_widths(modes)
     of_f = decimals(f, 6, halves[0])
-    of_damping = decimals(percents, 3)
+    percent_halves = 100 * halves[1]
+    of_damping = decimals(percents, 5 if np.isfinite(percent_halves).any() else 3, percent_halves)
     collinearity = _collinearity(modes)
     return tuple(
         ModeDescription(
@@ -88,7 +90,7 @@ def described(
             frequency=f"{f[j]:.{of_f}f}",
             frequency_half=_two_digits(halves[0][j]),
             damping=f"{percents[j]:.{of_damping}f}",
-            damping_half=_two_digits(100 * halves[1][j]),
+            damping_half=_two_digits(percent_halves[j]),
             grade=judged[j].word,
             mpc=_fixed(collinearity[j], 2),
             reason=judged[j].reason,

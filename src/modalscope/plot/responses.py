@@ -1,4 +1,4 @@
-"""Draw measured and synthesized responses, and the singular values of spectra."""
+"""Draw measured and rebuilt responses, and the singular values of spectra."""
 
 from __future__ import annotations
 
@@ -56,16 +56,16 @@ def response(
     input: str | int | None = None,
     ax: Axes | tuple[Axes, ...] | None = None,
 ) -> Axes:
-    """Draw one measured response and the response synthesized from the modes.
+    """Draw one measured response and the response rebuilt from the modes.
 
     Frequency responses are drawn by magnitude, phase and coherence if known; impulse responses and correlations by samples and residual.
-    The synthesized phase is drawn on the branch of the measured one.
+    The rebuilt phase is drawn on the branch of the measured one.
 
     Parameters
     ----------
     data : FrequencyResponse or ImpulseResponse
     modes : ModalModel or identification, optional
-        Drawn over the measurement, with the fit error |measured - synthesized| / |measured| of this channel.
+        Drawn over the measurement, with the fit error |measured - rebuilt| / |measured| of this channel.
     output, input : str or int, optional
         Channel, by label or index; by default the one with the largest mean square.
     ax : Axes or (Axes, Axes) or (Axes, Axes, Axes), optional
@@ -128,7 +128,7 @@ def _panels(ax: Axes | tuple[Axes, ...] | None, count: int) -> tuple[Axes, Axes 
 def _pair(ax: Axes, x: Array, measured: Array, fit: Array | None) -> None:
     ax.plot(x, measured, color=INK, linewidth=1.0, label="measured")
     if fit is not None:
-        ax.plot(x, fit, color=VERMILLION, linewidth=1.3, linestyle=(0, (4, 1.6)), label="synthesized from the modes")
+        ax.plot(x, fit, color=VERMILLION, linewidth=1.3, linestyle=(0, (4, 1.6)), label="rebuilt from the modes")
 
 
 def _finish(panels: tuple[Axes | None, ...], xlabel: str) -> None:

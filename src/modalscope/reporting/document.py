@@ -40,6 +40,9 @@ from modalscope.reporting.modes import (
     summary_section,
 )
 
+#: Suffixes of documents of office programs.
+SUFFIXES = (".docx", ".pptx")
+
 
 class _Result(Protocol):
     """A result with selected modes and their diagram."""
@@ -73,7 +76,8 @@ def report(
     thing : StabilizationDiagram, (ModalModel, StabilizationDiagram), Identification, Comparison or any result with modes and diagram
         A diagram, whose modes are selected automatically; or with its selected modes; one order; or a comparison of methods.
     path : path
-        Ends in .html. An existing file is replaced only by a complete new one.
+        Ends in .html; or in .docx or .pptx for a document or slides, which need the extra `office`, of modes with a diagram. An existing
+        file is replaced only by a complete new one.
     title, source, command : str, optional
         Heading, source of the data, and the command line that gave the result.
     certificate : Certificate, optional
@@ -108,8 +112,33 @@ def report(
         check_kind("certificate of report", certificate, Certificate)
         modes, origin = certificate.modes, replace(origin, certificate=certificate)
     heading = title or _heading("Modes" if origin.source else "Modal identification", " of ", origin.source)
+    sources = (*sources_of(thing), *sources_of(diagram))
+    if Path(path).suffix.lower() in SUFFIXES:
+        return _office(Path(path), heading, modes, diagram, origin, sources)
     parts = stabilization_sections(modes, diagram, origin)
-    return write_page(path, heading, _subtitle(diagram.response), parts, (*sources_of(thing), *sources_of(diagram)))
+    return write_page(path, heading, _subtitle(diagram.response), parts, sources)
+
+
+def _office(
+    path: Path, heading: str, modes: ModalModel, diagram: StabilizationDiagram, origin: Origin, sources: Iterable[Path]
+) -> Path:
+    """Write a report as a document of an office program; an existing file is unchanged until the new one is complete."""
+    from modalscope.reporting.office import write_document
+
+    holds = None if origin.certificate is None else origin.certificate.holds
+    notes = diagram.notes if origin.notes is None else origin.notes
+    with replacing(path, sources) as temporary:
+        write_document(
+            temporary,
+            heading,
+            _subtitle(diagram.response),
+            modes,
+            origin.diagrams or (diagram,),
+            holds=holds,
+            findings=origin.findings or (),
+            notes=notes,
+        )
+    return path
 
 
 def _selected(thing: object) -> tuple[ModalModel, StabilizationDiagram]:
@@ -253,7 +282,11 @@ def write_page(
     """
     target = check_path(path)
     if target.suffix.lower() not in (".html", ".htm"):
-        raise DataError(f"a report in {target.name!r} was asked", "reports are HTML files", "End the name in .html.")
+        raise DataError(
+            f"a report in {target.name!r} was asked",
+            "reports are .html files, of results also .docx and .pptx",
+            "End the name in .html.",
+        )
     with replacing(target, sources) as temporary:
         text = page(title, subtitle, parts, f"written by modalscope {VERSION}")
         temporary.write_text(text, encoding="utf-8", errors="backslashreplace")

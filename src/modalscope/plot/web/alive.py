@@ -17,6 +17,7 @@ from modalscope.judging.select import select
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, BoolArray, IntArray
 from modalscope.numerics.errors import optional_package
+from modalscope.plot._style import unit_of
 from modalscope.plot.web.blob import pack
 from modalscope.plot.web.fits import Fit, Lines, asked_ends, band_of, fit_of_bands, lines_of
 from modalscope.plot.web.modes import modes_parts
@@ -92,6 +93,7 @@ def alive_blob(drawing: Drawing) -> bytes:
         "bands": [list(band_of(d, len(diagrams)) if spectra is None else asked_ends(d)) for d in diagrams],
         "level": "mode indicator" if spectra is None else "singular values of the spectra",
         "columns": list(first.response.columns),
+        "unit": unit_of(first.response.picture()).strip(" []"),
         "unexplained": drawing.verdict.unexplained,
         "warnings": drawing.verdict.warnings,
     }

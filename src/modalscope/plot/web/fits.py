@@ -11,6 +11,7 @@ from modalscope.data import DataError, ImpulseResponse, ModalModel, Stabilizatio
 from modalscope.data.response import Response
 from modalscope.modal.rebuilt import fit_error, fit_error_heard, heard_lines, rebuilt
 from modalscope.numerics.checks import Array
+from modalscope.plot._style import unit_of
 from modalscope.plot.web.blob import pack
 
 #: Maximum points of a drawn response: more than a screen has.
@@ -101,7 +102,10 @@ def fit_of_bands(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) ->
 
 
 def channel_blob(diagrams: Sequence[StabilizationDiagram], modes: ModalModel, output: int, column: int) -> bytes:
-    """Return one channel on the lines of all bands, measured and rebuilt from the modes."""
+    """Return one channel on the lines of all bands, measured and rebuilt from the modes, with its coherence where that is known.
+
+    Between two bands stands a line without values: curves do not join there.
+    """
     parts = []
     for diagram in diagrams:
         response = diagram.response
@@ -111,28 +115,48 @@ def channel_blob(diagrams: Sequence[StabilizationDiagram], modes: ModalModel, ou
             raise DataError(f"channel {output}, {column} was asked", counts, "Choose one of these.")
         curves = _channel_lines(response, inside(modes, diagram, len(diagrams)), output, column)
         parts.append(cut_to_band(curves, diagram, len(diagrams)))
-    f, measured, fitted = (np.concatenate(side) for side in zip(*parts, strict=True))
+    measured, fitted = (np.concatenate(side) for side in list(zip(*parts, strict=True))[1:3])
+    f, *sides = (_apart(side) for side in zip(*parts, strict=True))
     every = max(1, -(-len(f) // _MAX_POINTS))
     first = diagrams[0].response
     head = {
         "output": first.output_dofs[output],
         "input": list(first.columns)[column],
         "quantity": first.quantity,
+        "unit": unit_of(first.picture(), output, column).strip(" []"),
         "fit": float(np.linalg.norm(measured - fitted) / max(float(np.linalg.norm(measured)), 1e-300)),
     }
-    sides = {"measured": measured[::every], "rebuilt": fitted[::every]}
-    arrays = {f"{name}_{part}": getattr(side, part) for name, side in sides.items() for part in ("real", "imag")}
+    arrays = {
+        f"{name}_{part}": getattr(side[::every], part)
+        for name, side in zip(("measured", "rebuilt"), sides, strict=False)
+        for part in ("real", "imag")
+    }
+    if np.isfinite(sides[2]).any():
+        arrays["coherence"] = sides[2][::every]
     return pack(head, {"lines": f[::every], **arrays}, exact=("lines",))
 
 
-def _channel_lines(response: Response, modes: ModalModel, output: int, column: int) -> tuple[Array, Array, Array]:
-    """Return lines, measured and rebuilt values of one channel; samples are transformed."""
+def _apart(bands: Sequence[Array]) -> Array:
+    """Return the values of all bands with NaN between two; frequencies have their mean there."""
+    first, *others = bands
+    joined = [first]
+    for band in others:
+        rising = np.isrealobj(band) and np.isfinite(band).all() and band[0] > joined[-1][-1]
+        joined += [np.array([(joined[-1][-1] + band[0]) / 2 if rising else np.nan]), band]
+    return np.concatenate(joined)
+
+
+def _channel_lines(response: Response, modes: ModalModel, output: int, column: int) -> tuple[Array, ...]:
+    """Return lines, measured and rebuilt values and coherence of one channel; samples are transformed, and have no coherence."""
     complete = len(modes) and modes.participation is not None
     shown = response.picture()
     fitted = rebuilt(shown, modes) if complete else np.full_like(shown.values, np.nan)
-    if isinstance(shown, ImpulseResponse):
-        f, H = shown.spectrum()
-        G = np.fft.rfft(fitted[:, output, column], n=8 * shown.samples) / shown.sampling_rate
-        return f, H[:, output, column], G
     f, values = shown.spectrum()
-    return f, values[:, output, column], fitted[:, output, column]
+    coherence = np.full(len(f), np.nan)
+    if isinstance(shown, ImpulseResponse):
+        G = np.fft.rfft(fitted[:, output, column], n=8 * shown.samples) / shown.sampling_rate
+        return np.asarray(f), values[:, output, column], G, coherence
+    if shown.coherence is not None and len(shown.coherence) == len(f):
+        each = shown.coherence.reshape(*shown.coherence.shape[:2], -1)
+        coherence = each[:, output, min(column, each.shape[2] - 1)]
+    return np.asarray(f), values[:, output, column], fitted[:, output, column], coherence
