@@ -191,7 +191,8 @@ function makeWork(begin, state) {
     const box_ = errorBox(parts);
     const byHand = now.document.taken.length + now.document.refused.length;
     const out = namedToLeave(parts.change ?? "");
-    box_.append(h("span.does", {}, out.length ? h("button.small", { onclick: () => act("set", { exclude: [...now.document.exclude, ...out] }) }, `exclude ${out.join(", ")}`) : null, byHand ? h("button.small", { onclick: () => act("automatic") }, "automatic selection") : null, now.undo ? h("button.small", { onclick: () => act("undo") }, "undo") : null, h("button.small", { onclick: () => act("again") }, "again")));
+    const field = settings.concerned(parts);
+    box_.append(h("span.does", {}, field ? h("button.small", { onclick: field.show }, field.words) : null, out.length ? h("button.small", { onclick: () => act("set", { exclude: [...now.document.exclude, ...out] }) }, `exclude ${out.join(", ")}`) : null, byHand ? h("button.small", { onclick: () => act("automatic") }, "automatic selection") : null, now.undo ? h("button.small", { onclick: () => act("undo") }, "undo") : null, h("button.small", { onclick: () => act("again") }, "again")));
     return box_;
   }
 
@@ -355,6 +356,13 @@ function makeWork(begin, state) {
     location.hash = "";
   }
 
+  // what is dropped on an open document is the geometry of its points
+  root.ondragover = (event) => event.preventDefault();
+  root.ondrop = (event) => {
+    event.preventDefault();
+    const files = [...(event.dataTransfer?.files ?? [])];
+    if (files.length) geometry(files);
+  };
   const end = api.events(
     now.key,
     (message) => {

@@ -102,6 +102,34 @@ export function makeSettings(place, acts, methods) {
       const all = [...new Set([...outputs, ...excluded])];
       fill(channels, all.map((name) => h("label.check", {}, h("input", { type: "checkbox", value: name, checked: !excluded.includes(name), onchange: (/** @type {any} */ e) => acts.set({ exclude: e.target.checked ? document_.exclude.filter((/** @type {string} */ x) => x !== name) : [...document_.exclude, name] }) }), name)));
     },
+    /**
+     * The field that an error is about: what shows it, filled where the remedy gives a value.
+     * @param {{asked?: string, found?: string, change?: string}} error
+     */
+    concerned({ asked = "", found = "", change = "" }) {
+      const value = (/** @type {RegExp} */ form) => form.exec(change)?.slice(1) ?? [];
+      const bands = value(/band=\(([\d.]+), ([\d.]+)\)/);
+      const rates = value(/sampling_rate=([\d.]+)/);
+      const known = [
+        { test: /band/i, words: "set the band", field: low, fill: () => bands.length && ([low.value, high.value] = bands) },
+        { test: /order/i, words: "set the orders", field: last, fill: () => {} },
+        { test: /sampling.rate/i, words: "give the sampling rate", field: rate, fill: () => rates.length && ([rate.value] = rates) },
+        { test: /column|role/i, words: "name the columns", field: columns, fill: () => {} },
+        { test: /\brows?\b/i, words: "choose the rows", field: rows, fill: () => {} },
+        { test: /method|domain/i, words: "choose a method", field: method, fill: () => {} },
+      ];
+      const first = known.find((k) => k.test.test(change)) ?? known.find((k) => k.test.test(`${asked} ${found}`));
+      if (!first) return null;
+      return {
+        words: first.words,
+        show() {
+          const fold = first.field.closest("details");
+          if (fold) fold.open = true;
+          first.fill();
+          first.field.focus();
+        },
+      };
+    },
     setTop(/** @type {number} */ order) {
       if (order === top && shown.textContent) return;
       top = order;

@@ -53,9 +53,10 @@ export function makeWelcome(root, begin, with_) {
   const complain = (error) => fill(told, errorBox(error.parts ?? { text: String(error.message ?? error) }));
 
   const size = (/** @type {number} */ bytes) => (bytes > 1e6 ? `${(bytes / 1e6).toFixed(1)} MB` : `${Math.max(1, Math.round(bytes / 1e3))} kB`);
-  const file = (/** @type {any} */ f) => h("li", {}, h("button.row", { onclick: () => open([f.name]) }, icon(ICONS.folder), h("b", {}, f.name), h("span.muted", {}, size(f.size))));
+  const date = (/** @type {number} */ seconds) => (seconds ? new Date(1000 * seconds).toISOString().slice(0, 10) : "");
+  const file = (/** @type {any} */ f) => h("li", {}, h("button.row", { onclick: () => open([f.name]) }, icon(ICONS.folder), h("b", {}, f.name), h("span.muted", {}, size(f.size)), h("span.muted.date", {}, date(f.changed))));
   const kept = (/** @type {any} */ d) => {
-    const row = h("li", {}, h("a.row", { href: `#${d.key}` }, icon(ICONS.undo), h("b", {}, d.name), h("span.muted", {}, `${d.steps} step${d.steps > 1 ? "s" : ""}`)), h("button.small.quiet", { "aria-label": `delete ${d.name}`, title: "Delete it", onclick: () => api.forget(d.key).then(() => row.remove(), complain) }, icon(ICONS.close)));
+    const row = h("li", {}, h("a.row", { href: `#${d.key}` }, icon(ICONS.undo), h("b", {}, d.name), h("span.muted", {}, `${d.steps} step${d.steps > 1 ? "s" : ""}`), h("span.muted.date", {}, date(d.changed))), h("button.small.quiet", { "aria-label": `delete ${d.name}`, title: "Delete it", onclick: () => api.forget(d.key).then(() => row.remove(), complain) }, icon(ICONS.close)));
     return row;
   };
   fill(

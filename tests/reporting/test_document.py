@@ -16,13 +16,14 @@ import pytest
 import modalscope as ms
 from modalscope.data import DataError, ModalModel, StabilizationDiagram
 from modalscope.identification.options import LineOptions
+from modalscope.plot.web.alive import drawing_of
 from modalscope.plot.web.fits import lines_of_response
 from modalscope.plot.web.modes import modes_parts
 from modalscope.plot.web.poles import decibels
 from modalscope.plot.web.svg import Panel, Scale, scale_of
 from modalscope.reporting import report, sections
 from modalscope.reporting.document import write_page
-from modalscope.reporting.figures import shape_svg
+from modalscope.reporting.figures import pictures_of, shape_svg
 from modalscope.reporting.html import Section
 from modalscope.reporting.modes import figures_of
 from modalscope.reporting.record import data_section, identification_script, stabilization_script
@@ -398,7 +399,7 @@ def test_the_data_are_examined_and_what_is_wrong_stands_there() -> None:
 
 def test_other_suffixes_folders_and_things_are_errors(tmp_path: Path) -> None:
     pair = (examples.modes(), examples.diagram())
-    with pytest.raises(DataError, match="reports are HTML files"):
+    with pytest.raises(DataError, match=r"reports are \.html files"):
         report(pair, tmp_path / "r.pdf")
     with pytest.raises(DataError, match="the system refuses"):
         report(pair, tmp_path / "missing" / "r.html")
@@ -431,3 +432,14 @@ def test_one_output_has_neither_shapes_nor_their_similarity() -> None:
     modes = chain5().modes()
     assert [section.anchor for section in mode_pictures(modes)] == ["shapes", "mac"]
     assert not list(mode_pictures(chain5().modes(outputs=[0])))
+
+
+def test_pictures_of_their_own_know_no_variables_and_are_whole() -> None:
+    pictures = pictures_of(drawing_of(judged(), examples.diagram()))
+    assert set(pictures) == {"diagram", *(f"mode_{k}" for k in range(1, 6)), "automac", "response"}
+    for picture in pictures.values():
+        tree = ElementTree.fromstring(picture)
+        assert tree.tag == "{http://www.w3.org/2000/svg}svg"
+        assert float(tree.attrib["width"]) > 100
+        assert "var(" not in picture
+        assert "color-mix" not in picture

@@ -44,7 +44,8 @@ class DocumentStore:
     def _entry(self, path: Path) -> Iterator[dict[str, Any]]:
         with suppress(OSError, ValueError, KeyError, TypeError):
             kept = json.loads(path.read_text(encoding="utf-8"))
-            yield {"key": path.stem, "name": str(kept["name"]), "steps": len(kept["history"])}
+            changed = path.stat().st_mtime
+            yield {"key": path.stem, "name": str(kept["name"]), "steps": len(kept["history"]), "changed": changed}
 
     def find(self, key: str) -> OpenDocument:
         """Return a document; one that is not open is read from disk."""

@@ -22,6 +22,7 @@ FORMATS = {
     ".mat": "MATLAB arrays",
     ".h5": "HDF5 arrays",
     ".html": "the report, one file with its pictures",
+    ".zip": "pictures of diagram, shapes, AutoMAC and response, SVG",
     ".docx": "the report as a Word document",
     ".pptx": "the report as slides",
     ".analysis.json": "the document: every choice, to repeat the analysis",
@@ -79,7 +80,7 @@ class FileStore:
         self._uploads.mkdir(parents=True, exist_ok=True, mode=0o700)
 
     def listing(self) -> list[dict[str, object]]:
-        """Return name (below the folder) and size (bytes) of the files of the folder that the page offers."""
+        """Return name (below the folder), size (bytes) and time of change of the files of the folder that the page offers."""
         return [] if self.folder is None else list(islice(self._walk(self.folder), _MAX_FILES))
 
     def _walk(self, top: Path) -> Iterator[dict[str, object]]:
@@ -93,7 +94,9 @@ class FileStore:
                 path = folder / name
                 if name.lower().endswith(_LISTED_SUFFIXES) and not name.startswith("."):
                     with suppress(OSError):  # a file that was removed meanwhile, or that may not be read
-                        yield {"name": path.relative_to(top).as_posix(), "size": path.stat().st_size}
+                        known = path.stat()
+                        name = path.relative_to(top).as_posix()
+                        yield {"name": name, "size": known.st_size, "changed": known.st_mtime}
 
     def resolve(self, name: str) -> Path:
         """Return the path of a file of the folder, or of an upload.

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from zipfile import ZIP_DEFLATED, ZipFile
 
 from modalscope.app.files import FORMATS
 from modalscope.app.steps import Stages
@@ -16,6 +17,7 @@ from modalscope.io.analysis import analysis_from
 
 if TYPE_CHECKING:
     from modalscope.comparing import Comparison
+    from modalscope.data.results import Result
 
 Progress = Callable[[int, int], None]
 
@@ -34,7 +36,20 @@ def export(stages: Stages, progress: Progress, suffix: str, target: str) -> Path
         from modalscope.reporting import report
 
         return report(result, path)
+    if suffix == ".zip":
+        return _pictures(result, path)
     write(path, result.analysis if suffix == ".analysis.json" else result)
+    return path
+
+
+def _pictures(result: Result, path: Path) -> Path:
+    """Write the pictures of a result as an archive of SVG files."""
+    from modalscope.plot.web.alive import drawing_of
+    from modalscope.reporting.figures import pictures_of
+
+    with ZipFile(path, "w", ZIP_DEFLATED) as archive:
+        for name, picture in pictures_of(drawing_of(result.modes, *result.diagrams)).items():
+            archive.writestr(f"{path.stem}_{name}.svg", picture)
     return path
 
 

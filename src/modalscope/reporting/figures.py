@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +16,7 @@ from modalscope.modal.indicators import mac
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.plot._camera import AXES, View, view_of
 from modalscope.plot.shapes import in_order, spaced
+from modalscope.plot.web.alive import Drawing
 from modalscope.plot.web.fits import Lines, asked_ends
 from modalscope.plot.web.poles import behind, decibels, pole_arrays
 from modalscope.plot.web.svg import Panel, Scale, chart, key, scale_of, shortened
@@ -318,3 +321,43 @@ def mac_svg(modes: ModalModel, description: str) -> str:
     for share in (0.0, 0.5, 1.0):
         parts.append(f'<text x="{round(10 * (30 + share * side))}" y="{round(10 * (bottom + 20))}">{share:g}</text>')
     return chart(50 + side, bottom + 26, parts, description)
+
+
+def pictures_of(drawing: Drawing) -> dict[str, str]:
+    """Return the pictures of a result as SVG files of their own, by name: diagrams, shapes, AutoMAC, strongest response."""
+    modes, pictures = drawing.modes, {}
+    for k, diagram in enumerate(drawing.diagrams):
+        number = f"_{k + 1}" if len(drawing.diagrams) > 1 else ""
+        pictures[f"diagram{number}"] = stabilization_svg(diagram, modes, drawing.spectra, "Stabilization diagram")
+    if len(modes.output_dofs) > 1:
+        for k in range(len(modes)):
+            pictures[f"mode_{k + 1}"] = shape_svg(modes, k, drawing.arrays, f"Shape of mode {k + 1}")
+    if len(modes) > 1 and len(modes.output_dofs) > 1:
+        pictures["automac"] = mac_svg(modes, "AutoMAC")
+    if drawing.lines is not None and len(modes):
+        power = np.sum(np.abs(drawing.lines.measured) ** 2, axis=0)
+        i, j = np.unravel_index(int(np.argmax(power)), power.shape)
+        pictures["response"] = response_svg(drawing.lines, int(i), int(j), None, "Measured and rebuilt response")
+    return {name: alone(picture) for name, picture in pictures.items()}
+
+
+def alone(picture: str) -> str:
+    """Return a picture of a report as a file of its own: with its name space, its size and the light colours of the report."""
+    style = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
+    colours = dict(re.findall(r"--([\w-]+): (#\w+)", style.partition("}")[0]))
+    rules = "".join(line for line in style.splitlines(keepends=True) if line.startswith(".chart"))
+    rules = re.sub(r"var\(--([\w-]+)\)", lambda found: colours[found[1]], rules)
+    rules = re.sub(r"color-mix\(in srgb, (#\w+) (\d+)%, (#\w+)\)", _mixed, rules)
+    width, height = (int(side) / 10 for side in picture.partition('viewBox="0 0 ')[2].partition('"')[0].split())
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:g}" height="{height:g}" class="chart"'
+    body = picture.removeprefix('<svg class="chart"')
+    inner = body.index(">") + 1
+    back = f'<rect width="{10 * width:g}" height="{10 * height:g}" fill="#ffffff"/>'
+    return f"{head}{body[:inner]}<style>{rules}</style>{back}{body[inner:]}"
+
+
+def _mixed(found: re.Match[str]) -> str:
+    """Return a mixture of two colours as one: programs for drawings know no mixtures and no variables of style sheets."""
+    share = int(found[2]) / 100
+    first, second = (np.array([int(found[k][i : i + 2], 16) for i in (1, 3, 5)]) for k in (1, 3))
+    return "#" + "".join(f"{v:02x}" for v in np.round(share * first + (1 - share) * second).astype(int).tolist())

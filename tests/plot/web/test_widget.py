@@ -12,6 +12,7 @@ import pytest
 import modalscope as ms
 from modalscope.modal.rebuilt import fit_error, rebuilt, unexplained
 from modalscope.plot.web.alive import alive_blob, drawing_of, front_end
+from modalscope.plot.web.modes import modes_parts
 from modalscope.preprocess.singular_spectra import decomposition
 from modalscope.systems import chain5
 from tests.plot import examples
@@ -80,3 +81,11 @@ def test_a_notebook_shows_the_table_of_a_result_and_the_living_diagram() -> None
     living = "application/vnd.jupyter.widget-view+json"
     assert (living in bundle) == (front_end("widget.js") is not None)
     assert set(replace(result, diagrams=())._repr_mimebundle_()) == {"text/plain", "text/html"}
+
+
+def test_a_geometry_without_lines_is_joined_between_neighbours() -> None:
+    modes = examples.modes()
+    nodes = [label.partition(":")[0] for label in modes.output_dofs]
+    points = np.column_stack([np.arange(len(nodes)), np.zeros((len(nodes), 2))])
+    placed = replace(modes, geometry=ms.Geometry(nodes=nodes, coordinates=points))
+    assert modes_parts(placed, {})[1]["lines"].tolist() == [[k, k + 1] for k in range(len(nodes) - 1)]

@@ -9,12 +9,16 @@ import numpy as np
 
 from modalscope.data import DataError, Geometry, ModalModel
 from modalscope.data.analysis import named_near
+from modalscope.io.geometry import neighbour_lines
 from modalscope.judging.description import HEADS, ModeDescription, described, reported_indicators
 from modalscope.modal.indicators import mac
 from modalscope.numerics.checks import Array, ComplexArray
 from modalscope.plot._camera import extent
 from modalscope.plot.shapes import has_channels, turned
 from modalscope.plot.web.blob import pack
+
+#: Maximum number of nodes that are joined by lines between neighbours.
+_MAX_JOINED = 2000
 
 
 def modes_blob(
@@ -111,7 +115,7 @@ def _moved(
         faces = np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
     return geometry.nodes, {
         "rest": (geometry.coordinates - middle) / size,
-        "lines": geometry.lines,
+        "lines": _lines_of(geometry),
         "faces": faces,
         "measured": np.array([node in moved for node in geometry.nodes]),
         "moved_real": motion.real,
@@ -119,6 +123,13 @@ def _moved(
         "signed_real": signed.real,
         "signed_imag": signed.imag,
     }
+
+
+def _lines_of(geometry: Geometry) -> Array:
+    """Return the lines of a geometry, those between neighbouring nodes where it has neither lines nor faces."""
+    if geometry.lines.size or geometry.faces.size or len(geometry.nodes) > _MAX_JOINED:
+        return geometry.lines
+    return np.array(neighbour_lines(geometry.coordinates), dtype=int).reshape(-1, 2)
 
 
 def _signed(motion: Array) -> ComplexArray:

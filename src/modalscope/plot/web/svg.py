@@ -169,7 +169,7 @@ class Panel:
 
     def text(self, words: str, x: float, y: float, anchor: str = "middle", more: str = "") -> None:
         """Write text at pixels."""
-        place = "" if anchor == "middle" else f' class="{anchor}"'
+        place = "" if anchor == "middle" else f' text-anchor="{anchor}"'
         self.parts.append(f'<text x="{_whole(x)}" y="{_whole(y)}"{place}{more}>{plain_text(words)}</text>')
 
 
@@ -179,7 +179,7 @@ def key(parts: list[str], entries: Iterable[tuple[str, str, str]], left: float, 
     for mark, kind, words in entries:
         path = "m-80 0h160" if mark == "line" else MARKS[mark]
         parts.append(f'<path class="{kind}" d="M{_whole(x + 8)} {_whole(y)}{path}"/>')
-        parts.append(f'<text x="{_whole(x + 20)}" y="{_whole(y + 4)}" class="start">{plain_text(words)}</text>')
+        parts.append(f'<text x="{_whole(x + 20)}" y="{_whole(y + 4)}" text-anchor="start">{plain_text(words)}</text>')
         x += 34 + _CHARACTER * len(words)
 
 
@@ -187,7 +187,7 @@ def chart(width: float, height: float, parts: Iterable[str], description: str) -
     """Return the SVG of a chart; `description`: its alternative text."""
     size = f"0 0 {_whole(width)} {_whole(height)}"
     words = plain_text(description)
-    return f'<svg class="chart" viewBox="{size}" role="img" aria-label="{words}">{"".join(parts)}</svg>'
+    return f'<svg class="chart" viewBox="{size}" text-anchor="middle" role="img" aria-label="{words}">{"".join(parts)}</svg>'
 
 
 def plain_text(words: str) -> str:
