@@ -168,4 +168,4 @@ if not TYPE_CHECKING:  # so that a name that is not there is a type checker's er
         return found
 
     def __dir__() -> list[str]:
-        return sorted([*globals(), *__all__])
+        return sorted(__all__)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 import scipy.linalg as sla
@@ -9,7 +12,9 @@ from hypothesis import given, settings, strategies as st
 from scipy import signal
 from scipy.integrate import quad_vec
 
+import modalscope as ms
 from modalscope.data import DataError, Signals, StateSpace
+from modalscope.systems import chain5
 from tests.support import EPS, FIVE, match_poles, random_system, random_systems, refused, relative
 
 #: Two exact routes of matrices of 24 states and poles of like size: their order times rounding, with two digits to spare.
@@ -221,3 +226,28 @@ def test_predictions_need_a_gain_and_the_models_channels():
     )
     refused(r"gain needs shape \(4, 2\)", StateSpace, A=model.A, B=model.B, C=model.C, dt=1.0, gain=np.ones((2, 4)))
     refused("is continuous", StateSpace, A=model.A, B=model.B, C=model.C, gain=np.ones((4, 2)))
+
+
+def test_names_and_units_of_channels_travel_with_a_model(tmp_path: Path) -> None:
+    record = chain5().simulate(inputs="white", samples=1500, sampling_rate=20.0, noise=0.02, seed=1)
+    model = ms.realize(record, order=10, holdout=0)
+    assert model.names == {
+        "output_dofs": record.output_dofs,
+        "input_dofs": record.input_dofs,
+        "output_units": record.units[0],
+        "input_units": record.units[1],
+    }
+    assert model.to_continuous().names == model.names
+    for suffix in (".mat", ".npz", ".json"):
+        ms.write(tmp_path / f"model{suffix}", model)
+        again = ms.read(tmp_path / f"model{suffix}")
+        assert isinstance(again, ms.StateSpace)
+        assert again.names == model.names
+    with pytest.raises(DataError, match="output_dofs needs one text for each of 4, but 3 are given"):
+        replace(model, output_dofs=("a", "b", "c"))
+
+
+def test_signals_of_python_control_are_named_after_the_channels() -> None:
+    pytest.importorskip("control")
+    model = StateSpace(A=[[0.5]], B=[[1.0]], C=[[1.0]], dt=0.1, output_dofs=("1.2:+Z",), input_dofs=("hammer",))
+    assert (model.to_control().output_labels, model.to_control().input_labels) == (["1_2:+Z"], ["hammer"])

@@ -38,6 +38,10 @@ class Quadruple(Shown):
     dt: float | None = None
     gain: RealArray | None = None
     innovation_covariance: RealArray | None = None
+    output_dofs: tuple[str, ...] = ()
+    input_dofs: tuple[str, ...] = ()
+    output_units: tuple[str, ...] = ()
+    input_units: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         A = real_array("A", self.A, "(states, states)", 2)
@@ -56,6 +60,13 @@ class Quadruple(Shown):
                 "a gain or covariance was given", "the model is continuous", "Give it for the sampled model."
             )
         l = len(C)
+        names = {}
+        for name, count in (("output", l), ("input", B.shape[1])):
+            for what in (f"{name}_dofs", f"{name}_units"):
+                names[what] = tuple("" if each is None else str(each) for each in getattr(self, what))
+                if names[what] and len(names[what]) != count:
+                    fault = f"{len(names[what])} are given"
+                    raise DataError(f"{what} needs one text for each of {count}", fault, "Give one each, or none.")
         freeze(
             self,
             A=A,
@@ -67,7 +78,14 @@ class Quadruple(Shown):
             innovation_covariance=optional_array(
                 "innovation_covariance", self.innovation_covariance, "(outputs, outputs)", (l, l)
             ),
+            **names,
         )
+
+    @property
+    def names(self) -> dict[str, Any]:
+        """Labels and units of outputs and inputs, by field; empty where they are not known."""
+        fields = ("output_dofs", "input_dofs", "output_units", "input_units")
+        return {field: getattr(self, field) for field in fields}
 
     @property
     def order(self) -> int:

@@ -75,6 +75,8 @@ class StateSpace(Quadruple):
         K of a sampled model's innovations form, x(k+1) = A x + B u + K e, y = C x + D u + e.
     innovation_covariance : array, (l, l), optional
         Covariance of e, the errors of one-step predictions.
+    output_dofs, input_dofs, output_units, input_units : tuple of str, optional
+        Names of the channels and their units, as `realize` sets them; empty where they are not known.
 
     Raises
     ------
@@ -105,7 +107,7 @@ class StateSpace(Quadruple):
         """
         self._need("to_discrete", continuous=True)
         A, B = sampled(self.A, self.B, dt, held=input == "held")
-        return StateSpace(A=A, B=B, C=self.C, D=self.D, dt=dt)
+        return StateSpace(A=A, B=B, C=self.C, D=self.D, dt=dt, **self.names)
 
     @named(input=INPUTS)
     def to_continuous(self, input: str = "held") -> StateSpace:
@@ -125,7 +127,7 @@ class StateSpace(Quadruple):
         """
         self._need("to_continuous", continuous=False)
         A, B = continuous(self.A, self.B, self.dt or 1.0, held=input == "held")
-        return StateSpace(A=A, B=B, C=self.C, D=self.D)
+        return StateSpace(A=A, B=B, C=self.C, D=self.D, **self.names)
 
     def impulse_response(self, samples: int, **channels: Any) -> ImpulseResponse:
         """Return the Markov parameters of a sampled model as a pulse response, with its direct term.
@@ -330,9 +332,13 @@ class StateSpace(Quadruple):
         return signal.StateSpace(self.A, self.B, self.C, self.D, **sampling)
 
     def to_control(self) -> Any:
-        """Return the model as python-control's `StateSpace` (the extra `control`)."""
+        """Return the model as python-control's `StateSpace` (the extra `control`), its signals named after the channels."""
         control = optional_package("to_control", "control", "control", "python-control")
-        return control.ss(self.A, self.B, self.C, self.D, 0 if self.dt is None else self.dt)
+        sides = {"outputs": self.output_dofs, "inputs": self.input_dofs}
+        # python-control takes names for what joins systems: each once, without points
+        names = {side: [name.replace(".", "_") for name in each] for side, each in sides.items()}
+        given = {side: each for side, each in names.items() if each and len(set(each)) == len(each)}
+        return control.ss(self.A, self.B, self.C, self.D, 0 if self.dt is None else self.dt, **given)
 
     @classmethod
     def from_other(cls, system: Any) -> StateSpace:

@@ -166,7 +166,10 @@ def read(path: Path, options: Options) -> Contents:
     damaged = (KeyError, TypeError, AttributeError, IndexError, OverflowError, ValueError)
     if "modalscope" in document and isinstance(document.get("state_space"), dict):
         with damage_as_error(path.name, "Write the file again.", damaged):
-            matrices = {name: np.asarray(a, dtype=float) for name, a in document["state_space"].items()}
+            matrices = {
+                name: np.asarray(a, dtype=str if name.endswith(("_dofs", "_units")) else float)
+                for name, a in document["state_space"].items()
+            }
         return contents_from_arrays(path.name, matrices, options)
     if not isinstance(document.get("modes"), list) or "modalscope" not in document:
         fault = 'it has no "modalscope" and "modes" entries'

@@ -188,15 +188,22 @@ def _of_one(data: Any, order: int | None, choice: Mapping[str, Any], *, stable: 
     if stable:
         model, _, said = stabilized(model, found.response)
         notes = (*notes, *said)
-    return RealizedModel(**_fields(model), notes=notes)
+    return RealizedModel(**_fields(model, found.response), notes=notes)
 
 
 def _fit_error(error: float) -> Note:
     return Note("fit error", {"error": error}, f"fit error {100 * error:.3g} %")
 
 
-def _fields(model: StateSpace) -> dict[str, Any]:
-    return {f.name: getattr(model, f.name) for f in fields(StateSpace)}
+def _fields(model: StateSpace, channels: Response | Records) -> dict[str, Any]:
+    """Return the matrices of a model with the names and units of its channels."""
+    sides = {"output": (channels.output_dofs, channels.units[0]), "input": (channels.input_dofs, channels.units[1])}
+    counts = {"output": len(model.C), "input": model.B.shape[1]}
+    names: dict[str, Any] = {}
+    for side, (dofs, units) in sides.items():
+        if len(dofs) == counts[side]:
+            names |= {f"{side}_dofs": dofs, f"{side}_units": units if any(units) else ()}
+    return {f.name: getattr(model, f.name) for f in fields(StateSpace)} | names
 
 
 # -------------------------------------------------------------------------------------------------------------- stability
@@ -518,7 +525,10 @@ def _of_records(
     first = [free_run(model, y, u).first for y, u in _runs(records)]
     warning = _warnings(validation, asked=choice.get("route"))
     return RealizedModel(
-        **_fields(model), notes=(*notes, *said, *warning), validation=validation, initial_states=np.array(first)
+        **_fields(model, records),
+        notes=(*notes, *said, *warning),
+        validation=validation,
+        initial_states=np.array(first),
     )
 
 
