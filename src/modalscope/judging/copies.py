@@ -32,8 +32,12 @@ from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 #: Lines of a cluster: so many half bandwidths to either side of its poles, and so many at least.
 _REACH, _MIN_LINES = 10.0, 40
 
-#: Chance that real modes show as little across both as the poles that are taken for copies do, in a whole test.
-_CHANCE = 1e-3
+#: Chance that real modes show as little across both as the poles that are taken for copies do, in a whole test: where errors are white,
+#: and where they are not, so that something is known to differ.
+_CHANCE, _CHANCE_AMONG_COLOURED = 1e-3, 0.05
+
+#: What is seen of a mode across others may be so many deviations too small.
+_DEVIATIONS = 2.0
 
 #: Step of the difference that gives a second derivative, in half bandwidths.
 _STEP = 0.05
@@ -83,7 +87,8 @@ def copies_of(recount: Recount) -> Copies | None:
         host[others] = modes[np.argmin(np.abs(s[others, None] - s[modes]) / -s[modes].real, axis=1)]
         for mode in modes[np.isin(modes, host[others])]:
             centres[mode] = cluster.centre(mode, host)
-    return Copies(host, centres, np.sqrt(2 * usual)) if chance < np.log(_CHANCE) else None
+    most = _CHANCE_AMONG_COLOURED if recount.selection.coloured else _CHANCE
+    return Copies(host, centres, np.sqrt(2 * usual)) if chance < np.log(most) else None
 
 
 def _clusters(s: ComplexArray) -> list[IntArray]:
@@ -161,7 +166,7 @@ class _Cluster:
         return int(self.which[np.argmax([part @ part for part in parts])])
 
     def _excess(self, modes: list[int], others: list[int], most: RealArray) -> tuple[RealArray, float]:
-        """Return what others explain across modes, over what may be none of theirs, (k,), and the most that any explains.
+        """Return what others explain across modes, over what may be none of theirs, (k,), and the most that any of them may have.
 
         What a joint fit leaves below its threshold counts as errors do.
         """
@@ -175,7 +180,7 @@ class _Cluster:
         ]
         least = [bar + self.left + energy * share for share in self._products(len(modes), most)]
         excess = np.max([gain / each for gain, each in zip(gains, least, strict=True)], axis=0)
-        return excess, max(bar, float(gains[0].max()))
+        return excess, float(np.sqrt(gains[0].max()) + _DEVIATIONS) ** 2
 
     def deviations(self, count: int) -> RealArray:
         """Return the energies of deviations by row and by column, relative to that of so many modes and in units of 1 / zeta^2, (2,)."""
