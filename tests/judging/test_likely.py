@@ -1,4 +1,4 @@
-"""Which poles take part in the noise model beside the modes."""
+"""Which poles take part in the noise model beside the modes, and data without noise."""
 
 from __future__ import annotations
 
@@ -7,12 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from modalscope.data import FrequencyResponse
 from modalscope.functions.poles import poles_from
+from modalscope.identification.stabilize import stabilize
 from modalscope.judging import verdict as likely
 from modalscope.judging.evidence import evidence_of
+from modalscope.judging.select import select
 from modalscope.judging.selection_problem import SelectionProblem
 from modalscope.likelihood.reference_model import floor_of
-from tests.judging.made import diagram_of, poles_of
+from tests.judging.hard import lines_of, random_structure, score
+from tests.judging.made import NUDGE, diagram_of, poles_of
 from tests.judging.test_joint_selection import F, data
 from tests.judging.test_verdict import ALL, OFF, ORDERS, POLES
 
@@ -38,3 +42,19 @@ def test_skirts_take_part_only_where_what_is_left_beside_them_is_white(
     # beside the terms for all that is far outside every pole that takes part has two columns
     columns = arenas[0].problem.terms.shape[1]
     assert (columns > response.basis(np.zeros(0), response.outside_powers).columns.shape[1]) is white
+
+
+def test_data_without_noise_have_their_modes_and_no_others() -> None:
+    # poles of lscf are good to 1e-6 here: what they leave is misfit, and no noise
+    structure = random_structure(1)
+    f = np.linspace(0.7 * np.abs(structure.poles).min(), 1.15 * np.abs(structure.poles).max(), 500) / (2 * np.pi)
+    response = FrequencyResponse(values=lines_of(structure, f), frequencies=f, quantity=structure.quantity)
+    found = score(structure, select(stabilize(response, method="lscf")))
+    assert found.found.all()
+    assert found.spurious == 0
+
+
+@pytest.mark.parametrize(("part", "computed"), [(1 - NUDGE, True), (1 + NUDGE, False)])
+def test_a_millionth_of_the_data_is_no_noise_of_a_measurement(part: float, computed: bool) -> None:
+    floor = floor_of(data(), POLES)
+    assert likely._computed(replace(floor, left=1e-6 * part * floor.data)) is computed

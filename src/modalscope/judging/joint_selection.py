@@ -105,10 +105,15 @@ def _refine(
     return descend(selection.problem, poles, sides, **limits, decisive=decisive, stays=stays)
 
 
+#: What rounding leaves of a fit to data without noise, relative to them.
+_ROUNDING_OF_FIT = 1e-12
+
+
 def variance_of_fit(selection: SelectionProblem, descent: Descent) -> float:
     """Return the variance of the residual of this model by row; it is below that of the reference model if the reference lacks a mode."""
     q, p = selection.problem.data.shape[1:]
-    return descent.cost / max(selection.problem.freedom - 2 * len(descent.point.poles) * int(q + p), 1)
+    least = _ROUNDING_OF_FIT**2 * float(np.sum(selection.problem.data**2))
+    return max(descent.cost, least) / max(selection.problem.freedom - 2 * len(descent.point.poles) * int(q + p), 1)
 
 
 def channel_noise_factors(state: State) -> RealArray:

@@ -350,6 +350,9 @@ _MIN_GROUP_ORDERS = 3
 #: Minimum distance of starting poles in half bandwidths, unless their MAC is below this; maximum number of them.
 _START_HALF_BANDWIDTHS, _SAME_START_MAC, _MAX_STARTS = 0.3, 0.95, 60
 
+#: Residuals below this part of the data are no noise of a measurement: a converter of 20 bits rounds to as much.
+_MAX_COMPUTED = 1e-6
+
 #: Above this ratio of noise to data, fast least squares (without orthogonalization) are accurate enough.
 _MIN_NOISE_RATIO = 1e-4
 
@@ -380,7 +383,7 @@ def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> t
         return select_jointly(selection, poles.pole[starts] - added, sides, doubted=doubted)
 
     floor, held = floor_of(response, rich - added), beside()
-    seen, more, doubted = floor, held, floor.colour.coloured
+    seen, more, doubted = floor, held, floor.colour.coloured and not _computed(floor)
     if doubted:
         more = beside(out_of_band_poles(response))
         seen = floor_of(response, np.concatenate([rich - added, more[more.imag > 0]]))
@@ -423,6 +426,11 @@ def _problem_of(response: Response, floor: Floor, steady: ComplexArray) -> Selec
     return SelectionProblem(
         problem, floor.variance, bar, response.span, correlation=floor.correlation, window=floor.window
     )
+
+
+def _computed(floor: Floor) -> bool:
+    """Return whether the residual is less than any measurement leaves: data were computed, and poles are as good as rounding lets them."""
+    return bool(np.mean(floor.left**2) < _MAX_COMPUTED**2 * np.mean(floor.data**2))
 
 
 def _whole(selection: SelectionProblem, floor: Floor) -> RealArray:
