@@ -192,7 +192,7 @@ def test_weights_of_coherence_follow_the_variance_of_an_estimate() -> None:
     ("options", "text"),
     [
         ({"initial_values": np.zeros((1, 3, 2))}, r"needs shape \(terms, 4, 2\)"),
-        ({"initial_values": "nothing"}, r"there are arrays, and 'rest'"),
+        ({"initial_values": "nothing"}, r"only arrays are possible, and 'rest'"),
         ({"row_shifts": [1, 2]}, r"0 among them"),
         ({"basis": "legendre"}, r"orthogonal, powers"),
         ({"block_columns": 5}, r"columns .* are lines"),

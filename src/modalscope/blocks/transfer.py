@@ -49,7 +49,7 @@ def initial_terms(given: ArrayLike | str, response: FrequencyResponse, plane: Pl
         if given != "rest" or plane.dt is not None:
             raise DataError(
                 f"initial_values={given!r} was asked",
-                f"there are arrays, and 'rest' in the s-domain (this is the {plane.name})",
+                f"only arrays are possible, and 'rest' in the s-domain; this is the {plane.name}",
                 "Give the terms (K, outputs, inputs), or omit them.",
             )
         # the terms D, CB, ... that vanish for a structure at rest: two for displacements, one for velocities

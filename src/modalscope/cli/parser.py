@@ -159,7 +159,7 @@ def add_common(parser: Parser) -> None:
 
 def add_method(parser: Parser) -> None:
     """Add a cell of the table of methods."""
-    parser.add_argument("--method", help="row of the table (see: modalscope methods); default: chosen by the data")
+    parser.add_argument("--method", help="method, a row of `modalscope methods` (default: chosen by the data)")
     parser.add_argument("--domain", help="time, z or s; default: chosen by the data")
 
 

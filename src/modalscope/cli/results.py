@@ -32,7 +32,7 @@ def add_realize(parser: Parser) -> None:
     """Add the arguments of `realize`."""
     add_files(parser)
     parser.add_argument("--order", type=int, help="number of states (default: chosen by the data)")
-    part = "part of records with inputs that candidates are judged on (default .25; 0: none)"
+    part = "share of records with inputs held out to judge candidates (default .25; 0: none)"
     parser.add_argument("--holdout", type=float, default=0.25, metavar="PART", help=part)
     parser.add_argument("--unstable", action="store_true", help="keep poles that grow")
     add_method(parser)

@@ -24,7 +24,13 @@ def add_watch(parser: Parser) -> None:
     add("--store", type=Path, required=True, metavar="FILE", help="store of modes, such as bridge.modes")
     add("--once", action="store_true", help="store what is there and stop (default: wait for more)")
     add("--again", action="store_true", help="try files again that could not be used before")
-    add("--every", type=float, default=10.0, metavar="SECONDS", help="time between two looks (default: 10)")
+    add(
+        "--every",
+        type=float,
+        default=10.0,
+        metavar="SECONDS",
+        help="seconds between two checks of the folder (default: 10)",
+    )
     add("--jobs", type=int, default=1, metavar="N", help="number of processes (default: 1)")
     add(
         "--reference",
@@ -34,7 +40,11 @@ def add_watch(parser: Parser) -> None:
     )
     add("--false-per-year", type=float, default=1.0, metavar="N", help="rate of false alarms (default: 1)")
     add("--chart", type=Path, metavar="PICTURE", help="with --reference: draw the control chart, .png, .svg or .pdf")
-    add("--call", metavar="COMMAND", help="with --reference: run it at each alarm, which is JSON at its input")
+    add(
+        "--call",
+        metavar="COMMAND",
+        help="with --reference: command run at each alarm; it reads the alarm as JSON from its input",
+    )
     add("--force", action="store_true", help="replace a picture that modalscope did not write")
     add("--covariates", type=Path, metavar="CSV", help="table of temperature, wind ...: time, then a column for each")
     add_reading(parser)

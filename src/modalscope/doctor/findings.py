@@ -34,11 +34,11 @@ ROWS = {
     ),
     "dead": ("it never changes", _EXCLUDE),
     "noisy: coherence": (
-        "{percent:.0f} % of its power is predicted by {source}, {usual:.0f} % in the median",
+        "{percent:.0f} % of its power is predicted by {source}, {usual:.0f} % is the median of the channels",
         _EXCLUDE,
     ),
     "noisy: unexplained": (
-        "{percent:.0f} % of its power is predicted by no other sample of any channel, {usual:.2g} % in the median",
+        "{percent:.0f} % of its power is predicted by no other sample of any channel, {usual:.2g} % is the median of the channels",
         _EXCLUDE,
     ),
     "duplicate": (
@@ -169,7 +169,7 @@ ROWS = {
         "Leave one of both out: it adds nothing, and deviations become too small.",
     ),
     "drift": (
-        "{percent:.0f} % of its power lies below {limit:.3g} Hz, {usual:.2g} % in the median",
+        "{percent:.0f} % of its power lies below {limit:.3g} Hz, {usual:.2g} % is the median of the channels",
         "Look for temperature or an unsettled sensor, and choose a band above: band=(f1, f2).",
     ),
     "event": (

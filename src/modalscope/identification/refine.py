@@ -203,7 +203,7 @@ def refine(
     settled, kept, lost = _significant(task, start)
     if settled is not None and not settled.descent.converged:
         descent = settled.descent
-        text = f"Refinement did not converge: {descent.why}; values are the best so far"
+        text = f"Refinement did not converge: {descent.why}; these are the best values so far"
         notes.append(Note("not converged", {"iterations": descent.iterations}, text))
     return refined(task, start.take(kept), settled, chosen, lost, notes)
 

@@ -33,7 +33,7 @@ def stays_stored(options: Options, size: int) -> bool:
     if asked is None:
         return size > allowed_memory() // _PARTS_OF_MEMORY
     if not isinstance(asked, bool):
-        raise DataError("stored was asked", f"it is {asked!r}", "Give True, False or nothing.")
+        raise DataError(f"stored={asked!r} was asked", "it is True or False", "Give one of these, or leave it out.")
     return asked
 
 

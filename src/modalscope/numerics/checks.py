@@ -345,6 +345,6 @@ def check_path(path: Any) -> Path:
     try:
         fsencode(path)
     except UnicodeEncodeError:
-        what = f"{fspath(path)!r} has characters that no name has on this system"
+        what = f"{fspath(path)!r} has characters that this system does not allow in names"
         raise DataError("the name of a file was asked", what, "Take them out.") from None
     return Path(path)

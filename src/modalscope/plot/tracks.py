@@ -119,7 +119,7 @@ def against(found: Explained, covariate: str | None = None, ax: Axes | None = No
         xlabel=plain(f"{name}, as it is felt"),
         ylabel="relative change of frequency [%], tracks one below the other",
     )
-    aside(ax, "part of the variance that is explained: in the legend")
+    aside(ax, "legend: explained share of the variance")
     key(ax, ncols=4)
     return ax
 

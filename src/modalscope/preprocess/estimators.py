@@ -236,7 +236,7 @@ def synchronous(
             f"an average over periods of {period} samples was asked",
             'Correct the period, or give excitation="random".',
         )
-        raise DataError(asked, "no line of the forces exceeds their scatter from period to period", change)
+        raise DataError(asked, "the forces do not repeat with this period", change)
     spectra = spectra.at_lines(~silent)
     check_inputs(spectra, labels)
     H = solve_h1(spectra)

@@ -234,7 +234,7 @@ class LeastSquaresCompanion(Realization):
         if rest or not 1 <= p <= r:
             raise DataError(
                 f"order={n} of a least-squares companion was asked",
-                f"its order is a multiple of {block}, at most {block * r} with {r} blocks",
+                f"the order must be a multiple of {block}, at most {block * r} with {r} blocks",
                 "Choose such an order, or raise block_rows (block_columns in the controllable form).",
             )
         R = self._last_block_row(n)

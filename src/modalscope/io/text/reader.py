@@ -130,7 +130,7 @@ def _signs(options: Options) -> tuple[str | None, str | None]:
     if delimiter is not None:
         delimiter = names.get(str(delimiter), delimiter)
         if not isinstance(delimiter, str) or len(delimiter) > 1:
-            fault = "it is not one sign"
+            fault = "it is not a single character"
             raise DataError(f"delimiter={delimiter!r} was asked", fault, 'Give one sign, or "tab" or "space".')
     return delimiter, decimal
 

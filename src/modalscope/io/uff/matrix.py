@@ -317,7 +317,7 @@ def sort_records(functions: Sequence[Function], options: dict[str, Any], si: boo
     runs = {len(functions) for side in sides for functions in side.values()}
     if len(runs) != 1:
         counts = ", ".join([f"{label} {len(fs)}" for side in sides for label, fs in side.items()][:12])
-        fault = f"the channels come a different number of times: {counts}"
+        fault = f"the file does not hold every channel equally often: {counts}"
         remedy = "Export every channel of every run, and nothing else."
         raise DataError("records of whole runs were asked", fault, remedy)
     count = runs.pop()
