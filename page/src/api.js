@@ -69,9 +69,9 @@ export const compare = (key) => post(`/api/documents/${key}/compare`);
 export const blob = async (key, name) => unpack(await (await ask(`/api/documents/${key}/blob/${name}`)).arrayBuffer());
 /** @param {string} key @param {number} output @param {number} input */
 export const channel = async (key, output, input) => unpack(await (await ask(`/api/documents/${key}/channel?output=${output}&input=${input}`)).arrayBuffer());
-/** @param {string} key @param {string} suffix */
-export async function exported(key, suffix) {
-  const answer = await ask(`/api/documents/${key}/export/${suffix}`);
+/** @param {string} key @param {string} suffix @param {number} mode  of a film */
+export async function exported(key, suffix, mode = 0) {
+  const answer = await ask(`/api/documents/${key}/export/${suffix}?mode=${mode}`);
   const named = /filename="([^"]+)"/.exec(answer.headers.get("content-disposition") ?? "");
   return { name: named?.[1] ?? `modes.${suffix}`, data: await answer.blob() };
 }

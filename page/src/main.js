@@ -93,7 +93,7 @@ function makeWork(begin, state) {
   };
   const settings = makeSettings(places.settings, { set: (fields) => act("set", fields), order: (order) => diagram.setOrder(order), automatic: () => act("automatic"), read: (options) => act("reading", options) }, begin.methods);
   const box = h("div.diagram-box");
-  places.diagram.append(h("div.bar", {}, h("h2", {}, "Stabilization"), legend, h("span.space"), h("button.small", { onclick: () => diagram.toggleLetters(), title: "Letters or marks (l)" }, "o f d v s"), h("button.small", { onclick: () => diagram.toggleLinear(), title: "Indicator in dB or linear (i)" }, "dB"), h("button.small", { onclick: () => diagram.whole(), title: "Full range (z)" }, "full range")), box);
+  places.diagram.append(h("div.bar", {}, h("h2", {}, "Stabilization"), legend, h("span.space"), h("button.small", { onclick: () => diagram.toggleLetters(), title: "Letters or marks (l)" }, "o f d v s"), h("select", { "aria-label": "Curves behind the poles", onchange: (/** @type {any} */ e) => ((summed = e.target.value === "sum"), poles && curvesOf(poles)) }, h("option", { value: "cmif" }, "CMIF"), h("option", { value: "sum" }, "sum")), h("button.small", { onclick: () => diagram.toggleLinear(), title: "Indicator in dB or linear (i)" }, "dB"), h("button.small", { onclick: () => diagram.whole(), title: "Full range (z)" }, "full range")), box);
   fill(legend, [["pole-s", "stable"], ["pole-d", "damping"], ["pole-v", "shape"], ["pole-f", "frequency"], ["pole-new", "new"]].map(([c, words]) => h("span", {}, h(`i.key.${c}`), words)));
   const diagram = makeDiagram(box, { take: (i) => take(diagram.poles.frequency[i]), refuse, select });
   const strip = makeOverview(places.strip, (band) => act("set", { bands: band ? [band.map((f) => Number(f.toPrecision(6)))] : [] }));
@@ -244,11 +244,19 @@ function makeWork(begin, state) {
   /** @param {any} blob */
   const rows = (blob) => Array.from({ length: blob.shapes.curves[0] }, (_, k) => blob.curves.subarray(k * blob.shapes.curves[1], (k + 1) * blob.shapes.curves[1]));
 
+  /** Whether the sum of all responses stands behind the poles, and not the mode indicator. */
+  let summed = false;
+  /** @param {any} blob */
+  function curvesOf(blob) {
+    const levels = summed ? [blob.total] : rows(blob);
+    diagram.setCurves({ lines: blob.lines, levels }, now.document.bands.length === 1 ? now.document.bands[0] : ends(blob.bands), summed ? "sum of responses" : undefined);
+  }
+
   /** @param {any} blob */
   function setPoles(blob) {
     poles = blob;
     live = null;
-    diagram.setCurves({ lines: blob.lines, levels: rows(blob) }, now.document.bands.length === 1 ? now.document.bands[0] : ends(blob.bands));
+    curvesOf(blob);
     diagram.setPoles(blob, Math.max(...blob.orders, 2));
     settings.setTop(Math.max(...blob.orders, 2));
     settings.setUsed(now.document.method ? "" : `automatic: ${blob.label}`);
@@ -307,7 +315,7 @@ function makeWork(begin, state) {
   async function save(/** @type {string} */ suffix) {
     formats.hidden = true;
     try {
-      const { name, data } = await api.exported(now.key, suffix);
+      const { name, data } = await api.exported(now.key, suffix, Math.max(0, (found?.modes ?? []).indexOf(shown()[chosen])));
       const link = h("a", { href: URL.createObjectURL(data), download: name });
       link.click();
       setTimeout(() => URL.revokeObjectURL(link.href), 10000);

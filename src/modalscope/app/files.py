@@ -23,6 +23,7 @@ FORMATS = {
     ".h5": "HDF5 arrays",
     ".html": "the report, one file with its pictures",
     ".zip": "pictures of diagram, shapes, AutoMAC and response, SVG",
+    ".gif": "film of the chosen mode",
     ".docx": "the report as a Word document",
     ".pptx": "the report as slides",
     ".analysis.json": "the document: every choice, to repeat the analysis",

@@ -175,10 +175,11 @@ async def export(request: Request) -> Response:
     if suffix not in FORMATS:
         raise DataError(f"{suffix[:20]} was asked", f"the formats are {', '.join(FORMATS)}", "Choose one of these.")
     stem = Path(opened.document.files[0].path).stem or "modes"
+    mode = _number(request, "mode") if "mode" in request.query_params else 0
     folder = Path(mkdtemp(prefix="modalscope-"))
     target = folder / f"{stem}{suffix}"
     try:
-        path = Path(await opened.ask("export", suffix=suffix, target=str(target)))
+        path = Path(await opened.ask("export", suffix=suffix, target=str(target), mode=mode))
     except BaseException:
         _cleared(target)
         raise

@@ -27,8 +27,8 @@ def channel(stages: Stages, progress: Progress, output: int, column: int) -> byt
     return stages.channel(output, column)
 
 
-def export(stages: Stages, progress: Progress, suffix: str, target: str) -> Path:
-    """Write the result in one of `FORMATS`, as the command line does, to the file `target`."""
+def export(stages: Stages, progress: Progress, suffix: str, target: str, mode: int = 0) -> Path:
+    """Write the result in one of `FORMATS`, as the command line does, to the file `target`; `mode`: the one of a film."""
     result, path = stages.finished(), Path(target)
     if suffix not in FORMATS:
         raise DataError(f"{suffix} was asked", f"the formats are {', '.join(FORMATS)}", "Choose one of these.")
@@ -36,6 +36,10 @@ def export(stages: Stages, progress: Progress, suffix: str, target: str) -> Path
         from modalscope.reporting import report
 
         return report(result, path)
+    if suffix == ".gif":
+        from modalscope.plot import animate
+
+        return animate(result.modes, mode, path)
     if suffix == ".zip":
         return _pictures(result, path)
     write(path, result.analysis if suffix == ".analysis.json" else result)

@@ -28,8 +28,11 @@ _MAX_CURVES, _MAX_POINTS = 3, 200_000
 _MAX_SPECTRA = 4
 
 
-def curves_of(data: Any) -> tuple[Array, Array]:
-    """Return lines (F,) and indicator curves (F, k) of any data: CMIF, or singular values of the spectra of ambient records."""
+def curves_of(data: Any, kind: str = "cmif") -> tuple[Array, Array]:
+    """Return lines (F,) and indicator curves (F, k) of any data: CMIF, or singular values of the spectra of ambient records.
+
+    `kind`: of responses, as in `indicator_curves`.
+    """
     runs = getattr(data, "recordings", ())
     if runs:
         longest = max(runs, key=lambda run: run.samples)
@@ -37,7 +40,7 @@ def curves_of(data: Any) -> tuple[Array, Array]:
             spectra = decomposition(longest)
             return spectra.frequencies, np.sqrt(spectra.singular_values)
         data = estimate_frf(longest)
-    return indicator_curves(data.picture())
+    return indicator_curves(data.picture(), kind)
 
 
 def overview_blob(data: Any) -> bytes:
@@ -73,6 +76,7 @@ def poles_blob(diagrams: Sequence[StabilizationDiagram]) -> bytes:
     """Return the poles of all orders and bands, with the indicator behind them."""
     first = diagrams[0]
     lines, curves = behind(diagrams, _MAX_POINTS)
+    total = behind(diagrams, _MAX_POINTS, kind="sum")[1][0]
     head = {
         "label": cell_label(first.method, first.domain),
         "method": first.method,
@@ -81,7 +85,9 @@ def poles_blob(diagrams: Sequence[StabilizationDiagram]) -> bytes:
         "bands": [list(band_of(d, len(diagrams))) for d in diagrams],
         "tolerances": dict(first.tolerances),
     }
-    return pack(head, {**pole_arrays(diagrams), "lines": lines, "curves": curves}, exact=("frequency", "lines"))
+    return pack(
+        head, {**pole_arrays(diagrams), "lines": lines, "curves": curves, "total": total}, exact=("frequency", "lines")
+    )
 
 
 def pole_arrays(diagrams: Sequence[StabilizationDiagram]) -> dict[str, Array]:
@@ -105,17 +111,18 @@ def pole_arrays(diagrams: Sequence[StabilizationDiagram]) -> dict[str, Array]:
 
 
 def behind(
-    diagrams: Sequence[StabilizationDiagram], points: int, spectra: Decomposition | None = None
+    diagrams: Sequence[StabilizationDiagram], points: int, spectra: Decomposition | None = None, kind: str = "cmif"
 ) -> tuple[Array, Array]:
     """Return lines (F,) and indicator curves (k, F) of diagrams, thinned to `points`.
 
     `spectra`: square roots of their largest singular values, which are amplitudes, instead of the indicator, in the chosen bands.
+    `kind`: as in `curves_of`.
     """
     if spectra is not None:
         f = spectra.frequencies
         kept = np.any([(low <= f) & (f <= high) for low, high in map(asked_ends, diagrams)], axis=0)
         return thinned(f[kept], np.sqrt(spectra.singular_values[kept, :_MAX_SPECTRA]), points)
-    curves = [cut_to_band(curves_of(d.response), d, len(diagrams)) for d in diagrams]
+    curves = [cut_to_band(curves_of(d.response, kind), d, len(diagrams)) for d in diagrams]
     count = min(_MAX_CURVES, *(c.shape[1] for _, c in curves))
     return thinned(np.concatenate([f for f, _ in curves]), np.concatenate([c[:, :count] for _, c in curves]), points)
 
