@@ -48,6 +48,9 @@ _CENTRE_STEPS, _MAX_OF_USUAL = 12, 4.0
 #: Margin of what products of deviations leave, for shifts that are no small ones and few rows.
 _MARGIN = 2.5
 
+#: A shift is told no better where nearly all of a mode lies in one row.
+_MIN_WEIGHT_LEFT = 0.1
+
 #: Quantiles by which a mean over shapes is taken.
 _QUANTILES = (np.arange(400) + 0.5) / 400
 
@@ -88,7 +91,8 @@ def copies_of(recount: Recount) -> Copies | None:
         for mode in modes[np.isin(modes, host[others])]:
             centres[mode] = cluster.centre(mode, host)
     most = _CHANCE_AMONG_COLOURED if recount.selection.coloured else _CHANCE
-    return Copies(host, centres, np.sqrt(2 * usual)) if chance < np.log(most) else None
+    shifts = np.median([each.shifts() for each in clusters], axis=0) if clusters else usual
+    return Copies(host, centres, shifts) if chance < np.log(most) else None
 
 
 def _clusters(s: ComplexArray) -> list[IntArray]:
@@ -188,6 +192,14 @@ class _Cluster:
         E = np.sum(np.abs(np.einsum("qa,fqp,pb->fab", U.conj(), self.own, V.conj())) ** 2, axis=0)
         whole = max(float(E[:count, :count].sum()), 1e-300)
         return np.array([E[count:, :count].sum(), E[:count, count:].sum()]) / whole * self.damping**2
+
+    def shifts(self) -> RealArray:
+        """Return by which part of its frequency a resonance scatters from row to row and from column to column, (2,).
+
+        Shifts e / h of deviation s leave s^2 (1 - sum w^2) / 2 about their mean, w = |u|^2 the weights of rows.
+        """
+        left = [1 - np.sum(np.abs(each[:, 0]) ** 4) for each in _leading(self.own, 1)]
+        return np.sqrt(2 * self.deviations(1) / np.maximum(left, _MIN_WEIGHT_LEFT))
 
     @property
     def damping(self) -> float:
