@@ -25,6 +25,7 @@ FOLDER = ROOT / "docs" / "validation"
 SUBJECTS = {
     "selection": "Selection of modes",
     "bands": "Modes of narrow bands and of parts of a band",
+    "ablation": "Rules of the choice of modes, switched off one by one",
     "ambient": "Ambient records",
     "harmonics": "Harmonics of rotating machines",
     "inputs": "Records with inputs",
