@@ -24,10 +24,11 @@ from modalscope.io.atomic import replacing
 from modalscope.io.formats import sources_of
 from modalscope.judging.grades import grades
 from modalscope.judging.select import select
+from modalscope.modal.rebuilt import fit_error
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_kind, check_path
 from modalscope.plot.web.alive import drawing_of
-from modalscope.plot.web.fits import fit_of, lines_of, lines_of_response
+from modalscope.plot.web.fits import Lines, fit_of, lines_of_response, rebuilt_lines
 from modalscope.preprocess.singular_spectra import Decomposition, decomposition
 from modalscope.reporting import record, sections
 from modalscope.reporting.comparison import comparison_sections
@@ -221,8 +222,10 @@ def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, ori
         yield band.named(sections.stabilization_section(band.diagram, band.modes, spectra), several)
     yield from sections.mode_pictures(modes, drawing.arrays, holds)
     for band in bands:
-        band_fit = fit_of(band.modes, band.diagram.response) if several else drawing.fit
-        band_lines = lines_of(band.modes, (band.diagram,)) if several and band_fit else drawing.lines
+        band_fit, band_lines = drawing.fit, drawing.lines
+        if several and drawing.fit is not None:
+            band_lines = Lines(*rebuilt_lines(modes, band.diagram, len(bands)))
+            band_fit = fit_error(band_lines.measured, band_lines.rebuilt)
         yield band.named(sections.responses_section(band.diagram.response, band_fit, band_lines), several)
     if modes.reasons:
         yield sections.reasons_section(modes)

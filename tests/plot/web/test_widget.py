@@ -12,6 +12,7 @@ import pytest
 import modalscope as ms
 from modalscope.modal.rebuilt import fit_error, rebuilt, unexplained
 from modalscope.plot.web.alive import alive_blob, drawing_of, front_end
+from modalscope.plot.web.fits import inside, lines_of_response, rebuilt_lines
 from modalscope.plot.web.modes import modes_parts
 from modalscope.preprocess.singular_spectra import decomposition
 from modalscope.systems import chain5
@@ -89,3 +90,14 @@ def test_a_geometry_without_lines_is_joined_between_neighbours() -> None:
     points = np.column_stack([np.arange(len(nodes)), np.zeros((len(nodes), 2))])
     placed = replace(modes, geometry=ms.Geometry(nodes=nodes, coordinates=points))
     assert modes_parts(placed, {})[1]["lines"].tolist() == [[k, k + 1] for k in range(len(nodes) - 1)]
+
+
+def test_rebuilt_curves_of_two_bands_meet() -> None:
+    data = chain5().frequency_response(np.linspace(0.3, 7.5, 600), noise=0.005, seed=0)
+    result = ms.analyze(data, band=[(0.3, 3.4), (3.4, 7.5)], orders=range(4, 13, 4), refine=False)
+    first, second = (rebuilt_lines(result.modes, diagram, 2) for diagram in result.diagrams)
+    step = np.abs(20 * np.log10(np.abs(second[2][0]) / np.abs(first[2][-1])))
+    measured = np.abs(20 * np.log10(np.abs(second[1][0]) / np.abs(first[1][-1])))
+    assert np.median(step) < 0.5 + np.median(measured)  # dB; without the other band's modes it is several
+    alone = [lines_of_response(inside(result.modes, diagram, 2), diagram.response) for diagram in result.diagrams]
+    assert np.median(np.abs(20 * np.log10(np.abs(alone[1].rebuilt[0]) / np.abs(alone[0].rebuilt[-1])))) > 2

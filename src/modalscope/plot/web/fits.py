@@ -41,6 +41,14 @@ def inside(modes: ModalModel, diagram: StabilizationDiagram, bands: int) -> Moda
     return modes.take((modes.frequencies >= low) & (modes.frequencies <= high))
 
 
+def within(modes: ModalModel, response: Response) -> ModalModel:
+    """Return the modes that a response is rebuilt from: of lines all, whose tails reach inside; of samples those of its span."""
+    if response.grid is not None:
+        return modes
+    low, high = response.span
+    return modes.take((modes.frequencies >= low) & (modes.frequencies <= high))
+
+
 def cut_to_band(lines: tuple[Array, ...], diagram: StabilizationDiagram, bands: int) -> tuple[Array, ...]:
     """Return lines and their values, of several bands those inside: neighbours may overlap, and a curve never runs back."""
     if bands == 1:
@@ -65,10 +73,9 @@ def lines_of(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> Lin
 
 
 def rebuilt_lines(modes: ModalModel, diagram: StabilizationDiagram, bands: int) -> tuple[Array, Array, Array]:
-    """Return lines (F,), measured and rebuilt values (F, l, m) of one of several bands."""
-    f, measured, fitted = cut_to_band(
-        lines_of_response(inside(modes, diagram, bands), diagram.response), diagram, bands
-    )
+    """Return lines (F,), measured and rebuilt values (F, l, m) of one of several bands, rebuilt from the modes of all."""
+    chosen = modes if bands == 1 else within(modes, diagram.response)
+    f, measured, fitted = cut_to_band(lines_of_response(chosen, diagram.response), diagram, bands)
     return f, measured, fitted
 
 
@@ -88,7 +95,7 @@ def fit_of(modes: ModalModel, response: Response) -> Fit:
 
 
 def fit_of_bands(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> Fit:
-    """Return the fit error of all bands together, each on the lines above its noise with the modes inside."""
+    """Return the fit error of all bands together, each on the lines above its noise, rebuilt from all modes."""
     if len(diagrams) == 1 or modes.participation is None:
         return fit_of(modes, diagrams[0].response)
     parts = []
@@ -113,7 +120,8 @@ def channel_blob(diagrams: Sequence[StabilizationDiagram], modes: ModalModel, ou
         if not (0 <= output < outputs and 0 <= column < columns):
             counts = f"there are {outputs} outputs and {columns} inputs"
             raise DataError(f"channel {output}, {column} was asked", counts, "Choose one of these.")
-        curves = _channel_lines(response, inside(modes, diagram, len(diagrams)), output, column)
+        chosen = modes if len(diagrams) == 1 else within(modes, response)
+        curves = _channel_lines(response, chosen, output, column)
         parts.append(cut_to_band(curves, diagram, len(diagrams)))
     measured, fitted = (np.concatenate(side) for side in list(zip(*parts, strict=True))[1:3])
     f, *sides = (_apart(side) for side in zip(*parts, strict=True))
