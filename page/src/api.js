@@ -65,6 +65,8 @@ export const cancel = (key) => post(`/api/documents/${key}/cancel`);
 export const forget = (key) => post(`/api/documents/${key}/close`);
 /** @param {string} key */
 export const compare = (key) => post(`/api/documents/${key}/compare`);
+/** @param {string} key @param {string} file */
+export const against = (key, file) => post(`/api/documents/${key}/against`, { file });
 /** @param {string} key @param {string} name */
 export const blob = async (key, name) => unpack(await (await ask(`/api/documents/${key}/blob/${name}`)).arrayBuffer());
 /** @param {string} key @param {number} output @param {number} input */

@@ -100,7 +100,10 @@ function makeWork(begin, state) {
   const modes = makeModes(places.modes, { select, refuse, take, rename: (i, name) => act("name", { frequency: shown()[i].frequency, name }) });
   const shape = makeShape(places.shape, { geometry: () => found && editGeometry(found.outputs, geometry) });
   const response = makeResponse(places.response, async (output, column) => (found ? api.channel(now.key, output, column) : null));
-  places.matrix.prepend(h("div.bar", {}, h("h2", {}, "AutoMAC")));
+  const macTitle = h("h2", {}, "AutoMAC");
+  const other = h("input", { type: "file", hidden: true, "aria-label": "A file of modes", onchange: () => against(other.files[0]) });
+  const versus = h("button.small", { title: "MAC with the modes of another file", onclick: () => (macTitle.textContent === "AutoMAC" ? other.click() : autoMac()) }, "against…");
+  places.matrix.prepend(h("div.bar", {}, macTitle, h("span.space"), versus, other));
   const matrix = makeMatrix(places.matrix, select);
 
   /** Modes as they are shown: those found, without what was refused since, with what was taken since. */
@@ -294,9 +297,30 @@ function makeWork(begin, state) {
     settings.setChannels(found.outputs);
     shape.set(found, Math.max(0, found.modes.indexOf(listed[chosen])));
     caption(listed[chosen], chosen);
-    matrix.set(found.mac, found.modes.length, found.outputs.length);
+    autoMac();
     matrix.choose(chosen);
     if (!blob.early && found.columns) response.setChannels(found.outputs, found.columns, found.fits);
+  }
+
+  function autoMac() {
+    macTitle.textContent = "AutoMAC";
+    versus.textContent = "against…";
+    if (found) matrix.set(found.mac, found.modes.length, found.outputs.length);
+  }
+
+  /** @param {File | undefined} file  of modes */
+  async function against(file) {
+    if (!file) return;
+    try {
+      const answer = await api.against(now.key, await api.upload(file, () => {}));
+      macTitle.textContent = `MAC against ${answer.name}`;
+      versus.textContent = "AutoMAC";
+      matrix.set(answer.mac.flat(), found.modes.length, found.outputs.length, answer.frequencies.length);
+    } catch (error) {
+      complain(error);
+    } finally {
+      other.value = "";
+    }
   }
 
   async function refresh() {

@@ -10,6 +10,7 @@ export function makeMatrix(place, select) {
   place.append(holder, key, words);
   let values = /** @type {ArrayLike<number>} */ ([]);
   let count = 0;
+  let across = 0;
   let chosen = -1;
   let geometry = { left: 0, top: 0, cell: 1 };
 
@@ -21,8 +22,8 @@ export function makeMatrix(place, select) {
     const ctx = canvas.getContext("2d");
     ctx.scale(ratio, ratio);
     if (!count) return;
-    const cell = Math.min((w - 26) / count, (high - 22) / count);
-    const left = (w - cell * count - 18) / 2 + 18;
+    const cell = Math.min((w - 26) / across, (high - 22) / count);
+    const left = (w - cell * across - 18) / 2 + 18;
     const top = 2;
     geometry = { left, top, cell };
     ctx.font = `${Math.min(11, Math.max(8, cell * 0.4))}px system-ui, sans-serif`;
@@ -30,8 +31,8 @@ export function makeMatrix(place, select) {
     ctx.textBaseline = "middle";
     const ink = colour("ink");
     for (let i = 0; i < count; i++)
-      for (let j = 0; j < count; j++) {
-        const v = values[i * count + j];
+      for (let j = 0; j < across; j++) {
+        const v = values[i * across + j];
         ctx.globalAlpha = 0.05 + 0.95 * v;
         ctx.fillStyle = colour("matrix");
         ctx.fillRect(left + j * cell + 0.5, top + i * cell + 0.5, cell - 1, cell - 1);
@@ -45,7 +46,11 @@ export function makeMatrix(place, select) {
       if (cell < 11 && i % Math.ceil(11 / cell)) continue;
       ctx.fillStyle = i === chosen ? colour("mode") : colour("muted");
       ctx.fillText(String(i + 1), left - 9, top + (i + 0.5) * cell);
-      ctx.fillText(String(i + 1), left + (i + 0.5) * cell, top + count * cell + 9);
+    }
+    for (let j = 0; j < across; j++) {
+      if (cell < 11 && j % Math.ceil(11 / cell)) continue;
+      ctx.fillStyle = j === chosen && across === count ? colour("mode") : colour("muted");
+      ctx.fillText(String(j + 1), left + (j + 0.5) * cell, top + count * cell + 9);
     }
   });
 
@@ -53,8 +58,8 @@ export function makeMatrix(place, select) {
   canvas.addEventListener("mousemove", (event) => {
     if (!count) return;
     const [i, j] = find(event);
-    const inside = i >= 0 && j >= 0 && i < count && j < count;
-    words.textContent = inside ? `modes ${i + 1} and ${j + 1}: ${values[i * count + j].toFixed(3)}` : "";
+    const inside = i >= 0 && j >= 0 && i < count && j < across;
+    words.textContent = inside ? `modes ${i + 1} and ${j + 1}: ${values[i * across + j].toFixed(3)}` : "";
   });
   canvas.addEventListener("mouseleave", () => count && (words.textContent = ""));
   canvas.addEventListener("click", (event) => {
@@ -64,9 +69,9 @@ export function makeMatrix(place, select) {
   new ResizeObserver(paint).observe(holder);
   onTheme(paint);
   return {
-    /** @param {ArrayLike<number>} mac @param {number} modes @param {number} outputs */
-    set(mac, modes, outputs) {
-      [values, count] = [mac, outputs > 1 ? modes : 0];
+    /** @param {ArrayLike<number>} mac @param {number} modes @param {number} outputs @param {number} [columns]  those of another file */
+    set(mac, modes, outputs, columns = modes) {
+      [values, count, across] = [mac, outputs > 1 ? modes : 0, columns];
       key.hidden = !count;
       words.textContent = modes && outputs === 1 ? "One output: shapes cannot be compared." : "";
       paint();

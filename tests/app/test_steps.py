@@ -13,7 +13,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.app.steps import Stages, result_head
-from modalscope.app.worker import TASKS, compared_view, error_parts
+from modalscope.app.worker import TASKS, against, compared_view, error_parts
 from modalscope.data import DataError
 from modalscope.data.analysis import Analysis
 from modalscope.workflow.sources import source_of_file
@@ -167,3 +167,16 @@ def test_a_comparison_is_rows_methods_and_pictures() -> None:
 )
 def test_every_error_is_told_in_three_parts(error: Exception) -> None:
     assert all(error_parts(error)[part] for part in ("asked", "found", "change"))
+
+
+def test_modes_are_compared_with_those_of_a_file(tmp_path: Path) -> None:
+    data, orders = KINDS["lines"]
+    run = Run()
+    run.run(document_of(data, tmp_path, orders=orders))
+    modes = run.stages.finished().modes
+    ms.write(tmp_path / "other.json", modes.take([0, 2]))
+    answer = against(run.stages, lambda done, total: None, str(tmp_path / "other.json"))
+    np.testing.assert_allclose(answer["mac"], ms.mac(modes.shapes, modes.shapes[:, [0, 2]]))
+    assert answer["frequencies"] == pytest.approx(modes.frequencies[[0, 2]])
+    ms.write(tmp_path / "data.npz", data)
+    refused("holds FrequencyResponse", against, run.stages, lambda done, total: None, str(tmp_path / "data.npz"))

@@ -169,6 +169,13 @@ async def compare(request: Request) -> Response:
     return JSONResponse(plain(await _opened(request).ask("compare")))
 
 
+async def against(request: Request) -> Response:
+    """Return the MAC of the modes with those of a file."""
+    name = (await _body(request)).get("file", "")
+    path = _store(request).files.resolve(str(name))
+    return JSONResponse(plain(await _opened(request).ask("against", path=str(path))))
+
+
 async def export(request: Request) -> Response:
     """Return the result as a file in one format."""
     opened, suffix = _opened(request), f".{request.path_params['suffix']}"
@@ -230,6 +237,7 @@ def routes() -> list[Route]:
         (f"{at}/blob/{{name}}", blob, "GET"),
         (f"{at}/channel", channel, "GET"),
         (f"{at}/compare", compare, "POST"),
+        (f"{at}/against", against, "POST"),
         (f"{at}/export/{{suffix}}", export, "GET"),
     ]
     return [Route(path, _answered(handler), methods=[method]) for path, handler, method in listed]

@@ -11,7 +11,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 
 from modalscope.app.files import FORMATS
 from modalscope.app.steps import Stages
-from modalscope.data import DataError
+from modalscope.data import DataError, ModalModel
 from modalscope.io import write
 from modalscope.io.analysis import analysis_from
 
@@ -55,6 +55,19 @@ def _pictures(result: Result, path: Path) -> Path:
         for name, picture in pictures_of(drawing_of(result.modes, *result.diagrams)).items():
             archive.writestr(f"{path.stem}_{name}.svg", picture)
     return path
+
+
+def against(stages: Stages, progress: Progress, path: str) -> dict[str, Any]:
+    """Return the MAC of the modes with those of a file, rows ours, and the frequencies of the file."""
+    from modalscope.io import read
+    from modalscope.modal.indicators import mac
+
+    modes, other = stages.finished().modes, read(path)
+    if not isinstance(other, ModalModel):
+        fault = f"{Path(path).name} holds {type(other).__name__}"
+        raise DataError("the MAC with another file was asked", fault, "Give a file of modes: .json, .csv, .uff, .npz.")
+    other = other.select(outputs=modes.output_dofs)
+    return {"mac": mac(modes.shapes, other.shapes), "frequencies": other.frequencies, "name": Path(path).name}
 
 
 def compared(stages: Stages, progress: Progress, methods: list[str] | None = None) -> dict[str, Any]:
@@ -107,7 +120,7 @@ def compared_view(comparison: Comparison) -> dict[str, Any]:
 
 
 #: The questions of the page by name.
-TASKS: dict[str, Callable[..., Any]] = {"channel": channel, "export": export, "compare": compared}
+TASKS: dict[str, Callable[..., Any]] = {"channel": channel, "against": against, "export": export, "compare": compared}
 
 
 class _Newer(Exception):
