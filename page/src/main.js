@@ -102,7 +102,7 @@ function makeWork(begin, state) {
   const response = makeResponse(places.response, async (output, column) => (found ? api.channel(now.key, output, column) : null));
   const macTitle = h("h2", {}, "AutoMAC");
   const other = h("input", { type: "file", hidden: true, "aria-label": "A file of modes", onchange: () => against(other.files[0]) });
-  const versus = h("button.small", { title: "MAC with the modes of another file", onclick: () => (macTitle.textContent === "AutoMAC" ? other.click() : autoMac()) }, "against…");
+  const versus = h("button.small", { title: "MAC with the modes of another file", onclick: () => (macTitle.textContent === "AutoMAC" ? other.click() : autoMac()) }, "with file…");
   places.matrix.prepend(h("div.bar", {}, macTitle, h("span.space"), versus, other));
   const matrix = makeMatrix(places.matrix, select);
 
@@ -304,7 +304,7 @@ function makeWork(begin, state) {
 
   function autoMac() {
     macTitle.textContent = "AutoMAC";
-    versus.textContent = "against…";
+    versus.textContent = "with file…";
     if (found) matrix.set(found.mac, found.modes.length, found.outputs.length);
   }
 
