@@ -40,22 +40,21 @@ class Bound(NamedTuple):
 
 
 class Case(NamedTuple):
-    """A record, what is true of it, the bound, and the units of its channels (l,)."""
+    """A record, what is true of it, and the units of its channels (l,)."""
 
     record: Signals
     truth: Truth
-    bound: Bound
     units: Array
 
-    @property
     def visible(self) -> NDArray[np.bool_]:
-        """The modes that the bound lets anyone see."""
+        """Return the modes that the bound lets anyone see."""
         f, zeta = self.truth.frequencies, self.truth.damping_ratios
+        bound = bound_of(self.truth)
         open_there = np.array(
             [
-                self.bound.frequencies / (OPEN_FREQUENCY * f * zeta),
-                self.bound.damping_ratios / (OPEN_DAMPING * zeta),
-                self.bound.shapes / OPEN_SHAPE,
+                bound.frequencies / (OPEN_FREQUENCY * f * zeta),
+                bound.damping_ratios / (OPEN_DAMPING * zeta),
+                bound.shapes / OPEN_SHAPE,
             ]
         )
         return np.asarray(np.all(open_there < 1, axis=0))
@@ -166,7 +165,7 @@ def _case(rng: np.random.Generator, f: Array, zeta: Array, phi: Array, sizes: Ar
     if spoilt[2]:
         units = 10.0 ** rng.uniform(-2, 2, l)
         y = y * units
-    return Case(Signals(outputs=y, sampling_rate=rate), truth, bound_of(truth), units)
+    return Case(Signals(outputs=y, sampling_rate=rate), truth, units)
 
 
 def _damping(rng: np.random.Generator, n: int, most: float = 0.05) -> Array:
@@ -230,7 +229,42 @@ def cable(seed: int) -> Case:
     truth = Truth(f, zeta, phi, np.diag(rng.uniform(0.5, 1.5, 15) / np.sqrt(zeta * f)), np.zeros(3), 64.0, 76_800)
     y, noise = made(rng, truth, 0.02)
     truth = truth._replace(noise=noise)
-    return Case(Signals(outputs=y, sampling_rate=truth.rate), truth, bound_of(truth), np.ones(3))
+    return Case(Signals(outputs=y, sampling_rate=truth.rate), truth, np.ones(3))
+
+
+def gust(y: Array, part: slice, rng: np.random.Generator) -> None:
+    """Make a part of a record eight times as loud."""
+    y[part] = y[part].mean(axis=0) + 8 * (y[part] - y[part].mean(axis=0))
+
+
+def burst(y: Array, part: slice, rng: np.random.Generator) -> None:
+    """Add noise of ten times the signal to a part of a record."""
+    y[part] += 10 * y[part].std(axis=0) * rng.standard_normal(y[part].shape)
+
+
+def knocks(y: Array, part: slice, rng: np.random.Generator) -> None:
+    """Add fading noise of thirty times the signal to the first channel in a part of a record."""
+    count = part.stop - part.start
+    fading = np.exp(-10 * np.arange(count) / count)
+    y[part, 0] += 30 * y[part, 0].std() * fading * rng.standard_normal(count)
+
+
+def weather(y: Array, part: slice, rng: np.random.Generator) -> None:
+    """Change the level of a whole record slowly, by e^.7 in one standard deviation."""
+    knots = np.linspace(0, len(y), 21)
+    y *= np.exp(0.7 * np.interp(np.arange(len(y)), knots, rng.standard_normal(21)))[:, None]
+
+
+#: What happens to records by name: to three hundredths of them, or to all.
+DISTURBANCES = {"gust": gust, "burst": burst, "knocks": knocks, "weather": weather}
+
+
+def disturbed(case: Case, kind: str, seed: int) -> Case:
+    """Return a case to whose record something happens."""
+    rng, y = np.random.default_rng([96, seed]), np.array(case.record.outputs - case.record.outputs.mean(axis=0))
+    start = int(rng.uniform(0.1, 0.8) * len(y))
+    DISTURBANCES[kind](y, slice(start, start + int(0.03 * len(y))), rng)
+    return case._replace(record=Signals(outputs=y, sampling_rate=case.record.sampling_rate))
 
 
 #: The kinds of records by name.
