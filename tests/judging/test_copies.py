@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.judging.copies import _log_chance
-from modalscope.numerics.checks import IntArray
+from modalscope.judging.copies import _MARGIN, _Cluster, _clusters, _leading, _log_chance, copies_of
+from modalscope.judging.recount import Recount, recount_of
+from modalscope.judging.selection_problem import SelectionProblem
+from modalscope.likelihood.descent import descend
+from modalscope.likelihood.likelihood import unit_vectors, whitened
+from modalscope.numerics.checks import ComplexArray, IntArray
+from tests.judging.made import NUDGE
 from tests.judging.shifted import KINDS, missed_and_false, shifted_response, shifted_structure
 from tests.studies import Study
 
@@ -73,3 +79,61 @@ def test_the_chance_to_hide_is_that_of_random_vectors() -> None:
     share = across(4) * across(3)
     for limit in (0.03, 0.3):
         assert np.exp(_log_chance(limit, 4, 3)) == pytest.approx(np.mean(share < limit), rel=0.06)
+
+
+def resonances(shifts: ComplexArray, half: float = 1.0) -> Any:
+    """Return a cluster of one pole at 100 rad/s whose channels (q, p) have poles shifted by so much, all as strong."""
+    s, x = -half + 100j, 1j * np.linspace(0, 200, 1001)[:, None, None]
+    made = object.__new__(_Cluster)
+    made.own, made.poles, made.which = 1 / (x - s - shifts), np.array([s]), np.array([0])
+    return made
+
+
+def test_deviations_of_rows_and_columns_leave_across_both_what_their_product_does() -> None:
+    rng = np.random.default_rng(4)
+    by_row, by_column = 0.05j * rng.standard_normal((40, 1)), 0.02j * rng.standard_normal((1, 30))
+    cluster = resonances(by_row + by_column)
+    # of forty rows and thirty columns, each shape has one in as many channels
+    assert cluster.shifts() == pytest.approx([0.05 / 100, 0.02 / 100], rel=0.2)
+    U, V = _leading(cluster.own, 1)
+    E = np.sum(np.abs(U.conj().T @ cluster.own @ V.conj()) ** 2, axis=0)
+    second, _ = cluster._products(1, np.full(2, np.inf))
+    # of 1, 2 B and 2 B^2 the first is what q itself has
+    assert E[1:, 1:].sum() / E[0, 0] == pytest.approx(9 / 8 * second / _MARGIN, rel=0.1)
+    # rows alone leave nothing
+    alone = resonances(by_row + np.zeros((1, 30)))
+    assert alone._products(1, np.full(2, np.inf))[0] < 1e-20
+
+
+@pytest.mark.parametrize(("apart", "count"), [(2 - NUDGE, 1), (2 + NUDGE, 0)])
+def test_poles_hang_together_within_twice_the_narrower_half_bandwidth(apart: float, count: int) -> None:
+    assert len(_clusters(np.array([-1 + 100j, -3 + (100 + apart) * 1j]))) == count
+
+
+@pytest.mark.parametrize(("coloured", "chance"), [(False, 1e-3), (True, 0.05)])
+@pytest.mark.parametrize(("times", "evident"), [(1 - NUDGE, True), (1 + NUDGE, False)])
+def test_copies_are_evident_where_real_modes_would_hardly_hide_as_well(
+    coloured: bool, chance: float, times: float, evident: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    selection, descent, left, errors = settled_pair()
+    recount = Recount(replace(selection, coloured=coloured), descent, left, errors)
+    monkeypatch.setattr(_Cluster, "parted", lambda *_: (np.array([0]), np.array([1]), np.log(times * chance)))
+    found = copies_of(recount)
+    assert (found is not None) is evident
+    if found is not None:
+        assert found.host.tolist() == [0, 0]
+
+
+def settled_pair() -> Any:
+    """Return the parts of a recount of two poles that hang together."""
+    response = shifted_response(shifted_structure(1), KINDS["white"], 1)
+    structure = shifted_structure(1)
+    s = structure.poles[0] * np.array([1, 1 + 1e-3])
+    l, m = response.values.shape[1:]
+    rows = np.ones(2 * len(response.values))
+    prepared = ms.prepare(response, method="era").response
+    problem = whitened(prepared, np.zeros(0, complex), prepared.outside_powers, rows, np.ones(l), np.ones(m))
+    selection = SelectionProblem(problem, 1.0, 100.0, prepared.span)
+    sides = unit_vectors(np.random.default_rng(2).standard_normal((2, problem.data.shape[2])).astype(complex))
+    found = recount_of(selection, descend(problem, s, sides, most=0))
+    return selection, found.descent, found.left, found.errors

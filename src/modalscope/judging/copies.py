@@ -45,7 +45,7 @@ _STEP = 0.05
 #: Steps to the best pole of a main line; deviations are at most so many times what is usual.
 _CENTRE_STEPS, _MAX_OF_USUAL = 12, 4.0
 
-#: Margin of what products of deviations leave, for shifts that are no small ones and few rows.
+#: Margin of what products of deviations leave, for each order beyond the first: shifts are no small ones, and rows are few.
 _MARGIN = 2.5
 
 #: A shift is told no better where nearly all of a mode lies in one row.
@@ -175,7 +175,7 @@ class _Cluster:
         What a joint fit leaves below its threshold counts as errors do.
         """
         U, V = (each[:, len(modes) :] for each in _leading(self.own, len(modes)))
-        data, errors = np.einsum("qa,fqp,pb->fab", U.conj(), self.data, V.conj()), self.errors.combined(U, V)
+        data, errors = U.conj().T @ self.data @ V.conj(), self.errors.combined(U, V)
         bar = UNCERTAINTY_OF_VARIANCE * free_bound(data[0].size, 2 * len(data))
         energy = 2 * float(np.sum(np.abs(self.own) ** 2 / errors.variance.mean(axis=(1, 2))[:, None, None]))
         alone = self._functions(modes)
@@ -189,17 +189,17 @@ class _Cluster:
     def deviations(self, count: int) -> RealArray:
         """Return the energies of deviations by row and by column, relative to that of so many modes and in units of 1 / zeta^2, (2,)."""
         U, V = _leading(self.own, count)
-        E = np.sum(np.abs(np.einsum("qa,fqp,pb->fab", U.conj(), self.own, V.conj())) ** 2, axis=0)
+        E = np.sum(np.abs(U.conj().T @ self.own @ V.conj()) ** 2, axis=0)
         whole = max(float(E[:count, :count].sum()), 1e-300)
         return np.array([E[count:, :count].sum(), E[:count, count:].sum()]) / whole * self.damping**2
 
     def shifts(self) -> RealArray:
         """Return by which part of its frequency a resonance scatters from row to row and from column to column, (2,).
 
-        Shifts e / h of deviation s leave s^2 (1 - sum w^2) / 2 about their mean, w = |u|^2 the weights of rows.
+        Shifts e of variance a about their mean leave a (1 - sum w^2) of it, w = |u|^2 the weights of rows; see `_products`.
         """
         left = [1 - np.sum(np.abs(each[:, 0]) ** 4) for each in _leading(self.own, 1)]
-        return np.sqrt(2 * self.deviations(1) / np.maximum(left, _MIN_WEIGHT_LEFT))
+        return 2 * np.sqrt(self.deviations(1) / np.maximum(left, _MIN_WEIGHT_LEFT))
 
     @property
     def damping(self) -> float:
@@ -210,12 +210,14 @@ class _Cluster:
     def _products(self, count: int, most: RealArray) -> tuple[float, float]:
         """Return which part of the energy products of deviations may leave across both: beside q, and beside q and two derivatives.
 
-        With a and b the energies of deviations across u and across v, relative to the whole: shifts e and d of a pole of half bandwidth h
-        leave e^2 / 2 h^2 and d^2 / 2 h^2, their product with the second derivative 6 a b, and (e^2 d + e d^2) / 2 with the third 67.5 a b
-        (a + b) at normal e and d. A second mode deviates from the first in both, too: deviations are no larger than `most`.
+        With B = (1 - j x) / (1 + j x), x the distance from the resonance in half bandwidths h, a pole shifted by e (in 2 h) has the
+        line q sum_k e^k / (1 - e)^(k + 1) B^k, in which q B^k are orthogonal. Shifts e by row and d by column of variances a and b, which
+        are the energies of deviations across u and across v, leave e d (1 + 2 B + 2 B^2) q across both, of which 8 a b is beside q. Beside
+        q, q' and q'', the span of the first three, it is 3 (e^2 d + e d^2) B^3 q, 27 a b (a + b) at normal shifts. A second mode deviates
+        from the first in both, too: deviations are no larger than `most`.
         """
         a, b = np.minimum(self.deviations(count), most) / self.damping**2
-        return _MARGIN * 6 * float(a * b), _MARGIN * 67.5 * float(a * b * (a + b))
+        return _MARGIN * 8 * float(a * b), _MARGIN**2 * 27 * float(a * b * (a + b))
 
     def centre(self, mode: int, host: IntArray) -> complex:
         """Return the pole that fits the main line of a mode and its copies best."""
@@ -231,7 +233,7 @@ class _Cluster:
     def _main_line(response: ComplexArray) -> RealArray:
         """Return a response in its leading shape and participation, rows of real and imaginary parts."""
         u, v = (each[:, 0] for each in _leading(response, 1))
-        main = np.einsum("q,fqp,p->f", u.conj(), response, v.conj())
+        main = u.conj() @ response @ v.conj()
         return np.concatenate([main.real, main.imag])
 
     def _response(self, which: IntArray) -> ComplexArray:
@@ -255,7 +257,8 @@ def _leading(own: ComplexArray, count: int) -> tuple[ComplexArray, ComplexArray]
 
     Each has the phase in which it is most real: what is across is as real then, and a pole and its mirror image stay one.
     """
-    products = np.einsum("foi,fni->on", own, own.conj()), np.einsum("foi,fon->in", own, own.conj())
+    rows, columns = (np.moveaxis(own, axis, 0).reshape(own.shape[axis], -1) for axis in (1, 2))
+    products = rows @ rows.conj().T, columns @ columns.conj().T
     return _completed(products[0], count), _completed(products[1], count)
 
 

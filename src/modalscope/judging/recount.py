@@ -75,7 +75,7 @@ class ColouredErrors:
         `shapes` (q, a), `participation` (p, b): columns of what rows and columns are multiplied by.
         """
         parts = (self.variance * self.share, self.variance * (1 - self.share))
-        both = [np.einsum("qa,fqp,pb->fab", abs(shapes) ** 2, part, abs(participation) ** 2) for part in parts]
+        both = [abs(shapes.T) ** 2 @ part @ abs(participation) ** 2 for part in parts]
         variance = both[0] + both[1]
         return replace(self, variance=variance, share=both[0] / variance)
 
