@@ -21,6 +21,7 @@ from modalscope.judging.evidence import (
     LEAST_SHARE,
     LEAST_SIGNAL,
     UNCERTAIN,
+    WHOLE_PEAK,
     Candidate,
     Evidence,
     Gathered,
@@ -304,17 +305,20 @@ def test_a_mode_is_seen_as_a_peak_or_as_much_of_the_response(ratio: float, peak:
 
 
 @pytest.mark.parametrize(
-    ("ratio", "peak", "against"),
+    ("ratio", "peak", "found", "against"),
     [
-        (LEAST_PROMINENCE_AMBIENT, LEAST_PEAK_AMBIENT, ()),
-        (LEAST_PROMINENCE_AMBIENT - NUDGE, LEAST_PEAK_AMBIENT, HIDDEN),
-        (LEAST_PROMINENCE_AMBIENT, LEAST_PEAK_AMBIENT - NUDGE, HIDDEN),
+        (LEAST_PROMINENCE_AMBIENT, LEAST_PEAK_AMBIENT, 9, ()),
+        (LEAST_PROMINENCE_AMBIENT - NUDGE, LEAST_PEAK_AMBIENT, 9, HIDDEN),
+        (LEAST_PROMINENCE_AMBIENT, LEAST_PEAK_AMBIENT - NUDGE, 9, HIDDEN),
+        (1.0, WHOLE_PEAK, 10, ()),
+        (1.0, WHOLE_PEAK - NUDGE, 10, HIDDEN),
+        (1.0, WHOLE_PEAK, 9, HIDDEN),
     ],
 )
-def test_of_correlations_a_mode_is_seen_as_a_peak_with_a_part_in_it(
-    ratio: float, peak: float, against: tuple[str]
+def test_of_correlations_a_mode_is_seen_as_a_peak_with_a_part_in_it_or_as_the_whole_at_half_of_the_orders(
+    ratio: float, peak: float, found: int, against: tuple[str]
 ) -> None:
-    assert weighed(last(9), ratio=ratio, peak=peak, ambient=True).against == against
+    assert weighed(last(found), ratio=ratio, peak=peak, ambient=True).against == against
 
 
 @pytest.mark.parametrize(

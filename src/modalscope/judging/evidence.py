@@ -29,14 +29,16 @@ LEAST_PEAK = 1 / 3
 #: ... or minimum ratio of its CMIF peak to the surroundings.
 LEAST_PROMINENCE = 1.2
 #: For correlations, whose estimation errors every order fits as well as the modes: minimum ratio of the peak jointly with a minimum
-#: share.
-LEAST_PROMINENCE_AMBIENT, LEAST_PEAK_AMBIENT = 1.5, 0.1
+#: share, or this share alone at half of the orders.
+LEAST_PROMINENCE_AMBIENT, LEAST_PEAK_AMBIENT, WHOLE_PEAK = 1.5, 0.1, 0.9
 #: Alternative criterion: standard deviations of frequency (half bandwidths) and damping (relative) below CERTAIN, found at
 #: CERTAIN_SHARE of the orders, the last ones included. Five orders are then not required: few orders may end soon after the first
 #: sufficient one.
 CERTAIN, CERTAIN_SHARE = 0.3, 0.25
-#: For correlations, maximum of these standard deviations: poles of noise exceed it.
+#: For correlations, maximum of these standard deviations: poles of noise exceed it ...
 UNCERTAIN = 0.7
+#: ... unless the spectra of the record have a peak there this many times as high as the test's threshold.
+CLEAR = 2.0
 #: Minimum share of the members with a standard deviation, for the group to have one.
 _MIN_SHARE_WITH_DEVIATION = 0.5
 
@@ -173,9 +175,9 @@ def judge(
         against.append(f"intermittent: found at {100 * persistence:.0f} % of the orders from its first one on")
     if not evidence.ambient and signal < LEAST_SIGNAL:
         against.append(f"signal-to-noise ratio {signal:.1f}: not significant")
-    if not certain and not _visible(stands_out, share, evidence.ambient):
+    if not certain and not _visible(stands_out, share, found, evidence.ambient):
         against.append("weak response and no CMIF peak at its frequency")
-    if evidence.ambient and left_open >= UNCERTAIN:
+    if evidence.ambient and left_open >= UNCERTAIN and not CLEAR <= height < np.inf:
         against.append(
             f"frequency or damping uncertain: standard deviation {left_open:.2g} of its half bandwidth or damping"
         )
@@ -194,11 +196,13 @@ def judge(
     return Candidate(group, f, zeta, facts, tuple(against))
 
 
-def _visible(stands_out: float, share: float, ambient: bool) -> bool:
+def _visible(stands_out: float, share: float, found: float, ambient: bool) -> bool:
     """Whether the data show a mode at its frequency, as a peak or as most of the response there."""
     if not ambient:
         return stands_out >= LEAST_PROMINENCE or share >= LEAST_PEAK
-    return stands_out >= LEAST_PROMINENCE_AMBIENT and share >= LEAST_PEAK_AMBIENT
+    return (stands_out >= LEAST_PROMINENCE_AMBIENT and share >= LEAST_PEAK_AMBIENT) or (
+        share >= WHOLE_PEAK and found >= 0.5
+    )
 
 
 def sentence(facts: dict[str, Any], loss: float) -> str:
