@@ -16,6 +16,7 @@ from modalscope.judging.selection_problem import SelectionProblem
 from modalscope.likelihood.descent import descend
 from modalscope.likelihood.likelihood import unit_vectors, whitened
 from modalscope.numerics.checks import ComplexArray, IntArray
+from modalscope.systems import chain5
 from tests.judging.made import NUDGE
 from tests.judging.shifted import KINDS, missed_and_false, shifted_response, shifted_structure
 from tests.studies import Study
@@ -137,3 +138,10 @@ def settled_pair() -> Any:
     sides = unit_vectors(np.random.default_rng(2).standard_normal((2, problem.data.shape[2])).astype(complex))
     found = recount_of(selection, descend(problem, s, sides, most=0))
     return selection, found.descent, found.left, found.errors
+
+
+def test_of_correlations_no_mode_is_a_copy() -> None:
+    """Their errors follow the modes: a Loewner row on half spectra told shifts of a structure that has none."""
+    record = chain5().simulate(inputs="ambient", samples=6000, sampling_rate=20.0, noise=0.05, seed=4)
+    modes = ms.select(ms.stabilize(record, method="loewner", domain="z"))
+    assert "shifts" not in [note.kind for note in modes.notes]

@@ -114,8 +114,11 @@ class SelectionResult:
 
     @cached_property
     def copies(self) -> Copies | None:
-        """The poles that are copies of others, where that is evident."""
-        if self.selection.problem.light.grid is None:
+        """The poles that are copies of others, where that is evident.
+
+        Not of correlations, whose errors follow the modes themselves.
+        """
+        if self.selection.problem.light.grid is None or self.diagram.response.ambient:
             return None
         return copies_of(self.found.recount or recount_of(self.selection, self.found.descent))
 
