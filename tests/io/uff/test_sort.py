@@ -175,7 +175,7 @@ def test_channels_that_come_again_are_runs(file):
     record = mio.read(file(*functions))
     assert record.outputs.shape == (3, 6, 1)
     assert record.inputs[2, 0, 0] == 20
-    with pytest.raises(DataError, match="a different number of times"):
+    with pytest.raises(DataError, match="every channel equally often"):
         mio.read(file(*functions[:-1]))
 
 
