@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.io.columns.reading import causal_share
+from modalscope.io.columns import Column
+from modalscope.io.columns.reading import causal_share, pairing_of
 from tests.io.columns.test_words import FREQUENCIES, RESPONSE, write
 from tests.support import refused
 
@@ -60,6 +61,13 @@ def test_two_records_are_no_pair_of_parts() -> None:
     rng = np.random.default_rng(0)
     assert causal_share(RESPONSE) > 0.95
     assert causal_share(rng.standard_normal(400) + 1j * rng.standard_normal(400)) < 0.6
+
+
+def test_two_columns_that_are_never_negative_are_no_parts() -> None:
+    parts = [Column(number=k, values=1e4 * part) for k, part in enumerate((RESPONSE.real, RESPONSE.imag), 1)]
+    sizes = [Column(number=column.number, values=np.abs(column.values)) for column in parts]
+    assert set(pairing_of(parts[:1], parts[1:])[1].values()) == {"real", "imag"}
+    assert pairing_of(sizes[:1], sizes[1:])[1] == {}
 
 
 def test_a_part_without_its_other_may_be_left_where_whole_responses_are(tmp_path: Path) -> None:
