@@ -336,11 +336,11 @@ def test_without_groups_spreads_and_indicators_are_unknown_and_deviations_are_th
         orders=ORDERS,
         frequencies_std=np.full(len(made), 0.5),
         damping_ratios_std=np.full(len(made), 0.5),
-        indicators={"mpc": np.ones(len(made))},
+        indicators={"emac": np.ones(len(made))},
     )
     found = select(diagram)
     assert np.isnan(found.frequencies_spread).tolist() == [False] * 3 + [True]
-    assert np.isnan(found.indicators["mpc"]).tolist() == [False] * 3 + [True]
+    assert np.isnan(found.indicators["emac"]).tolist() == [False] * 3 + [True]
     assert found.frequencies_std[:3].tolist() == [0.5] * 3
     assert found.frequencies_std[3] < 0.01
     assert "not in the diagram" in found.reasons[3]["text"]

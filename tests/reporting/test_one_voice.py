@@ -17,7 +17,7 @@ from modalscope.app.steps import result_head
 from modalscope.cli.identify import _print
 from modalscope.judging.description import HEADS, described
 from modalscope.judging.grades import grades
-from modalscope.modal.indicators import mpc
+from modalscope.modal.indicators import mpc, mpd
 from modalscope.plot.web.alive import alive_blob, drawing_of
 from modalscope.plot.web.modes import modes_blob
 from modalscope.plot.web.verdict import verdict_of_result
@@ -47,6 +47,16 @@ def _cells(page: str) -> list[list[str]]:
     return [
         [html.unescape(re.sub(r"<[^>]+>", "", c)) for c in re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", r)] for r in rows
     ]
+
+
+@pytest.mark.parametrize("refine", [False, True])
+def test_stored_indicators_of_shapes_are_those_of_the_reported_shapes(refine: bool) -> None:
+    response = chain5().frequency_response(np.linspace(0.3, 7.5, 400), noise=0.03, seed=1)
+    modes = ms.select(ms.stabilize(response, orders=[10, 12, 14, 16]))
+    modes = ms.refine(response, modes) if refine else modes
+    assert modes.indicators["mpc"] == pytest.approx(mpc(modes.shapes))
+    assert modes.indicators["mpd"] == pytest.approx(mpd(modes.shapes))
+    assert modes.indicators["mpc"].min() < 0.9999  # not trivially one
 
 
 def test_the_description_says_what_the_modes_hold(result: ms.Result) -> None:

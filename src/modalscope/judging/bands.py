@@ -16,7 +16,7 @@ from modalscope.data.results import StabilizationDiagram
 from modalscope.functions.poles import frequencies_and_damping
 from modalscope.identification.orders import ORDERS_END
 from modalscope.judging.selection_problem import MAX_DAMPING_OF_RESONANCES
-from modalscope.modal.indicators import mac
+from modalscope.modal.indicators import mac, with_indicators_of_shapes
 from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, RealArray, check_band, check_each, check_kind
@@ -215,7 +215,8 @@ def joined_modes(parts: Sequence[Part], modes: Sequence[ModalModel], whole: Resp
     if not len(merged):
         return merged
     shapes, fitted = joint_residues(whole, merged.poles, merged.shapes)
-    return replace(merged, shapes=shapes, scaling="as fitted", **fitted).normalized("unit")
+    joined = replace(merged, shapes=shapes, scaling="as fitted", **fitted).normalized("unit")
+    return with_indicators_of_shapes(joined)
 
 
 def _of_core(modes: ModalModel, core: tuple[float, float]) -> ModalModel:

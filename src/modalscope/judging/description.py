@@ -17,7 +17,7 @@ from modalscope.data.mode_fields import half_widths, interval_ends, known_column
 from modalscope.data.modes import ModalModel
 from modalscope.data.shown import text_table
 from modalscope.judging.grades import Grade, grades
-from modalscope.modal.indicators import mpc, mpd
+from modalscope.modal.indicators import mpc
 from modalscope.numerics.checks import BoolArray, RealArray
 
 #: Heads of the table of modes, by the field of `ModeDescription`.
@@ -37,9 +37,6 @@ WORDS = tuple(i for i, name in enumerate(HEADS) if name in ("grade", "reason"))
 
 #: Grade of values that are not final.
 PRELIMINARY = Grade("preliminary", "value before refinement")
-
-#: Indicators that are functions of a shape alone: given for the shapes that are reported.
-_OF_SHAPES = {"mpc": mpc, "mpd": mpd}
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,16 +125,10 @@ def _further(modes: ModalModel) -> dict[str, list[str]]:
         columns["damping spread"] = [told(100 * v) for v in modes.damping_ratios_spread]
     if modes.gain is not None:
         columns["significance"] = [_fixed(v, 1) for v in modes.gain]
-    for name, values in reported_indicators(modes).items():
+    for name, values in modes.indicators.items():
         if name != "mpc":  # stands in the table
             columns[name] = [_fixed(v, 3) for v in values]
     return columns
-
-
-def reported_indicators(modes: ModalModel) -> dict[str, RealArray]:
-    """Return the indicators of the modes; those of shapes are of the shapes that are reported."""
-    own = {name: of_shape(modes.shapes) for name, of_shape in _OF_SHAPES.items() if name in modes.indicators}
-    return {**modes.indicators, **own}
 
 
 def columns_of(modes: ModalModel) -> dict[str, Any]:
@@ -146,7 +137,7 @@ def columns_of(modes: ModalModel) -> dict[str, Any]:
     Standard deviations, degrees of freedom and indicators; then 95 % intervals, MPC, grade and reason.
     """
     (f, zeta), judged = interval_ends(modes, 0.95), grades(modes)
-    columns = {**known_columns(modes), **reported_indicators(modes)}
+    columns = known_columns(modes)
     if np.isfinite(f).any() or np.isfinite(zeta).any():
         columns |= {"frequency_95_low_hz": f[:, 0], "frequency_95_high_hz": f[:, 1]}
         columns |= {"damping_ratio_95_low": zeta[:, 0], "damping_ratio_95_high": zeta[:, 1]}

@@ -25,6 +25,7 @@ from modalscope.judging.tracking import Poles
 from modalscope.judging.verdict import has_likelihood, likely
 from modalscope.likelihood.settling import needed_beside
 from modalscope.likelihood.spread import LEAST_GROUPS
+from modalscope.modal.indicators import with_indicators_of_shapes
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_each, check_kind, check_positive
 from modalscope.numerics.errors import DataError
@@ -173,9 +174,10 @@ def chosen_of(
 
 
 def _of_channels(modes: ModalModel, diagram: StabilizationDiagram) -> ModalModel:
-    """Return modes that were selected in whitened channels as those of the channels."""
+    """Return modes that were selected in whitened channels as those of the channels; indicators of shapes are those of these shapes."""
     whitening = diagram.whitening
-    return modes if whitening is None else whitening.modes_back(modes).normalized("unit")
+    own = modes if whitening is None else whitening.modes_back(modes).normalized("unit")
+    return with_indicators_of_shapes(own)
 
 
 def _check_one_way(wanted: list[float] | None, changes: list[float], reference: ModalModel | None) -> None:

@@ -16,6 +16,7 @@ from modalscope.likelihood.noise import KIND
 from modalscope.likelihood.settling import Settled, Task
 from modalscope.likelihood.spread import LEAST_GROUPS, Spread, spread_of
 from modalscope.likelihood.whitening import Colour
+from modalscope.modal.indicators import with_indicators_of_shapes
 from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.checks import BoolArray, ComplexArray
 
@@ -66,7 +67,7 @@ def refined(
         notes=(*(note for note in before.notes if note.kind not in _REPLACED_KINDS), *response.inseparable_inputs),
         **{**dict.fromkeys(DIRECT), **fit},
     )
-    scaled = replace(model.normalized(_scale(before)), unrefined=before)
+    scaled = with_indicators_of_shapes(replace(model.normalized(_scale(before)), unrefined=before))
     notes = [*notes, *_moved_far(before.poles, poles)]
     # lines of records tell their errors whatever the spectrum
     doubt = settled.colour.coloured and not point.problem.records

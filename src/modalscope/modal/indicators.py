@@ -8,6 +8,8 @@ All are invariant under a change of coordinates of the model and lie between 0 a
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse.csgraph import connected_components
@@ -294,6 +296,14 @@ def _same_outputs(a: ModalModel, b: ModalModel) -> None:
             f"their outputs differ: {', '.join(odd[:6])}{' ...' if len(odd) > 6 else ''}",
             "Select the same outputs in the same order: modes.select(outputs=...).",
         )
+
+
+def with_indicators_of_shapes(modes: ModalModel) -> ModalModel:
+    """Return modes whose MPC, MPD and CMI are those of the shapes that they report, where they have these indicators."""
+    own = {name: of(modes.shapes) for name, of in (("mpc", mpc), ("mpd", mpd)) if name in modes.indicators}
+    if "cmi" in modes.indicators and {"mpc", "emac"} <= set(modes.indicators):
+        own["cmi"] = modes.indicators["emac"] * own["mpc"]
+    return replace(modes, indicators={**modes.indicators, **own})
 
 
 @plainly

@@ -12,7 +12,7 @@ from modalscope.data.mode_fields import told
 from modalscope.data.shown import counted, frequency, percent
 from modalscope.identification.identify import Identification
 from modalscope.identification.method_names import cell_label
-from modalscope.judging.description import HEADS, WORDS, decimals, described, reported_indicators
+from modalscope.judging.description import HEADS, WORDS, decimals, described
 from modalscope.judging.grades import Grade
 from modalscope.modal.rebuilt import explains_enough, unexplained
 from modalscope.numerics.checks import BoolArray
@@ -170,7 +170,7 @@ def figures_of(modes: ModalModel) -> str:
                 columns.append((f"{word} {unit}", [told(scale * v) for v in values]))
     if any(kind != "mode" for kind in modes.kinds):
         columns.append(("kind", modes.kinds))
-    for name, values in reported_indicators(modes).items():
+    for name, values in modes.indicators.items():
         columns.append((name.replace("_", " "), [f"{v:.3f}" if np.isfinite(v) else "–" for v in values]))
     head, cells = zip(*columns, strict=True)
     body = table(head, zip(*cells, strict=True), words=[i for i, name in enumerate(head) if name == "kind"])

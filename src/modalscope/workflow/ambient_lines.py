@@ -15,7 +15,7 @@ from modalscope.data.results import StabilizationDiagram
 from modalscope.data.stored import StoredSignals
 from modalscope.identification.ambient_records import SeenRecord
 from modalscope.likelihood.line_shapes import line_shapes
-from modalscope.modal.indicators import mac, mpc, mpd
+from modalscope.modal.indicators import mac, with_indicators_of_shapes
 from modalscope.numerics.checks import ComplexArray
 from modalscope.preprocess.spectral_peaks import Levels, clear_peaks
 
@@ -112,12 +112,7 @@ def _refitted(modes: ModalModel, shapes: ComplexArray, diagrams: Sequence[Stabil
         inside = np.flatnonzero((modes.frequencies >= low) & (modes.frequencies <= high))
         participation[inside], terms = _participation(diagram, modes.poles[inside], shapes[:, inside])
         fields = terms if len(diagrams) == 1 else {}
-    changed = np.any(shapes != modes.shapes, axis=0)
-    indicators = dict(modes.indicators)
-    for name, of_shapes in (("mpc", mpc), ("mpd", mpd)):
-        if name in indicators:
-            indicators[name] = np.where(changed, of_shapes(shapes), indicators[name])
-    return replace(modes, shapes=shapes, participation=participation, indicators=indicators, **fields)
+    return with_indicators_of_shapes(replace(modes, shapes=shapes, participation=participation, **fields))
 
 
 def _participation(

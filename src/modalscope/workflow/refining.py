@@ -16,6 +16,7 @@ from modalscope.identification.refine import in_place, refine
 from modalscope.judging.bands import evened
 from modalscope.likelihood.refined import astray
 from modalscope.likelihood.settling import needed_beside
+from modalscope.modal.indicators import with_indicators_of_shapes
 from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.checks import ComplexArray
 from modalscope.numerics.errors import DataError
@@ -102,7 +103,7 @@ def _with_others(
     both = replace(merged, shapes=shapes, left_out=refined.left_out, **fitted).normalized("unit")
     widths = [part for part in (refined.shapes_std, at_values.shapes_std) if part is not None]
     shapes_std = np.hstack([widths[0], widths[1][:, own]])[:, order] if len(widths) == 2 else None
-    return replace(both, unrefined=before, shapes_std=shapes_std).noted(note)
+    return with_indicators_of_shapes(replace(both, unrefined=before, shapes_std=shapes_std)).noted(note)
 
 
 def _unfit(diagram: StabilizationDiagram) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from modalscope.data import DataError, Geometry, ModalModel
 from modalscope.data.analysis import named_near
 from modalscope.io.geometry import neighbour_lines
-from modalscope.judging.description import HEADS, ModeDescription, described, reported_indicators
+from modalscope.judging.description import HEADS, ModeDescription, described
 from modalscope.modal.indicators import mac
 from modalscope.numerics.checks import Array, ComplexArray
 from modalscope.plot._camera import extent
@@ -65,14 +65,14 @@ def _rows(modes: ModalModel, names: Mapping[str, str], shown: Sequence[ModeDescr
         intervals = modes.interval(0.95)
     except DataError:  # no standard deviations
         intervals = {}
-    rows, indicators = [], reported_indicators(modes)
+    rows = []
     for j, mode in enumerate(modes):
         row = {
             "frequency": mode.frequency,
             "damping": mode.damping_ratio,
             "shown": shown[j].to_dict(),
             "kind": mode.kind,
-            "indicators": {name: float(values[j]) for name, values in indicators.items()},
+            "indicators": {name: float(values[j]) for name, values in modes.indicators.items()},
             "text": str(mode.reason.get("text", "")),
             "name": named_near(names, mode.frequency),
             **{name: float(values[j]) for name, values in _measures(modes).items()},
