@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope.data import ModalModel, Signals
+from modalscope.functions.poles import poles_from
 from modalscope.judging.grades import ALIKE, alike_pairs, grades, half_widths
 from modalscope.reporting.document import Origin
 from modalscope.reporting.html import table
@@ -112,3 +113,26 @@ def test_only_a_record_without_inputs_has_spectra_behind_its_diagram() -> None:
     assert Origin(data=Signals(outputs=noise, sampling_rate=10.0)).spectra is not None
     assert Origin(data=Signals(outputs=noise, inputs=noise, sampling_rate=10.0)).spectra is None
     assert Origin().spectra is None
+
+
+@pytest.mark.parametrize(("moved", "word"), [(0.99, "good"), (1.01, "look")])
+@pytest.mark.parametrize("damping", [False, True])
+def test_a_mode_that_refinement_moved_by_more_than_the_intervals_allow_wants_a_look(
+    moved: float, word: str, damping: bool
+) -> None:
+    modes = known(damping=1e-3)
+    f, zeta = modes.frequencies.copy(), modes.damping_ratios.copy()
+    both = moved * np.hypot(Z, Z)  # both values have the same deviation
+    if damping:
+        zeta[2] *= 1 + 1e-3 * both
+    else:
+        f[2] *= 1 + 1e-4 * both
+    before = replace(modes, poles=poles_from(f, zeta))
+    refined = replace(modes, unrefined=before, converged=True)
+    assert words(refined) == ["good", "good", word, "good", "good"]
+    if word == "look":
+        assert ("moved its damping from" if damping else f"moved it from {f[2]:.6g} Hz") in grades(refined)[2].reason
+
+
+def test_modes_of_a_refinement_that_did_not_converge_want_a_look() -> None:
+    assert {grade.reason for grade in grades(replace(known(), converged=False))} == {"refinement did not converge"}

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import modalscope as ms
+from modalscope.judging.grades import grades
 from modalscope.likelihood.settling import needed_beside
+from modalscope.workflow import refining
 from modalscope.workflow.refining import _with_others
 from tests.support import FIVE, add_noise, match_poles
 
@@ -88,3 +92,45 @@ def test_modes_that_a_refinement_leaves_out_have_no_values_before_it_either():
     assert len(merged) == 4
     assert merged.unrefined is not None
     assert np.array_equal(merged.unrefined.poles, modes.poles[[0, 1, 3, 4]])
+
+
+def _wandering(mode: int):
+    """Return a refinement that ends on the way while the given mode takes part: that one has left its place."""
+
+    def refine(data, modes, **options):
+        found = ms.refine(data, modes, **options)
+        if len(modes) <= mode:
+            return found
+        poles = found.poles.copy()
+        poles[mode] += 3j * poles[mode].real
+        note = ms.Note("not converged", {}, "Refinement did not converge: 60 iterations were not enough")
+        return replace(found, poles=poles, converged=False).noted(note)
+
+    return refine
+
+
+def test_a_mode_whose_descent_does_not_end_leaves_the_others_refined(monkeypatch):
+    data = add_noise(ms.systems.chain5().frequency_response(np.linspace(0.3, 8, 340)), 40, 3)
+    whole = ms.analyze(data).modes
+    monkeypatch.setattr(refining, "refine", _wandering(4))
+    found = ms.analyze(data).modes
+    assert f"Not refined: {found.frequencies[4]:.5g} Hz" in told(found, "not refined")
+    assert found.converged
+    assert np.allclose(found.frequencies[:4], whole.frequencies[:4], rtol=1e-4)
+    assert np.all(found.degrees[:4, 0] > 0)
+    assert not found.degrees[4].any()  # it has no interval
+    assert [grade.word for grade in grades(found)] == ["good"] * 4 + ["doubtful"]
+
+
+def test_where_no_mode_left_its_place_a_descent_that_did_not_end_refines_none(monkeypatch):
+    data = add_noise(ms.systems.chain5().frequency_response(np.linspace(0.3, 8, 340)), 40, 3)
+
+    def ended_early(data, modes, **options):
+        note = ms.Note("not converged", {}, "Refinement did not converge: 60 iterations were not enough")
+        return replace(ms.refine(data, modes, **options), converged=False).noted(note)
+
+    monkeypatch.setattr(refining, "refine", ended_early)
+    found = ms.analyze(data).modes
+    assert "60 iterations were not enough" in told(found, "not refined")
+    assert found.converged is False
+    assert {grade.word for grade in grades(found)} == {"look"}

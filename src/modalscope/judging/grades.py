@@ -4,8 +4,9 @@ The first rule that applies decides. Every limit is one of another rule of the l
 
 - **doubtful**: the pole does not decay; its frequency is uncertain (95 %) by more than its half-power half-bandwidth; its damping is
   uncertain by its whole value, so that its sign is not known.
-- **look**: its shape is that of a stronger mode (MAC above .8); its interval did not hold in simulations; its damping is uncertain by more
-  than 30 %; its shape is complex (MPC below .8); it is weak at its own frequency; its uncertainty is not known.
+- **look**: its shape is that of a stronger mode (MAC above .8); its interval did not hold in simulations; its refinement did not converge,
+  or moved it by more than the intervals before and after allow; its damping is uncertain by more than 30 %; its shape is complex (MPC
+  below .8); it is weak at its own frequency; its uncertainty is not known.
 - **good**: no rule applies.
 """
 
@@ -96,6 +97,10 @@ def _weakness(
             return f"shape like that of mode {(b if i == a else a) + 1} (MAC {value:.2f})"
     if holds is not None and i < len(holds) and not holds[i]:
         return "interval failed in simulations"
+    if modes.converged is False:
+        return "refinement did not converge"
+    if reason := _moved(modes, i):
+        return reason
     uncertainty = zeta / float(modes.damping_ratios[i])
     if uncertainty > _MAX_DAMPING_UNCERTAINTY:
         return f"damping uncertain by ±{percent(uncertainty, 2)}"
@@ -107,6 +112,24 @@ def _weakness(
     if share is not None and prominence is not None and share < LEAST_PEAK and prominence < LEAST_PROMINENCE:
         return f"weak: {percent(share, 2)} of its response, no peak"
     return "" if np.isfinite(uncertainty) else "uncertainty not known"
+
+
+def _moved(modes: ModalModel, i: int) -> str:
+    """Say that refinement moved a mode by more than the intervals before and after allow: one of the two values is biased.
+
+    If both were right, the variance of their difference would be no more than the sum of theirs (J. A. Hausman, Econometrica 46, 1978).
+    """
+    if modes.unrefined is None:
+        return ""
+    before = modes.unrefined.take([i])
+    widths = zip(half_widths(modes.take([i])), half_widths(before), strict=True)
+    f, zeta = (float(np.hypot(after[0], np.nan_to_num(earlier[0]))) for after, earlier in widths)
+    f_before, zeta_before = float(before.frequencies[0]), float(before.damping_ratios[0])
+    if abs(modes.frequencies[i] - f_before) > f:
+        return f"refinement moved it from {f_before:.6g} Hz, by more than its interval"
+    if abs(modes.damping_ratios[i] - zeta_before) > zeta:
+        return f"refinement moved its damping from {percent(zeta_before, 3)}, by more than its interval"
+    return ""
 
 
 def _stronger(modes: ModalModel, a: int, b: int) -> tuple[int, ...]:

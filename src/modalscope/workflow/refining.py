@@ -48,11 +48,11 @@ def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> 
             refined = refine(diagram.response.whole, modes.take(stay), fixed=fixed)
         except DataError as error:
             return modes.noted(_kept(error.fault))
-        if not refined.converged:
-            reasons = [str(note) for note in refined.notes if note.kind == "not converged"]
-            return replace(_placed(diagram.response, modes, extra), converged=False).noted(_kept(*reasons))
         before = modes.poles[stay] if refined.unrefined is None else refined.unrefined.poles
         out = np.isin(modes.poles, before[astray(before, refined.poles)])
+        if not np.any(out) and not refined.converged:
+            reasons = [str(note) for note in refined.notes if note.kind == "not converged"]
+            return replace(_placed(diagram.response, modes, extra), converged=False).noted(_kept(*reasons))
         if not np.any(out):
             return refined if stay.all() else _with_others(diagram.response, modes, refined, modes.take(~stay), extra)
         stay &= ~out
@@ -80,7 +80,7 @@ def _placed(response: Response, modes: ModalModel, extra: ComplexArray) -> Modal
 def _with_others(
     response: Response, modes: ModalModel, refined: ModalModel, others: ModalModel, extra: ComplexArray
 ) -> ModalModel:
-    """Return the refined modes with others at their unrefined values, which are too close to a stronger, drifting mode.
+    """Return the refined modes with others at their unrefined values, which the likelihood leads to other modes.
 
     Their standard deviations are those at these values, given the refined modes.
     """
@@ -98,7 +98,7 @@ def _with_others(
     before = modes.take([int(np.argmin(np.abs(modes.poles - s))) for s in started[order]])
     shapes, fitted = joint_residues(response, merged.poles, merged.shapes)
     where = ", ".join(f"{f:.5g} Hz" for f in others.frequencies)
-    text = f"Not refined: {where} (too close to a stronger, drifting mode); no intervals"
+    text = f"Not refined: {where} (their optimum lies at other modes); no intervals"
     note = Note("not refined", {"modes": len(others)}, text)
     both = replace(merged, shapes=shapes, left_out=refined.left_out, **fitted).normalized("unit")
     widths = [part for part in (refined.shapes_std, at_values.shapes_std) if part is not None]
