@@ -77,18 +77,20 @@ export function showComparison(found) {
   );
 }
 
-/** @param {string[]} outputs @param {(files: File[]) => void} give */
-export function editGeometry(outputs, give) {
+/** @param {string[]} outputs @param {(files: File[]) => void} give @param {{exact: boolean, set: (exact: boolean) => void} | null} matching  of a geometry that is there */
+export function editGeometry(outputs, give, matching) {
   const nodes = [...new Set(outputs.map((label) => label.split(":")[0]))];
   const points = h("textarea", { rows: 12, spellcheck: false, "aria-label": "Points: node,x,y,z", value: ["node,x,y,z", ...nodes.map((n, i) => `${n},${i},0,0`)].join("\n") });
   const lines = h("textarea", { rows: 12, spellcheck: false, "aria-label": "Lines: pairs of nodes", value: nodes.slice(1).map((n, i) => `${nodes[i]},${n}`).join("\n") });
   const file = h("input", { type: "file", accept: ".csv,.txt,.uff,.unv,.msh,.vtk,.inp,.bdf,.stl,.obj", "aria-label": "A file of points, or a mesh" });
   const csv = (/** @type {string} */ name, /** @type {string} */ text) => new File([`${text.trim()}\n`], name, { type: "text/csv" });
+  const exact = h("input", { type: "checkbox", checked: matching?.exact, onchange: () => (matching?.set(exact.checked), shown.element.close()) });
   const done = h("button.primary", { onclick: use }, "Apply");
   const shown = dialog("Sensor positions", [
     h("p", {}, "One point per line: the node of a channel and its coordinates. Channels are named by node and direction, such as 3:+Z. Lines join two nodes."),
     h("div.pictures", {}, h("label", {}, "Points", points), h("label", {}, "Lines", lines)),
     h("p", {}, "Or from a file: a table node,x,y,z, a universal file, a mesh. ", file),
+    matching ? h("p", {}, h("label.check", {}, exact, "Place no channel by its number alone (P3 at node 3)")) : null,
     h("footer", {}, done),
   ]);
   function use() {

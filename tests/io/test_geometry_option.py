@@ -70,6 +70,47 @@ def test_channels_move_the_nodes_that_a_table_gives_them(tmp_path: Path) -> None
     assert any("1 of 4 channels have no node and direction in the geometry: AccD" in note for note in told.notes)
 
 
+LINE = "node,x,y,z\n" + "".join(f"{k},{k},0,0\n" for k in (1, 2, 3))
+
+
+@pytest.mark.parametrize(
+    ("heads", "points", "direction"),
+    [
+        (("P1", "P2", "P3"), LINE, "+Z"),
+        (("P1", "P3"), LINE, "+Z"),  # P is a point: not all need a channel
+        (("Acc01", "Acc02", "Acc03"), LINE, "+Z"),  # as many as nodes
+        (("Acc1", "Acc3"), LINE, None),  # a recorder's channels may be anywhere
+        (("P1", "Q2", "Q3"), LINE, None),  # two prefixes
+        (("P1", "P2", "P9"), LINE, None),  # no node 9
+        (("P1Y", "P2Y", "P3-Y"), LINE, "+Y"),
+        (("P1", "P2", "P3"), LINE.replace("3,3,0,0", "3,3,2,0"), "+Z"),  # a plane has one normal
+        (("P1", "P2", "P3"), LINE.replace("3,3,0,0", "3,3,0,2"), "+Y"),
+        (("P1", "P2", "P3"), LINE.replace("3,3,0,0", "3,3,1,2"), None),  # a volume has none
+        (("P1Z", "P2Z", "P3Z"), LINE.replace("3,3,0,0", "3,3,1,2"), "+Z"),
+    ],
+)
+def test_channels_belong_to_nodes_by_their_number_where_nothing_is_ambiguous(
+    tmp_path: Path, heads: tuple[str, ...], points: str, direction: str | None
+) -> None:
+    (tmp_path / "points.csv").write_text(points)
+    path = record(tmp_path / "a.csv", *heads)
+    told = mio.survey(path, geometry=tmp_path / "points.csv")
+    said = [note for note in told.notes if "by their number" in note]
+    if direction is None:
+        assert (said, told.thing.geometry.motion_of(heads[0])) == ([], ())
+        return
+    assert len(said) == 1
+    assert f"({heads[0]}: node 1, {direction})" in said[0]
+    axis = np.eye(3)["XYZ".index(direction[1])]
+    node, vector = told.thing.geometry.motion_of(heads[-1])[0]
+    assert (node, tuple(np.abs(vector))) == (str(3), tuple(axis))
+    assert min(vector) == (-1 if "-" in heads[-1] else 0)
+    assert told.thing.geometry.lines.tolist() == [[0, 1], [1, 2]]
+    refused_ = mio.survey(path, geometry=tmp_path / "points.csv", exact_nodes=True)
+    assert refused_.thing.geometry.motion_of(heads[0]) == ()
+    assert any("no node and direction" in note for note in refused_.notes)
+
+
 def test_a_universal_file_gives_its_geometry(tmp_path: Path) -> None:
     held = ms.Geometry(nodes=[1, 2], coordinates=[[0, 0, 0], [1, 0, 0]], lines=[[1, 2]])
     ms.write(tmp_path / "g.uff", held)

@@ -101,6 +101,11 @@ def geometry(document: Analysis, files: tuple[str, ...]) -> Analysis:
     return _read_with(document, geometry=(tuple(files) if len(files) > 1 else files[0]) if files else None)
 
 
+def exact_nodes(document: Analysis, exact: bool) -> Analysis:
+    """Place channels only at nodes that they name, or by their number, too."""
+    return _read_with(document, exact_nodes=True if exact else None)
+
+
 def reading(
     document: Analysis, columns: str | None = None, rows: str | None = None, sampling_rate: float | None = None
 ) -> Analysis:
@@ -135,5 +140,6 @@ ACTIONS: dict[str, Callable[..., Analysis]] = {
     "automatic": automatic,
     "name": name,
     "geometry": geometry,
+    "exact_nodes": exact_nodes,
     "reading": reading,
 }

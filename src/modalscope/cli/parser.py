@@ -86,6 +86,7 @@ def add_geometry(parser: Parser) -> None:
     add = parser.add_argument
     add("--geometry", metavar="FILE", help="sensor positions: a table node,x,y,z, a universal file or a mesh")
     add("--lines", metavar="FILE", help="lines of the geometry: a table of pairs of nodes")
+    add("--exact-nodes", action="store_true", help="place no channel by its number alone (P3 at node 3)")
     add_tables(parser)
     limit = "memory limit for reading and processing a file, such as 8GB (reading: 500 MB or 20 times the file)"
     add("--max-memory", type=memory, metavar="SIZE", help=limit)

@@ -65,6 +65,8 @@ def reading_options(options: argparse.Namespace, path: Path) -> dict[str, Any]:
     given |= {name: value for name in _READ_OPTIONS if (value := getattr(options, name)) not in (None, False)}
     if options.geometry:
         given["geometry"] = [options.geometry, options.lines] if options.lines else options.geometry
+    if options.exact_nodes:
+        given["exact_nodes"] = True
     if options.units:
         given["units"] = _pairs("units", options.units.split(","), '"2=N,AccA=m/s^2"')
     for name, example in (("rename", "y=outputs"), ("axes", "values=inputs,outputs,lines")):

@@ -12,6 +12,7 @@ from __future__ import annotations
 from modalscope.data.channels import input_groups
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
+from modalscope.data.shown import counted
 from modalscope.data.units import in_si
 from modalscope.doctor.polarity import check_polarity
 from modalscope.numerics.errors import DataError
@@ -39,7 +40,9 @@ def by_reciprocity(response: Response, reciprocal: bool | None) -> tuple[Respons
             "",
         )
         if obstacle:
-            text = f"{inputs} inputs and {outputs} outputs not exchanged by reciprocity: {obstacle}"
+            text = (
+                f"{counted(inputs, 'input')} and {counted(outputs, 'output')} not exchanged by reciprocity: {obstacle}"
+            )
             return response, (Note("not exchanged", {"inputs": inputs, "outputs": outputs}, text),)
     elif obstacle:
         raise DataError("an exchange of inputs and outputs was asked", obstacle, "Leave out reciprocal=True.")

@@ -75,7 +75,8 @@ def read(path: str | Path, **options: Any) -> DataObject:
     **options
         For every format: `quantity` ("displacement", "velocity", "acceleration"), `sampling_rate`, `kind`, `output_dofs`,
         `input_dofs`, `units`, `geometry` (also a path, or paths of points and lines), `averages`, `added_damping`, `groups` override what
-        the file says.
+        the file says. Channels that name no node of a given geometry are matched to its nodes by their number (P3: node 3), which a note
+        says; `exact_nodes=True` refuses that.
 
         For tables: `columns="time=1,in=2,out=3-9"` (the roles are time, frequency, in, out, real, imag, mag, phase, coh, ignore; columns
         are numbers from 1, ranges or names), `ignore=[4, "Temp"]`, `units={"Force": "N"}`, `rows="1101-4000"` to take a part,
@@ -155,13 +156,15 @@ def _whole_contents(path: Path, options: Options) -> Contents:
     row = format_of(path, "reading")
     if not path.exists():
         raise unreadable(repr(str(path)), "there is no such file", "Check the name and the folder.")
-    check_options(path, options, (*row.read_options, *FIELD_OPTIONS), "reading")
+    check_options(path, options, (*row.read_options, *FIELD_OPTIONS, "exact_nodes"), "reading")
     if path.stat().st_size == 0:
         raise unreadable(path.name, "the file is empty", "Copy or write it again.")
     options, notes = geometry.with_geometry(options, _geometry_in)
     contents = row.reader(path, options)
     whole = replace(contents, thing=overridden(contents.thing, options, path), notes=(*contents.notes, *notes))
-    return geometry.with_lost_channels(whole) if options.get("geometry") is not None else whole
+    if options.get("geometry") is None:
+        return whole
+    return geometry.with_places(whole, exact=bool(options.get("exact_nodes")))
 
 
 def _geometry_in(path: Path) -> DataObject:

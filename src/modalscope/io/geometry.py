@@ -7,22 +7,26 @@
 | `channel` and `direction` (`+Z`, `x`) besides | the node that moves with a channel, and in which direction |
 
 A table of lines has the names of two nodes a row, or of three or four around a face.
+
+Channels whose names are no names of nodes may still belong to nodes by their number: P1 to P15 beside the nodes 1 to 15.
 """
 
 from __future__ import annotations
 
 import contextlib
 import io
-from collections.abc import Callable, Iterator, Sequence
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from modalscope.data import DataError, Geometry, parse_dof
 from modalscope.data.channels import Channels
+from modalscope.data.geometry import Motion
 from modalscope.io.columns.words import split_head
 from modalscope.io.contents import DAMAGED, Contents, Finding, Options, damage_as_error, needs, unreadable
 from modalscope.io.limits import room
@@ -62,6 +66,10 @@ _EDGES = {
     "hexahedron": ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
 }
 
+#: Prefixes that name a point of the structure, not a channel of a recorder.
+_POINTS = {"", "p", "n", "node", "point", "pt", "pkt", "punkt", "knoten", "location", "loc", "hit"}
+_NUMBERED = re.compile(r"(?P<prefix>[^\W\d_]*)[ _.-]?0*(?P<number>\d{1,9})(?:[ _:]?(?P<direction>[+-]?[xyzXYZ]))?")
+
 Motions = dict[str, list[tuple[str, tuple[float, ...]]]]
 
 
@@ -100,19 +108,97 @@ def with_geometry(options: Options, load: Callable[[Path], Any]) -> tuple[dict[s
     return {**options, "geometry": replace(geometry, lines=joined)}, (note,)
 
 
-def with_lost_channels(contents: Contents) -> Contents:
-    """Return the contents with a note on channels that have no place in their geometry."""
+def with_places(contents: Contents, *, exact: bool) -> Contents:
+    """Return the contents with channels placed by the number of their node, and a note on those that have no place in their geometry.
+
+    `exact`: channels belong only to nodes that they name.
+    """
     data = contents.thing
     if not isinstance(data, Channels) or data.geometry is None:
         return contents
-    lost = [label for label in data.output_dofs if not data.geometry.motion_of(label)]
+    inputs = getattr(data, "input_dofs", None) or ()
+    sides = () if exact else (data.output_dofs, inputs)
+    motions = {k: v for labels in sides for k, v in placed_by_number(data.geometry, labels).items()}
+    placed = data.geometry if not motions else _moved_by(data.geometry, motions)
+    if motions:
+        data = replace(data, geometry=placed)
+        (label, ((node, vector),)), *_ = motions.items()
+        axis = "XYZ"[int(np.argmax(np.abs(vector)))]
+        text = f"{len(motions)} channels belong to nodes by their number ({label}: node {node}, {'-' if min(vector) < 0 else '+'}{axis}); "
+        contents = replace(
+            contents, thing=data, notes=(*contents.notes, f"{text}if that is wrong: exact_nodes=True, --exact-nodes")
+        )
+    points = max(data.output_dofs, inputs, key=len)  # of a roving hammer the inputs
+    lost = [label for label in points if not placed.motion_of(label)]
     if not lost:
         return contents
     note = (
-        f"{len(lost)} of {len(data.output_dofs)} channels have no node and direction in the geometry: {', '.join(lost[:6])}; "
+        f"{len(lost)} of {len(points)} channels have no node and direction in the geometry: {', '.join(lost[:6])}; "
         "name channels as 3:+Z, or add columns channel and direction to the table of points"
     )
     return replace(contents, notes=(*contents.notes, note))
+
+
+def _moved_by(geometry: Geometry, motions: Mapping[str, tuple[Motion, ...]]) -> Geometry:
+    """Return a geometry with the motion of further channels."""
+    names = np.array(geometry.nodes)
+    return replace(
+        geometry, lines=names[geometry.lines], faces=names[geometry.faces], motions={**geometry.motions, **motions}
+    )
+
+
+def placed_by_number(geometry: Geometry, labels: Sequence[str]) -> dict[str, tuple[Motion, ...]]:
+    """Return the motion of the channels without a node whose numbers are those of nodes; none where anything is ambiguous.
+
+    All these channels have one prefix, such as P in P1 to P15, and a node each. Where the prefix is no word for a point they are as many
+    as the nodes: a recorder's channel 3 is often not at node 3. Their direction is that of the label (`P3Z`), or the normal of the plane
+    of all nodes.
+    """
+    lost = {label: _numbered(label) for label in labels if not geometry.motion_of(label)}
+    nodes: dict[int, str] = {}
+    for node in geometry.nodes:
+        if (found := _numbered(node)) is not None:
+            nodes.setdefault(found.number, node)
+    channels = {label: found for label, found in lost.items() if found is not None and found.number in nodes}
+    prefixes = {found.prefix for found in lost.values() if found is not None}
+    points = {found.number for found in channels.values()}
+    if len(nodes) < len(geometry.nodes) or len(prefixes) != 1 or len(points) < 2 or len(channels) < len(lost):
+        return {}
+    if prefixes.isdisjoint(_POINTS) and len(points) < len(nodes):
+        return {}
+    normal = _normal(geometry.coordinates)
+    placed: dict[str, tuple[Motion, ...]] = {}
+    for label, found in channels.items():
+        vector = _vector_of(found.direction) or normal
+        if vector is None:
+            return {}
+        placed[label] = ((nodes[found.number], vector),)
+    return placed
+
+
+class _Numbered(NamedTuple):
+    prefix: str
+    number: int
+    direction: str
+
+
+def _numbered(label: str) -> _Numbered | None:
+    """Return the parts of a label that is a prefix, a number and perhaps a direction, such as P03 or Point 3 +Z."""
+    match = _NUMBERED.fullmatch(label.strip())
+    return (
+        None if match is None else _Numbered(match["prefix"].casefold(), int(match["number"]), match["direction"] or "")
+    )
+
+
+def _vector_of(direction: str) -> tuple[float, float, float] | None:
+    dof = parse_dof(f"1:{direction.upper()}")
+    return None if dof is None else dof.vector
+
+
+def _normal(points: RealArray) -> tuple[float, float, float] | None:
+    """Return the axis across the plane of all points, z before y before x; None where they fill a volume."""
+    flat = np.ptp(points, axis=0) == 0
+    return next((tuple(np.eye(3)[k]) for k in (2, 1, 0) if flat[k]), None)
 
 
 def neighbour_lines(points: RealArray) -> list[tuple[int, int]]:

@@ -11,6 +11,7 @@ from modalscope.data.mode_fields import DIRECT
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Candidate, Note
 from modalscope.data.response import INSEPARABLE
+from modalscope.data.shown import counted
 from modalscope.functions.poles import frequencies_and_damping
 from modalscope.likelihood.noise import KIND
 from modalscope.likelihood.settling import Settled, Task
@@ -109,7 +110,7 @@ def _told(seen: Colour | None, spread: Spread, groups: Groups, poles: ComplexArr
         notes.append(Note("coloured residual", {"correlation": seen.correlation, "uneven": seen.uneven}, text))
     if spread.frequency_between is None:
         count = 0 if groups is None else len(set(groups))
-        why = "single run" if not count else f"{count} groups, {LEAST_GROUPS} are needed"
+        why = "single run" if not count else f"{counted(count, 'group')}, {LEAST_GROUPS} are needed"
         text = f"Intervals cover noise and model error only; repeatability unknown ({why})"
         notes.append(Note("noise and model only", {"groups": count}, text))
     f = frequencies_and_damping(poles)[0]
