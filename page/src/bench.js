@@ -24,7 +24,7 @@ function madeUp() {
   const shown = { frequency: "26.00", frequency_half: "0.01", damping: "1.00", damping_half: "0.01", grade: "good", mpc: "1.00", reason: "" };
   const modes = [{ frequency: 26, damping: 0.01, shown, indicators: {}, text: "" }];
   const found = {
-    modes, left_out: [], findings: [], notes: [], outputs: ["1"], mac: new Float32Array([1]), nodes: Array.from({ length: NODES }, String), rest, lines: Int32Array.from(lines_), faces: new Int32Array(0),
+    modes, left_out: [], findings: [], notes: [], outputs: ["1"], points: ["1", "2"], mac: new Float32Array([1]), nodes: Array.from({ length: NODES }, String), rest, lines: Int32Array.from(lines_), faces: new Int32Array(0),
     measured: new Uint8Array(NODES).fill(1), moved_real: moved, moved_imag: new Float32Array(NODES * 3), signed_real: signed, signed_imag: new Float32Array(NODES), shape_real: new Float32Array(1), shape_imag: new Float32Array(1),
   };
   return { poles, found };

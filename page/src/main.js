@@ -148,7 +148,7 @@ function makeWork(begin, state) {
 
   /** @param {any} mode @param {number} i */
   function caption(mode, i) {
-    if (mode) shape.caption(h("b", {}, mode.name || `Mode ${i + 1}`), ` ${mode.shown.frequency} Hz, ${mode.shown.damping} %`);
+    if (mode) shape.caption(h("b", {}, mode.name || `Mode ${i + 1}`), ` ${mode.shown.frequency} Hz, ${mode.shown.damping} %`, found?.over === "inputs" ? ", over the points that were driven" : "");
     else shape.caption(found ? "no mode" : "");
   }
 
@@ -305,7 +305,7 @@ function makeWork(begin, state) {
   function autoMac() {
     macTitle.textContent = "AutoMAC";
     versus.textContent = "with file…";
-    if (found) matrix.set(found.mac, found.modes.length, found.outputs.length);
+    if (found) matrix.set(found.mac, found.modes.length, found.points.length);
   }
 
   /** @param {File | undefined} file  of modes */

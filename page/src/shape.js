@@ -28,7 +28,7 @@ export function makeShape(place, acts = {}) {
   let stage = /** @type {any} */ (null);
   const bars = h("canvas", { role: "img", "aria-label": "Mode shape as bars, one per channel, with one standard deviation to either side" });
 
-  const ONE_OUTPUT = "One output was measured: a shape of one number says nothing. Measure more points, or give responses to several forces.";
+  const ONE_OUTPUT = "One point was measured: a shape of one number says nothing. Measure more points, or give responses to several forces.";
 
   const loop = (/** @type {number} */ now) => {
     const step = Math.min((now - last) / 1000, 0.1);
@@ -56,7 +56,7 @@ export function makeShape(place, acts = {}) {
     [bars.width, bars.height] = [w * ratio, high * ratio];
     const ctx = bars.getContext("2d");
     ctx.scale(ratio, ratio);
-    const count = data.outputs.length;
+    const count = data.points.length;
     const at = chosen * count;
     const [c, s] = [Math.cos(phase), real.value === "real" ? 0 : Math.sin(phase)];
     const wide = (w - 16) / count;
@@ -87,7 +87,7 @@ export function makeShape(place, acts = {}) {
         ctx.stroke();
       }
       ctx.fillStyle = colour("muted");
-      if (i % every === 0) ctx.fillText(data.outputs[i], x + wide * 0.36, high - 5);
+      if (i % every === 0) ctx.fillText(data.points[i], x + wide * 0.36, high - 5);
     }
     ctx.strokeStyle = colour("muted");
     ctx.beginPath();
@@ -128,13 +128,13 @@ export function makeShape(place, acts = {}) {
     set(given, mode) {
       const same = stage && data?.nodes && given.nodes && data.nodes.length === given.nodes.length && given.rest?.every((/** @type {number} */ v, /** @type {number} */ i) => v === data.rest[i]);
       data = given;
-      const solid = Boolean(data.nodes) && data.outputs.length > 1;
+      const solid = Boolean(data.nodes) && data.points.length > 1;
       views.disabled = !solid;
       if (!same) {
         stage?.end();
         stage = null;
         fill(holder);
-        if (data.outputs.length === 1 && data.modes.length) fill(holder, h("div.muted.one-output", {}, ONE_OUTPUT));
+        if (data.points.length === 1 && data.modes.length) fill(holder, h("div.muted.one-output", {}, ONE_OUTPUT));
         else if (solid) (stage = makeStage(holder, data, () => run || draw())).look(views.value);
         else holder.append(bars);
       } else stage.data(data);

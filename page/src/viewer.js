@@ -33,7 +33,7 @@ export function makeViewer(root, data, acts = {}) {
   diagram.setCurves({ lines: data.behind, levels: Array.from({ length: data.shapes.curves[0] }, (_, k) => data.curves.subarray(k * count, (k + 1) * count)) }, ends(data.bands), data.level);
   diagram.setPoles({ frequency: data.frequency, damping: data.damping, order: data.order, kind: data.kind, std: data.std, damping_std: data.damping_std }, Math.max(...data.orders, 2));
   shape.set(data, 0);
-  matrix.set(data.mac, data.modes.length, data.outputs.length);
+  matrix.set(data.mac, data.modes.length, data.points.length);
   modes.set({ modes: data.modes, leftOut: data.left_out, refused: [], chosen: 0, unexplained: data.unexplained, warnings: data.warnings });
   response?.setChannels(data.outputs, data.columns, data.fits);
   function select(/** @type {number} */ i) {
@@ -42,7 +42,7 @@ export function makeViewer(root, data, acts = {}) {
     matrix.choose(i);
     diagram.setModes({ modes: data.modes, leftOut: data.left_out, chosen: i });
     const mode = data.modes[i];
-    if (mode) shape.caption(h("b", {}, mode.name || `Mode ${i + 1}`), ` ${mode.shown.frequency} Hz, ${mode.shown.damping} %`);
+    if (mode) shape.caption(h("b", {}, mode.name || `Mode ${i + 1}`), ` ${mode.shown.frequency} Hz, ${mode.shown.damping} %`, data.over === "inputs" ? ", over the points that were driven" : "");
     acts.select?.(i);
   }
   if (data.modes.length) select(0);

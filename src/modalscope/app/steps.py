@@ -82,7 +82,10 @@ class Stages:
         check()
         result = concluded(self.data, document, self._looks, self._notes, self._choose, self._examined)
         self.result = result
-        self._tell("blob", ("modes", modes_blob(result.modes, document.names, result_head(result))))
+        self._tell(
+            "blob",
+            ("modes", modes_blob(result.modes, document.names, result_head(result), result.diagrams[0].response)),
+        )
 
     def _read(self, document: Analysis) -> None:
         key = json.dumps([analysis_to(document)["files"], document.route == "auto"], sort_keys=True)
@@ -143,10 +146,9 @@ class Stages:
         """Report the selected modes before they are refined."""
         if document.refine:
             modes = modes_chosen(self.data, replace(document, refine=False), self._looks, self._choose)
-            self._tell(
-                "blob",
-                ("modes", modes_blob(replace(modes, notes=()), document.names, {"early": True}, preliminary=True)),
-            )
+            response = self._looks[0].diagram.response
+            early = modes_blob(replace(modes, notes=()), document.names, {"early": True}, response, preliminary=True)
+            self._tell("blob", ("modes", early))
             self._tell("stage", {"stage": "refining"})
 
     def _examined(self, data: Any) -> tuple[Any, ...]:

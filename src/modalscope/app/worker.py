@@ -38,8 +38,9 @@ def export(stages: Stages, progress: Progress, suffix: str, target: str, mode: i
         return report(result, path)
     if suffix == ".gif":
         from modalscope.plot import animate
+        from modalscope.plot.web.modes import over_points
 
-        return animate(result.modes, mode, path)
+        return animate(over_points(result.modes, result.diagrams[0].response), mode, path)
     if suffix == ".zip":
         return _pictures(result, path)
     write(path, result.analysis if suffix == ".analysis.json" else result)

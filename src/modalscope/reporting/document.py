@@ -220,7 +220,7 @@ def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, ori
         yield certificate_section(origin.certificate)
     for band in bands:
         yield band.named(sections.stabilization_section(band.diagram, band.modes, spectra), several)
-    yield from sections.mode_pictures(modes, drawing.arrays, holds)
+    yield from sections.mode_pictures(modes, drawing.arrays, holds, points=drawing.points)
     for band in bands:
         band_fit, band_lines = drawing.fit, drawing.lines
         if several and drawing.fit is not None:

@@ -329,11 +329,12 @@ def pictures_of(drawing: Drawing) -> dict[str, str]:
     for k, diagram in enumerate(drawing.diagrams):
         number = f"_{k + 1}" if len(drawing.diagrams) > 1 else ""
         pictures[f"diagram{number}"] = stabilization_svg(diagram, modes, drawing.spectra, "Stabilization diagram")
-    if len(modes.output_dofs) > 1:
+    points = drawing.points
+    if len(points.output_dofs) > 1:
         for k in range(len(modes)):
-            pictures[f"mode_{k + 1}"] = shape_svg(modes, k, drawing.arrays, f"Shape of mode {k + 1}")
-    if len(modes) > 1 and len(modes.output_dofs) > 1:
-        pictures["automac"] = mac_svg(modes, "AutoMAC")
+            pictures[f"mode_{k + 1}"] = shape_svg(points, k, drawing.arrays, f"Shape of mode {k + 1}")
+    if len(modes) > 1 and len(points.output_dofs) > 1:
+        pictures["automac"] = mac_svg(points, "AutoMAC")
     if drawing.lines is not None and len(modes):
         power = np.sum(np.abs(drawing.lines.measured) ** 2, axis=0)
         i, j = np.unravel_index(int(np.argmax(power)), power.shape)

@@ -139,29 +139,35 @@ def model_section(identified: Identification) -> Section:
 
 
 def mode_pictures(
-    modes: ModalModel, drawn: Mapping[str, Array] | None = None, holds: BoolArray | None = None
+    modes: ModalModel,
+    drawn: Mapping[str, Array] | None = None,
+    holds: BoolArray | None = None,
+    *,
+    points: ModalModel | None = None,
 ) -> Iterator[Section]:
-    """Yield the mode shapes and their AutoMAC, as far as there are modes; a single output has one number, 1, for a shape.
+    """Yield the mode shapes and their AutoMAC, as far as there are modes; a single point has one number, 1, for a shape.
 
-    `drawn`: the arrays of `modes_parts`, if they are known. `holds`: as in `grades`.
+    `drawn`: the arrays of `modes_parts`, if they are known. `holds`: as in `grades`. `points`: as of `over_points`.
     """
-    if len(modes.output_dofs) < 2:
+    points = modes if points is None else points
+    if len(points.output_dofs) < 2:
         return
-    drawn = modes_parts(modes, {})[1] if drawn is None else drawn
+    drawn = modes_parts(modes, {}, points=points)[1] if drawn is None else drawn
     if len(modes):
         pictures = "".join(
             figure(
-                shape_svg(modes, i, drawn, f"Shape of mode {i + 1}"),
+                shape_svg(points, i, drawn, f"Shape of mode {i + 1}"),
                 f"Mode {each.number}: {each.frequency} Hz, damping {each.damping} %, {each.grade}, MPC {each.mpc}",
             )
             for i, each in enumerate(described(modes, holds))
         )
-        lead = f"Rotated to minimum imaginary parts, largest component 1; at MPC 1 nothing is hidden. In files: {modes.scaling}."
+        over = "" if points is modes else "Over the points that were driven, by reciprocity. "
+        lead = f"{over}Rotated to minimum imaginary parts, largest component 1; at MPC 1 nothing is hidden. In files: {modes.scaling}."
         yield Section("shapes", "Mode shapes", f'{paragraph(lead, "muted")}<div class="pair">{pictures}</div>')
     if len(modes) > 1:
         lead = "Similarity of the shapes: 1 equal, 0 orthogonal. High values off the diagonal: too few channels, or a duplicate mode."
         yield Section(
-            "mac", "AutoMAC", f'{paragraph(lead)}<div class="narrow">{figure(mac_svg(modes, "AutoMAC"))}</div>'
+            "mac", "AutoMAC", f'{paragraph(lead)}<div class="narrow">{figure(mac_svg(points, "AutoMAC"))}</div>'
         )
 
 

@@ -13,7 +13,7 @@ import modalscope as ms
 from modalscope.modal.rebuilt import fit_error, rebuilt, unexplained
 from modalscope.plot.web.alive import alive_blob, drawing_of, front_end
 from modalscope.plot.web.fits import inside, lines_of_response, rebuilt_lines
-from modalscope.plot.web.modes import modes_parts
+from modalscope.plot.web.modes import modes_parts, over_points
 from modalscope.preprocess.singular_spectra import decomposition
 from modalscope.systems import chain5
 from tests.plot import examples
@@ -90,6 +90,24 @@ def test_a_geometry_without_lines_is_joined_between_neighbours() -> None:
     points = np.column_stack([np.arange(len(nodes)), np.zeros((len(nodes), 2))])
     placed = replace(modes, geometry=ms.Geometry(nodes=nodes, coordinates=points))
     assert modes_parts(placed, {})[1]["lines"].tolist() == [[k, k + 1] for k in range(len(nodes) - 1)]
+
+
+def test_shapes_are_drawn_over_the_inputs_where_these_are_the_points() -> None:
+    chain = chain5()
+    points = chain.modes().output_dofs
+    f = np.linspace(0.2, 8.0, 300)
+    hammer = chain.frequency_response(f, outputs=[points[2]], inputs=list(points))
+    modes = chain.modes(outputs=[points[2]], inputs=list(points))
+    drawn = over_points(modes, hammer)
+    assert drawn.output_dofs == tuple(points)
+    expected = chain.modes(outputs=list(points)).shapes
+    assert np.diag(ms.mac(drawn.shapes, expected)) == pytest.approx(1)
+    entries, arrays = modes_parts(modes, {}, points=drawn)
+    assert (entries["over"], entries["points"], entries["outputs"]) == ("inputs", list(points), [points[2]])
+    assert arrays["shape_real"].shape == (len(modes), len(points))
+    square = chain.modes(outputs=list(points), inputs=list(points))
+    for other, response in ((square, chain.frequency_response(f, inputs=list(points))), (modes, None)):
+        assert over_points(other, response) is other
 
 
 def test_rebuilt_curves_of_two_bands_meet() -> None:

@@ -20,7 +20,7 @@ from modalscope.numerics.errors import optional_package
 from modalscope.plot._style import unit_of
 from modalscope.plot.web.blob import pack
 from modalscope.plot.web.fits import Fit, Lines, asked_ends, band_of, fit_of_bands, lines_of
-from modalscope.plot.web.modes import modes_parts
+from modalscope.plot.web.modes import modes_parts, over_points
 from modalscope.plot.web.poles import behind, pole_arrays
 from modalscope.plot.web.verdict import Verdict, verdict_of
 from modalscope.preprocess.singular_spectra import Decomposition
@@ -51,10 +51,11 @@ class Drawing:
     """What a finished result shows, computed once: entries and arrays of its modes, fit, verdict and lines.
 
     `spectra`: of a record without inputs, drawn behind the poles instead of the indicator. `fit`: None where responses cannot be rebuilt,
-    and `lines` with it.
+    and `lines` with it. `points`: as of `over_points`.
     """
 
     modes: ModalModel
+    points: ModalModel
     diagrams: Sequence[StabilizationDiagram]
     spectra: Decomposition | None
     entries: Mapping[str, Any]
@@ -74,11 +75,12 @@ def drawing_of(
 
     `spectra`: of a record without inputs. `holds`: as in `grades`.
     """
-    entries, arrays = modes_parts(modes, {}, holds)
+    points = over_points(modes, diagrams[0].response)
+    entries, arrays = modes_parts(modes, {}, holds, points=points)
     fit = fit_of_bands(modes, diagrams)
     verdict = verdict_of(modes, diagrams[0].response, fit if len(modes) else None, grades(modes, holds))
     lines = None if fit is None else lines_of(modes, diagrams)
-    return Drawing(modes, diagrams, spectra, entries, arrays, fit, lines, verdict)
+    return Drawing(modes, points, diagrams, spectra, entries, arrays, fit, lines, verdict)
 
 
 def alive_blob(drawing: Drawing) -> bytes:

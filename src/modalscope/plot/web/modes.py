@@ -9,6 +9,7 @@ import numpy as np
 
 from modalscope.data import DataError, Geometry, ModalModel
 from modalscope.data.analysis import named_near
+from modalscope.data.response import Response
 from modalscope.io.geometry import neighbour_lines
 from modalscope.judging.description import HEADS, ModeDescription, described
 from modalscope.modal.indicators import mac
@@ -22,38 +23,73 @@ _MAX_JOINED = 2000
 
 
 def modes_blob(
-    modes: ModalModel, names: Mapping[str, str], head: Mapping[str, Any], *, preliminary: bool = False
+    modes: ModalModel,
+    names: Mapping[str, str],
+    head: Mapping[str, Any],
+    response: Response | None = None,
+    *,
+    preliminary: bool = False,
 ) -> bytes:
     """Return modes and their arrays as a blob.
 
-    `head`: entries on the whole result. `preliminary`: the values will be refined.
+    `head`: entries on the whole result. `response`: as in `over_points`. `preliminary`: the values will be refined.
     """
-    parts, arrays = modes_parts(modes, names, preliminary=preliminary)
+    parts, arrays = modes_parts(modes, names, points=over_points(modes, response), preliminary=preliminary)
     return pack({**head, **parts}, arrays)
 
 
+def over_points(modes: ModalModel, response: Response | None) -> ModalModel:
+    """Return modes with the shapes that are drawn: over the inputs where these are forces at more points than were measured.
+
+    Of a roving hammer the inputs are the points. By H_ij = H_ji the participation of a mode is its shape over them.
+    """
+    inputs = modes.input_dofs
+    if (
+        response is None
+        or not response.reciprocal
+        or modes.participation is None
+        or len(inputs) <= len(modes.output_dofs)
+    ):
+        return modes
+    return ModalModel(
+        poles=modes.poles,
+        shapes=modes.participation.T,
+        output_dofs=inputs,
+        geometry=modes.geometry,
+        scaling=modes.scaling,
+    )
+
+
 def modes_parts(
-    modes: ModalModel, names: Mapping[str, str], holds: Array | None = None, *, preliminary: bool = False
+    modes: ModalModel,
+    names: Mapping[str, str],
+    holds: Array | None = None,
+    *,
+    points: ModalModel | None = None,
+    preliminary: bool = False,
 ) -> tuple[dict[str, Any], dict[str, Array]]:
-    """Return the entries and the arrays of modes; `holds`, `preliminary`: as in `described`."""
+    """Return the entries and the arrays of modes; `points`: as of `over_points`. `holds`, `preliminary`: as in `described`."""
+    points = modes if points is None else points
     entries = {
         "heads": HEADS,
         "modes": _rows(modes, names, described(modes, holds, preliminary=preliminary)),
         "left_out": [candidate.to_dict() for candidate in modes.left_out],
         "harmonics": [harmonic.to_dict() for harmonic in modes.harmonics],
         "outputs": list(modes.output_dofs),
+        "points": list(points.output_dofs),
+        "over": "outputs" if points is modes else "inputs",
         "converged": modes.converged,
     }
-    shapes = turned(modes.shapes)
+    shapes = turned(points.shapes)
     arrays = {
         "shape_real": shapes.T.real,
         "shape_imag": shapes.T.imag,
-        "mac": mac(modes.shapes) if len(modes) else np.zeros((0, 0)),
+        "mac": mac(points.shapes) if len(modes) else np.zeros((0, 0)),
     }
-    if modes.shapes_std is not None:
-        size = np.linalg.norm(shapes, axis=0) / np.maximum(np.linalg.norm(modes.shapes, axis=0), 1e-300)
-        arrays["shape_std"] = np.nan_to_num(modes.shapes_std * size).T
-    drawn = _moved(modes.geometry, modes.output_dofs, shapes)
+    if points.shapes_std is not None:
+        size = np.linalg.norm(shapes, axis=0) / np.maximum(np.linalg.norm(points.shapes, axis=0), 1e-300)
+        arrays["shape_std"] = np.nan_to_num(points.shapes_std * size).T
+    drawn = _moved(points.geometry, points.output_dofs, shapes)
     if drawn is None:
         return {**entries, "nodes": None}, arrays
     return {**entries, "nodes": list(drawn[0])}, arrays | drawn[1]
