@@ -45,6 +45,7 @@ export function makeDiagram(place, acts = {}) {
   let letters = false;
   let linear = false;
   let level = "mode indicator";
+  let always = false; // linear whatever was chosen
   let hover = -1;
   let curves = { lines: /** @type {ArrayLike<number>} */ ([0, 1]), levels: /** @type {any[]} */ ([]) };
   let chart = /** @type {any} */ (null);
@@ -69,7 +70,7 @@ export function makeDiagram(place, acts = {}) {
     axes: [
       axis({ label: "frequency [Hz]", size: 24 }),
       axis({ scale: "y", label: "model order (states)", size: 30, grid: { show: false }, space: 26 }),
-      axis({ scale: "c", side: 1, size: 32, grid: { show: false }, label: linear ? level : `${level} [dB]` }),
+      axis({ scale: "c", side: 1, size: 32, grid: { show: false }, label: linear || always ? level : `${level} [dB]` }),
     ],
     series: [
       {},
@@ -84,7 +85,7 @@ export function makeDiagram(place, acts = {}) {
     chart?.destroy();
     const empty = new Array(curves.lines.length).fill(null);
     if (empty.length) empty[0] = 0;
-    const levels = curves.levels.map((level) => (linear ? level : Array.from(level, decibels)));
+    const levels = curves.levels.map((level) => (linear || always ? level : Array.from(level, decibels)));
     chart = new uPlot(/** @type {any} */ (options()), /** @type {any} */ ([curves.lines, empty, ...levels]), holder);
     chart.over.before(...layers);
     chart.setScale("x", zoom && zoom.max <= band[1] * 1.001 ? zoom : { min: band[0], max: band[1] });
@@ -308,9 +309,10 @@ export function makeDiagram(place, acts = {}) {
 
   const resize = fitted(holder, () => chart);
   return {
-    /** @param {{lines: ArrayLike<number>, levels: any[]}} given @param {[number, number]} limits @param {string} [name] */
-    setCurves(given, limits, name = "mode indicator") {
+    /** @param {{lines: ArrayLike<number>, levels: any[]}} given @param {[number, number]} limits @param {string} [name] @param {boolean} [onlyLinear] */
+    setCurves(given, limits, name = "mode indicator", onlyLinear = false) {
       level = name;
+      always = onlyLinear;
       const [low, high] = limits;
       let a = 0;
       let b = given.lines.length;

@@ -22,6 +22,7 @@ const KEYS = [
   ["space", "shape: play or pause"],
   ["1 2 3 4 5", "shape: 3D, top, front, side, all four"],
   ["[ ]", "response: previous / next output"],
+  ["m", "response: mark the peaks"],
   ["z", "diagram: full range"],
   ["l", "diagram: letters or marks"],
   ["i", "diagram: indicator in dB or linear"],
@@ -93,7 +94,8 @@ function makeWork(begin, state) {
   };
   const settings = makeSettings(places.settings, { set: (fields) => act("set", fields), order: (order) => diagram.setOrder(order), automatic: () => act("automatic"), read: (options) => act("reading", options) }, begin.methods);
   const box = h("div.diagram-box");
-  places.diagram.append(h("div.bar", {}, h("h2", {}, "Stabilization"), legend, h("span.space"), h("button.small", { onclick: () => diagram.toggleLetters(), title: "Letters or marks (l)" }, "o f d v s"), h("select", { "aria-label": "Curves behind the poles", onchange: (/** @type {any} */ e) => ((summed = e.target.value === "sum"), poles && curvesOf(poles)) }, h("option", { value: "cmif" }, "CMIF"), h("option", { value: "sum" }, "sum")), h("button.small", { onclick: () => diagram.toggleLinear(), title: "Indicator in dB or linear (i)" }, "dB"), h("button.small", { onclick: () => diagram.whole(), title: "Full range (z)" }, "full range")), box);
+  const behindPoles = h("select", { "aria-label": "Curves behind the poles", hidden: true, onchange: () => poles && curvesOf(poles) });
+  places.diagram.append(h("div.bar", {}, h("h2", {}, "Stabilization"), legend, h("span.space"), h("button.small", { onclick: () => diagram.toggleLetters(), title: "Letters or marks (l)" }, "o f d v s"), behindPoles, h("button.small", { onclick: () => diagram.toggleLinear(), title: "Indicator in dB or linear (i)" }, "dB"), h("button.small", { onclick: () => diagram.whole(), title: "Full range (z)" }, "full range")), box);
   fill(legend, [["pole-s", "stable"], ["pole-d", "damping"], ["pole-v", "shape"], ["pole-f", "frequency"], ["pole-new", "new"]].map(([c, words]) => h("span", {}, h(`i.key.${c}`), words)));
   const diagram = makeDiagram(box, { take: (i) => take(diagram.poles.frequency[i]), refuse, select });
   const strip = makeOverview(places.strip, (band) => act("set", { bands: band ? [band.map((f) => Number(f.toPrecision(6)))] : [] }));
@@ -247,12 +249,17 @@ function makeWork(begin, state) {
   /** @param {any} blob */
   const rows = (blob) => Array.from({ length: blob.shapes.curves[0] }, (_, k) => blob.curves.subarray(k * blob.shapes.curves[1], (k + 1) * blob.shapes.curves[1]));
 
-  /** Whether the sum of all responses stands behind the poles, and not the mode indicator. */
-  let summed = false;
-  /** @param {any} blob */
+  /** Draw the indicator that was chosen behind the poles, the first of those there are by default. @param {any} blob */
   function curvesOf(blob) {
-    const levels = summed ? [blob.total] : rows(blob);
-    diagram.setCurves({ lines: blob.lines, levels }, now.document.bands.length === 1 ? now.document.bands[0] : ends(blob.bands), summed ? "sum of responses" : undefined);
+    const listed = blob.indicators;
+    const before = behindPoles.value;
+    fill(behindPoles, listed.map((/** @type {any} */ each) => h("option", { value: each.name }, each.words)));
+    const shown_ = listed.find((/** @type {any} */ each) => each.name === before) ?? listed[0];
+    behindPoles.value = shown_.name;
+    behindPoles.hidden = false;
+    const [lines, curves] = [blob[`${shown_.name}_lines`], `${shown_.name}_curves`];
+    const levels = rows({ shapes: { curves: blob.shapes[curves] }, curves: blob[curves] });
+    diagram.setCurves({ lines, levels }, now.document.bands.length === 1 ? now.document.bands[0] : ends(blob.bands), shown_.level, shown_.linear);
   }
 
   /** @param {any} blob */
@@ -431,7 +438,7 @@ function makeWork(begin, state) {
   };
   const keys = {
     ArrowDown: () => step(1), ArrowUp: () => step(-1), j: () => step(1), k: () => step(-1), x: () => refuse(chosen), n: () => shown().length && modes.rename(chosen), a: () => act("automatic"),
-    " ": () => shape.toggle(), "[": () => response.next(-1), "]": () => response.next(1), z: () => diagram.whole(), l: () => diagram.toggleLetters(), i: () => diagram.toggleLinear(),
+    " ": () => shape.toggle(), "[": () => response.next(-1), "]": () => response.next(1), m: () => response.mark(), z: () => diagram.whole(), l: () => diagram.toggleLetters(), i: () => diagram.toggleLinear(),
     p: () => /** @type {HTMLElement} */ (places.diagram.querySelector(".plot")).focus(), s: () => save("analysis.json"), e: menu, r: () => save("html"), c: compare, Escape: () => (formats.hidden ? cancel() : (formats.hidden = true)), d: switchTheme, "?": () => showKeys(KEYS),
     ...Object.fromEntries(shape.views.map((name, i) => [String(i + 1), () => shape.see(name)])),
   };

@@ -1,6 +1,7 @@
 // Channels, measured and rebuilt: magnitude, phase, real, imaginary, coherence, or one part over the other.
 import { axis, decibels, fitted, uPlot, wheelZoom } from "./chart.js";
 import { colour, fill, h, icon, ICONS, number } from "./dom.js";
+import { peaksOf } from "./peaks.js";
 
 const FORMS = {
   dB: { label: "magnitude [dB]", unit: "dB", of: (/** @type {number} */ x, /** @type {number} */ y) => decibels(Math.hypot(x, y)) },
@@ -28,17 +29,19 @@ export function makeResponse(place, ask) {
   const inputs = h("select", { "aria-label": "Input", onchange: load });
   const forms = h("select", { "aria-label": "Representation", onchange: () => draw() }, Object.keys(FORMS).map((name) => h("option", {}, name)));
   const pin = h("button.small", { title: "Keep this channel behind the next ones", onclick: keep }, icon(ICONS.plus), "overlay");
+  const marks = h("button.small", { title: "Mark the peaks of the measured curve with frequency and value (m)", "aria-pressed": "false", onclick: mark }, "peaks");
   const clear = h("button.small.quiet", { title: "Remove the channels behind", "aria-label": "Remove overlays", hidden: true, onclick: () => { kept = []; draw(); } }, icon(ICONS.close));
   const fit = h("button.small.quiet.fit", { title: "List what is unexplained of every channel", onclick: list });
   const key = h("div.curve-key");
   const holder = h("div.plot");
   const listed = h("div.menu.fits", { hidden: true });
-  place.append(h("div.bar", {}, outputs, inputs, forms, pin, clear, h("div.holder", {}, fit, listed)), key, holder);
+  place.append(h("div.bar", {}, outputs, inputs, forms, pin, marks, clear, h("div.holder", {}, fit, listed)), key, holder);
   let data = /** @type {any} */ (null);
   let kept = /** @type {any[]} */ ([]);
   let fits = /** @type {number[][] | undefined} */ (undefined);
   let chart = /** @type {any} */ (null);
   let asked = 0;
+  let marked = false;
   outputs.hidden = inputs.hidden = true;
 
   async function load() {
@@ -52,6 +55,44 @@ export function makeResponse(place, ask) {
     } catch {
       fit.textContent = "";
     }
+  }
+
+  function mark() {
+    marked = !marked;
+    marks.setAttribute("aria-pressed", String(marked));
+    chart?.redraw(false);
+  }
+
+  /** Marks at the peaks of the measured curve that is seen, with their frequency and value, the most prominent first, as far as there is room. @param {any} u */
+  function drawPeaks(u) {
+    if (!marked || !["dB", "linear"].includes(forms.value)) return;
+    const { ctx, bbox } = u;
+    const ratio = uPlot.pxRatio;
+    const [first, last] = [u.valToIdx(u.scales.x.min), u.valToIdx(u.scales.x.max)];
+    const levels = Array.from(data.measured_real, (v, i) => decibels(Math.hypot(v, data.measured_imag[i])));
+    ctx.save();
+    ctx.fillStyle = ctx.strokeStyle = colour("ink");
+    ctx.font = `${10.5 * ratio}px system-ui, sans-serif`;
+    ctx.textAlign = "center";
+    ctx.setLineDash([]);
+    const taken = [];
+    for (const i of peaksOf(levels, first, last)) {
+      const [x, y] = [u.valToPos(u.data[0][i], "x", true), u.valToPos(u.data[1][i], "y", true)];
+      const words = [`${number(u.data[0][i], 5)} Hz`, forms.value === "dB" ? `${u.data[1][i].toFixed(1)} dB` : number(u.data[1][i], 3)];
+      const wide = Math.max(...words.map((text) => ctx.measureText(text).width)) / 2;
+      const above = y - 30 * ratio > bbox.top;
+      const beside = x + 2 * wide + 8 * ratio < bbox.left + bbox.width ? x + wide + 8 * ratio : x - wide - 8 * ratio;
+      const middle = above ? Math.min(Math.max(x, bbox.left + wide), bbox.left + bbox.width - wide) : beside;
+      const base = above ? y - 8 * ratio : Math.max(y + 8 * ratio, bbox.top + 22 * ratio);
+      const box = [middle - wide, middle + wide, base - 22 * ratio, base];
+      if (taken.some((t) => box[0] < t[1] + 4 * ratio && box[1] > t[0] - 4 * ratio && box[2] < t[3] && box[3] > t[2])) continue;
+      taken.push(box);
+      ctx.beginPath();
+      ctx.arc(x, y, 3 * ratio, 0, 7);
+      ctx.stroke();
+      words.forEach((text, k) => ctx.fillText(text, middle, base - (1 - k) * 11 * ratio));
+    }
+    ctx.restore();
   }
 
   function keep() {
@@ -92,8 +133,10 @@ export function makeResponse(place, ask) {
     fill(holder);
     const behind = kept.filter((d) => d !== data && d.lines.length === data.lines.length);
     clear.hidden = !kept.length;
-    fit.textContent = data.fit === null ? "" : `unexplained: ${number(100 * data.fit, 3)} %`;
+    const share = fits?.[Math.max(outputs.selectedIndex, 0)]?.[Math.max(inputs.selectedIndex, 0)] ?? data.fit;
+    fit.textContent = share === null ? "" : `unexplained: ${number(100 * share, 3)} %`;
     fit.disabled = !fits;
+    marks.disabled = !["dB", "linear"].includes(forms.value);
     const unit = form.unit ?? data.unit ?? "";
     const words = forms.value === "dB" && data.unit ? `magnitude [dB re ${data.unit}]` : form.unit === undefined && unit ? `${form.label} [${unit}]` : form.label;
     const entries = [["measured", `measured ${nameOf(data)}`], ...(forms.value === "coherence" ? [] : [["mode", "rebuilt"]]), ...behind.map((d, k) => [BEHIND[k], nameOf(d)])];
@@ -140,7 +183,7 @@ export function makeResponse(place, ask) {
         scales: { x: { time: false }, ...(forms.value === "coherence" ? { y: { range: () => [0, 1.02] } } : {}) },
         axes: [axis({ label: "frequency [Hz]", size: 24 }), axis({ label: words, size: 44 })],
         series: [{}, ...drawn.map(({ look }) => ({ ...look, points: { show: false } }))],
-        hooks: { setCursor: [read] },
+        hooks: { setCursor: [read], draw: [drawPeaks] },
       }),
       /** @type {any} */ ([data.lines, ...drawn.map(({ values }) => values)]),
       holder,
@@ -170,6 +213,7 @@ export function makeResponse(place, ask) {
       load();
     },
     next,
+    mark,
   };
 }
 

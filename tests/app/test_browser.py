@@ -159,6 +159,23 @@ def watch_it_move(window: Window) -> None:
     until(lambda: moving.screenshot() != still, 20)
 
 
+def choose_the_indicator_and_mark_peaks(window: Window) -> None:
+    """Another indicator stands behind the poles when it is chosen; m marks the peaks of the curve, and again takes the marks away."""
+    page = window.page
+    diagram, response = page.locator(".diagram .plot"), page.locator(".response .plot")
+    until(lambda: stands(diagram), 20)
+    before = diagram.screenshot()
+    page.get_by_label("Curves behind the poles").select_option("mmif")
+    until(lambda: diagram.screenshot() != before, 20)
+    page.evaluate("document.activeElement.blur()")
+    until(lambda: stands(response), 20)
+    plain = response.screenshot()
+    page.keyboard.press("m")
+    until(lambda: response.screenshot() != plain, 20)
+    page.keyboard.press("m")
+    until(lambda: response.screenshot() == plain, 20)
+
+
 def test_a_whole_job(window: Window) -> None:
     page = window.page
     window.open("chain.uff")
@@ -169,6 +186,7 @@ def test_a_whole_job(window: Window) -> None:
     refuse_by_a_click(window)
     take_back_and_refuse_by_key(window)
     watch_it_move(window)
+    choose_the_indicator_and_mark_peaks(window)
 
     # exported modes are those of the document, done again from the file
     again = ms.replay(window.document()).modes

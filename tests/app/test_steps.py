@@ -98,10 +98,10 @@ def test_a_choice_by_hand_sweeps_nothing_again_and_a_new_process_starts_from_wha
     assert len(pickle.loads(kept[1])) == 1
 
 
-def lines_of(blob: bytes) -> Any:
+def lines_of(blob: bytes, name: str = "lines") -> Any:
     """Return the lines of a blob."""
     begin = 4 + int.from_bytes(blob[:4], "little")
-    (found,) = (array for array in json.loads(blob[4:begin])["arrays"] if array["name"] == "lines")
+    (found,) = (array for array in json.loads(blob[4:begin])["arrays"] if array["name"] == name)
     return np.frombuffer(blob, "<f8", found["shape"][0], begin + found["at"])
 
 
@@ -111,7 +111,8 @@ def test_bands_that_overlap_are_shown_one_behind_the_other(tmp_path: Path) -> No
     run = Run()
     run.run(Analysis(files=(source_of_file(path, {}),), orders=(8, 12, 16), bands=((0.4, 3.4), (3.4, 7.5))))
     assert run.head("poles")["bands"] == [[0.4, 3.4], [3.4, 7.5]]
-    for lines in (lines_of(run.stages.channel(0, 0)), lines_of(blob_of(run, "poles"))):
+    poles = blob_of(run, "poles")
+    for lines in (lines_of(run.stages.channel(0, 0)), lines_of(poles, "cmif_lines"), lines_of(poles, "spectra_lines")):
         assert np.all(np.diff(lines) > 0)
         assert 0.4 <= lines[0] < lines[-1] <= 7.5
 

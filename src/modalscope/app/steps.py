@@ -20,8 +20,9 @@ from modalscope.io.analysis import analysis_to
 from modalscope.judging.select import Weighed, chosen_of, weighed
 from modalscope.plot.web.fits import channel_blob, fit_of_bands
 from modalscope.plot.web.modes import modes_blob
-from modalscope.plot.web.poles import cut_view, overview_blob, poles_blob
+from modalscope.plot.web.poles import cut_view, overview_blob, poles_blob, spectra_of
 from modalscope.plot.web.verdict import grouped, notes_that_matter, verdict_of
+from modalscope.preprocess.singular_spectra import Decomposition
 from modalscope.reporting.record import result_script
 from modalscope.workflow.analyze import concluded
 from modalscope.workflow.bands import Look, looked_at, modes_chosen
@@ -60,6 +61,7 @@ class Stages:
         self._tell = tell
         self._of_data = self._of_diagrams = ""
         self.data: Any = None
+        self._spectra: Decomposition | None = None
         self._notes: tuple[Note, ...] = ()
         self._findings: tuple[Any, ...] | None = None
         self._looks: list[Look] = []
@@ -99,7 +101,8 @@ class Stages:
         )
         check_same(document.files, sources, data)
         self.data, self._notes, self._of_data = data, notes, key
-        self._tell("blob", ("overview", overview_blob(data)))
+        self._spectra = spectra_of(data)
+        self._tell("blob", ("overview", overview_blob(data, self._spectra)))
 
     def _identify(self, document: Analysis, kept: bytes | None, check: Callable[[], None]) -> None:
         key = diagrams_key(document)
@@ -113,7 +116,7 @@ class Stages:
             self._tell("keep", (key, pickle.dumps(self._looks)))
         else:
             self._looks = pickle.loads(kept)  # made by a process of this server
-        self._tell("blob", ("poles", poles_blob(self._diagrams)))
+        self._tell("blob", ("poles", poles_blob(self._diagrams, self._spectra)))
         self._of_diagrams = key
 
     @property

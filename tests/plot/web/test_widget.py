@@ -14,6 +14,7 @@ from modalscope.modal.rebuilt import fit_error, rebuilt, unexplained
 from modalscope.plot.web.alive import alive_blob, drawing_of, front_end
 from modalscope.plot.web.fits import inside, lines_of_response, rebuilt_lines
 from modalscope.plot.web.modes import modes_parts, over_points
+from modalscope.plot.web.poles import poles_blob, spectra_of
 from modalscope.preprocess.singular_spectra import decomposition
 from modalscope.systems import chain5
 from tests.plot import examples
@@ -90,6 +91,40 @@ def test_a_geometry_without_lines_is_joined_between_neighbours() -> None:
     points = np.column_stack([np.arange(len(nodes)), np.zeros((len(nodes), 2))])
     placed = replace(modes, geometry=ms.Geometry(nodes=nodes, coordinates=points))
     assert modes_parts(placed, {})[1]["lines"].tolist() == [[k, k + 1] for k in range(len(nodes) - 1)]
+
+
+def _indicators(data: Any, *, spectra: bool = False, **options: Any) -> dict[str, Any]:
+    diagram = ms.stabilize(data, orders=[8, 10], **options)
+    head = _head(poles_blob([diagram], spectra_of(data) if spectra else None))
+    return {each["name"]: each for each in head["indicators"]}
+
+
+def test_indicators_that_stand_behind_poles_are_those_that_the_data_have() -> None:
+    chain, f = chain5(), np.linspace(0.2, 8.0, 200)
+    lines = chain.frequency_response(f, noise=0.01, seed=0)
+    assert list(_indicators(lines)) == ["cmif", "mmif", "sum"]
+    assert _indicators(lines)["mmif"]["linear"]
+    # of more forces than outputs some always put the response in quadrature; without a quantity the phase at resonance is not known
+    hammer = chain.frequency_response(f, outputs=["1:+X"], inputs=["1:+X", "2:+X"], noise=0.01, seed=0)
+    assert list(_indicators(hammer, reciprocal=False)) == ["cmif", "sum"]
+    assert list(_indicators(replace(lines, quantity=None, units=None))) == ["cmif", "sum"]
+    assert list(_indicators(chain.impulse_response(300, noise=0.01, seed=0))) == ["cmif", "sum"]
+    ambient = chain.simulate(inputs="ambient", samples=3000, sampling_rate=20.0, seed=0)
+    assert list(_indicators(ambient, spectra=True)) == ["spectra", "cmif", "sum"]
+
+
+def test_correlations_are_drawn_as_smooth_spectra() -> None:
+    record = chain5().simulate(inputs="ambient", samples=6000, sampling_rate=20.0, seed=0)
+    diagram = ms.stabilize(record, orders=[10])
+    modes = ms.select(diagram)
+    swing = {}
+    for falling in (True, False):
+        lines = lines_of_response(modes, diagram.response, falling=falling)
+        level = np.log10(np.abs(lines.measured[lines.frequencies > 8.0, 0, 0]))
+        swing[falling] = np.abs(np.diff(level)).mean()
+    assert swing[True] < swing[False] / 3
+    plain = lines_of_response(modes, diagram.response, falling=False)
+    np.testing.assert_allclose(plain.measured, diagram.response.spectrum()[1])
 
 
 def test_shapes_are_drawn_over_the_inputs_where_these_are_the_points() -> None:

@@ -72,21 +72,43 @@ def lines_of(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> Lin
     return Lines(*(np.concatenate(side) for side in zip(*parts, strict=True)))
 
 
-def rebuilt_lines(modes: ModalModel, diagram: StabilizationDiagram, bands: int) -> tuple[Array, Array, Array]:
-    """Return lines (F,), measured and rebuilt values (F, l, m) of one of several bands, rebuilt from the modes of all."""
+def rebuilt_lines(
+    modes: ModalModel, diagram: StabilizationDiagram, bands: int, *, falling: bool = True
+) -> tuple[Array, Array, Array]:
+    """Return lines (F,), measured and rebuilt values (F, l, m) of one of several bands, rebuilt from the modes of all.
+
+    `falling`: as in `lines_of_response`.
+    """
     chosen = modes if bands == 1 else within(modes, diagram.response)
-    f, measured, fitted = cut_to_band(lines_of_response(chosen, diagram.response), diagram, bands)
+    f, measured, fitted = cut_to_band(lines_of_response(chosen, diagram.response, falling=falling), diagram, bands)
     return f, measured, fitted
 
 
-def lines_of_response(modes: ModalModel, response: Response) -> Lines:
-    """Return the lines of a response; samples are transformed."""
+def lines_of_response(modes: ModalModel, response: Response, *, falling: bool = True) -> Lines:
+    """Return the lines of a response; samples are transformed.
+
+    `falling`: correlations, which are truncated before they decay, are first multiplied by the falling half of a Hann window. Without it
+    their transform swings about the spectrum.
+    """
     response = response.picture()
-    f, measured = response.spectrum()
     fitted = rebuilt(response, modes)
-    if fitted.shape != measured.shape:
-        fitted = np.fft.rfft(fitted, n=2 * (len(f) - 1), axis=0) / (2 * f[-1])
-    return Lines(np.asarray(f), measured, fitted)
+    if not isinstance(response, ImpulseResponse):
+        f, measured = response.spectrum()
+        return Lines(np.asarray(f), measured, fitted)
+    sides = (_transformed(response, side, falling) for side in (response.values, fitted))
+    return Lines(_grid(response), *sides)
+
+
+def _grid(response: ImpulseResponse) -> Array:
+    return np.asarray(np.fft.rfftfreq(8 * response.samples, 1 / response.sampling_rate), dtype=float)
+
+
+def _transformed(response: ImpulseResponse, values: Array, falling: bool) -> Array:
+    """Return the transform of samples (N, ...) on `_grid`, as `ImpulseResponse.spectrum` is; `falling`: see `lines_of_response`."""
+    count = response.samples
+    fall = 0.5 + 0.5 * np.cos(np.pi * np.arange(count) / count) if falling and response.ambient else np.ones(count)
+    windowed = values * fall.reshape(-1, *[1] * (values.ndim - 1))
+    return np.asarray(np.fft.rfft(windowed, n=8 * count, axis=0) / response.sampling_rate)
 
 
 def fit_of(modes: ModalModel, response: Response) -> Fit:
@@ -100,7 +122,7 @@ def fit_of_bands(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) ->
         return fit_of(modes, diagrams[0].response)
     parts = []
     for diagram in diagrams:
-        lines, measured, fitted = rebuilt_lines(modes, diagram, len(diagrams))
+        lines, measured, fitted = rebuilt_lines(modes, diagram, len(diagrams), falling=False)
         heard = heard_lines(diagram.response)
         kept = ... if heard.all() else np.isin(lines, np.asarray(diagram.response.spectrum()[0])[heard])
         parts.append((measured[kept], fitted[kept]))
@@ -159,11 +181,12 @@ def _channel_lines(response: Response, modes: ModalModel, output: int, column: i
     complete = len(modes) and modes.participation is not None
     shown = response.picture()
     fitted = rebuilt(shown, modes) if complete else np.full_like(shown.values, np.nan)
+    if isinstance(shown, ImpulseResponse):
+        f = _grid(shown)
+        own, G = (_transformed(shown, side[:, output, column], True) for side in (shown.values, fitted))
+        return f, own, G, np.full(len(f), np.nan)
     f, values = shown.spectrum()
     coherence = np.full(len(f), np.nan)
-    if isinstance(shown, ImpulseResponse):
-        G = np.fft.rfft(fitted[:, output, column], n=8 * shown.samples) / shown.sampling_rate
-        return np.asarray(f), values[:, output, column], G, coherence
     if shown.coherence is not None and len(shown.coherence) == len(f):
         each = shown.coherence.reshape(*shown.coherence.shape[:2], -1)
         coherence = each[:, output, min(column, each.shape[2] - 1)]

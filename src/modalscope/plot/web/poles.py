@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
-from modalscope.data import DataError, StabilizationDiagram
+from modalscope.data import DataError, FrequencyResponse, StabilizationDiagram
+from modalscope.data.response import Response
 from modalscope.data.shown import summary_of
 from modalscope.functions.poles import frequencies_and_damping
 from modalscope.identification.method_names import cell_label
 from modalscope.identification.stabilize import stable_against
 from modalscope.identification.sweep import Cut, Sweep
 from modalscope.io.arrays import plain
+from modalscope.modal.indicators import mmif
 from modalscope.numerics.checks import Array
 from modalscope.plot.diagrams import indicator_curves
 from modalscope.plot.web.blob import pack
@@ -28,25 +31,34 @@ _MAX_CURVES, _MAX_POINTS = 3, 200_000
 _MAX_SPECTRA = 4
 
 
-def curves_of(data: Any, kind: str = "cmif") -> tuple[Array, Array]:
+def curves_of(data: Any, kind: str = "cmif", spectra: Decomposition | None = None) -> tuple[Array, Array]:
     """Return lines (F,) and indicator curves (F, k) of any data: CMIF, or singular values of the spectra of ambient records.
 
-    `kind`: of responses, as in `indicator_curves`.
+    `kind`: of responses, as in `indicator_curves`, or "mmif". `spectra`: those of `spectra_of`, if they are known.
     """
     runs = getattr(data, "recordings", ())
     if runs:
         longest = max(runs, key=lambda run: run.samples)
         if longest.inputs is None:
-            spectra = decomposition(longest)
+            spectra = decomposition(longest) if spectra is None else spectra
             return spectra.frequencies, np.sqrt(spectra.singular_values)
         data = estimate_frf(longest)
-    return indicator_curves(data.picture(), kind)
+    picture = data.picture()
+    return (picture.frequencies, mmif(picture)[0]) if kind == "mmif" else indicator_curves(picture, kind)
 
 
-def overview_blob(data: Any) -> bytes:
-    """Return the indicator over the full range, with a summary of the data."""
+def spectra_of(data: Any) -> Decomposition | None:
+    """Return the singular values of the spectra of an ambient record, of runs the longest; None of other data."""
+    runs = getattr(data, "recordings", ())
+    if not runs or runs[0].inputs is not None:
+        return None
+    return decomposition(max(runs, key=lambda run: run.samples))
+
+
+def overview_blob(data: Any, spectra: Decomposition | None = None) -> bytes:
+    """Return the indicator over the full range, with a summary of the data; `spectra`: those of `spectra_of`."""
     try:
-        lines, curves = curves_of(data)
+        lines, curves = curves_of(data, spectra=spectra)
     except DataError:  # no response can be estimated from these records
         lines, curves = np.zeros(0), np.zeros((0, 1))
     head = {"summary": summary_of(data), "span": [lines[0], lines[-1]] if len(lines) else None}
@@ -72,12 +84,43 @@ def cut_view(sweep: Sweep, cut: Cut, before: Cut | None) -> dict[str, Any]:
     }
 
 
-def poles_blob(diagrams: Sequence[StabilizationDiagram]) -> bytes:
-    """Return the poles of all orders and bands, with the indicator behind them."""
-    first = diagrams[0]
-    lines, curves = behind(diagrams, _MAX_POINTS)
-    total = behind(diagrams, _MAX_POINTS, kind="sum")[1][0]
+#: Curves that can stand behind the poles: name -> words of the choice, label of their axis, whether that is linear.
+_INDICATORS = {
+    "spectra": ("singular values", "singular values of the spectra", False),
+    "cmif": ("CMIF", "mode indicator", False),
+    "mmif": ("MIF", "MIF, 0 at a resonance", True),
+    "sum": ("sum", "sum of responses", False),
+}
+
+
+def _indicators(
+    diagrams: Sequence[StabilizationDiagram], spectra: Decomposition | None
+) -> Iterator[tuple[str, Array, Array]]:
+    """Yield the curves that can stand behind the poles: name, lines and values; spectra, where there are, first."""
+    if spectra is not None:
+        yield "spectra", *behind(diagrams, _MAX_POINTS, spectra)
+    responses = [d.response for d in diagrams]
+    for name in ("cmif", "mmif", "sum") if all(map(_has_mif, responses)) else ("cmif", "sum"):
+        with suppress(DataError):  # too large for another decomposition
+            yield name, *behind(diagrams, _MAX_POINTS, kind=name)
+
+
+def _has_mif(response: Response) -> bool:
+    """Whether some forces cannot make a response of fewer outputs fall out of phase everywhere, and the phase at resonance is known."""
+    lines = isinstance(response, FrequencyResponse) and response.reciprocal and response.quantity is not None
+    return lines and len(response.input_dofs) <= len(response.output_dofs)
+
+
+def poles_blob(diagrams: Sequence[StabilizationDiagram], spectra: Decomposition | None = None) -> bytes:
+    """Return the poles of all orders and bands, with the indicators behind them; `spectra`: those of `spectra_of`."""
+    first, arrays = diagrams[0], pole_arrays(diagrams)
+    indicators = []
+    for name, lines, curves in _indicators(diagrams, spectra):
+        words, level, linear = _INDICATORS[name]
+        indicators.append({"name": name, "words": words, "level": level, "linear": linear})
+        arrays |= {f"{name}_lines": lines, f"{name}_curves": curves}
     head = {
+        "indicators": indicators,
         "label": cell_label(first.method, first.domain),
         "method": first.method,
         "domain": first.domain,
@@ -85,9 +128,7 @@ def poles_blob(diagrams: Sequence[StabilizationDiagram]) -> bytes:
         "bands": [list(band_of(d, len(diagrams))) for d in diagrams],
         "tolerances": dict(first.tolerances),
     }
-    return pack(
-        head, {**pole_arrays(diagrams), "lines": lines, "curves": curves, "total": total}, exact=("frequency", "lines")
-    )
+    return pack(head, arrays, exact=("frequency", *(f"{each['name']}_lines" for each in indicators)))
 
 
 def pole_arrays(diagrams: Sequence[StabilizationDiagram]) -> dict[str, Array]:
