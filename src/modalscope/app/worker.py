@@ -84,9 +84,9 @@ def compared(stages: Stages, progress: Progress, methods: list[str] | None = Non
 
 def compared_view(comparison: Comparison) -> dict[str, Any]:
     """Return a comparison as the page shows it."""
-    from modalscope import plot
     from modalscope.comparing import CAUSES
-    from modalscope.reporting.figures import draw
+    from modalscope.reporting.comparison_figures import deviations_svg, method_map_svg
+    from modalscope.reporting.figures import alone
 
     ran = sum(r.modes is not None for r in comparison.results)
     rows = [
@@ -111,11 +111,9 @@ def compared_view(comparison: Comparison) -> dict[str, Any]:
     ]
     pictures = {}
     if len(comparison.kinship.names) > 1:
-        pictures["map"] = draw((8.0, 5.0), lambda f: plot.method_map(comparison, f.add_subplot())).decode()
+        pictures["map"] = alone(method_map_svg(comparison.kinship, "Map of methods"))
     if comparison.groups:
-        pictures["deviations"] = draw(
-            (8.0, 5.4), lambda f: plot.deviations(comparison, tuple(f.subplots(2, 1, sharex=True)))
-        ).decode()
+        pictures["deviations"] = alone(deviations_svg(comparison, "Deviation of every method from the consensus"))
     causes = {cause.name: CAUSES[cause.name] for d in comparison.disagreements for cause in d.causes}
     return {"verdict": comparison.verdict, "rows": rows, "methods": methods, "pictures": pictures, "causes": causes}
 

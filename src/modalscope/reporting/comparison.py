@@ -6,15 +6,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from modalscope import plot
 from modalscope.comparing import CAUSES, Comparison, MethodResult
 from modalscope.comparing.scatter import LEVEL
 from modalscope.judging.description import decimals
 from modalscope.modal.rebuilt import explains_enough, unexplained
 from modalscope.plot.web.fits import fit_of, lines_of_response
 from modalscope.reporting import record, sections
-from modalscope.reporting.figures import draw, stabilization_svg
-from modalscope.reporting.html import Section, figure, folded, listing, paragraph, picture, table
+from modalscope.reporting.comparison_figures import deviations_svg, method_distances_svg, method_map_svg
+from modalscope.reporting.figures import stabilization_svg
+from modalscope.reporting.html import Section, figure, folded, listing, paragraph, table
 from modalscope.reporting.record import comparison_script
 
 #: Maximum number of drawn stabilization diagrams.
@@ -112,8 +112,7 @@ def _modes(c: Comparison) -> Section:
         body += folded(f"{len(c.unconfirmed)} more from transformed data only", words)
     if c.groups:
         caption = "Every method relative to the consensus; grey: the ± interval. Open marks: transformed data, without a vote."
-        drawn = draw((10.0, 6.2), lambda figure: plot.deviations(c, tuple(figure.subplots(2, 1, sharex=True))))
-        body += picture(drawn, "Deviation of every method from the consensus", caption)
+        body += figure(deviations_svg(c, "Deviation of every method from the consensus"), caption)
     return Section("modes", "Modes: the consensus", body)
 
 
@@ -170,12 +169,10 @@ def _kinship(c: Comparison) -> Section:
     if len(kin.classes) < _MIN_MAP_CLASSES or distance < _MIN_MAP_DISTANCE:
         text = f"All methods agree within {distance:.2g} half-power half-bandwidths: no map."
         return Section("map", "Map of methods", body + paragraph(text))
-    side = max(4.6, 0.46 * len(kin.names) + 2.2)
-    body += picture(draw((10.0, 5.6), lambda f: plot.method_map(c, f.add_subplot())), "Map of methods")
+    body += figure(method_map_svg(kin, "Map of methods"))
     caption = "Below the diagonal: distances of pole sets; above: principal angles in degrees."
-    drawn = draw((side + 0.8, side), lambda f: plot.method_distances(c, f.add_subplot()))
     kind = "narrow" if len(kin.names) < _MIN_WIDE_METHODS else "whole"
-    body += f'<div class="{kind}">{picture(drawn, "Distances between methods", caption)}</div>'
+    body += f'<div class="{kind}">{figure(method_distances_svg(kin, "Distances between methods"), caption)}</div>'
     return Section("map", "Map of methods", body)
 
 

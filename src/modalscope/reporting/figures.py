@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import io
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +11,7 @@ import numpy as np
 
 from modalscope.checking.certificate import Certificate
 from modalscope.data import ModalModel, StabilizationDiagram
+from modalscope.judging.description import decimals
 from modalscope.modal.indicators import mac
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.plot._camera import AXES, View, view_of
@@ -19,11 +19,11 @@ from modalscope.plot.shapes import in_order, spaced
 from modalscope.plot.web.alive import Drawing
 from modalscope.plot.web.fits import Lines, asked_ends
 from modalscope.plot.web.poles import behind, decibels, pole_arrays
-from modalscope.plot.web.svg import Panel, Scale, chart, key, scale_of, shortened
+from modalscope.plot.web.svg import MARKS, Panel, Scale, chart, key, scale_of, shortened
 from modalscope.preprocess.singular_spectra import Decomposition
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
 #: Kind of a pole, as its number in `pole_arrays` -> mark, class and words; drawn from the least to the most.
 _POLES = (
@@ -43,21 +43,11 @@ _MAX_BARS, _MAX_NAMES, _MAX_NUMBERED, _TONES = 400, 30, 12, 8
 #: Largest displacement as a share of the size of the structure.
 _AMPLITUDE = 0.14
 
+#: Of the intervals: pixels between modes, of the middle of their axes, and of the largest deviation from it.
+_ROW, _MIDDLE, _REACH = 21, 262, 130
+
 #: Half-width of the 95 % interval of a normal distribution, in standard deviations.
 _HALF_WIDTH = 1.96
-
-
-def draw(size: tuple[float, float], paint: Callable[[Figure], object]) -> bytes:
-    """Return what `paint` draws by Matplotlib on a figure of `size` (inches) as SVG; the bytes are reproducible."""
-    from matplotlib import style
-    from matplotlib.figure import Figure
-
-    with style.context(["default", {"svg.hashsalt": "modalscope", "svg.fonttype": "path"}]):
-        figure = Figure(figsize=size, layout="constrained")
-        paint(figure)
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": "modalscope"})
-    return buffer.getvalue()
 
 
 def stabilization_svg(
@@ -250,25 +240,35 @@ def _tone(signed: float) -> int:
 
 
 def intervals_svg(modes: ModalModel, of: str, description: str) -> str:
-    """Draw the 95 % intervals of all modes relative to their values; a hollow mark is the value before refinement."""
-    name, unit, label = (
-        ("frequencies", 1e3, "from the value [‰]")
-        if of == "frequency"
-        else ("damping_ratios", 1e2, "from the value [%]")
-    )
-    values = np.asarray(getattr(modes, name))
-    ends = modes.interval(0.95)["frequency" if of == "frequency" else "damping_ratio"]
-    away = unit * (ends.T / values - 1)
-    known, place = np.isfinite(away).all(axis=0), np.arange(len(modes))
-    before = None if modes.unrefined is None else unit * (np.asarray(getattr(modes.unrefined, name)) / values - 1)
+    """Draw the 95 % interval of every mode on an axis of its own, with its ends; a hollow mark is the value before refinement."""
+    name, unit, scale = ("frequencies", "Hz", 1.0) if of == "frequency" else ("damping_ratios", "%", 100.0)
+    values = scale * np.asarray(getattr(modes, name))
+    ends = scale * modes.interval(0.95)["frequency" if of == "frequency" else "damping_ratio"]
+    before = None if modes.unrefined is None else scale * np.asarray(getattr(modes.unrefined, name))
+    entries = [("line", "line c-1", "95 % interval")]
+    entries += [] if before is None else [("diamond", "p-d", "before refinement")]
     parts: list[str] = []
-    scale = scale_of([away, [] if before is None else before], zero=True)
-    panel = _of_modes(parts, modes, scale, f"{of}, deviation {label}")
-    panel.ranges(place[known], away[0, known], away[1, known], "line c-1")
-    if before is not None:
-        panel.marks(place, before, "p-d", "diamond")
-        key(parts, [("line", "line c-1", "95 % interval"), ("diamond", "p-d", "before refinement")], 58, 14)
-    return chart(490, 276, parts, description)
+    key(parts, entries, 58, 14)
+    panel = Panel(0, 0, 490, 1, Scale(0, 490), Scale(0, 1), parts)  # for its texts
+    panel.text(f"{of} [{unit}]", 482, 18, "end")
+    for j, value in enumerate(values):
+        y = 42 + _ROW * j
+        panel.text(str(j + 1), 30, y + 4, "end")
+        parts.append(f'<path class="grid" d="M400 {10 * y}H4820"/>')
+        others = [] if before is None else [before[j]]
+        reach = max((abs(v - value) for v in (*ends[j], *others) if np.isfinite(v)), default=0.0) or 1.0
+        low, high = (round(10 * (_MIDDLE + _REACH * (v - value) / reach)) if np.isfinite(v) else None for v in ends[j])
+        if low is not None and high is not None:
+            top = 10 * y - 40
+            parts.append(f'<path class="line c-1" d="M{low} {top}v80M{low} {10 * y}H{high}M{high} {top}v80"/>')
+            digits = decimals(values[j : j + 1], 6, [float(ends[j][1] - value)])
+            panel.text(f"{ends[j][0]:.{digits}f}", low / 10 - 6, y + 4, "end")
+            panel.text(f"{ends[j][1]:.{digits}f}", high / 10 + 6, y + 4, "start")
+        parts.append(f'<path class="p-s" d="M{10 * _MIDDLE} {10 * y}h0"/>')
+        for v in others:
+            at = round(10 * (_MIDDLE + _REACH * (v - value) / reach))
+            parts.append(f'<path class="p-d" d="M{at} {10 * y}{MARKS["diamond"]}"/>')
+    return chart(490, 50 + _ROW * len(modes), parts, description)
 
 
 def certificate_svg(certificate: Certificate, of: str, description: str) -> str:

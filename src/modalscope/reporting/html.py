@@ -5,7 +5,6 @@ The file contains all that a browser needs: the style, and the pictures as data.
 
 from __future__ import annotations
 
-import base64
 import numbers
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -161,10 +160,3 @@ def figure(svg: str, caption: str = "") -> str:
     """Return a figure with its SVG in the page; `caption`: plain text below it."""
     below = f"<figcaption>{_escaped(caption)}</figcaption>" if caption else ""
     return f"<figure>{svg}{below}</figure>"
-
-
-def picture(svg: bytes, description: str, caption: str = "") -> str:
-    """Return a figure with its picture as data; the description is the alternative text."""
-    data = base64.b64encode(svg).decode("ascii")
-    below = f"<figcaption>{_escaped(caption)}</figcaption>" if caption else ""
-    return f'<figure><img src="data:image/svg+xml;base64,{data}" alt="{_escaped(description)}">{below}</figure>'

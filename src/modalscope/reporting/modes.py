@@ -42,7 +42,7 @@ def intervals_section(modes: ModalModel) -> Section:
         advice = "No standard deviations are known. modalscope.refine(data, modes) computes them; analyze does so if possible."
         return Section("intervals", title, "".join(map(paragraph, (*reasons, advice))))
     scatter = " and the scatter between groups" if modes.frequencies_repeatability is not None else ""
-    lead = paragraph(f"95 % intervals relative to each value, from the noise{scatter}.", "muted")
+    lead = paragraph(f"95 % intervals, each mode on its own axis; from the noise{scatter}.", "muted")
     pictures = "".join(
         figure(intervals_svg(modes, of, f"95 % intervals of every mode's {of}")) for of in ("frequency", "damping")
     )

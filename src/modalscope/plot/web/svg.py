@@ -27,6 +27,7 @@ _MAX_TICKS, _MIN_DECADES, _MIN_POWERS = 7, 0.8, 3
 #: Path of each mark, drawn from its centre, tenths of a pixel.
 MARKS = {
     "dot": "h0",
+    "circle": "m-26 0a26 26 0 1 0 52 0a26 26 0 1 0-52 0z",
     "square": "m-22-22h44v44h-44z",
     "diamond": "m0-30 30 30-30 30-30-30z",
     "triangle": "m0-28 30 52h-60z",
