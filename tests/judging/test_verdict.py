@@ -11,7 +11,7 @@ import pytest
 from modalscope.data import FrequencyResponse
 from modalscope.functions.poles import poles_from
 from modalscope.identification.orders import ORDERS_END
-from modalscope.judging import recount
+from modalscope.judging import recount, verdict
 from modalscope.judging.evidence import Candidate, evidence_of
 from modalscope.judging.joint_selection import select_jointly
 from modalscope.judging.outcome import modes_of
@@ -146,6 +146,18 @@ def test_what_data_leave_open_is_no_mode() -> None:
     assert bool(against) != bool(sure)
     for c in against:
         assert "uncertain: frequency by" in c.against[0] or "given the other modes" in c.against[0]
+
+
+@pytest.mark.parametrize(("coloured", "share", "listed"), [(True, 1 / 3, 4), (True, np.inf, 0), (False, 1 / 3, 0)])
+def test_of_coloured_data_a_plain_peak_is_listed_however_uncertain_and_says_so(
+    monkeypatch: pytest.MonkeyPatch, coloured: bool, share: float, listed: int
+) -> None:
+    monkeypatch.setattr(verdict, "_MAX_DEVIATION", 1e-9)
+    monkeypatch.setattr(verdict, "LEAST_PEAK", share)  # no mode is more than all of the response
+    found = told(*ALL, coloured=coloured)
+    assert len(modes(found)) == listed
+    texts = [c.facts["uncertain"] for c in modes(found)] or [c.against[0] for c in found]
+    assert all(text.startswith("uncertain: frequency by") for text in texts)
 
 
 def test_of_coloured_data_a_mode_that_spans_many_lines_need_not_be_shown_by_orders() -> None:
@@ -307,7 +319,7 @@ def test_what_tells_more_of_a_mode_tells_more_of_where_it_lies(
     found = verdicts(replace(trial, found=replace(trial.found, gain=gain)), groups)
     mode = next(c for c in found if abs(c.frequency - 9) < 0.1)
     assert mode.gain == pytest.approx(ratio * trial.bar)
-    assert (not mode.against) is listed
+    assert ("uncertain" not in mode.facts) is listed
 
 
 # -------------------------------------------------------------------------------------------------------------- the whole way

@@ -15,6 +15,7 @@ from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.functions.poles import frequencies_and_damping
 from modalscope.identification.orders import ORDERS_END
+from modalscope.judging.bare_peaks import with_note_on_peaks
 from modalscope.judging.selection_problem import MAX_DAMPING_OF_RESONANCES
 from modalscope.modal.indicators import mac, with_indicators_of_shapes
 from modalscope.modal.shapes import joint_residues
@@ -216,7 +217,7 @@ def joined_modes(parts: Sequence[Part], modes: Sequence[ModalModel], whole: Resp
         return merged
     shapes, fitted = joint_residues(whole, merged.poles, merged.shapes)
     joined = replace(merged, shapes=shapes, scaling="as fitted", **fitted).normalized("unit")
-    return with_indicators_of_shapes(joined)
+    return with_note_on_peaks(with_indicators_of_shapes(joined), whole, (parts[0].core[0], parts[-1].core[1]))
 
 
 def _of_core(modes: ModalModel, core: tuple[float, float]) -> ModalModel:

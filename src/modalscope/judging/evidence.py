@@ -221,6 +221,8 @@ def sentence(facts: dict[str, Any], loss: float) -> str:
         reasons.append(f"represents {facts['cluster']} poles too close to separate")
     if "rests_on" in facts:
         reasons.append(f"significant for input {facts['rests_on']} only")
+    if "uncertain" in facts:
+        reasons.append(facts["uncertain"])
     return f"{'; '.join(reasons)}; fit error grows by {100 * loss:.2g} % without it"
 
 

@@ -13,6 +13,7 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.results import StabilizationDiagram
 from modalscope.identification.orders import usable_orders
 from modalscope.identification.refine import in_place
+from modalscope.judging.bare_peaks import with_note_on_peaks
 from modalscope.judging.evidence import Candidate, Gathered, counted, evidence_of, oscillations
 from modalscope.judging.no_structure import (
     harmonics_of_diagram,
@@ -170,7 +171,9 @@ def chosen_of(
     modes = modes_of(
         diagram, found.poles, sorted(chosen, key=lambda c: c.frequency), sorted(left, key=lambda c: c.frequency)
     )
-    return with_note_on_empty(with_note_on_errors(_of_channels(modes, measured), diagram), diagram)
+    told = with_note_on_empty(with_note_on_errors(_of_channels(modes, measured), diagram), diagram)
+    response = measured.response
+    return told if wanted else with_note_on_peaks(told, response, response.reported_band(measured.settings.band))
 
 
 def _of_channels(modes: ModalModel, diagram: StabilizationDiagram) -> ModalModel:

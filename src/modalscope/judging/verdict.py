@@ -17,7 +17,16 @@ from modalscope.data.results import StabilizationDiagram
 from modalscope.functions.poles import frequencies_and_damping, overlap, poles_from
 from modalscope.identification.orders import usable_orders
 from modalscope.judging.copies import Copies, copies_of
-from modalscope.judging.evidence import LEAST_PERSISTENCE, Candidate, Evidence, Own, judge, peaks
+from modalscope.judging.evidence import (
+    LEAST_PEAK,
+    LEAST_PERSISTENCE,
+    LEAST_PROMINENCE,
+    Candidate,
+    Evidence,
+    Own,
+    judge,
+    peaks,
+)
 from modalscope.judging.joint_selection import Outcome, gains_in_residual, select_jointly
 from modalscope.judging.recount import recount_of
 from modalscope.judging.selection_problem import MAX_DAMPING_OF_RESONANCES, SelectionProblem
@@ -254,7 +263,9 @@ def _mode(
     if zeta >= MAX_DAMPING_OF_RESONANCES and not groups:
         against.append(f"damping {100 * zeta:.2g} %, not found in the diagram: may represent modes outside the band")
     if not (apart < _MAX_DEVIATION and damped < _MAX_DEVIATION):
-        against.append(left_open(apart, damped))
+        shown = next((c for c in (best, _by_itself(trial, j, fit)) if trial.selection.coloured and _peak(c)), None)
+        best = best if shown is None else replace(shown, facts=shown.facts | {"uncertain": left_open(apart, damped)})
+        against += [left_open(apart, damped)] if shown is None else []
     undecided: dict[str, Any] = (
         {"late": True}
         if hidden and rare and len(against) == 1 and zeta < MAX_DAMPING_OF_RESONANCES and _late(best, trial)
@@ -268,6 +279,11 @@ def _mode(
     residue = trial.residue(best, np.flatnonzero(host == j))
     known = replace(best, against=tuple(against), facts=best.facts | _alone(trial, j) | undecided, residue=residue)
     return _with_gain(trial, known, gain)
+
+
+def _peak(mode: Candidate) -> bool:
+    """Return whether the data have a peak at a mode, and it is most of the response there."""
+    return bool(mode.facts["share_of_peak"] >= LEAST_PEAK and mode.facts["indicator_prominence"] >= LEAST_PROMINENCE)
 
 
 def _late(group: Candidate, trial: SelectionResult) -> bool:
