@@ -345,6 +345,8 @@ function makeWork(begin, state) {
 
   async function save(/** @type {string} */ suffix) {
     formats.hidden = true;
+    stage.textContent = "writing the file";
+    status.classList.add("busy", "unknown");
     try {
       const { name, data } = await api.exported(now.key, suffix, Math.max(0, (found?.modes ?? []).indexOf(shown()[chosen])));
       const link = h("a", { href: URL.createObjectURL(data), download: name });
@@ -352,6 +354,8 @@ function makeWork(begin, state) {
       setTimeout(() => URL.revokeObjectURL(link.href), 10000);
     } catch (error) {
       complain(error);
+    } finally {
+      setStage(now.stage);
     }
   }
 

@@ -136,6 +136,17 @@ def test_two_bands_are_shown_together(tmp_path: Path) -> None:
     assert len(set(re.findall(r'<section id="([^"]+)"', report))) == report.count("<section id=")
 
 
+def test_a_state_space_model_is_exported_as_the_command_line_writes_it(tmp_path: Path) -> None:
+    data, orders = KINDS["records"]
+    run = Run()
+    run.run(document_of(data, tmp_path, orders=orders, bands=((0.5, 7.0),)))
+    model = ms.realize(ms.read(tmp_path / "data.npz"), band=(0.5, 7.0))
+    for suffix in (".model.mat", ".model.json"):
+        written = ms.read(TASKS["export"](run.stages, None, suffix, str(tmp_path / f"a{suffix}")))
+        for name in "ABCD":
+            np.testing.assert_allclose(getattr(written, name), getattr(model, name), rtol=1e-12, atol=1e-12)
+
+
 def test_what_was_stopped_between_two_orders_has_no_result(tmp_path: Path) -> None:
     data, orders = KINDS["lines"]
     run = Run()

@@ -21,6 +21,8 @@ FORMATS = {
     ".npz": "NumPy arrays",
     ".mat": "MATLAB arrays",
     ".h5": "HDF5 arrays",
+    ".model.mat": "state-space model A, B, C, D for MATLAB",
+    ".model.json": "state-space model A, B, C, D",
     ".html": "the report, one file with its pictures",
     ".zip": "pictures of diagram, shapes, AutoMAC and response, SVG",
     ".gif": "film of the chosen mode",

@@ -12,8 +12,10 @@ from zipfile import ZIP_DEFLATED, ZipFile
 from modalscope.app.files import FORMATS
 from modalscope.app.steps import Stages
 from modalscope.data import DataError, ModalModel
+from modalscope.data.analysis import Analysis
 from modalscope.io import write
 from modalscope.io.analysis import analysis_from
+from modalscope.workflow.realize import realize
 
 if TYPE_CHECKING:
     from modalscope.comparing import Comparison
@@ -43,8 +45,20 @@ def export(stages: Stages, progress: Progress, suffix: str, target: str, mode: i
         return animate(over_points(result.modes, result.diagrams[0].response), mode, path)
     if suffix == ".zip":
         return _pictures(result, path)
+    if suffix in (".model.mat", ".model.json"):
+        write(path, realize(stages.data, **_choices(result.analysis)))
+        return path
     write(path, result.analysis if suffix == ".analysis.json" else result)
     return path
+
+
+def _choices(document: Analysis) -> dict[str, Any]:
+    """Return the choices of a document for what is identified in one band: over all of its bands."""
+    bands = document.bands
+    band = (min(low for low, _ in bands), max(high for _, high in bands)) if bands else None
+    route = None if document.route == "auto" else document.route
+    chosen = {"route": route, "reciprocal": document.reciprocal, "exclude": document.exclude or None}
+    return {**chosen, "band": band, "method": document.method, "domain": document.domain}
 
 
 def _pictures(result: Result, path: Path) -> Path:
@@ -76,9 +90,8 @@ def compared(stages: Stages, progress: Progress, methods: list[str] | None = Non
     from modalscope.comparing import compare
 
     document = stages.finished().analysis
-    choices: dict[str, Any] = {"orders": document.orders, "exclude": document.exclude or None, "route": document.route}
-    if document.bands:  # methods are compared on one band
-        choices["band"] = min(low for low, _ in document.bands), max(high for _, high in document.bands)
+    chosen = {k: v for k, v in _choices(document).items() if k in ("route", "exclude", "band")}
+    choices = {"orders": document.orders, **chosen}
     return compared_view(compare(stages.data, methods or "all", progress=progress, **choices))
 
 
