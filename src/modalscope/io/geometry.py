@@ -49,6 +49,8 @@ _WORDS = {
     "channel": {*["channel", "sensor", "dof", "kanal", "ch"]},
     "direction": {*["direction", "dir", "axis", "richtung", "orientation"]},
 }
+#: What may stand behind x, y or z in the name of a column, such as x_mm.
+_AFTER_AXIS = {"", "coord", "coordinate", "pos", "position", "m", "mm", "cm", "in", "inch", "inches", "ft"}
 #: Rows of a table of points and characters of a cell, more than any test has.
 _MAX_POINTS, _MAX_CHARACTERS = 200_000, 200
 #: Characters of a cell in a folder of tables: in an array each cell takes the width of the longest.
@@ -151,28 +153,28 @@ def placed_by_number(geometry: Geometry, labels: Sequence[str]) -> dict[str, tup
     """Return the motion of the channels without a node whose numbers are those of nodes; none where anything is ambiguous.
 
     All these channels have one prefix, such as P in P1 to P15, and a node each. Where the prefix is no word for a point they are as many
-    as the nodes: a recorder's channel 3 is often not at node 3. Their direction is that of the label (`P3Z`), or the normal of the plane
-    of all nodes.
+    as the nodes with numbers: a recorder's channel 3 is often not at node 3. Their direction is that of the label (`P3Z`), of the node in
+    the table, or the normal of the plane of all nodes.
     """
     lost = {label: _numbered(label) for label in labels if not geometry.motion_of(label)}
-    nodes: dict[int, str] = {}
-    for node in geometry.nodes:
-        if (found := _numbered(node)) is not None:
-            nodes.setdefault(found.number, node)
+    numbered = [(found.number, node) for node in geometry.nodes if (found := _numbered(node)) is not None]
+    nodes = dict(numbered)
     channels = {label: found for label, found in lost.items() if found is not None and found.number in nodes}
     prefixes = {found.prefix for found in lost.values() if found is not None}
     points = {found.number for found in channels.values()}
-    if len(nodes) < len(geometry.nodes) or len(prefixes) != 1 or len(points) < 2 or len(channels) < len(lost):
+    if len(nodes) < len(numbered) or len(prefixes) != 1 or len(points) < 2 or len(channels) < len(lost):
         return {}
     if prefixes.isdisjoint(_POINTS) and len(points) < len(nodes):
         return {}
     normal = _normal(geometry.coordinates)
     placed: dict[str, tuple[Motion, ...]] = {}
     for label, found in channels.items():
-        vector = _vector_of(found.direction) or normal
+        node = nodes[found.number]
+        own = geometry.motions.get(node, ())  # a table gives directions to nodes, too
+        vector = _vector_of(found.direction) or (own[0][1] if len(own) == 1 else normal)
         if vector is None:
             return {}
-        placed[label] = ((nodes[found.number], vector),)
+        placed[label] = ((node, vector),)
     return placed
 
 
@@ -297,7 +299,7 @@ def _places(path: Path, head: Sequence[str], width: int) -> dict[str, int]:
         for role, words in _WORDS.items():
             if name in words:
                 places.setdefault(role, k)
-        if name[:1] in "xyz" and name[1:].strip("_ ") in ("", "coord", "coordinate", "pos", "mm", "m", "cm"):
+        if name[:1] in "xyz" and name[1:].strip("_ ") in _AFTER_AXIS:
             places.setdefault(name[:1], k)
     if "x" not in places:
         need, fault = "columns x, y, z (and node)", f"its columns are {', '.join(head[:8]) or width}"

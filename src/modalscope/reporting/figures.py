@@ -254,7 +254,7 @@ def intervals_svg(modes: ModalModel, of: str, description: str) -> str:
     for j, value in enumerate(values):
         y = 42 + _ROW * j
         panel.text(str(j + 1), 30, y + 4, "end")
-        parts.append(f'<path class="grid" d="M400 {10 * y}H4820"/>')
+        parts.append(f'<path class="grid" d="M{10 * (_MIDDLE - _REACH)} {10 * y}h{20 * _REACH}"/>')
         others = [] if before is None else [before[j]]
         reach = max((abs(v - value) for v in (*ends[j], *others) if np.isfinite(v)), default=0.0) or 1.0
         low, high = (round(10 * (_MIDDLE + _REACH * (v - value) / reach)) if np.isfinite(v) else None for v in ends[j])
@@ -262,8 +262,8 @@ def intervals_svg(modes: ModalModel, of: str, description: str) -> str:
             top = 10 * y - 40
             parts.append(f'<path class="line c-1" d="M{low} {top}v80M{low} {10 * y}H{high}M{high} {top}v80"/>')
             digits = decimals(values[j : j + 1], 6, [float(ends[j][1] - value)])
-            panel.text(f"{ends[j][0]:.{digits}f}", low / 10 - 6, y + 4, "end")
-            panel.text(f"{ends[j][1]:.{digits}f}", high / 10 + 6, y + 4, "start")
+            panel.text(f"{ends[j][0]:.{digits}f}", _MIDDLE - _REACH - 10, y + 4, "end")
+            panel.text(f"{ends[j][1]:.{digits}f}", _MIDDLE + _REACH + 10, y + 4, "start")
         parts.append(f'<path class="p-s" d="M{10 * _MIDDLE} {10 * y}h0"/>')
         for v in others:
             at = round(10 * (_MIDDLE + _REACH * (v - value) / reach))

@@ -20,6 +20,9 @@ from modalscope.numerics.errors import printable
 #: The page loads nothing from outside, whatever the file contains.
 _POLICY = "default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 
+#: Characters of the head of a column that is not broken into lines.
+_SHORT = 8
+
 
 def heading(key: str) -> str:
     """Return the name of a field as a heading: `frequency_spread_hz` as `frequency spread [Hz]`."""
@@ -121,7 +124,11 @@ def table(
     parts = ['<div class="scroll"><table>']
     if caption:
         parts.append(f"<caption>{_escaped(caption)}</caption>")
-    top = "".join(f'<th scope="col"{kind}>{_escaped(cell)}</th>' for cell, kind in zip(head, kinds, strict=True))
+    heads = [
+        (cell, ' class="short"' if not kind and len(cell) <= _SHORT else kind)
+        for cell, kind in zip(head, kinds, strict=True)
+    ]
+    top = "".join(f'<th scope="col"{kind}>{_escaped(cell)}</th>' for cell, kind in heads)
     parts.append(f"<thead><tr>{top}</tr></thead><tbody>")
     for i, row in enumerate(rows):
         cells = []
