@@ -1,11 +1,12 @@
-"""The band of hits: what they put force into, by the spectrum of a pulse that is known."""
+"""The band of hits, sweeps and bursts: what they put force into, by a spectrum that is known."""
 
 import numpy as np
 import pytest
 
 from modalscope.data import Signals
 from modalscope.identification.prepare import measure
-from modalscope.preprocess.bands import struck_band
+from modalscope.preprocess.bands import driven_band, struck_band, swept_band
+from modalscope.preprocess.merging import merge
 from modalscope.systems import chain5
 
 RATE = 64.0
@@ -60,3 +61,39 @@ def test_no_band_is_chosen_where_the_force_fills_it_or_is_no_hit():
     noise = Signals(outputs=rng.standard_normal((500, 2)), inputs=rng.standard_normal((500, 1)), sampling_rate=1.0)
     assert struck_band([noise]) is None
     assert struck_band([struck(16), noise]) is None
+
+
+def swept(first, last, dofs=None):
+    """A sweep of two minutes between two frequencies, Hz, at rest before and behind, on the chain of five masses."""
+    t = np.arange(0, 120, 1 / RATE)
+    u = np.where((t > 4) & (t < 110), np.sin(2 * np.pi * (first + (last - first) / 2 * (t - 4) / 106) * (t - 4)), 0.0)
+    record = chain5().simulate(inputs=u[:, None], at=[0], sampling_rate=RATE, noise=0.01)
+    which = [0, 1, 2, 3] if dofs is None else dofs
+    return Signals(
+        outputs=record.outputs[:, which], inputs=record.inputs, sampling_rate=RATE, output_dofs=[str(k) for k in which]
+    )
+
+
+def test_the_band_of_sweeps_is_what_they_pass():
+    """A linear sweep has one power between its ends, and falls off within some Fresnel widths, sqrt(rate of the sweep)."""
+    (low, high), note = swept_band([swept(1.0, 12.0)])
+    width = np.sqrt(11 / 106) + RATE / 200  # and the smoothing, a hundredth of the band
+    assert (low, high) == (pytest.approx(1.0, abs=2 * width), pytest.approx(12.0, abs=2 * width))
+    assert note.text.startswith(f"Band {low:g} to {high:g} Hz")
+    assert low < 1 < 12 < high
+
+
+def test_roving_sensors_under_a_sweep_are_merged_on_the_lines_that_it_drives():
+    parts = [swept(1.0, 12.0, dofs) for dofs in ((0, 1), (2, 3))]
+    low, high = driven_band(parts)[0]
+    merged = merge(parts)
+    assert merged.frequencies[0] >= low
+    assert merged.frequencies[-1] <= high
+    assert any("less than 1 % of their largest power outside" in step for step in merged.processing)
+    assert merge(parts, segment=parts[0].samples).frequencies[-1] > high
+
+
+def test_sweeps_that_fill_the_band_and_other_forces_choose_none():
+    assert swept_band([swept(0.0, 31.0)]) is None
+    assert swept_band([struck(16)]) is None
+    assert swept_band([swept(1.0, 12.0), struck(16)]) is None

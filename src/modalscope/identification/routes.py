@@ -26,7 +26,7 @@ from modalscope.identification.method_names import find_method
 from modalscope.identification.table import methods
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess import estimate_markov
-from modalscope.preprocess.bands import struck_band
+from modalscope.preprocess.bands import driven_band, struck_band
 from modalscope.preprocess.excitation import find_excitation, find_period
 from modalscope.preprocess.line_noise import level_lines
 from modalscope.preprocess.merging import joined_frf
@@ -113,9 +113,10 @@ def without_delays(
 
 
 def _averaged(records: Records, band: tuple[float, float] | None) -> Way:
-    """Return frequency responses in a band, by default for hits the one that they excite."""
+    """Return frequency responses in a band, by default for hits, sweeps and bursts the one that they excite."""
     stacked, period = records.stacked(), _periodic(records)
-    chosen, note_on_band = struck_band(stacked, band) or (band, None)
+    driven = driven_band(stacked) if band is None else struck_band(stacked, band)
+    chosen, note_on_band = driven or (band, None)
     kind = "auto" if period is None else "periodic"
     text = f"Taken as {_TAKEN[records.kind_of_test]}: frequency responses were estimated from the records (H1)"
     note = Note("estimated", {}, text)

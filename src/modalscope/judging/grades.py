@@ -4,9 +4,9 @@ The first rule that applies decides. Every limit is one of another rule of the l
 
 - **doubtful**: the pole does not decay; its frequency is uncertain (95 %) by more than its half-power half-bandwidth; its damping is
   uncertain by its whole value, so that its sign is not known.
-- **look**: its shape is that of a stronger mode (MAC above .8); its interval did not hold in simulations; its refinement did not converge,
-  or moved it by more than the intervals before and after allow; its damping is uncertain by more than 30 %; its shape is complex (MPC
-  below .8); it is weak at its own frequency; its uncertainty is not known.
+- **look**: its shape is that of a stronger mode (MAC above .8); its interval did not hold in simulations; its refinement did not converge;
+  its damping is uncertain by more than 30 %; its shape is complex (MPC below .8); it is weak at its own frequency; its refinement moved it
+  by more than the intervals before and after allow; its uncertainty is not known.
 - **good**: no rule applies.
 """
 
@@ -99,8 +99,6 @@ def _weakness(
         return "interval failed in simulations"
     if modes.converged is False:
         return "refinement did not converge"
-    if reason := _moved(modes, i):
-        return reason
     uncertainty = zeta / float(modes.damping_ratios[i])
     if uncertainty > _MAX_DAMPING_UNCERTAINTY:
         return f"damping uncertain by ±{percent(uncertainty, 2)}"
@@ -111,6 +109,8 @@ def _weakness(
     share, prominence = (reasons.get(key) for key in ("share_of_peak", "indicator_prominence"))
     if share is not None and prominence is not None and share < LEAST_PEAK and prominence < LEAST_PROMINENCE:
         return f"weak: {percent(share, 2)} of its response, no peak"
+    if reason := _moved(modes, i):
+        return reason
     return "" if np.isfinite(uncertainty) else "uncertainty not known"
 
 

@@ -158,6 +158,29 @@ def struck_band(parts: Sequence[Signals], asked: Band | None = None) -> tuple[Ba
     return asked, Note("band past the hits", {"highest_hz": high}, text)
 
 
+def swept_band(parts: Sequence[Signals]) -> tuple[Band, Note] | None:
+    """Return the band (Hz) into which sweeps or bursts put a hundredth of their largest power or more, and a note.
+
+    Outside, a response is noise over hardly any force. None where that is nearly the whole, or where a part is another test.
+    """
+    if not all(find_excitation(part) in ("sweep", "burst") for part in parts):
+        return None
+    half = parts[0].sampling_rate / 2
+    lines = np.linspace(0.0, half, max(part.samples for part in parts) // 2 + 1)
+    useful = lines[np.any([swept_lines(part, lines) for part in parts], axis=0)]
+    low, high = rounded(float(useful[0])), rounded(float(useful[-1]))
+    high = half if high >= _WHOLE_BAND * half else high
+    if low == 0 and high == half:
+        return None
+    text = f"Band {low:g} to {high:g} Hz: the forces have less than 1 % of their largest power outside; for modes there, give another band"
+    return (low, high), Note(CHOSEN, _numbers(low, high), text)
+
+
+def driven_band(parts: Sequence[Signals]) -> tuple[Band, Note] | None:
+    """Return the band (Hz) of hits, sweeps or bursts and a note; see `struck_band` and `swept_band`."""
+    return struck_band(parts) or swept_band(parts)
+
+
 def useful_lines(signals: Signals, frequencies: RealArray) -> BoolArray:
     """Return the lines into which good hits put a hundredth of their largest power or more; all where none is good."""
     _, inputs = signals.by_run()
