@@ -306,7 +306,7 @@ function makeWork(begin, state) {
     caption(listed[chosen], chosen);
     autoMac();
     matrix.choose(chosen);
-    if (!blob.early && found.columns) response.setChannels(found.outputs, found.columns, found.fits);
+    if (!blob.early && found.columns) response.setChannels(found.outputs, found.columns, found.fits, found.strongest);
   }
 
   function autoMac() {

@@ -198,12 +198,13 @@ export function makeResponse(place, ask) {
     load();
   }
   return {
-    /** @param {string[]} outs @param {string[]} ins @param {number[][]} [unexplained]  of each output and input */
-    setChannels(outs, ins, unexplained) {
+    /** @param {string[]} outs @param {string[]} ins @param {number[][]} [unexplained]  of each output and input @param {number[]} [first]  output and input that are shown first */
+    setChannels(outs, ins, unexplained, first = [0, 0]) {
       const names = (/** @type {any} */ select) => Array.from(select.options, (o) => o.text).join("\n");
       if (names(outputs) !== outs.join("\n") || names(inputs) !== ins.join("\n")) {
         fill(outputs, outs.map((name) => h("option", {}, name)));
         fill(inputs, ins.map((name) => h("option", {}, name)));
+        [outputs.selectedIndex, inputs.selectedIndex] = first;
       }
       kept = [];
       fits = unexplained;

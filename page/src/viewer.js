@@ -35,7 +35,7 @@ export function makeViewer(root, data, acts = {}) {
   shape.set(data, 0);
   matrix.set(data.mac, data.modes.length, data.points.length);
   modes.set({ modes: data.modes, leftOut: data.left_out, refused: [], chosen: 0, unexplained: data.unexplained, warnings: data.warnings });
-  response?.setChannels(data.outputs, data.columns, data.fits);
+  response?.setChannels(data.outputs, data.columns, data.fits, data.strongest);
   function select(/** @type {number} */ i) {
     modes.choose(i);
     shape.choose(i);

@@ -103,4 +103,4 @@ def test_a_folder_that_is_not_there_and_a_chart_without_a_reference(
     assert main(command) == 2
     assert "there is no such folder" in capsys.readouterr().err
     assert main([*command, "--chart", "a.png"]) == 2
-    assert "no --reference was given" in capsys.readouterr().err
+    assert "needs --reference" in capsys.readouterr().err

@@ -98,13 +98,13 @@ def test_every_run_is_a_group_unless_labels_say_otherwise() -> None:
 @pytest.mark.parametrize(
     ("other", "message"),
     [
-        ({"sampling_rate": 16.0}, "one sampling rate: run 1 has 8 Hz, run 3 16 Hz"),
+        ({"sampling_rate": 16.0}, "one sampling rate, but run 1 has 8 Hz, run 3 16 Hz"),
         ({"output_dofs": ["2Z", "1Z"]}, r"same outputs: number 1 is 1:\+Z in run 1 and 2:\+Z in run 3"),
         ({"outputs": np.ones((5, 1)), "output_dofs": ["1Z"]}, "same outputs: run 1 has 2, run 3 1"),
         ({"quantities": ("acceleration", None)}, "number 2 is acceleration in run 1 and not known in run 3"),
         ({"units": ("g", "N")}, "units of the outputs: number 1 is m/s2 in run 1 and g in run 3"),
         ({"units": ("m/s2", "lbf")}, r"input 1:\+Z in one unit: it is in N in one run and in lbf"),
-        ({"inputs": ()}, "all have inputs, or none: run 3 has none"),
+        ({"inputs": ()}, "all runs need inputs, or none, but run 3 has none"),
     ],
 )
 def test_runs_that_do_not_belong_together_are_named(other: dict, message: str) -> None:  # type: ignore[type-arg]

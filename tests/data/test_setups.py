@@ -33,7 +33,7 @@ def test_channels_are_chosen_from_all_setups():
     ("parts", "options", "text"),
     [
         ([], {}, "the list is empty"),
-        ([record(["a", "b"]), record(["c", "d"])], {}, "they have no common output"),
+        ([record(["a", "b"]), record(["c", "d"])], {}, "they have none in common"),
         ([record(["a"]), record(["a", "b"], rate=5.0)], {}, "setup 2 5 Hz"),
         ([record(["a"]), record(["a", "b"], inputs=np.ones((40, 1)))], {}, "setup 2 has inputs"),
         (

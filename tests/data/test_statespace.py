@@ -217,7 +217,7 @@ def test_predictions_need_a_gain_and_the_models_channels():
     model = innovations_form()
     bare = StateSpace(A=model.A, B=model.B, C=model.C, D=model.D, dt=1.0)
     record = Signals(outputs=np.ones((9, 2)), inputs=np.ones((9, 1)), sampling_rate=1.0)
-    refused("the model has no gain", bare.predict, record)
+    refused("need the gain of the innovations", bare.predict, record)
     refused("at 2 Hz", model.predict, Signals(outputs=np.ones((9, 2)), inputs=np.ones((9, 1)), sampling_rate=2.0))
     refused(
         "has 1 outputs and 1 inputs",

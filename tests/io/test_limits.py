@@ -69,7 +69,7 @@ def test_what_a_bound_refuses_is_read_when_it_is_lifted(tmp_path, unlimited):
 
 @pytest.mark.parametrize("size", [0, -1, 1.5, True, "8GB"])
 def test_a_bound_is_a_number_of_bytes(size):
-    refused("a bound on memory", mio.set_max_memory, size)
+    refused("a limit of memory", mio.set_max_memory, size)
 
 
 def test_a_file_may_take_five_times_its_size_in_arrays_and_never_less_than_a_quarter_of_the_least():

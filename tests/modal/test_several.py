@@ -84,7 +84,7 @@ def test_a_mode_of_one_setup_alone_is_left_out():
 
 
 def test_setups_without_a_common_output_are_refused():
-    with pytest.raises(DataError, match="they have no common output"):
+    with pytest.raises(DataError, match="they have none in common"):
         merge_modes([MODES.select(outputs=["1:+X"]), MODES.select(outputs=["2:+X"])])
     with pytest.raises(DataError, match="the list is empty"):
         merge_modes([])

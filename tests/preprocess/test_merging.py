@@ -121,15 +121,15 @@ def test_ambient_records_with_common_outputs_become_one_correlation():
     ("parts", "text"),
     [
         ([], "the list is empty"),
-        ([part(["1Z"]), Signals(outputs=LINES[:, None], sampling_rate=1.0)], "parts of one kind"),
+        ([part(["1Z"]), Signals(outputs=LINES[:, None], sampling_rate=1.0)], "parts to merge need to be of one kind"),
         ([part(["1Z"], ["a"]), part(["2Z"], ["b"])], "no part contains 1:\\+Z / b"),
         ([part(["1Z"], quantity="velocity"), part(["2Z"])], "the same quantity"),
-        ([part(["1Z"]), part(["2Z"]).band(1, 1.5)], "parts on the same lines"),
+        ([part(["1Z"]), part(["2Z"]).band(1, 1.5)], "parts to merge need the same lines"),
         ([part(["1Z"], units="m"), part(["1Z"], units="mm")], "in m in one and in mm in another"),
         ([Signals(outputs=np.ones((4, 1)), sampling_rate=f) for f in (1.0, 2.0)], "of the same sampling rate"),
         (
             [Signals(outputs=np.ones((4, 2)), sampling_rate=1.0, output_dofs=list(d)) for d in ("ab", "cd")],
-            "they have no common output",
+            "they have none in common",
         ),
     ],
 )

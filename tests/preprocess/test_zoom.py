@@ -80,7 +80,7 @@ def test_lines_can_be_finer_than_the_segment(data):
         ({"zoom": (2, 2.001)}, "fewer than two inside"),
         ({"zoom": (2, 3), "zoom_by": "chirp"}, "Did you mean 'chirp-z'"),
         ({"zoom": (2, 3), "zoom_by": "decimation", "zoom_lines": 20}, "its lines are those of the segment"),
-        ({"zoom": (2, 3), "excitation": "periodic"}, "a zoom with periodic excitation"),
+        ({"zoom": (2, 3), "excitation": "periodic"}, "a periodic excitation allows no zoom"),
     ],
 )
 def test_what_cannot_be_zoomed_is_said(data, options, text):

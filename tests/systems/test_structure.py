@@ -117,7 +117,7 @@ def test_structures_that_do_not_fit_are_refused(change: dict, message: str) -> N
         (lambda s: s.impulse_response(10), "chain has no sampling interval.*\nGive sampling_rate"),
         (lambda s: s.free_decay(10, velocity=[1], sampling_rate=10), "velocity needs 2 entries"),
         (lambda s: s.frequency_response([1.0], noise=-1), "noise needs a fraction"),
-        (lambda s: s.simulate(sampling_rate=10), "its length is not given"),
+        (lambda s: s.simulate(sampling_rate=10), "a record needs a length"),
         (lambda s: s.simulate(samples=10, inputs="pink", sampling_rate=10), "inputs='pink'"),
         (lambda s: s.simulate(inputs=np.ones((9, 1)), sampling_rate=10), "inputs has 1 columns"),
         (lambda s: s.simulate(inputs=np.ones((9, 2)), samples=5, sampling_rate=10), "the forces have 1 of 9"),

@@ -32,7 +32,7 @@ class Windows:
     def add(self, most: int) -> Window:
         """Return the message queue of a new window, if there are fewer than `most`."""
         if len(self._open) >= most:
-            raise DataError("another window was asked", f"{len(self._open)} are open", "Close some.")
+            raise DataError(f"a document opens in at most {most} windows", f"{len(self._open)} are open", "Close some.")
         window: Window = asyncio.Queue(maxsize=_MAX_QUEUE)
         self._open.add(window)
         return window

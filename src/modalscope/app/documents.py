@@ -53,7 +53,7 @@ class DocumentStore:
             return self._open[key]
         path = self._place / f"{key}.json"
         if not key.isalnum() or not path.is_file():
-            raise DataError(f"document {key[:40]!r} was asked", "it does not exist", "Open its file again.")
+            raise DataError(f"document {key[:40]!r} was asked", "there is no such document", "Open its file again.")
         try:
             kept = json.loads(path.read_text(encoding="utf-8"))
             history = [analysis_from(entries) for entries in kept["history"]]
@@ -78,7 +78,11 @@ class DocumentStore:
         else:
             document = Analysis(files=tuple([await asyncio.to_thread(hashed, path) for path in paths]))
         if len(self._open) >= self.limits.documents:
-            raise DataError("another document was asked", f"{len(self._open)} are open", "Close some.")
+            raise DataError(
+                f"at most {self.limits.documents} documents are open together",
+                f"{len(self._open)} are open",
+                "Close some.",
+            )
         opened = self._placed(token_hex(8), ", ".join(path.name for path in paths)[:200], [document])
         self.keep(opened)
         return opened

@@ -103,7 +103,7 @@ async def open_files(request: Request) -> Response:
     store, body = _store(request), await _body(request)
     names = body.get("files")
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise DataError("opening files was asked", "the names are no texts", "Use the page.")
+        raise DataError("the request to open files needs their names as text", "it has other values", "Use the page.")
     opened = await store.open(names)
     opened.start()
     return JSONResponse(opened.state())
@@ -122,7 +122,7 @@ async def act(request: Request) -> Response:
     opened, body = _opened(request), await _body(request)
     given, edition = body.get("given", {}), body.get("edition")
     if not isinstance(given, dict) or not isinstance(body.get("action"), str):
-        raise DataError("an action was asked", "its name or its arguments are missing", "Use the page.")
+        raise DataError("an action needs a name and arguments", "one of them is missing", "Use the page.")
     if body["action"] == "geometry":
         given = {"files": [str(_store(request).files.resolve(str(name))) for name in given.get("files", ())]}
     opened.act(body["action"], given, edition if isinstance(edition, int) else None)
@@ -160,7 +160,7 @@ async def channel(request: Request) -> Response:
 def _number(request: Request, name: str) -> int:
     text = request.query_params.get(name, "")
     if not text.isdigit() or len(text) > 9:
-        raise DataError(f"{name} {text[:20]!r} was asked", "it is no index", "Use the page.")
+        raise DataError(f"{name} needs an index from 0", f"it is {text[:20]!r}", "Use the page.")
     return int(text)
 
 

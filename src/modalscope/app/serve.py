@@ -44,7 +44,7 @@ def check_front_end() -> None:
     """Raise `DataError` in a checkout without a built front end."""
     if not (STATIC / "index.html").is_file():
         remedy = "Run: make page (needs Node 20 and npm), or: pip install 'modalscope[app]'."
-        raise DataError("the page was asked", "this checkout has no built front end", remedy)
+        raise DataError("the page needs its built front end", "there is none here", remedy)
 
 
 def _state_folder() -> Path:

@@ -18,7 +18,7 @@ from modalscope.doctor.examine import examine
 from modalscope.identification.method_names import cell_label
 from modalscope.io.analysis import analysis_to
 from modalscope.judging.select import Weighed, chosen_of, weighed
-from modalscope.plot.web.fits import channel_blob, fit_of_bands
+from modalscope.plot.web.fits import channel_blob, fit_of_bands, strongest
 from modalscope.plot.web.modes import modes_blob
 from modalscope.plot.web.poles import cut_view, overview_blob, poles_blob, spectra_of
 from modalscope.plot.web.verdict import grouped, notes_that_matter, verdict_of
@@ -42,6 +42,7 @@ def result_head(result: Result) -> dict[str, Any]:
         "findings": [finding._asdict() for finding in grouped(result.findings)],
         "script": result_script(result),
         "columns": list(first.response.columns),
+        "strongest": strongest(first.response.values),
     }
     rebuildable = len(result.modes) > 0 and not result.analysis.apart
     fit = fit_of_bands(result.modes, result.diagrams) if rebuildable else None
@@ -167,5 +168,5 @@ class Stages:
         """Return the result, or raise if there is none."""
         if self.result is None:
             reason = "the analysis was stopped or failed"
-            raise DataError("the result of this analysis was asked", reason, "Follow its message, or press again.")
+            raise DataError("this needs the result of the analysis", reason, "Follow its message, or press again.")
         return self.result

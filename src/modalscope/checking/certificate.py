@@ -132,7 +132,7 @@ def replicates_of(
     Raises `DataError`: no modes, noise of which nothing is known, or a method that works on past records themselves.
     """
     if not len(modes):
-        raise DataError("a certificate was asked", "there are no modes", "Give a result with modes.")
+        raise DataError("a certificate needs modes", "there are none", "Give a result with modes.")
     row = find_method(diagram.method, diagram.domain, diagram.domain, diagram.settings.route)
     if row.of_past:
         have = "it projects records on their past, and replicates are responses"

@@ -120,7 +120,7 @@ def simulate(options: argparse.Namespace) -> None:
         return
     structure = systems.build(options.system)
     if options.output is None:
-        raise DataError(f"simulating {options.system} was asked", "no output file was given", "Add -o test.npz.")
+        raise DataError(f"simulating {options.system} needs an output file", "none was given", "Add -o test.npz.")
     check_output(options.output, (), options.force)
     size = {"samples": options.samples, "quantity": options.quantity}
     data = trial(structure, options.kind, **size, snr_db=options.noise, seed=options.seed)

@@ -79,8 +79,8 @@ def identify(options: argparse.Namespace) -> None:
         return
     check_outputs(options, options.files)
     if options.apart and any(map(is_page, options.outputs)):
-        asked = "one report on setups identified apart was asked"
-        raise DataError(asked, "a report covers one measurement", "Write .json or .csv, or one report per setup.")
+        asked = "a report covers one measurement"
+        raise DataError(asked, "setups identified apart are several", "Write .json or .csv, or one report per setup.")
     result = result_of(options, options.files)
     written = [
         *write_outputs(options, result),

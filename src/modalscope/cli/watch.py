@@ -68,7 +68,7 @@ def watch(options: argparse.Namespace) -> None:
 
     pause = check_positive("--every", options.every)
     if options.reference is None and (options.chart or options.call):
-        raise DataError("a chart of changes was asked", "no --reference was given", "Add --reference FIRST LAST.")
+        raise DataError("a chart of changes needs --reference", "none was given", "Add --reference FIRST LAST.")
     if options.chart is not None:
         check_output(options.chart, (), options.force, PICTURES)
     told: set[str] = set()

@@ -140,7 +140,7 @@ def _named(item: Any, table: list[Method], of_route: bool, allowed: Callable[[Me
         return [item] if not of_route or item in table else []
     if not isinstance(item, str) and not (isinstance(item, tuple | list) and len(item) == 2):
         have, change = f"one of methods is {type(item).__name__}", 'Name rows such as "era", or cells such as "era/s".'
-        raise DataError("methods to compare were asked", have, change)
+        raise DataError("methods need names of rows or cells", have, change)
     name, _, domain = item.partition("/") if isinstance(item, str) else (item[0], "", item[1])
     if domain and not of_route:
         return [find_method(name, check_choice("domain", domain, DOMAINS), domain)]

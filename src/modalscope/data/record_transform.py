@@ -64,7 +64,7 @@ def record_spectra(records: Records, band: tuple[float, float] | None = None) ->
     """
     fs, m = records.sampling_rate, len(records.input_dofs)
     if not m:
-        raise DataError("records on lines were asked", "they have no inputs", "Give the inputs, or use correlations.")
+        raise DataError("records on lines need inputs", "these have none", "Give the inputs, or use correlations.")
     parts = _chosen(records, band)
     count = [f.size for f, _ in parts]
     values, drive = np.empty((sum(count), len(records.output_dofs)), complex), np.zeros((sum(count), m), complex)

@@ -241,7 +241,7 @@ class Records(SeveralRecords):
             check_kind("each of the runs", part, Signals)
         runs = [run for part in parts for run in _apart(part)]
         if not runs:
-            raise DataError("records of several runs were asked", "the list is empty", "Give at least one record.")
+            raise DataError("runs need at least one record", "the list is empty", "Give at least one record.")
         _check_alike(runs)
         freeze(
             self,
@@ -399,7 +399,7 @@ def _check_alike(runs: list[Signals]) -> None:
     for number, run in enumerate(runs[1:], 2):
         if not np.isclose(run.sampling_rate, first.sampling_rate, rtol=1e-9, atol=0):
             rates = f"run 1 has {first.sampling_rate:g} Hz, run {number} {run.sampling_rate:g} Hz"
-            raise DataError("runs of one sampling rate were asked", rates, "Decimate the faster records.")
+            raise DataError("runs need one sampling rate", rates, "Decimate the faster records.")
         for what, one, other, change in (
             ("outputs", first.output_dofs, run.output_dofs, "Select the same outputs, in the same order, of each run"),
             ("quantities", first.quantities, run.quantities, "Convert the records to one"),
@@ -410,7 +410,7 @@ def _check_alike(runs: list[Signals]) -> None:
         if bool(run.input_dofs) is not bool(first.input_dofs):
             silent = 1 if run.input_dofs else number
             raise DataError(
-                "runs that all have inputs, or none, were asked",
+                "either all runs need inputs, or none",
                 f"run {silent} has none and others have some",
                 "Give inputs of zeros to a run in free decay; leave out a run whose forces were not measured.",
             )

@@ -64,7 +64,7 @@ class Setups(SeveralRecords):
         for part in parts:
             check_kind("each of the setups", part, Signals)
         if not parts:
-            raise DataError("setups of one structure were asked", "the list is empty", "Give at least one record.")
+            raise DataError("setups need at least one record", "the list is empty", "Give at least one record.")
         check_setups(parts)
         common = _common(parts)
         given = range(len(common)) if self.references is None else self.references
@@ -172,7 +172,7 @@ def check_setups(parts: list[Signals]) -> None:
             )
         if part.sampling_rate != first.sampling_rate:
             raise DataError(
-                "setups with the same sampling rates were asked",
+                "setups need one sampling rate",
                 f"setup 1 has {first.sampling_rate:g} Hz, setup {number} {part.sampling_rate:g} Hz",
                 "Decimate the faster records.",
             )
@@ -180,13 +180,15 @@ def check_setups(parts: list[Signals]) -> None:
             if known.setdefault(dof, (quantity, unit)) != (quantity, unit):
                 words = [" in ".join(word or "not known" for word in each) for each in (known[dof], (quantity, unit))]
                 raise DataError(
-                    "setups with the same quantity and unit of a channel were asked",
+                    "a channel needs the same quantity and unit in all setups",
                     f"{dof} is {words[0]} in one setup and {words[1]} in setup {number}",
                     "Convert them to one.",
                 )
     if not _common(parts):
         raise DataError(
-            "setups to merge were asked", "they have no common output", "Give references the same labels in all."
+            "setups are merged through outputs that all have",
+            "they have none in common",
+            "Give references the same labels in all.",
         )
 
 

@@ -211,8 +211,8 @@ class StateSpace(Quadruple):
         self._need("predict", continuous=False)
         if self.gain is None:
             raise DataError(
-                "one-step predictions were asked",
-                "the model has no gain",
+                "one-step predictions need the gain of the innovations",
+                "the model has none",
                 "Identify it from records with method='n4sid', give gain=, or use simulate().",
             )
         (l, m), rate = self.D.shape, 1 / self.dt if self.dt else np.nan
@@ -357,7 +357,7 @@ class StateSpace(Quadruple):
         missing = [name for name in "ABCD" if not hasattr(system, name)]
         if missing:
             raise DataError(
-                "a state-space model was asked",
+                "a state-space model needs A, B, C, D and dt",
                 f"{type(system).__name__} has no {', '.join(missing)}",
                 "Convert it there first, for instance by to_ss() or control.ss().",
             )

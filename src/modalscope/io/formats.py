@@ -246,7 +246,7 @@ def write(path: str | Path, thing: Any, **options: Any) -> None:
         remedy = "Choose one of these suffixes, or write the modes that select(diagram) gives."
         raise DataError(f"writing a stabilization diagram as {file.suffix} was asked", fault, remedy)
     if row.writer is None:
-        raise DataError(f"writing {file.name} was asked", f"a {row.name} is only read", "Choose another suffix.")
+        raise DataError(f"{file.name} cannot be written", f"a {row.name} can only be read", "Choose another suffix.")
     check_options(file, options, row.write_options, "writing")
     check_texts(file.suffix, thing)
     with replacing(file, sources) as temporary:

@@ -155,6 +155,6 @@ def from_frame(frame: Any, **options: Any) -> DataObject:
     if not is_frame(frame):
         fault = f"it is {type(frame).__name__}"
         remedy = "Give such an object, a path to read, or make FrequencyResponse or Signals of arrays."
-        raise DataError("data out of a DataFrame, Series, Dataset or DataArray were asked", fault, remedy)
+        raise DataError("from_frame needs a DataFrame, Series, Dataset or DataArray", fault, remedy)
     contents = contents_from_table(table_of_frame(frame, type(frame).__name__), options)
     return overridden(contents.thing, options, None)

@@ -54,7 +54,9 @@ def set_max_memory(size: int | None) -> None:
     """
     global _max_memory
     if size is not None and (isinstance(size, bool) or not isinstance(size, int) or size < 1):
-        raise DataError("a bound on memory was asked", f"it is {size!r}", "Give whole bytes above zero, or None.")
+        raise DataError(
+            "a limit of memory needs whole bytes above zero", f"it is {size!r}", "Give whole bytes above zero, or None."
+        )
     _max_memory = size
     set_allowed_memory(size)
 

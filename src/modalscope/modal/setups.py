@@ -195,7 +195,9 @@ def _common(parts: Sequence[ModalModel]) -> tuple[str, ...]:
     common = tuple(dof for dof in parts[0].output_dofs if all(dof in part.output_dofs for part in parts))
     if not common:
         raise DataError(
-            "setups to merge were asked", "they have no common output", "Give references the same labels in all."
+            "setups are merged through outputs that all have",
+            "they have none in common",
+            "Give references the same labels in all.",
         )
     return common
 

@@ -311,9 +311,7 @@ def check_band(band: Any) -> tuple[float, float]:
     try:
         low, high = (float(end) for end in band)
     except (TypeError, ValueError):
-        raise DataError(
-            "a band of two frequencies was asked", f"it is {band!r}", "Give band=(lowest, highest)."
-        ) from None
+        raise DataError("a band needs two frequencies", f"it is {band!r}", "Give band=(lowest, highest).") from None
     if not low < high:
         raise DataError(
             f"the band {low:g} to {high:g} Hz was asked", "it does not increase", "Give the lower end first."
@@ -339,9 +337,13 @@ def check_each(name: str, values: Any, what: str, most: int = 10**8) -> list[Any
 def check_path(path: Any) -> Path:
     """Return the name of a file as a path, or raise."""
     if not isinstance(path, str | PathLike) or isinstance(fspath(path), bytes):
-        raise DataError("the name of a file was asked", f"it is {type(path).__name__}", "Give it as text or as a Path.")
+        raise DataError(
+            "the name of a file needs to be text or a Path",
+            f"it is {type(path).__name__}",
+            "Give it as text or as a Path.",
+        )
     if "\0" in fspath(path):
-        raise DataError("the name of a file was asked", "it holds a NUL, which no name may", "Take it out.")
+        raise DataError("the name of a file cannot hold a NUL", "this one does", "Take it out.")
     try:
         fsencode(path)
     except UnicodeEncodeError:

@@ -86,7 +86,7 @@ def working(
     """
     if client is not None and not all(hasattr(client, name) for name in ("submit", "cancel", "nthreads")):
         raise DataError(
-            "a Dask client was asked", f"it is {type(client).__name__}", "Give distributed.Client(address)."
+            "client needs to be a Dask client", f"it is {type(client).__name__}", "Give distributed.Client(address)."
         )
     outer = executor()
     token = _executor.set(

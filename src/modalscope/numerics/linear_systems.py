@@ -82,7 +82,9 @@ def gramian_factor(A: RealArray, B: RealArray, sampled: bool) -> RealArray:
     growing = np.abs(values) >= 1 if sampled else values.real >= 0
     if growing.any():
         raise DataError(
-            "a Gramian over all time was asked", f"{int(growing.sum())} poles do not decay", "Give a finite horizon."
+            "a Gramian over all time needs poles that decay",
+            f"{int(growing.sum())} poles do not decay",
+            "Give a finite horizon.",
         )
     n, scale = A.shape[0], state_scale(A)
     A, B = scaled(A, scale), B / scale[:, None]

@@ -52,7 +52,7 @@ def intervals(modes: ModalModel, ax: Axes | None = None, *, of: str = "frequency
     name, unit, label = _QUANTITIES[of]
     values = np.asarray(getattr(modes, name))
     if getattr(modes, f"{name}_std") is None and getattr(modes, f"{name}_repeatability") is None:
-        raise DataError("intervals of modes were asked", "no standard deviations are known", "Refine the modes.")
+        raise DataError("intervals need standard deviations", "none are known", "Refine the modes.")
     ax = new_axes(ax)
     place, ends = np.arange(len(modes)), modes.interval(0.95)["frequency" if of == "frequency" else "damping_ratio"]
     away = unit * np.nan_to_num(np.abs(ends.T / values - 1))

@@ -132,7 +132,9 @@ def shape(
         return one_output(new_axes(ax), "a shape of one number says nothing")
     if std and modes.shapes_std is None:
         raise DataError(
-            "standard deviations of a shape were asked", "these modes have none", "Refine them: ms.refine(data, modes)."
+            "bars with intervals need standard deviations of shapes",
+            "these modes have none",
+            "Refine them: ms.refine(data, modes).",
         )
     ax = new_axes(ax)
     geometry = None if std else modes.geometry if geometry is None else geometry
@@ -179,7 +181,7 @@ def _measured(geometry: Geometry, labels: tuple[str, ...]) -> Array:
         nodes, channels = ", ".join(geometry.nodes[:4]), ", ".join(labels[:4])
         reason = f"the geometry (nodes {nodes}, ...) has none of the channels {channels}, ..."
         remedy = "Name the channels after its nodes, such as 3:+Z, or give it their motions."
-        raise DataError("a shape on the geometry was asked", reason, remedy)
+        raise DataError("a shape is drawn at the nodes of its channels", reason, remedy)
     return measured
 
 
@@ -341,7 +343,7 @@ def complexity(modes: ModalModel, index: int, ax: Axes | None = None) -> Axes:
     ax = new_axes(ax, (6.0, 6.0), projection="polar")
     if ax.name != "polar":
         remedy = 'Create them with projection="polar".'
-        raise DataError("the complexity of a shape was asked", f"the axes are {ax.name}", remedy)
+        raise DataError("the complexity of a shape needs polar axes", f"the axes are {ax.name}", remedy)
     for value in turned(modes.shapes[:, index]):
         ax.plot(
             [0, np.angle(value)], [0, np.abs(value)], color=BLUE, linewidth=1.6, marker="o", markevery=[1], markersize=5

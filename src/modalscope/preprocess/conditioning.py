@@ -294,7 +294,7 @@ def _in_lines(x: RealArray, factor: Array) -> RealArray:
 
 def _mirror_lines(signals: Signals) -> RealArray:
     if signals.samples < 3:
-        raise DataError("a derivative or an integral was asked", "the record has two samples", "Give three or more.")
+        raise DataError("a derivative or an integral needs three samples", "the record has two", "Give three or more.")
     return np.asarray(fft.rfftfreq(2 * signals.samples - 2, 1 / signals.sampling_rate))
 
 

@@ -247,7 +247,7 @@ def _periodic(signals: Signals, period: int | None, settle: int, zoom: tuple[flo
     """Estimate by the synchronous average over periods."""
     if zoom is not None:
         have, change = "its lines are those of the period", "Leave zoom out, and cut the result with band()."
-        raise DataError("a zoom with periodic excitation was asked", have, change)
+        raise DataError("a periodic excitation allows no zoom", have, change)
     outputs, inputs = without_offset(signals, "periodic")
     length = find_period(inputs, period)
     mean = synchronous(outputs, inputs, signals.sampling_rate, length, settle, signals.input_dofs)

@@ -91,7 +91,7 @@ def _union(parts: Sequence[Any]) -> _Union:
             for dof, unit in zip(dofs, given, strict=True):
                 if side.setdefault(dof, unit) != unit:
                     have = f"{dof} is in {side[dof] or 'no unit'} in one and in {unit or 'no unit'} in another"
-                    raise DataError("parts of the same units were asked", have, "Convert them to one unit.")
+                    raise DataError("a channel needs the same unit in all parts", have, "Convert them to one unit.")
     missing = np.argwhere(~present)
     if len(missing):
         have = f"no part contains {outputs[missing[0, 0]]} / {inputs[missing[0, 1]]}"
@@ -111,7 +111,7 @@ def merge_frf(parts: Sequence[FrequencyResponse]) -> FrequencyResponse:
             lines = (f"{p.lines} lines, {p.frequencies[0]:g} to {p.frequencies[-1]:g} Hz" for p in (first, part))
             have = f"part 1 has {next(lines)}; part {number} {next(lines)}"
             change = "Estimate all parts with the same segment, or cut them to the same band."
-            raise DataError("parts on the same lines were asked", have, change)
+            raise DataError("parts to merge need the same lines", have, change)
     for name in ("quantity", "sampling_rate", "added_damping"):
         _check_same(parts, name, "Convert the parts, with as_quantity(), or estimate them alike.")
     union = _union(parts)
@@ -222,13 +222,13 @@ def merge(parts: Iterable[Part | Test], **options: Any) -> Part | Test:
         inside = {Records: "runs", Setups: "parts"}.get(type(part))
         given += getattr(part, inside) if inside else [part]
     if not given:
-        raise DataError("parts to merge were asked", "the list is empty", "Give at least one record or response.")
+        raise DataError("merging needs at least one part", "the list is empty", "Give at least one record or response.")
     for part in given:
         check_kind("each part to merge", part, (FrequencyResponse, ImpulseResponse, Signals, Records, Setups))
     kinds = {type(part).__name__ for part in given}
     if len(kinds) > 1:
         change = "Estimate responses from the records first, or merge each kind by itself."
-        raise DataError("parts of one kind were asked", f"there are {', '.join(sorted(kinds))}", change)
+        raise DataError("parts to merge need to be of one kind", f"there are {', '.join(sorted(kinds))}", change)
     if not isinstance(given[0], Signals) and options:
         have = "responses are merged without options"
         raise DataError(f"{next(iter(options))} was asked", have, "Leave it out, or merge the records.")
@@ -269,7 +269,9 @@ def _merge_records(parts: list[Signals], options: dict[str, Any]) -> Part | Test
         return response if driven is None else response.in_band(driven[0]).processed(driven[1].text)
     if any(measured):
         change = "Merge those with inputs and those without separately."
-        raise DataError("records of one test were asked", "some have inputs and others do not", change)
+        raise DataError(
+            "either all records of a test need inputs, or none", "some have inputs and others do not", change
+        )
     setups = Setups(parts=tuple(parts))
     return merge_setups(correlations(setups, **options)) if options else setups
 

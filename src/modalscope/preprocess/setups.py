@@ -162,7 +162,11 @@ def merge_setups(parts: Sequence[ImpulseResponse], *, depth: int | None = None) 
 def _check(parts: Sequence[ImpulseResponse], depth: int | None) -> None:
     least = 3 * (2 if depth is None else depth)
     if not parts:
-        raise DataError("setups to merge were asked", "parts is empty", "Give the correlations of two setups or more.")
+        raise DataError(
+            "merging needs the correlations of two setups or more",
+            "the list is empty",
+            "Give the correlations of two setups or more.",
+        )
     first = parts[0]
     for number, part in enumerate(parts, 1):
         check_size(part)
@@ -170,12 +174,12 @@ def _check(parts: Sequence[ImpulseResponse], depth: int | None) -> None:
             own = (f"{', '.join(p.input_dofs)} at {p.sampling_rate:g} Hz" for p in (first, part))
             have = f"setup 1 has {next(own)}, setup {number} {next(own)}"
             change = "Correlate all setups with the same references."
-            raise DataError("setups with the same references and sampling rate were asked", have, change)
+            raise DataError("setups need the same references and sampling rate", have, change)
         missing = ", ".join(dof for dof in first.input_dofs if dof not in part.output_dofs)
         if missing:
             change = "Keep the references among the outputs of every setup."
             raise DataError(
-                "setups with all references as outputs were asked", f"setup {number} lacks {missing}", change
+                "every setup needs all references among its outputs", f"setup {number} lacks {missing}", change
             )
         if part.samples < least:
             asked, change = f"setups with at least {least} lags were asked", "Estimate more lags."

@@ -152,7 +152,7 @@ def _selected(thing: object) -> tuple[ModalModel, StabilizationDiagram]:
         if isinstance(modes, ModalModel) and isinstance(diagram, StabilizationDiagram):
             return modes, diagram
     remedy = "Give a diagram (of stabilize), the pair (modes, diagram), a result, an identification or a comparison."
-    raise DataError("a report was asked", f"it was given {type(thing).__name__}", remedy)
+    raise DataError("a report needs modes or a diagram", f"it was given {type(thing).__name__}", remedy)
 
 
 def _heading(what: str, joint: str, source: str | None) -> str:
@@ -198,7 +198,7 @@ class Origin:
 def _origin(result: Result, source: str | None, command: str | None) -> Origin:
     if result.analysis.apart:
         remedy = "Write .json or .csv, report on the setups together (apart=False), or on each by itself."
-        raise DataError("a report on setups identified apart was asked", "a report shows one diagram", remedy)
+        raise DataError("a report shows one diagram", "setups identified apart have one each", remedy)
     source = source or ", ".join(file.path for file in result.analysis.files if file.path) or None
     script = record.result_script(result)
     return Origin(source, command, result.findings, result.notes, script, data=result.data, diagrams=result.diagrams)

@@ -17,7 +17,7 @@ from modalscope.numerics.checks import Array, RealArray
 from modalscope.plot._camera import AXES, View, view_of
 from modalscope.plot.shapes import in_order, spaced
 from modalscope.plot.web.alive import Drawing
-from modalscope.plot.web.fits import Lines, asked_ends
+from modalscope.plot.web.fits import Lines, asked_ends, strongest
 from modalscope.plot.web.poles import behind, decibels, pole_arrays
 from modalscope.plot.web.svg import MARKS, Panel, Scale, chart, key, scale_of, shortened
 from modalscope.preprocess.singular_spectra import Decomposition
@@ -336,9 +336,8 @@ def pictures_of(drawing: Drawing) -> dict[str, str]:
     if len(modes) > 1 and len(points.output_dofs) > 1:
         pictures["automac"] = mac_svg(points, "AutoMAC")
     if drawing.lines is not None and len(modes):
-        power = np.sum(np.abs(drawing.lines.measured) ** 2, axis=0)
-        i, j = np.unravel_index(int(np.argmax(power)), power.shape)
-        pictures["response"] = response_svg(drawing.lines, int(i), int(j), None, "Measured and rebuilt response")
+        i, j = strongest(drawing.lines.measured)
+        pictures["response"] = response_svg(drawing.lines, i, j, None, "Measured and rebuilt response")
     return {name: alone(picture) for name, picture in pictures.items()}
 
 

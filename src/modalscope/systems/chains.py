@@ -57,7 +57,7 @@ def chain(
     m = real_array("masses", masses, "(masses,)", 1)
     k = real_array("stiffnesses", stiffnesses, "(springs,)", 1)
     if dampings is not None and damping_ratios is not None:
-        raise DataError("dampers and damping ratios were asked", "one excludes the other", "Give one of them.")
+        raise DataError("a chain takes dampers or damping ratios", "both are given", "Give one of them.")
     M, K = np.diag(m), joined("stiffnesses", k, m.size)
     D = np.zeros_like(K)
     if damping_ratios is not None:

@@ -29,8 +29,8 @@ def undamped_modes(M: RealArray, K: RealArray) -> tuple[RealArray, RealArray]:
     noise = M.shape[0] * np.finfo(float).eps * np.abs(squares).max()
     if squares[0] < -100 * noise:
         raise DataError(
-            "vibration modes were asked",
-            "the stiffness matrix has a negative eigenvalue",
+            "vibration modes need a stiffness matrix without negative eigenvalues",
+            "this one has some",
             "Correct K: the structure is unstable.",
         )
     return np.sqrt(np.where(squares <= 100 * noise, 0, squares)), Phi

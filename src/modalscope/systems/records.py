@@ -121,7 +121,7 @@ def _forces(inputs: Inputs, count: int, samples: int | None, runs: int, rng: np.
     if isinstance(inputs, str):
         check_choice("inputs", inputs, ("white", "ambient"))
         if samples is None:
-            raise DataError("a record was asked", "its length is not given", "Give duration in seconds, or samples.")
+            raise DataError("a record needs a length", "none is given", "Give duration in seconds, or samples.")
         return rng.standard_normal((runs, check_count("samples", samples, least=2), count))
     given = real_array("inputs", inputs, "(samples, inputs) or (runs, samples, inputs)", (2, 3))
     given = given[None] if given.ndim == 2 else given

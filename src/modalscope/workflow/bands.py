@@ -141,7 +141,7 @@ def setups_apart(data: Any, document: Analysis) -> tuple[Signals, ...]:
     if not setups_of(data) or len(document.bands) > 1:
         have = f"there is {type(data).__name__} with {counted(len(document.bands), 'band')}"
         change = "Give several ambient records with common outputs, and one band or none."
-        raise DataError("an identification of every setup apart was asked", have, change)
+        raise DataError("setups are identified apart on several ambient records with common outputs", have, change)
     return setups_of(data.select(exclude=document.exclude) if document.exclude else data)
 
 
@@ -199,7 +199,7 @@ def _of_bands(document: Analysis, looks: Sequence[Look], choose: Choose, *, betw
         )
         parts.append(((low, high), _repeated(_of_band(here, look, choose), look, between)))
     if not parts:
-        raise DataError("modes at given frequencies were asked", "none lies in a band", "Give bands that contain them.")
+        raise DataError("the given frequencies need to lie in a band", "none does", "Give bands that contain them.")
     return merge_bands([modes for _, modes in parts], [band for band, _ in parts])
 
 

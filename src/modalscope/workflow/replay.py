@@ -54,7 +54,7 @@ def replay(
     files = document.files or (SourceFile(),)
     if data is None and not all(file.path for file in files):
         have, change = "its document names no file", "Give the data: replay(document, data)."
-        raise DataError("a replay of an analysis was asked", have, change)
+        raise DataError("a replay needs the data of the analysis", have, change)
     # options of reading apply to files; a data object was read already
     reading = document.reading if data is None or are_paths(data) else {}
     given = [file.path for file in files] if data is None else data

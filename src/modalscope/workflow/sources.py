@@ -85,7 +85,7 @@ def _of_each(reading: Reading, count: int) -> list[Mapping[str, Any]]:
     if len(each) != count:
         have = f"the number of files is {count}"
         raise DataError(
-            f"{len(each)} sets of reading options were asked", have, "Give one for all files, or one for each."
+            f"{len(each)} sets of reading options are given", have, "Give one for all files, or one for each."
         )
     return each
 

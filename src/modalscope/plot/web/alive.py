@@ -19,7 +19,7 @@ from modalscope.numerics.checks import Array, BoolArray, IntArray
 from modalscope.numerics.errors import optional_package
 from modalscope.plot._style import unit_of
 from modalscope.plot.web.blob import pack
-from modalscope.plot.web.fits import Fit, Lines, asked_ends, band_of, fit_of_bands, lines_of
+from modalscope.plot.web.fits import Fit, Lines, asked_ends, band_of, fit_of_bands, lines_of, strongest
 from modalscope.plot.web.modes import modes_parts, over_points
 from modalscope.plot.web.poles import behind, pole_arrays
 from modalscope.plot.web.verdict import Verdict, verdict_of
@@ -105,6 +105,7 @@ def alive_blob(drawing: Drawing) -> bytes:
         channels, scales = _channels(drawing.modes, drawing.lines)
         if channels:  # records have one fit error per output, (l, 1)
             head |= {"channels": True, "fits": np.broadcast_to(drawing.fit[1], shape), "scales": scales}
+            head["strongest"] = strongest(drawing.lines.measured)
             arrays |= channels
     return pack(head, arrays, exact=("frequency", "behind", "response_lines"), half=tuple(_SIDES))
 
@@ -164,7 +165,7 @@ def widget(thing: Any) -> Any:
     script, style = front_end("widget.js"), front_end("widget.css")
     if script is None or style is None:
         remedy = "Run: make page (needs Node 20 and npm)."
-        raise DataError("a widget was asked", "its front end is not built", remedy)
+        raise DataError("a widget needs its built front end", "there is none here", remedy)
     fields = {
         "_esm": script,
         "_css": style,
@@ -185,4 +186,4 @@ def _pair(thing: Any) -> tuple[ModalModel, tuple[StabilizationDiagram, ...]]:
         if isinstance(modes, ModalModel) and isinstance(diagram, StabilizationDiagram):
             return modes, (diagram,)
     remedy = "Give a result of analyze, a diagram of stabilize, or (modes, diagram)."
-    raise DataError("a widget was asked", f"it was given {type(thing).__name__}", remedy)
+    raise DataError("a widget shows modes with their diagram", f"it was given {type(thing).__name__}", remedy)

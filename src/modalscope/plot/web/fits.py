@@ -130,6 +130,13 @@ def fit_of_bands(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) ->
     return fit_error(measured, fitted)
 
 
+def strongest(values: Array) -> tuple[int, int]:
+    """Return the output and the column of the channel with the most power, which is shown first; `values` (F, l, m)."""
+    power = np.sum(np.abs(values) ** 2, axis=0)
+    output, column = np.unravel_index(int(np.argmax(power)), power.shape)
+    return int(output), int(column)
+
+
 def channel_blob(diagrams: Sequence[StabilizationDiagram], modes: ModalModel, output: int, column: int) -> bytes:
     """Return one channel on the lines of all bands, measured and rebuilt from the modes, with its coherence where that is known.
 
