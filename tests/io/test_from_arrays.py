@@ -127,7 +127,7 @@ def test_columns_of_forces_that_are_short_are_hits(tmp_path):
 @pytest.mark.parametrize("shape", [(3, 400, 5), (400, 5, 3)])
 def test_axes_are_named_in_the_order_in_which_they_are_stored(tmp_path, shape):
     path = _saved(tmp_path, y=RNG.standard_normal(shape), fs=1000.0)
-    message = str(refused("an axis may count channels or hits", mio.read, path))
+    message = str(refused("whether an axis counts channels or hits", mio.read, path))
     assert not dead_ends(path, message)
     (way,) = suggestions(message)
     assert obeyed(path, way).thing.outputs.shape == (3, 400, 5)

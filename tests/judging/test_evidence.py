@@ -403,4 +403,4 @@ def test_the_sentence_says_where_a_mode_was_found_and_what_shows_it(share: float
     said = sentence({**FACTS, "share_of_peak": share, "indicator_prominence": ratio}, 0.123)
     assert said.startswith("found at 7 of 20 orders (4 to 18); ")
     assert words in said
-    assert said.endswith("; fit error grows by 12 % without it")
+    assert said.endswith("; without it the unexplained part grows by 12 %")

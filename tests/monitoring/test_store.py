@@ -84,7 +84,7 @@ def test_a_record_is_identified_and_stored_with_all_that_repeats_it(store: Store
 
 def test_data_without_a_time_are_refused(store: Store) -> None:
     for add in (store.add, store.add_modes):
-        with pytest.raises(DataError, match=r"its time is not known.*\nGive time"):
+        with pytest.raises(DataError, match=r"this time is not known.*\nGive time"):
             add(modes())
 
 

@@ -136,7 +136,7 @@ def test_decomposition_is_the_power_spectral_density():
         ({"window": "hanning"}, "Did you mean 'hann'"),
         ({"segment": 100}, "no window is given"),
         ({"window": "hann", "lags": 90, "segment": 80}, "segment=80 for 90 lags"),
-        ({"window": "hann", "lags": 99, "segment": 100}, "vanishes at the largest lag"),
+        ({"window": "hann", "lags": 99, "segment": 100}, "no overlap with itself at the largest lag"),
     ],
 )
 def test_what_cannot_be_estimated_is_said(options, text):

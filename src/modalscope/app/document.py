@@ -92,7 +92,11 @@ class OpenDocument:
         """
         if edition is not None and edition != self.edition:
             changed = "the document was changed in another window"
-            raise DataError("a change was asked", changed, "Check its present state and repeat the change if needed.")
+            raise DataError(
+                "a change was asked",
+                changed,
+                "Look at the document as it is now, and repeat the change if it is still needed.",
+            )
         if action == "undo":
             self.place = max(self.place - 1, 0)
         elif action == "redo":

@@ -174,7 +174,7 @@ def _samples_of(response: Response) -> tuple[RealArray, float]:
         if not is_full_grid(response):
             raise DataError(
                 "periodised samples of the lines were asked",
-                "they are not the full grid of a sampled system, 0 Hz to half the sampling rate",
+                "the lines do not cover 0 Hz to half the sampling rate in even steps",
                 "Use source='elimination', which takes any lines.",
             )
         return response.to_impulse_response().values, float(response.sampling_rate or 0)

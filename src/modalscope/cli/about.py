@@ -10,7 +10,7 @@ from modalscope.cli.process import say
 
 def add_methods(parser: Parser) -> None:
     """Add the arguments of `methods`."""
-    parser.add_argument("name", nargs="?", help="a row, or a name from the literature: its cells alone")
+    parser.add_argument("name", nargs="?", help="a method, or its name in the literature: show only this one")
 
 
 def methods(options: argparse.Namespace) -> None:

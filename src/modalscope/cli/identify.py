@@ -59,7 +59,11 @@ def add_identify(parser: Parser) -> None:
     add("--no-refine", dest="refine", action="store_false", help="no maximum likelihood refinement")
     add("--all", action="store_true", help="also print the candidates left out, with reasons")
     add("--wide", action="store_true", help="print all columns: spreads, significance, indicators")
-    add("--each", action="store_true", help="every file is a test: one table, modes paired with those of the first")
+    add(
+        "--each",
+        action="store_true",
+        help="each file is a test of its own: one table, with modes paired to those of the first file",
+    )
     add("--reference", type=Path, metavar="MODES", help="with --each: file of modes to pair with")
     add("--apart", action="store_true", help="identify the setups one by one and merge their modes, not their records")
     add_workers(parser)

@@ -129,7 +129,7 @@ def add_workers(parser: Parser) -> None:
     """Add the executor and the folder of partial sums for stored records."""
     add = parser.add_argument_group("records that stay in their file (.h5, .zarr)").add_argument
     add("--scheduler", metavar="ADDRESS", help="Dask scheduler, such as tcp://host:8786; local:4 starts four processes")
-    add("--resume", type=Path, metavar="FOLDER", help="save partial sums there, and resume from those saved")
+    add("--resume", type=Path, metavar="FOLDER", help="folder for partial sums: an interrupted job goes on from them")
 
 
 def add_outputs(parser: Parser, what: str) -> None:

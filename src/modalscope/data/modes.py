@@ -61,7 +61,9 @@ def _mass_factor(modes: ModalModel) -> tuple[ComplexArray, str]:
     common = [dof for dof in common if dof not in untold]
     if not common:
         raise DataError(
-            "shapes of unit modal mass were asked", "there is no driving point", "Give an output the label of an input."
+            "shapes of unit modal mass were asked",
+            "there is no driving point",
+            "Where an output and an input are at one point, give both the same label.",
         )
     power = derivatives_between(modes.quantity, "displacement")
     rows = [modes.output_dofs.index(dof) for dof in common]

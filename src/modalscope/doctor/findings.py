@@ -98,8 +98,8 @@ ROWS = {
     "frozen": ("constant over {stretches}, with motion before and after", _AS_RUNS),
     "gap": ("all channels constant over {stretches}, with motion before and after", _AS_RUNS),
     "spikes": (
-        "{count} outlying single samples, at {times}",
-        "Look for a loose contact; replace them by the mean of their neighbours, or leave the channel out.",
+        "{count} samples far outside all others (spikes), at {times}",
+        "Look for a loose contact; replace these samples by the mean of their neighbours, or leave the channel out.",
     ),
     "transposed": (
         "{count} channels of {samples} samples",
@@ -123,7 +123,10 @@ ROWS = {
         "Exchange them: the force belongs to the inputs, columns='in=...,out=...'.",
     ),
     "delay: all": ("all outputs are delayed by {samples} samples, {seconds:.4g} s, after the forces", _ALIGNED),
-    "delay: one": ("delayed by {samples} samples, {seconds:.4g} s, after the forces, unlike others", _ALIGNED),
+    "delay: one": (
+        "delayed by {samples} samples ({seconds:.4g} s) against the forces; the other outputs are not",
+        _ALIGNED,
+    ),
     "delay: phase": (
         "{size:.4g} s, {samples:.3g} samples, {side} than most other outputs",
         "Look for another filter or recorder; shift it by {seconds:.4g} s, or leave it out: exclude=[{channels[0]!r}].",
@@ -153,8 +156,8 @@ ROWS = {
         "Give every place a file, or its own label: input_dofs, --input-dofs.",
     ),
     "changed: channel": (
-        "all others predict {first:.0f} % of its power in the first half, {second:.0f} % in the second",
-        "Look for a broken cable or a sensor that fell off; use one half, or leave it out: exclude=[{channels[0]!r}].",
+        "the other channels predict {first:.0f} % of its power in the first half of the record, {second:.0f} % in the second",
+        "Look for a broken cable or a sensor that fell off; use one half, or leave the channel out: exclude=[{channels[0]!r}].",
     ),
     "changed: all": (
         "each half is predicted {factor:.2g} times less well by the other than by itself",

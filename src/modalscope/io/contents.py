@@ -159,8 +159,8 @@ class Survey:
     def told(self) -> tuple[Note, ...]:
         """What of the file was not read, what is missing and what else to know, as one note; none where all was read."""
         reasons = Counter(finding.reason for finding in self.left).most_common()
-        texts = [f"{count} of {len(self.found)} parts left: {reason}" for reason, count in reasons[:_MAX_LISTED]]
-        texts += ["other parts left"] if len(reasons) > _MAX_LISTED else []
+        texts = [f"{count} of {len(self.found)} parts not used: {reason}" for reason, count in reasons[:_MAX_LISTED]]
+        texts += ["other parts not used"] if len(reasons) > _MAX_LISTED else []
         texts += [f"missing: {text}" for text in self.missing]
         texts += self.notes
         numbers = {"parts": len(self.found), "left": len(self.left)}

@@ -272,7 +272,7 @@ def _rows(path: Path) -> tuple[list[str], list[list[str]], Dialect]:
     body = rows[1:] if headed else rows
     if not body or width < 2 or any(len(cell) > _MAX_CHARACTERS for row in body for cell in row):
         fault = f"it has {len(body)} rows of {width} cells"
-        remedy = "Write one row a node (node, x, y, z) or a line (two nodes)."
+        remedy = "Write one node in each row (node, x, y, z), or one line in each row (two nodes)."
         raise unreadable(f"points or lines from {path.name}", fault, remedy)
     return (rows[0] if headed else []), body, dialect
 
@@ -333,7 +333,7 @@ def _lines_and_faces(path: Path) -> dict[str, Any]:
     rows = [[cell for cell in row if cell] for row in _rows(path)[1]]
     wrong = next((row for row in rows if not 2 <= len(row) <= 4), None)
     if wrong is not None:
-        need, fault = "two nodes a row, or three or four around a face", f"a row is {wrong[:6]}"
+        need, fault = "two nodes in each row for a line, three or four for a face", f"a row is {wrong[:6]}"
         raise needs(f"lines from {path.name}", need, fault, "Leave other columns out.")
     faces = [row for row in rows if len(row) > 2]
     width = max(map(len, faces), default=3)

@@ -333,7 +333,7 @@ def _runs(evidence: _Evidence, arrays: Mapping[str, Array], forces: list[str], o
     shapes = ", ".join(f"{name} {evidence.data[name].shape}" for name in arrays)[:_MAX_CHARACTERS]
     deep = any(array.ndim == 3 for array in arrays.values())
     channels = "" if deep else f"; for channels: {_as_channels(evidence, arrays, forces)}"
-    fault = f"in {shapes} an axis may count channels or hits"
+    fault = f"in {shapes} it is not clear whether an axis counts channels or hits"
     raise unreadable(f"{evidence.where} as records", fault, f"For hits: {' '.join(words)}{channels}")
 
 

@@ -113,7 +113,7 @@ def lists_of(where: str, arrays: Mapping[str, Array]) -> Lists | None:
         listed = "; ".join(f"{of} {', '.join(map(str, numbers[:6]))}" for of, numbers in places.items())
         # what is no run by itself goes before what is
         odd = min(runs, key=lambda of: (_are_runs(list(lists[of].values())), len(places[of])))
-        fault = f"its lists have members at different places: {listed}"
+        fault = f"the runs of one list are not those of another: {listed}"
         raise unreadable(f"the runs of {where}", fault, f"Leave one out: --ignore {odd}")
     first = next(iter(places.values()))
     return Lists(runs=[shared | {k: a for of in runs for k, a in lists[of][p].items()} for p in first])
@@ -143,7 +143,7 @@ def _check_whole(where: str, of: str, members: Mapping[int, Mapping[str, Array]]
         if lacking:
             name = member_name(of, place, "{}" if any(key.startswith(f"{of}{{") for key in arrays) else "()")
             fault = "is empty" if lacking == [of] else f"has no {', '.join(lacking[:6])}, which other members have"
-            remedy = f"Leave that member out, --ignore '{name}', or what it lacks: --ignore {lacking[0]}"
+            remedy = f"Leave out this member (--ignore '{name}'), or the field that it lacks (--ignore {lacking[0]})"
             raise unreadable(where, f"{name} {fault}", remedy)
 
 

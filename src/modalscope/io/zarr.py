@@ -113,7 +113,7 @@ def _arrays(path: Path, space: Room) -> dict[str, Path]:
     }
     space.parts("arrays", len(folders))
     if not folders:
-        raise _damaged(path, "it holds no array", "Give the folder of a group of arrays, or of one array.")
+        raise _damaged(path, "it holds no array", "Give the folder of one array, or of a group of arrays.")
     return folders
 
 

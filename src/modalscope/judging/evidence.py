@@ -223,7 +223,8 @@ def sentence(facts: dict[str, Any], loss: float) -> str:
         reasons.append(f"significant for input {facts['rests_on']} only")
     if "uncertain" in facts:
         reasons.append(facts["uncertain"])
-    return f"{'; '.join(reasons)}; fit error grows by {100 * loss:.2g} % without it"
+    change = "grows" if loss >= 0 else "falls"
+    return f"{'; '.join(reasons)}; without it the unexplained part {change} by {100 * abs(loss):.2g} %"
 
 
 def _orders_of(facts: dict[str, Any]) -> str:

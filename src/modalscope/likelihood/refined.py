@@ -120,6 +120,6 @@ def _told(seen: Colour | None, spread: Spread, groups: Groups, poles: ComplexArr
     )
     if near.size:
         pairs = ", ".join(f"{f[i]:.5g} and {f[j]:.5g} Hz" for i, j in near)
-        text = f"Closer than {_MIN_DISTANCE_DEVIATIONS} standard deviations: only mean and common subspace are determined: {pairs}"
+        text = f"Closer than {_MIN_DISTANCE_DEVIATIONS} standard deviations: only mean frequency and common subspace are known: {pairs}"
         notes.append(Note("repeated", {"pairs": len(near)}, text))
     return notes

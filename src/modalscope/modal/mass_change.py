@@ -156,7 +156,7 @@ def _lost(modes: ModalModel, r: int, reason: str, remedy: str) -> Candidate:
 
 def _notes(modes: ModalModel, masses: Mapping[str, float], apart: RealArray) -> tuple[Note, ...]:
     where = ", ".join(f"{mass:g} kg at {dof}" for dof, mass in list(masses.items())[:6])
-    text = f"scaled to unit modal mass by {where}; modes that were not identified are not in the sum of shapes"
+    text = f"scaled to unit modal mass by {where}; modes that were not identified are missing in this scaling"
     notes = [Note("scaled", {}, text)]
     known = np.isfinite(apart)
     if np.any(known):

@@ -97,7 +97,7 @@ def read_weather(path: Path, statistic: str) -> tuple[Array, dict[str, RealArray
         columns = {n: v.values for n, v in found.items() if v is not times and v.values.shape == (count,)}
     numbers = {name: np.asarray(column, float) for name, column in columns.items() if column.dtype.kind in "iuf"}
     if not numbers:
-        fault = f"it has no {statistic} of (time, channels), and nothing else along time"
+        fault = f"it has no variable {statistic} of (time, channels), and no other variable over time"
         raise unreadable(f"{path.name} as covariates", fault, f"There are {', '.join(sorted(found)[:12])}.")
     return _times(times, path.name), numbers
 

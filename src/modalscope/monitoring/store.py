@@ -214,7 +214,7 @@ class Store:
             sha, name = source_of_file(path, {}).sha256, name or path.name
             seconds, origin = time_of_file(path) if time is None else (as_seconds("time", time), "given")
         elif time is None:
-            raise DataError("a record was to be stored", "its time is not known", "Give time.")
+            raise DataError("a record is stored with its time", "this time is not known", "Give time.")
         else:
             seconds, origin = as_seconds("time", time), "given"
             sha = sha256(f"{source_of_data(data).sha256} {seconds}".encode()).hexdigest()
@@ -256,7 +256,7 @@ class Store:
             with self._transaction():
                 return sum(self._insert(entry) for entry in _entries(modes, about)) > 0
         if time is None:
-            raise DataError("modes of a record were to be stored", "its time is not known", "Give time.")
+            raise DataError("modes are stored with the time of their record", "this time is not known", "Give time.")
         rows, seconds = rows_of(modes), as_seconds("time", time)
         sha = _digest(rows, seconds, name)
         more = dict(covariates or {})

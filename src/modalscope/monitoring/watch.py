@@ -168,7 +168,9 @@ def _identified(new: list[tuple[Path, str]], jobs: int, options: dict[str, Any])
                 yield from (each.result() for each in done)
         except BrokenProcessPool:
             found = "a worker was ended by the system"
-            raise DataError("records were to be identified", found, "Use fewer jobs; what is done is stored.") from None
+            raise DataError(
+                "the records could not all be identified", found, "Use fewer jobs; what is done is stored."
+            ) from None
 
 
 def _entry(path: Path, sha: str, options: Mapping[str, Any]) -> Entry:

@@ -175,7 +175,7 @@ def _numeric(name: str, values: ArrayLike, axes: str, ndim: int | Sequence[int])
         raise DataError(
             f"{name} needs axes {axes}",
             f"the array has shape {array.shape}",
-            "Samples or lines come first, then outputs, then inputs; add or move the missing axis.",
+            "The order is samples or lines, outputs, inputs: add the missing axis, or move axes to this order.",
         )
     return array
 

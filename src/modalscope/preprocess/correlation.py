@@ -115,7 +115,7 @@ def _lags(signals: Signals | StoredSignals, lags: int | None) -> int:
         lags = max(2, min(signals.runs * signals.samples // 10, signals.samples // 2, _MAX_DEFAULT_LAGS))
     check_count("lags", lags, least=2)
     if lags >= signals.samples:
-        change = f"Lower lags to at most {signals.samples - 1}, a tenth of that for a steady estimate."
+        change = f"Lower lags to at most {signals.samples - 1}; a tenth of that gives a reliable estimate."
         raise DataError(f"lags={lags} was asked", f"a run has {signals.samples} samples", change)
     return lags
 
@@ -295,7 +295,7 @@ def _windowed(
     if weight[-1] < _MIN_WINDOW * weight[0]:
         asked = f"segment={length} under a {window} window for {lags} lags was asked"
         change = f"Raise segment to {2 * lags} or more, or lower lags."
-        raise DataError(asked, "the correlation of the window vanishes at the largest lag", change)
+        raise DataError(asked, "this window has no overlap with itself at the largest lag", change)
     total = np.zeros((lags + 1, len(signals.output_dofs), len(references)))
     for y in _centred(signals):
         for start in starts:

@@ -214,7 +214,7 @@ def cut_hits(
     if length > room[least]:
         asked, have = (
             f"segment={length} for every hit was asked",
-            f"hit {least} has {room[least]} before the next or the end",
+            f"hit {least} is followed by only {room[least]} samples before the next hit, or the end of the record",
         )
         raise DataError(asked, have, f"Lower segment to at most {room[least]}, or leave that hit out.")
     y, u = (np.stack([x[h.run, s : s + length] for h, s in zip(hits, starts, strict=True)]) for x in (outputs, inputs))

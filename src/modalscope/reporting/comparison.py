@@ -158,10 +158,9 @@ def _kinship(c: Comparison) -> Section:
     kin = c.kinship
     equal = [" = ".join(labels) for labels in kin.equals]
     body = paragraph(
-        f"Distance of two methods: distance of their poles of order {kin.order} in half-power half-bandwidths, "
-        "weighted by the share of each pole in the response (0: equal poles, 1: none in common). "
-        "The map preserves these distances as well as a plane can. "
-        "The table adds the largest principal angle between the subspaces of the reported modes in time and space."
+        f"Distance of two methods: how far their poles of order {kin.order} lie apart, in half-power half-bandwidths; strong poles count "
+        "more (0: equal poles, 1: none in common). On the map, methods with similar poles lie close together. "
+        "The table adds the largest angle between the subspaces of two methods' modes."
     )
     if equal:
         body += paragraph(f"Equal methods on these data, to rounding: {'; '.join(equal)}.")

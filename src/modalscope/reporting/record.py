@@ -179,7 +179,7 @@ def _channels(response: Response) -> str:
         columns["mean coherence"] = [f"{v:.3f}" for v in values.mean(axis=(0, 2))]
         low = (values < _LOW_COHERENCE).mean(axis=(0, 2))
         columns[f"lines below {_LOW_COHERENCE}"] = [f"{100 * v:.1f} %" for v in low]
-    order, caption = np.arange(rms.size), "Outputs, over all lines or samples and inputs"
+    order, caption = np.arange(rms.size), "Outputs: mean over all inputs and all lines or samples"
     if rms.size > _MAX_CHANNEL_ROWS:
         order = np.argsort(rms, kind="stable")[:_MAX_CHANNEL_ROWS]
         caption += f"; the weakest {order.size} of {rms.size}"

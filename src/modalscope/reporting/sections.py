@@ -162,7 +162,10 @@ def mode_pictures(
             for i, each in enumerate(described(modes, holds))
         )
         over = "" if points is modes else "Over the points that were driven, by reciprocity. "
-        lead = f"{over}Rotated to minimum imaginary parts, largest component 1; at MPC 1 nothing is hidden. In files: {modes.scaling}."
+        lead = (
+            f"{over}Each shape is turned in phase until its imaginary part is smallest; its real part is drawn, largest component 1. "
+            f"At MPC 1 nothing else is left. In files: {modes.scaling}."
+        )
         yield Section("shapes", "Mode shapes", f'{paragraph(lead, "muted")}<div class="pair">{pictures}</div>')
     if len(modes) > 1:
         lead = "Similarity of the shapes: 1 equal, 0 orthogonal. High values off the diagonal: too few channels, or a duplicate mode."

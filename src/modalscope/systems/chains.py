@@ -84,7 +84,7 @@ def joined(name: str, links: RealArray, masses: int) -> RealArray:
     """Return the matrix of springs or dampers in a row from the ground."""
     if links.size not in (masses, masses + 1):
         raise DataError(
-            f"{masses} masses in a row need {masses} {name}, or {masses + 1} with the last to the ground",
+            f"{masses} masses in a row need {masses} {name}, or {masses + 1} if the last mass is tied to the ground, too",
             f"there are {links.size}",
             "Give the one to the ground first.",
         )
@@ -187,7 +187,7 @@ def spring_chain_modes(
         raise DataError(
             f"{count} oscillating modes of {n} masses were asked",
             f"there are {n}, and the damping ratio is {damping_ratio}",
-            "Ask for fewer modes, and a damping ratio from 0 to below 1.",
+            "Give at most as many modes as masses, and a damping ratio from 0 to below 1.",
         )
     w0 = np.sqrt(stiffness / mass)
     odd = 2 * np.arange(1, count + 1) - 1

@@ -160,7 +160,7 @@ def _symmetric(name: str, values: ArrayLike, size: int) -> RealArray:
         have, change = f"it has {matrix.shape}", "Give square matrices of one size."
         raise DataError(f"{name} needs shape {(size, size)}", have, change)
     if np.abs(matrix - matrix.T).max(initial=0) > 1e-9 * np.abs(matrix).max(initial=0):
-        change = "Give A, B, C, D of other systems to StateSpace."
+        change = "For other systems use StateSpace(A=..., B=..., C=..., D=...)."
         raise DataError(f"{name} needs a symmetric matrix", "it is not", change)
     return matrix
 

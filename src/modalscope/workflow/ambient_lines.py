@@ -93,7 +93,7 @@ def _with_line_shapes(
     real = np.all(shapes.imag == 0, axis=0)
     if real.any():
         which = ", ".join(f"{f:.5g} Hz" for f in modes.frequencies[real])
-        text = f"Shapes taken as real, so that their MPC is 1: other modes overlay {which}"
+        text = f"Shapes assumed real, so that their MPC is 1 by assumption, because other modes overlap with {which}"
         refitted = refitted.noted(Note("real shapes", {"modes": float(real.sum())}, text))
     alike = np.diag(mac(refitted.shapes, modes.shapes))
     names = ", ".join(f"{f:.5g} Hz" for f in modes.frequencies[alike < 1 - _MIN_CHANGE])

@@ -110,9 +110,7 @@ def _unfit(diagram: StabilizationDiagram) -> str:
     """Return why the modes of a diagram cannot be refined; "" where they can."""
     response, band = diagram.response, diagram.settings.band
     if response.ambient:
-        return (
-            "errors of correlations are correlated from lag to lag; refine(record, modes) uses the lines of the record"
-        )
+        return "errors of correlations are correlated between lags. Use refine(record, modes), which works on the lines of the record"
     if any(note.kind == "transformed" for note in diagram.notes):
         return "the data were transformed; choose a domain that uses them as measured"
     if band is not None and response.in_band(band) is response:

@@ -100,7 +100,7 @@ def test_large_matrices_lose_the_emptiest_rows_first():
 def test_a_pair_measured_twice_is_an_error_until_one_is_chosen(file):
     first, last = frf("1:+Z"), frf("1:+Z", seed=1)
     path = file(first, last, frf("2:+Z"))
-    with pytest.raises(DataError, match=r"1:\+Z / 1:\+Z was measured in set 1(.|\n)*set 2(.|\n)*repeated="):
+    with pytest.raises(DataError, match=r"1:\+Z / 1:\+Z was measured twice: in set 1(.|\n)*set 2(.|\n)*repeated="):
         mio.read(path)
     np.testing.assert_array_equal(mio.read(path, repeated="first").values[:, 0, 0], first.values)
     np.testing.assert_array_equal(mio.read(path, repeated="last").values[:, 0, 0], last.values)

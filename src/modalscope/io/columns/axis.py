@@ -183,7 +183,7 @@ def sampling_of(times: RealArray) -> Sampling:
     off = float(distance.max())
     if off > max(_MAX_OFF_GRID * step, 1.01 * grain, 2 * ulp) or _has_gaps(steps, grain):
         raise _uneven(
-            f"the steps lie between {steps[back]:.6g} and {steps[widest]:.6g} s (usual {np.median(steps):.6g} s), the longest at row "
+            f"time steps vary from {steps[back]:.6g} to {steps[widest]:.6g} s (typically {np.median(steps):.6g} s), the longest at row "
             f"{widest + 2}, and times leave the even grid by up to {off / step:.3g} steps"
         )
     # whoever writes 0.00, 0.01, 0.02 ... means what stands there
@@ -257,7 +257,7 @@ def with_rows(table: Table, asked: object) -> Table:
     first, last = (int(match[1] or 1), int(match[2] or table.rows)) if match else (0, 0)
     if not 1 <= first < last <= table.rows:
         fault = f"it has the rows 1 to {table.rows}" if match else "that is no range of rows"
-        remedy = f"Write the first and the last: --rows 1-{table.rows}"
+        remedy = f"Give the first and the last row: --rows 1-{table.rows}"
         raise DataError(f"rows {str(asked)[:40]!r} of {table.where} were asked", fault, remedy)
     columns = tuple(replace(column, values=column.values[first - 1 : last]) for column in table.columns)
     return replace(

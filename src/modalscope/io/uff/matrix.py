@@ -91,7 +91,7 @@ def by_pair(functions: Sequence[Function], out: Sorted, repeated: str | None) ->
         key = (function.output, function.input)
         before = pairs.get(key)
         if before is not None and repeated is None:
-            fault = f"{key[0]} / {key[1]} was measured in {before.part} and again in {function.part}"
+            fault = f"{key[0]} / {key[1]} was measured twice: in {before.part} and in {function.part}"
             remedy = 'Give repeated="first" or repeated="last", or leave one out of the export.'
             raise DataError(f"one {function.words} for each pair of dofs was asked", fault, remedy)
         if before is None or repeated == "last":
