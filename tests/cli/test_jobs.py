@@ -15,6 +15,7 @@ import modalscope as ms
 from modalscope.cli import main
 from modalscope.cli.commands import names
 from modalscope.io.atomic import is_ours
+from modalscope.systems import chain5
 
 
 @pytest.fixture
@@ -205,6 +206,27 @@ def test_a_model_is_realized_and_read_back_from_every_format(runs: list[str], tm
         assert isinstance(model, ms.StateSpace)
         assert all(np.array_equal(getattr(model, name), getattr(expected, name)) for name in "ABCD")
         assert model.dt == expected.dt
+
+
+def test_a_model_is_validated_on_a_record_and_modes_on_responses(
+    test_file: Path, modes_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, other = (tmp_path / f"{name}.npz" for name in ("first", "other"))
+    for seed, place in enumerate((first, other)):
+        ms.write(place, chain5().simulate(inputs="white", samples=800, sampling_rate=20.0, noise=0.02, seed=seed))
+    model = tmp_path / "model.mat"
+    assert main(["realize", str(first), "--order", "10", "--method", "n4sid", "-q", "-o", str(model)]) == 0
+    capsys.readouterr()
+    assert main(["validate", str(model), str(other)]) == 0
+    out = capsys.readouterr().out
+    assert "errors of prediction" in out
+    seen = ms.validate(ms.read(model), ms.read(other))
+    assert seen.free_run.min() > 99
+    assert all(f"{value:.1f}" in out for value in seen.free_run)
+    assert seen.table_of_outputs() in out
+    assert main(["validate", str(modes_file), str(test_file), "--leaving", "outputs", "-q"]) == 0
+    assert "left out" in capsys.readouterr().out
+    assert main(["validate", str(first), str(other)]) == 2
 
 
 def test_a_model_has_no_place_in_files_of_measurements(runs: list[str], tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
+from modalscope.data.setups import as_test
 from modalscope.data.shown import Shown, summary_of
 from modalscope.data.statespace import StateSpace
 from modalscope.identification.prepare import measure
@@ -19,7 +20,7 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import RealArray, check_kind
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import one_thread
-from modalscope.workflow.realize import ModelValidation, simulated
+from modalscope.workflow.simulation import ModelValidation, simulated
 
 #: Minimum number of parts: the others must have something in common with the one that is left out.
 _MIN_PARTS = 3
@@ -69,9 +70,12 @@ class Validation(Shown):
 @named()
 @one_thread
 def validate(data: Any, modes: Any, *, leaving: str = "inputs") -> Validation | ModelValidation:
-    """Leave out each input or output in turn, refine the modes on the others, and see how well they explain what was left out.
+    """Say how well a model explains a record, or modes what they are not fitted to; data and model in either order.
 
-    Of a state-space model and a record, simulate and predict the record, with the first state and the offset that fit best.
+    Of a state-space model and a record, simulate and predict the record, with the first state and the offset that fit best: the variance
+    explained, and whether the errors of prediction are white. A continuous model is sampled at the record's rate, its inputs held.
+
+    Of modes, leave out each input or output in turn, refine the modes on the others, and see how well they explain what was left out.
 
     Poles and shapes of an input that was left out are those of the other inputs; its participation alone is fitted (of an output: its
     components of the shapes). What is common to all inputs is explained as well as where it was fitted; what one of them alone makes up
@@ -80,7 +84,7 @@ def validate(data: Any, modes: Any, *, leaving: str = "inputs") -> Validation | 
     Parameters
     ----------
     data : FrequencyResponse, ImpulseResponse or StateSpace
-        In the band that the modes were identified in; or a sampled model.
+        In the band that the modes were identified in; or a state-space model.
     modes : ModalModel, Signals or Records
         Of a model a record with its inputs and outputs, at its rate.
     leaving : str
@@ -104,8 +108,10 @@ def validate(data: Any, modes: Any, *, leaving: str = "inputs") -> Validation | 
     >>> bool(seen.white), bool(seen.fit_errors.max() < 0.02)
     (True, True)
     """
+    given = (data, modes)
+    data, modes = given[::-1] if isinstance(data, ModalModel) or isinstance(modes, StateSpace) else given
     if isinstance(data, StateSpace):
-        return simulated(data, modes)
+        return simulated(_sampled(data, modes), as_test(modes) if isinstance(modes, list | tuple) else modes)
     check_kind("modes of validate", modes, ModalModel)
     check_choice("leaving", leaving, ("inputs", "outputs"))
     response = measure(data).response
@@ -133,6 +139,11 @@ def validate(data: Any, modes: Any, *, leaving: str = "inputs") -> Validation | 
         white=not seen.coloured,
         notes=_told(labels, error, np.array(kept), seen),
     )
+
+
+def _sampled(model: StateSpace, record: Any) -> StateSpace:
+    rate = getattr(record, "sampling_rate", None)
+    return model if model.dt is not None or rate is None else model.to_discrete(1 / rate)
 
 
 def _without(response: Response, modes: ModalModel, leaving: str, k: int, count: int) -> ModalModel:

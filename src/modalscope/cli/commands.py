@@ -42,6 +42,7 @@ COMMANDS = (
     Command(files.merge, files.add_merge),
     Command(files.convert, files.add_convert),
     Command(results.realize, results.add_realize),
+    Command(results.validate, results.add_validate),
     Command(about.methods, about.add_methods),
     Command(files.simulate, files.add_simulate),
     Command(about.selfcheck, about.add_selfcheck),

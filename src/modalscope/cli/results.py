@@ -67,6 +67,34 @@ def realize(options: argparse.Namespace) -> None:
     say(summary_of(model), *said, *written)
 
 
+def add_validate(parser: Parser) -> None:
+    """Add the arguments of `validate`."""
+    parser.add_argument(
+        "model", type=Path, metavar="MODEL", help="state-space model, as `modalscope realize` writes it, or modes"
+    )
+    add_files(parser)
+    sides = "of modes: sides that are left out in turn (default: inputs)"
+    parser.add_argument("--leaving", choices=("inputs", "outputs"), default="inputs", help=sides)
+
+
+def validate(options: argparse.Namespace) -> None:
+    """Say how well a model simulates and predicts a record, or how well modes explain what they are not fitted to.
+
+    Of a state-space model: variance of every output explained by simulation from the inputs alone, and one sample ahead, and whether the
+    errors of prediction are white. Of modes: what they leave of each input or output that is left out in turn.
+    """
+    from modalscope.checking.validation import validate
+    from modalscope.cli.reading import read_data, read_test
+    from modalscope.data.shown import summary_of
+    from modalscope.workflow.simulation import ModelValidation
+
+    model, told = read_data(options, options.model)
+    data, notes = read_test(options)
+    seen = validate(model, data, leaving=options.leaving)
+    remark(*told, *notes)
+    say(summary_of(seen), "", seen.table_of_outputs() if isinstance(seen, ModelValidation) else seen.table())
+
+
 def add_refine(parser: Parser) -> None:
     """Add the arguments of `refine`."""
     add_files(parser)

@@ -7,14 +7,11 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.signal import lfilter
 
-from modalscope.blocks.driven import innovations
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.response import Response
 from modalscope.data.setups import as_test
-from modalscope.data.shown import Shown, cells_of, summary_of, text_table
 from modalscope.data.statespace import StateSpace
 from modalscope.functions.poles import one_of_each_pair, to_discrete
 from modalscope.identification.identify import identify
@@ -23,9 +20,21 @@ from modalscope.identification.routes import usual_route, without_delays
 from modalscope.identification.sweep import sweep
 from modalscope.modal.eigenmodes import deterministic, from_modes
 from modalscope.numerics.arguments import COUNT, between, named
-from modalscope.numerics.checks import Array, RealArray, check_kind
+from modalscope.numerics.checks import RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
+from modalscope.workflow.prediction_error import least_prediction_errors
+from modalscope.workflow.simulation import (
+    Candidate,
+    ModelValidation,
+    colour,
+    explained,
+    free_run,
+    rebuilt,
+    runs_of,
+    validated,
+    with_innovations,
+)
 
 #: Orders that are tried: even ones to the first number, then every fourth.
 _FINE_ORDERS, _MAX_ORDER = 20, 40
@@ -36,63 +45,8 @@ _EQUAL, _STRETCHES = 1e-3, 10
 #: Least share of the forces in a part that is held out and in the rest, relative to their share of the time.
 _MIN_SHARE = 0.5
 
-#: Rows of a run to which first state and offset are fitted at most.
-_MAX_ROWS = 20_000
-
-#: Condition of eigenvectors beyond which a model is simulated sample by sample.
-_MAX_CONDITION = 1e8
-
 #: Variance that a model by frequency responses explains of its own records, in per cent, below which it says so: less than all but a tenth.
 _MIN_EXPLAINED = 90.0
-
-
-class Candidate(NamedTuple):
-    """A model that was tried: how, its order, and the variance explained of the held-out part, in per cent, mean over the outputs.
-
-    `mirrored`: poles that were unstable. `failure`: why there is no model.
-    """
-
-    how: str
-    order: int
-    free_run: float = np.nan
-    mirrored: int = 0
-    failure: str = ""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
-class ModelValidation(Shown):
-    """How well a model that was fitted to a part of the records explains the rest.
-
-    Parameters
-    ----------
-    free_run : array, (l,)
-        Variance explained by simulation from the inputs alone, in per cent, of every output: 100 (1 - var(y - y^) / var(y)).
-    one_step : array, (l,)
-        The same by predictions one sample ahead; NaN without a gain.
-    whiteness : float
-        Largest correlation of the one-step errors of an output at lags of 1 to 10 samples, over two deviations of that of white noise:
-        about 1 for white errors; NaN without a gain.
-    order : int
-    method : str
-    candidates : tuple of Candidate
-    held_out : str
-        What was kept apart, in words.
-    """
-
-    free_run: RealArray
-    one_step: RealArray
-    whiteness: float
-    order: int
-    method: str
-    candidates: tuple[Candidate, ...] = ()
-    held_out: str = ""
-
-    def table(self) -> str:
-        """Return one line a candidate, the best first."""
-        rows = [("model", "order", "free run %", "mirrored poles", "")]
-        ranked = sorted(self.candidates, key=lambda c: (np.isnan(c.free_run), -c.free_run))
-        rows += [(c.how, str(c.order), f"{c.free_run:.1f}", str(c.mirrored), c.failure) for c in ranked]
-        return text_table(rows, left=(0, 4))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
@@ -111,17 +65,6 @@ class RealizedModel(StateSpace):
     notes: tuple[Note, ...] = ()
     validation: ModelValidation | None = None
     initial_states: RealArray | None = None
-
-
-@summary_of.register
-def _(found: ModelValidation) -> str:
-    free, one = np.mean(found.free_run), np.mean(found.one_step)
-    return f"{found.method} at order {found.order} explains {free:.1f} % of {found.held_out} by simulation, {one:.1f} % one sample ahead"
-
-
-@cells_of.register
-def _(found: ModelValidation) -> list[list[str]]:
-    return [[f"{free:.1f}", f"{one:.1f}"] for free, one in zip(found.free_run, found.one_step, strict=True)]
 
 
 @named(AllOptions.__annotations__, order=COUNT, stable=bool, holdout=between(0, 0.9, low_included=True))
@@ -295,134 +238,6 @@ def _of_runs(records: Records, runs: Iterable[Signals]) -> Records:
     return replace(records, runs=tuple(runs), groups=None)
 
 
-def _runs(records: Records) -> Iterator[tuple[RealArray, RealArray]]:
-    """Yield outputs (N, l) and all inputs (N, m) of every run."""
-    for r, run in enumerate(records.runs):
-        u = np.zeros((run.samples, len(records.input_dofs)))
-        assert run.inputs is not None
-        u[:, list(records.inputs_of(r))] = run.inputs
-        yield run.outputs, u
-
-
-def driven_outputs(model: StateSpace, u: RealArray) -> RealArray:
-    """Return the outputs (N, l) of a sampled model at rest, pole by pole where its eigenvectors allow it."""
-    values, V = np.linalg.eig(model.A)
-    if np.linalg.cond(V) > _MAX_CONDITION:
-        return model.simulate(u)
-    pushed = u @ np.linalg.solve(V, model.B.astype(complex)).T
-    states = np.stack([lfilter([0, 1], [1, -z], x) for z, x in zip(values, pushed.T, strict=True)], axis=1)
-    return np.asarray((states @ (model.C @ V).T).real + u @ model.D.T)
-
-
-class FreeRun(NamedTuple):
-    """What a model simulates from the inputs, (N, l), with the first state (n,) and the offset (l,) that fit best."""
-
-    outputs: RealArray
-    first: RealArray
-    offset: RealArray
-
-
-def free_run(model: StateSpace, y: RealArray, u: RealArray) -> FreeRun:
-    """Simulate a run from its inputs alone; first state and offset are least squares over the first samples, the offset over all."""
-    l, n = model.C.shape
-    with np.errstate(all="ignore"):
-        driven = driven_outputs(model, u)
-    if not np.all(np.isfinite(driven)):
-        return FreeRun(np.full_like(y, np.inf), np.zeros(n), np.zeros(l))
-    rows = min(len(y), _MAX_ROWS)
-    free = np.empty((rows, l, n))
-    power = np.array(model.C)
-    for row in free:
-        row[:] = power
-        power = power @ model.A
-    columns = np.concatenate([free, np.broadcast_to(np.eye(l), (rows, l, l))], axis=2).reshape(-1, n + l)
-    first = np.linalg.lstsq(columns, (y - driven)[:rows].ravel(), rcond=None)[0][:n, None]
-    # a first state is a pulse at the first sample
-    start = StateSpace(A=model.A, B=model.A @ first, C=model.C, D=model.C @ first, dt=model.dt)
-    outputs = driven + driven_outputs(start, np.eye(len(y), 1))
-    offset = np.mean(y - outputs, axis=0)
-    return FreeRun(outputs + offset, first.ravel(), offset)
-
-
-def explained(y: Array, rebuilt: Array) -> RealArray:
-    """Return 100 (1 - var(y - y^) / var(y)) of every output, (l,); -inf for what is not finite."""
-    power = np.var(y, axis=0)
-    with np.errstate(all="ignore"):
-        share = 100 * (1 - np.var(y - rebuilt, axis=0) / np.where(power > 0, power, np.inf))
-    return np.where(np.isfinite(share), share, -np.inf)
-
-
-def validated(model: StateSpace, records: Records) -> tuple[RealArray, RealArray, float]:
-    """Return the variance explained of records by free run and one step ahead, (l,) each, and how coloured the errors are."""
-    y, free, ahead = _rebuilt(model, records)
-    error = y - ahead
-    white = _colour(error) if np.all(np.isfinite(error)) else np.nan
-    return explained(y, free), explained(y, ahead) if model.gain is not None else np.full(y.shape[1], np.nan), white
-
-
-def _rebuilt(model: StateSpace, records: Records) -> tuple[RealArray, RealArray, RealArray]:
-    """Return all outputs of records without the mean of each run, their simulation, and predictions one step ahead (NaN without a gain)."""
-    measured, free, ahead = [], [], []
-    for run, (y, u) in zip(records.runs, _runs(records), strict=True):
-        simulated, mean = free_run(model, y, u), np.mean(y, axis=0)
-        measured.append(y - mean)
-        free.append(simulated.outputs - mean)
-        if model.gain is None or not np.all(np.isfinite(simulated.outputs)):
-            ahead.append(np.full_like(y, np.nan))
-            continue
-        one = Signals(outputs=y - simulated.offset, inputs=u, sampling_rate=run.sampling_rate)
-        with np.errstate(all="ignore"):
-            ahead.append(model.predict(one, simulated.first) + simulated.offset - mean)
-    return np.concatenate(measured), np.concatenate(free), np.concatenate(ahead)
-
-
-def simulated(model: StateSpace, record: Any) -> ModelValidation:
-    """Return how well a sampled model simulates a whole record and predicts it one sample ahead.
-
-    Raises `DataError`: a continuous model, or a record without its inputs and outputs at its rate.
-    """
-    check_kind("the record of a model", record, (Signals, Records))
-    records = as_records(record) if isinstance(record, Signals) else record
-    (l, m), rate = model.D.shape, np.nan if model.dt is None else 1 / model.dt
-    have = len(records.output_dofs), len(records.input_dofs)
-    if have != (l, m) or not np.isclose(records.sampling_rate, rate):
-        found = f"the record has {have[0]} outputs and {have[1]} inputs at {records.sampling_rate:g} Hz"
-        asked = f"a record of {l} outputs and {m} inputs at {rate:g} Hz was asked"
-        change = "Select the model's channels and resample to its rate; of a continuous model take to_discrete(dt)."
-        raise DataError(asked, found, change)
-    free, one, colour = validated(model, records)
-    return ModelValidation(
-        free_run=free, one_step=one, whiteness=colour, order=model.order, method="the model", held_out="the record"
-    )
-
-
-def _colour(error: RealArray) -> float:
-    """Return the largest correlation at lags 1 to 10 over two deviations of that of white noise, 2 / sqrt(N)."""
-    e = error - error.mean(axis=0)
-    power = np.sum(e**2, axis=0)
-    lags = [np.abs(np.sum(e[k:] * e[:-k], axis=0)) / np.where(power > 0, power, 1) for k in range(1, min(11, len(e)))]
-    return float(np.max(lags) * np.sqrt(len(e)) / 2) if lags else np.nan
-
-
-def with_innovations(model: StateSpace, records: Records) -> StateSpace:
-    """Return a model with the gain and the covariance of its innovations on records."""
-    runs = list(_runs(records))
-    level = [np.sqrt(np.mean(np.concatenate([run[side] for run in runs]) ** 2, axis=0)) for side in (0, 1)]
-    of_outputs, of_inputs = (np.where(one > 0, one, 1.0) for one in level)
-    scaled = StateSpace(
-        A=model.A,
-        B=model.B * of_inputs,
-        C=model.C / of_outputs[:, None],
-        D=model.D * of_inputs / of_outputs[:, None],
-        dt=model.dt,
-    )
-    noise = innovations(scaled, ((y / of_outputs, u / of_inputs) for y, u in runs))
-    if noise is None:
-        return model
-    gain, covariance = noise
-    return replace(model, gain=gain / of_outputs, innovation_covariance=covariance * np.outer(of_outputs, of_outputs))
-
-
 # ------------------------------------------------------------------------------------------------------------- candidates
 def _ways(records: Records, choice: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """Return the rows that are tried, by a name; the one that was asked alone."""
@@ -444,12 +259,19 @@ def _sampled(model: StateSpace, rate: float) -> StateSpace:
 
 
 class _Tried(NamedTuple):
-    """A way and an order with its models, one a fold, none where it failed; `blocks`: what they leave of stretches of what is held out."""
+    """A way and an order with its models, one a fold, none where it failed.
+
+    `blocks`, `levels`: of stretches of what is held out what simulations leave, and twice the likelihood of it a sample, less is better.
+    `refined`: to the least errors of prediction. `own`: nothing is held out, and the likelihood pays for its unknowns.
+    """
 
     candidate: Candidate
     way: dict[str, Any]
     models: tuple[StateSpace, ...] = ()
     blocks: RealArray = np.zeros(0)
+    levels: RealArray = np.zeros(0)
+    refined: bool = False
+    own: bool = False
 
 
 def _of_fold(
@@ -482,23 +304,82 @@ def _tried(
         return
     for order in sorted(set.intersection(*(set(found) for found in by_fold))):
         models = tuple(found[order][0] for found in by_fold)
-        left = _left(models, folds)
-        mirrored = max(found[order][1] for found in by_fold)
-        yield _Tried(
-            Candidate(name, order, 100 * (1 - float(np.mean(left))), mirrored=mirrored), way, models, blocks=left
+        yield _judged(Candidate(name, order, mirrored=max(found[order][1] for found in by_fold)), way, models, folds)
+
+
+def _judged(
+    candidate: Candidate,
+    way: dict[str, Any],
+    models: tuple[StateSpace, ...],
+    folds: list[_Fold],
+    *,
+    refined: bool = False,
+) -> _Tried:
+    """Return a candidate with what its models leave of stretches of what is held out, over the variance of each output, mean over these."""
+    blocks, levels = [], []
+    for model, fold in zip(models, folds, strict=True):
+        plain = replace(model, gain=None, innovation_covariance=None)
+        runs = [(y, free_run(plain, y, u)) for y, u in runs_of(fold.tested)]
+        power = np.var(np.concatenate([y - y.mean(axis=0) for y, _ in runs]), axis=0)
+        with np.errstate(all="ignore"):
+            left = [np.mean((y - f.outputs) ** 2 / np.where(power > 0, power, np.inf), axis=1) for y, f in runs]
+            seen = [f.likelihood(y) for y, f in runs]
+        blocks += [float(np.mean(stretch)) for stretch in np.array_split(np.concatenate(left), _STRETCHES)]
+        # what a model was fitted to itself it explains too well by its unknowns: Schwarz, Annals of Statistics 6 (1978), 461-464
+        samples = sum(fold.tested.samples)
+        (l, m), n = model.D.shape, model.order
+        own = (n * (l + m) + l * m) * np.log(samples) / samples if fold.fitted is fold.tested else 0.0
+        levels += [float(np.mean(stretch)) + own for stretch in np.array_split(np.concatenate(seen), _STRETCHES)]
+    scored = candidate._replace(free_run=100 * (1 - float(np.mean(blocks))))
+    return _Tried(scored, way, models, np.array(blocks), np.array(levels), refined, folds[0].fitted is folds[0].tested)
+
+
+def _refined(found: list[_Tried], folds: list[_Fold]) -> Iterator[_Tried]:
+    """Yield candidates refined to the least errors of prediction, the last at the lowest order that is as good: by halving, on one fold.
+
+    At orders above that of the structure a descent spends what is too much on noise, so that orders are not compared before it.
+    """
+    best = _best(found)
+    starts: dict[int, _Tried] = {}
+    for one in found:
+        order = one.candidate.order
+        if order not in starts or _level(one) < _level(starts[order]):
+            starts[order] = one
+    orders = sorted(starts)
+    seen: dict[int, _Tried] = {}
+
+    def descended(order: int, folds_of: list[_Fold]) -> _Tried | None:
+        start = starts[order]
+        first = len(folds) - len(folds_of)
+        models = [
+            least_prediction_errors(model, fold.fitted)
+            for model, fold in zip(start.models[first:], folds_of, strict=True)
+        ]
+        whole = tuple(model for model in models if model is not None)
+        if len(whole) < len(models):
+            return None
+        name = f"{start.candidate.how}, least errors of prediction"
+        return _judged(
+            Candidate(name, order, mirrored=start.candidate.mirrored), start.way, whole, folds_of, refined=True
         )
 
+    def tried(order: int) -> _Tried | None:
+        if order not in seen and (one := descended(order, folds[-1:])) is not None:
+            seen[order] = one
+        return seen.get(order)
 
-def _left(models: tuple[StateSpace, ...], folds: list[_Fold]) -> RealArray:
-    """Return what simulations leave of stretches of what is held out, over the variance of each output, mean over the outputs."""
-    parts = []
-    for model, fold in zip(models, folds, strict=True):
-        y, free, _ = _rebuilt(replace(model, gain=None, innovation_covariance=None), fold.tested)
-        power = np.var(y, axis=0)
-        with np.errstate(all="ignore"):
-            left = np.mean((y - free) ** 2 / np.where(power > 0, power, np.inf), axis=1)
-        parts += [float(np.mean(stretch)) for stretch in np.array_split(left, _STRETCHES)]
-    return np.array(parts)
+    low, high = -1, orders.index(best.candidate.order)
+    tried(orders[high])
+    while high - low > 1:
+        middle = (low + high) // 2
+        there = tried(orders[middle])
+        if there is not None and _as_good(there.levels, min((s.levels for s in seen.values()), key=np.mean)):
+            high = middle
+        else:
+            low = middle
+    for order in (orders[high], *orders[high + 1 : high + 2]):
+        if tried(order) is not None and (whole := descended(order, folds)) is not None:
+            yield whole
 
 
 def _of_records(
@@ -519,10 +400,12 @@ def _of_records(
     found = [t for t in tried if np.isfinite(t.candidate.free_run)]
     if not found:  # nothing can be fitted to a part: what identify finds in all, or its error
         return _of_one(records, order, choice, stable=stable)
+    more = list(_refined(found, folds))
+    tried, found = tried + more, found + more
     best = _best(found)
     validation = _validation(best, tried, folds, words)
     model, said = _again(best, records, options, stable=stable)
-    first = [free_run(model, y, u).first for y, u in _runs(records)]
+    first = [free_run(model, y, u).first for y, u in runs_of(records)]
     warning = _warnings(validation, asked=choice.get("route"))
     return RealizedModel(
         **_fields(model, records),
@@ -533,23 +416,38 @@ def _of_records(
 
 
 def _best(found: list[_Tried]) -> _Tried:
-    """Return the candidate of fewest states that simulates as well as the best to one standard error of their difference.
+    """Return the candidate of fewest states that simulates, and predicts, as well as the best to one standard error of their difference.
 
+    Those that simulate as well come first; among them the likelihood decides of what simulation leaves, an autoregression for its colour:
+    where that is loud, as by forces that were not measured, variances of simulations cannot tell a good model from a perfect one.
     Breiman et al., Classification and Regression Trees, 1984, section 3.4.3. The error is that of the mean over stretches.
     """
-    top = max(found, key=lambda t: t.candidate.free_run)
+    sound = found
+    if any(t.own for t in found):
+        # more states simulate better what they were fitted to: likelihood chooses the order of a row, and growing poles speak against one
+        sound = [t for t in found if not t.candidate.mirrored] or found
+        names = dict.fromkeys(t.candidate.how for t in sound)
+        sound = [min((t for t in sound if t.candidate.how == name), key=_level) for name in names]
+    top = max(sound, key=lambda t: t.candidate.free_run)
+    able = [t for t in sound if _as_good(t.blocks, top.blocks, _EQUAL)]
+    likely = min(able, key=_level)
+    able = [t for t in able if _as_good(t.levels, likely.levels)]
+    return min(able, key=lambda t: (t.candidate.order, _level(t)))
 
-    def as_good(other: _Tried) -> bool:
-        worse = other.blocks - top.blocks
-        return bool(np.mean(worse) <= max(np.std(worse) / np.sqrt(worse.size), _EQUAL))
 
-    able = [t for t in found if as_good(t)]
-    return min(able, key=lambda t: (t.candidate.order, -t.candidate.free_run))
+def _level(tried: _Tried) -> float:
+    return float(np.mean(tried.levels))
+
+
+def _as_good(one: RealArray, top: RealArray, equal: float = 0.0) -> bool:
+    """Whether what is left of stretches is as little as the least to one standard error of the mean of their difference."""
+    worse = one - top
+    return bool(np.mean(worse) <= max(np.std(worse) / np.sqrt(worse.size), equal))
 
 
 def _validation(best: _Tried, tried: list[_Tried], folds: list[_Fold], words: str) -> ModelValidation:
     parts = [
-        _rebuilt(with_innovations(model, fold.fitted), fold.tested)
+        rebuilt(with_innovations(model, fold.fitted), fold.tested)
         for model, fold in zip(best.models, folds, strict=True)
     ]
     y, free, ahead = (np.concatenate([part[k] for part in parts]) for k in range(3))
@@ -557,11 +455,12 @@ def _validation(best: _Tried, tried: list[_Tried], folds: list[_Fold], words: st
     return ModelValidation(
         free_run=explained(y, free),
         one_step=explained(y, ahead) if np.all(np.isfinite(ahead)) else np.full(y.shape[1], np.nan),
-        whiteness=_colour(error) if np.all(np.isfinite(error)) else np.nan,
+        whiteness=colour(error) if np.all(np.isfinite(error)) else np.nan,
         order=best.candidate.order,
         method=best.candidate.how,
         candidates=tuple(t.candidate for t in tried),
         held_out=words,
+        outputs=folds[0].tested.output_dofs,
     )
 
 
@@ -579,6 +478,9 @@ def _again(
         whole.append((_sampled(model, records.sampling_rate), notes))
     except DataError as error:
         notes = (Note("fitted part", {}, f"all records together were refused: {error.found}"),)
+    if best.refined and whole:
+        descended = least_prediction_errors(whole[0][0], records)
+        whole = whole if descended is None else [(descended, notes)]
     text = Note(
         "fitted part",
         {},
