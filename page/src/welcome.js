@@ -9,7 +9,7 @@ export function makeWelcome(root, begin, with_) {
   const chooser = h("input", { type: "file", multiple: true, hidden: true, onchange: () => give([...chooser.files]) });
   const bar = h("div.progress-bar");
   const progress = h("div.progress", { hidden: true }, bar);
-  const drop = h("button.drop", { onclick: () => chooser.click() }, icon(ICONS.export), h("b", {}, "Drop a measurement here"), h("span", {}, "or click to select files: responses, impulse responses, hammer, shaker or ambient records. Several files are runs or setups of one test."), h("small.muted", {}, ".uff .unv .csv .txt .xlsx .npz .npy .mat .h5 .wav .tdms …"));
+  const drop = h("button.drop", { onclick: () => chooser.click() }, icon(ICONS.export), h("b", {}, "Drop a measurement here"), h("span", {}, "or click to select files: responses, impulse responses, hammer, shaker or ambient records. Several files are runs or setups of one test; a table of points (node, x, y, z) or a mesh among them is its geometry."), h("small.muted", {}, ".uff .unv .csv .txt .xlsx .npz .npy .mat .h5 .wav .tdms …"));
   const over = (/** @type {boolean} */ on) => drop.classList.toggle("over", on);
   root.ondragover = (event) => {
     event.preventDefault();

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -51,6 +53,28 @@ def test_a_bad_file_says_what_is_wrong_with_it(server: Served, name: str) -> Non
 @pytest.mark.parametrize("name", ["../pyproject.toml", "/etc/passwd", "none.uff", ""])
 def test_what_is_not_in_the_folder_is_not_opened(server: Served, name: str) -> None:
     assert server.ask("POST", "/api/open", {"files": [name]}, status=400)["change"]
+
+
+def test_a_table_of_points_among_the_files_is_their_geometry(server: Served, folder: Path) -> None:
+    ms.write(folder / "labels.npz", replace(ms.read(folder / "plain.npz"), output_dofs=("P1", "P2", "P3", "P4")))
+    (folder / "points.csv").write_text("node,x,y,z\n" + "".join(f"{k},{k},0,0\n" for k in (1, 2, 3, 4)))
+    (folder / "lines.csv").write_text("1,2\n2,4\n")
+    opened = server.ask("POST", "/api/open", {"files": ["lines.csv", "points.csv", "labels.npz"]})
+    (file,) = opened["document"]["files"]
+    assert [Path(name).name for name in file["reading"]["geometry"]] == ["points.csv", "lines.csv"]
+    server.act(opened["key"], "set", orders=FEW)
+    server.settled(opened["key"])
+    assert server.modes(opened["key"])["nodes"] == ["1", "2", "3", "4"]
+
+
+def test_a_document_reads_no_geometry_outside_of_the_folder(server: Served, folder: Path, tmp_path: Path) -> None:
+    secret = tmp_path / "secret.csv"
+    secret.write_text("node,x,y,z\n1,1,0,0\n")
+    kept = json.loads((folder / "plain.analysis.json").read_text())
+    kept["analysis"]["files"][0]["reading"] = {"geometry": str(secret)}
+    (folder / "bad.analysis.json").write_text(json.dumps(kept))
+    told = server.ask("POST", "/api/open", {"files": ["bad.analysis.json"]}, status=400)
+    assert "its geometry, secret.csv" in told["found"]
 
 
 def test_an_upload_too_large_is_refused_before_and_while_it_comes(server: Served) -> None:

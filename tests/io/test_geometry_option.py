@@ -9,6 +9,7 @@ import pytest
 
 import modalscope as ms
 import modalscope.io as mio
+from modalscope.io.geometry import geometry_among
 from tests.support import refused
 
 POINTS = "node,x [mm],y [mm],z [mm]\nA1,0,0,0\nA2,100,0,0\nA3,100,50,0\nA4,0,50,0\n"
@@ -116,6 +117,24 @@ def test_channels_belong_to_nodes_by_their_number_where_nothing_is_ambiguous(
     refused_ = mio.survey(path, geometry=tmp_path / "points.csv", exact_nodes=True)
     assert refused_.thing.geometry.motion_of(heads[0]) == ()
     assert any("no node and direction" in note for note in refused_.notes)
+
+
+def test_a_geometry_is_found_among_files_of_data(tmp_path: Path) -> None:
+    data = [record(tmp_path / f"{name}.csv", "P1", "P2") for name in ("one", "two")]
+    points, lines, other = (tmp_path / f"{name}.csv" for name in ("points", "lines", "other"))
+    points.write_text(LINE)
+    lines.write_text("1,2\n2,3\n")
+    other.write_text("1,2\n2,9\n")  # no node 9
+    assert geometry_among([lines, data[0], points, data[1]]) == (data, (points, lines))
+    assert geometry_among([data[0], points, other]) == ([data[0], other], (points,))
+    assert geometry_among([points]) == ([points], ())
+    assert geometry_among(data) == (data, ())
+    phone = tmp_path / "phone.csv"  # axes of a record are no coordinates of nodes
+    phone.write_text("time,x,y,z\n" + "".join(f"{k / 100},{k % 3},{k % 5},{k % 7}\n" for k in range(50)))
+    assert geometry_among([phone, data[0]]) == ([phone, data[0]], ())
+    again = tmp_path / "again.csv"
+    again.write_text(LINE)
+    assert geometry_among([data[0], points, again]) == ([data[0], points, again], ())  # which of the two is not known
 
 
 def test_a_universal_file_gives_its_geometry(tmp_path: Path) -> None:

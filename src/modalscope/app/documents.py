@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +19,7 @@ from modalscope.data import DataError
 from modalscope.data.analysis import VERSION, Analysis, SourceFile
 from modalscope.io.analysis import analysis_from, analysis_to, read_analysis
 from modalscope.io.atomic import replacing
+from modalscope.io.geometry import geometry_among
 
 _DOCUMENT = ".analysis.json"
 
@@ -76,7 +77,9 @@ class DocumentStore:
         if len(paths) == 1 and paths[0].name.lower().endswith(_DOCUMENT):
             document = self._of_paths(read_analysis(paths[0]), paths[0].parent)
         else:
-            document = Analysis(files=tuple([await asyncio.to_thread(hashed, path) for path in paths]))
+            paths, geometry = await asyncio.to_thread(geometry_among, paths)
+            reading = {"geometry": tuple(map(str, geometry))} if geometry else {}
+            document = Analysis(files=tuple([await asyncio.to_thread(hashed, path, reading) for path in paths]))
         if len(self._open) >= self.limits.documents:
             raise DataError(
                 f"at most {self.limits.documents} documents are open together",
@@ -98,8 +101,21 @@ class DocumentStore:
                 raise DataError(
                     "opening a document was asked", missing, "Put the file into the folder of the document."
                 )
-            files.append(replace(file, path=str(path)))
+            files.append(replace(file, path=str(path), reading=self._of_geometry(file.reading, folder)))
         return replace(document, files=tuple(files))
+
+    def _of_geometry(self, reading: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+        """Return options of reading whose geometry is a file that may be read: as stored, or in the folder of the document."""
+        given = reading.get("geometry")
+        if given is None:
+            return dict(reading)
+        stored = [Path(str(name)) for name in (given if isinstance(given, list | tuple) else [given])]
+        paths = [path if self._may_read(path) else folder / path.name for path in stored]
+        lost = next((path.name for path in paths if not path.is_file() or not self._may_read(path)), None)
+        if lost is not None:
+            fault = f"its geometry, {lost[:60]}, is no file in the folder"
+            raise DataError("opening a document was asked", fault, "Put the file into the folder of the document.")
+        return {**reading, "geometry": tuple(map(str, paths))}
 
     def _may_read(self, path: Path) -> bool:
         tops = [top for top in (self.files.folder, self.files.place) if top is not None]
@@ -139,8 +155,8 @@ class DocumentStore:
         self.pool.close()
 
 
-def hashed(path: Path) -> SourceFile:
-    """Return size and hash of a file."""
+def hashed(path: Path, reading: Mapping[str, Any]) -> SourceFile:
+    """Return size and hash of a file that is read with these options."""
     from modalscope.workflow.sources import source_of_file
 
-    return source_of_file(path, {})
+    return source_of_file(path, reading)

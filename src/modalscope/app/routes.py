@@ -21,6 +21,7 @@ from modalscope.data import DataError
 from modalscope.data.analysis import VERSION
 from modalscope.identification.table import methods
 from modalscope.io.arrays import plain
+from modalscope.io.geometry import geometry_among
 
 Handler = Callable[[Request], Awaitable[Response]]
 
@@ -124,7 +125,9 @@ async def act(request: Request) -> Response:
     if not isinstance(given, dict) or not isinstance(body.get("action"), str):
         raise DataError("an action needs a name and arguments", "one of them is missing", "Use the page.")
     if body["action"] == "geometry":
-        given = {"files": [str(_store(request).files.resolve(str(name))) for name in given.get("files", ())]}
+        paths = [_store(request).files.resolve(str(name)) for name in given.get("files", ())]
+        others, geometry = geometry_among(paths)  # points first, in whatever order they were dropped
+        given = {"files": [str(path) for path in (*geometry, *others)]}
     opened.act(body["action"], given, edition if isinstance(edition, int) else None)
     _store(request).keep(opened)
     return JSONResponse(opened.state())

@@ -110,6 +110,43 @@ def with_geometry(options: Options, load: Callable[[Path], Any]) -> tuple[dict[s
     return {**options, "geometry": replace(geometry, lines=joined)}, (note,)
 
 
+def geometry_among(paths: Sequence[Path]) -> tuple[list[Path], tuple[Path, ...]]:
+    """Return the files of data, and those of their geometry: the only mesh or table of named points among others, and its table of lines.
+
+    A table of points has columns of nodes and of x and y by name, a table of lines nothing but names of these nodes.
+    """
+    points = {path: nodes for path in paths if (nodes := _points_of(path)) is not None}
+    if len(points) != 1 or len(paths) < 2:
+        return list(paths), ()
+    ((first, nodes),) = points.items()
+    lines = [path for path in paths if path != first and _joins(path, nodes)]
+    chosen = (first, *lines) if len(lines) == 1 else (first,)
+    return [path for path in paths if path not in chosen], chosen
+
+
+def _points_of(path: Path) -> set[str] | None:
+    """Return the nodes that a table of points names, none of a mesh; None for other files."""
+    if path.suffix.lower() in MESHES:
+        return set()
+    if path.suffix.lower() not in TABLES:
+        return None
+    try:
+        head, rows, _ = _rows(path)
+        places = _places(path, head, len(rows[0]))
+    except (DataError, OSError, *DAMAGED):
+        return None
+    return {row[places["node"]] for row in rows} if head and {"node", "x", "y"} <= set(places) else None
+
+
+def _joins(path: Path, nodes: set[str]) -> bool:
+    """Whether a table has nothing but names of nodes."""
+    try:
+        rows = _rows(path)[1] if path.suffix.lower() in TABLES else []
+    except (DataError, OSError, *DAMAGED):
+        return False
+    return bool(rows) and all(cell in nodes for row in rows for cell in row if cell)
+
+
 def with_places(contents: Contents, *, exact: bool) -> Contents:
     """Return the contents with channels placed by the number of their node, and a note on those that have no place in their geometry.
 
