@@ -19,7 +19,7 @@ from modalscope.numerics.checks import Array, RealArray, check_kind
 from modalscope.numerics.errors import DataError
 
 #: Numbers of a run to which first state and offset are fitted at most.
-_MAX_NUMBERS = 60_000
+_MAX_NUMBERS = 20_000
 
 #: Samples of the past in an autoregression at most, numbers in them, and their share of the samples: prediction by chance.
 _MAX_PAST, _MAX_PAST_ROWS, _MAX_PAST_SHARE = 30, 400, 0.1
@@ -178,28 +178,30 @@ def whitener(left: Sequence[RealArray]) -> Whitener | None:
 
 
 class FreeRun(NamedTuple):
-    """What a model simulates from the inputs, (N, l), with the first state (n,) and the offset (l,) that fit best.
-
-    `whitener`: of what is left; None of rounding.
-    """
+    """What a model simulates from the inputs, (N, l), with the first state (n,) and the offset (l,) that fit best."""
 
     outputs: RealArray
     first: RealArray
     offset: RealArray
-    whitener: Whitener | None = None
+
+    def whitener(self, y: RealArray) -> Whitener | None:
+        """Return what whitens what is left; None of rounding."""
+        left = y - self.outputs
+        return whitener([left]) if np.all(left.std(axis=0) > _ROUNDING * y.std(axis=0)) else None
 
     def likelihood(self, y: RealArray) -> RealArray:
         """Return -2 log of the likelihood of every sample (N,), but a constant; inf of a model that grows."""
         left = y - self.outputs
         if not np.all(np.isfinite(left)):
             return np.full(len(y), np.inf)
-        if self.whitener is None:
+        white = self.whitener(y)
+        if white is None:
             power = np.maximum(np.mean(left**2, axis=0), np.finfo(float).tiny)
             return np.asarray(np.log(power).sum() + np.sum(left**2 / power, axis=1) - y.shape[1])
-        errors = np.sum(self.whitener(left) ** 2, axis=1)
+        errors = np.sum(white(left) ** 2, axis=1)
         # samples that have not all of their past count as the mean of the others
         whole = np.concatenate([np.full(len(y) - len(errors), errors.mean()), errors])
-        return np.asarray(whole + self.whitener.level - y.shape[1])
+        return np.asarray(whole + white.level - y.shape[1])
 
 
 def free_run(model: StateSpace, y: RealArray, u: RealArray) -> FreeRun:
@@ -223,9 +225,8 @@ def free_run(model: StateSpace, y: RealArray, u: RealArray) -> FreeRun:
     columns = np.concatenate([free, np.broadcast_to(np.eye(l), (rows, l, l))], axis=2)
 
     def of(columns: RealArray, left: RealArray) -> FreeRun:
-        first = np.asarray(
-            np.linalg.lstsq(columns.reshape(-1, n + l), left.ravel(), rcond=None)[0][:n, None], dtype=float
-        )
+        R = sla.qr(np.column_stack([columns.reshape(-1, n + l), left.ravel()]), mode="r", check_finite=False)[0]
+        first = np.asarray(np.linalg.lstsq(R[: n + l, :-1], R[: n + l, -1], rcond=None)[0][:n, None], dtype=float)
         # a first state is a pulse at the first sample
         start = StateSpace(A=model.A, B=model.A @ first, C=model.C, D=model.C @ first, dt=model.dt)
         outputs = driven + driven_outputs(start, np.eye(len(y), 1))
@@ -233,16 +234,10 @@ def free_run(model: StateSpace, y: RealArray, u: RealArray) -> FreeRun:
         return FreeRun(outputs + offset, np.asarray(first.ravel()), np.asarray(offset))
 
     found = of(columns, (y - driven)[:rows])
-    white = _whitener(y, found)
+    white = found.whitener(y)
     if white is None or rows - len(white.filters) < n + l:
         return found
-    found = of(white(columns), white((y - driven)[:rows]))
-    return found._replace(whitener=_whitener(y, found))
-
-
-def _whitener(y: RealArray, found: FreeRun) -> Whitener | None:
-    left = y - found.outputs
-    return whitener([left]) if np.all(left.std(axis=0) > _ROUNDING * y.std(axis=0)) else None
+    return of(white(columns), white((y - driven)[:rows]))
 
 
 def explained(y: Array, rebuilt: Array) -> RealArray:
