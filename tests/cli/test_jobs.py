@@ -7,6 +7,7 @@ import re
 import subprocess
 from contextlib import suppress
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -217,7 +218,12 @@ def test_a_model_is_validated_on_a_record_and_modes_on_responses(
     model = tmp_path / "model.mat"
     assert main(["realize", str(first), "--order", "10", "--method", "n4sid", "-q", "-o", str(model)]) == 0
     capsys.readouterr()
-    assert main(["validate", str(model), str(other)]) == 0
+    picture = tmp_path / "fit.svg"
+    assert main(["validate", str(model), str(other), "-o", str(picture)]) == 0
+    assert is_ours(picture)
+    root = ElementTree.parse(picture).getroot()
+    drawn = [path.get("class") for path in root.iter("{http://www.w3.org/2000/svg}path")]
+    assert drawn.count("line measured") == drawn.count("line mode dashed") == 4  # three outputs and the key
     out = capsys.readouterr().out
     assert "errors of prediction" in out
     seen = ms.validate(ms.read(model), ms.read(other))

@@ -111,7 +111,7 @@ def validate(data: Any, modes: Any, *, leaving: str = "inputs") -> Validation | 
     given = (data, modes)
     data, modes = given[::-1] if isinstance(data, ModalModel) or isinstance(modes, StateSpace) else given
     if isinstance(data, StateSpace):
-        return simulated(_sampled(data, modes), as_test(modes) if isinstance(modes, list | tuple) else modes)
+        return simulated(data, as_test(modes) if isinstance(modes, list | tuple) else modes)
     check_kind("modes of validate", modes, ModalModel)
     check_choice("leaving", leaving, ("inputs", "outputs"))
     response = measure(data).response
@@ -139,11 +139,6 @@ def validate(data: Any, modes: Any, *, leaving: str = "inputs") -> Validation | 
         white=not seen.coloured,
         notes=_told(labels, error, np.array(kept), seen),
     )
-
-
-def _sampled(model: StateSpace, record: Any) -> StateSpace:
-    rate = getattr(record, "sampling_rate", None)
-    return model if model.dt is not None or rate is None else model.to_discrete(1 / rate)
 
 
 def _without(response: Response, modes: ModalModel, leaving: str, k: int, count: int) -> ModalModel:

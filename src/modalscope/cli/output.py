@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from modalscope.checking.certificate import Certificate
+    from modalscope.data.statespace import StateSpace
 
 #: Suffixes of reports, data, pictures and results.
 _PAGES = (".html", ".htm", ".docx", ".pptx")
@@ -118,6 +119,17 @@ def write_picture(path: Path, axes: Axes) -> str:
     where = {".png": "Software", ".svg": "Creator", ".pdf": "Creator"}[path.suffix.lower()]
     with replacing(path) as temporary:
         figure.savefig(temporary, format=path.suffix.lower()[1:], dpi=150, metadata={where: MARK}, bbox_inches="tight")
+    return f"written: {path}"
+
+
+def write_simulation(path: Path, model: StateSpace, record: Any) -> str:
+    """Write a picture of measured and simulated outputs with the mark of the program, and return the message."""
+    from modalscope.reporting.simulations import simulation_svg
+
+    head, tag, body = simulation_svg(model, record).partition(">")
+    with replacing(path) as temporary:
+        title = f'<metadata xmlns:dc="http://purl.org/dc/elements/1.1/"><dc:title>{MARK}</dc:title></metadata>'
+        temporary.write_text(f"{head}{tag}{title}{body}", encoding="utf-8")
     return f"written: {path}"
 
 

@@ -75,6 +75,7 @@ def add_validate(parser: Parser) -> None:
     add_files(parser)
     sides = "of modes: sides that are left out in turn (default: inputs)"
     parser.add_argument("--leaving", choices=("inputs", "outputs"), default="inputs", help=sides)
+    add_outputs(parser, "of a model: draw measured against simulated outputs, .svg")
 
 
 def validate(options: argparse.Namespace) -> None:
@@ -84,15 +85,21 @@ def validate(options: argparse.Namespace) -> None:
     errors of prediction are white. Of modes: what they leave of each input or output that is left out in turn.
     """
     from modalscope.checking.validation import validate
+    from modalscope.cli.output import check_outputs, write_simulation
     from modalscope.cli.reading import read_data, read_test
     from modalscope.data.shown import summary_of
     from modalscope.workflow.simulation import ModelValidation
 
+    check_outputs(options, (options.model, *options.files), (".svg",))
     model, told = read_data(options, options.model)
     data, notes = read_test(options)
     seen = validate(model, data, leaving=options.leaving)
     remark(*told, *notes)
-    say(summary_of(seen), "", seen.table_of_outputs() if isinstance(seen, ModelValidation) else seen.table())
+    if not isinstance(seen, ModelValidation):
+        say(summary_of(seen), "", seen.table())
+        return
+    written = [write_simulation(path, model, data) for path in options.outputs]
+    say(summary_of(seen), "", seen.table_of_outputs(), *written)
 
 
 def add_refine(parser: Parser) -> None:

@@ -272,19 +272,25 @@ def rebuilt(model: StateSpace, records: Records) -> tuple[RealArray, RealArray, 
     return np.concatenate(measured), np.concatenate(free), np.concatenate(ahead)
 
 
-def simulated(model: StateSpace, record: Any) -> ModelValidation:
-    """Return how well a sampled model simulates a whole record and predicts it one sample ahead.
+def sampled(model: StateSpace, records: Records) -> StateSpace:
+    """Return a continuous model sampled at the rate of records, its inputs held; a sampled one as it is."""
+    return model if model.dt is not None else model.to_discrete(1 / records.sampling_rate)
 
-    Raises `DataError`: a continuous model, or a record without its inputs and outputs at its rate.
+
+def simulated(model: StateSpace, record: Any) -> ModelValidation:
+    """Return how well a model simulates a whole record and predicts it one sample ahead.
+
+    Raises `DataError`: a record without its inputs and outputs at its rate.
     """
     check_kind("the record of a model", record, (Signals, Records))
     records = as_records(record) if isinstance(record, Signals) else record
+    model = sampled(model, records)
     (l, m), rate = model.D.shape, np.nan if model.dt is None else 1 / model.dt
     have = len(records.output_dofs), len(records.input_dofs)
     if have != (l, m) or not np.isclose(records.sampling_rate, rate):
         found = f"the record has {have[0]} outputs and {have[1]} inputs at {records.sampling_rate:g} Hz"
         asked = f"a record of {l} outputs and {m} inputs at {rate:g} Hz was asked"
-        change = "Select the model's channels and resample to its rate; of a continuous model take to_discrete(dt)."
+        change = "Select the model's channels and resample to its rate."
         raise DataError(asked, found, change)
     free, one, white = validated(model, records)
     return ModelValidation(
