@@ -1,5 +1,6 @@
 // What opens above the page: findings and notes, comparison, geometry, keys.
 import { fill, h, icon, ICONS, number } from "./dom.js";
+import { makeSketch } from "./sketch.js";
 
 /** @param {string} title @param {any} inside @param {string} [kind] */
 export function dialog(title, inside, kind = "") {
@@ -77,22 +78,35 @@ export function showComparison(found) {
   );
 }
 
-/** @param {string[]} outputs @param {(files: File[]) => void} give @param {{exact: boolean, set: (exact: boolean) => void} | null} matching  of a geometry that is there */
-export function editGeometry(outputs, give, matching) {
-  const nodes = [...new Set(outputs.map((label) => label.split(":")[0]))];
-  const points = h("textarea", { rows: 12, spellcheck: false, "aria-label": "Points: node,x,y,z", value: ["node,x,y,z", ...nodes.map((n, i) => `${n},${i},0,0`)].join("\n") });
-  const lines = h("textarea", { rows: 12, spellcheck: false, "aria-label": "Lines: pairs of nodes", value: nodes.slice(1).map((n, i) => `${nodes[i]},${n}`).join("\n") });
+/**
+ * The points and lines of the structure: as tables, and lines by clicks on two points of a sketch.
+ * @param {any} found  the result @param {(files: File[]) => void} give
+ * @param {{exact: boolean, set: (exact: boolean) => void} | null} matching  of a geometry that is there
+ */
+export function editGeometry(found, give, matching) {
+  const nodes = [...new Set(/** @type {string[]} */ (found.points).map((label) => label.split(":")[0]))];
+  const known = Boolean(found.table && found.nodes);
+  const pairs = known ? Array.from({ length: found.lines.length / 2 }, (_, k) => `${found.nodes[found.lines[2 * k]]},${found.nodes[found.lines[2 * k + 1]]}`) : nodes.slice(1).map((n, i) => `${nodes[i]},${n}`);
+  const points = h("textarea", { rows: 12, spellcheck: false, "aria-label": "Points: node,x,y,z", value: known ? found.table : ["node,x,y,z", ...nodes.map((n, i) => `${n},${i},0,0`)].join("\n"), oninput: () => sketch.draw() });
+  const lines = h("textarea", { rows: 12, spellcheck: false, "aria-label": "Lines: pairs of nodes", value: pairs.join("\n"), oninput: () => sketch.draw() });
+  const undo = h("button.small", { disabled: true, onclick: () => sketch.undo() }, icon(ICONS.undo), "undo");
+  const sketch = makeSketch(points, lines, undo);
   const file = h("input", { type: "file", accept: ".csv,.txt,.uff,.unv,.msh,.vtk,.inp,.bdf,.stl,.obj", "aria-label": "A file of points, or a mesh" });
   const csv = (/** @type {string} */ name, /** @type {string} */ text) => new File([`${text.trim()}\n`], name, { type: "text/csv" });
   const exact = h("input", { type: "checkbox", checked: matching?.exact, onchange: () => (matching?.set(exact.checked), shown.element.close()) });
   const done = h("button.primary", { onclick: use }, "Apply");
-  const shown = dialog("Sensor positions", [
-    h("p", {}, "One point per line: the node of a channel and its coordinates. Channels are named by node and direction, such as 3:+Z. Lines join two nodes."),
-    h("div.pictures", {}, h("label", {}, "Points", points), h("label", {}, "Lines", lines)),
-    h("p", {}, "Or from a file: a table node,x,y,z, a universal file, a mesh. ", file),
-    matching ? h("p", {}, h("label.check", {}, exact, "Place no channel by its number alone (P3 at node 3)")) : null,
-    h("footer", {}, done),
-  ]);
+  const shown = dialog(
+    "Sensor positions",
+    [
+      h("p", {}, "One point per line: the node of a channel and its coordinates. Channels are named by node and direction, such as 3:+Z. Lines join two nodes: write them, or click two points."),
+      h("div.editor", {}, h("label", {}, "Points", points), h("label", {}, "Lines", lines), h("div", {}, h("div.bar", {}, sketch.words, h("span.space"), undo), sketch.canvas)),
+      h("p", {}, "Or from a file: a table node,x,y,z, a universal file, a mesh. ", file),
+      matching ? h("p", {}, h("label.check", {}, exact, "Place no channel by its number alone (P3 at node 3)")) : null,
+      h("footer", {}, done),
+    ],
+    "wide",
+  );
+  sketch.draw();
   function use() {
     const chosen = file.files?.[0];
     give(chosen ? [chosen] : [csv("points.csv", points.value), ...(lines.value.trim() ? [csv("lines.csv", lines.value)] : [])]);

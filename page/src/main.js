@@ -100,7 +100,7 @@ function makeWork(begin, state) {
   const diagram = makeDiagram(box, { take: (i) => take(diagram.poles.frequency[i]), refuse, select });
   const strip = makeOverview(places.strip, (band) => act("set", { bands: band ? [band.map((f) => Number(f.toPrecision(6)))] : [] }));
   const modes = makeModes(places.modes, { select, refuse, take, rename: (i, name) => act("name", { frequency: shown()[i].frequency, name }) });
-  const shape = makeShape(places.shape, { geometry: () => found && editGeometry(found.outputs, geometry, matching()) });
+  const shape = makeShape(places.shape, { geometry: () => found && editGeometry(found, geometry, matching()) });
   const response = makeResponse(places.response, async (output, column) => (found ? api.channel(now.key, output, column) : null));
   const macTitle = h("h2", {}, "AutoMAC");
   const other = h("input", { type: "file", hidden: true, "aria-label": "A file of modes", onchange: () => against(other.files[0]) });

@@ -286,6 +286,34 @@ def test_a_bad_file_is_told_where_it_is_dropped(window: Window, folder: Path) ->
     assert page.get_by_role("button", name="again").count() == 1
 
 
+def test_lines_of_the_geometry_are_drawn_by_clicks(window: Window) -> None:
+    page = window.page
+    window.open("chain.uff")
+    window.set_orders((2, 12))
+    page.get_by_role("button", name="geometry…").click()
+    sketch, lines = page.locator("canvas.sketch"), page.get_by_label("Lines: pairs of nodes")
+    box, written = sketch.bounding_box(), lines.input_value().split()
+    assert (
+        len(page.get_by_label("Points: node,x,y,z").input_value().split()) == 5
+    )  # the head and the nodes that are there
+    ends = [box["x"] + 20, box["x"] + box["width"] - 20]
+
+    def join() -> None:
+        for x in ends:
+            page.mouse.click(x, box["y"] + box["height"] / 2)
+
+    join()
+    first, last = written[0].split(",")[0], written[-1].split(",")[1]
+    assert lines.input_value().split() == [*written, f"{first},{last}"]
+    join()  # again takes the line away
+    assert lines.input_value().split() == written
+    page.get_by_role("dialog").get_by_role("button", name="undo").click()
+    page.get_by_role("button", name="Apply").click()
+    window.until("modalscope.state.document.files[0].reading.geometry?.length === 2")
+    window.done()
+    assert page.evaluate("modalscope.found.lines.length / 2") == len(written) + 1
+
+
 def test_one_output_is_drawn_neither_as_shape_nor_as_mac(window: Window, tmp_path: Path) -> None:
     ms.write(
         tmp_path / "one.npz", ms.systems.chain5().frequency_response(np.arange(0.2, 9, 0.01), outputs=[0], inputs=[0])

@@ -9,7 +9,7 @@ import pytest
 
 import modalscope as ms
 import modalscope.io as mio
-from modalscope.io.geometry import geometry_among
+from modalscope.io.geometry import geometry_among, geometry_of_tables, points_table
 from tests.support import refused
 
 POINTS = "node,x [mm],y [mm],z [mm]\nA1,0,0,0\nA2,100,0,0\nA3,100,50,0\nA4,0,50,0\n"
@@ -117,6 +117,21 @@ def test_channels_belong_to_nodes_by_their_number_where_nothing_is_ambiguous(
     refused_ = mio.survey(path, geometry=tmp_path / "points.csv", exact_nodes=True)
     assert refused_.thing.geometry.motion_of(heads[0]) == ()
     assert any("no node and direction" in note for note in refused_.notes)
+
+
+@pytest.mark.parametrize(
+    "motions", [{}, {"a": [("1", (0, 0, 1.0))], "b": [("2", (0, -1.0, 0))], "c": [("2", (1.0, 0, 0))]}]
+)
+def test_the_table_of_a_geometry_is_read_as_it_was(
+    tmp_path: Path, motions: dict[str, list[tuple[str, tuple[float, ...]]]]
+) -> None:
+    geometry = ms.Geometry(nodes=["1", "2"], coordinates=[[0.5, 0, 1], [1 / 3, -2, 0]], motions=motions)
+    (tmp_path / "points.csv").write_text(f"{points_table(geometry)}\n")
+    back = geometry_of_tables(tmp_path / "points.csv")
+    assert (back.nodes, dict(back.motions)) == (geometry.nodes, dict(geometry.motions))
+    np.testing.assert_allclose(back.coordinates, geometry.coordinates, rtol=1e-8)
+    oblique = ms.Geometry(nodes=["1"], coordinates=[[0, 0, 0]], motions={"a": [("1", (0.6, 0.8, 0))]})
+    assert points_table(oblique) is None
 
 
 def test_a_geometry_is_found_among_files_of_data(tmp_path: Path) -> None:

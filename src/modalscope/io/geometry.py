@@ -124,6 +124,26 @@ def geometry_among(paths: Sequence[Path]) -> tuple[list[Path], tuple[Path, ...]]
     return [path for path in paths if path not in chosen], chosen
 
 
+def points_table(geometry: Geometry) -> str | None:
+    """Return the table of points of a geometry, as `geometry_of_tables` reads it; None where a channel moves along no axis.
+
+    Channels that name their node by themselves stand in no column.
+    """
+    rows = {node: [f"{v:.9g}" for v in xyz] for node, xyz in zip(geometry.nodes, geometry.coordinates, strict=True)}
+    moved = [(label, *motion) for label, motions in geometry.motions.items() for motion in motions]
+    if not moved:
+        return "\n".join(["node,x,y,z", *(",".join([node, *xyz]) for node, xyz in rows.items())])
+    lines = []
+    for label, node, vector in moved:
+        axis = int(np.argmax(np.abs(vector)))
+        if node not in rows or np.count_nonzero(vector) != 1 or abs(vector[axis]) != 1:
+            return None
+        lines.append(",".join([node, *rows[node], label, f"{'-' if vector[axis] < 0 else '+'}{'XYZ'[axis]}"]))
+    if {node for _, node, _ in moved} < set(rows):
+        return None  # a node without a channel has no direction
+    return "\n".join(["node,x,y,z,channel,direction", *lines])
+
+
 def _points_of(path: Path) -> set[str] | None:
     """Return the nodes that a table of points names, none of a mesh; None for other files."""
     if path.suffix.lower() in MESHES:

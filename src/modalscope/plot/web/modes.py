@@ -10,7 +10,7 @@ import numpy as np
 from modalscope.data import DataError, Geometry, ModalModel
 from modalscope.data.analysis import named_near
 from modalscope.data.response import Response
-from modalscope.io.geometry import neighbour_lines
+from modalscope.io.geometry import neighbour_lines, points_table
 from modalscope.judging.description import HEADS, ModeDescription, described
 from modalscope.modal.indicators import mac
 from modalscope.numerics.checks import Array, ComplexArray
@@ -20,6 +20,9 @@ from modalscope.plot.web.blob import pack
 
 #: Maximum number of nodes that are joined by lines between neighbours.
 _MAX_JOINED = 2000
+
+#: Maximum number of nodes that are edited as a table.
+_MAX_EDITED = 500
 
 
 def modes_blob(
@@ -89,6 +92,8 @@ def modes_parts(
     if points.shapes_std is not None:
         size = np.linalg.norm(shapes, axis=0) / np.maximum(np.linalg.norm(points.shapes, axis=0), 1e-300)
         arrays["shape_std"] = np.nan_to_num(points.shapes_std * size).T
+    if points.geometry is not None and len(points.geometry.nodes) <= _MAX_EDITED:
+        entries["table"] = points_table(points.geometry)
     drawn = _moved(points.geometry, points.output_dofs, shapes)
     if drawn is None:
         return {**entries, "nodes": None}, arrays
