@@ -80,6 +80,7 @@ HELD = {
     "howto/plot_okid": Held("chain5"),
     "howto/plot_on_geometry": Held(FRAME),
     "howto/plot_order": Held((1.0,), 0.03, words=("% unexplained",)),
+    "howto/plot_orders_of_rotation": Held(words=("[0.8 0.5]",)),
     "howto/plot_polymax": Held(BEAM),
     "howto/plot_quantity": Held((2 * np.pi * 158 / 60,), 2e-3),
     "howto/plot_read_a_table": Held(words=("600 samples at 20 Hz, 4 outputs (acceleration), 1 input",)),

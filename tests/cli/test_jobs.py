@@ -249,6 +249,18 @@ def test_modes_are_refined_from_files(test_file: Path, modes_file: Path, tmp_pat
     assert main(["refine", str(test_file), "--modes", str(test_file), "-q", "-o", str(place)]) == 2
 
 
+def test_deflection_shapes_are_written_and_listed(
+    test_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = tmp_path / "shapes.uff"
+    assert main(["ods", str(test_file), "--frequency", "0.91", "2.64", "-o", str(place)]) == 0
+    found = ms.ods(ms.read(test_file), [0.91, 2.64])
+    assert np.allclose(ms.read(place).shapes, found.shapes, rtol=1e-4)
+    out = capsys.readouterr().out
+    assert all(f"{f:.4f}" in out for f in found.frequencies)
+    assert main(["ods", str(test_file), "--order", "1"]) == 2
+
+
 def test_spectra_show_their_peaks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     records, picture = tmp_path / "ambient.npz", tmp_path / "psd.png"
     assert main(["simulate", "chain5", "--kind", "ambient", "-o", str(records)]) == 0

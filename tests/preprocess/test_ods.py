@@ -42,3 +42,49 @@ def test_what_is_not_there_is_said() -> None:
     refused("data go from", ms.ods, response, 80.0)
     refused("there are", ms.ods, response, 1.0, input="nobody")
     refused("no inputs", ms.ods, CHAIN.simulate(inputs="ambient", samples=600, sampling_rate=20.0), 1.0, input=0)
+
+
+def turning(*, loud: float = 1.0) -> tuple[ms.Signals, np.ndarray, np.ndarray]:
+    """A rotor that speeds up from 5 to 9 turns a second: orders 1 and 2.5 in three channels, pulses in a fourth, with noise."""
+    rate, samples, rng = 400.0, 4000, np.random.default_rng(0)
+    t = np.arange(samples) / rate
+    angle = 2 * np.pi * (5 * t + 0.2 * t**2)
+    shapes = np.array([[1 + 2j, 0.5, -1j], [loud, 2j * loud, 0.3 * loud]])
+    y = sum(np.real(c * np.exp(1j * k * angle)[:, None]) for k, c in zip((1, 2.5), shapes, strict=True)) + 4.0
+    pulses = (np.cos(angle) > 0.9) * 5.0
+    outputs = np.column_stack([y + 0.05 * rng.standard_normal(y.shape), pulses])
+    turns = np.arange(0, int(angle[-1] / (2 * np.pi)) + 1)
+    times = (-5 + np.sqrt(25 + 0.8 * turns)) / 0.4
+    return ms.Signals(outputs=outputs, sampling_rate=rate, output_dofs=("a", "b", "c", "tacho")), shapes, times
+
+
+def test_at_orders_of_a_rotation_that_speeds_up_it_is_the_motion_in_phase_with_it() -> None:
+    record, shapes, times = turning()
+    exact = ms.ods(record.select(exclude=["tacho"]), order=[1, 2.5], tacho=times)
+    assert (
+        np.abs(exact.shapes.T - shapes).max() < 0.02
+    )  # noise .05 over 4000 samples: 2e-3; angle linear between pulses: 1e-2
+    assert exact.frequencies == pytest.approx(np.array([1, 2.5]) * (len(times) - 1) / (times[-1] - times[0]))
+    read = ms.ods(record, order=[1, 2.5], tacho="tacho")
+    assert read.output_dofs == ("a", "b", "c")
+    # the first pulse that begins is that of the first whole turn, where cos is .9: the angle counts from there
+    late = np.exp(1j * (2 * np.pi - np.arccos(0.9)) * np.array([1, 2.5]))[:, None]
+    assert np.abs(read.shapes.T - shapes * late).max() < 0.1  # pulses are seen to a sample, .07 of a turn's radian
+    assert np.diag(ms.mac(read.shapes, shapes.T)) == pytest.approx(1, abs=1e-3)
+
+
+def test_orders_without_what_they_need_are_refused() -> None:
+    record, _, times = turning()
+    refused("frequency, or at an order", ms.ods, record)
+    refused("frequency, or at an order", ms.ods, record, 1.0, order=1, tacho="tacho")
+    refused("frequency, or at an order", ms.ods, record, order=1)
+    refused("there are a, b, c, tacho", ms.ods, record, order=1, tacho="d")
+    refused("2 pulses", ms.ods, record, order=1, tacho=times[:2])
+    assert len(ms.ods(record, order=1, tacho=times[:3])) == 1
+    refused(
+        "several runs",
+        ms.ods,
+        CHAIN.simulate(inputs="white", samples=100, runs=2, sampling_rate=20.0),
+        order=1,
+        tacho=times,
+    )

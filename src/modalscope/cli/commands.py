@@ -39,6 +39,7 @@ COMMANDS = (
     Command(files.plan, files.add_plan),
     Command(spectra.frf, spectra.add_frf),
     Command(spectra.psd, spectra.add_psd),
+    Command(spectra.ods, spectra.add_ods),
     Command(files.merge, files.add_merge),
     Command(files.convert, files.add_convert),
     Command(results.realize, results.add_realize),

@@ -86,3 +86,46 @@ def psd(options: argparse.Namespace) -> None:
     for number, (frequency, zeta) in enumerate(zip(peaks.frequencies, peaks.damping_ratios, strict=True), 1):
         say(f"{number:4d}  {frequency:8.4f}  " + (f"{100 * zeta:8.3f}" if zeta == zeta else "       -"))
     say(*written)
+
+
+def add_ods(parser: Parser) -> None:
+    """Add the arguments of `ods`."""
+    add_files(parser)
+    parser.add_argument(
+        "--frequency", nargs="+", type=float, metavar="HZ", help="frequencies; the nearest lines are taken"
+    )
+    parser.add_argument("--order", nargs="+", type=float, metavar="K", help="orders of a rotation, all that are loud")
+    parser.add_argument("--tacho", metavar="CHANNEL", help="channel of pulses, one a turn")
+    parser.add_argument("--input", metavar="CHANNEL", help="motion per force at one input (default: all)")
+    add_outputs(parser, "write the shapes as .uff, .npz, .mat, .h5 or .csv, or a film .gif")
+
+
+def ods(options: argparse.Namespace) -> None:
+    """Compute operating deflection shapes: the measured motion at a frequency, or at an order of a rotation.
+
+    The motion of all modes together; each output file has all shapes; a film shows them side by side.
+    """
+    from modalscope.cli.output import DATA, check_outputs, write_data
+    from modalscope.cli.reading import read_test
+    from modalscope.data.records import Records
+    from modalscope.plot import animate
+    from modalscope.preprocess.ods import ods
+
+    check_outputs(options, options.files, (*DATA, ".gif"))
+    data, notes = read_test(options)
+    stacked = data.stacked() if isinstance(data, Records) else (data,)
+    data = stacked[0] if len(stacked) == 1 else data
+    shapes = ods(data, options.frequency, input=options.input, order=options.order, tacho=options.tacho)
+    written = []
+    for path in options.outputs:
+        if path.suffix.lower() == ".gif":
+            animate(shapes, range(len(shapes)), path)
+            written.append(f"written: {path}")
+        else:
+            written.append(write_data(path, shapes))
+    remark(*notes, *shapes.notes)
+    say("         f [Hz]  largest motion at")
+    for number, (f, shape) in enumerate(zip(shapes.frequencies, shapes.shapes.T, strict=True), 1):
+        k = int(abs(shape).argmax())
+        say(f"{number:4d}  {f:9.4f}  {shapes.output_dofs[k]}  {abs(shape[k]):.4g}")
+    say(*written)

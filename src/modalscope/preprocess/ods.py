@@ -1,4 +1,4 @@
-"""Compute operating deflection shapes: the measured motion of a structure at a frequency, of all modes together."""
+"""Compute operating deflection shapes: the measured motion of a structure at a frequency or an order of rotation, of all modes together."""
 
 from __future__ import annotations
 
@@ -6,29 +6,39 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
 
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, ComplexArray, check_each, check_positive
+from modalscope.numerics.checks import Array, ComplexArray, check_each, check_kind, check_positive, real_array
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.singular_spectra import decomposition
+
+#: Turns of a rotation at least.
+_LEAST_TURNS = 2
 
 
 @named(data=(Signals, FrequencyResponse, ImpulseResponse))
 def ods(
     data: Signals | FrequencyResponse | ImpulseResponse,
-    frequency: float | Iterable[float],
+    frequency: float | Iterable[float] | None = None,
     *,
     input: str | int | None = None,
+    order: float | Iterable[float] | None = None,
+    tacho: str | ArrayLike | None = None,
 ) -> ModalModel:
-    """Compute the operating deflection shapes at one or more frequencies: the measured motion, of all modes together.
+    """Compute the operating deflection shapes at frequencies or orders of rotation: the measured motion, of all modes together.
 
     Of responses it is the column of one input at the nearest line, or of several inputs the first singular vector of the matrix of
     responses times its singular value. Of records without inputs it is the first singular vector of their cross spectra.
+
+    Of an order k of a rotation it is c_k of the weighted least squares y(t) = offset + Re sum_k c_k exp(j k phi(t)), the angle phi a cubic
+    spline through pulses of the tacho, one a turn, samples weighted by a Hann window: the speed may change.
 
     Parameters
     ----------
@@ -37,11 +47,16 @@ def ods(
         Hz; the nearest lines are taken.
     input : str or int, optional
         One input, by its label or from zero; by default all.
+    order : float or iterable of float, optional
+        Multiples of the speed of rotation, instead of frequencies; all that are loud, for they are fitted together.
+    tacho : str or array, optional
+        The channel of its pulses by its label, which is then no part of the shapes, or their times in seconds from the first sample.
 
     Returns
     -------
     ModalModel
-        Undamped, at the frequencies of the lines, to be drawn and animated as modes are: `plot.shape`, `plot.animate`.
+        Undamped, at the frequencies of the lines or at orders of the mean speed, to be drawn and animated as modes are: `plot.shape`,
+        `plot.animate`.
 
     Raises
     ------
@@ -56,9 +71,19 @@ def ods(
     >>> print(shapes[0])
     0.9000 Hz, 0.000 %
     """
-    several = np.iterable(frequency) and not isinstance(frequency, str)
-    wanted: Any = check_each("frequency", frequency, "numbers in Hz") if several else [frequency]
-    asked = [check_positive("frequency", f) for f in wanted]
+    if (frequency is None) == (order is None) or (order is None) != (tacho is None):
+        given = [
+            name for name, value in (("frequency", frequency), ("order", order), ("tacho", tacho)) if value is not None
+        ]
+        have = f"{', '.join(given) or 'neither'} was given"
+        raise DataError(
+            "deflection shapes are at a frequency, or at an order of a tacho",
+            have,
+            "Give frequency=, or order= and tacho=.",
+        )
+    if order is not None:
+        return _at_orders(data, _positive("order", order, "multiples of the speed"), tacho)
+    asked = _positive("frequency", frequency, "numbers in Hz")
     lines, shapes = _on_lines(data, input)
     span = (float(lines[0]), float(lines[-1]))
     outside = [f for f in asked if not span[0] <= f <= span[1]]
@@ -66,15 +91,61 @@ def ods(
         asked_for = f"deflection shapes at {', '.join(f'{f:g}' for f in asked) or 'no frequency'} Hz were asked"
         raise DataError(asked_for, f"the data go from {span[0]:g} to {span[1]:g} Hz", "Ask for frequencies in between.")
     index = np.array([int(np.argmin(np.abs(lines - f))) for f in asked])
-    text = "Operating deflection shapes, not modes: the motion of all modes at a frequency"
+    return _shapes(data, lines[index], np.array([shapes(k) for k in index]).T, "a frequency")
+
+
+def _positive(name: str, values: Any, what: str) -> list[float]:
+    several = np.iterable(values) and not isinstance(values, str)
+    return [check_positive(name, value) for value in (check_each(name, values, what) if several else [values])]
+
+
+def _shapes(data: Any, frequencies: Array, shapes: Array, at: str) -> ModalModel:
+    text = f"Operating deflection shapes, not modes: the motion of all modes at {at}"
     labels = {name: value for name, value in data.labelled().items() if name in ("output_dofs", "geometry")}
     return ModalModel(
-        poles=2j * np.pi * lines[index],
-        shapes=np.array([shapes(k) for k in index]).T,
+        poles=2j * np.pi * frequencies,
+        shapes=shapes,
         scaling="as measured",
         notes=(Note("deflection shapes", {}, text),),
         **labels,
     )
+
+
+def _at_orders(data: Any, orders: list[float], tacho: Any) -> ModalModel:
+    """Return the shapes at orders of a rotation, by weighted least squares on functions of its angle."""
+    check_kind("orders of a rotation", data, Signals)
+    if data.outputs.ndim > 2:
+        raise DataError("orders of a rotation were asked", "the record has several runs", "Give one run.")
+    if isinstance(tacho, str):
+        pulses, data = _pulses(data, tacho), data.select(exclude=[tacho])
+    else:
+        pulses = np.sort(real_array("tacho", tacho, "(pulses,)", 1))
+    time = np.arange(data.samples) / data.sampling_rate
+    inside = np.flatnonzero((time >= pulses[0]) & (time <= pulses[-1])) if pulses.size else np.zeros(0, dtype=int)
+    unknowns = 1 + 2 * len(orders)
+    if pulses.size <= _LEAST_TURNS or inside.size < unknowns:
+        have = f"the tacho has {pulses.size} pulses in {data.duration:.4g} s"
+        change = "Give a longer record, or another channel of pulses."
+        raise DataError(f"shapes at {len(orders)} orders of a rotation were asked", have, change)
+    angle = 2 * np.pi * CubicSpline(pulses, np.arange(pulses.size))(time[inside])
+    turns = [column for k in orders for column in (np.cos(k * angle), -np.sin(k * angle))]
+    weight = np.hanning(inside.size + 2)[1:-1, None]
+    columns = np.column_stack([np.ones(inside.size), *turns])
+    found = np.linalg.lstsq(weight * columns, weight * data.outputs[inside], rcond=None)[0][1:]
+    speed = (pulses.size - 1) / (pulses[-1] - pulses[0])
+    return _shapes(data, speed * np.array(orders), (found[::2] + 1j * found[1::2]).T, "an order of a rotation")
+
+
+def _pulses(record: Signals, tacho: str) -> Array:
+    """Return when a channel rises through the middle between its lowest and its highest value, seconds, by linear interpolation."""
+    sides = [(record.output_dofs, record.outputs), (record.input_dofs, record.inputs)]
+    found = [values[:, list(names).index(tacho)] for names, values in sides if values is not None and tacho in names]
+    if not found:
+        have = f"there are {', '.join(map(str, (*record.output_dofs, *record.input_dofs)))}"
+        raise DataError(f"the tacho {tacho!r} was asked", have, "Name one of them, or give the times of the pulses.")
+    x = found[0] - (found[0].min() + found[0].max()) / 2
+    k = np.flatnonzero((x[:-1] < 0) & (x[1:] >= 0))
+    return np.asarray((k + x[k] / (x[k] - x[k + 1])) / record.sampling_rate)
 
 
 def _on_lines(data: Any, input: str | int | None) -> tuple[Array, Any]:
