@@ -39,6 +39,17 @@ def test_every_value_of_a_method_has_a_mark(comparison: ms.Comparison) -> None:
     assert ' open" d="M' in drawn
 
 
+def test_a_doubtful_mode_does_not_set_the_scale(comparison: ms.Comparison) -> None:
+    groups = comparison.groups
+    far = replace(groups[0], damping_ratios=dict.fromkeys(groups[0].damping_ratios, 9.0))
+    trust = (replace(comparison.trust[0], grade="doubtful"), *comparison.trust[1:])
+    assert all(each.grade != "doubtful" for each in trust[1:])
+    spoilt = replace(comparison, groups=(far, *groups[1:]), trust=trust)
+    as_it_was = replace(comparison, trust=trust)
+    ticks = [re.findall(r'text-anchor="end">(-?[\d.]+)<', deviations_svg(c, "deviations")) for c in (spoilt, as_it_was)]
+    assert ticks[0] == ticks[1]
+
+
 def test_map_and_distances_name_every_method(comparison: ms.Comparison) -> None:
     kin = comparison.kinship
     circles = re.findall(r'class="d-\w+(?: hollow)?" d="M\d+ \d+m-', method_map_svg(kin, "map"))
