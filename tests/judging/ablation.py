@@ -51,7 +51,6 @@ def _ones(self: Any, poles: Array) -> Array:
 RULES = {
     "copies of shifting resonances": Rule(verdict, "copies_of", lambda *_: None),
     "margin of products of shifts": Rule(copies, "_MARGIN", 0.0),
-    "usual shifts bound products": Rule(copies, "_MAX_OF_USUAL", np.inf),
     "shoulders of a shifting mode": Rule(recount.Recount, "hosts", _none_of),
     "coherent lines": Rule(recount.Recount, "lasting", _all_of),
     "uncertainty of error variances": Rule(recount, "UNCERTAINTY_OF_VARIANCE", 1.0),

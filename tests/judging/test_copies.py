@@ -102,12 +102,29 @@ def test_deviations_of_rows_and_columns_leave_across_both_what_their_product_doe
     assert cluster.shifts() == pytest.approx([0.05 / 100, 0.02 / 100], rel=0.2)
     U, V = _leading(cluster.own, 1)
     E = np.sum(np.abs(U.conj().T @ cluster.own @ V.conj()) ** 2, axis=0)
-    second, _ = cluster._products(1, np.full(2, np.inf))
+    second, _ = cluster._products(1, np.zeros(2), energy=1.0, across=0.0)
     # of 1, 2 B and 2 B^2 the first is what q itself has
     assert E[1:, 1:].sum() / E[0, 0] == pytest.approx(9 / 8 * second / _MARGIN, rel=0.1)
     # rows alone leave nothing
     alone = resonances(by_row + np.zeros((1, 30)))
-    assert alone._products(1, np.full(2, np.inf))[0] < 1e-20
+    assert alone._products(1, np.zeros(2), energy=1.0, across=0.0)[0] < 1e-20
+
+
+def test_what_is_across_both_shifts_with_its_column() -> None:
+    """Gains that differ from channel to channel, on resonances that shift from column to column."""
+    rng = np.random.default_rng(5)
+    shifts, gains = 0.02j * rng.standard_normal((1, 30)), 1 + 0.1 * rng.standard_normal((40, 30))
+    cluster = resonances(np.zeros((40, 1)) + shifts)
+    usual = cluster.deviations(1)
+    made = cluster.own * gains
+    U, V = (each[:, 1:] for each in _leading(made, 1))
+    across = np.einsum("qi,fqp,pj->fij", U.conj(), made, V.conj()).reshape(len(made), -1)
+    q = 1 / (1j * np.linspace(0, 200, 1001) - cluster.poles[0])
+    q /= np.linalg.norm(q)
+    in_q = q.conj() @ across
+    beside = np.sum(np.abs(across - np.outer(q, in_q)) ** 2)
+    first, _ = cluster._products(1, usual, energy=0.0, across=float(np.sum(np.abs(in_q) ** 2)))
+    assert beside == pytest.approx(first / _MARGIN, rel=0.2)
 
 
 @pytest.mark.parametrize(("apart", "count"), [(2 - NUDGE, 1), (2 + NUDGE, 0)])

@@ -135,9 +135,9 @@ def test_a_document_is_a_file_of_its_own(tmp_path: Path) -> None:
     assert json.loads(path.read_text())["analysis"]["orders"] == list(range(2, 21, 2))
     equal(ms.replay(path, SAMPLES).modes, ms.replay(document, SAMPLES).modes)
     later = json.loads(path.read_text())
-    later["analysis"]["schema"] = 2
+    later["analysis"]["schema"] = 3
     path.write_text(json.dumps(later))
-    with pytest.raises(ms.DataError, match="reads up to 1"):
+    with pytest.raises(ms.DataError, match="reads up to 2"):
         ms.replay(path, SAMPLES)
     path.write_text("{}")
     with pytest.raises(ms.DataError, match='has no "analysis"'):
@@ -158,3 +158,31 @@ def test_data_of_several_files_are_those_of_the_document_while_the_files_are(tmp
     ms.write(places[1], LINES.select(inputs=[0]))
     with pytest.raises(ms.DataError, match="these are others"):
         ms.replay(found.analysis, merged)
+
+
+def test_a_document_of_0_2_0_is_repeated_by_later_rules_and_what_differs_is_listed(tmp_path: Path) -> None:
+    data = tmp_path / "data.npz"
+    ms.write(data, SAMPLES)
+    result = ms.analyze(data)
+    path = tmp_path / "result.json"
+    ms.write(path, result.modes, result=result)
+    stored = json.loads(path.read_text())
+    assert stored["analysis"]["schema"] == 2
+    assert not [note for note in ms.replay(path).notes if note.kind == "later rules"]
+    stored["analysis"] |= {"schema": 1, "version": "0.2.0"}
+    path.write_text(json.dumps(stored))
+    again = ms.replay(path)
+    (note,) = (note for note in again.notes if note.kind == "later rules")
+    assert note.text.startswith("Document of modalscope 0.2.0: repeated by later rules")
+    assert note.text.endswith("; the same modes")
+    assert again.analysis.schema == 2
+    equal(again.modes, result.modes)
+    moved = stored["modes"][1]
+    moved["pole"]["imag"] *= 1.3
+    moved["frequency_hz"] *= 1.3
+    path.write_text(json.dumps(stored))
+    (note,) = (note for note in ms.replay(path).notes if note.kind == "later rules")
+    assert note.numbers == {"gone": 1, "new": 1}
+    assert f"new: {result.modes.frequencies[1]:.5g} Hz" in note.text
+    (note,) = (n for n in ms.replay(replace(result.analysis, schema=1)).notes if n.kind == "later rules")
+    assert note.text.endswith("choice of modes")

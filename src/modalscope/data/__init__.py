@@ -9,6 +9,7 @@ from modalscope.data.notes import Candidate, Harmonic, Note
 from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.results import Result, StabilizationDiagram
+from modalscope.data.sameness import Sameness, same_mode
 from modalscope.data.setups import Setups
 from modalscope.data.statespace import StateSpace
 from modalscope.data.stored import StoredResponse, StoredSignals
@@ -27,6 +28,7 @@ __all__ = [
     "Mode",
     "Note",
     "Records",
+    "Sameness",
     "Setups",
     "Signals",
     "StabilizationDiagram",
@@ -35,6 +37,7 @@ __all__ = [
     "StoredSignals",
     "as_records",
     "parse_dof",
+    "same_mode",
 ]
 
 import_module("modalscope.data.summaries")  # what data show of themselves

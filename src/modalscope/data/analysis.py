@@ -14,8 +14,9 @@ from modalscope.numerics.errors import DataError
 VERSION = "0.2.0"
 
 
-#: Number of the layout; a document of a later one is refused, not guessed at.
-SCHEMA = 1
+#: Number of the layout, and of the rules by which modes are chosen; a document of a later one is refused, not guessed at. Documents of
+#: layout 1 (0.2.0) are read: what they list today differs where rules have changed, and `replay` says so.
+SCHEMA = 2
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)

@@ -139,6 +139,16 @@ class Mode:
         return self.modes.reasons[self.index] if self.modes.reasons else {}
 
     @property
+    def grade(self) -> str:
+        """How far the mode is to be trusted: good, look or doubtful; see `grade_reason`."""
+        return str(_graded(self.modes)[self.index].word)
+
+    @property
+    def grade_reason(self) -> str:
+        """What decides the grade."""
+        return str(_graded(self.modes)[self.index].reason)
+
+    @property
     def spreads(self) -> Mapping[str, float]:
         """Every deviation and gain that is known, by the name of its column, such as `frequency_std_hz`."""
         known = {column: getattr(self.modes, name) for column, name in COLUMNS.items()}
@@ -364,6 +374,11 @@ class ModalModel(ModeFields):
             values=values, frequencies=lines, quantity=self.quantity, sampling_rate=rate, **self.labelled()
         )
 
+    @property
+    def significance(self) -> RealArray | None:
+        """How much better the data are explained with each mode than without, in standard deviations, (n,): `gain`."""
+        return self.gain
+
     @named()
     def table(self, *, wide: bool = False) -> str:
         """Return the modes as a text table: frequency, damping, their 95 % intervals, grade, MPC and the reason of the grade.
@@ -385,6 +400,11 @@ class ModalModel(ModeFields):
         """
         frames = optional_package("to_dataframe", "pandas", "pandas")
         return frames.DataFrame(_description().columns_of(self))
+
+
+def _graded(modes: ModalModel) -> Any:
+    """Return the grade of every mode."""
+    return _description().grades(modes)
 
 
 def _description() -> Any:

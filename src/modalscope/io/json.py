@@ -5,7 +5,7 @@ The layout is that of the command line (`identify -o modes.json`):
     {"modalscope": version, "data": {...}, "method", "domain", "orders",
      "modes": [{"frequency_hz", "damping_ratio", "kind", "frequency_spread_hz", "damping_ratio_spread", "frequency_std_hz",
                 "damping_ratio_std", "frequency_repeatability_hz", "damping_ratio_repeatability", "damping_ratio_lower",
-                "degrees": [of the frequency, of the damping ratio], "gain",
+                "degrees": [of the frequency, of the damping ratio], "gain", "significance", "shape_std",
                 "interval_95": {"frequency_hz": [low, high], "damping_ratio": [low, high]}, "grade", "grade_reason", "mpc",
                 "indicators": {...}, "reasons": {...}, "shape": {"dof", "real", "imag", "std"},
                 "pole": {"real", "imag"}, "participation": {"dof", "real", "imag"}}],
@@ -119,6 +119,8 @@ def _mode(modes: ModalModel, j: int, columns: Mapping[str, Any]) -> dict[str, An
         "damping_ratio": modes.damping_ratios[j],
         "kind": modes.kinds[j],
         **{key: None if (a := getattr(modes, name)) is None else a[j] for key, name in COLUMNS.items()},
+        "significance": None if modes.gain is None else modes.gain[j],
+        "shape_std": None if std is None else std[:, j],
         "degrees": None if modes.degrees is None else modes.degrees[j],
         "interval_95": {
             of: [columns.get(f"{name}_95_{end}{unit}") for end in ("low", "high")]

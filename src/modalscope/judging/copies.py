@@ -42,8 +42,8 @@ _DEVIATIONS = 2.0
 #: Step of the difference that gives a second derivative, in half bandwidths.
 _STEP = 0.05
 
-#: Steps to the best pole of a main line; deviations are at most so many times what is usual.
-_CENTRE_STEPS, _MAX_OF_USUAL = 12, 4.0
+#: Steps to the best pole of a main line.
+_CENTRE_STEPS = 12
 
 #: Margin of what products of deviations leave, for each order beyond the first: shifts are no small ones, and rows are few.
 _MARGIN = 2.5
@@ -85,7 +85,7 @@ def copies_of(recount: Recount) -> Copies | None:
     usual = np.median([each.deviations(1) for each in clusters], axis=0) if clusters else np.zeros(2)
     host, centres = np.arange(len(s)), s.copy()
     for cluster in clusters:
-        modes, others, own = cluster.parted(_MAX_OF_USUAL * usual)
+        modes, others, own = cluster.parted(usual)
         chance += own
         host[others] = modes[np.argmin(np.abs(s[others, None] - s[modes]) / -s[modes].real, axis=1)]
         for mode in modes[np.isin(modes, host[others])]:
@@ -117,16 +117,16 @@ class _Cluster:
         self.errors = recount.errors.on(self.lines)
         self.beside = np.hstack([self._taken(self.problem.terms), self._functions(self._others())])
 
-    def parted(self, most: RealArray) -> tuple[IntArray, IntArray, float]:
+    def parted(self, usual: RealArray) -> tuple[IntArray, IntArray, float]:
         """Return which poles are modes, which are copies, and the logarithm of the chance that real modes show as little across both.
 
-        `most` (2,): of deviations by row and by column, as in `deviations`.
+        `usual` (2,): deviations by row and by column of all clusters, as in `deviations`.
         """
         modes = [self._strongest()]
         others = [int(k) for k in self.which if k != modes[0]]
         chance = 0.0
         while others and len(modes) < min(self.data.shape[1:]):
-            excess, shown = self._excess(modes, others, most)
+            excess, shown = self._excess(modes, others, usual)
             best = int(np.argmax(excess))
             if excess[best] <= 1:
                 whole = self._gains(self.data, self.errors, self._functions(modes), others).max()
@@ -169,7 +169,7 @@ class _Cluster:
         parts = (np.linalg.qr(g)[0].T @ rows for g in (self._functions([k]) for k in self.which))
         return int(self.which[np.argmax([part @ part for part in parts])])
 
-    def _excess(self, modes: list[int], others: list[int], most: RealArray) -> tuple[RealArray, float]:
+    def _excess(self, modes: list[int], others: list[int], usual: RealArray) -> tuple[RealArray, float]:
         """Return what others explain across modes, over what may be none of theirs, (k,), and the most that any of them may have.
 
         What a joint fit leaves below its threshold counts as errors do.
@@ -178,11 +178,11 @@ class _Cluster:
         data, errors = U.conj().T @ self.data @ V.conj(), self.errors.combined(U, V)
         bar = UNCERTAINTY_OF_VARIANCE * free_bound(data[0].size, 2 * len(data))
         energy = 2 * float(np.sum(np.abs(self.own) ** 2 / errors.variance.mean(axis=(1, 2))[:, None, None]))
-        alone = self._functions(modes)
+        alone, across = self._functions(modes), float(self._gains(data, errors, self.functions[:, :0], others).max())
         gains = [
             self._gains(data, errors, held, others) for held in (alone, np.hstack([alone, self._derivatives(modes)]))
         ]
-        least = [bar + self.left + energy * share for share in self._products(len(modes), most)]
+        least = [bar + self.left + left for left in self._products(len(modes), usual, energy, across)]
         excess = np.max([gain / each for gain, each in zip(gains, least, strict=True)], axis=0)
         return excess, float(np.sqrt(gains[0].max()) + _DEVIATIONS) ** 2
 
@@ -207,17 +207,24 @@ class _Cluster:
         s = self.poles[self.which]
         return float(np.min(-s.real / np.abs(s)))
 
-    def _products(self, count: int, most: RealArray) -> tuple[float, float]:
-        """Return which part of the energy products of deviations may leave across both: beside q, and beside q and two derivatives.
+    def _products(self, count: int, usual: RealArray, energy: float, across: float) -> tuple[float, float]:
+        """Return what products of deviations may leave across both: beside q, and beside q and two derivatives.
 
         With B = (1 - j x) / (1 + j x), x the distance from the resonance in half bandwidths h, a pole shifted by e (in 2 h) has the
         line q sum_k e^k / (1 - e)^(k + 1) B^k, in which q B^k are orthogonal. Shifts e by row and d by column of variances a and b, which
         are the energies of deviations across u and across v, leave e d (1 + 2 B + 2 B^2) q across both, of which 8 a b is beside q. Beside
-        q, q' and q'', the span of the first three, it is 3 (e^2 d + e d^2) B^3 q, 27 a b (a + b) at normal shifts. A second mode deviates
-        from the first in both, too: deviations are no larger than `most`.
+        q, q' and q'', the span of the first three, it is 3 (e^2 d + e d^2) B^3 q, 27 a b (a + b) at normal shifts. What is across both
+        in q itself, of gains or of a second mode, shifts with its row and its column: of it a + b is beside q, and 15 (a^3 + b^3) beside
+        all three: a second mode counts where it lies further from the first than resonances usually shift. It deviates from the first in
+        both, too, so that here its own deviations count for no more than the usual ones.
+
+        `usual` (2,): of all clusters. `energy`, `across`: of the whole, and of what is across both in q, in variances.
         """
-        a, b = np.minimum(self.deviations(count), most) / self.damping**2
-        return _MARGIN * 8 * float(a * b), _MARGIN**2 * 27 * float(a * b * (a + b))
+        own = self.deviations(count)
+        (a, b), (c, d) = own / self.damping**2, np.minimum(own, usual) / self.damping**2
+        first = 8 * a * b * energy + (c + d) * across
+        third = 27 * a * b * (a + b) * energy + 15 * (c**3 + d**3) * across
+        return _MARGIN * float(first), _MARGIN**2 * float(third)
 
     def centre(self, mode: int, host: IntArray) -> complex:
         """Return the pole that fits the main line of a mode and its copies best."""

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from modalscope.data.analysis import Analysis, SourceFile
+from modalscope.data.analysis import SCHEMA, VERSION, Analysis, SourceFile
 from modalscope.data.channels import files_of
+from modalscope.data.modes import ModalModel
+from modalscope.data.notes import Note
 from modalscope.data.results import Result
+from modalscope.data.sameness import same_mode
+from modalscope.io import read
 from modalscope.io.analysis import read_analysis
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_kind
@@ -21,6 +26,8 @@ def replay(
     document: Analysis | str | Path, data: Any = None, *, force: bool = False, progress: Progress | None = None
 ) -> Result:
     """Repeat an analysis from its document: the same choices on the same data give the same result to the last bit.
+
+    A document of an earlier layout is repeated by today's rules; a note says so, and which modes of a result it was written with differ.
 
     Parameters
     ----------
@@ -48,6 +55,7 @@ def replay(
     >>> bool((again.modes.frequencies == first.modes.frequencies).all())
     True
     """
+    place = Path(document) if isinstance(document, str | Path) else None
     if isinstance(document, str | Path):
         document = read_analysis(Path(document))
     check_kind("document", document, Analysis)
@@ -61,7 +69,31 @@ def replay(
     response, sources, notes = opened(given, reading, decays=document.route == "auto")
     if not force:
         check_same(files, sources, response)
-    return analyzed(response, document, progress, notes)
+    if document.schema == SCHEMA:
+        return analyzed(response, document, progress, notes)
+    today = analyzed(response, replace(document, schema=SCHEMA, version=VERSION), progress, notes)
+    return replace(today, notes=(*today.notes, _by_later_rules(document, _stored(place), today.modes)))
+
+
+def _stored(place: Path | None) -> ModalModel | None:
+    """Return the modes that a document was written with; None where it holds none."""
+    found = None if place is None or place.name.endswith(".analysis.json") else read(place)
+    modes = found.modes if isinstance(found, Result) else found
+    return modes if isinstance(modes, ModalModel) else None
+
+
+def _by_later_rules(document: Analysis, before: ModalModel | None, now: ModalModel) -> Note:
+    """Return the note on a document of an earlier layout: which modes it listed that are not there now, and which are new."""
+    text = f"Document of modalscope {document.version}: repeated by later rules of the choice of modes"
+    if before is None:
+        return Note("later rules", {}, text)
+    gone, new = (
+        [f"{one.frequency:.5g} Hz" for one in listed if not any(same_mode(one, other) for other in others)]
+        for listed, others in ((before, now), (now, before))
+    )
+    told = [f"{what} {', '.join(each)}" for what, each in (("no more listed:", gone), ("new:", new)) if each]
+    numbers = {"gone": len(gone), "new": len(new)}
+    return Note("later rules", numbers, f"{text}; {'; '.join(told) or 'the same modes'}")
 
 
 def check_same(expected: tuple[SourceFile, ...], sources: tuple[SourceFile, ...], data: Any) -> None:
