@@ -86,6 +86,7 @@ export function makeSketch(points, lines, undo) {
     first = first || !best ? "" : best;
     draw();
   });
+  new ResizeObserver(draw).observe(canvas);
   return {
     canvas,
     words,

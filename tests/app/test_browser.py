@@ -286,6 +286,7 @@ def test_a_bad_file_is_told_where_it_is_dropped(window: Window, folder: Path) ->
     assert page.get_by_role("button", name="again").count() == 1
 
 
+@pytest.mark.slow
 def test_lines_of_the_geometry_are_drawn_by_clicks(window: Window) -> None:
     page = window.page
     window.open("chain.uff")

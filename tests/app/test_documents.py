@@ -55,6 +55,7 @@ def test_what_is_not_in_the_folder_is_not_opened(server: Served, name: str) -> N
     assert server.ask("POST", "/api/open", {"files": [name]}, status=400)["change"]
 
 
+@pytest.mark.slow
 def test_a_table_of_points_among_the_files_is_their_geometry(server: Served, folder: Path) -> None:
     ms.write(folder / "labels.npz", replace(ms.read(folder / "plain.npz"), output_dofs=("P1", "P2", "P3", "P4")))
     (folder / "points.csv").write_text("node,x,y,z\n" + "".join(f"{k},{k},0,0\n" for k in (1, 2, 3, 4)))
