@@ -5,6 +5,7 @@ import pytest
 
 from modalscope.data import Signals
 from modalscope.identification.prepare import measure
+from modalscope.io import read, write
 from modalscope.preprocess.bands import driven_band, struck_band, swept_band
 from modalscope.preprocess.merging import merge
 from modalscope.systems import chain5
@@ -83,14 +84,22 @@ def test_the_band_of_sweeps_is_what_they_pass():
     assert low < 1 < 12 < high
 
 
-def test_roving_sensors_under_a_sweep_are_merged_on_the_lines_that_it_drives():
+def test_roving_sensors_under_a_sweep_are_identified_on_the_lines_that_it_drives(tmp_path):
     parts = [swept(1.0, 12.0, dofs) for dofs in ((0, 1), (2, 3))]
     low, high = driven_band(parts)[0]
     merged = merge(parts)
-    assert merged.frequencies[0] >= low
-    assert merged.frequencies[-1] <= high
-    assert any("less than 1 % of their largest power outside" in step for step in merged.processing)
-    assert merge(parts, segment=parts[0].samples).frequencies[-1] > high
+    assert merged.excited == (low, high)
+    assert merged.frequencies[-1] > high  # all lines are there
+    found = measure(merged)
+    assert found.band == (low, high)
+    assert found.response.frequencies[0] >= low
+    assert found.response.frequencies[-1] <= high
+    assert "less than 1 % of their largest power outside" in found.notes[0].text
+    assert measure(merged, band=(0.0, 20.0)).band == (0.0, 20.0)
+    assert measure(merged.in_band((2.0, 10.0))).band is None  # all of it is driven
+    assert merge(parts, segment=parts[0].samples).excited is None
+    write(tmp_path / "merged.npz", merged)
+    assert read(tmp_path / "merged.npz").excited == merged.excited
 
 
 def test_sweeps_that_fill_the_band_and_other_forces_choose_none():

@@ -374,6 +374,8 @@ class FrequencyResponse(Response):
         Variance of the complex estimates, E|H - E H|^2.
     averages : int, optional
         Number of averages behind the estimates.
+    excited : (float, float), optional
+        Hz: where the forces of the test act; beyond, the estimates are noise, and without a band only this one is identified.
     added_damping : float
         Decay rate in 1/s that an exponential window added to every pole: identified poles are shifted back by it.
     groups : sequence of labels, "auto" or None
@@ -401,6 +403,7 @@ class FrequencyResponse(Response):
     coherence: RealArray | None = None
     variance: RealArray | None = None
     averages: int | None = None
+    excited: tuple[float, float] | None = None
     added_damping: float = 0.0
     groups: Groups = AUTO
     origin: ClassVar[str] = "lines"
@@ -419,6 +422,7 @@ class FrequencyResponse(Response):
             coherence=check_statistic("coherence", self.coherence, values.shape),
             variance=check_statistic("variance", self.variance, values.shape),
             averages=None if self.averages is None else check_count("averages", self.averages),
+            excited=None if self.excited is None else check_band(self.excited),
             added_damping=check_number("added_damping", self.added_damping),
         )
         self._label(values.shape[1], values.shape[2])

@@ -33,6 +33,7 @@ from modalscope.identification.table import methods
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_band, check_kind
 from modalscope.numerics.errors import DataError, check_choice, check_option_names
+from modalscope.preprocess.bands import driven_lines
 from modalscope.preprocess.conditioning import slower_correlation
 from modalscope.preprocess.correlation import estimate_correlation, spanning_outputs
 from modalscope.preprocess.setups import joined_setups
@@ -169,6 +170,16 @@ def _(data: Response, band: tuple[float, float] | None, asked: _Asked) -> Measur
     check_size(data)
     usual = _USUAL.get((data.origin, data.held_input), ("era", "time"))
     return _exchanged(Measured(data.in_band(band), None, type(data).__name__, *usual), asked)
+
+
+@_measured.register
+def _(data: FrequencyResponse, band: tuple[float, float] | None, asked: _Asked) -> Measured:
+    check_size(data)
+    chosen, notes = driven_lines(data) if band is None else (band, ())
+    row, domain = _USUAL[data.origin, data.held_input]
+    return _exchanged(
+        Measured(data.in_band(chosen), None, type(data).__name__, row, domain, chosen, notes=notes), asked
+    )
 
 
 def _exchanged(measured: Measured, asked: _Asked) -> Measured:

@@ -11,6 +11,7 @@ from scipy import fft
 
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
+from modalscope.data.responses import FrequencyResponse
 from modalscope.data.stored import Record
 from modalscope.numerics.checks import BoolArray, RealArray
 from modalscope.preprocess.conditioning import decimate, filter_band
@@ -172,13 +173,27 @@ def swept_band(parts: Sequence[Signals]) -> tuple[Band, Note] | None:
     high = half if high >= _WHOLE_BAND * half else high
     if low == 0 and high == half:
         return None
-    text = f"Band {low:g} to {high:g} Hz: the forces have less than 1 % of their largest power outside; for modes there, give another band"
-    return (low, high), Note(CHOSEN, _numbers(low, high), text)
+    return (low, high), _note_on_driven((low, high))
 
 
 def driven_band(parts: Sequence[Signals]) -> tuple[Band, Note] | None:
     """Return the band (Hz) of hits, sweeps or bursts and a note; see `struck_band` and `swept_band`."""
     return struck_band(parts) or swept_band(parts)
+
+
+def driven_lines(response: FrequencyResponse) -> tuple[Band | None, tuple[Note, ...]]:
+    """Return the band (Hz) of a response that its forces drive, and a note; None where all of it is, or that is not known."""
+    if response.excited is None or not np.any(
+        (response.frequencies < response.excited[0]) | (response.frequencies > response.excited[1])
+    ):
+        return None, ()
+    return response.excited, (_note_on_driven(response.excited),)
+
+
+def _note_on_driven(band: Band) -> Note:
+    low, high = band
+    text = f"Band {low:g} to {high:g} Hz: the forces have less than 1 % of their largest power outside; for modes there, give another band"
+    return Note(CHOSEN, _numbers(low, high), text)
 
 
 def useful_lines(signals: Signals, frequencies: RealArray) -> BoolArray:

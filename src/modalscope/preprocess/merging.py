@@ -189,7 +189,7 @@ def merge(parts: Iterable[Part | Test], **options: Any) -> Part | Test:
           rates and over the samples that all have; forces, by their units, are its inputs.
         - Records of the same outputs, but of other lengths or inputs, become `Records`.
         - Records of different outputs under measured forces (roving sensors) become one frequency response: `estimate_frf`
-          of each, merged; without options on the lines that hits, sweeps or bursts drive.
+          of each, merged; without options it is identified on the lines that hits, sweeps or bursts drive.
         - Records of different outputs without forces (ambient setups) become `Setups`, each of which is filtered to the band
           before they are merged; with options of `estimate_correlation` one correlation at once: every setup is correlated with the
           outputs that all setups share, and the other outputs are transferred to these common references (see `merge_setups`).
@@ -266,7 +266,7 @@ def _merge_records(parts: list[Signals], options: dict[str, Any]) -> Part | Test
     measured = [part.inputs is not None for part in parts]
     if all(measured):
         response, driven = joined_frf(parts, **options), None if options else driven_band(parts)
-        return response if driven is None else response.in_band(driven[0]).processed(driven[1].text)
+        return response if driven is None else replace(response, excited=driven[0])
     if any(measured):
         change = "Merge those with inputs and those without separately."
         raise DataError(
