@@ -15,7 +15,7 @@ from modalscope.data import Note
 from tests.io import samples
 
 #: Rows of a list, told apart by what they say and not by which object they are.
-BY_CONTENT = {"Note", "Candidate", "Harmonic"}
+BY_CONTENT = {"Note", "Candidate", "Harmonic", "Sameness"}
 
 
 def data_classes() -> dict[str, type]:
