@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
+import modalscope as ms
 from tests.judging.ablation import CASES, PATHS, RULES, alike, changed, diagram_of_case, frequencies_of
 from tests.studies import Study
 
@@ -20,6 +22,21 @@ def test_lists_are_the_same_on_other_paths(kind: str) -> None:
     for path in PATHS.values():
         with changed(path):
             assert alike(frequencies_of(diagram), listed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["close pairs", "coloured errors", "shifted: rows and columns, pair"])
+def test_lists_are_the_same_in_any_order_of_channels_and_turned(kind: str) -> None:
+    """Without reciprocity: as it is, outputs and inputs in other orders, and outputs for inputs."""
+    response, rng = CASES[kind](93000), np.random.default_rng(0)
+    outputs, inputs = (rng.permutation(count) for count in response.values.shape[1:])
+    others = response.values[:, outputs][:, :, inputs], response.values.transpose(0, 2, 1)
+    known = {"frequencies": response.frequencies, "quantity": response.quantity}
+    listed = frequencies_of(ms.stabilize(response, reciprocal=False))
+    for values in others:
+        assert alike(
+            frequencies_of(ms.stabilize(ms.FrequencyResponse(values=values, **known), reciprocal=False)), listed
+        )
 
 
 def test_a_rule_that_is_off_is_seen() -> None:
