@@ -183,4 +183,4 @@ def test_what_cannot_be_projected_is_said():
     model = random_system(np.random.default_rng(3), outputs=3, inputs=2, modes=2)
     refused("give 20 times for 96 rows", driven_projection, Records(runs=(record(model, 38),)), 8, 10)
     bare = Signals(outputs=np.random.default_rng(0).standard_normal((100, 2)), sampling_rate=1.0)
-    refused("no inputs", driven_projection, Records(runs=(bare,)))
+    refused("need inputs", driven_projection, Records(runs=(bare,)))

@@ -232,7 +232,7 @@ def test_exactly_repeated_poles_are_no_failure_and_are_told(kind):
     f = np.sort(structure.modes().frequencies)
     mean = np.array([found.frequencies[0], *(found.frequencies[k : k + 2].mean() for k in (1, 3))])
     assert np.allclose(mean, f[[0, 1, 3]], rtol=1e-4)  # a few deviations at 40 dB
-    assert "only mean and common subspace" in " ".join(str(n) for n in found.notes if n.kind == "repeated")
+    assert "only mean frequency and common subspace" in " ".join(str(n) for n in found.notes if n.kind == "repeated")
 
 
 def test_a_mode_with_nothing_of_its_own_is_left_out_and_told():

@@ -146,7 +146,7 @@ def test_reasons_hold_the_facts_and_a_sentence_of_their_own() -> None:
     reasons: tuple[Mapping[str, Any], ...] = outcome(ONE, TWO, chosen=chosen).reasons
     assert facts.items() <= reasons[0].items()
     assert reasons[0]["text"].startswith("found at 3 of 4 orders (2 to 8); 50 %")
-    assert reasons[0]["text"].endswith(f"grows by {100 * reasons[0]['fit_loss']:.2g} % without it")
+    assert reasons[0]["text"].endswith(f"the unexplained part grows by {100 * reasons[0]['fit_loss']:.2g} %")
     assert reasons[1]["text"] == "by hand"
 
 

@@ -173,8 +173,12 @@ def whitener(left: Sequence[RealArray]) -> Whitener | None:
     p = int(np.argmin(criterion))
     past = sla.solve_triangular(R[: l * p, : l * p], R[: l * p, l * most :]) if p else np.zeros((0, l))
     filters = np.concatenate([np.eye(l)[None], -past.reshape(p, l, l).transpose(0, 2, 1)])
-    root = np.linalg.cholesky(beyond[p].T @ beyond[p] / len(both))
-    return Whitener(np.linalg.solve(root, filters), float(criterion[p]))
+    root = np.asarray(sla.qr(beyond[p], mode="r")[0][:l].T) / np.sqrt(len(both))
+    size = np.abs(np.diag(root))
+    # innovations that follow from each other are rounding
+    return (
+        Whitener(np.linalg.solve(root, filters), float(criterion[p])) if size.min() > _ROUNDING * size.max() else None
+    )
 
 
 class FreeRun(NamedTuple):
