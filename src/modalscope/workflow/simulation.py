@@ -241,7 +241,13 @@ def free_run(model: StateSpace, y: RealArray, u: RealArray) -> FreeRun:
     white = found.whitener(y)
     if white is None or rows - len(white.filters) < n + l:
         return found
-    return of(white(columns), white((y - driven)[:rows]))
+    left, past = (y - driven)[:rows], len(white.filters) - 1
+    # the first samples have no past to be predicted from, and tell most of the first state: they count by what is left of each output
+    size = np.std(y - found.outputs, axis=0)
+    whole = [
+        np.concatenate([each[:past] / size[:, *[None] * (each.ndim - 2)], white(each)]) for each in (columns, left)
+    ]
+    return of(*whole)
 
 
 def explained(y: Array, rebuilt: Array) -> RealArray:
