@@ -167,6 +167,11 @@ class Response(Channels, Convertible):
         return None
 
     @property
+    def excited(self) -> tuple[float, float] | None:
+        """Where the forces of the test act, Hz; None where that is not known."""
+        return None
+
+    @property
     def level(self) -> RealArray | None:
         """Noise level of every output, (l,); None where it was not estimated."""
         return None

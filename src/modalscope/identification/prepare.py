@@ -168,15 +168,8 @@ _USUAL = {("lines", False): ("alternate", "s"), ("lines", True): ("alternate", "
 @_measured.register
 def _(data: Response, band: tuple[float, float] | None, asked: _Asked) -> Measured:
     check_size(data)
-    usual = _USUAL.get((data.origin, data.held_input), ("era", "time"))
-    return _exchanged(Measured(data.in_band(band), None, type(data).__name__, *usual), asked)
-
-
-@_measured.register
-def _(data: FrequencyResponse, band: tuple[float, float] | None, asked: _Asked) -> Measured:
-    check_size(data)
     chosen, notes = driven_lines(data) if band is None else (band, ())
-    row, domain = _USUAL[data.origin, data.held_input]
+    row, domain = _USUAL.get((data.origin, data.held_input), ("era", "time"))
     return _exchanged(
         Measured(data.in_band(chosen), None, type(data).__name__, row, domain, chosen, notes=notes), asked
     )

@@ -23,7 +23,7 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.shown import percent
 from modalscope.judging.evidence import LEAST_PEAK, LEAST_PROMINENCE
 from modalscope.modal.indicators import mac, mpc
-from modalscope.numerics.checks import BoolArray
+from modalscope.numerics.checks import BoolArray, RealArray
 
 #: Best first.
 GRADES = ("good", "look", "doubtful")
@@ -55,12 +55,13 @@ def grades(modes: ModalModel, holds: BoolArray | None = None) -> tuple[Grade, ..
     `holds` (n,): whether the interval of each mode held in simulations (see `certify`).
     """
     widths, pairs = half_widths(modes), alike_pairs(modes)
+    moved = _moves(modes, widths)
     graded = []
     for i in range(len(modes)):
         f, zeta = float(widths[0][i]), float(widths[1][i])
         if reason := _doubt(modes, i, f, zeta):
             graded.append(Grade("doubtful", reason))
-        elif reason := _weakness(modes, i, zeta, pairs, holds):
+        elif reason := _weakness(modes, i, zeta, pairs, holds, moved[i]):
             graded.append(Grade("look", reason))
         else:
             graded.append(Grade("good", f"damping known within ±{percent(zeta / float(modes.damping_ratios[i]), 2)}"))
@@ -90,7 +91,7 @@ def _doubt(modes: ModalModel, i: int, f: float, zeta: float) -> str:
 
 
 def _weakness(
-    modes: ModalModel, i: int, zeta: float, pairs: list[tuple[int, int, float]], holds: BoolArray | None
+    modes: ModalModel, i: int, zeta: float, pairs: list[tuple[int, int, float]], holds: BoolArray | None, moved: str
 ) -> str:
     for a, b, value in pairs:
         if i in (a, b) and i not in _stronger(modes, a, b):
@@ -109,27 +110,32 @@ def _weakness(
     share, prominence = (reasons.get(key) for key in ("share_of_peak", "indicator_prominence"))
     if share is not None and prominence is not None and share < LEAST_PEAK and prominence < LEAST_PROMINENCE:
         return f"weak: {percent(share, 2)} of its response, no peak"
-    if reason := _moved(modes, i):
-        return reason
+    if moved:
+        return moved
     return "" if np.isfinite(uncertainty) else "uncertainty not known"
 
 
-def _moved(modes: ModalModel, i: int) -> str:
-    """Say that refinement moved a mode by more than the intervals before and after allow: one of the two values is biased.
+def _moves(modes: ModalModel, widths: tuple[RealArray, RealArray]) -> list[str]:
+    """Say of each mode that refinement moved it by more than the intervals before and after allow: one of the two values is biased.
 
     If both were right, the variance of their difference would be no more than the sum of theirs (J. A. Hausman, Econometrica 46, 1978).
+
+    `widths`: of `half_widths`.
     """
-    if modes.unrefined is None:
-        return ""
-    before = modes.unrefined.take([i])
-    widths = zip(half_widths(modes.take([i])), half_widths(before), strict=True)
-    f, zeta = (float(np.hypot(after[0], np.nan_to_num(earlier[0]))) for after, earlier in widths)
-    f_before, zeta_before = float(before.frequencies[0]), float(before.damping_ratios[0])
-    if abs(modes.frequencies[i] - f_before) > f:
-        return f"refinement moved it from {f_before:.6g} Hz, by more than its interval"
-    if abs(modes.damping_ratios[i] - zeta_before) > zeta:
-        return f"refinement moved its damping from {percent(zeta_before, 3)}, by more than its interval"
-    return ""
+    before = modes.unrefined
+    if before is None:
+        return [""] * len(modes)
+    f, zeta = (np.hypot(w, np.nan_to_num(v)) for w, v in zip(widths, half_widths(before), strict=True))
+    far = np.abs(modes.frequencies - before.frequencies) > f
+    damped = np.abs(modes.damping_ratios - before.damping_ratios) > zeta
+    return [
+        f"refinement moved it from {before.frequencies[i]:.6g} Hz, by more than its interval"
+        if far[i]
+        else f"refinement moved its damping from {percent(float(before.damping_ratios[i]), 3)}, by more than its interval"
+        if damped[i]
+        else ""
+        for i in range(len(modes))
+    ]
 
 
 def _stronger(modes: ModalModel, a: int, b: int) -> tuple[int, ...]:

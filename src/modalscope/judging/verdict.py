@@ -263,7 +263,7 @@ def _mode(
     if zeta >= MAX_DAMPING_OF_RESONANCES and not groups:
         against.append(f"damping {100 * zeta:.2g} %, not found in the diagram: may represent modes outside the band")
     if not (apart < _MAX_DEVIATION and damped < _MAX_DEVIATION):
-        shown = next((c for c in (best, _by_itself(trial, j, fit)) if trial.selection.coloured and _peak(c)), None)
+        shown = _at_peak(trial, j, best, fit) if trial.selection.coloured else None
         best = best if shown is None else replace(shown, facts=shown.facts | {"uncertain": left_open(apart, damped)})
         against += [left_open(apart, damped)] if shown is None else []
     undecided: dict[str, Any] = (
@@ -281,9 +281,16 @@ def _mode(
     return _with_gain(trial, known, gain)
 
 
-def _peak(mode: Candidate) -> bool:
-    """Return whether the data have a peak at a mode, and it is most of the response there."""
-    return bool(mode.facts["share_of_peak"] >= LEAST_PEAK and mode.facts["indicator_prominence"] >= LEAST_PROMINENCE)
+def _at_peak(trial: SelectionResult, j: int, best: Candidate, fit: float) -> Candidate | None:
+    """Return a mode that the data have a peak at, which it is most of: with the values of the orders, else refined ones; None without."""
+
+    def shown(c: Candidate) -> bool:
+        return bool(c.facts["share_of_peak"] >= LEAST_PEAK and c.facts["indicator_prominence"] >= LEAST_PROMINENCE)
+
+    if shown(best):
+        return best
+    alone = _by_itself(trial, j, fit)
+    return alone if shown(alone) else None
 
 
 def _late(group: Candidate, trial: SelectionResult) -> bool:

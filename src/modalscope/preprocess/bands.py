@@ -11,7 +11,7 @@ from scipy import fft
 
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
-from modalscope.data.responses import FrequencyResponse
+from modalscope.data.response import Response
 from modalscope.data.stored import Record
 from modalscope.numerics.checks import BoolArray, RealArray
 from modalscope.preprocess.conditioning import decimate, filter_band
@@ -181,13 +181,12 @@ def driven_band(parts: Sequence[Signals]) -> tuple[Band, Note] | None:
     return struck_band(parts) or swept_band(parts)
 
 
-def driven_lines(response: FrequencyResponse) -> tuple[Band | None, tuple[Note, ...]]:
+def driven_lines(response: Response) -> tuple[Band | None, tuple[Note, ...]]:
     """Return the band (Hz) of a response that its forces drive, and a note; None where all of it is, or that is not known."""
-    if response.excited is None or not np.any(
-        (response.frequencies < response.excited[0]) | (response.frequencies > response.excited[1])
-    ):
+    band = response.excited
+    if band is None or (band[0] <= response.span[0] and response.span[1] <= band[1]):
         return None, ()
-    return response.excited, (_note_on_driven(response.excited),)
+    return band, (_note_on_driven(band),)
 
 
 def _note_on_driven(band: Band) -> Note:
