@@ -19,6 +19,7 @@ from modalscope.data import DataError
 from modalscope.data.analysis import VERSION, Analysis, SourceFile
 from modalscope.io.analysis import analysis_from, analysis_to, read_analysis
 from modalscope.io.atomic import replacing
+from modalscope.io.beside import lies_in, named_in
 from modalscope.io.geometry import geometry_among
 
 _DOCUMENT = ".analysis.json"
@@ -96,7 +97,7 @@ class DocumentStore:
         for file in document.files:
             stored = Path(file.path)
             path = stored if self._may_read(stored) else folder / stored.name
-            if not file.path or not path.is_file() or not self._may_read(path):
+            if not file.path or not self._may_read(path) or not path.is_file():
                 missing = f"its data, {stored.name or 'arrays'}, are no file in the folder"
                 raise DataError(
                     "opening a document was asked", missing, "Put the file into the folder of the document."
@@ -106,20 +107,18 @@ class DocumentStore:
 
     def _of_geometry(self, reading: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         """Return options of reading whose geometry is a file that may be read: as stored, or in the folder of the document."""
-        given = reading.get("geometry")
-        if given is None:
+        if not named_in(reading):
             return dict(reading)
-        stored = [Path(str(name)) for name in (given if isinstance(given, list | tuple) else [given])]
+        stored = [Path(str(name)) for name in named_in(reading)]
         paths = [path if self._may_read(path) else folder / path.name for path in stored]
-        lost = next((path.name for path in paths if not path.is_file() or not self._may_read(path)), None)
+        lost = next((path.name for path in paths if not self._may_read(path) or not path.is_file()), None)
         if lost is not None:
             fault = f"its geometry, {lost[:60]}, is no file in the folder"
             raise DataError("opening a document was asked", fault, "Put the file into the folder of the document.")
         return {**reading, "geometry": tuple(map(str, paths))}
 
     def _may_read(self, path: Path) -> bool:
-        tops = [top for top in (self.files.folder, self.files.place) if top is not None]
-        return any(path.resolve().is_relative_to(top) for top in tops)
+        return lies_in(path, [top for top in (self.files.folder, self.files.place) if top is not None])
 
     def _placed(self, key: str, name: str, history: list[Analysis]) -> OpenDocument:
         opened = OpenDocument(key=key, name=name, history=history, pool=self.pool, limits=self.limits)

@@ -15,6 +15,7 @@ from modalscope.cli.parser import (
     add_method,
     add_orders,
     add_outputs,
+    add_outside,
     add_pictures,
     add_workers,
 )
@@ -66,6 +67,7 @@ def add_identify(parser: Parser) -> None:
     )
     add("--reference", type=Path, metavar="MODES", help="with --each: file of modes to pair with")
     add("--apart", action="store_true", help="identify the setups one by one and merge their modes, not their records")
+    add_outside(parser)
     add_workers(parser)
     add_outputs(parser, "write .json, .csv, .uff or a report: .html, .docx, .pptx")
     add_pictures(parser)
@@ -146,7 +148,7 @@ def result_of(options: argparse.Namespace, files: list[Path]) -> Result:
 
     if len(files) == 1 and files[0].name.lower().endswith(".analysis.json"):
         with progress("identifying", then="selecting and refining") as show:
-            return replay(files[0], progress=show)
+            return replay(files[0], allow_outside=options.allow_outside, progress=show)
     bands = [tuple(band) for band in options.band or ()]
     given: dict[str, Any] = choices(options) | {"band": bands[0] if len(bands) == 1 else bands or None}
     given |= {name: getattr(options, name) for name in ("method", "domain", "frequencies", "refine", "apart")}

@@ -145,6 +145,12 @@ def add_pictures(parser: Parser) -> None:
     parser.add_argument("--pictures", choices=("png", "svg", "pdf"), help=words)
 
 
+def add_outside(parser: Parser) -> None:
+    """Add whether the geometry of a document is read wherever the document says that it lies."""
+    words = "of an .analysis.json: read its geometry also outside of the folders of the document and of the data"
+    parser.add_argument("--allow-outside", action="store_true", help=words)
+
+
 def add_force(parser: Parser) -> None:
     """Add whether a file that modalscope did not write may be replaced."""
     parser.add_argument("--force", action="store_true", help="replace a file that modalscope did not write")

@@ -17,6 +17,7 @@ from modalscope.cli.parser import (
     add_method,
     add_orders,
     add_outputs,
+    add_outside,
     add_pictures,
     add_reading,
 )
@@ -138,6 +139,7 @@ def add_certify(parser: Parser) -> None:
     parser.add_argument("--replicates", type=int, default=40, metavar="N", help="number of simulations (default: 40)")
     parser.add_argument("--select", action="store_true", help="repeat the selection of modes in each simulation")
     parser.add_argument("--seed", type=int, default=0, help="seed of the simulations (default: 0)")
+    add_outside(parser)
     add_outputs(parser, "write the modes with corrected intervals (.json, .csv, .uff), or an .html report")
     parser.set_defaults(frequencies=None, take=None, refuse=None, apart=False)
 
@@ -174,7 +176,7 @@ def _certified(options: argparse.Namespace) -> Result:
     if options.files[0].suffix.lower() != ".json":
         return result_of(options, options.files)
     with progress("identifying") as show:
-        return replay(options.files[0], progress=show)
+        return replay(options.files[0], allow_outside=options.allow_outside, progress=show)
 
 
 def add_compare(parser: Parser) -> None:
@@ -310,6 +312,7 @@ def add_report(parser: Parser) -> None:
     """Add the arguments of `report`."""
     parser.add_argument("file", type=Path, help="a result of identify (.json), an .analysis.json, or a diagram")
     parser.add_argument("--data", type=Path, nargs="+", metavar="FILE", help="the data files, if they were moved")
+    add_outside(parser)
     parser.add_argument("--title", help="heading of the report")
     add_geometry(parser)
     add_outputs(parser, "write .html, .docx or .pptx")
@@ -351,4 +354,6 @@ def _saved(options: argparse.Namespace, show: Any) -> Any:
         saved = survey(options.file).thing
     except DataError:
         saved = None  # a document alone contains no data: the error of `replay` says so
-    return saved if isinstance(saved, StabilizationDiagram) else replay(options.file, options.data, progress=show)
+    if isinstance(saved, StabilizationDiagram):
+        return saved
+    return replay(options.file, options.data, allow_outside=options.allow_outside, progress=show)

@@ -32,6 +32,11 @@ class SourceFile:
     sha256: str = ""
     reading: Mapping[str, Any] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        check_kind("the path of a file", self.path, str)
+        check_kind("the hash of a file", self.sha256, str)
+        check_kind("options of reading", self.reading, Mapping)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Analysis:

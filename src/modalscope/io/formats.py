@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -157,6 +158,8 @@ def _whole_contents(path: Path, options: Options) -> Contents:
     if not path.exists():
         raise unreadable(repr(str(path)), "there is no such file", "Check the name and the folder.")
     check_options(path, options, (*row.read_options, *FIELD_OPTIONS, "exact_nodes"), "reading")
+    for name in {"rename", "axes"} & set(options):
+        _check_names(name, options[name])
     if path.stat().st_size == 0:
         raise unreadable(path.name, "the file is empty", "Copy or write it again.")
     options, notes = geometry.with_geometry(options, _geometry_in)
@@ -165,6 +168,15 @@ def _whole_contents(path: Path, options: Options) -> Contents:
     if options.get("geometry") is None:
         return whole
     return geometry.with_places(whole, exact=bool(options.get("exact_nodes")))
+
+
+def is_data(path: Path) -> bool:
+    """Whether there is a file, or a folder of a format that is one: no device, which may never end, and no folder of anything."""
+    row = FORMATS.get(path.suffix.lower())
+    try:
+        return path.is_file() or (row is not None and row.folder and path.is_dir())
+    except (OSError, ValueError):
+        return False
 
 
 def _geometry_in(path: Path) -> DataObject:
@@ -191,6 +203,16 @@ def check_options(path: Path, options: Options, known: tuple[str, ...], doing: s
     if unknown:
         asked = f"{doing} {path.name} with {', '.join(unknown)} was asked"
         raise DataError(asked, f"its options are {', '.join(known) or 'none'}", "Use one of these.")
+
+
+def _check_names(option: str, given: Any) -> None:
+    """Raise unless an option maps names to text, or is None."""
+    if given is None or (
+        isinstance(given, Mapping) and all(isinstance(text, str) for pair in given.items() for text in pair)
+    ):
+        return
+    remedy = 'Give rename={"y": "outputs"} or axes={"values": "inputs outputs lines"}.'
+    raise DataError(f"{option} needs a mapping of names to text", f"it is {given!r}", remedy)
 
 
 #: What can be written, and the suffixes that hold a diagram with its response.

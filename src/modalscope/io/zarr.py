@@ -18,6 +18,7 @@ import numpy as np
 from modalscope.data import DataError, ImpulseResponse, ModalModel, Signals
 from modalscope.data.channels import Channels
 from modalscope.io.arrays import names_of, to_arrays
+from modalscope.io.beside import check_links
 from modalscope.io.contents import Contents, Options, damage_as_error, unreadable
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import Room, room
@@ -77,6 +78,7 @@ def read(path: Path, options: Options) -> Contents:
     zarr = optional_package(f"reading {path.suffix}", "zarr", "zarr")
     if not path.is_dir():
         raise _damaged(path, "it is a file", "Unpack it: a Zarr folder is read.")
+    check_links(path)
     space = room(path.name, sum(file.stat().st_size for file in path.rglob("*") if file.is_file()))
     folders = _arrays(path, space)
     attributes = _attributes(path)

@@ -14,18 +14,28 @@ from modalscope.data.results import Result
 from modalscope.data.sameness import same_mode
 from modalscope.io import read
 from modalscope.io.analysis import read_analysis
+from modalscope.io.beside import confined
+from modalscope.io.formats import is_data
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_kind
-from modalscope.numerics.errors import DataError
+from modalscope.numerics.errors import DataError, printable
 from modalscope.workflow.analyze import Progress, analyzed
-from modalscope.workflow.sources import are_paths, opened, source_of_data
+from modalscope.workflow.sources import are_paths, opened, source_of_data, source_of_file
 
 
 @named()
 def replay(
-    document: Analysis | str | Path, data: Any = None, *, force: bool = False, progress: Progress | None = None
+    document: Analysis | str | Path,
+    data: Any = None,
+    *,
+    force: bool = False,
+    allow_outside: bool = False,
+    progress: Progress | None = None,
 ) -> Result:
     """Repeat an analysis from its document: the same choices on the same data give the same result to the last bit.
+
+    The data file that a document names is opened where its hash is that of the document. A geometry that lies neither beside the document
+    nor beside the data, or below their folders, is not read, and a note says so: the document may be a stranger's.
 
     A document of an earlier layout is repeated by today's rules; a note says so, and which modes of a result it was written with differ.
 
@@ -37,6 +47,8 @@ def replay(
         The data, if they are not in the file that the document names.
     force : bool
         Whether to accept data that differ from those that were analysed.
+    allow_outside : bool
+        Whether to read a geometry wherever the document says that it lies.
     progress : callable, optional
         Called with (orders done, orders in all).
 
@@ -60,19 +72,50 @@ def replay(
         document = read_analysis(Path(document))
     check_kind("document", document, Analysis)
     files = document.files or (SourceFile(),)
-    if data is None and not all(file.path for file in files):
-        have, change = "its document names no file", "Give the data: replay(document, data)."
-        raise DataError("a replay needs the data of the analysis", have, change)
+    given = _named(files, force) if data is None else data
+    from_files = are_paths(given)
+    outside: list[str] = []
+    if not allow_outside:
+        paths = (Path(path) for path in (given if isinstance(given, list | tuple) else [given]) if from_files)
+        folders = [path.parent for path in ([place] if place else []) + list(paths)]
+        files, outside = confined(files, folders)
     # options of reading apply to files; a data object was read already
-    reading = document.reading if data is None or are_paths(data) else {}
-    given = [file.path for file in files] if data is None else data
+    reading = replace(document, files=files).reading if from_files else {}
     response, sources, notes = opened(given, reading, decays=document.route == "auto")
+    if outside and from_files:
+        notes = (*notes, _not_read(outside))
     if not force:
         check_same(files, sources, response)
     if document.schema == SCHEMA:
         return analyzed(response, document, progress, notes)
     today = analyzed(response, replace(document, schema=SCHEMA, version=VERSION), progress, notes)
     return replace(today, notes=(*today.notes, _by_later_rules(document, _stored(place), today.modes)))
+
+
+def _named(files: tuple[SourceFile, ...], force: bool) -> list[str]:
+    """Return the paths of the data that a document names; a file with another hash than the document's is not even read.
+
+    Raises `DataError`: a path or a hash is missing, or the hash of a file is another.
+    """
+    if not all(file.path and file.sha256 for file in files):
+        have = (
+            "its document names no file"
+            if not all(file.path for file in files)
+            else "its document has no hash of the file"
+        )
+        raise DataError("a replay needs the data of the analysis", have, "Give the data: replay(document, data).")
+    paths = [file.path for file in files]
+    # what is missing or no file of data is refused by the reader, in its words
+    if not force and all(is_data(Path(path)) for path in paths):
+        check_same(files, tuple(source_of_file(Path(path), {}) for path in paths), None)
+    return paths
+
+
+def _not_read(outside: list[str]) -> Note:
+    """Return the note on a geometry that was not read."""
+    names = ", ".join(printable(Path(name).name[:60]) for name in outside[:2])
+    fault = f"Geometry not read: {names} lies outside of the folders of the document and of the data"
+    return Note("outside", {"files": len(outside)}, f"{fault}; allow_outside=True (--allow-outside) reads it")
 
 
 def _stored(place: Path | None) -> ModalModel | None:

@@ -17,6 +17,7 @@ from modalscope.data.units import si_form
 from modalscope.doctor.places import label_by_place
 from modalscope.io import from_frame, survey
 from modalscope.io.arrays import to_arrays
+from modalscope.io.beside import check_links
 from modalscope.io.frames import is_frame
 from modalscope.numerics.checks import check_each, check_kind
 from modalscope.numerics.errors import DataError
@@ -124,6 +125,8 @@ def _opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tup
 def source_of_file(path: Path, reading: Mapping[str, Any]) -> SourceFile:
     """Return size and hash of a file, in pieces; of a folder, of all files in it with their names."""
     digest, size = sha256(), 0
+    if path.is_dir():
+        check_links(path)
     for part in sorted(each for each in path.rglob("*") if each.is_file()) if path.is_dir() else (path,):
         if part is not path:
             digest.update(f"{part.relative_to(path).as_posix()}\n".encode())
