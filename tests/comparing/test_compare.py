@@ -228,14 +228,14 @@ def test_the_table_holds_modes_methods_and_verdict(clean: Comparison) -> None:
     for r in clean.results:
         assert r.label in text
     assert f"{clean.modes.frequencies[0]:.4f}" in text
-    consensus, verdict, methods, *each = text.split("\n\n")
+    first, consensus, verdict, methods, *each = text.split("\n\n")
     assert verdict == clean.verdict  # where it is read first, not below the widest table
     assert methods.startswith("Methods")
     assert [f"mode {k + 1}" in table for table in each for k in range(len(clean.groups))].count(True) == len(
         clean.groups
     )
     assert max(map(len, "\n".join(each).splitlines())) <= 140
-    assert clean.table(each=False) == f"{consensus}\n\n{verdict}\n\n{methods}"
+    assert clean.table(each=False) == f"{first}\n\n{consensus}\n\n{verdict}\n\n{methods}"
 
 
 def test_named_methods_cells_and_pairs_are_understood() -> None:

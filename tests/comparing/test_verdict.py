@@ -65,7 +65,7 @@ def test_without_an_interval_that_holds_only_the_frequency_is_trusted() -> None:
     found = judge(group(10, 0.02), 0, 0, (), (), "standard deviation of its damping unknown")
     assert (found.grade, found.why) == (
         FREQUENCY,
-        "found by 3 of 3 independent methods; standard deviation of its damping unknown",
+        "found by 3 of 3 independent witnesses; standard deviation of its damping unknown",
     )
 
 
@@ -98,10 +98,10 @@ def test_an_interval_is_in_trouble_when_it_is_not_known_or_its_certificate_refut
 def test_why_names_votes_scatter_and_causes() -> None:
     g = group(10, 0.02, ALL[:2], 4)
     assert judge(g, 0, 0, (CLOSE, HEAVY), ()) == Trust(
-        DOUBTFUL, "only found by 2 of 4 independent methods: close pair, heavy damping", (CLOSE, HEAVY)
+        DOUBTFUL, "only found by 2 of 4 independent witnesses: close pair, heavy damping", (CLOSE, HEAVY)
     )
     g = group(10, 0.02)
-    assert judge(g, 0, 0, (), ()).why == "found by 3 of 3 independent methods"
+    assert judge(g, 0, 0, (), ()).why == "found by 3 of 3 independent witnesses"
     assert judge(g, 0.5, 0, (CLOSE,), ()).why.endswith("; frequency uncertain by ±0.5 Hz: close pair")
     assert judge(g, 0.01, 0.01, (), ()).why.endswith("; damping uncertain by ±50 %")
     assert judge(g, 0, 0, (), (LOW,)).why.endswith("but order too low")

@@ -9,7 +9,7 @@ import pytest
 
 import modalscope as ms
 from modalscope import DataError
-from modalscope.comparing.routes import witnesses
+from modalscope.comparing.routes import responses_by_route
 from modalscope.data.records import Records
 from modalscope.doctor.delays import DELAYS, aligned, common_delays
 from modalscope.identification.prepare import measure
@@ -94,10 +94,10 @@ def test_a_comparison_looks_for_delays_once(monkeypatch: pytest.MonkeyPatch) -> 
 
     monkeypatch.setattr("modalscope.identification.routes.common_delays", counted)
     record, _ = late(LATE)
-    ways, _ = witnesses(record, None, None)
+    ways, _ = responses_by_route(record, None, None)
     assert [way.delays for way in ways] == [LATE] * len(USUAL)
     assert len(looked) == 1
-    assert [way.delays for way in witnesses(record, None, None, {})[0]] == [{}] * len(USUAL)
+    assert [way.delays for way in responses_by_route(record, None, None, {})[0]] == [{}] * len(USUAL)
     assert len(looked) == 1
 
 

@@ -128,7 +128,8 @@ def compared_view(comparison: Comparison) -> dict[str, Any]:
     if comparison.groups:
         pictures["deviations"] = alone(deviations_svg(comparison, "Deviation of every method from the consensus"))
     causes = {cause.name: CAUSES[cause.name] for d in comparison.disagreements for cause in d.causes}
-    return {"verdict": comparison.verdict, "rows": rows, "methods": methods, "pictures": pictures, "causes": causes}
+    verdict = f"{comparison.headline}\n{comparison.verdict}"
+    return {"verdict": verdict, "rows": rows, "methods": methods, "pictures": pictures, "causes": causes}
 
 
 #: The questions of the page by name.

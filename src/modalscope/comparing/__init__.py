@@ -2,9 +2,10 @@
 
 from modalscope.comparing.comparison import Comparison, compare
 from modalscope.comparing.diagnosis import CAUSES, Cause, Disagreement
+from modalscope.comparing.principles import Principle, Witness
 from modalscope.comparing.run import MethodResult
 from modalscope.numerics.arguments import plain_methods
 
-__all__ = ["CAUSES", "Cause", "Comparison", "Disagreement", "MethodResult", "compare"]
+__all__ = ["CAUSES", "Cause", "Comparison", "Disagreement", "MethodResult", "Principle", "Witness", "compare"]
 
 plain_methods(Comparison)

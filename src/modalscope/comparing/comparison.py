@@ -19,7 +19,8 @@ from modalscope.comparing.data_causes import (
 from modalscope.comparing.diagnosis import Cause, Disagreement, disagreements, mode_causes
 from modalscope.comparing.identities import Identity, check_identities
 from modalscope.comparing.kinship import Kinship, kinship
-from modalscope.comparing.routes import route_causes, tasks_of, witnesses
+from modalscope.comparing.principles import Principle, Witness, headline, principles_of, witnesses_of
+from modalscope.comparing.routes import responses_by_route, route_causes, tasks_of
 from modalscope.comparing.run import MethodResult, Progress, find_by_name, run
 from modalscope.comparing.scatter import LEVEL, Scatter, stated
 from modalscope.comparing.verdict import Tried, Trust, certified_best, interval_trouble, judge, words
@@ -113,6 +114,24 @@ class Comparison(Shown):
         """
         return find_by_name(self.results, name)
 
+    @property
+    def principles(self) -> tuple[Principle, ...]:
+        """Which methods are one and the same estimator on these data, and why; every method with modes is in one."""
+        return principles_of(self.kinship, self.identities)
+
+    @property
+    def witnesses(self) -> tuple[tuple[Witness, ...], ...]:
+        """Return for every mode the independent witnesses that its trust counts, each by route, domain and principle."""
+        return witnesses_of(self.groups, self.results, self.principles)
+
+    @property
+    def headline(self) -> str:
+        """How many methods ran, how many of them are different, which are one, and to what the identities hold: counted and measured."""
+        return headline(self.kinship, self.results, self.principles, self.identities)
+
+    def __str__(self) -> str:
+        return self.table(each=False)
+
     def label(self, name: str) -> str:
         """Return the name in the literature of a method that groups and disagreements name.
 
@@ -124,14 +143,20 @@ class Comparison(Shown):
         return next((r.label for r in self.results if r.name == name), name)
 
     def table(self, each: bool = True) -> str:
-        """Return modes, verdict and methods as text.
+        """Return how many methods differ, modes, verdict and methods as text.
 
         Parameters
         ----------
         each : bool
             Whether the values of every method for every mode follow.
         """
-        parts = [self._modes_table(), self.verdict, self._methods_table(), *(self._each_tables() if each else ())]
+        parts = [
+            self.headline,
+            self._modes_table(),
+            self.verdict,
+            self._methods_table(),
+            *(self._each_tables() if each else ()),
+        ]
         return "\n\n".join(part for part in parts if part)
 
     def _modes_table(self) -> str:
@@ -186,8 +211,7 @@ def _value(group: Group, name: str) -> str:
 
 @summary_of.register
 def _(comparison: Comparison) -> str:
-    lead = f"comparison of {len(comparison.results)} methods"
-    return f"{lead}: {summary_of(comparison.modes)}; {comparison.verdict.splitlines()[0]}"
+    return f"comparison of {comparison.headline}; {summary_of(comparison.modes)}; {comparison.verdict.splitlines()[0]}"
 
 
 @cells_of.register
@@ -261,7 +285,7 @@ def compare(
     check_count("replicates", replicates, least=0)
     data, causes = without_dead(data)
     route_options = {name: options.pop(name, None) for name in ("route", "delays", "reciprocal")}
-    routes, failed = witnesses(data, band, **route_options)
+    routes, failed = responses_by_route(data, band, **route_options)
     tasks, refused = tasks_of(routes, methods, orders)
     measured, cells = [data for data, _ in tasks], [cell for _, cell in tasks]
     results, of_routes = route_causes(run(measured, cells, progress=progress, workers=workers, **options))

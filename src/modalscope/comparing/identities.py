@@ -32,7 +32,7 @@ class Identity:
     """One identity on given data.
 
     `name`: both sides. `source`: equations of the report. `order`: rank of the truncation. `residual`: relative; NaN when it could not be
-    checked. `note`: why it could not be checked.
+    checked. `note`: why it could not be checked. `rows`: of the table, which the identity makes one estimator.
     """
 
     name: str
@@ -41,6 +41,7 @@ class Identity:
     order: int
     residual: float
     note: str = ""
+    rows: tuple[str, ...] = ()
 
 
 def check_identities(response: Response, order: int) -> tuple[Identity, ...]:
@@ -59,7 +60,8 @@ def check_identities(response: Response, order: int) -> tuple[Identity, ...]:
                 residual = check(response, row.domain, max(order, 2))
             except DataError as error:
                 note = error.fault
-            identities.append(Identity(name, row.domain, source, max(order, 2), residual, note))
+            rows = _ONE_ESTIMATOR.get(check, ())
+            identities.append(Identity(name, row.domain, source, max(order, 2), residual, note, rows))
     return tuple(identities)
 
 
@@ -154,3 +156,8 @@ _CHECKS: tuple[tuple[str, str, Callable[[Response, str, int], float]], ...] = (
     ("poles do not depend on the factorization of H(0)", "Eqs. 23 and 28, remark", _factorization),
     ("untruncated least squares = polyreference complex exponential", "Eqs. 53 and 66", _prce),
 )
+
+#: Rows of the table that an identity makes one estimator; the others relate one row to itself, or to a part of another.
+_ONE_ESTIMATOR: dict[Callable[[Response, str, int], float], tuple[str, ...]] = {
+    _era_and_least_squares: ("era", "least_squares")
+}

@@ -45,7 +45,7 @@ _MIN_LINES, _MIN_DECAYS = 4, 3
 _CAUSES_OF_NOTES = {UNMEASURED: "unmeasured forces", "delay": "delay", "warning": "poor excitation"}
 
 
-def witnesses(
+def responses_by_route(
     data: Any, band: Any, route: str | None, delays: Mapping[str, int] | None = None, reciprocal: bool | None = None
 ) -> tuple[tuple[Measured, ...], tuple[str, ...]]:
     """Return the response of the data by every route, the usual one first, and why others failed; other data have one response.

@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextvars import copy_context
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import partial
@@ -239,8 +240,11 @@ def run(
     if at_once == 1:
         results = [of_group(indices) for indices in groups]
     else:
-        with ThreadPoolExecutor(at_once) as pool:
-            results = list(pool.map(of_group, groups))
+        with ThreadPoolExecutor(
+            at_once
+        ) as pool:  # what `working` chose is a matter of the context, which threads do not inherit
+            begun = [pool.submit(copy_context().run, of_group, indices) for indices in groups]
+            results = [each.result() for each in begun]
     by_index = dict(zip(chain(*groups), chain(*results), strict=True))
     return tuple(by_index[i] for i in range(len(cells)))
 

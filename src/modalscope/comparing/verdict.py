@@ -1,9 +1,10 @@
 """Grade how far each mode can be trusted, and state the verdict.
 
-A mode is **trusted** when at least two thirds of the methods with a vote (and two at least, where two have one) found it, it has an
-interval, which its certificate does not refute (where one was asked), and its stated scatter is within a half bandwidth in
-frequency and within 30 % in damping. It is trusted **in frequency only** when its damping scatters more, or its interval is not known
-or does not hold. Otherwise it is **doubtful**. When the largest order is too low no mode is trusted.
+A witness is a method with a vote: one of each route, or else of each domain and principle (`principles`). A mode is **trusted** when at
+least two thirds of the witnesses (and two at least, where there are two) found it, it has an interval, which its certificate does not
+refute (where one was asked), and its stated scatter is within a half bandwidth in frequency and within 30 % in damping. It is trusted
+**in frequency only** when its damping scatters more, or its interval is not known or does not hold. Otherwise it is **doubtful**. When
+the largest order is too low no mode is trusted.
 """
 
 from __future__ import annotations
@@ -103,7 +104,7 @@ def judge(
     `interval`: the fault of its interval; "" without one.
     """
     votes, voters = len(group.votes), group.voters
-    support = f"found by {votes} of {voters} independent methods"
+    support = f"found by {votes} of {voters} independent witnesses"
     because = f": {', '.join(c.name for c in causes)}" if causes else ""
     fatal = [c.name for c in data_causes if c.name in _FATAL_CAUSES]
     if fatal:

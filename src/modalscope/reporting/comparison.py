@@ -57,9 +57,7 @@ def comparison_sections(c: Comparison, *, source: str | None = None, command: st
 
 def _verdict(c: Comparison) -> Section:
     low, high = c.response.span
-    ran = [r for r in c.results if r.modes is not None]
-    count = f"{len(ran)} of {len(c.results)} methods" if len(ran) < len(c.results) else f"{len(ran)} methods"
-    lead = f"{count} on the same data, {low:.5g} to {high:.5g} Hz; {len(c.modes)} modes in the consensus."
+    lead = f"The same data for all, {low:.5g} to {high:.5g} Hz; {len(c.modes)} modes in the consensus."
     if c.groups and explains_enough(c.fit_error):
         lead += f" {unexplained(c.fit_error)}"
     digits = decimals(c.modes.frequencies, 6)
@@ -77,7 +75,7 @@ def _verdict(c: Comparison) -> Section:
     ]
     lines = [line for line in c.verdict.splitlines() if not line.startswith(_LINES_ON_MODES)] or [c.verdict]
     first = "loud" if c.groups and not explains_enough(c.fit_error) else "verdict"
-    body = paragraph(lines[0], first) + "".join(paragraph(line) for line in lines[1:])
+    body = paragraph(c.headline) + paragraph(lines[0], first) + "".join(paragraph(line) for line in lines[1:])
     head = ["mode", "frequency [Hz]", "± [Hz]", "damping [%]", "± [%]", "trust", "reason and causes"]
     body += table(head, rows, words=[5, 6], graded=5) if rows else ""
     body += paragraph(lead, "muted")
