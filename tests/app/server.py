@@ -78,6 +78,7 @@ class Served:
 
     address: str
     store: Any
+    guard: Any = None
     cookie: str = ""
     headers: dict[str, str] = field(default_factory=dict)
 
@@ -140,7 +141,7 @@ def served(folder: Path, place: Path, limits: Limits | None = None) -> Iterator[
     thread = Thread(target=server.run, args=([made.socket],), daemon=True)
     thread.start()
     until(lambda: server.started)
-    found = Served(made.address, made.store)
+    found = Served(made.address, made.store, made.app)
     found.cookie = f"{made.app._cookie}={made.app._secret}"
     try:
         yield found

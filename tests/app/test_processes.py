@@ -14,6 +14,8 @@ from modalscope.app.processes import ProcessPool
 class WorkerProcess:
     """Stands in for a process."""
 
+    alive = True
+
     def __init__(self, loop: Any) -> None:
         self.ended = False
 

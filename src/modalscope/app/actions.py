@@ -46,7 +46,7 @@ def acted(document: Analysis, action: str, given: Mapping[str, Any]) -> Analysis
         return ACTIONS[action](document, **given)
     except DataError:
         raise
-    except (TypeError, ValueError, AttributeError) as error:
+    except (TypeError, ValueError, AttributeError, LookupError, ArithmeticError) as error:
         raise DataError(f"{action} was asked", f"its arguments are invalid ({error})", "Correct them.") from None
 
 

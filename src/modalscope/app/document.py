@@ -131,6 +131,8 @@ class OpenDocument:
         key = diagrams_key(self.document)
         self.failed = None
         self.job += 1
+        if self._worker is not None and not self._worker.alive:
+            self._dismiss()
         if self._worker is None and not self._hire():
             self.stage = {"stage": "waiting"}
             return

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 from collections.abc import AsyncIterator, Iterator
 from contextlib import suppress
 from itertools import islice
@@ -11,6 +12,7 @@ from pathlib import Path
 from secrets import token_hex
 
 from modalscope.data import DataError
+from modalscope.io.beside import is_file_in, lies_in
 
 #: Formats that the page's menu of exports offers: suffix -> description.
 FORMATS = {
@@ -81,6 +83,8 @@ class FileStore:
         self.place = place.resolve()
         self._uploads = self.place / "uploads"
         self._uploads.mkdir(parents=True, exist_ok=True, mode=0o700)
+        #: Bytes of all uploads.
+        self.total = sum(map(_size_of, self.uploads()))
 
     def listing(self) -> list[dict[str, object]]:
         """Return name (below the folder), size (bytes) and time of change of the files of the folder that the page offers."""
@@ -115,14 +119,11 @@ class FileStore:
             A path outside of the folder, also by a link, or no such file.
         """
         top, inner = (self._uploads, name.removeprefix(_UPLOAD)) if name.startswith(_UPLOAD) else (self.folder, name)
-        if top is None or "\0" in inner:
+        if top is None or not lies_in(top / inner, [top]):
             raise self._outside(name)
-        path = (top / inner).resolve()
-        if not path.is_relative_to(top):
-            raise self._outside(name)
-        if not path.is_file():
+        if not is_file_in(top / inner, [top]):
             raise DataError(f"{name!r} was asked", "there is no such file", "Choose a listed file.")
-        return path
+        return (top / inner).resolve()
 
     def _outside(self, name: str) -> DataError:
         fault = "no folder was given" if self.folder is None else "it is outside of the folder"
@@ -130,31 +131,58 @@ class FileStore:
             f"{name!r} was asked", fault, "Start `modalscope app --folder` there, or drop the file on the page."
         )
 
-    async def store_upload(self, name: str, chunks: AsyncIterator[bytes], max_bytes: int) -> str:
+    async def store_upload(
+        self, name: str, chunks: AsyncIterator[bytes], max_bytes: int, most: float = float("inf")
+    ) -> str:
         """Write an upload chunk by chunk and return its name; one that is too large or interrupted is removed.
+
+        `most`: bytes that all uploads together may take.
 
         Each upload has a folder with a random name, so that uploads of one name do not replace each other.
 
         Raises
         ------
         DataError
-            More than `max_bytes` bytes.
+            More than `max_bytes` bytes, or more than `most` with all others.
         """
         folder = self._uploads / token_hex(8)
         folder.mkdir(mode=0o700)
-        path, size = folder / _safe_name(name), 0
+        path, size = folder / safe_name(name), 0
         try:
             with path.open("xb") as file:
                 async for chunk in chunks:
-                    size += len(chunk)
+                    size, self.total = size + len(chunk), self.total + len(chunk)
                     if size > max_bytes:
                         raise too_large(name, max_bytes)
+                    if self.total > most:
+                        raise _full(name, most)
                     file.write(chunk)
         except BaseException:  # a cancelled request, too
-            path.unlink(missing_ok=True)
-            folder.rmdir()
+            self.total -= size
+            shutil.rmtree(folder, ignore_errors=True)
             raise
         return f"{_UPLOAD}{folder.name}/{path.name}"
+
+    def uploads(self) -> list[Path]:
+        """Return the folders of the uploads."""
+        return [folder for folder in self._uploads.iterdir() if folder.is_dir() and not folder.is_symlink()]
+
+    def remove(self, folder: Path) -> None:
+        """Delete an upload with its folder."""
+        size = _size_of(folder)
+        shutil.rmtree(folder, ignore_errors=True)
+        self.total -= size
+
+
+def _size_of(folder: Path) -> int:
+    return sum(path.lstat().st_size for path in folder.iterdir())
+
+
+def _full(name: str, most: float) -> DataError:
+    """Return the error of an upload for which there is no room."""
+    fault = f"the files that were dropped on the page would take more than {most / 1e9:g} GB together"
+    remedy = "Close documents that are done with, start `modalscope app --forget`, or raise --max-dropped."
+    return DataError(f"uploading {name} was asked", fault, remedy)
 
 
 def too_large(name: str, max_bytes: int) -> DataError:
@@ -163,14 +191,14 @@ def too_large(name: str, max_bytes: int) -> DataError:
     return DataError(f"uploading {name} was asked", f"it has more than {max_bytes / 1e6:g} MB", remedy)
 
 
-def _safe_name(name: str) -> str:
-    """Return the name of a file without folders and special characters, the last `_MAX_NAME` bytes of it.
+def safe_name(name: str, most: int = _MAX_NAME) -> str:
+    """Return the name of a file without folders and special characters, the last `most` bytes of it.
 
     Examples
     --------
-    >>> _safe_name("../../etc/passwd"), _safe_name("a b(1).uff"), _safe_name("..")
+    >>> safe_name("../../etc/passwd"), safe_name("a b(1).uff"), safe_name("..")
     ('passwd', 'a b(1).uff', 'file')
     """
     file_name = re.split(r"[/\\]", name)[-1]
     plain = re.sub(r"[^\w .()+-]", "_", file_name).strip(". ")
-    return plain.encode()[-_MAX_NAME:].decode(errors="ignore") or "file"
+    return plain.encode(errors="replace")[-most:].decode(errors="ignore") or "file"

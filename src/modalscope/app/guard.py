@@ -5,7 +5,6 @@ from __future__ import annotations
 import secrets
 from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass
-from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs
 
@@ -14,13 +13,16 @@ from urllib.parse import parse_qs
 class Limits:
     """Limits of one server.
 
-    `upload`: bytes of an uploaded file. `body`: bytes of any other request. `documents`: open documents. `workers`: processes; the one
-    idle longest is ended for another. `spare`: whether a started process waits for the next document. `history`: steps that can be
-    undone. `kept`: bytes of finished stages that a document caches. `patience`: seconds from a cancellation to the end of the process.
-    `seconds`: the longest job. `listeners`: windows of one document.
+    `upload`: bytes of an uploaded file. `uploads`: bytes of all uploads. `days`: how long uploads are kept after the last change of their
+    document. `body`: bytes of any other request. `documents`: open documents. `workers`: processes; the one idle longest is ended for
+    another. `spare`: whether a started process waits for the next document. `history`: steps that can be undone. `kept`: bytes of finished
+    stages that a document caches. `patience`: seconds from a cancellation to the end of the process. `seconds`: the longest job.
+    `listeners`: windows of one document.
     """
 
     upload: int = 2 << 30
+    uploads: int = 10_000_000_000
+    days: float = 30.0
     body: int = 1 << 20
     documents: int = 100
     workers: int = 8
@@ -68,6 +70,7 @@ class Guard:
         self._app, self._token, self._cookie = app, token, cookie
         self._names = frozenset(names)
         self._secret = secrets.token_urlsafe(32)
+        self._once = ""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request."""
@@ -83,11 +86,22 @@ class Guard:
             return
         query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
         shown = query.get("token", [""])[0]
-        enters = scope["path"] == "/" and secrets.compare_digest(shown.encode(), self._token.encode())
+        enters = scope["path"] == "/" and self._admits(shown)
         if not enters and not self._known(headers.get("cookie", "")):
             await _reject(send, 401, "Open the address printed by `modalscope app`: it contains the token.")
             return
         await self._app(scope, receive, self._sending(send, enters))
+
+    def once(self) -> str:
+        """Return a token that admits once: other users of the machine see the address that a browser is started with."""
+        self._once = secrets.token_urlsafe(24)
+        return self._once
+
+    def _admits(self, shown: str) -> bool:
+        if self._once and secrets.compare_digest(shown.encode(), self._once.encode()):
+            self._once = ""
+            return True
+        return secrets.compare_digest(shown.encode(), self._token.encode())
 
     def _reason_to_reject(self, scope: Scope, headers: dict[str, str]) -> str:
         """Return the reason to reject a request, or an empty text."""
@@ -103,13 +117,10 @@ class Guard:
         return ""
 
     def _known(self, cookies: str) -> bool:
-        jar: SimpleCookie = SimpleCookie()
-        try:
-            jar.load(cookies)
-        except CookieError:
-            return False
-        cookie = jar.get(self._cookie)
-        return cookie is not None and secrets.compare_digest(cookie.value.encode(), self._secret.encode())
+        """Whether the cookie is among those of a request; others may be written as their programs like."""
+        pairs = (part.partition("=") for part in cookies.split(";"))
+        values = [value.strip() for name, _, value in pairs if name.strip() == self._cookie]
+        return any(secrets.compare_digest(value.encode(), self._secret.encode()) for value in values)
 
     def _sending(self, send: Send, enters: bool) -> Send:
         """Return a send that adds the headers, and the cookie if the request showed the token."""

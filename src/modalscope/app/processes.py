@@ -38,6 +38,11 @@ class WorkerProcess:
 
     _hear: Hear | None
 
+    @property
+    def alive(self) -> bool:
+        """Whether the process runs; one that the system ended may not have said so yet."""
+        return self.process.is_alive()
+
     def assign(self, hear: Hear) -> None:
         """Set the receiver of the messages."""
         self._hear = hear
@@ -111,7 +116,11 @@ class ProcessPool:
         if not self._room():
             self._waiting.append(owner)
             return None
-        worker, self._warm = self._warm or WorkerProcess(asyncio.get_running_loop()), None
+        warm, self._warm = self._warm, None
+        if warm is not None and not warm.alive:
+            warm.end()
+            warm = None
+        worker = warm or WorkerProcess(asyncio.get_running_loop())
         self._owners[worker] = owner
         self.warm_up()
         return worker

@@ -11,17 +11,21 @@ from typing import Any
 
 from starlette.background import BackgroundTask
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
+from starlette.responses import FileResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from modalscope.app.document import OpenDocument
 from modalscope.app.documents import DocumentStore
-from modalscope.app.files import FORMATS, too_large
+from modalscope.app.files import FORMATS, safe_name, too_large
 from modalscope.data import DataError
 from modalscope.data.analysis import VERSION
 from modalscope.identification.table import methods
+from modalscope.io.analysis import is_deep
 from modalscope.io.arrays import plain
 from modalscope.io.geometry import geometry_among
+
+#: Bytes of the name of a file that is exported: the system takes 255 with its suffix.
+_MAX_STEM = 200
 
 Handler = Callable[[Request], Awaitable[Response]]
 
@@ -37,11 +41,16 @@ def _answered(handler: Handler) -> Handler:
             return await handler(request)
         except DataError as error:
             parts = {"asked": error.asked, "found": error.found, "change": error.change, "text": str(error)}
-            return JSONResponse(parts, status_code=409 if "another window" in error.found else 400)
+            return _json(parts, 409 if "another window" in error.found else 400)
         except ClientDisconnect:
             return Response(status_code=400)
 
     return answer
+
+
+def _json(content: Any, status: int = 200) -> Response:
+    """Return an answer in JSON, whatever numbers and halves of characters are in it."""
+    return Response(json.dumps(plain(content)), status, media_type="application/json")
 
 
 def _store(request: Request) -> DocumentStore:
@@ -65,7 +74,7 @@ async def _body(request: Request) -> dict[str, Any]:
         body = json.loads(b"".join(parts) or b"{}")
     except (ValueError, RecursionError):
         body = None
-    if not isinstance(body, dict):
+    if not isinstance(body, dict) or is_deep(body):
         raise DataError("a request was sent", "it is no JSON object", "Use the page.")
     return body
 
@@ -75,7 +84,7 @@ async def start(request: Request) -> Response:
     store = _store(request)
     folder = store.files.folder
     rows = [{"name": m.name, "domain": m.domain, "label": m.label, "route": m.route} for m in methods()]
-    return JSONResponse(
+    return _json(
         {
             "version": VERSION,
             "folder": None if folder is None else folder.name,
@@ -94,9 +103,10 @@ async def upload(request: Request) -> Response:
     store = _store(request)
     name, most = request.query_params.get("name", "file"), store.limits.upload
     length = request.headers.get("content-length", "0")
-    if length.isdigit() and int(length) > most:
+    if length.isascii() and length.isdigit() and int(length) > most:
         raise too_large(name, most)
-    return JSONResponse({"file": await store.files.store_upload(name, request.stream(), most)})
+    stored = await store.files.store_upload(name, request.stream(), most, store.limits.uploads)
+    return _json({"file": stored})
 
 
 async def open_files(request: Request) -> Response:
@@ -107,7 +117,7 @@ async def open_files(request: Request) -> Response:
         raise DataError("the request to open files needs their names as text", "it has other values", "Use the page.")
     opened = await store.open(names)
     opened.start()
-    return JSONResponse(opened.state())
+    return _json(opened.state())
 
 
 async def state(request: Request) -> Response:
@@ -115,7 +125,7 @@ async def state(request: Request) -> Response:
     opened = _opened(request)
     if opened.stage["stage"] == "idle":
         opened.start()
-    return JSONResponse({**opened.state(), "cuts": opened.cuts})
+    return _json({**opened.state(), "cuts": opened.cuts})
 
 
 async def act(request: Request) -> Response:
@@ -125,24 +135,27 @@ async def act(request: Request) -> Response:
     if not isinstance(given, dict) or not isinstance(body.get("action"), str):
         raise DataError("an action needs a name and arguments", "one of them is missing", "Use the page.")
     if body["action"] == "geometry":
-        paths = [_store(request).files.resolve(str(name)) for name in given.get("files", ())]
+        names = given.get("files", ())
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            raise DataError("a geometry needs the names of its files", f"they are {names!r}", "Use the page.")
+        paths = [_store(request).files.resolve(name) for name in names]
         others, geometry = geometry_among(paths)  # points first, in whatever order they were dropped
         given = {"files": [str(path) for path in (*geometry, *others)]}
     opened.act(body["action"], given, edition if isinstance(edition, int) else None)
     _store(request).keep(opened)
-    return JSONResponse(opened.state())
+    return _json(opened.state())
 
 
 async def cancel(request: Request) -> Response:
     """Stop the computation."""
     _opened(request).cancel()
-    return JSONResponse({})
+    return _json({})
 
 
 async def close(request: Request) -> Response:
     """Close and delete a document."""
     _store(request).close(request.path_params["key"])
-    return JSONResponse({})
+    return _json({})
 
 
 async def blob(request: Request) -> Response:
@@ -162,21 +175,21 @@ async def channel(request: Request) -> Response:
 
 def _number(request: Request, name: str) -> int:
     text = request.query_params.get(name, "")
-    if not text.isdigit() or len(text) > 9:
+    if not (text.isascii() and text.isdigit()) or len(text) > 9:
         raise DataError(f"{name} needs an index from 0", f"it is {text[:20]!r}", "Use the page.")
     return int(text)
 
 
 async def compare(request: Request) -> Response:
     """Return the comparison of all methods on the data."""
-    return JSONResponse(plain(await _opened(request).ask("compare")))
+    return _json(await _opened(request).ask("compare"))
 
 
 async def against(request: Request) -> Response:
     """Return the MAC of the modes with those of a file."""
     name = (await _body(request)).get("file", "")
     path = _store(request).files.resolve(str(name))
-    return JSONResponse(plain(await _opened(request).ask("against", path=str(path))))
+    return _json(await _opened(request).ask("against", path=str(path)))
 
 
 async def export(request: Request) -> Response:
@@ -184,7 +197,7 @@ async def export(request: Request) -> Response:
     opened, suffix = _opened(request), f".{request.path_params['suffix']}"
     if suffix not in FORMATS:
         raise DataError(f"{suffix[:20]} was asked", f"the formats are {', '.join(FORMATS)}", "Choose one of these.")
-    stem = Path(opened.document.files[0].path).stem or "modes"
+    stem = next((safe_name(Path(file.path).stem, _MAX_STEM) for file in opened.document.files), "modes")
     mode = _number(request, "mode") if "mode" in request.query_params else 0
     folder = Path(mkdtemp(prefix="modalscope-"))
     target = folder / f"{stem}{suffix}"
@@ -209,7 +222,7 @@ async def events(request: Request) -> Response:
 
     async def stream() -> AsyncIterator[str]:
         try:
-            yield f"data: {json.dumps(opened.state())}\n\n"
+            yield f"data: {json.dumps(plain(opened.state()))}\n\n"
             while True:
                 try:
                     message = await asyncio.wait_for(window.get(), _KEEP_ALIVE_SECONDS)

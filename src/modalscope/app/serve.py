@@ -34,10 +34,14 @@ class Page:
     `socket`: bound to the port. `address`: with the token. `store`: its documents.
     """
 
-    app: Any
+    app: Guard
     socket: socket.socket
     address: str
     store: DocumentStore
+
+    def address_once(self) -> str:
+        """Return an address that admits once, for the command line of a browser, which other users can list."""
+        return f"{self.address.partition('=')[0]}={self.app.once()}"
 
 
 def check_front_end() -> None:
@@ -47,7 +51,7 @@ def check_front_end() -> None:
         raise DataError("the page needs its built front end", "there is none here", remedy)
 
 
-def _state_folder() -> Path:
+def state_folder() -> Path:
     """Return the folder of uploads and documents: MODALSCOPE_PAGE, or that of the system's application state."""
     if folder := os.environ.get("MODALSCOPE_PAGE"):
         return Path(folder)
@@ -71,7 +75,8 @@ def page(
     """
     bound = _bound(host, port)
     port = bound.getsockname()[1]
-    store = DocumentStore(FileStore(folder, place or _state_folder()), limits or Limits())
+    store = DocumentStore(FileStore(folder, place or state_folder()), limits or Limits())
+    store.age()
 
     @asynccontextmanager
     async def life(_: Starlette) -> AsyncIterator[None]:

@@ -6,8 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from modalscope.cli.parser import Parser
-from modalscope.cli.process import say
+from modalscope.cli.parser import Parser, memory
+from modalscope.cli.process import remark, say
 
 
 def add_app(parser: Parser) -> None:
@@ -18,32 +18,49 @@ def add_app(parser: Parser) -> None:
     parser.add_argument(
         "--host", default="127.0.0.1", metavar="NAME", help="address to listen on (default: this machine)"
     )
+    words = "bytes that files dropped on the page may take together, such as 20GB (default: 10GB)"
+    parser.add_argument("--max-dropped", type=memory, metavar="SIZE", help=words)
+    parser.add_argument(
+        "--forget", action="store_true", help="delete all documents and dropped files, and start no page"
+    )
     parser.add_argument("--no-browser", action="store_true", help="print the address, open no browser")
 
 
 def app(options: argparse.Namespace) -> None:
     """Open the page in the browser: a file in, poles and modes to inspect and select.
 
-    The page is served on this machine. It reads files of one folder and files dropped on it; documents are kept between sessions.
+    The page is served on this machine. It reads files of one folder and files dropped on it; documents are kept between sessions. Dropped
+    files are deleted with their document, or 30 days after its last change.
     """
     from modalscope.numerics.errors import optional_package
 
     for package in ("starlette", "uvicorn"):
         optional_package("the page", package, "app")
-    from modalscope.app.serve import check_front_end, page, serve
+    from modalscope.app.documents import DocumentStore
+    from modalscope.app.files import FileStore
+    from modalscope.app.guard import Limits
+    from modalscope.app.serve import check_front_end, page, serve, state_folder
 
+    if options.forget:
+        say(DocumentStore(FileStore(None, state_folder()), Limits()).forget())
+        return
     check_front_end()
     folder = _folder(options)
+    limits = Limits() if options.max_dropped is None else Limits(uploads=options.max_dropped)
     first = [path.resolve().relative_to(folder.resolve()).as_posix() for path in options.files]
-    server = page(first, folder=folder, host=options.host, port=options.port)
+    server = page(first, folder=folder, host=options.host, port=options.port, limits=limits)
     say(f"the page: {server.address}")
+    if server.store.files.total:
+        kept = f"{limits.days:g} days after the last change of their document"
+        size = f"{server.store.files.total / 1e6:.3g} MB"
+        remark(f"files dropped earlier take {size}; they are kept {kept}, or until `modalscope app --forget`")
     sys.stdout.flush()  # for a reader that waits at a pipe
     if options.host != "127.0.0.1":
         say("WARNING: other machines can reach the page, unencrypted: whoever has the address can read these files")
     if not options.no_browser:
         import webbrowser
 
-        webbrowser.open(server.address)
+        webbrowser.open(server.address_once())
     serve(server)
 
 

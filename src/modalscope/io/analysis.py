@@ -20,8 +20,12 @@ from modalscope.data.analysis import VERSION, Analysis, SourceFile
 from modalscope.io.arrays import joined
 from modalscope.io.contents import unreadable
 from modalscope.io.limits import room
-from modalscope.numerics.checks import Array
+from modalscope.numerics.checks import Array, check_kind
 from modalscope.numerics.errors import DataError
+
+#: Lists and mappings in each other, more than any document has.
+_MAX_DEPTH = 32
+_NESTED = (Mapping, list, tuple)
 
 
 def write_analysis(path: Path, document: Analysis) -> None:
@@ -61,7 +65,10 @@ def analysis_to(document: Analysis) -> dict[str, Any]:
 
 def analysis_from(entries: Mapping[str, Any]) -> Analysis:
     """Return the analysis that `analysis_to` gave; fields of later layouts are refused with the layout, not dropped."""
-    unknown = sorted(set(entries) - {f.name for f in fields(Analysis)})
+    check_kind("an analysis", entries, Mapping)
+    if is_deep(entries):
+        raise DataError("an analysis was read", f"its fields are nested more than {_MAX_DEPTH} deep", "Write it again.")
+    unknown = sorted(set(map(str, entries)) - {f.name for f in fields(Analysis)})
     if unknown:
         fault = f"it has {', '.join(unknown)}, which this version does not know"
         raise DataError("an analysis was read", fault, "Use a later version.")
@@ -74,6 +81,23 @@ def analysis_from(entries: Mapping[str, Any]) -> Analysis:
         raise
     except (TypeError, AttributeError, KeyError, OverflowError, ValueError) as error:
         raise DataError("an analysis was read", f"its fields are damaged ({error})", "Write it again.") from None
+
+
+def is_deep(value: Any) -> bool:
+    """Whether lists and mappings lie in each other deeper than those of any document: no function may follow them by calling itself.
+
+    Examples
+    --------
+    >>> is_deep({"options": {"weights": {"array": [[1.0]]}}}), is_deep(json.loads("[" * 40 + "]" * 40))
+    (False, True)
+    """
+    layer = [value]
+    for _ in range(_MAX_DEPTH):
+        inner = [
+            list(each.values()) if isinstance(each, Mapping) else each for each in layer if isinstance(each, _NESTED)
+        ]
+        layer = [item for each in inner for item in each]
+    return bool(layer)
 
 
 def _jsonable(value: Any) -> Any:

@@ -30,6 +30,14 @@ def lies_in(path: str | Path, folders: Iterable[str | Path]) -> bool:
         return False
 
 
+def is_file_in(path: str | Path, folders: Iterable[str | Path]) -> bool:
+    """Whether a path is a file in one of the folders or below."""
+    try:
+        return lies_in(path, folders) and Path(path).is_file()
+    except OSError:  # more letters than a name may have
+        return False
+
+
 def named_in(reading: Mapping[str, Any]) -> list[Any]:
     """Return what options of reading name as files."""
     given = [reading[option] for option in OPENING if reading.get(option) is not None]
