@@ -24,15 +24,15 @@ def test_a_change_is_told_with_its_time_and_its_modes() -> None:
     """Two thousandths in the first and the third mode, which is 3 and 4 times what a single record scatters."""
     found = chart(shift=-2e-3, at=2500)
     (alarm,) = found.alarms
-    true = np.datetime64("1970-01-01") + np.timedelta64(2500, "h")
-    assert np.timedelta64(0) <= alarm.time - true < np.timedelta64(48, "h")
+    true = 2500 * 3600
+    assert 0 <= alarm.time - true < 48 * 3600
     assert alarm.interval[0] <= true <= alarm.interval[1]
-    assert alarm.interval[1] - alarm.interval[0] < np.timedelta64(72, "h")
+    assert alarm.interval[1] - alarm.interval[0] < 72 * 3600
     assert {name[0] for name in alarm.tracks} == {"1", "3"}
     for name in alarm.tracks:
         assert abs(alarm.shifts[name] + 2e-3) < 4 * alarm.shifts_std[name] + 1e-4
     line = json.loads(json.dumps(alarm.to_dict()))
-    assert line["alarm"] == str(alarm.time.astype("datetime64[s]"))
+    assert line["alarm"] == str(np.datetime64(round(alarm.time), "s"))
     assert str(alarm) in found.table()
 
 
@@ -52,7 +52,7 @@ def test_the_other_charts_tell_a_large_change(kind: str) -> None:
     f = np.ones((1500, 3)) * moved(np.zeros(1500), 3)
     f[1200:] *= 1 - 6e-4
     found = alarms(tracks(f, none=np.zeros(1500)), reference=np.arange(1500) < 700, chart=kind)
-    assert found.alarms[-1].change - np.datetime64("1970-01-01") == np.timedelta64(1200, "h")
+    assert found.alarms[-1].change == 1200 * 3600
 
 
 @pytest.mark.slow
@@ -109,9 +109,9 @@ def test_delay_of_alarms(study) -> None:  # type: ignore[no-untyped-def]
         found = alarms(
             tracked(2 * 8766, 3000 + seed, shift=-1e-3, at=14000), deviations={"temperature": 0.3}, seed=seed
         )
-        true = np.datetime64("1970-01-01") + np.timedelta64(14000, "h")
+        true = 14000 * 3600
         after = [alarm.time - true for alarm in found.alarms if alarm.time >= true]
-        delays.append(after[0] / np.timedelta64(1, "h") if after else np.inf)
+        delays.append(after[0] / 3600 if after else np.inf)
     table = study("a thousandth in two of eight frequencies, ewma", "20 years, seeds 3000 to 3019")
     table.row("hours to the alarm, median", float(np.median(delays)), most=48.0, form=".0f")
     table.row("hours to the alarm, longest", float(np.max(delays)), form=".0f")

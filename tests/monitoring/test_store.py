@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import modalscope as ms
 from modalscope.data import DataError, ModalModel
 from modalscope.monitoring import History, Store
 from modalscope.systems import chain5
@@ -100,7 +101,7 @@ def test_a_record_that_cannot_be_used_is_listed_with_the_reason(store: Store, tm
 
 def test_covariates_are_taken_at_the_times_of_records_and_not_across_gaps(store: Store) -> None:
     store.add_modes(History(times=[1800, 9000, 90000], record=[], frequencies=[]))
-    store.add_covariates([0, 3600, 7200, 10800, 180000], {"t": [0.0, 2.0, np.nan, 4.0, 5.0]})
+    store.add_covariates("t", [0, 3600, 7200, 10800, 180000], [0.0, 2.0, np.nan, 4.0, 5.0])
     assert np.allclose(store.history().covariates["t"], [1.0, 3.5, np.nan], equal_nan=True)
 
 
@@ -231,3 +232,86 @@ def test_nothing_is_lost_or_twice_when_it_is_killed(tmp_path: Path) -> None:
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="the system has no kill -9")
 def test_nothing_is_lost_or_twice_when_it_is_killed_fifty_times(tmp_path: Path) -> None:
     _killed(tmp_path / "a.modes", 50)
+
+
+@pytest.fixture
+def months(store: Store) -> Store:
+    """Return 240 hours of two modes, of which the first falls by 1 % at the 180th, with the air's temperature."""
+    draw = np.random.default_rng(0)
+    for hour in range(240):
+        f = np.array([1.0, 2.0]) * (1 - 1e-4 * np.sin(hour / 9) + 2e-4 * draw.standard_normal(2))
+        f[0] *= 0.99 if hour >= 180 else 1
+        poles = 2 * np.pi * f * (-0.01 + 1j)
+        store.add_modes(3600.0 * hour, ModalModel(poles=poles, shapes=np.eye(2), output_dofs=["a", "b"]))
+    return store
+
+
+def test_a_store_gives_tracks_what_moves_them_and_alarms(months: Store) -> None:
+    hours = np.arange(240)
+    tracks = months.tracks()
+    assert (len(tracks), tracks.frequencies.shape, tracks.shapes.shape) == (2, (240, 2), (240, 2, 2))
+    assert tracks.times.tolist() == (3600.0 * hours).tolist()
+    assert np.allclose(tracks.damping_ratios, 0.01, rtol=1e-3)
+    assert np.abs(tracks.shapes[0].diagonal()).tolist() == [1, 1]
+    assert tracks.probability.shape == tracks.frequencies_std.shape == (240, 2)
+    assert np.nanmin(tracks.probability) > 0.99
+    months.add_covariates("air", 3600.0 * np.arange(-1, 241), np.sin(np.arange(-1, 241) / 9))
+    given = {"air": np.sin(hours / 9)}
+    told = tracks.explained(given, during=(0, 3600 * 150))
+    assert told.coefficients[1, 1] == pytest.approx(-1e-4, abs=4 * told.coefficients_std[1, 1])
+    assert told.residual.shape == (240, 2)
+    for found in (months.alarms(1.0, (0, 3600 * 150), given), months.alarms(reference=(0, 3600 * 150))):
+        (alarm,) = found
+        assert alarm.interval[0] <= 3600 * 180 <= alarm.interval[1]
+        assert 0 <= alarm.time - 3600 * 180 < 3600 * 10
+        assert alarm.tracks[0].startswith("1:")
+        assert alarm.text == str(alarm)
+        assert alarm.statistic > 1
+
+
+def test_covariates_of_refused_records_may_be_given_too(months: Store, tmp_path: Path) -> None:
+    (tmp_path / "19700105_0030.csv").write_text("spoilt\n")
+    months.add(tmp_path / "19700105_0030.csv")
+    assert len(months.records) == 241
+    given = {"air": np.insert(np.sin(np.arange(240) / 9), 97, 50.0)}
+    (alarm,) = months.alarms(reference=(0, 3600 * 150), covariates=given)
+    assert alarm.interval[0] <= 3600 * 180 <= alarm.interval[1]
+    with pytest.raises(DataError, match="one value a record"):
+        months.alarms(reference=(0, 3600 * 150), covariates={"air": np.zeros(239)})
+
+
+def test_files_are_added_once_with_their_times_and_what_was_measured(store: Store, tmp_path: Path) -> None:
+    for k in range(3):
+        ms.write(tmp_path / f"{k}.npz", CHAIN.impulse_response(150, noise=0.01, seed=k))
+    (tmp_path / "spoilt.csv").write_text("no numbers\n")
+    files = [tmp_path / "2.npz", tmp_path / "spoilt.csv", tmp_path / "0.npz"]
+    few = {"method": "era", "orders": range(2, 13, 2)}
+    assert store.add(files, 1, [7200.0, 3600.0, 0.0], {"air": [1.0, 2.0, 3.0]}, **few) == 3
+    assert store.add(files, times=[7200.0, 3600.0, 0.0], **few) == 0
+    records = store.records
+    assert [(r.time, r.file, r.state) for r in records] == [
+        (0.0, "0.npz", "used"),
+        (3600.0, "spoilt.csv", "refused"),
+        (7200.0, "2.npz", "used"),
+    ]
+    assert "numbers" in records.reason[1]
+    assert records["reason"][0] == ""
+    assert store.history().covariates["air"].tolist() == [3.0, 1.0]
+    for path in tmp_path.glob("*.*"):
+        os.utime(path, (3600.0, 3600.0))
+    assert store.add(tmp_path, **few) == 1
+    assert store.add((path for path in files), **few) == 0
+    assert store.add([]) == 0
+    with pytest.raises(DataError, match=r"times.*one a file"):
+        store.add(files, times=[0.0])
+    with pytest.raises(DataError, match=r"air.*one value a file"):
+        store.add(files, covariates={"air": [1.0]})
+    with pytest.raises(DataError, match="there is no such file"):
+        store.add([*files, tmp_path / "nowhere.csv"])
+
+
+def test_records_become_a_table(months: Store) -> None:
+    pandas = pytest.importorskip("pandas")
+    table = pandas.DataFrame(months.records)
+    assert list(table) == ["time", "file", "state", "reason"]
+    assert len(table) == 240

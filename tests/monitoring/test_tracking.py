@@ -43,7 +43,7 @@ def test_modes_of_one_shape_keep_their_tracks_by_their_frequencies_and_say_where
     f = scattered([1.0, 1.0], 101) * (1 + distance)
     found = track(history(f, shapes=None))
     assert len(found) == 2
-    chances = found.of(found.probability)
+    chances = found.probability
     assert np.nanmin(chances[:30]) > 0.99
     assert np.nanmin(chances[48:53]) < 0.9
     assert any("probability below 0.9" in note for note in found.notes)
@@ -171,3 +171,30 @@ def test_the_strong_resonances_of_a_mast_are_one_track_each() -> None:
         )
     assert np.isfinite(found.frequencies[:, found.scatter < 0.0015]).mean(axis=0).max() > 0.75
     assert sum("times the scatter" in note for note in found.notes) >= 6
+
+
+@pytest.mark.parametrize(
+    ("part", "mac", "absent", "count"),
+    [(0.05, 1.0, 0, 1), (0.09, 1.0, 0, 1), (0.12, 1.0, 0, 2), (0.05, 0.6, 0, 1), (0.05, 0.4, 0, 2), (0.05, 1.0, 60, 1)],
+)
+def test_a_mode_that_jumps_keeps_its_track(part: float, mac: float, absent: int, count: int) -> None:
+    """By a tenth at most, and with a shape that is nearer to what it was than to a right angle."""
+    f = scattered([1.0, 2.0], 240)
+    f[150:, 0] *= 1 - part
+    f[150 : 150 + absent, 0] = np.nan
+    record, mode = np.nonzero(np.isfinite(f))
+    shapes = ORTHOGONAL[mode]
+    after = (record >= 150) & (mode == 0)
+    shapes[after] = np.sqrt(mac) * ORTHOGONAL[0] + np.sqrt(1 - mac) * ORTHOGONAL[4]
+    noise = 0.01 * np.random.default_rng(1).standard_normal(shapes.shape)
+    found = track(history(f, shapes=shapes + noise))
+    assert len(found) == 1 + count
+    if count == 1:
+        assert np.array_equal(found.frequencies, f, equal_nan=True)
+
+
+def test_a_mode_that_jumps_twice_keeps_its_first_track() -> None:
+    f = scattered([1.0, 2.0], 240)
+    f[80:, 0] *= 0.95
+    f[160:, 0] *= 0.95
+    assert np.array_equal(track(history(f)).frequencies, f)

@@ -55,7 +55,7 @@ def test_several_processes_store_the_same_as_one(folder: Path, tmp_path: Path) -
 
 
 def test_a_file_that_is_being_written_waits(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("modalscope.monitoring.watch._SETTLED", 0.2)
+    monkeypatch.setattr("modalscope.monitoring.collecting._SETTLED", 0.2)
     grown, stop = folder / "20260601_0200.csv", threading.Event()
 
     def write() -> None:

@@ -24,7 +24,7 @@ def tracks(f: RealArray, **covariates: RealArray) -> Tracks:
     return Tracks(
         history=history,
         track=mode,
-        probability=np.ones(mode.size),
+        mode_probability=np.ones(mode.size),
         double=np.zeros(mode.size, bool),
         levels=f,
         scatter=np.full(f.shape[1], 1e-4),
@@ -44,7 +44,7 @@ def test_slopes_above_and_below_the_knee_are_those_of_the_structure() -> None:
     away = (found.coefficients[:, 1:] - true) / found.coefficients_std[:, 1:]
     assert np.sqrt(np.mean(away**2)) == pytest.approx(1, abs=0.4)
     assert np.allclose(found.residual_std, 1e-4, rtol=0.1)
-    assert found.share.min() > 0.98
+    assert found.part_explained.min() > 0.98
 
 
 @pytest.mark.parametrize(

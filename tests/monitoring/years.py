@@ -163,7 +163,7 @@ def tracked(records: int, seed: int, *, spoilt: float = 0.05, shift: float = 0.0
     return Tracks(
         history=history,
         track=mode,
-        probability=np.ones(mode.size),
+        mode_probability=np.ones(mode.size),
         double=np.zeros(mode.size, bool),
         levels=levels(temperature),
         scatter=NOISE * FREQUENCIES,

@@ -74,7 +74,9 @@ def watch(options: argparse.Namespace) -> None:
     told: set[str] = set()
     with Store(options.store) as store:
         if options.covariates is not None:
-            store.add_covariates(*read_covariates(options.covariates))
+            times, columns = read_covariates(options.covariates)
+            for name, values in columns.items():
+                store.add_covariates(name, times, values)
         if options.again:
             store.forget_refused()
         while True:

@@ -5,9 +5,8 @@ from modalscope.monitoring.history import History
 from modalscope.monitoring.netcdf import read_history
 from modalscope.monitoring.store import Store
 from modalscope.monitoring.tracking import track
-from modalscope.monitoring.tracks import Tracks
+from modalscope.monitoring.tracks import Explained, Tracks, explain
 from modalscope.monitoring.watch import Collected, collect, read_covariates
-from modalscope.monitoring.weather import Explained, explain
 from modalscope.numerics.arguments import plain_methods
 
 __all__ = [

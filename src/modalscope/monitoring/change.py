@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike
 from scipy.special import chdtri
 
 from modalscope.data.shown import Shown, summary_of
-from modalscope.monitoring.tracks import Tracks
-from modalscope.monitoring.weather import Explained, explain, inflation, inside_of
+from modalscope.monitoring.tracks import Explained, Tracks, explain
+from modalscope.monitoring.weather import inflation, inside_of
 from modalscope.numerics.arguments import POSITIVE, at_least, named
 from modalscope.numerics.checks import BoolArray, RealArray
 from modalscope.numerics.errors import DataError
@@ -40,17 +40,22 @@ _YEAR = 365.25 * 24.0
 _CLEAR = 3.0
 
 
+def _when(seconds: float, unit: str) -> str:
+    """Return seconds since 1970 as an ISO text, cut at a unit of numpy."""
+    return str(np.datetime64(round(1000 * seconds), "ms").astype(f"datetime64[{unit}]"))
+
+
 @dataclass(frozen=True, kw_only=True)
 class Alarm:
     """An alarm.
 
     Parameters
     ----------
-    time : datetime64
-        When the chart went beyond its limit.
-    change : datetime64
+    time : float
+        When the chart went beyond its limit, seconds since 1970 (UTC), as the times of the records were given.
+    change : float
         When the change began, most likely.
-    interval : (datetime64, datetime64)
+    interval : (float, float)
         Within which it began, with 95 % probability.
     statistic : float
         The chart at its highest, in limits.
@@ -58,9 +63,9 @@ class Alarm:
         Relative change of each frequency, and its standard deviation.
     """
 
-    time: Any
-    change: Any
-    interval: tuple[Any, Any]
+    time: float
+    change: float
+    interval: tuple[float, float]
     statistic: float
     shifts: Mapping[str, float]
     shifts_std: Mapping[str, float]
@@ -73,10 +78,15 @@ class Alarm:
         }
         return tuple(sorted((name for name, z in clear.items() if z > _CLEAR), key=lambda name: -clear[name]))
 
+    @property
+    def text(self) -> str:
+        """The alarm in words."""
+        return str(self)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the alarm as JSON has it: times as ISO texts, the changes of the tracks that changed."""
         changed = {name: {"relative_change": self.shifts[name], "std": self.shifts_std[name]} for name in self.tracks}
-        when = [str(t.astype("datetime64[s]")) for t in (self.time, self.change, *self.interval)]
+        when = [_when(t, "s") for t in (self.time, self.change, *self.interval)]
         return {
             "alarm": when[0],
             "change": when[1],
@@ -86,7 +96,7 @@ class Alarm:
         }
 
     def __str__(self) -> str:
-        when = [str(t.astype("datetime64[m]")).replace("T", " ") for t in (self.time, self.change, *self.interval)]
+        when = [_when(t, "m").replace("T", " ") for t in (self.time, self.change, *self.interval)]
         changes = ", ".join(
             f"{name} {100 * self.shifts[name]:+.3g} +- {100 * self.shifts_std[name]:.2g} %" for name in self.tracks
         )
@@ -192,7 +202,7 @@ def alarms(
     >>> f = np.where(hours < 800, 1, 0.999) * (1 + 5e-4 * draw.standard_normal(1000))
     >>> history = ms.monitoring.History(times=3600 * hours, record=hours, frequencies=f)
     >>> found = ms.monitoring.alarms(ms.monitoring.track(history), covariates={"none": 0 * hours})
-    >>> len(found), bool(abs(found.alarms[0].change.astype(int) / 3.6e6 - 800) < 10)
+    >>> len(found), abs(found.alarms[0].change / 3600 - 800) < 10
     (1, True)
     """
     times = tracks.history.times
@@ -202,7 +212,7 @@ def alarms(
         notes.append(
             f"the first half of the time, up to {str(reference[1].astype('datetime64[m]')).replace('T', ' ')}, is taken for sound"
         )
-    inside = inside_of(tracks, reference)
+    inside = inside_of(times, reference)
     seen = np.isfinite(tracks.frequencies[inside]).mean(axis=0)
     left = [name for name, share in zip(tracks.names, seen, strict=True) if share < _SHARE]
     if inside.sum() < _LEAST or len(left) == len(tracks):
@@ -380,7 +390,7 @@ def _alarm(found: Explained, z: RealArray, statistic: RealArray, first: int, k: 
 
     `first`: the earliest record of the change. `end`: past the last record of the alarm.
     """
-    times = found.tracks.history.times
+    times = found.tracks.times
     x = _bounded(z[first:end])
     known = np.isfinite(x)
     filled = np.where(known, x, 0)
@@ -399,9 +409,9 @@ def _alarm(found: Explained, z: RealArray, statistic: RealArray, first: int, k: 
     std = found.residual_std[seen] * np.sqrt(np.pi / 2 * fewer[at, seen] / there[seen])
     names = [found.tracks.names[t] for t in seen]
     return Alarm(
-        time=times[k],
-        change=times[first + at],
-        interval=(times[first + low], times[first + min(high, len(x) - 1)]),
+        time=float(times[k]),
+        change=float(times[first + at]),
+        interval=(float(times[first + low]), float(times[first + min(high, len(x) - 1)])),
         statistic=float(statistic[k:end].max()),
         shifts=dict(zip(names, map(float, shift), strict=True)),
         shifts_std=dict(zip(names, map(float, std), strict=True)),

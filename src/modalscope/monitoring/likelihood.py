@@ -92,7 +92,8 @@ def _log_shapes(expected: Expected, found: Found) -> tuple[RealArray, RealArray]
     log_normal = (
         -turned / v - (misfit - turned) / s - np.log(v / s) - free * np.log(s) - _LOG_FACTORIAL[free.astype(int)]
     )
-    log_even = -np.log(np.maximum(free, 1)) - (free - 1) * np.log(np.maximum(misfit, np.minimum(free * s, 1)))
+    some = np.maximum(free, 1)
+    log_even = -np.log(some) - (free - 1) * np.log(np.maximum(misfit, np.minimum(some * s, 1)))
     # where no shape was measured none can be spoilt
     return np.where(free > 0, log_normal, 0.0), np.where(free > 0, log_even, -np.inf)
 

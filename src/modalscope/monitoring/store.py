@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from hashlib import sha256
 from itertools import pairwise
@@ -19,12 +19,16 @@ from modalscope.data import ModalModel
 from modalscope.data.analysis import VERSION
 from modalscope.io.arrays import plain
 from modalscope.io.atomic import replacing
-from modalscope.monitoring.entries import CHOICES, Entry, entry_of, time_of_file
+from modalscope.monitoring.change import Alarm, alarms
+from modalscope.monitoring.collecting import Task, identified, settled
+from modalscope.monitoring.entries import CHOICES, Entry, entry_of
 from modalscope.monitoring.history import PER_MODE, History, as_seconds, as_times, assembled, rows_of
-from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import RealArray, check_kind, check_path, real_array
+from modalscope.monitoring.tracking import track
+from modalscope.monitoring.tracks import Tracks
+from modalscope.numerics.arguments import COUNT, POSITIVE, named
+from modalscope.numerics.checks import RealArray, check_kind, check_path, check_shape, real_array
 from modalscope.numerics.errors import DataError, optional_package
-from modalscope.workflow.sources import source_of_data, source_of_file
+from modalscope.workflow.sources import are_paths, source_of_data, source_of_file
 
 #: What the head of the file says of the program that made it ("mods"), and the number of the layout.
 _APPLICATION, _SCHEMA = 0x6D6F6473, 1
@@ -71,9 +75,9 @@ class Store:
     >>> from tempfile import mkdtemp
     >>> from modalscope.systems import chain5
     >>> store = Store(Path(mkdtemp()) / "chain.modes")
-    >>> store.add_modes(chain5().modes(), time="2026-06-01T00:00")
+    >>> store.add_modes("2026-06-01T00:00", chain5().modes())
     True
-    >>> store.add_modes(chain5().modes(), time="2026-06-01T00:00")
+    >>> store.add_modes("2026-06-01T00:00", chain5().modes())
     False
     >>> store.history().frequencies.round(3)
     array([0.906, 2.645, 4.169, 5.356, 6.108])
@@ -159,78 +163,120 @@ class Store:
         with self._plainly():
             return self._file.execute("SELECT 1 FROM record WHERE sha256 = ?", (sha,)).fetchone() is not None
 
-    def seen(self, path: str, size: int, changed: int, sha: str | None = None) -> str | None:
-        """Return the SHA-256 of a file whose size and date were seen before, or remember it; None where it was not.
+    def unknown(self, paths: Iterable[Path]) -> list[tuple[Path, str]]:
+        """Return the files whose content is neither stored nor refused, each content once, with its SHA-256.
 
         Parameters
         ----------
-        path : str
-        size, changed : int
-            Bytes, and nanoseconds of its last change.
-        sha : str, optional
-            What to remember.
+        paths : iterable of path
         """
-        with self._plainly():
-            if sha is not None:
-                self._file.execute("INSERT OR REPLACE INTO seen VALUES (?, ?, ?, ?)", (path, size, changed, sha))
-                return sha
-            ask = "SELECT sha256 FROM seen WHERE path = ? AND size = ? AND changed = ?"
-            row = self._file.execute(ask, (path, size, changed)).fetchone()
-            return None if row is None else str(row[0])
+        found: dict[str, Path] = {}
+        for path in paths:
+            sha = self._sha(path)
+            if not self.holds(sha):
+                found.setdefault(sha, path)
+        return [(path, sha) for sha, path in found.items()]
 
-    @named(CHOICES, name=str, covariates=Mapping)
+    def _sha(self, path: Path) -> str:
+        """Return the SHA-256 of a file; one whose size and date were seen before is not read again."""
+        state = path.stat()
+        seen = (str(path), state.st_size, state.st_mtime_ns)
+        with self._plainly():
+            row = self._file.execute(
+                "SELECT sha256 FROM seen WHERE path = ? AND size = ? AND changed = ?", seen
+            ).fetchone()
+        if row is not None and path.is_file():  # what lies in a folder changes without its date
+            return str(row[0])
+        sha = source_of_file(path, {}).sha256
+        with self._plainly():
+            self._file.execute("INSERT OR REPLACE INTO seen VALUES (?, ?, ?, ?)", (*seen, sha))
+        return sha
+
+    @named(CHOICES, workers=COUNT, name=str, covariates=Mapping)
     def add(
         self,
-        data: Any,
+        files: Any,
+        workers: int = 1,
+        times: Any = None,
+        covariates: Mapping[str, ArrayLike] | None = None,
         *,
         time: Any = None,
         name: str = "",
-        covariates: Mapping[str, float] | None = None,
         **options: Any,
-    ) -> bool:
-        """Identify a record and store its modes, or the reason why it cannot be used; return whether it was new.
+    ) -> int:
+        """Identify records and store their modes, or the reason why one cannot be used; return how many were new.
+
+        What is stored already is left as it is.
 
         Parameters
         ----------
-        data : path or data
-            As `analyze` takes it.
-        time : datetime64, ISO text or seconds since 1970 (UTC), optional
-            When the record began; by default what the name of the file says, else when the file was last changed.
-        name : str, optional
-        covariates : mapping of name to number, optional
+        files : path, sequence of path, or data
+            One file, many, or a folder, of which all files are taken that are not being written; or the data of one record, as `analyze`
+            takes them.
+        workers : int
+            Processes that identify; within `working(client)` the workers of its scheduler do.
+        times : datetime64, ISO texts or seconds since 1970 (UTC), one a file, optional
+            When the records began; by default what the names of the files say, else when they were last changed.
+        covariates : mapping of name to number or array, one a file, optional
             What else was measured then.
+        time : optional
+            As `times`, of one record.
+        name : str, optional
+            What one record is called; by default its file.
         **options
             As of `analyze`.
 
         Raises
         ------
         DataError
-            Data that are no file without a time.
+            A file that is not there, data that are no file without a time, other numbers of times or covariates than of files.
         """
-        if isinstance(data, str | Path):
-            path = check_path(data)
-            if not path.is_file() and path.suffix.lower() != ".zarr":
+        given, times = dict(covariates or {}), time if times is None else times
+        if isinstance(files, Iterator):
+            files = list(files)
+        several = isinstance(files, list | tuple)
+        if not (several and not files) and not are_paths(files):
+            return int(self._add_data(files, times, name, given, options))
+        paths = [check_path(path) for path in (files if several else [files])]
+        if not several and paths[0].is_dir() and paths[0].suffix.lower() != ".zarr":
+            paths = settled(paths[0])[0]
+        for path in paths:
+            if not path.exists():
                 raise DataError(f"{str(path)!r} was asked", "there is no such file", "Check the name.")
-            sha, name = source_of_file(path, {}).sha256, name or path.name
-            seconds, origin = time_of_file(path) if time is None else (as_seconds("time", time), "given")
-        elif time is None:
+        when = [None] * len(paths) if times is None else _each_second(times, len(paths))
+        columns = {key: real_array(key, np.atleast_1d(x), "(files,)", 1, finite=False) for key, x in given.items()}
+        for key, column in columns.items():
+            check_shape(key, column, "one value a file", (len(paths),))
+        new = dict(self.unknown(paths))
+        tasks = [
+            Task(path, new[path], name or path.name, second, {key: float(x[k]) for key, x in columns.items()})
+            for k, (path, second) in enumerate(zip(paths, when, strict=True))
+            if path in new
+        ]
+        return sum(self.put(entry) for entry in identified(tasks, workers, options))
+
+    def _add_data(
+        self, data: Any, time: Any, name: str, covariates: Mapping[str, Any], options: Mapping[str, Any]
+    ) -> bool:
+        """Identify data that are no file, and store their modes."""
+        if time is None:
             raise DataError("a record is stored with its time", "this time is not known", "Give time.")
-        else:
-            seconds, origin = as_seconds("time", time), "given"
-            sha = sha256(f"{source_of_data(data).sha256} {seconds}".encode()).hexdigest()
+        seconds = as_seconds("time", time)
+        sha = sha256(f"{source_of_data(data).sha256} {seconds}".encode()).hexdigest()
         if self.holds(sha):
             return False
-        about = {"time": origin}
+        more = {key: float(x) for key, x in covariates.items()}
+        about = {"time": "given"}
         return self.put(
-            entry_of(data, sha=sha, name=name, time=seconds, covariates=covariates, origin=about, options=options)
+            entry_of(data, sha=sha, name=name, time=seconds, covariates=more, origin=about, options=options)
         )
 
-    @named(modes=(ModalModel, History), name=str, covariates=Mapping)
+    @named(name=str, covariates=Mapping)
     def add_modes(
         self,
         modes: ModalModel | History,
-        *,
         time: Any = None,
+        *,
         name: str = "",
         covariates: Mapping[str, float] | None = None,
     ) -> bool:
@@ -241,7 +287,7 @@ class Store:
         modes : ModalModel or History
             Of one record, or of many.
         time : datetime64, ISO text or seconds since 1970 (UTC), optional
-            Of the one record.
+            Of the one record; `add_modes(time, modes)` is the same.
         name : str, optional
         covariates : mapping of name to number, optional
             Of the one record.
@@ -251,6 +297,9 @@ class Store:
         DataError
             Modes of one record without a time.
         """
+        if isinstance(time, ModalModel):
+            modes, time = time, modes
+        check_kind("modes", modes, (ModalModel, History))
         about = {"modalscope": VERSION, "identified": "elsewhere"}
         if isinstance(modes, History):
             with self._transaction():
@@ -262,14 +311,16 @@ class Store:
         more = dict(covariates or {})
         return self.put(Entry(sha256=sha, name=name, time=seconds, modes=rows, covariates=more, provenance=about))
 
-    @named(values=Mapping)
-    def add_covariates(self, times: Any, values: Mapping[str, ArrayLike]) -> None:
+    @named(name=str)
+    def add_covariates(self, name: str, times: Any, values: ArrayLike) -> None:
         """Store what was measured beside the records, at times of its own; records get it by interpolation.
 
         Parameters
         ----------
+        name : str
+            Such as "temperature".
         times : array of datetime64, ISO texts or seconds since 1970 (UTC), (k,)
-        values : mapping of name to array (k,)
+        values : array, (k,)
             NaN where it is not known.
 
         Raises
@@ -278,11 +329,10 @@ class Store:
             Another number of values than of times.
         """
         when = np.atleast_1d(as_times("times", times)).astype(np.int64).tolist()
-        columns = {name: real_array(name, x, "(times,)", 1, finite=False) for name, x in values.items()}
-        for name, column in columns.items():
-            if column.size != len(when):
-                raise DataError(f"{name} needs {len(when)} values", f"it has {column.size}", "Give one for each time.")
-        rows = [(name, t, float(x)) for name, c in columns.items() for t, x in zip(when, c, strict=True) if x == x]
+        column = real_array(name, np.atleast_1d(values), "(times,)", 1, finite=False)
+        if column.size != len(when):
+            raise DataError(f"{name} needs {len(when)} values", f"it has {column.size}", "Give one for each time.")
+        rows = [(name, t, float(x)) for t, x in zip(when, column, strict=True) if x == x]
         with self._transaction():
             self._file.executemany("INSERT OR REPLACE INTO covariate VALUES (?, ?, ?)", rows)
 
@@ -374,6 +424,60 @@ class Store:
         names = [name for _, name, _, _, _ in records]
         return assembled(rows, times, names, covariates=_covariates(own, weather, times.astype(np.int64)))
 
+    @property
+    def records(self) -> np.recarray[Any, Any]:
+        """All records by time, a record array (`pandas.DataFrame(store.records)` is a table).
+
+        `time` in seconds since 1970 (UTC), `file`, `state`: "used" or "refused", `reason`: why it could not be used.
+        """
+        ask = "SELECT time, name, refused FROM record ORDER BY time, id"
+        with self._plainly():
+            rows = [
+                (time / 1000, name, "used" if why is None else "refused", why or "")
+                for time, name, why in self._file.execute(ask)
+            ]
+        kinds = [("time", float), ("file", object), ("state", object), ("reason", object)]
+        return np.array(rows, kinds).view(np.recarray)
+
+    @named(reference=(ModalModel,))
+    def tracks(self, reference: ModalModel | None = None) -> Tracks:
+        """Return the modes of all records joined into tracks; see `track`.
+
+        Parameters
+        ----------
+        reference : ModalModel, optional
+            Modes that the tracks begin with.
+        """
+        return track(self.history(), reference=reference)
+
+    @named(covariates=Mapping, false_per_year=POSITIVE)
+    def alarms(
+        self,
+        false_per_year: float = 1.0,
+        reference: Any = None,
+        covariates: Mapping[str, ArrayLike] | None = None,
+        **options: Any,
+    ) -> list[Alarm]:
+        """Return the changes that weather does not explain; see `alarms`, which also gives the chart.
+
+        Parameters
+        ----------
+        false_per_year : float
+            Alarms a year without any change.
+        reference : (first, last) times or array of bool, optional
+            Records of the sound structure; by default the first half of the time.
+        covariates : mapping of name to array, optional
+            Values at the times of the records, in their order: of those that were used, or of all; by default those of the store.
+        **options
+            `deviations`, `chart`, `memory`, `seed`.
+        """
+        tracks, used = self.tracks(), self.records.state == "used"
+        if covariates is not None:
+            covariates = {name: np.asarray(x)[used] if np.size(x) == used.size else x for name, x in covariates.items()}
+        return list(
+            alarms(tracks, false_per_year=false_per_year, reference=reference, covariates=covariates, **options).alarms
+        )
+
     def to_pandas(self) -> Any:
         """Return a DataFrame, one row a mode; see `History.to_pandas`."""
         return self.history().to_pandas()
@@ -401,6 +505,13 @@ class Store:
         table = self.to_pandas()
         with replacing(target, [self.path]) as temporary:
             table.to_csv(temporary, index=False) if suffix == ".csv" else table.to_parquet(temporary)
+
+
+def _each_second(times: Any, count: int) -> list[float]:
+    """Return the times of so many files as seconds since 1970."""
+    when = np.atleast_1d(as_times("times", times))
+    check_shape("times", when, "one a file", (count,))
+    return [float(t) / 1000 for t in when.astype(np.int64)]
 
 
 def _text(value: Any) -> str:

@@ -93,7 +93,7 @@ def track(history: History, *, reference: ModalModel | None = None) -> Tracks:
         back = follower.follow(range(len(history) - 1, -1, -1))
         follower.merge()
         if len(follower.hits) == count:
-            return follower.result(follower.follow(range(len(history)), back))
+            return follower.result(follower.joined(follower.follow(range(len(history)), back)))
 
 
 class _Follower:
@@ -213,7 +213,7 @@ class _Follower:
         `other`: what is expected from the other side; then the answer is what all records say, with the probabilities.
         """
         expected, before = self.expected, records[0]
-        expected.variance = np.full_like(expected.variance, _FAR**2)
+        self._begin_at(before)
         told, every = np.zeros((2, len(self.history), expected.level.size)), np.arange(expected.level.size)
         self.of_mode[:], self.double[:], self.outlying = -1, False, np.zeros(every.size)
         for k in records:
@@ -228,6 +228,18 @@ class _Follower:
             both = _both_sides(expected, other[:, k])
             told[:, k] = both.level, both.variance
         return told
+
+    def _begin_at(self, k: int) -> None:
+        """Expect each track where its modes nearest to a record have it, as uncertain as its drift since then makes it."""
+        e, record = self.expected, self.history.record
+        for t in range(e.level.size):
+            own = np.flatnonzero((self.of_mode == t) & ~self.double)
+            e.variance[t] = _FAR**2
+            if own.size >= _LEAST:
+                near = own[np.argsort(np.abs(record[own] - k), kind="stable")[:_LEAST]]
+                e.level[t] = np.median(self.modes.level[near])
+                gap = np.abs(self.seconds[record[near]] - self.seconds[k]).min()
+                e.variance[t] = min(e.noise[t] + self.drift[t] * gap, _FAR**2)
 
     def _drift(self, k: int, before: int) -> None:
         """Widen what is expected by the time since another record."""
@@ -306,6 +318,31 @@ class _Follower:
                     break
         self._keep(np.flatnonzero(~gone))
         self.learn()
+
+    def joined(self, told: RealArray) -> RealArray:
+        """Let a track that begins after one of the same shape has ended be that one, which jumped; return what is told of both."""
+        record, e = self.history.record, self.expected
+        own = [np.flatnonzero((self.of_mode == t) & ~self.double) for t in range(e.level.size)]
+        spans = [(int(record[x[0]]), int(record[x[-1]]), x.size) if x.size else (0, 0, 0) for x in own]
+        into = np.arange(e.level.size)
+        cost = np.full((into.size, into.size), np.inf)
+        for a, (_, end, many) in enumerate(spans):
+            for b, (first, _, more) in enumerate(spans):
+                if end >= first:
+                    continue
+                away = abs(np.median(self.modes.level[own[b][:_OWN]]) - np.median(self.modes.level[own[a][-_OWN:]]))
+                alike = not e.shape.shape[1] or np.abs(e.shape[a].conj() @ e.shape[b]) ** 2 > _ALIKE
+                if min(many, more) >= _OWN and alike and away < 2 * _FAR:
+                    cost[a, b] = away
+        pairs = zip(*assign(np.minimum(cost, 1e3)), strict=True)
+        for a, b in sorted(pairs, key=lambda pair: spans[pair[1]][0]):  # one that jumps twice keeps its first name
+            if np.isfinite(cost[a, b]):
+                into[b] = into[a]
+                told[:, spans[b][0] :, into[a]] = told[:, spans[b][0] :, b]
+        self.of_mode = np.append(into, -1)[self.of_mode]
+        kept = np.unique(into)
+        self._keep(kept)
+        return told[:, :, kept]
 
     def _same(self, a: int, b: int) -> bool:
         """Whether two tracks are one mode.
@@ -388,7 +425,7 @@ class _Follower:
         tracks = Tracks(
             history=self.history,
             track=self.of_mode,
-            probability=self.probability,
+            mode_probability=self.probability,
             double=self.double,
             levels=level,
             scatter=np.sqrt(self.expected.noise) * np.median(level, axis=0),
@@ -467,7 +504,7 @@ def _notes(tracks: Tracks) -> tuple[str, ...]:
         said.append(
             f"{doubles} modes stand a second time in their record, like one of its tracks: left out of the tracks"
         )
-    doubt = np.count_nonzero((tracks.track >= 0) & ~tracks.double & (tracks.probability < DOUBT))
+    doubt = np.count_nonzero((tracks.track >= 0) & ~tracks.double & (tracks.mode_probability < DOUBT))
     if doubt:
         said.append(f"{doubt} modes have a probability below {DOUBT:g} to be of their track")
     seen = np.isfinite(tracks.frequencies)

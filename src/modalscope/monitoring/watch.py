@@ -1,36 +1,25 @@
-"""Look for new records in a folder, identify them in this process or in several, and store their modes."""
+"""Store the modes of the new records of a folder, and read tables of what was measured beside them."""
 
 from __future__ import annotations
 
 import csv
-import multiprocessing
-import time
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from modalscope.io.formats import FORMATS
-from modalscope.monitoring.entries import CHOICES, Entry, entry_of, time_of_file
+from modalscope.monitoring.collecting import Task, identified, settled
+from modalscope.monitoring.entries import CHOICES
 from modalscope.monitoring.history import as_times
 from modalscope.monitoring.netcdf import read_weather
 from modalscope.monitoring.store import Store
 from modalscope.numerics.arguments import COUNT, named
 from modalscope.numerics.checks import RealArray, check_path
 from modalscope.numerics.errors import DataError, check_option_names
-from modalscope.workflow.sources import source_of_file
 
 Progress = Callable[[int, int], None]
-
-#: Seconds that size and date of a file must stay, before it counts as written.
-_SETTLED = 2.0
-
-#: Records given to workers ahead of what they have done, for each of them: memory does not grow with the folder.
-_AHEAD = 2
 
 
 @dataclass(frozen=True)
@@ -75,7 +64,7 @@ def collect(
         Its files and those of its folders that have a suffix that `read` knows.
     store : Store
     jobs : int
-        Processes that identify.
+        Processes that identify; within `working(client)` the workers of its scheduler do.
     options : mapping, optional
         As of `analyze`.
     progress : callable, optional
@@ -102,84 +91,18 @@ def collect(
     check_option_names("analyze", options or {}, CHOICES)
     if not str(folder) or not place.is_dir():  # no name at all is no folder, and not the one that the program works in
         raise DataError(f"records in {str(place)!r} were asked", "there is no such folder", "Name a folder.")
-    files, waiting = _settled(place)
-    known = 0
-    new: list[tuple[Path, str]] = []
-    for path, size, changed in files:
-        sha = store.seen(str(path), size, changed) or store.seen(
-            str(path), size, changed, source_of_file(path, {}).sha256
-        )
-        if sha is None or store.holds(sha) or any(sha == other for _, other in new):
-            known += 1
-        else:
-            new.append((path, sha))
-    entries = _identified(new, jobs, dict(options or {}))
+    files, waiting = settled(place)
+    new = [Task(path, sha, path.name) for path, sha in store.unknown(files)]
     added = 0
     refused: list[tuple[str, str]] = []
-    for done, entry in enumerate(entries, 1):
+    for done, entry in enumerate(identified(new, jobs, options or {}), 1):
         if store.put(entry) and entry.refused is None:
             added += 1
         if entry.refused is not None:
             refused.append((entry.name, entry.refused))
         if progress is not None:
             progress(done, len(new))
-    return Collected(added, known, tuple(refused), tuple(waiting))
-
-
-def _settled(folder: Path) -> tuple[list[tuple[Path, int, int]], list[str]]:
-    """Return the files with their sizes and dates, and the names of those that are still being written."""
-
-    def look() -> dict[Path, tuple[int, int]]:
-        found = {}
-        for path in sorted(folder.rglob("*")):
-            try:
-                if path.is_file() and path.suffix.lower() in FORMATS:
-                    state = path.stat()
-                    found[path] = (state.st_size, state.st_mtime_ns)
-            except OSError:  # gone meanwhile
-                continue
-        return found
-
-    first = look()
-    if any(time.time() - changed * 1e-9 < _SETTLED for _, changed in first.values()):
-        time.sleep(_SETTLED)
-    second = look()
-    same = [path for path, state in second.items() if first.get(path) == state]
-    return [(path, *second[path]) for path in same], [path.name for path in second if path not in same]
-
-
-def _identified(new: list[tuple[Path, str]], jobs: int, options: dict[str, Any]) -> Iterator[Entry]:
-    """Give the entries of files as they are done, by this process or by several."""
-    if jobs == 1 or len(new) < 2:
-        yield from (_entry(path, sha, options) for path, sha in new)
-        return
-    # not forked: a library's threads do not survive that
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(jobs, len(new)), mp_context=context) as pool:
-        under_way: set[Future[Entry]] = set()
-        left = iter(new)
-        try:
-            while True:
-                while len(under_way) < _AHEAD * jobs and (task := next(left, None)) is not None:
-                    under_way.add(pool.submit(_entry, *task, options))
-                if not under_way:
-                    return
-                done, under_way = wait(under_way, return_when=FIRST_COMPLETED)
-                yield from (each.result() for each in done)
-        except BrokenProcessPool:
-            found = "a worker was ended by the system"
-            raise DataError(
-                "the records could not all be identified", found, "Use fewer jobs; what is done is stored."
-            ) from None
-
-
-def _entry(path: Path, sha: str, options: Mapping[str, Any]) -> Entry:
-    """Return the entry of one file."""
-    try:
-        when, origin = time_of_file(path)
-    except OSError as error:
-        return Entry(sha256=sha, name=path.name, time=0.0, refused=f"the file is gone ({error.strerror})")
-    return entry_of(path, sha=sha, name=path.name, time=when, origin={"time": origin}, options=options)
+    return Collected(added, len(files) - len(new), tuple(refused), tuple(waiting))
 
 
 @named(statistic=str)

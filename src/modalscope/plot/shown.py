@@ -28,8 +28,7 @@ from modalscope.identification.identify import Identification
 from modalscope.monitoring.change import Alarms
 from modalscope.monitoring.history import History
 from modalscope.monitoring.tracking import track
-from modalscope.monitoring.tracks import Tracks
-from modalscope.monitoring.weather import Explained
+from modalscope.monitoring.tracks import Explained, Tracks
 from modalscope.plot._camera import oblique
 from modalscope.plot._style import BLUE, MUTED, PALE, VERMILLION, dress, frameless, new_axes
 from modalscope.plot.diagrams import indicator, stabilization

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modalscope.monitoring.change import Alarms
-from modalscope.monitoring.tracks import DOUBT, Tracks
-from modalscope.monitoring.weather import Explained
+from modalscope.monitoring.history import as_times
+from modalscope.monitoring.tracks import DOUBT, Explained, Tracks
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_kind
 from modalscope.numerics.errors import check_choice
@@ -64,7 +64,7 @@ def tracks(found: Tracks, ax: Axes | None = None) -> Axes:
     std = found.frequencies_std
     for k, name in enumerate(found.names):
         colour, own = _COLOURS[k % len(_COLOURS)], (found.track == k) & ~found.double
-        sure, doubt = own & (found.probability >= DOUBT), own & (found.probability < DOUBT)
+        sure, doubt = own & (found.mode_probability >= DOUBT), own & (found.mode_probability < DOUBT)
         ax.plot(when[sure], history.frequencies[sure], ".", color=colour, markersize=size, label=plain(f"{name}"))
         hollow = {"markerfacecolor": "white", "markeredgecolor": colour, "markersize": size}
         ax.plot(when[doubt], history.frequencies[doubt], "o", **hollow)  # type: ignore[arg-type]
@@ -112,7 +112,7 @@ def against(found: Explained, covariate: str | None = None, ax: Axes | None = No
         y = 100 * (line + found.residual[:, k] + offset)
         ax.plot(x, y, ".", color=colour, markersize=1.8, alpha=0.5)
         ax.plot(x[order], 100 * (line + offset)[order], color=INK, linewidth=1.0)
-        label = f"{track_name}: {100 * found.share[k]:.0f} %"
+        label = f"{track_name}: {100 * found.part_explained[k]:.0f} %"
         ax.plot([], [], ".", color=colour, markersize=8, label=plain(label))
     dress(
         ax,
@@ -143,12 +143,13 @@ def control_chart(found: Alarms, ax: Axes | None = None) -> Axes:
     ax.axhline(1, color=VERMILLION, linewidth=1.0, linestyle=(0, (5, 3)), label=label)
     for number, alarm in enumerate(found.alarms):
         label = "change, 95 %" if number == 0 else "_"
-        ax.axvspan(*alarm.interval, color=ORANGE, alpha=0.4, linewidth=0, label=label)
-        ax.axvline(alarm.change, color=ORANGE, linewidth=1.2)
-        text = f"{alarm.change.astype('datetime64[D]')!s}: {', '.join(alarm.tracks[:2])}"
+        change, *interval = as_times("times", [alarm.change, *alarm.interval])
+        ax.axvspan(*interval, color=ORANGE, alpha=0.4, linewidth=0, label=label)
+        ax.axvline(change, color=ORANGE, linewidth=1.2)
+        text = f"{change.astype('datetime64[D]')!s}: {', '.join(alarm.tracks[:2])}"
         ax.annotate(
             plain(text),
-            (alarm.change, 0.98),
+            (change, 0.98),
             xycoords=("data", "axes fraction"),
             ha="right",
             va="top",
