@@ -1,4 +1,4 @@
-"""The front end of the page is built into the package when the package is built."""
+"""The front end of the page is built into the package, and the measured examples are laid into the wheel, when the package is built."""
 
 from __future__ import annotations
 
@@ -22,6 +22,9 @@ class PageHook(BuildHookInterface):
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Build the bundle; an editable install goes on without it, with a warning, a package that is given away does not."""
+        if self.target_name == "wheel" and version != "editable":  # an editable install finds them where they lie
+            sets = sorted(path for path in (Path(self.root) / "examples").iterdir() if path.is_dir())
+            build_data["force_include"] |= {str(path): f"modalscope/datasets/files/{path.name}" for path in sets}
         bundle = self._bundle()
         if bundle is None:
             return

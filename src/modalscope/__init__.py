@@ -13,7 +13,13 @@ from typing import TYPE_CHECKING, Any
 from warnings import warn
 
 if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the same place when it is first asked for
-    from modalscope import monitoring as monitoring, plot as plot, preprocess as preprocess, systems as systems
+    from modalscope import (
+        datasets as datasets,
+        monitoring as monitoring,
+        plot as plot,
+        preprocess as preprocess,
+        systems as systems,
+    )
     from modalscope.checking.certificate import Certificate as Certificate
     from modalscope.checking.certify import certify as certify
     from modalscope.checking.selfcheck import selfcheck as selfcheck
@@ -133,6 +139,7 @@ _HOMES = {
 
 #: What else there is, in namespaces.
 _NAMESPACES = {
+    "datasets": "datasets",
     "indicators": "modal.indicators",
     "monitoring": "monitoring",
     "plot": "plot",

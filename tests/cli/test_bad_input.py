@@ -184,7 +184,7 @@ def test_an_output_that_cannot_be_written_is_refused_before_the_work(output, tmp
 
 
 @pytest.mark.parametrize(
-    "arguments", [[], ["identify"], ["identify", "a", "--band", "1"], ["nonsense"], ["identify", "a", "--wrong"]]
+    "arguments", [["identify"], ["identify", "a", "--band", "1"], ["nonsense"], ["identify", "a", "--wrong"]]
 )
 def test_wrong_use_ends_with_status_2_and_one_line(arguments, capsys):
     with pytest.raises(SystemExit) as stop:

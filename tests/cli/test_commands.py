@@ -21,6 +21,23 @@ def test_every_command_stands_in_the_help_in_order(capsys: pytest.CaptureFixture
     assert listed == [command.name for command in COMMANDS]
 
 
+@pytest.mark.parametrize("words", [[], ["-q"]])
+def test_no_command_prints_what_there_is_in_groups(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words) == 0
+    said = capsys.readouterr().out
+    assert re.findall(r"^(\w+)$", said, re.MULTILINE) == ["first", "look", "identify", "compare", "models", "files"]
+    assert "\n  modalscope identify test.uff -o report.html\n" in said
+
+
+def test_options_stand_in_groups_and_the_usage_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["identify", "--help"])
+    said = capsys.readouterr().out
+    assert said.startswith("usage: modalscope identify [options] FILE [FILE ...]\n")
+    titles = re.findall(r"^([\w ,.()]+):$", said, re.MULTILINE)
+    assert titles.index("method and orders") < titles.index("output") < titles.index("tables and bare numbers")
+
+
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
 def test_every_command_explains_itself(command: Command, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stop:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from modalscope.cli.process import EXIT_WRONG, STDOUT, VOICE, complain, hang_up, take_over
+from modalscope.cli.process import EXIT_WRONG, STDOUT, VOICE, complain, hang_up, listen, take_over
 
 __all__ = ["main"]
 
@@ -57,7 +57,7 @@ def _run(words: Sequence[str]) -> None:
     parser = build_parser()
     try:
         options = parser.parse_args(configured(command_first(words)), argparse.Namespace(command_line=command_line))
-        VOICE.quiet, VOICE.verbose = (getattr(options, how, False) for how in ("quiet", "verbose"))
+        listen(options.quiet, options.verbose, options.log) if hasattr(options, "log") else listen(False, False, None)
         VOICE.aside = STDOUT in map(str, getattr(options, "outputs", ()))
         options.run(options)
     finally:

@@ -17,6 +17,8 @@ from pathlib import Path
 from typing import Any
 
 _OPTION = "--config"
+#: Options of every command with a value.
+_VALUED = (_OPTION, "--log")
 #: Options of every command without a value; short ones may be combined.
 _LONG_FLAGS, _SHORT_FLAGS = ("--quiet", "--verbose"), re.compile(r"-[qv]+\Z")
 
@@ -33,9 +35,9 @@ def command_first(words: Sequence[str]) -> list[str]:
     """
     at = 0
     while at < len(words) and (
-        words[at] in _LONG_FLAGS or _SHORT_FLAGS.match(words[at]) or words[at].split("=")[0] == _OPTION
+        words[at] in _LONG_FLAGS or _SHORT_FLAGS.match(words[at]) or words[at].split("=")[0] in _VALUED
     ):
-        at += 2 if words[at] == _OPTION else 1
+        at += 2 if words[at] in _VALUED else 1
     return [words[at], *words[:at], *words[at + 1 :]] if at < len(words) else []
 
 

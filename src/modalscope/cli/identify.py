@@ -53,13 +53,15 @@ def add_identify(parser: Parser) -> None:
     add_method(parser)
     add_orders(parser)
     add_choices(parser, bands=True)
-    add = parser.add_argument
+    add = parser.group("modes")
     add("--frequencies", nargs="+", type=float, metavar="HZ", help="report the modes at these frequencies only")
     add("--take", nargs="+", type=float, metavar="HZ", help="also report the modes at these frequencies")
     add("--refuse", nargs="+", type=float, metavar="HZ", help="do not report the modes at these frequencies")
     add("--no-refine", dest="refine", action="store_false", help="no maximum likelihood refinement")
+    add = parser.group("output")
     add("--all", action="store_true", help="also print the candidates left out, with reasons")
     add("--wide", action="store_true", help="print all columns: spreads, significance, indicators")
+    add = parser.group("several files")
     add(
         "--each",
         action="store_true",

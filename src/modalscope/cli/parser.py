@@ -4,10 +4,18 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
 from modalscope.cli.process import EXIT_WRONG
+
+#: Titles of groups of options.
+_READING, _TABLES = "what the file does not state", "tables and bare numbers"
+_STORED, _COMMON = "records that stay in their file (.h5, .zarr)", "all commands"
+
+#: The groups that the help of a command lists last.
+_LAST = (_READING, _TABLES, _STORED, _COMMON)
 
 
 class Parser(argparse.ArgumentParser):
@@ -47,6 +55,21 @@ class Parser(argparse.ArgumentParser):
 
         self.exit(EXIT_WRONG, f"{self.prog}: {' '.join(shortened(message).split())}\n")
 
+    def group(self, title: str) -> Callable[..., argparse.Action]:
+        """Return what adds an option to the group of this title; the help lists groups in the order of their first option."""
+        groups = (group for group in self._action_groups if group.title == title)
+        return (next(groups, None) or self.add_argument_group(title)).add_argument
+
+    def arrange(self) -> None:
+        """Print the files of a command in its usage, its options in groups alone, and the groups that few need last."""
+        last = {title: k for k, title in enumerate(_LAST)}
+        self._action_groups.sort(key=lambda group: last.get(group.title or "", -1))
+        told = [action for action in self._actions if not action.option_strings]
+        formatter = self._get_formatter()
+        formatter.add_usage(None, told, [], "")
+        words = formatter.format_help().split()[len(self.prog.split()) :]
+        self.usage = " ".join(["%(prog)s", "[options]", *words])
+
 
 def add_file(parser: Parser) -> None:
     """Add the data file and the reading options."""
@@ -65,7 +88,7 @@ def add_files(parser: Parser) -> None:
 
 def add_reading(parser: Parser) -> None:
     """Add the options for what a file does not state."""
-    add = parser.add_argument
+    add = parser.group(_READING)
     add("--quantity", help="displacement, velocity or acceleration, if the file does not state it or is wrong")
     add(
         "--rename",
@@ -83,7 +106,7 @@ def add_reading(parser: Parser) -> None:
 
 def add_geometry(parser: Parser) -> None:
     """Add the geometry, the options of tables and the memory limit of reading."""
-    add = parser.add_argument
+    add = parser.group(_READING)
     add("--geometry", metavar="FILE", help="sensor positions: a table node,x,y,z, a universal file or a mesh")
     add("--lines", metavar="FILE", help="lines of the geometry: a table of pairs of nodes")
     add("--exact-nodes", action="store_true", help="place no channel by its number alone (P3 at node 3)")
@@ -94,7 +117,7 @@ def add_geometry(parser: Parser) -> None:
 
 def add_tables(parser: Parser) -> None:
     """Add the options for what a table, or a file of bare numbers, does not state."""
-    add = parser.add_argument_group("tables and bare numbers").add_argument
+    add = parser.group(_TABLES)
     add("--sampling-rate", type=float, metavar="HZ", help="sampling rate in Hz, if the file does not state it")
     add("--columns", metavar="ROLES", help='roles of the columns, such as "time=1,in=2,out=3-9"')
     add("--ignore", action="append", metavar="COL", help="column (number or name) or array to ignore; repeatable")
@@ -127,7 +150,7 @@ def memory(text: str) -> int:
 
 def add_workers(parser: Parser) -> None:
     """Add the executor and the folder of partial sums for stored records."""
-    add = parser.add_argument_group("records that stay in their file (.h5, .zarr)").add_argument
+    add = parser.group(_STORED)
     add("--scheduler", metavar="ADDRESS", help="Dask scheduler, such as tcp://host:8786; local:4 starts four processes")
     add("--resume", type=Path, metavar="FOLDER", help="folder for partial sums: an interrupted job goes on from them")
 
@@ -135,14 +158,14 @@ def add_workers(parser: Parser) -> None:
 def add_outputs(parser: Parser, what: str) -> None:
     """Add the output files, any number, and `--force`."""
     form: dict[str, Any] = {"dest": "outputs", "action": "append", "type": Path, "default": [], "metavar": "FILE"}
-    parser.add_argument("-o", "--output", **form, help=f"{what}; repeatable; - writes JSON to stdout")
+    parser.group("output")("-o", "--output", **form, help=f"{what}; repeatable; - writes JSON to stdout")
     add_force(parser)
 
 
 def add_pictures(parser: Parser) -> None:
     """Add whether the pictures of a result are written, too."""
     words = "also write diagram, shapes, AutoMAC and strongest response as files named after the first -o"
-    parser.add_argument("--pictures", choices=("png", "svg", "pdf"), help=words)
+    parser.group("output")("--pictures", choices=("png", "svg", "pdf"), help=words)
 
 
 def add_outside(parser: Parser) -> None:
@@ -153,26 +176,31 @@ def add_outside(parser: Parser) -> None:
 
 def add_force(parser: Parser) -> None:
     """Add whether a file that modalscope did not write may be replaced."""
-    parser.add_argument("--force", action="store_true", help="replace a file that modalscope did not write")
+    parser.group("output")("--force", action="store_true", help="replace a file that modalscope did not write")
 
 
 def add_common(parser: Parser) -> None:
     """Add the options of every command: verbosity and a file of options."""
-    add = parser.add_argument
+    add = parser.group(_COMMON)
     add("-q", "--quiet", action="store_true", help="print the result only: no remarks, no progress")
     add("-v", "--verbose", action="store_true", help="also print all settings that were chosen")
+    add("--log", type=Path, metavar="FILE", help="file that all remarks and settings are added to, with their times")
     add("--config", metavar="TOML", help="file of options, one table per command; the command line takes precedence")
 
 
 def add_method(parser: Parser) -> None:
     """Add a cell of the table of methods."""
-    parser.add_argument("--method", help="method, a row of `modalscope methods` (default: chosen by the data)")
-    parser.add_argument("--domain", help="time, z or s; default: chosen by the data")
+    parser.group("method and orders")(
+        "--method", help="method, a row of `modalscope methods` (default: chosen by the data)"
+    )
+    parser.group("method and orders")("--domain", help="time, z or s; default: chosen by the data")
 
 
 def add_orders(parser: Parser) -> None:
     """Add the model orders."""
-    parser.add_argument("--orders", metavar="A:B:STEP", help="model orders, both ends included, such as 2:60:2")
+    parser.group("method and orders")(
+        "--orders", metavar="A:B:STEP", help="model orders, both ends included, such as 2:60:2"
+    )
 
 
 def add_band(parser: Parser, *, several: bool = False) -> None:
@@ -184,13 +212,13 @@ def add_band(parser: Parser, *, several: bool = False) -> None:
         "action": "append" if several else "store",
     }
     more = "; repeatable, modes of several bands are merged" if several else ""
-    parser.add_argument("--band", **form, help=f"lowest and highest frequency, Hz{more}")
+    parser.group("band and channels")("--band", **form, help=f"lowest and highest frequency, Hz{more}")
 
 
 def add_choices(parser: Parser, *, bands: bool = False) -> None:
     """Add the band (several if `bands`), the route from records with inputs, their delays and excluded channels."""
     add_band(parser, several=bands)
-    add = parser.add_argument
+    add = parser.group("band and channels")
     add(
         "--route",
         help="records with inputs: auto, records (on their own lines), frf, markov or subspace; without inputs: correlation, also where "

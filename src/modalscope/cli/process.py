@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import io
+import logging
 import os
 import re
 import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from time import monotonic
 from types import FrameType
 from typing import Any, NoReturn
@@ -63,24 +65,67 @@ def _stop(number: int, frame: FrameType | None) -> NoReturn:
 
 
 class Voice:
-    """Verbosity and destination of messages.
+    """Destination of messages.
 
     Attributes
     ----------
-    quiet : bool
-        Print no remarks and no progress.
-    verbose : bool
-        Also print the settings that were chosen.
     aside : bool
         Stdout is for a document: messages go to stderr.
     """
 
-    quiet: bool = False
-    verbose: bool = False
     aside: bool = False
 
 
 VOICE = Voice()
+
+#: What the command line tells beside results. Its records also reach the logger of the program, `modalscope`.
+_LOG = logging.getLogger("modalscope.cli")
+
+
+class _Terminal(logging.Handler):
+    """Print records: remarks on stdout, errors on stderr."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print one record."""
+        if record.levelno < logging.WARNING:
+            say(record.getMessage())
+        elif sys.stderr is not None:
+            with suppress(OSError):
+                print(f"modalscope: {record.getMessage()}", file=sys.stderr)
+
+
+_LOG.addHandler(_Terminal())
+_LOG.setLevel(logging.INFO)
+
+
+def listen(quiet: bool, verbose: bool, file: Path | None) -> None:
+    """Set what is told: results alone, remarks, or the settings, too; and a file that what is told is added to, with its times."""
+    _LOG.setLevel(logging.WARNING if quiet else logging.DEBUG if verbose else logging.INFO)
+    log = logging.getLogger("modalscope")
+    for handler in [handler for handler in log.handlers if isinstance(handler, logging.FileHandler)]:
+        log.removeHandler(handler)  # of an earlier run in this process
+        handler.close()
+    if file is not None:
+        handler = logging.FileHandler(file, encoding="utf-8")
+        handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(message)s"))
+        handler.addFilter(_Once())
+        log.addHandler(handler)
+        log.setLevel(logging.DEBUG)
+
+
+class _Once(logging.Filter):
+    """Let each text pass once: a note that a run records is also printed by the command line."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._told = {""}
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Whether the text is new."""
+        text = record.getMessage().strip()
+        new = text not in self._told
+        self._told.add(text)
+        return new
 
 
 def say(*texts: object) -> None:
@@ -114,23 +159,21 @@ def narrowed(table: str, columns: int) -> str:
 
 def remark(*texts: object) -> None:
     """Print remarks on the result, unless --quiet was given."""
-    if not VOICE.quiet:
-        say(*texts)
+    for text in texts:
+        _LOG.info("%s", text)
 
 
 def explain(*texts: object) -> None:
     """Print the settings behind the result, if --verbose was given."""
-    if VOICE.verbose:
-        say(*texts)
+    for text in texts:
+        _LOG.debug("%s", text)
 
 
 def complain(text: object) -> None:
     """Print one line on stderr, if the process has one."""
     from modalscope.numerics.errors import shortened
 
-    if sys.stderr is not None:
-        with suppress(OSError):
-            print(f"modalscope: {' '.join(shortened(str(text)).split())}", file=sys.stderr)
+    _LOG.error("%s", " ".join(shortened(str(text)).split()))
 
 
 def hang_up() -> None:
@@ -149,7 +192,9 @@ def progress(what: str, unit: str = "order", then: str = "") -> Iterator[Callabl
     from tqdm import tqdm
 
     start = monotonic()
-    with tqdm(desc=what, unit=unit, file=sys.stderr, leave=False, disable=VOICE.quiet or None) as bar:
+    with tqdm(
+        desc=what, unit=unit, file=sys.stderr, leave=False, disable=None if _LOG.isEnabledFor(logging.INFO) else True
+    ) as bar:
 
         def show(done: int, total: int) -> None:
             bar.total = total

@@ -6,6 +6,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Self, TypeAlias
 
@@ -233,6 +234,16 @@ class Channels(Shown, ABC):
     def labelled(self) -> dict[str, Any]:
         """Return labels, units, geometry, history and file by name, for other data of the same channels."""
         return {each.name: getattr(self, each.name) for each in fields(Channels)}
+
+    def to_xarray(self) -> Any:
+        """Return an xarray Dataset: the same arrays with names, labels, frequencies or times on their axes.
+
+        Raises
+        ------
+        DataError
+            xarray is missing: the extra `netcdf` brings it; or data that stay in their file.
+        """
+        return import_module("modalscope.data.named_axes").dataset(self)
 
     def processed(self, step: str) -> Self:
         """Return the same data with one more step of processing written down.

@@ -399,7 +399,14 @@ class ModalModel(ModeFields):
             pandas is not installed: the extra `pandas` brings it.
         """
         frames = optional_package("to_dataframe", "pandas", "pandas")
-        return frames.DataFrame(_description().columns_of(self))
+        return frames.DataFrame(self.columns())
+
+    def columns(self) -> dict[str, Any]:
+        """Return the numbers of the modes by the names that files and data frames give them.
+
+        Frequencies and damping ratios with deviations and 95 % intervals, indicators, grade and reason, each (n,).
+        """
+        return dict(_description().columns_of(self))
 
 
 def _graded(modes: ModalModel) -> Any:

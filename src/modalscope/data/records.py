@@ -28,6 +28,7 @@ from modalscope.data.geometry import Geometry
 from modalscope.data.shown import Shown
 from modalscope.data.units import Convertible
 from modalscope.functions.kind_of_test import kind_of_test
+from modalscope.numerics.arguments import also_called
 from modalscope.numerics.checks import (
     RealArray,
     check_count,
@@ -40,6 +41,7 @@ from modalscope.numerics.checks import (
 from modalscope.numerics.errors import DataError
 
 
+@also_called(quantity="quantities")
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class Signals(Channels, Convertible):
     """Sampled outputs, and the inputs when they were measured.
@@ -53,7 +55,7 @@ class Signals(Channels, Convertible):
     sampling_rate : float
         Samples per second.
     quantities : str or sequence of str, optional
-        Displacement, velocity or acceleration: one for all outputs or one each.
+        Displacement, velocity or acceleration: one for all outputs or one each. `quantity=` is accepted, too.
     groups : sequence of labels, "auto" or None
         One label a run: what disagrees between groups is repeatability. By default every run of several is one.
 

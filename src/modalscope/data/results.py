@@ -182,6 +182,16 @@ class StabilizationDiagram(Shown, HasPoles):
             reference_whitening=None,
         )
 
+    def to_xarray(self) -> Any:
+        """Return an xarray Dataset of all poles: order, frequency, damping ratio, what is stable, deviations, indicators, shapes.
+
+        Raises
+        ------
+        DataError
+            xarray is missing: the extra `netcdf` brings it.
+        """
+        return import_module("modalscope.data.named_axes").dataset(self)
+
     @property
     def as_measured(self) -> Response:
         """The data before they were transformed for the row: what they say against noise is asked there.

@@ -9,7 +9,9 @@ from typing import Any
 from modalscope.identification.method import DOMAINS, Method, plain
 from modalscope.identification.table import methods as table
 from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import check_each, check_kind
 from modalscope.numerics.errors import DataError, check_choice
+from modalscope.numerics.plugins import METHODS, added, names_added
 
 _FDD = (
     "Singular values of spectra and their peaks are modalscope.preprocess.decomposition(record).peaks() (the command psd); "
@@ -81,7 +83,19 @@ def methods(name: str | None = None) -> tuple[Method, ...]:
     >>> [str(m) for m in methods("PolyMAX")]
     ['lscf (z)']
     """
-    return table() if name is None else _rows_named(name)
+    return (*table(), *_rows_added()) if name is None else _rows_named(name)
+
+
+def _rows_added() -> tuple[Method, ...]:
+    """Return the rows that installed packages add."""
+    rows: list[Method] = []
+    for name in names_added(METHODS):
+        given = added(METHODS, name)
+        given = (given,) if isinstance(given, Method) else given
+        rows += check_each(f"the method {name} of an installed package", given, "rows of the table")
+    for row in rows:
+        check_kind("a row of the table", row, Method)
+    return tuple(rows)
 
 
 def _rows_named(name: Any) -> tuple[Method, ...]:
@@ -89,6 +103,7 @@ def _rows_named(name: Any) -> tuple[Method, ...]:
     wanted = plain(name) if isinstance(name, str) else ""
     rows = [m for m in table() if plain(m.name) == wanted]
     rows = rows or [m for m in table() if wanted in {plain(alias) for alias in m.aliases}]
+    rows = rows or [m for m in _rows_added() if wanted in {plain(m.name), *map(plain, m.aliases)}]
     if not rows:
         raise _unknown(name)
     return tuple(rows)

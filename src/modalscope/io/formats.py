@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from modalscope.data import (
     DataError,
@@ -24,11 +24,13 @@ from modalscope.data.shown import summary_of
 from modalscope.io import accelerograms, csv, geometry, hdf5, json, mat, npz, recorders, seismic, text, uff, zarr
 from modalscope.io.analysis import write_analysis
 from modalscope.io.atomic import check_texts, replacing
-from modalscope.io.contents import Contents, DataObject, Format, Options, Survey, unreadable
+from modalscope.io.contents import Contents, DataObject, Format, Options, Survey, damage_as_error, unreadable
 from modalscope.io.from_arrays import ARRAY_OPTIONS, FIELD_OPTIONS, overridden
 from modalscope.io.stored import STORED_OPTIONS
+from modalscope.numerics import plugins
 from modalscope.numerics.arguments import plainly
 from modalscope.numerics.checks import check_kind, check_path
+from modalscope.numerics.plugins import added, names_added
 
 _UNIVERSAL = Format("universal file", uff.read, uff.write, uff.READ_OPTIONS, uff.WRITE_OPTIONS)
 _TEXT = Format("text table", text.read, None, text.TEXT_OPTIONS)
@@ -134,7 +136,7 @@ def survey(path: str | Path, **options: Any) -> Survey:
     contents = _contents(file, options)
     return Survey(
         path=file,
-        format=FORMATS[file.suffix.lower()].name,
+        format=format_of(file, "reading").name,
         result=summary_of(contents.thing),
         thing=contents.thing,
         found=contents.findings,
@@ -190,11 +192,29 @@ def format_of(path: Path, doing: str) -> Format:
 
     Raises `DataError`: no suffix, or an unknown one.
     """
-    row = FORMATS.get(path.suffix.lower())
+    suffix = path.suffix.lower()
+    row = FORMATS.get(suffix) or _added(suffix)
     if row is None:
         fault = f"the suffix {path.suffix!r} is unknown" if path.suffix else "it has no suffix"
-        raise DataError(f"{doing} {str(path)!r} was asked", fault, f"Use one of {', '.join(FORMATS)}.")
+        known = (*FORMATS, *(f".{name}" for name in names_added(plugins.FORMATS)))
+        raise DataError(f"{doing} {str(path)!r} was asked", fault, f"Use one of {', '.join(known)}.")
     return row
+
+
+def _added(suffix: str) -> Format | None:
+    """Return the format that an installed package adds for a suffix: a function of a path that returns data."""
+    reader = added(plugins.FORMATS, suffix.removeprefix(".")) if suffix else None
+    if reader is None:
+        return None
+    package = reader.__module__.partition(".")[0]
+
+    def contents(path: Path, options: Options) -> Contents:
+        with damage_as_error(f"{path.name} by {package}", "Write the file again, or update the package.", (Exception,)):
+            thing = reader(path)
+        check_kind(f"what {package} returns", thing, get_args(DataObject))
+        return Contents(thing=thing)
+
+    return Format(f"{suffix} file, read by {package}", contents)
 
 
 def check_options(path: Path, options: Options, known: tuple[str, ...], doing: str) -> None:

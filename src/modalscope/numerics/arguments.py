@@ -107,13 +107,46 @@ def _blame(verb: Callable[..., Any], args: Sequence[Any], kwargs: Mapping[str, A
     """Return an error that names the argument which cannot be meant; None where none stands out."""
     try:
         given = list(_arguments(verb, args, kwargs))
-    except TypeError:  # too many, too few or unknown: Python's words name them
-        return None
+    except TypeError:  # too many or too few: Python's words name them
+        return _misnamed(verb, kwargs)
     for fault in (_unlike, _odd, _without_axis):
         for argument, value, hint in given:
             if words := fault(value, hint):
                 return _error(verb.__qualname__.removesuffix(".__init__"), argument, value, words)
     return None
+
+
+def _misnamed(verb: Callable[..., Any], kwargs: Mapping[str, Any]) -> DataError | None:
+    """Return an error that names a keyword which the function does not know, and the nearest that it knows."""
+    parameters = inspect.signature(verb).parameters.values()
+    if any(p.kind is inspect.Parameter.VAR_KEYWORD for p in parameters):
+        return None
+    known = [p.name for p in parameters if p.name != "self" and p.kind is not inspect.Parameter.POSITIONAL_ONLY]
+    try:
+        check_option_names(verb.__qualname__.removesuffix(".__init__"), kwargs, known)
+    except DataError as error:
+        return error
+    return None
+
+
+def also_called(**names: str) -> Callable[[type[T]], type[T]]:
+    """Return a decorator of a data class that accepts other names of its fields, `other="field"`, where the field is not given."""
+
+    def wrap(kind: type[T]) -> type[T]:
+        make: Any = kind.__init__
+
+        def init(self: T, *args: Any, **kwargs: Any) -> None:
+            for other, field in names.items():
+                if other in kwargs and field not in kwargs:
+                    kwargs[field] = kwargs.pop(other)
+            make(self, *args, **kwargs)
+
+        init.__signature__ = inspect.signature(make)  # type: ignore[attr-defined]
+        init.__qualname__, init.__module__, init.__doc__ = make.__qualname__, make.__module__, make.__doc__
+        setattr(kind, "__init__", init)  # noqa: B010 - a type checker knows the fields alone
+        return kind
+
+    return wrap
 
 
 def _error(verb: str, argument: str, value: Any, words: str) -> DataError:
@@ -271,6 +304,7 @@ def _words(hint: Any) -> str:
 
 P = ParamSpec("P")
 R = TypeVar("R")
+T = TypeVar("T")
 
 #: What an argument may be: a type or several, one of some texts, or a function of name and value that returns the value checked.
 Limit = type[Any] | tuple[type[Any], ...] | Sequence[str] | Callable[[str, Any], Any]

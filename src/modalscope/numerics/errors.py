@@ -92,6 +92,18 @@ def check_choice(name: str, value: Any, choices: Iterable[str]) -> str:
     raise DataError(f"{name}={value!r} was asked", f"there are only {', '.join(names)}", f"{hint}Choose one of these.")
 
 
+#: What others call an option -> its name here.
+_USUAL_NAMES = {
+    **dict.fromkeys(("fs", "sample_rate", "samplerate", "rate", "fsamp", "sampling_frequency"), "sampling_rate"),
+    **dict.fromkeys(("f", "freq", "freqs", "frequency"), "frequencies"),
+    **dict.fromkeys(("y", "output", "acceleration", "accelerations"), "outputs"),
+    **dict.fromkeys(("u", "input", "force", "forces"), "inputs"),
+    **dict.fromkeys(("h", "frf", "frfs", "irf", "data"), "values"),
+    **dict.fromkeys(("labels", "dofs", "channels"), "output_dofs"),
+    **dict.fromkeys(("n", "model_order"), "order"),
+}
+
+
 def check_option_names(
     verb: str, given: Iterable[str], known: Iterable[str], owners: Mapping[str, Iterable[str]] | None = None
 ) -> None:
@@ -112,7 +124,8 @@ def check_option_names(
             continue
         call = verb if verb.endswith(")") else f"{verb}()"
         found = f"{call} has no option {name!r}"
-        near = get_close_matches(name, [*options, *elsewhere], n=1)
+        usual = _USUAL_NAMES.get(name.lower(), "")
+        near = [usual] if usual in options else get_close_matches(name, [*options, *elsewhere], n=1)
         if name in elsewhere:
             hint = f"it belongs to {', '.join(elsewhere[name])}"
         elif near:

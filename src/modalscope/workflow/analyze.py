@@ -13,6 +13,7 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.data.results import Result, StabilizationDiagram
+from modalscope.data.shown import summary_of
 from modalscope.doctor.examine import examine
 from modalscope.identification.options import AllOptions, labels_of
 from modalscope.identification.orders import MAX_ORDERS
@@ -20,6 +21,7 @@ from modalscope.judging.select import selected
 from modalscope.modal.rebuilt import explains_enough, fit_of, of_noise, share_explained, unexplained
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_each, check_kind
+from modalscope.numerics.log import LOG, tell
 from modalscope.numerics.resources import one_thread
 from modalscope.preprocess.frf import leakage_note
 from modalscope.workflow.bands import Choose, Look, looked_at, modes_chosen
@@ -119,7 +121,11 @@ def analyze(
 def analyzed(data: Any, document: Analysis, progress: Progress | None = None, told: tuple[Note, ...] = ()) -> Result:
     """Return the result of the choices in a document on data that were read; `told`: notes of reading. See `analyze`."""
     check_kind("document", document, Analysis)
-    return concluded(data, document, looked_at(data, document, progress), told)
+    result = concluded(data, document, looked_at(data, document, progress), told)
+    tell(summary_of(result.data), summary_of(result.modes), *result.notes)
+    for settings in result.settings:
+        LOG.debug("settings: %s", settings)
+    return result
 
 
 def concluded(

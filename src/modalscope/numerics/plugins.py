@@ -1,0 +1,45 @@
+"""Find what other installed packages add to the tables of the program, by their entry points."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+from modalscope.numerics.errors import DataError
+
+#: Readers by suffix, without its dot: functions of a path that return data.
+FORMATS = "modalscope.formats"
+#: Rows of the table of methods by name.
+METHODS = "modalscope.methods"
+
+
+@cache
+def names_added(group: str) -> tuple[str, ...]:
+    """Return the names that installed packages add to a table."""
+    return tuple(point.name for point in _points(group))
+
+
+@cache
+def added(group: str, name: str) -> Any:
+    """Return what an installed package adds to a table under a name, or None.
+
+    Raises
+    ------
+    DataError
+        The package cannot be loaded.
+    """
+    point = next((point for point in _points(group) if point.name == name), None)
+    if point is None:
+        return None
+    try:
+        return point.load()
+    except Exception as error:  # noqa: BLE001 - the code of others may raise anything
+        package = point.dist.name if point.dist is not None else point.value
+        asked = f"{name} of the installed package {package} was asked"
+        raise DataError(asked, f"it does not load ({type(error).__name__}: {error})", "Update or remove it.") from None
+
+
+def _points(group: str) -> Any:
+    from importlib.metadata import entry_points  # a tenth of a second: loaded where a name is not our own
+
+    return entry_points(group=group)
