@@ -79,7 +79,7 @@ docs: $(DOCS_STAMP) docs/_static/mathjax/tex-svg.js
 	@echo "build/docs/index.html"
 
 demo: setup
-	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/modalscope demo --force
+	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/modalscope demo
 
 page: setup
 	@$(BIN)/python page/bundle.py
