@@ -62,6 +62,8 @@ def test_a_change_is_a_line_of_json_an_exit_status_and_a_command(
         str(tmp_path / "a.png"),
         "--call",
         command,
+        "-o",
+        str(tmp_path / "a.html"),
     ]
     with pytest.raises(SystemExit) as stop:
         main(judged)
@@ -71,6 +73,7 @@ def test_a_change_is_a_line_of_json_an_exit_status_and_a_command(
     assert next(iter(json.loads(line)["tracks"])).startswith("1:")
     assert json.loads((tmp_path / "told.json").read_text()) == json.loads(line)
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    assert "1 at 1 false ones a year" in (tmp_path / "a.html").read_text()
 
 
 def test_it_waits_for_more_where_there_are_too_few_to_judge(
@@ -104,3 +107,15 @@ def test_a_folder_that_is_not_there_and_a_chart_without_a_reference(
     assert "there is no such folder" in capsys.readouterr().err
     assert main([*command, "--chart", "a.png"]) == 2
     assert "needs --reference" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_workers_of_a_scheduler_identify(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("distributed")
+    for k in range(3):
+        ms.write(tmp_path / f"20260601_0{k}00.npz", chain5().impulse_response(150, noise=0.01, seed=k))
+        os.utime(tmp_path / f"20260601_0{k}00.npz", (time.time() - 3600,) * 2)
+    store = tmp_path / "a.modes"
+    command = ["watch", str(tmp_path), "--store", str(store), "--once", "--method", "era", "--scheduler", "local:1"]
+    assert main(command) == 0
+    assert "3 stored" in capsys.readouterr().out

@@ -12,7 +12,9 @@ from modalscope.cli.process import remark, say
 
 def add_app(parser: Parser) -> None:
     """Add the arguments of `app`."""
-    parser.add_argument("files", nargs="*", type=Path, metavar="FILE", help="data or an .analysis.json to open at once")
+    parser.add_argument(
+        "files", nargs="*", type=Path, metavar="FILE", help="data, an .analysis.json, or a store of months (.modes)"
+    )
     parser.add_argument("--folder", type=Path, metavar="DIR", help="folder whose files the page may open")
     parser.add_argument("--port", type=int, default=0, metavar="N", help="port (default: any free port)")
     parser.add_argument(
@@ -30,10 +32,13 @@ def app(options: argparse.Namespace) -> None:
     """Open the page in the browser: a file in, poles and modes to inspect and select.
 
     The page is served on this machine. It reads files of one folder and files dropped on it; documents are kept between sessions. Dropped
-    files are deleted with their document, or 30 days after its last change.
+    files are deleted with their document, or 30 days after its last change. A store of months of records (.modes) is shown as its report.
     """
     from modalscope.numerics.errors import optional_package
 
+    if len(options.files) == 1 and options.files[0].suffix.lower() == ".modes":
+        _months(options)
+        return
     for package in ("starlette", "uvicorn"):
         optional_package("the page", package, "app")
     from modalscope.app.documents import DocumentStore
@@ -62,6 +67,24 @@ def app(options: argparse.Namespace) -> None:
 
         webbrowser.open(server.address_once())
     serve(server)
+
+
+def _months(options: argparse.Namespace) -> None:
+    """Show the report of a store of months of records in the browser, until it is interrupted."""
+    from modalscope.app.months import MonthsServer
+    from modalscope.data import DataError
+
+    path = options.files[0]
+    if not path.is_file():
+        raise DataError(f"the store {str(path)!r} was asked", "there is no such file", "Make it: modalscope watch.")
+    server = MonthsServer(path, options.host, options.port)
+    say(f"the page: {server.address}")
+    sys.stdout.flush()  # for a reader that waits at a pipe
+    if not options.no_browser:
+        import webbrowser
+
+        webbrowser.open(server.address)
+    server.serve_forever()
 
 
 def _folder(options: argparse.Namespace) -> Path:

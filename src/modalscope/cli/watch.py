@@ -32,6 +32,9 @@ def add_watch(parser: Parser) -> None:
         help="seconds between two checks of the folder (default: 10)",
     )
     add("--jobs", type=int, default=1, metavar="N", help="number of processes (default: 1)")
+    add("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers identify; local:4 starts four processes")
+    words = "report of the period, .html: tracks, covariates, control chart, records that could not be used"
+    add("-o", "--output", type=Path, metavar="REPORT", help=words)
     add(
         "--reference",
         nargs=2,
@@ -45,7 +48,7 @@ def add_watch(parser: Parser) -> None:
         metavar="COMMAND",
         help="with --reference: command run at each alarm; it reads the alarm as JSON from its input",
     )
-    add("--force", action="store_true", help="replace a picture that modalscope did not write")
+    add("--force", action="store_true", help="replace a picture or report that modalscope did not write")
     add("--covariates", type=Path, metavar="CSV", help="table of temperature, wind ...: time, then a column for each")
     add_reading(parser)
     add_method(parser)
@@ -58,21 +61,16 @@ def watch(options: argparse.Namespace) -> None:
 
     Files that cannot be used are listed with their reasons; the rest goes on. Every record is stored once, whatever ends the command.
     With --reference, modes are followed through all records, and each alarm is a line of JSON; with --once, the exit status is 3 then.
+    With -o, a report of the period is written after every look that found something new.
     """
     import time
 
-    from modalscope.cli.output import PICTURES, check_output
+    from modalscope.cli.identify import workers_of
     from modalscope.monitoring import Store, read_covariates
-    from modalscope.numerics.checks import check_positive
-    from modalscope.numerics.errors import DataError
 
-    pause = check_positive("--every", options.every)
-    if options.reference is None and (options.chart or options.call):
-        raise DataError("a chart of changes needs --reference", "none was given", "Add --reference FIRST LAST.")
-    if options.chart is not None:
-        check_output(options.chart, (), options.force, PICTURES)
+    pause = _checked(options)
     told: set[str] = set()
-    with Store(options.store) as store:
+    with Store(options.store) as store, workers_of(options):
         if options.covariates is not None:
             times, columns = read_covariates(options.covariates)
             for name, values in columns.items():
@@ -80,19 +78,53 @@ def watch(options: argparse.Namespace) -> None:
         if options.again:
             store.forget_refused()
         while True:
-            if (_look(options, store) or options.once) and options.reference is not None:
-                try:
-                    _judge(options, store, told)
-                except DataError as error:
-                    if options.once:
-                        raise
-                    complain(error)  # too few records yet: more come
+            if _look(options, store) or options.once:
+                _tell(options, store, told)
             if options.once:
                 remark(f"{options.store}: {store.history()!r}")
                 if told:
                     raise SystemExit(EXIT_ALARM)
                 return
             time.sleep(pause)
+
+
+def _checked(options: argparse.Namespace) -> float:
+    """Raise for options that cannot be met, before the work is done; return the seconds between two looks."""
+    from modalscope.cli.output import PICTURES, check_output
+    from modalscope.numerics.checks import check_positive
+    from modalscope.numerics.errors import DataError
+
+    if options.reference is None and (options.chart or options.call):
+        raise DataError("a chart of changes needs --reference", "none was given", "Add --reference FIRST LAST.")
+    for path, suffixes in ((options.chart, PICTURES), (options.output, (".html", ".htm"))):
+        if path is not None:
+            check_output(path, (), options.force, suffixes)
+    return check_positive("--every", options.every)
+
+
+def _tell(options: argparse.Namespace, store: Store, told: set[str]) -> None:
+    """Write the report and tell changes, where they were asked for; too few records yet are no end of waiting."""
+    from modalscope.numerics.errors import DataError
+
+    try:
+        _report(options, store)
+        if options.reference is not None:
+            _judge(options, store, told)
+    except DataError as error:
+        if options.once:
+            raise
+        complain(error)
+
+
+def _report(options: argparse.Namespace, store: Store) -> None:
+    """Write the report of the period, where one was asked for."""
+    if options.output is None:
+        return
+    from modalscope.reporting.document import write_page
+    from modalscope.reporting.months import months_sections
+
+    parts = months_sections(store, reference=options.reference, false_per_year=options.false_per_year)
+    remark(str(write_page(options.output, store.path.name, "Months of records", parts, [store.path])))
 
 
 def _judge(options: argparse.Namespace, store: Store, told: set[str]) -> None:

@@ -148,8 +148,8 @@ class Tracks(Shown):
         """
         return explain(self, covariates, **options)
 
-    def table(self) -> str:
-        """Return a row a track: frequency, scatter, how often it was seen, first and last record, doubles, doubts."""
+    def rows(self) -> list[list[str]]:
+        """Return the cells of `table`, its head first."""
         rows = [["track", "f [Hz]", "scatter [Hz]", "seen [%]", "first", "last", "doubles", "in doubt"]]
         seen = np.isfinite(self.frequencies)
         for k in range(len(self)):
@@ -162,7 +162,11 @@ class Tracks(Shown):
             )
             ends = (str(when[[0, -1]][i]).replace("T", " ") for i in (0, 1))
             rows.append([str(k + 1), *numbers, *ends, str(np.count_nonzero(own & self.double)), str(doubt)])
-        return "\n".join([text_table(rows), *self.notes])
+        return rows
+
+    def table(self) -> str:
+        """Return a row a track: frequency, scatter, how often it was seen, first and last record, doubles, doubts."""
+        return "\n".join([text_table(self.rows()), *self.notes])
 
     def to_pandas(self) -> Any:
         """Return a DataFrame of frequencies, a row a record, a column a track, and of what else was measured.
@@ -251,8 +255,8 @@ class Explained(Shown):
     reference: BoolArray
     notes: tuple[str, ...] = ()
 
-    def table(self) -> str:
-        """Return a row a track: coefficients with deviations, part explained, scatter before and after."""
+    def rows(self) -> list[list[str]]:
+        """Return the cells of `table`, its head first."""
         rows = [["track", *self.regressors[1:], "explained [%]", "before [%]", "after [%]"]]
         before = spread(_relative(self.tracks)[self.reference])
         for k, name in enumerate(self.tracks.names):
@@ -263,7 +267,11 @@ class Explained(Shown):
                 f"{100 * self.residual_std[k]:.3f}",
             )
             rows.append([name, *(f"{1e6 * c:.0f} +- {1e6 * s:.0f} ppm" for c, s in pairs), *numbers])
-        return "\n".join([text_table(rows), *self.notes])
+        return rows
+
+    def table(self) -> str:
+        """Return a row a track: coefficients with deviations, part explained, scatter before and after."""
+        return "\n".join([text_table(self.rows()), *self.notes])
 
 
 @summary_of.register

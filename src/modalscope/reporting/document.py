@@ -25,6 +25,7 @@ from modalscope.io.formats import sources_of
 from modalscope.judging.grades import grades
 from modalscope.judging.select import select
 from modalscope.modal.rebuilt import fit_error
+from modalscope.monitoring.store import Store
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_kind, check_path
 from modalscope.plot.web.alive import drawing_of
@@ -55,7 +56,9 @@ class _Result(Protocol):
     def diagram(self) -> StabilizationDiagram: ...
 
 
-Reported = Comparison | Identification | StabilizationDiagram | tuple[ModalModel, StabilizationDiagram] | _Result
+Reported = (
+    Store | Comparison | Identification | StabilizationDiagram | tuple[ModalModel, StabilizationDiagram] | _Result
+)
 
 
 @named()
@@ -68,14 +71,15 @@ def report(
     command: str | None = None,
     certificate: Certificate | None = None,
 ) -> Path:
-    """Write a report on modes, a diagram, an identification or a comparison: one HTML file with its pictures.
+    """Write a report on modes, a diagram, an identification, a comparison or months of records: one HTML file with its pictures.
 
     The file loads nothing from outside and can be read without a network.
 
     Parameters
     ----------
-    thing : StabilizationDiagram, (ModalModel, StabilizationDiagram), Identification, Comparison or any result with modes and diagram
-        A diagram, whose modes are selected automatically; or with its selected modes; one order; or a comparison of methods.
+    thing : StabilizationDiagram, (ModalModel, StabilizationDiagram), Identification, Comparison, Store or any result with modes and diagram
+        A diagram, whose modes are selected automatically; or with its selected modes; one order; a comparison of methods; or a store of
+        months of records.
     path : path
         Ends in .html; or in .docx or .pptx for a document or slides, which need the extra `office`, of modes with a diagram. An existing
         file is replaced only by a complete new one.
@@ -99,6 +103,10 @@ def report(
         source = str(source)
     for name, text in (("title", title), ("command", command)):
         check_kind(f"{name} of a report", "" if text is None else text, str)
+    if isinstance(thing, Store):
+        from modalscope.reporting.months import months_sections
+
+        return write_page(path, title or thing.path.name, "Months of records", months_sections(thing), [thing.path])
     if isinstance(thing, Comparison):
         heading = title or _heading("Methods compared", " on ", source)
         parts = comparison_sections(thing, source=source, command=command)

@@ -6,6 +6,7 @@ The file contains all that a browser needs: the style, and the pictures as data.
 from __future__ import annotations
 
 import numbers
+from base64 import b64encode
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -161,6 +162,12 @@ def numbered(items: Iterable[tuple[str, str]]) -> str:
 def script(text: str) -> str:
     """Return program text."""
     return f"<pre><code>{_escaped(text)}</code></pre>"
+
+
+def picture(png: bytes, caption: str) -> str:
+    """Return a figure with its PNG in the page; `caption`: plain text below it."""
+    data = b64encode(png).decode()
+    return figure(f'<img src="data:image/png;base64,{data}" alt="{_escaped(caption)}">', caption)
 
 
 def figure(svg: str, caption: str = "") -> str:

@@ -67,12 +67,12 @@ class _Contents:
     def pictures(self) -> Iterator[tuple[str, bytes]]:
         """Yield the large pictures with their captions: diagrams, AutoMAC, strongest response."""
         for diagram in self.diagrams:
-            yield "Stabilization diagram", _png(partial(plot.stabilization, diagram, self.modes))
+            yield "Stabilization diagram", png(partial(plot.stabilization, diagram, self.modes))
         if len(self.modes) > 1 and len(self.modes.output_dofs) > 1:
-            yield "AutoMAC", _png(partial(plot.mac, self.modes, None))
+            yield "AutoMAC", png(partial(plot.mac, self.modes, None))
         if self.modes.participation is not None and len(self.modes):
             drawn = partial(plot.response, self.diagrams[0].response, self.modes, None, None)
-            yield "Measured and rebuilt response of the strongest channel", _png(drawn)
+            yield "Measured and rebuilt response of the strongest channel", png(drawn)
 
     def shapes(self) -> Iterator[tuple[str, bytes]]:
         """Yield the shapes with their captions; a single output has none."""
@@ -81,7 +81,7 @@ class _Contents:
                 words = (
                     f"Mode {each.number}: {each.frequency} Hz, damping {each.damping} %, {each.grade}, MPC {each.mpc}"
                 )
-                yield words, _png(partial(plot.shape, self.modes, k, None), _SHAPE_SIZE)
+                yield words, png(partial(plot.shape, self.modes, k, None), _SHAPE_SIZE)
 
 
 def write_document(
@@ -103,7 +103,7 @@ def write_document(
     (_word if path.suffix.lower() == ".docx" else _slides)(path, contents)
 
 
-def _png(draw: Callable[[Any], object], size: tuple[float, float] = SIZE) -> bytes:
+def png(draw: Callable[[Any], object], size: tuple[float, float] = SIZE) -> bytes:
     """Return a picture as PNG."""
     from matplotlib.figure import Figure
 
