@@ -117,7 +117,9 @@ def test_rows_of_the_same_poles_have_deviations_in_common_and_shapes_of_their_ow
     projected = Hankel.projected
     monkeypatch.setattr(Hankel, "projected", lambda *given: between.append(given) or projected(*given))
     monkeypatch.setattr(
-        cut, "deviations_of", lambda *given: asked.extend(one.order for one in given[2:]) or deviations_of(*given)
+        cut,
+        "deviations_of",
+        lambda *given: asked.extend((one.order, k) for one in given[2:] for k in one.which) or deviations_of(*given),
     )
     era, least_squares = compare(chain(), ["era/time", "least_squares/time"], orders=ORDERS, workers=1).results
     assert sorted(set(asked)) == sorted(asked)

@@ -178,19 +178,15 @@ def nearest_order(diagram: StabilizationDiagram, modes: ModalModel) -> int:
 
     `modes`: selected from it.
     """
-    costs = []
-    for order in diagram.orders:
-        own = np.flatnonzero(diagram.order_of_pole == order)
-        if not own.size:
-            costs.append(np.inf)
-            continue
-        distance = np.abs(diagram.poles[own][:, None] - modes.poles) / np.abs(modes.poles.real)
-        cost = np.minimum(distance.min(axis=0), 1.0)
-        if diagram.frequencies_std is not None and modes.frequencies_std is not None:
-            std = diagram.frequencies_std[own[np.argmin(distance, axis=0)]]
-            cost = cost + (std > SPLIT * modes.frequencies_std)
-        costs.append(float(np.sum(cost)))
-    return int(diagram.orders[int(np.argmin(costs))])
+    by_order = [np.flatnonzero(diagram.order_of_pole == order) for order in diagram.orders]
+    distances = [np.abs(diagram.poles[own][:, None] - modes.poles) / np.abs(modes.poles.real) for own in by_order]
+    costs = [np.minimum(d.min(axis=0), 1.0) if len(d) else np.full(len(modes), np.inf) for d in distances]
+    nearest = [own[np.argmin(d, axis=0)] for own, d in zip(by_order, distances, strict=True) if own.size]
+    std, _ = diagram.deviations_at(np.concatenate([*nearest, np.zeros(0, dtype=int)]))
+    if std is not None and modes.frequencies_std is not None:
+        split = iter(std.reshape(len(nearest), len(modes)) > SPLIT * modes.frequencies_std)
+        costs = [cost + next(split) if own.size else cost for own, cost in zip(by_order, costs, strict=True)]
+    return int(diagram.orders[int(np.argmin([float(np.sum(cost)) for cost in costs]))])
 
 
 def matched(truth: ModalModel, found: ModalModel) -> tuple[IntArray, IntArray]:

@@ -268,7 +268,7 @@ def _result(measured: Measured, cell: Cell, group: _Group, progress: Progress, o
     sweep = start(problem, list(cell.orders), automatic=False, given=group.factored(problem, cell))
     same = group.with_modes_of(sweep)
     if same is not None and same.diagram is not None:
-        return replace(same, method=method, exact=cell.exact, diagram=replace(same.diagram, method=method.name))
+        return replace(same, method=method, exact=cell.exact, diagram=same.diagram.changed(method=method.name))
     sweep.take_deviations_of(group.with_poles_of(sweep))
     diagram = swept(sweep, cell.orders, progress=progress)
     modes = chosen_of(diagram, weighed(diagram, group.gathered))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.data.analysis import Analysis
+from modalscope.data.deferred import Column, Deferred
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note, notes_of
 from modalscope.data.response import Response
@@ -84,7 +85,8 @@ class StabilizationDiagram(Shown, HasPoles):
     stable_frequency, stable_damping, stable_shape : array of bool, (p,)
         Whether a pole of the order before agrees within the tolerances.
     frequencies_std, damping_ratios_std : array, (p,), optional
-        Standard deviations from the noise, Hz and ratio; NaN where they are withheld, None where they were not asked.
+        Standard deviations from the noise, Hz and ratio; NaN where they are withheld, None where they were not asked. They are computed
+        when they are first read.
     indicators : mapping of name to array (p,)
     singular_values : array, (k,)
         Of the data matrix that all orders were cut from.
@@ -146,7 +148,9 @@ class StabilizationDiagram(Shown, HasPoles):
             "stable_damping",
             "stable_shape",
         )
-        known = [name for name in ("frequencies_std", "damping_ratios_std") if getattr(self, name) is not None]
+        known = [
+            name for name, value in self._unread().items() if value is not None and not isinstance(value, Deferred)
+        ]
         for name in (*flat, *known):
             array = np.asarray(getattr(self, name))
             there = array.shape[-1 if name == "shapes" else 0]
@@ -173,8 +177,7 @@ class StabilizationDiagram(Shown, HasPoles):
         whitening = self.whitening
         if whitening is None:
             return self
-        return replace(
-            self,
+        return self.changed(
             response=whitening.of_response(self.response),
             shapes=whitening.of_shapes(self.shapes),
             participation=whitening.of_participation(self.participation),
@@ -192,6 +195,31 @@ class StabilizationDiagram(Shown, HasPoles):
         """
         return import_module("modalscope.data.named_axes").dataset(self)
 
+    def _unread(self) -> dict[str, Any]:
+        """Return the standard deviations as they are held, without computing them."""
+        return {name: getattr(type(self), name).unread(self) for name in DEVIATIONS}
+
+    def changed(self, **fields: Any) -> StabilizationDiagram:
+        """Return the diagram with some fields changed; standard deviations that were not read stay so, as they do not in `replace`.
+
+        Parameters
+        ----------
+        **fields
+            As in `StabilizationDiagram`.
+        """
+        return replace(self, **{**self._unread(), **fields})
+
+    def deviations_at(self, index: Array) -> tuple[RealArray | None, RealArray | None]:
+        """Return the standard deviations of frequency (Hz) and damping ratio of some poles, and compute no others.
+
+        Parameters
+        ----------
+        index : array of int
+            Which poles.
+        """
+        frequency, damping = (getattr(type(self), name).at(self, index) for name in DEVIATIONS)
+        return frequency, damping
+
     @property
     def as_measured(self) -> Response:
         """The data before they were transformed for the row: what they say against noise is asked there.
@@ -205,6 +233,13 @@ class StabilizationDiagram(Shown, HasPoles):
     def stable(self) -> Array:
         """True where frequency, damping and shape all agree with the order before."""
         return self.stable_frequency & self.stable_damping & self.stable_shape
+
+
+#: Fields of a diagram that are computed when they are first read.
+DEVIATIONS = ("frequencies_std", "damping_ratios_std")
+
+for _column, _name in enumerate(DEVIATIONS):
+    setattr(StabilizationDiagram, _name, Column(getattr(StabilizationDiagram, _name), _column))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)

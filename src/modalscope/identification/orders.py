@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -247,9 +247,9 @@ def grown(found: StabilizationDiagram, again: Callable[[Iterable[int]], Stabiliz
         step = 2 if top <= _MAX_FINE_ORDER else 4
         found = again(range(step, top + 1, step))
         text = f"orders extended to {top}: the fit error still fell at {top // 2}"
-        found = replace(found, notes=(*found.notes, Note("orders grew", {"largest": top}, text)))
+        found = found.changed(notes=(*found.notes, Note("orders grew", {"largest": top}, text)))
     if still_falls(found):
         last = found.orders[-1]
         text = f"The fit error still falls at order {last}: modes may be missing. Give more orders, or narrower bands"
-        found = replace(found, notes=(*found.notes, Note(ORDERS_END, {"largest": last}, text)))
+        found = found.changed(notes=(*found.notes, Note(ORDERS_END, {"largest": last}, text)))
     return found

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
 from itertools import pairwise
 from typing import Any, Unpack
 
 import numpy as np
 
+from modalscope.data.deferred import Deferred
 from modalscope.data.notes import Note
 from modalscope.data.record_residual import UNMEASURED
-from modalscope.data.results import StabilizationDiagram
+from modalscope.data.results import DEVIATIONS, StabilizationDiagram
 from modalscope.data.shown import counted
 from modalscope.functions.poles import frequencies_and_damping
 from modalscope.identification.ambient_records import looked_through
@@ -23,7 +23,7 @@ from modalscope.identification.prepare import prepare
 from modalscope.identification.sweep import Cut, Sweep, over_pipeline, resolved_orders, start
 from modalscope.modal.indicators import mac
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, RealArray, check_kind, check_positive
+from modalscope.numerics.checks import Array, IntArray, RealArray, check_kind, check_positive
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.executors import working
 from modalscope.numerics.resources import one_thread
@@ -81,7 +81,7 @@ def stabilize(
     tolerances: Mapping[str, float] | None = None,
     progress: Progress | None = None,
     watch: Watch | None = None,
-    deviations: bool = True,
+    deviations: bool | None = None,
     client: Any = None,
     **options: Unpack[AllOptions],
 ) -> StabilizationDiagram:
@@ -103,8 +103,9 @@ def stabilize(
         Called with (orders done, orders in all).
     watch : callable, optional
         Called with (sweep, cut) for every order as it comes; see `sweep`. A sweep is started again where more orders are needed.
-    deviations : bool
-        Whether standard deviations of the poles are wanted.
+    deviations : bool, optional
+        Standard deviations of the poles are computed when `frequencies_std` or `damping_ratios_std` of the diagram is first read, and
+        those of selected poles alone in `select`; True computes all at once, False none ever.
     client : distributed.Client, optional
         Workers of a Dask scheduler, which sum over a stored record; see `working`.
     **options
@@ -126,10 +127,16 @@ def stabilize(
     >>> d.orders, d.exact_rank
     ((2, 4, 6, 8, 10), 10)
     """
+
+    def computed(found: StabilizationDiagram) -> StabilizationDiagram:
+        if deviations:
+            _ = found.frequencies_std
+        return found
+
     if isinstance(data, Pipeline):
         named_options = {"method": method, "domain": domain, **options}
-        sweep = over_pipeline(data, orders, named_options, deviations=deviations)
-        return swept(sweep, resolved_orders(data.problem, orders), tolerances, progress, watch)
+        sweep = over_pipeline(data, orders, named_options, deviations=deviations is not False)
+        return computed(swept(sweep, resolved_orders(data.problem, orders), tolerances, progress, watch))
 
     def diagram(asked: Iterable[int] | None = orders, **way: Any) -> StabilizationDiagram:
         problem = prepare(examined, method, domain, **{**options, **way})
@@ -140,7 +147,7 @@ def stabilize(
             tolerances=tolerances,
             progress=progress,
             watch=watch,
-            deviations=deviations,
+            deviations=deviations is not False,
         )
         if orders is not None or asked is not None or not problem.method.orders.truncates:
             return first
@@ -149,7 +156,7 @@ def stabilize(
     with working(client):
         examined = looked_through(data, options.get("exclude"))
         automatic = method is None and domain is None and options.get("route") in (None, "auto")
-        return by_instruments(diagram(), diagram) if automatic else diagram()
+        return computed(by_instruments(diagram(), diagram) if automatic else diagram())
 
 
 def by_instruments(found: StabilizationDiagram, again: Callable[..., StabilizationDiagram]) -> StabilizationDiagram:
@@ -163,16 +170,16 @@ def by_instruments(found: StabilizationDiagram, again: Callable[..., Stabilizati
     try:
         other = again(route="subspace")
     except DataError:
-        return replace(found, **withheld(found))
+        return found.changed(**withheld(found))
     text = "Past inputs and outputs are used as instruments: against unmeasured forces, not against noise on the inputs"
     rest = (note for note in other.notes if note.kind != UNMEASURED)
-    return replace(other, notes=(*doubt, Note("route changed", {}, text), *rest), **withheld(other))
+    return other.changed(notes=(*doubt, Note("route changed", {}, text), *rest), **withheld(other))
 
 
 def withheld(diagram: StabilizationDiagram) -> dict[str, Any]:
     """Return the field of the diagram without standard deviations of damping, which unmeasured forces bias beyond them."""
-    std = diagram.damping_ratios_std
-    return {} if std is None else {"damping_ratios_std": np.full_like(std, np.nan)}
+    without = diagram.deviations_at(np.zeros(0, dtype=int))[1] is None
+    return {} if without else {"damping_ratios_std": np.full(len(diagram.poles), np.nan)}
 
 
 def stabilized(
@@ -212,15 +219,20 @@ def swept(
         orders = f"orders {asked[0]} to {asked[-1]} were asked"
         raise DataError(orders, str(found.notes[-1]), "Choose other orders or block sizes.")
     notes = (*found.notes, *found.notes_on(cuts))
-    return replace(collected(found.pipeline, cuts, limits, notes), asked_orders=tuple(asked))
+    return collected(found.pipeline, cuts, limits, notes, asked)
 
 
 def collected(
-    pipeline: Pipeline, cuts: Sequence[Cut], limits: Mapping[str, float], notes: Sequence[Note] = ()
+    pipeline: Pipeline,
+    cuts: Sequence[Cut],
+    limits: Mapping[str, float],
+    notes: Sequence[Note] = (),
+    asked: Sequence[int] = (),
 ) -> StabilizationDiagram:
     """Return the diagram of the given orders.
 
-    `cuts`: at least one, by increasing order. `limits`: tolerances of stability, all three. `notes`: on orders left out.
+    `cuts`: at least one, by increasing order. `limits`: tolerances of stability, all three. `notes`: on orders left out. `asked`: orders
+    that were requested.
     """
     stable = [np.zeros((3, cuts[0].reported.size), bool)]
     stable += [stable_against(before, after, limits) for before, after in pairwise(cuts)]
@@ -243,6 +255,7 @@ def collected(
         stable_frequency=flags[0],
         stable_damping=flags[1],
         stable_shape=flags[2],
+        asked_orders=tuple(asked),
         **_deviations(cuts),
         indicators={
             **{name: np.concatenate([c.indicators[name][c.reported] for c in cuts]) for name in sorted(names)},
@@ -288,11 +301,22 @@ def _doubts(pipeline: Pipeline, cuts: Sequence[Cut], stable: Sequence[Array]) ->
 
 
 def _deviations(cuts: Sequence[Cut]) -> dict[str, Any]:
-    """Return the standard deviations of the reported poles of all orders, as fields of the diagram."""
-    reported = [(cut.std, cut.reported) for cut in cuts if cut.std is not None]
-    if len(reported) < len(cuts):
+    """Return the standard deviations of the reported poles of all orders, as fields of the diagram, computed when they are read."""
+    due = [cut.due for cut in cuts if cut.due is not None]
+    if len(due) < len(cuts):
         return {}
-    return {
-        "frequencies_std": np.concatenate([std.frequency[index] for std, index in reported]),
-        "damping_ratios_std": np.concatenate([std.damping_ratio[index] for std, index in reported]),
-    }
+    asked, deviations = [one for _, one in due], due[0][0].deviations
+    ends = np.cumsum([0, *(one.which.size for one in asked)])
+
+    @one_thread
+    def compute(index: IntArray) -> RealArray:
+        """Take orders together, of each those of its poles that are asked: index into the diagram, increasing."""
+        own = [
+            (one, one.which[index[(index >= a) & (index < b)] - a])
+            for one, (a, b) in zip(asked, pairwise(ends), strict=True)
+        ]
+        some = [one._replace(which=which) for one, which in own if which.size]
+        found = zip(some, deviations(*some), strict=True)
+        return np.concatenate([np.stack(std)[:, one.which] for one, std in found], axis=1)
+
+    return dict.fromkeys(DEVIATIONS, Deferred(int(ends[-1]), compute))

@@ -27,7 +27,7 @@ from modalscope.likelihood.noise import Noise, Unknown, noise_of
 from modalscope.modal.eigenmodes import Eigenmodes, eigenmodes, indicators_of_all, split_extraneous
 from modalscope.modal.rebuilt import modal_model
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
 
@@ -44,7 +44,8 @@ class Cut:
 
     `triple`: (A, B, C). `modal`: all poles, as they are in the data. `wrapped`: () -> the same without the damping of an exponential
     window. `reported`: indices of the poles that the rank explains and that lie in the band. `misfit`: norm(measured - rebuilt) /
-    norm(measured), each output divided by its root mean square. `std`: of the reported poles, where asked.
+    norm(measured), each output divided by its root mean square. `due`: what computes their standard deviations,
+    and of what, where asked.
     """
 
     order: int
@@ -54,7 +55,15 @@ class Cut:
     reported: IntArray
     indicators: Mapping[str, RealArray]
     misfit: float
-    std: Deviations | None = None
+    due: tuple[Shared, Asked] | None = None
+
+    @cached_property
+    def std(self) -> Deviations | None:
+        """Standard deviations of the reported poles, NaN at others, computed on first use; None where not asked."""
+        if self.due is None:
+            return None
+        shared, asked = self.due
+        return shared.deviations(asked)[0]
 
     @cached_property
     def modes(self) -> ModalModel:
@@ -91,17 +100,17 @@ def judged(pipeline: Pipeline, orders: Sequence[int], measured: Shared) -> list[
 
 
 class _Computed(NamedTuple):
-    """Standard deviations of the poles with indices `which` of all poles of an order."""
+    """Standard deviations of the poles of an order, and which of them are known."""
 
     poles: ComplexArray
-    which: IntArray
+    known: Array
     deviations: Deviations
 
-    def of(self, poles: ComplexArray, which: IntArray) -> bool:
-        """Whether poles and indices are the same, in the same order."""
-        if self.poles.shape != poles.shape or not np.array_equal(self.which, which):
-            return False
-        return bool(np.all(np.abs(self.poles - poles) <= _SAME_POLE * np.abs(poles)))
+    def of(self, poles: ComplexArray) -> bool:
+        """Whether poles are the same, in the same order."""
+        return self.poles.shape == poles.shape and bool(
+            np.all(np.abs(self.poles - poles) <= _SAME_POLE * np.abs(poles))
+        )
 
 
 class Shared:
@@ -119,35 +128,47 @@ class Shared:
         self._computed: dict[int, _Computed] = {}
 
     def cuts(self, parts: Sequence[tuple[int, Triple, Eigenmodes]]) -> list[Cut]:
-        """Return orders, computed together, with their indicators and the standard deviations of their poles where asked."""
+        """Return orders, computed together, with their indicators."""
         if not parts:
             return []
         indicators = indicators_of_all(self._pipeline.matrix, [part[1:] for part in parts])
         reported = [self._reported(model, modal) for _, model, modal in parts]
-        std = self._deviations(parts, reported)
-        return [self._cut(*each) for each in zip(parts, reported, indicators, std, strict=True)]
+        asked = [self._asked(*each) for each in zip(parts, reported, strict=True)]
+        return [self._cut(*each) for each in zip(parts, reported, indicators, asked, strict=True)]
 
-    def _deviations(
-        self, parts: Sequence[tuple[int, Triple, Eigenmodes]], reported: Sequence[IntArray]
-    ) -> list[Deviations | None]:
-        """Return the standard deviations of the reported poles of every order, cached; None where not asked."""
-        if self.noise is None:
-            return [None] * len(parts)
-        asked = []
-        for part, which in zip(parts, reported, strict=True):
-            order, _, modal = part
-            computed = self._computed.get(order)
-            if computed is None or not computed.of(modal.poles, which):
-                noise = self.noise_beside(modal)
-                assert noise is not None
-                asked.append(Asked(*part, which, noise))
-        for one, std in zip(asked, deviations_of(self._matrix, self._pipeline.realization, *asked), strict=True):
-            self._computed[one.order] = _Computed(one.modal.poles, one.which, std)
-        return [self._computed[order].deviations for order, _, _ in parts]
+    def _asked(self, part: tuple[int, Triple, Eigenmodes], reported: IntArray) -> Asked | None:
+        """Return what deviations of the poles of an order are computed of: its basis tells its noise. None where not asked."""
+        order, model, modal = part
+        noise = self.noise_beside(modal)
+        return None if noise is None else Asked(order, model, modal.poles, modal.eigen, reported, noise)
+
+    def deviations(self, *asked: Asked) -> list[Deviations]:
+        """Return the standard deviations of some poles of orders, NaN at others that are not known; each pole is computed once."""
+        kept, missing = [], []
+        for one in asked:
+            computed = self._computed.get(one.order)
+            if computed is None or not computed.of(one.poles):
+                count = one.poles.size
+                unknown = Deviations(np.full(count, np.nan), np.full(count, np.nan))
+                computed = _Computed(one.poles, np.zeros(count, bool), unknown)
+                self._computed[one.order] = computed
+            kept.append(computed)
+            missing.append(one._replace(which=one.which[~computed.known[one.which]]))
+        found = deviations_of(self._matrix, self._pipeline.realization, *(m for m in missing if m.which.size))
+        for computed, one in ((c, m) for c, m in zip(kept, missing, strict=True) if m.which.size):
+            std = found.pop(0)
+            computed.known[one.which] = True
+            for to, values in zip(computed.deviations, std, strict=True):
+                to[one.which] = values[one.which]
+        return [computed.deviations for computed in kept]
+
+    def any_known(self, asked: Iterable[Asked]) -> bool:
+        """Return whether the standard deviation of any pole is known; computes no more orders than that takes."""
+        return any(np.any(np.isfinite(self.deviations(one)[0].frequency)) for one in asked)
 
     def take_deviations_of(self, other: Shared) -> None:
-        """Take the standard deviations of another sweep: they depend on poles and data alone."""
-        self._computed.update(other._computed)
+        """Share the standard deviations of another sweep: they depend on poles and data alone."""
+        self._computed = other._computed
 
     def _reported(self, model: Triple, modal: Eigenmodes) -> IntArray:
         """Return the indices of the poles in the band that are not extraneous."""
@@ -161,7 +182,7 @@ class Shared:
         part: tuple[int, Triple, Eigenmodes],
         reported: IntArray,
         indicators: Mapping[str, RealArray],
-        std: Deviations | None,
+        asked: Asked | None,
     ) -> Cut:
         order, model, modal = part
         bare = _with_basis(modal, None)  # the columns of all orders would need much memory
@@ -173,7 +194,7 @@ class Shared:
             reported=reported,
             indicators=indicators,
             misfit=self.misfit(modal),
-            std=std,
+            due=None if asked is None else (self, asked),
         )
 
     def of_order(self, order: int) -> Cut:
@@ -276,8 +297,8 @@ class Sweep:
         """Return a note on how the standard deviations were estimated, or why there are none."""
         if self.noise is None:
             return ()
-        finite = any(np.any(np.isfinite(cut.std.frequency)) for cut in cuts if cut.std is not None)
-        if finite or isinstance(self.noise, Unknown):
+        asked = [cut.due[1] for cut in cuts if cut.due is not None]
+        if isinstance(self.noise, Unknown) or self._measured.any_known(asked):
             return (self.noise.note,)
         return (Unknown("this method has no propagation of errors to its poles, or the data have no residual").note,)
 

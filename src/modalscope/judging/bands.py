@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data.deferred import Deferred
 from modalscope.data.mode_fields import PER_MODE, joined
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
-from modalscope.data.results import StabilizationDiagram
+from modalscope.data.results import DEVIATIONS, StabilizationDiagram
 from modalscope.functions.poles import frequencies_and_damping
 from modalscope.identification.orders import ORDERS_END
 from modalscope.judging.bare_peaks import with_note_on_peaks
@@ -20,7 +21,7 @@ from modalscope.judging.selection_problem import MAX_DAMPING_OF_RESONANCES
 from modalscope.modal.indicators import mac, with_indicators_of_shapes
 from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, RealArray, check_band, check_each, check_kind
+from modalscope.numerics.checks import Array, IntArray, RealArray, check_band, check_each, check_kind
 from modalscope.numerics.errors import DataError
 
 
@@ -244,13 +245,11 @@ def joined_diagram(whole: StabilizationDiagram, parts: Sequence[Part]) -> Stabil
 
     named = ("poles", "participation", "stable_frequency", "stable_damping", "stable_shape")
     flat: dict[str, Any] = {name: together(name) for name in named}
-    for name in ("frequencies_std", "damping_ratios_std"):
-        flat[name] = None if any(getattr(d, name) is None for d in diagrams) else together(name)
     names = set.intersection(*(set(d.indicators) for d in diagrams))
     orders = tuple(sorted(set().union(*(d.orders for d in diagrams))))
     order = together("order_of_pole")
     by_order = np.argsort(order, kind="stable")
-    flat = {name: None if values is None else values[by_order] for name, values in flat.items()}
+    flat = {name: values[by_order] for name, values in flat.items()} | _joined_deviations(diagrams, kept, by_order)
     indicators = {
         name: np.concatenate([d.indicators[name][k] for d, k in zip(diagrams, kept, strict=True)])[by_order]
         for name in sorted(names)
@@ -265,6 +264,29 @@ def joined_diagram(whole: StabilizationDiagram, parts: Sequence[Part]) -> Stabil
         fit_errors=_fit_errors(parts, orders),
         notes=(*(note for note in whole.notes if note.kind != ORDERS_END), _told(parts)),
     )
+
+
+def _joined_deviations(
+    diagrams: Sequence[StabilizationDiagram], kept: Sequence[Array], by_order: Array
+) -> dict[str, Any]:
+    """Return the standard deviations of the poles of all parts as fields of the whole, each computed by its part when it is read.
+
+    `kept`: which poles of each. `by_order`: places of these poles, one part after the other, in the whole.
+    """
+    nothing = np.zeros(0, dtype=int)
+    if any(values is None for d in diagrams for values in d.deviations_at(nothing)):
+        return dict.fromkeys(DEVIATIONS)
+    own = np.concatenate([np.flatnonzero(k) for k in kept])[by_order]
+    part = np.repeat(np.arange(len(kept)), [np.count_nonzero(k) for k in kept])[by_order]
+
+    def compute(index: IntArray) -> RealArray:
+        found = np.empty((2, len(index)))
+        for k, d in enumerate(diagrams):
+            of_part = part[index] == k
+            found[:, of_part] = d.deviations_at(own[index[of_part]])
+        return found
+
+    return dict.fromkeys(DEVIATIONS, Deferred(len(own), compute))
 
 
 def _in_core(part: Part, *, first: bool, last: bool) -> Array:

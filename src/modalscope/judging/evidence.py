@@ -295,20 +295,21 @@ def _known(diagram: StabilizationDiagram) -> RealArray | None:
 
     Of correlations, and of responses with a coloured residual, two poles that are known well may be one mode that changes.
     """
+    if diagram.response.ambient or diagram.response.separable:
+        return None
     f, zeta = diagram.frequencies_std, diagram.damping_ratios_std
-    if f is None or zeta is None or diagram.response.ambient or diagram.response.separable:
+    if f is None or zeta is None:
         return None
     return np.asarray(2 * np.pi * np.hypot(f, zeta * diagram.frequencies))
 
 
 def _left_open(diagram: StabilizationDiagram, poles: Poles, group: Array) -> float:
     """Return the larger deviation of a group: of frequency in half bandwidths, or of damping in damping ratios; NaN without any."""
-    if diagram.frequencies_std is None or diagram.damping_ratios_std is None:
+    by_frequency, by_damping = diagram.deviations_at(poles.index[group])
+    if by_frequency is None or by_damping is None:
         return float("nan")
-    members = poles.index[group]
     f, zeta = np.median(poles.frequency[group]), np.median(poles.damping[group])
-    apart = _of_most(diagram.frequencies_std[members]) / (f * zeta)
-    return float(max(apart, _of_most(diagram.damping_ratios_std[members]) / zeta))
+    return float(max(_of_most(by_frequency) / (f * zeta), _of_most(by_damping) / zeta))
 
 
 def _height(diagram: StabilizationDiagram, poles: Poles, group: Array) -> float:

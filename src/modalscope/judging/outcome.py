@@ -11,7 +11,7 @@ import numpy as np
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Candidate as LeftOut, Note
 from modalscope.data.response import Response
-from modalscope.data.results import StabilizationDiagram
+from modalscope.data.results import DEVIATIONS, StabilizationDiagram
 from modalscope.functions.poles import poles_from
 from modalscope.identification.orders import ORDERS_END
 from modalscope.judging.evidence import LEAST_ORDERS, LEAST_SHARE, Candidate, sentence
@@ -158,15 +158,19 @@ def _spread(poles: Poles, c: Candidate) -> dict[str, float]:
 
 def _deviations(diagram: StabilizationDiagram, chosen: list[Candidate], poles: Poles) -> dict[str, Any]:
     """Return for every mode the deviation of the members that did not split: of those that did it is many times as large."""
+    members = [poles.index[c.members] for c in chosen]
+    ends = np.cumsum([len(index) for index in members])[:-1]
     found = {}
-    for name, of_own in (("frequencies_std", "frequency_std"), ("damping_ratios_std", "damping_std")):
-        values = getattr(diagram, name)
+    of_members = diagram.deviations_at(np.concatenate([*members, np.zeros(0, dtype=int)]))
+    for name, of_own, values in zip(DEVIATIONS, ("frequency_std", "damping_std"), of_members, strict=True):
         if values is not None:
             found[name] = np.array(
                 [
-                    typical_deviation(values[poles.index[c.members]]) if c.own is None else getattr(c.own, of_own)
-                    for c in chosen
+                    typical_deviation(own) if c.own is None else getattr(c.own, of_own)
+                    for c, own in zip(chosen, np.split(values, ends), strict=True)
                 ]
+                if chosen
+                else []
             )
     return found
 

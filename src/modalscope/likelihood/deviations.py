@@ -10,12 +10,11 @@ import numpy as np
 
 from modalscope.blocks.influence import Lines, Moments
 from modalscope.blocks.matrix import DataMatrix
-from modalscope.blocks.triple import Triple
+from modalscope.blocks.triple import Eigen, Triple
 from modalscope.data.response import Response
 from modalscope.functions.pole_basis import ModalBasis
 from modalscope.likelihood.covariance import PoleInfluence, deviations_of_poles, influence_on_all
 from modalscope.likelihood.noise import Noise, White
-from modalscope.modal.eigenmodes import Eigenmodes
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.orthonormal import energy_left
@@ -70,8 +69,10 @@ class Asked(NamedTuple):
     order : int
     model : Triple
         Of that order.
-    modal : Eigenmodes
-        Its poles.
+    poles : array of complex
+        All of that order, rad/s, as they are in the data.
+    eigen : Eigen
+        The same in the plane of the data matrix.
     which : array of int
         Those that are asked; the others are NaN.
     noise : Noise
@@ -79,7 +80,8 @@ class Asked(NamedTuple):
 
     order: int
     model: Triple
-    modal: Eigenmodes
+    poles: ComplexArray
+    eigen: Eigen
     which: IntArray
     noise: Noise
 
@@ -90,7 +92,7 @@ _Some = tuple[Asked, Deviations]
 
 def deviations_of(matrix: DataMatrix, realization: Realization, *asked: Asked) -> list[Deviations]:
     """Return the standard deviations of some poles of models; without lines, of several orders at once."""
-    found = [Deviations(*(np.full(one.modal.poles.size, np.nan) for _ in range(2))) for one in asked]
+    found = [Deviations(*(np.full(one.poles.size, np.nan) for _ in range(2))) for one in asked]
     some = [(one, place) for one, place in zip(asked, found, strict=True) if one.which.size]
     for group in _groups(some, matrix.judged):
         if not _fill(matrix, realization, group) and len(group) > 1:
@@ -115,15 +117,15 @@ def _groups(some: Sequence[_Some], response: Response) -> list[list[_Some]]:
 def _fill(matrix: DataMatrix, realization: Realization, some: Sequence[_Some]) -> bool:
     """Put the deviations of models in their places; False for a way of reading poles off whose first order is not known."""
     asked = [one for one, _ in some]
-    lines = lines_for_all(matrix.judged, asked[0].modal.poles, matrix.block_rows) if matrix.thinned else None
-    parts = [(one.order, one.model, one.modal.eigen.take(one.which)) for one in asked]
+    lines = lines_for_all(matrix.judged, asked[0].poles, matrix.block_rows) if matrix.thinned else None
+    parts = [(one.order, one.model, one.eigen.take(one.which)) for one in asked]
     with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
         try:
             influence = influence_on_all(matrix, realization, parts, lines)
         except DataError:
             return False
         moments = _moments(influence, [one.noise for one in asked], [one.which.size for one in asked])
-        poles: ComplexArray = np.concatenate([one.modal.poles[one.which] for one in asked])
+        poles: ComplexArray = np.concatenate([one.poles[one.which] for one in asked])
         poles = poles + matrix.judged.added_damping
         f, zeta = deviations_of_poles(poles, moments.covariance)
     start = 0
