@@ -108,9 +108,9 @@ class _Computed(NamedTuple):
 
     def of(self, poles: ComplexArray) -> bool:
         """Whether poles are the same, in the same order."""
-        return self.poles.shape == poles.shape and bool(
-            np.all(np.abs(self.poles - poles) <= _SAME_POLE * np.abs(poles))
-        )
+        if self.poles.shape != poles.shape:
+            return False
+        return bool(np.all(np.abs(self.poles - poles) <= _SAME_POLE * np.abs(poles)))
 
 
 class Shared:
