@@ -11,7 +11,7 @@ import pytest
 from modalscope.app.files import FileStore
 from modalscope.data import DataError
 from modalscope.io.formats import FORMATS
-from modalscope.io.geometry import MESHES
+from modalscope.io.meshes import MESHES
 from tests.support import refused
 
 

@@ -21,7 +21,21 @@ from modalscope.data.analysis import Analysis
 from modalscope.data.channels import files_of
 from modalscope.data.results import Result
 from modalscope.data.shown import summary_of
-from modalscope.io import accelerograms, csv, geometry, hdf5, json, mat, npz, recorders, seismic, text, uff, zarr
+from modalscope.io import (
+    accelerograms,
+    csv,
+    geometry,
+    hdf5,
+    json,
+    mat,
+    meshes,
+    npz,
+    recorders,
+    seismic,
+    text,
+    uff,
+    zarr,
+)
 from modalscope.io.analysis import write_analysis
 from modalscope.io.atomic import check_texts, replacing
 from modalscope.io.contents import Contents, DataObject, Format, Options, Survey, damage_as_error, unreadable
@@ -56,7 +70,7 @@ FORMATS: dict[str, Format] = {
     ".nc": Format("netCDF file", recorders.read_netcdf, None, recorders.RECORDER_OPTIONS),
     ".tdms": Format("TDMS file", recorders.read_tdms, None, recorders.RECORDER_OPTIONS),
     **dict.fromkeys((".mf4", ".mdf"), _MDF),
-    **dict.fromkeys(geometry.MESHES, Format("mesh", geometry.read_mesh)),
+    **dict.fromkeys(meshes.MESHES, Format("mesh", meshes.read_mesh)),
     ".wav": Format("sound file", recorders.read_wav, None, recorders.WAV_OPTIONS),
     ".xlsx": Format("Excel workbook", recorders.read_excel, None, recorders.EXCEL_OPTIONS),
     ".mat": Format("MATLAB file", mat.read, mat.write, ARRAY_OPTIONS),

@@ -1,4 +1,4 @@
-"""Read geometry from tables of points and lines, folders of such tables, and finite element meshes.
+"""Read geometry from tables of points and lines, and folders of such tables.
 
 | a table of points has | it is |
 |---|---|
@@ -13,8 +13,6 @@ Channels whose names are no names of nodes may still belong to nodes by their nu
 
 from __future__ import annotations
 
-import contextlib
-import io
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -28,19 +26,16 @@ from modalscope.data import DataError, Geometry, parse_dof
 from modalscope.data.channels import Channels
 from modalscope.data.geometry import Motion
 from modalscope.io.columns.words import split_head
-from modalscope.io.contents import DAMAGED, Contents, Finding, Options, damage_as_error, needs, unreadable
+from modalscope.io.contents import DAMAGED, Contents, Options, needs, unreadable
 from modalscope.io.limits import room
+from modalscope.io.meshes import MESHES
 from modalscope.io.recorders import rows_of_workbook
 from modalscope.io.text.cells import Dialect, is_number, number_of, split, uncommented
 from modalscope.io.text.dialect import dialect_of, encoding_of, lines_of
 from modalscope.numerics.checks import Array, RealArray, check_path
-from modalscope.numerics.errors import optional_package
 
 #: Suffixes of tables.
 TABLES = (".csv", ".txt", ".asc", ".tsv", ".dat", ".xlsx")
-
-#: Suffixes of meshes.
-MESHES = (".msh", ".vtk", ".vtu", ".inp", ".bdf", ".nas", ".fem", ".med", ".stl", ".obj", ".ply")
 
 _WORDS = {
     "node": {
@@ -59,15 +54,6 @@ _MAX_WIDTH = 400
 _CANDIDATES = 12
 #: Relative tolerance of equal distances on a measured grid.
 _EQUAL_DISTANCE = 1e-3
-#: Bytes that a node or a cell of a mesh becomes as names.
-_BYTES_OF_NODE = 400
-_EDGES = {
-    "tetra": ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
-    "pyramid": ((0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4)),
-    "wedge": ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
-    "hexahedron": ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
-}
-
 #: Prefixes that name a point of the structure, not a channel of a recorder.
 _POINTS = {"", "p", "n", "node", "point", "pt", "pkt", "punkt", "knoten", "location", "loc", "hit"}
 _NUMBERED = re.compile(r"(?P<prefix>[^\W\d_]*)[ _.-]?0*(?P<number>\d{1,9})(?:[ _:]?(?P<direction>[+-]?[xyzXYZ]))?")
@@ -498,52 +484,3 @@ def _pairs(path: Path, count: int) -> list[list[int]]:
 
 def _wrong(path: Path, need: str, fault: str) -> DataError:
     return DataError(f"the table {path} needs {need}", fault, "Correct or add the table.")
-
-
-def read_mesh(path: Path, options: Options) -> Contents:
-    """Read a mesh; nodes are numbered from 1 in the order of the file, elements of higher order are read by their corners.
-
-    Raises `DataError`: meshio is missing, or does not read the file.
-    """
-    package = optional_package(f"reading a mesh ({path.suffix})", "meshio", "mesh")
-    space = room(path.name, path.stat().st_size)
-    damaged = (*DAMAGED, SystemExit, package.ReadError)
-    with damage_as_error(path.name, "Export it as .msh, .vtk, .bdf or .inp, or as a table of points.", damaged):
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            mesh = package.read(path)
-        points = np.asarray(mesh.points, float)
-        space.take("its nodes", _BYTES_OF_NODE * (len(points) + sum(len(block.data) for block in mesh.cells)))
-        geometry, omitted = _geometry_of_mesh(mesh, np.pad(points, ((0, 0), (0, 3 - points.shape[1]))))
-    findings = [
-        Finding(part=str(block.type), what=f"{len(block.data)} elements", taken=str(block.type) not in omitted)
-        for block in mesh.cells
-    ]
-    notes = (f"elements that are not drawn: {', '.join(sorted(omitted))}",) if omitted else ()
-    return Contents(thing=geometry, findings=(Finding(part="nodes", what=f"{len(points)}"), *findings), notes=notes)
-
-
-def _geometry_of_mesh(mesh: Any, points: Any) -> tuple[Geometry, set[str]]:
-    lines: list[tuple[int, int]] = []
-    faces: list[list[int]] = []
-    omitted: set[str] = set()
-    for block in mesh.cells:
-        kind = str(block.type).rstrip("0123456789")
-        rows = np.asarray(block.data, int).tolist()
-        if kind == "line":
-            lines += [(row[0], row[1]) for row in rows]
-        elif kind == "triangle":
-            faces += [[*row[:3], row[2]] for row in rows]
-        elif kind == "quad":
-            faces += [row[:4] for row in rows]
-        elif kind in _EDGES:
-            lines += [(row[a], row[b]) for row in rows for a, b in _EDGES[kind]]
-        elif kind != "vertex":
-            omitted.add(str(block.type))
-    unique = dict.fromkeys((min(pair), max(pair)) for pair in lines)
-    names = [str(k) for k in range(1, len(points) + 1)]
-    return Geometry(
-        nodes=tuple(names),
-        coordinates=points,
-        lines=[[names[a], names[b]] for a, b in unique] or None,  # type: ignore[arg-type]
-        faces=[[names[k] for k in face] for face in faces] or None,  # type: ignore[arg-type]
-    ), omitted

@@ -11,8 +11,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import subprocess
-import sys
 from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
@@ -22,6 +20,7 @@ import numpy as np
 
 from modalscope.data import ImpulseResponse
 from modalscope.io import hdf5_walk
+from modalscope.io.apart import python, run_apart
 from modalscope.io.arrays import joined, to_arrays
 from modalscope.io.columns.vocabulary import key_meaning
 from modalscope.io.columns.words import is_unit
@@ -34,10 +33,6 @@ from modalscope.numerics.errors import optional_package
 
 _MARK = b"\nmodalscope sha256 "
 _DIGITS = 64
-#: Limits of a walk, seconds and bytes a second: of processor time, and of the clock, which other programs delay.
-_PROCESSOR_TIME, _CLOCK_TIME = (2, 50_000_000), (20, 10_000_000)
-#: Arrays in memory during a walk: one read, a chunk of it packed, and one inflated.
-_COPIES_IN_WALK = 3
 _LAYOUT = 1
 #: What attributes state.
 _STATED = ("rate", "step", "frequency step", "first", "unit")
@@ -206,7 +201,7 @@ def check_hdf5(path: Path, room: Room, streamed: str = "") -> None:
     `room`: what its arrays may take. `streamed`: the dataset that is read stretch by stretch: its chunks are bounded, not its size.
     """
     try:
-        answer = (_here if _is_sealed(path) or not _python() else _apart)(path, room, streamed)
+        answer = (_here if _is_sealed(path) or not python() else _apart)(path, room, streamed)
     except UnicodeEncodeError:
         answer = ["its name has characters that no text has", "Rename the file."]
     if answer:
@@ -235,12 +230,6 @@ def _is_sealed(path: Path) -> bool:
     return True
 
 
-def _python() -> str:
-    """Return the program that runs this Python; none where Python is a part of another program."""
-    program = sys.executable or ""
-    return program if Path(program).stem.lower().startswith(("python", "pypy")) else ""
-
-
 def _here(path: Path, room: Room, streamed: str = "") -> list[str]:
     try:
         hdf5_walk.walk(str(path), room.left, streamed)
@@ -251,17 +240,8 @@ def _here(path: Path, room: Room, streamed: str = "") -> list[str]:
 
 def _apart(path: Path, room: Room, streamed: str = "") -> list[str]:
     """Walk in a Python of its own, which finds h5py where this one does and nothing else."""
-    seconds, clock = (first + room.size // rate for first, rate in (_PROCESSOR_TIME, _CLOCK_TIME))
-    numbers = (room.left, seconds, _COPIES_IN_WALK * room.left)
-    command = [_python(), "-P", "-S", "-B", hdf5_walk.__file__, str(path), *map(str, numbers), streamed]
-    folders = os.pathsep.join(folder for folder in sys.path if folder)
-    environment = os.environ | {"PYTHONPATH": folders, "OPENBLAS_NUM_THREADS": "1"}  # a thread is much memory
+    fault, told = run_apart("h5py", room, [hdf5_walk.__file__, str(path), str(room.left), streamed])
     try:
-        done = subprocess.run(command, env=environment, capture_output=True, timeout=clock, check=False)
-    except subprocess.TimeoutExpired:
-        return [f"it is damaged: the HDF5 library did not end within {clock} s", "Copy or write it again."]
-    try:
-        return list(json.loads(done.stdout))
+        return list(json.loads(told))
     except ValueError:
-        fault = f"it is damaged: the HDF5 library fails or does not end (status {done.returncode})"
-        return [fault, "Copy or write it again."]
+        return [f"it is damaged: {fault or 'its reader says nothing'}", "Copy or write it again."]

@@ -1,7 +1,7 @@
 """Walk through an HDF5 file and refuse links that leave it and impossible sizes.
 
 The HDF5 library trusts what a file says, and a damaged one can end or hold up the process that reads it. So this module also
-runs as a program, in a Python of its own that loads h5py alone (it imports nothing of modalscope), which it may end. It visits what
+runs as a program, in a Python of its own that loads h5py alone (`modalscope.io.limited`), which it may end. It visits what
 `modalscope.io` would, with the same calls, and reads all that is packed or of variable length.
 """
 
@@ -24,8 +24,6 @@ _MAX_DEPTH, _MAX_OBJECTS, _MAX_CHUNKS, _MAX_CELLS = 32, 100_000, 10_000, 20_000
 _MIN_BYTES_BY_CHUNK, _BYTES_OF_TEXT = 64, 64
 #: Bytes at most of a chunk of a small array, of a chunk of what is read in stretches, and of an attribute.
 _MAX_BYTES_OF_CHUNK, _MAX_BYTES_OF_STRETCH, _MAX_BYTES_OF_ATTRIBUTE = 16_000_000, 512_000_000, 4096
-#: Bytes of memory that Python and HDF5 take, where the system does not say.
-_BYTES_OF_PROGRAM = 1_000_000_000
 #: What h5py raises on damaged files.
 _DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, MemoryError, OverflowError)
 
@@ -216,27 +214,7 @@ def _reference(name: str, item: Any, reference: Any, visit: _Visit) -> None:
         _dataset(f"{name} (a cell)", target, visit)
 
 
-def _bound(seconds: int, memory: int) -> None:
-    """Let the system end this process where it takes too much: some systems can."""
-    try:
-        import resource
-    except ImportError:  # Windows: the parent waits a while and ends it
-        return
-    status = Path("/proc/self/statm")
-    program = int(status.read_text().split()[0]) * resource.getpagesize() if status.exists() else _BYTES_OF_PROGRAM
-    for kind, most in (
-        (resource.RLIMIT_CPU, seconds),
-        (resource.RLIMIT_AS, program + memory),
-        (resource.RLIMIT_CORE, 0),
-    ):
-        hard = resource.getrlimit(kind)[1]
-        resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
-
-
-def _main(path: str, left: int, seconds: int, memory: int, streamed: str) -> None:
-    import h5py  # noqa: F401 - what it takes for itself is not bounded
-
-    _bound(seconds, memory)
+def _main(path: str, left: int, streamed: str) -> None:
     answer: list[str] = []
     try:
         walk(path, left, streamed)
@@ -246,4 +224,4 @@ def _main(path: str, left: int, seconds: int, memory: int, streamed: str) -> Non
 
 
 if __name__ == "__main__":
-    _main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4]), sys.argv[5])
+    _main(sys.argv[1], int(sys.argv[2]), sys.argv[3])

@@ -19,6 +19,7 @@ import numpy as np
 
 from modalscope.io.columns import COLUMN_OPTIONS, Column, Table, contents_from_table
 from modalscope.io.contents import Contents, Options, chosen, damage_as_error, unreadable
+from modalscope.io.foreign import read_apart
 from modalscope.io.frames import table_of_frame
 from modalscope.io.limits import Room, room
 from modalscope.io.text import contents_of_lines
@@ -57,33 +58,7 @@ def read_tdms(path: Path, options: Options) -> Contents:
 
     Raises `DataError`: npTDMS is missing, a damaged file, several groups and no `sheet`, or what tables are refused for.
     """
-
-    def load(package: Any, space: Room) -> Table:
-        with package.TdmsFile.open(str(path)) as file:
-            groups = {group.name: [c for c in group.channels() if len(c) > 1] for group in file.groups()}
-            name = chosen(path.name, "groups", groups, [key for key, channels in groups.items() if channels], options)
-            longest = max((len(channel) for channel in groups[name]), default=0)
-            channels = [channel for channel in groups[name] if len(channel) == longest]
-            shorter = [channel.name for channel in groups[name] if len(channel) != longest]
-            space.take("its channels", 8 * longest * len(channels))
-            steps = {float(c.properties["wf_increment"]) for c in channels if c.properties.get("wf_increment")}
-            columns = tuple(_of_tdms(k, channel) for k, channel in enumerate(channels, 1))
-        notes = (f"channels of other lengths were left: {', '.join(shorter[:6])}",) if shorter else ()
-        rate = 1 / steps.pop() if len(steps) == 1 else None
-        layout = (("group", name),)
-        return Table(where=path.name, columns=columns, rate=rate, rate_from="wf_increment", notes=notes, layout=layout)
-
-    return contents_from_table(_guarded(path, "nptdms", "tdms", "npTDMS", load), options)
-
-
-def _of_tdms(number: int, channel: Any) -> Column:
-    properties = channel.properties
-    unit = str(properties.get("unit_string") or properties.get("NI_UnitDescription") or "")
-    values = np.asarray(channel[:])
-    if values.dtype.kind == "M":
-        seconds = (values - values[0]) / np.timedelta64(1, "ns") * 1e-9
-        return Column(number=number, name=channel.name, unit="s", values=seconds, stamps=True)
-    return Column(number=number, name=channel.name, unit=unit, values=values)
+    return contents_from_table(_table_read_apart("nptdms", path, options), options)
 
 
 def read_mdf(path: Path, options: Options) -> Contents:
@@ -91,25 +66,27 @@ def read_mdf(path: Path, options: Options) -> Contents:
 
     Raises `DataError`: asammdf is missing, a damaged file, several groups and no `sheet`, or what tables are refused for.
     """
+    return contents_from_table(_table_read_apart("asammdf", path, options), options)
 
-    def load(package: Any, space: Room) -> Table:
-        with package.MDF(str(path)) as file:
-            groups = {f"group {k}": k for k, group in enumerate(file.groups) if group.channel_group.cycles_nr > 1}
-            name = chosen(path.name, "groups", groups, list(groups), options)
-            group = file.groups[groups[name]]
-            space.take("its channels", 8 * int(group.channel_group.cycles_nr) * len(group.channels))
-            master = file.masters_db.get(groups[name])
-            signals = [file.get(group=groups[name], index=k) for k in range(len(group.channels)) if k != master]
-            times = np.asarray(file.get_master(groups[name]), float)
-        plain = [signal for signal in signals if np.ndim(signal.samples) == 1]
-        columns = [Column(number=1, name="time", unit="s", values=times)]
-        columns += [
-            Column(number=k, name=str(signal.name), unit=str(signal.unit or ""), values=np.asarray(signal.samples))
-            for k, signal in enumerate(plain, 2)
-        ]
-        return Table(where=path.name, columns=tuple(columns), layout=(("group", name),))
 
-    return contents_from_table(_guarded(path, "asammdf", "mdf", "asammdf", load), options)
+def _table_read_apart(package: str, path: Path, options: Options) -> Table:
+    """Return the table of one group, which a package reads in a process of its own."""
+    sheet = options.get("sheet")
+    answer, arrays = read_apart(package, path, "" if sheet is None else str(sheet), _SIGNATURES[path.suffix.lower()])
+    name = chosen(path.name, "groups", answer["groups"], answer["tables"], options)
+    columns = tuple(
+        Column(number=k, values=values, **column)
+        for k, (column, values) in enumerate(zip(answer.get("columns", ()), arrays, strict=True), 1)
+    )
+    shorter, steps = answer.get("shorter", ()), answer.get("steps", ())
+    return Table(
+        where=path.name,
+        columns=columns,
+        rate=1 / steps[0] if len(steps) == 1 else None,
+        rate_from="wf_increment",
+        notes=(f"channels of other lengths were left: {', '.join(shorter[:6])}",) if shorter else (),
+        layout=(("group", name),),
+    )
 
 
 def read_netcdf(path: Path, options: Options) -> Contents:

@@ -1,0 +1,153 @@
+"""Read files by packages that trust them (meshio, npTDMS, asammdf), in a process of its own with limits of time and memory.
+
+This module also runs as that program: it reads a file, and writes one line of JSON and the arrays as .npy behind each other. There it
+imports nothing of modalscope. A package may print, hang, fill the memory or end its process: all that is an error of the file.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+Answer = tuple[dict[str, Any], list[Any]]
+
+
+def read_apart(package: str, path: Path, sheet: str = "", signature: tuple[bytes, ...] = ()) -> Answer:
+    """Return what the program says of a file, and its arrays.
+
+    `package`: one of `_PROGRAMS`. `sheet`: the group to read, of several. `signature`: what such files begin with.
+
+    Raises `DataError`: the package is missing, or does not read the file within its limits.
+    """
+    from modalscope.io.apart import python, run_apart
+    from modalscope.io.contents import unreadable
+    from modalscope.io.limits import room
+    from modalscope.numerics.errors import optional_package
+
+    name, extra = _NAMES[package]
+    optional_package(f"reading {path.suffix}", package, extra, name)
+    space = room(path.name, path.stat().st_size)
+    arguments = (package, str(path), space.left, sheet)
+    remedy = "Export it again, or as text (.csv)." if package != "meshio" else "Export it as .msh, .vtk, .bdf or .inp."
+    arrays: list[Any] = []
+    with path.open("rb") as file:
+        begins = file.read(8).startswith(signature or b"")
+    if not begins:
+        answer, arrays = {"fault": "it is damaged or of another kind: it does not begin as such a file does"}, arrays
+    elif not python():
+        answer, arrays = _read(*arguments)
+    else:
+        answer, arrays = _told(*run_apart(package, space, [__file__, *map(str, arguments)]))
+    if answer.get("fault"):
+        raise unreadable(f"{path.name} with {name}", str(answer["fault"]), remedy)
+    return answer, arrays
+
+
+def _told(fault: str, told: bytes) -> Answer:
+    """Return the answer of the program, or what became of it."""
+    stream = io.BytesIO(told)
+    try:
+        answer: dict[str, Any] = json.loads(stream.readline())
+        arrays = [np.load(stream, allow_pickle=False) for _ in range(answer.get("arrays", 0))]
+    except (ValueError, EOFError):
+        return {"fault": f"it is damaged: {fault or 'its reader says nothing'}"}, []
+    return answer, arrays
+
+
+_NAMES = {"meshio": ("meshio", "mesh"), "nptdms": ("npTDMS", "tdms"), "asammdf": ("asammdf", "mdf")}
+
+
+# ------------------------------------------------------------------------------------------------------------- in the program
+
+
+def _meshio(path: str, left: int, sheet: str) -> Answer:
+    meshio = import_module("meshio")
+
+    mesh = meshio.read(path)
+    points = np.asarray(mesh.points, float)
+    points = np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
+    return {"kinds": [str(block.type) for block in mesh.cells]}, [
+        points,
+        *(np.asarray(b.data, int) for b in mesh.cells),
+    ]
+
+
+def _nptdms(path: str, left: int, sheet: str) -> Answer:
+    nptdms = import_module("nptdms")
+
+    with nptdms.TdmsFile.open(path) as file:
+        groups = {group.name: [c for c in group.channels() if len(c) > 1] for group in file.groups()}
+        name = sheet or next((key for key, channels in groups.items() if channels), "")
+        listed = {"groups": list(groups), "tables": [key for key, channels in groups.items() if channels]}
+        if name not in groups:
+            return listed, []
+        longest = max((len(channel) for channel in groups[name]), default=0)
+        channels = [channel for channel in groups[name] if len(channel) == longest]
+        _weigh(8 * longest * len(channels), left)
+        steps = {float(c.properties["wf_increment"]) for c in channels if c.properties.get("wf_increment")}
+        units = [c.properties.get("unit_string") or c.properties.get("NI_UnitDescription") or "" for c in channels]
+        columns = [{"name": c.name, "unit": str(unit)} for c, unit in zip(channels, units, strict=True)]
+        arrays = [np.asarray(channel[:]) for channel in channels]
+    for column, k in zip(columns, range(len(arrays)), strict=True):
+        if arrays[k].dtype.kind == "M":
+            arrays[k] = (arrays[k] - arrays[k][0]) / np.timedelta64(1, "ns") * 1e-9
+            column |= {"unit": "s", "stamps": True}
+    shorter = [channel.name for channel in groups[name] if len(channel) != longest]
+    return {**listed, "columns": columns, "steps": sorted(steps), "shorter": shorter}, arrays
+
+
+def _asammdf(path: str, left: int, sheet: str) -> Answer:
+    asammdf = import_module("asammdf")
+
+    with asammdf.MDF(path) as file:
+        groups = {f"group {k}": k for k, group in enumerate(file.groups) if group.channel_group.cycles_nr > 1}
+        name = sheet or next(iter(groups), "")
+        listed = {"groups": list(groups), "tables": list(groups)}
+        if name not in groups:
+            return listed, []
+        group = file.groups[groups[name]]
+        _weigh(8 * int(group.channel_group.cycles_nr) * len(group.channels), left)
+        master = file.masters_db.get(groups[name])
+        signals = [file.get(group=groups[name], index=k) for k in range(len(group.channels)) if k != master]
+        times = np.asarray(file.get_master(groups[name]), float)
+    plain = [signal for signal in signals if np.ndim(signal.samples) == 1]
+    columns = [{"name": "time", "unit": "s"}]
+    columns += [{"name": str(signal.name), "unit": str(signal.unit or "")} for signal in plain]
+    return {**listed, "columns": columns}, [times, *(np.asarray(signal.samples) for signal in plain)]
+
+
+def _weigh(count: int, left: int) -> None:
+    if count > left:
+        raise MemoryError(f"its channels would take {count} bytes of memory, and may take {left}")
+
+
+_PROGRAMS: dict[str, Callable[[str, int, str], Answer]] = {"meshio": _meshio, "nptdms": _nptdms, "asammdf": _asammdf}
+
+
+def _read(package: str, path: str, left: int, sheet: str) -> Answer:
+    """Return what a package reads; whatever it raises is an error of the file."""
+    try:
+        answer, arrays = _PROGRAMS[package](path, left, sheet)
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - packages raise anything
+        return {"fault": f"it is damaged or of another kind ({type(error).__name__}: {str(error)[:100]})"}, []
+    # what is no number is text; nothing else is needed, and objects would be pickled
+    return answer, [a if a.dtype.kind in "biufcUSM" else a.astype(str) for a in arrays]
+
+
+def _main(package: str, path: str, left: str, sheet: str) -> None:
+    out, sys.stdout = sys.stdout.buffer, io.StringIO()
+    answer, arrays = _read(package, path, int(left), sheet)
+    out.write(json.dumps({**answer, "arrays": len(arrays)}).encode() + b"\n")
+    for array in arrays:
+        np.save(out, array, allow_pickle=False)
+
+
+if __name__ == "__main__":
+    _main(*sys.argv[1:])
