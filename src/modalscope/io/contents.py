@@ -14,6 +14,8 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, TypeAlias
 
+import numpy as np
+
 from modalscope.data import (
     DataError,
     FrequencyResponse,
@@ -36,9 +38,23 @@ Options: TypeAlias = Mapping[str, Any]
 #: Parts of one kind that are listed one by one; more are one line. Also the reasons for parts left that a note gives.
 _MAX_LISTED = 4
 
+#: Number of the last character of Unicode.
+_LAST_CHARACTER = 0x10FFFF
+
 #: What readers and the packages under them raise on damaged files.
 DAMAGED = (
-    *(ValueError, KeyError, TypeError, IndexError, AttributeError, OSError, EOFError, RuntimeError, MemoryError),
+    *(
+        ValueError,
+        KeyError,
+        TypeError,
+        IndexError,
+        AttributeError,
+        OSError,
+        EOFError,
+        RuntimeError,
+        MemoryError,
+        SystemError,
+    ),
     *(ArithmeticError, AssertionError, SyntaxError, struct.error, zlib.error, zipfile.BadZipFile, tokenize.TokenError),
 )
 
@@ -65,6 +81,16 @@ def damage_as_error(
     except kinds as error:
         words = f"{type(error).__name__}: {str(error)[:100]}"
         raise unreadable(where, f"it is damaged or of another kind ({words})", remedy) from None
+
+
+def check_characters(name: str, array: Any) -> None:
+    """Raise ValueError where text in a file has numbers that are no characters: Python ends in a SystemError when it meets them."""
+    if array.dtype.kind == "U" and array.dtype.itemsize:
+        codes = (
+            np.ascontiguousarray(array).reshape(-1).astype(array.dtype.newbyteorder("="), copy=False).view(np.uint32)
+        )
+        if codes.size and codes.max() > _LAST_CHARACTER:
+            raise ValueError(f"{name} has numbers that are no characters")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -11,6 +11,9 @@ sampling_rate, kind, first_sample).
 | `time_s` | `3:+Z / 1:+Z [m/s2 / N]`, for every output and input | an impulse response |
 | `mode` | what `columns_of` of `modalscope.judging.description` gives, then `real 3:+Z`, `imag 3:+Z` of the shapes | modes |
 
+Tables of responses and records also say how many rows they have, and the SHA-256 of all lines but comments: `# rows: 300`. Another number
+of rows, or samples that do not follow at the rate of the header, is refused; another sum alone is a note. Tables of 0.2.0 say neither.
+
 Columns are separated by comma, semicolon or tab, whichever the header has. Numbers are written with every digit. Coherence,
 variance, geometry and direct terms have no column: .npz, .h5 and .uff keep them. Participation, reasons and notes of modes have none: .json
 keeps them.
@@ -22,6 +25,7 @@ import csv
 import re
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
+from hashlib import sha256
 from itertools import chain, islice, product
 from pathlib import Path
 from typing import Any, NamedTuple, TextIO
@@ -56,6 +60,8 @@ _OF_WORDS = ("kind", "grade", "reason")
 _PLAIN = re.compile(r"[\w :+.²³µ-]*|\w+/\w+²?")
 #: Relative tolerance of time steps: printed times have few digits.
 _UNEVENNESS = 1e-2
+#: Steps that a time may lie beside its place: one row less is a whole step.
+_MAX_SHIFT = 0.5
 #: Labels examined to recognize a table of this layout.
 _MAX_LABELS = 1000
 #: Characters of a label, at most; of a cell in a message.
@@ -66,6 +72,14 @@ class _Table(NamedTuple):
     notes: dict[str, str]
     header: list[str]
     numbers: RealArray
+    digest: str
+
+
+class _Line:
+    """Stands for a file: `csv.writer(_Line()).writerow(row)` returns the line."""
+
+    def write(self, line: str) -> str:
+        return line
 
 
 def read(path: Path, options: Options) -> Contents:
@@ -73,6 +87,7 @@ def read(path: Path, options: Options) -> Contents:
     if set(text.TEXT_OPTIONS) & set(options) or not _is_own(path):
         return text.read(path, options)
     table = _table(path, room(path.name, path.stat().st_size))
+    _check_rows(path, table)
     given: dict[str, Any] = {name: table.notes[name] for name in ("quantity", "kind") if name in table.notes}
     first, labels, values = table.header[0].strip().lower(), table.header[1:], table.numbers[:, 1:]
     sides = [_SIDE.match(label) if len(label) <= _MAX_CHARACTERS else None for label in labels]
@@ -93,11 +108,38 @@ def read(path: Path, options: Options) -> Contents:
         columns, channels = _matrix(path, labels, {""})
         fields = {"kind": "dirac", "sampling_rate": _rate(path, table), **given}
         thing = ImpulseResponse(values=values[:, columns[""]], **channels, **fields)
+        _check_times(path, table, float(thing.times[0]) if "written by" in table.notes else None)
     else:
         fault = f"its first column is {table.header[0][:_CHARACTERS_SHOWN]!r}"
         remedy = "Name it frequency_hz or time_s, and the others as the module modalscope.io.csv says."
         raise unreadable(path.name, fault, remedy)
-    return Contents(thing=thing, findings=tuple(Finding(part="column", what=name) for name in table.header))
+    edited = table.notes.get("sha256", table.digest) != table.digest
+    notes = ("edited since it was written: its rows are whole, and their checksum is another",) if edited else ()
+    return Contents(
+        thing=thing, findings=tuple(Finding(part="column", what=name) for name in table.header), notes=notes
+    )
+
+
+def _check_rows(path: Path, table: _Table) -> None:
+    """Raise unless a table has as many rows as its header says."""
+    if "rows" in table.notes and len(table.numbers) != _number(path, table, "rows"):
+        fault = f"it has {len(table.numbers)}"
+        remedy = "Restore them or copy it again; if it was cut on purpose, take the comment `# rows` out."
+        raise needs(path.name, f"{table.notes['rows'][:_CHARACTERS_SHOWN]} rows, as its header says", fault, remedy)
+
+
+def _check_times(path: Path, table: _Table, start: float | None) -> None:
+    """Raise unless the samples follow at the rate of the header, to half a step, from a time on where one is given."""
+    if "sampling_rate" not in table.notes:
+        return
+    rate, times = _number(path, table, "sampling_rate"), table.numbers[:, 0]
+    expected = (times[0] if start is None else start) + np.arange(times.size) / rate
+    odd = np.flatnonzero(~(np.abs(times - expected) * rate < _MAX_SHIFT))
+    if odd.size:
+        k = int(odd[0])
+        fault = f"row {k + 1} under the header lies at {times[k]:.9g} s instead of {expected[k]:.9g} s"
+        remedy = "Restore the missing rows, or copy it again; columns='time=1' reads it as any other table."
+        raise needs(path.name, f"samples at {rate:g} Hz", fault, remedy)
 
 
 def _is_own(path: Path) -> bool:
@@ -124,9 +166,10 @@ def _empty(path: Path) -> DataError:
 def _table(path: Path, space: Room) -> _Table:
     """Return comments, header and numbers, row by row: a cell of text takes thirty times its characters in the file."""
     notes: dict[str, str] = {}
+    digest = sha256()
     try:
         with path.open(encoding="utf-8-sig", newline=None) as file:
-            rows = _rows(file, notes, space)
+            rows = _rows(file, notes, space, digest)
             first, second = next(rows, ""), next(rows, "")
             if not second:
                 raise _empty(path)
@@ -137,7 +180,7 @@ def _table(path: Path, space: Room) -> _Table:
             words = [k for k, name in enumerate(header) if name in _OF_WORDS] if set(header) >= _OF_MODES else []
             body = ([cell for k, cell in enumerate(row) if k not in words] for row in reader)
             header = [name for k, name in enumerate(header) if k not in words]
-            return _Table(notes, header, _cells(path, body, len(header), space))
+            return _Table(notes, header, _cells(path, body, len(header), space), digest.hexdigest())
     except UnicodeDecodeError:
         remedy = "Save it as UTF-8, or give it the suffix of what it is."
         raise unreadable(f"{path.name} as CSV", "it is not text in UTF-8", remedy) from None
@@ -146,11 +189,12 @@ def _table(path: Path, space: Room) -> _Table:
         raise unreadable(f"{path.name} as CSV", fault, "Close it, or take it out.") from None
 
 
-def _rows(file: TextIO, notes: dict[str, str], space: Room) -> Iterator[str]:
-    """Yield the lines that are neither blank nor comments; what comments say is kept in the notes."""
+def _rows(file: TextIO, notes: dict[str, str], space: Room, digest: Any) -> Iterator[str]:
+    """Yield the lines that are neither blank nor comments; what comments say is kept in the notes, the sum of the others in `digest`."""
     for line in file:
         if not line.startswith("#"):
             if not line.isspace():
+                digest.update(f"{line.rstrip()}\n".encode())
                 yield line
             continue
         name, colon, value = line.lstrip("# ").partition(":")
@@ -255,6 +299,7 @@ def _records(path: Path, table: _Table, labels: list[re.Match[str]], values: Arr
     dofs = {side: tuple(labels[k]["dof"] for k in places) for side, places in columns.items()}
     units = {side: tuple(labels[k]["unit"] or "" for k in places) for side, places in columns.items()}
     quantities = table.notes.get("quantities")
+    _check_times(path, table, None)
     named: Any = None if quantities is None else [text.strip() or None for text in quantities.split(",")]
     return Signals(
         outputs=values[:, columns["out"]],
@@ -292,8 +337,7 @@ def write(path: Path, thing: DataObject, options: Options) -> None:
 
 def _check_header(path: Path, thing: Signals | Response, header: Sequence[str]) -> None:
     """Raise when the header does not give the labels and units back, which may hold its separators."""
-    notes = {} if header[0] == "frequency_hz" else {"sampling_rate": "1"}
-    _put(path, notes, header, [[k] * len(header) for k in (1, 2)])
+    _put(path, {}, header, [[k] * len(header) for k in (1, 2)])
     try:
         again: Any = read(path, {}).thing
         restored = (again.output_dofs, again.input_dofs, again.units) == (
@@ -311,12 +355,15 @@ def _check_header(path: Path, thing: Signals | Response, header: Sequence[str]) 
 
 
 def _put(path: Path, notes: dict[str, str] | None, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+    writer: Any = csv.writer(_Line(), lineterminator="\n")
     with path.open("w", encoding="utf-8", newline="") as file:
         if notes is not None:
-            file.writelines(f"# {name}: {value}\n" for name, value in {"written by": MARK, **notes}.items())
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(header)
-        writer.writerows(rows)
+            digest = sha256()
+            for row in chain([header], rows):
+                digest.update(f"{writer.writerow(row).rstrip()}\n".encode())
+            whole = {"written by": MARK, **notes, "rows": len(rows), "sha256": digest.hexdigest()}
+            file.writelines(f"# {name}: {value}\n" for name, value in whole.items())
+        file.writelines(map(writer.writerow, chain([header], rows)))
 
 
 def _notes(thing: Any, *names: str) -> dict[str, str]:

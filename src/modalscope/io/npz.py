@@ -14,7 +14,7 @@ from modalscope.data import StabilizationDiagram
 from modalscope.io.arrays import to_arrays
 from modalscope.io.atomic import MARK
 from modalscope.io.columns import COLUMN_OPTIONS, Column, Table, contents_from_table
-from modalscope.io.contents import ArrayData, Contents, Options, damage_as_error, needs, unreadable
+from modalscope.io.contents import ArrayData, Contents, Options, check_characters, damage_as_error, needs, unreadable
 from modalscope.io.diagrams import DIAGRAM, diagram_arrays, diagram_contents
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import Room, room
@@ -120,6 +120,7 @@ def _arrays(path: Path, space: Room) -> dict[str, Array]:
                 arrays[name] = np.lib.format.read_array(stream, allow_pickle=False)
                 if stream.read(1):
                     raise ValueError(f"{member.filename} is longer than its array")
+            check_characters(name, arrays[name])
     return arrays
 
 

@@ -19,7 +19,7 @@ from modalscope.data import DataError, ImpulseResponse, ModalModel, Signals
 from modalscope.data.channels import Channels
 from modalscope.io.arrays import names_of, to_arrays
 from modalscope.io.beside import check_links
-from modalscope.io.contents import Contents, Options, damage_as_error, unreadable
+from modalscope.io.contents import Contents, Options, check_characters, damage_as_error, unreadable
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import Room, room
 from modalscope.io.stored import ZarrOutputs, ZarrRows, name_of_outputs, stays_stored, stored_contents, stored_response
@@ -187,6 +187,7 @@ def _values(zarr: Any, name: str, folder: Path, space: Room) -> Array:
         array = zarr.open_array(str(folder), mode="r")
         space.array(name, np.dtype(object) if array.dtype.kind not in "biufcUS" else array.dtype, prod(array.shape))
         values = np.asarray(array[...])
+        check_characters(name, values)
     if values.dtype.kind in "biufc":
         return values
     return space.texts(name, [str(text) for text in values.ravel()]).reshape(values.shape)
