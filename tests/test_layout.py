@@ -16,8 +16,8 @@ from tools.house import circles, imported, modules
 
 SOURCE, TESTS = ROOT / "src" / "modalscope", ROOT / "tests"
 
-#: Facts on every method of the table, and files of every kind of export.
-ACROSS = {"methods", "io/exports"}
+#: Facts on every method of the table, files of every kind of export, and attacks on all of it.
+ACROSS = {"methods", "io/exports", "attack"}
 
 MODULES = {path.relative_to(SOURCE).with_suffix("") for path in SOURCE.rglob("*.py") if path.stem != "__init__"}
 FILES = sorted(path.relative_to(TESTS) for path in TESTS.rglob("test_*.py"))

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import importlib
+import pickle
 import pkgutil
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pytest
@@ -50,3 +54,26 @@ def test_neither_fields_nor_arrays_can_be_changed(name: str) -> None:
                 value[...] = 0
     with pytest.raises((AttributeError, TypeError)):
         thing.new = Note("a")  # type: ignore[attr-defined]
+
+
+def arrays_of(thing: Any) -> list[np.ndarray]:
+    """Return the arrays of a data class, of those in it, and of mappings."""
+    if isinstance(thing, np.ndarray):
+        return [thing]
+    inner = thing.values() if isinstance(thing, Mapping) else thing if isinstance(thing, tuple | list) else ()
+    if dataclasses.is_dataclass(thing):
+        inner = [getattr(thing, field.name) for field in dataclasses.fields(thing)]
+    return [array for each in inner for array in arrays_of(each)]
+
+
+@pytest.mark.parametrize("name", samples.EVERY)
+def test_copies_are_equal_and_as_locked_as_what_they_are_copies_of(name: str) -> None:
+    thing = samples.EVERY[name]()
+    before = arrays_of(thing)
+    assert before
+    for again in (pickle.loads(pickle.dumps(thing)), copy.deepcopy(thing), copy.copy(thing)):
+        after = arrays_of(again)
+        assert [array.flags.writeable for array in after] == [array.flags.writeable for array in before]
+        assert all(map(np.array_equal, after, before)) or any(np.isnan(a).any() for a in before if a.dtype.kind == "f")
+        assert repr(again) == repr(thing)
+        assert (again == thing) is False  # by identity, without asking arrays whether they are true

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -121,6 +122,7 @@ class Plane:
     `name`: in words. `point`: frequencies in Hz -> points x. `to_s`, `from_s`: poles of the realization -> rad/s, and back. `dt`:
     sampling interval when x = exp(j w dt). `scale`: s / x in the s-plane, 1 for the exponential, None for the bilinear map.
     `residue_scale`: poles in this plane -> residue of 1 / (x - x_j) for one of 1 / (s - s_j), or of the sampled system.
+    `made`: the function and its arguments that make it again: functions within functions are not pickled.
     """
 
     name: str
@@ -130,6 +132,10 @@ class Plane:
     dt: float | None = None
     scale: float | None = None
     residue_scale: Callable[[Array], ComplexArray] = np.ones_like
+    made: tuple[Any, ...] = ()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return self.made
 
 
 def plane_of(domain: str, response: Response) -> Plane:
@@ -146,26 +152,34 @@ def plane_of(domain: str, response: Response) -> Plane:
                 f"the response is that of a system sampled at {rate:g} Hz, not rational in j w",
                 "Use domain='z', or omit sampling_rate if the response is that of the structure itself.",
             )
-        scale = top or 1.0
-        return Plane(
-            f"s-plane, scaled by {top / 2 / np.pi:g} Hz",
-            lambda f: np.asarray(2j * np.pi * f / scale, dtype=complex),
-            lambda x: np.asarray(np.asarray(x) * scale, dtype=complex),
-            lambda s: np.asarray(np.asarray(s) / scale, dtype=complex),
-            scale=scale,
-            residue_scale=lambda x: np.full(np.shape(x), 1 / scale, dtype=complex),
-        )
-    if rate is not None:
-        dt = 1 / rate
-        return Plane(
-            "z-plane, exponential",
-            lambda f: np.exp(2j * np.pi * f * dt),
-            lambda z: to_continuous(z, dt),
-            lambda s: to_discrete(s, dt),
-            dt,
-            1.0,
-        )
-    return _bilinear(1 / (top or 1.0))
+        return _scaled(top or 1.0)
+    return _bilinear(1 / (top or 1.0)) if rate is None else _exponential(1 / rate)
+
+
+def _scaled(scale: float) -> Plane:
+    """Return the plane of s / scale."""
+    return Plane(
+        f"s-plane, scaled by {scale / 2 / np.pi:g} Hz",
+        lambda f: np.asarray(2j * np.pi * f / scale, dtype=complex),
+        lambda x: np.asarray(np.asarray(x) * scale, dtype=complex),
+        lambda s: np.asarray(np.asarray(s) / scale, dtype=complex),
+        scale=scale,
+        residue_scale=lambda x: np.full(np.shape(x), 1 / scale, dtype=complex),
+        made=(_scaled, (scale,)),
+    )
+
+
+def _exponential(dt: float) -> Plane:
+    """Return the plane of z = exp(s dt)."""
+    return Plane(
+        "z-plane, exponential",
+        lambda f: np.exp(2j * np.pi * f * dt),
+        lambda z: to_continuous(z, dt),
+        lambda s: to_discrete(s, dt),
+        dt,
+        1.0,
+        made=(_exponential, (dt,)),
+    )
 
 
 def _bilinear(half: float) -> Plane:
@@ -182,4 +196,11 @@ def _bilinear(half: float) -> Plane:
         # 1 / (s - s_j) = constant + (T / 4) (1 + z_j)^2 / (z - z_j)
         return np.asarray(half / 2 * (1 + np.asarray(z)) ** 2, dtype=complex)
 
-    return Plane("z-plane, bilinear map", lambda f: into(2j * np.pi * f), back, into, residue_scale=residue_scale)
+    return Plane(
+        "z-plane, bilinear map",
+        lambda f: into(2j * np.pi * f),
+        back,
+        into,
+        residue_scale=residue_scale,
+        made=(_bilinear, (half,)),
+    )

@@ -13,7 +13,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.data.shown import Shown
-from modalscope.numerics.checks import Array, IntArray, RealArray, check_each, check_kind, freeze, locked, real_array
+from modalscope.numerics.checks import (
+    Array,
+    IntArray,
+    RealArray,
+    check_each,
+    check_kind,
+    freeze,
+    locked,
+    real_array,
+    stays_locked,
+)
 from modalscope.numerics.errors import DataError
 
 #: Unit vectors of translations.
@@ -158,6 +168,7 @@ def _motions(motions: Any) -> dict[str, tuple[Motion, ...]]:
         ) from None
 
 
+@stays_locked
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class Geometry(Shown):
     """Nodes of a structure, the lines and faces between them, and the motion that each channel measures.

@@ -22,7 +22,7 @@ from modalscope.data.mode_fields import (
 from modalscope.data.response import CORRELATED, INSEPARABLE
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.numerics.arguments import between, named
-from modalscope.numerics.checks import ComplexArray, RealArray, check_positive
+from modalscope.numerics.checks import ComplexArray, RealArray, check_positive, stays_locked
 from modalscope.numerics.errors import DataError, optional_package
 
 #: What shapes can be scaled to (see `ModalModel.normalized`).
@@ -161,6 +161,7 @@ class Mode:
         return f"{self.frequency:.4f} Hz, {100 * self.damping_ratio:.3f} %"
 
 
+@stays_locked
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class ModalModel(ModeFields):
     """Modes of a structure: one pole of each conjugate pair, and real poles.

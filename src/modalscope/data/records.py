@@ -37,11 +37,13 @@ from modalscope.numerics.checks import (
     check_positive,
     freeze,
     real_array,
+    stays_locked,
 )
 from modalscope.numerics.errors import DataError
 
 
 @also_called(quantity="quantities")
+@stays_locked
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class Signals(Channels, Convertible):
     """Sampled outputs, and the inputs when they were measured.

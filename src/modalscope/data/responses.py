@@ -45,6 +45,7 @@ from modalscope.numerics.checks import (
     freeze,
     optional_array,
     real_array,
+    stays_locked,
 )
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.linear_systems import HELD, markov_parameters
@@ -53,6 +54,7 @@ from modalscope.numerics.linear_systems import HELD, markov_parameters
 _MIN_SAMPLES_PER_STEP = 16
 
 
+@stays_locked
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class ImpulseResponse(Response):
     """A Markov sequence: `values[k]` is the l x m matrix Y(k) = C A^k B (Eq. 11); the direct term is kept apart.
@@ -353,6 +355,7 @@ def lines_inside(lines: RealArray, band: tuple[float, float]) -> IntArray:
 _MAX_LINES_WITHOUT_RESIDUALS = 8
 
 
+@stays_locked
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class FrequencyResponse(Response):
     """Complex frequency responses H(f) = output / input on increasing lines.

@@ -18,7 +18,7 @@ from modalscope.data.response import Response
 from modalscope.data.shown import Shown
 from modalscope.data.whitening import Whitening
 from modalscope.functions.poles import HasPoles
-from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, freeze, locked
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, freeze, locked, stays_locked
 from modalscope.numerics.errors import DataError
 
 
@@ -64,6 +64,7 @@ class Settings:
         return [(name, getattr(self, name)) for name in self.keys()]
 
 
+@stays_locked
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class StabilizationDiagram(Shown, HasPoles):
     """Poles of all orders, flat, with what is stable against the order before.

@@ -13,7 +13,7 @@ from modalscope.data.quadruple import Quadruple
 from modalscope.data.records import Signals
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.numerics.arguments import POSITIVE, named
-from modalscope.numerics.checks import RealArray, check_count, real_array
+from modalscope.numerics.checks import RealArray, check_count, real_array, stays_locked
 from modalscope.numerics.errors import DataError, optional_package
 from modalscope.numerics.linear_systems import balancing, sampled
 
@@ -58,6 +58,7 @@ class Balanced:
     error_bound: float
 
 
+@stays_locked
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class StateSpace(Quadruple):
     """A linear model with n states, m inputs and l outputs.

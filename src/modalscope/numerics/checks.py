@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence, Sized
+from dataclasses import fields
 from os import PathLike, fsencode, fspath
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -133,6 +134,7 @@ Array = NDArray[Any]
 RealArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.intp]
+Noun = TypeVar("Noun")
 BoolArray = NDArray[np.bool_]
 
 
@@ -140,6 +142,20 @@ def freeze(data: object, **values: object) -> None:
     """Store validated values in a frozen data class, from its `__post_init__`."""
     for name, value in values.items():
         object.__setattr__(data, name, value)
+
+
+def stays_locked(kind: type[Noun]) -> type[Noun]:
+    """Let the arrays of a frozen data class be read-only in its copies, too: those of pickle and deepcopy can be written to."""
+
+    def restore(self: Any, state: Sequence[Any]) -> None:
+        for field, value in zip(fields(self), state, strict=True):
+            for array in value.values() if isinstance(value, Mapping) else (value,):
+                if isinstance(array, np.ndarray):
+                    array.setflags(write=False)
+            object.__setattr__(self, field.name, value)
+
+    kind.__setstate__ = restore  # type: ignore[attr-defined]
+    return kind
 
 
 def locked(array: Array) -> Array:

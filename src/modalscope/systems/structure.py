@@ -17,7 +17,7 @@ from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.statespace import INPUTS, StateSpace
 from modalscope.functions.poles import QUANTITIES
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import ComplexArray, RealArray, check_positive, freeze, real_array
+from modalscope.numerics.checks import ComplexArray, RealArray, check_positive, freeze, real_array, stays_locked
 from modalscope.numerics.errors import DataError
 from modalscope.systems.modal import modal_model, undamped_modes
 from modalscope.systems.records import Inputs, Seed, add_noise, simulate
@@ -165,6 +165,7 @@ def _symmetric(name: str, values: ArrayLike, size: int) -> RealArray:
     return matrix
 
 
+@stays_locked
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Structure(Assembly):
     """A linear structure with n degrees of freedom, M q'' + D q' + K q = f (Eq. 1).

@@ -20,7 +20,7 @@ from modalscope.identification.routes import usual_route, without_delays
 from modalscope.identification.sweep import sweep
 from modalscope.modal.eigenmodes import deterministic, from_modes
 from modalscope.numerics.arguments import COUNT, between, named
-from modalscope.numerics.checks import RealArray
+from modalscope.numerics.checks import RealArray, stays_locked
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
 from modalscope.workflow.prediction_error import least_prediction_errors
@@ -49,6 +49,7 @@ _MIN_SHARE = 0.5
 _MIN_EXPLAINED = 90.0
 
 
+@stays_locked
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class RealizedModel(StateSpace):
     """A state-space model with what was found on the way.
