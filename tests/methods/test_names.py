@@ -172,7 +172,7 @@ def test_optimized_dynamic_mode_decomposition_is_refinement(noisy) -> None:
     assert np.all(abs(s - modes.poles) < 0.01 * 2 * np.pi * modes.frequencies_std)
 
 
-@pytest.mark.parametrize(("name", "instead"), [("optimized-dmd", r"modalscope\.refine"), ("wnsf", "Use n4sid")])
+@pytest.mark.parametrize(("name", "instead"), [("optimized-dmd", r"modalscope\.refine"), ("armax", "use n4sid")])
 def test_names_that_are_no_row_say_what_to_use(name: str, instead: str) -> None:
     with pytest.raises(ms.DataError, match=instead):
         ms.methods(name)

@@ -122,6 +122,9 @@ _CHUNK_TIMES = 4
 #: Ratio of successive intervals of the past.
 _INTERVAL_GROWTH = 1.5
 
+#: Columns of an autoregression at most, and times for each.
+_MAX_PREDICTOR, _TIMES_A_COLUMN = 800, 10
+
 #: Noise below this fraction of the root mean square of the outputs is not whitened: noise-free records.
 _MIN_NOISE = 1e-6
 
@@ -310,6 +313,29 @@ class DrivenProjection(MixedRows):
         for chunk in self._chunks():
             total.add(chunk)
         return np.asarray(total.finish() / np.sqrt(self.columns))
+
+    def predictor_triangle(self) -> tuple[RealArray, int, int, int, int]:
+        """Return the triangle of [1; u(t); u(t - 1); y(t - 1); ...; u(t - p); y(t - p); y(t)], as many p as the past and memory allow.
+
+        With it the number of times, that of the first columns, l, and l + m; channels are level, and constants one a run.
+        """
+        of_outputs, of_inputs = self.scales
+        l, m, times = self.outputs, self.inputs, sum(self.records.samples)
+        p = max(min(self.past_blocks, _MAX_PREDICTOR // (l + m), times // (_TIMES_A_COLUMN * (l + m))), 1)
+        first = self.offsets + m
+        total, count = TriangleSum(first + p * (l + m) + l), 0
+        for r, (y, u) in enumerate(self._runs()):
+            y, u = y / of_outputs, u / of_inputs
+            for start in range(p, len(y), _CHUNK_TIMES * self.rows):
+                k = np.arange(start, min(start + _CHUNK_TIMES * self.rows, len(y)))
+                ones = np.zeros((k.size, self.offsets))
+                ones[:, r] = 1.0
+                past = [side[k - i] for i in range(1, p + 1) for side in (u, y)]
+                total.add(np.hstack([ones, u[k], *past, y[k]]))
+                count += k.size
+        # noise-free records determine no more columns than they have states
+        total.add(_MIN_NOISE * np.sqrt(count) * np.eye(first + p * (l + m) + l))
+        return total.finish(), count, first, l, l + m
 
     @cached_property
     def triangle(self) -> RealArray:

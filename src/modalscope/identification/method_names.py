@@ -24,10 +24,6 @@ _SINGLE = (
     "Fits of one resonance at a time are not offered: give the band around it, band=(f1, f2), and any row of the table."
 )
 _RECORDS = "Records with inputs: use n4sid, or no method at all (records on their own lines); without inputs ssi-cov or ssi-data."
-_WNSF = (
-    "Use n4sid. Weighted null-space fitting starts from an autoregression as long as the response of the predictor, "
-    "which under measurement noise fades as slowly as the structure itself: its errors were 2 to 30 times those of n4sid."
-)
 _DWELL = "Appropriated forces and their indicator are modalscope.tuned_dwell(response)."
 
 #: Names of the field in small letters with blanks between, several of one answer divided by commas, and what to use instead.
@@ -50,7 +46,6 @@ _ANSWERS = {
     "half power, circle fit, sdof, smac": _SINGLE,
     "subspace": "Say which: n4sid (records with inputs), ssi-data (without), fd-subspace (frequency responses).",
     "arx, armax, arma, pem, omax": _RECORDS,
-    "wnsf, weighted null space fitting": _WNSF,
     "std": "Sparse time domain is an algorithm for Ibrahim's method: use method='itd'.",
     "mritd": "Use method='itd' with several decays as inputs.",
     "normal mode, phase resonance, force appropriation": _DWELL,

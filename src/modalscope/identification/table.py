@@ -24,6 +24,7 @@ from modalscope.identification.orders import BLOCKS, COMPANIONS, DEGREES, STATES
 from modalscope.identification.point_orders import INTERPOLANTS, POLES
 from modalscope.realizations.balanced import balanced
 from modalscope.realizations.companion import fraction_companion, least_squares_companion, null_space_companion
+from modalscope.realizations.predictor_fit import predictor_fit
 from modalscope.realizations.regression import regression
 from modalscope.realizations.shift import shift
 from modalscope.realizations.zeros import zeros
@@ -188,6 +189,18 @@ _REPORTED: tuple[Method, ...] = (
         matrix=matrices.driven_records,
         options_type=DrivenOptions,
         **_PROJECTED,
+    ),
+    Method(
+        name="wnsf",
+        section="not in the report",
+        common="WNSF",
+        known_as=("weighted null-space fitting", "high-order ARX reduced with the weight of its own errors"),
+        aliases=("weighted null-space fitting", "predictor fit"),
+        takes=Takes.DRIVEN,
+        matrix=matrices.driven_records,
+        options_type=DrivenOptions,
+        votes=False,
+        **(_PROJECTED | {"realization": "weighted null space", "realize": predictor_fit}),
     ),
     Method(
         name="prce",
