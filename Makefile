@@ -29,7 +29,7 @@ export PYTHONDONTWRITEBYTECODE :=
 export PYTHONPYCACHEPREFIX := $(CURDIR)/.venv/pycache
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo page test test-slow coverage mutants lint style format architecture changelog docs release-check versions licences bench torch study results clean
+.PHONY: help setup demo page test test-slow attack coverage mutants lint style format architecture changelog docs release-check versions licences bench torch study results clean
 
 help:
 	@echo "make setup         .venv with everything in it"
@@ -37,6 +37,7 @@ help:
 	@echo "make page          the front end of modalscope app (needs Node 20 and npm)"
 	@echo "make test          lint, the quick tests and every example in a docstring (5 minutes on two cores; TESTS=tests/io: a part)"
 	@echo "make test-slow     the other tests (minutes)"
+	@echo "make attack SEED=3 damaged files and wrong values by the ten thousand: anything but an answer or a DataError is printed (half an hour)"
 	@echo "make coverage      both, and which lines they run (95 % of them at least)"
 	@echo "make versions      formats, data classes and methods with the earliest and the newest packages (minutes)"
 	@echo "make release-check archive and wheel built, installed into empty environments, and tested there (minutes)"
@@ -115,6 +116,9 @@ test: style
 # COVERAGE=1 after a `make test COVERAGE=1` counts the lines that both run, and wants 95 % of them.
 test-slow: setup
 	@$(PYTEST) $(TESTS) -m 'slow and not study and not bench' $(if $(COVERAGE),--cov --cov-append --cov-report=term:skip-covered)
+
+attack: setup
+	@OPENBLAS_NUM_THREADS=1 MPLBACKEND=Agg $(BIN)/python -m tests.attack.harness $(or $(SEED),0)
 
 coverage:
 	@$(MAKE) --no-print-directory test COVERAGE=1

@@ -36,6 +36,7 @@ from modalscope.identification.prepare import Measured, measure
 from modalscope.identification.routes import USUAL
 from modalscope.identification.table import methods
 from modalscope.modal.rebuilt import explains_enough
+from modalscope.numerics.checks import check_each
 from modalscope.numerics.errors import DataError, check_choice
 
 #: Minimum lines in a half bandwidth: with fewer a window broadens a mode. Minimum decay times of a mode in a record.
@@ -122,7 +123,7 @@ def plan(
     if isinstance(wanted, str) and wanted == "all":
         chosen = [m for m in table if m.votes and allowed(m)]
     else:
-        for item in [wanted] if isinstance(wanted, str) else wanted:
+        for item in [wanted] if isinstance(wanted, str) else check_each("methods", wanted, "names of rows or cells"):
             named = _named(item, table, route is not None, allowed)
             chosen += [m for m in named if m not in chosen]
     notes = tuple(f"{', '.join(dict.fromkeys(names))} left out: {why}" for why, names in refused.items())

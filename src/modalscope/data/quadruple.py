@@ -22,6 +22,7 @@ from modalscope.numerics.checks import (
 )
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.linear_systems import gramian, krylov, markov_parameters, transfer
+from modalscope.numerics.resources import check_fits
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
@@ -160,7 +161,10 @@ class Quadruple(Shown):
             A continuous model.
         """
         self._need("markov_parameters", continuous=False)
-        return markov_parameters(self.A, self.B, self.C, check_count("samples", samples))
+        count = check_count("samples", samples)
+        size = 8.0 * count * self.C.shape[0] * self.B.shape[1]
+        check_fits(f"a response of {count} samples", size, "Give fewer samples.")
+        return markov_parameters(self.A, self.B, self.C, count)
 
     def transfer(self, points: ArrayLike) -> ComplexArray:
         """Return D + C (x I - A)^-1 B, (points, l, m) (Eq. 75).

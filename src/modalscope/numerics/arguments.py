@@ -81,7 +81,12 @@ def plainly(verb: Callable[P, R]) -> Callable[P, R]:
         except DataError:
             raise
         except _LIBRARY_ERRORS as error:
-            if (blamed := _blame(verb, args, kwargs)) is None:
+            blamed = _blame(verb, args, kwargs)
+            if blamed is None and isinstance(error, MemoryError):
+                have = f"this machine has less ({str(error)[:100] or 'its memory is used up'})"
+                change = "Use fewer samples, lines, orders or channels, or a band."
+                blamed = DataError(f"{verb.__name__}() needs more memory than there is", have, change)
+            if blamed is None:
                 raise
             raise blamed from error
 

@@ -135,6 +135,8 @@ RealArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.intp]
 Noun = TypeVar("Noun")
+#: Entries of a list that is no array, at most: a range may have more than a machine can hold.
+MOST_ENTRIES = 10**8
 BoolArray = NDArray[np.bool_]
 
 
@@ -180,6 +182,8 @@ def sealed(array: Array) -> Array:
 
 
 def _numeric(name: str, values: ArrayLike, axes: str, ndim: int | Sequence[int]) -> Array:
+    if isinstance(values, range) and len(values) > MOST_ENTRIES:
+        raise DataError(f"{name} needs axes {axes}", f"it is {values!r}", f"Give at most {MOST_ENTRIES} numbers.")
     try:
         array = np.asarray(values)
     except ValueError as error:  # ragged nested lists
@@ -335,7 +339,7 @@ def check_band(band: Any) -> tuple[float, float]:
     return low, high
 
 
-def check_each(name: str, values: Any, what: str, most: int = 10**8) -> list[Any]:
+def check_each(name: str, values: Any, what: str, most: int = MOST_ENTRIES) -> list[Any]:
     """Return what a list, a tuple, a range or an array holds; text, one bare value and other things are an error.
 
     `most`: entries: a range may have more than a machine can hold.

@@ -19,7 +19,7 @@ from modalscope.data.stored import StoredSignals
 from modalscope.numerics.arguments import COUNT, at_least, named
 from modalscope.numerics.checks import Array, RealArray, check_count
 from modalscope.numerics.errors import DataError
-from modalscope.numerics.resources import allowed_memory, one_thread
+from modalscope.numerics.resources import allowed_memory, check_fits, one_thread
 from modalscope.preprocess.spectra import Segments, check_window
 from modalscope.preprocess.stored_correlation import LagSum, lag_sums
 
@@ -336,6 +336,7 @@ def half_spectra(correlation: ImpulseResponse, *, lines: int | None = None) -> F
         raise DataError("half spectra of a correlation were asked", have, "Give the result of estimate_correlation.")
     R: Array = np.concatenate([correlation.feedthrough[None] / 2, correlation.values])
     count = correlation.samples // 2 + 1 if lines is None else lines
+    check_fits(f"half spectra on {count} lines", 32.0 * count * R[0].size, "Give fewer lines.")
     length = 2 * (count - 1)
     # lines closer than those of the lags need zero padding, wider ones a sequence folded on itself
     folded = np.zeros((-(-R.shape[0] // length) * length, *R.shape[1:]))

@@ -17,6 +17,7 @@ from scipy import fft
 from modalscope.data.records import Signals
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_count, check_positive
 from modalscope.numerics.errors import DataError, check_choice
+from modalscope.numerics.resources import check_fits
 from modalscope.preprocess.impacts import Hit, cut_hits, exponential_decay, find_hits, room_of, whole_series
 from modalscope.preprocess.spectra import Segments, Transform, check_window, cross_spectra
 
@@ -187,7 +188,10 @@ def zoom_lines(band: tuple[float, float], length: int, sampling_rate: float, lin
             f"a zoom into {low:g} to {high:g} Hz was asked", have, "Give the lower end first, within these."
         )
     if lines is not None:
-        return np.linspace(low, high, check_count("zoom_lines", lines, least=2))
+        count = check_count("zoom_lines", lines, least=2)
+        # spectra of a channel at least, and what the chirp makes of them
+        check_fits(f"a zoom on {count} lines", 64.0 * count, "Give fewer lines.")
+        return np.linspace(low, high, count)
     step = sampling_rate / length
     first, last = int(np.ceil(low / step - 1e-9)), int(np.floor(high / step + 1e-9))
     if last <= first:

@@ -14,6 +14,7 @@ from modalscope.data.statespace import StateSpace
 from modalscope.numerics.arguments import plainly
 from modalscope.numerics.checks import Array, RealArray, check_count, check_number, real_array
 from modalscope.numerics.errors import DataError, check_choice
+from modalscope.numerics.resources import check_fits
 
 # Measurement noise: white, a fraction of each channel's RMS.
 
@@ -122,7 +123,9 @@ def _forces(inputs: Inputs, count: int, samples: int | None, runs: int, rng: np.
         check_choice("inputs", inputs, ("white", "ambient"))
         if samples is None:
             raise DataError("a record needs a length", "none is given", "Give duration in seconds, or samples.")
-        return rng.standard_normal((runs, check_count("samples", samples, least=2), count))
+        length = check_count("samples", samples, least=2)
+        check_fits(f"a record of {length} samples", 8.0 * runs * length * count, "Give fewer samples or runs.")
+        return rng.standard_normal((runs, length, count))
     given = real_array("inputs", inputs, "(samples, inputs) or (runs, samples, inputs)", (2, 3))
     given = given[None] if given.ndim == 2 else given
     if given.shape[2] != count:

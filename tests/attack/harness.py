@@ -1,0 +1,110 @@
+"""Attack readers and public names with damaged files and wrong values: `make attack SEED=3`, or `python -m tests.attack.harness 3`.
+
+Files: a corpus of all suffixes, damaged by the mutations of `tests.io.mutations`, each read in a process with limits (`tests.io.fuzz`).
+Values: those of `tests.arguments`, at every argument of every public name. What ends in anything but an answer or a DataError, or takes
+more than 4 s for a file or 20 s for a call, is printed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from modalscope.data import DataError
+from tests.io import corpus, fuzz, ordinary
+from tests.io.apart import read
+from tests.io.test_meshes import FILES as MESHES
+
+#: Damaged files and wrong values of a whole attack.
+FILES, VALUES = 25_000, 15_000
+
+
+def whole_files(folder: Path) -> list[Path]:
+    """Write a corpus of all suffixes that are read without extras, and return its files; those that need an option are left out."""
+    corpus.write(folder)
+    for name, case in ordinary.CASES.items():
+        case.write(folder / f"{name.replace(' ', '-')}{case.suffix}")
+    for name, text in MESHES.items():
+        (folder / f"mesh-{name}").write_text(text)
+    (folder / "points.csv").write_text("node,x,y,z\n" + "".join(f"{k},{k},0,0\n" for k in range(9)))
+    np.save(folder / "array.npy", np.arange(60.0).reshape(30, 2))
+    found = []
+    for path in sorted(folder.iterdir()):
+        try:
+            read(path)
+        except DataError:
+            path.unlink()
+        else:
+            found.append(path)
+    return found
+
+
+def files(count: int, seed: int) -> list[str]:
+    """Read so many damaged files, and return what ended in other ways than it may."""
+    with tempfile.TemporaryDirectory() as place:
+        whole, work = Path(place, "whole"), Path(place, "work")
+        whole.mkdir()
+        work.mkdir()
+        suffixes = sorted({path.suffix for path in whole_files(whole)})
+        tally = fuzz.run(work, whole, count, workers=1, seed=seed)
+    print(f"{count} damaged files of {len(suffixes)} suffixes, seed {seed}: {tally}")
+    return [str(fault) for fault in tally.faults]
+
+
+def asked(seed: int) -> Iterator[tuple[str, Any, dict[str, Any], str, str]]:
+    """Give calls in an order of the seed, each with an argument and the name of a wrong value for it."""
+    from tests.arguments import WRONG, calls
+
+    pairs = [(call, wrong) for call in calls() for wrong in WRONG]
+    for k in np.random.default_rng(seed).permutation(len(pairs)):
+        (name, call, given, argument), wrong = pairs[int(k)]
+        yield name, call, given, argument, wrong
+
+
+def values(count: int, seed: int, leave: tuple[str, ...] = ()) -> list[str]:
+    """Make so many calls with one wrong value each, and return those that are answered in other words than a DataError's."""
+    from matplotlib import pyplot
+
+    from tests.arguments import WRONG, judge
+    from tests.test_every_argument import within
+
+    told, done = [], 0
+    warnings.simplefilter("ignore")
+    for name, call, given, argument, wrong in asked(seed):
+        if done == count:
+            break
+        if name in leave:
+            continue
+        done += 1
+        try:
+            with within(20):
+                answer = judge(call, given, argument, WRONG[wrong]())
+        except TimeoutError:
+            answer = "no answer within 20 s"
+        if answer:
+            told.append(f"{name}({argument}={wrong}): {answer}")
+        pyplot.close("all")
+    print(f"{done} wrong values, seed {seed}: {len(told)} answered in other words than a DataError's")
+    return told
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("seed", type=int)
+    parser.add_argument("--files", type=int, default=FILES)
+    parser.add_argument("--values", type=int, default=VALUES)
+    options = parser.parse_args()
+    told = files(options.files, options.seed) + values(options.values, options.seed)
+    print(*told, sep="\n")
+    return bool(told)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
