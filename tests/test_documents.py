@@ -56,24 +56,6 @@ def test_every_package_is_on_a_floor_that_says_what_happens_there() -> None:
     assert all(note for layer in drawn for note in layer.notes)
 
 
-@pytest.mark.slow
-def test_the_python_of_the_readme_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "examples").symlink_to(ROOT / "examples", target_is_directory=True)
-    monkeypatch.chdir(tmp_path)
-    program = re.findall(r"^```python\n(.*?)^```", read("README.md"), re.DOTALL | re.MULTILINE)
-    names: dict[str, object] = {}
-    # a band of four modes: other tests run the whole one
-    exec(compile(program[0].replace("(100, 4500)", "(100, 1000)"), "README.md", "exec"), names)
-    assert (tmp_path / "modes.json").exists()
-    assert {"modes", "diagram", "model"} <= names.keys()
-
-
-def test_the_readme_says_what_it_is_before_the_tenth_line_and_shows_a_command() -> None:
-    head = read("README.md").split("```")
-    assert head[0].count("\n") <= 10
-    assert head[1].strip().startswith("modalscope identify examples/")
-
-
 def test_what_makes_a_mode_weak_is_decided_in_the_file_that_contributors_are_sent_to(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

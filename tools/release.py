@@ -118,6 +118,8 @@ def _faults_by(python: str, place: Path, wheel: Path, source: Path, options: arg
     home = _environment(python, "", place, wheel)
     good = _passes(home, source, options.tests, options.workers, told)
     faults = [] if good else [f"Python {python}, no extras"]
+    readme = ["-m", "slow", "tests/test_readme.py"]  # what it says runs after a plain install
+    faults += [] if _passes(home, source, readme, options.workers) else [f"Python {python}, the README"]
     home = _environment(python, EXTRAS, place, wheel)
     wanting = skipped_files(told.read_text(encoding="utf-8"))
     if wanting and not _passes(home, source, wanting, options.workers):

@@ -7,7 +7,7 @@ Measured (MIT, pyFRF): five hits; the first is overloaded, and this is detected.
 
 import modalscope as ms
 
-hits = ms.read("../../examples/impact_hits/impact_hits.npz")
+hits = ms.datasets.load("impact_hits")
 for finding in ms.preprocess.examine(hits):
     print(finding)
 

@@ -7,7 +7,7 @@ Peaks of the first singular value of the spectra, and the shapes there. Measured
 
 import modalscope as ms
 
-record = ms.read("../../examples/palisaden/palisaden.npz")
+record = ms.datasets.load("palisaden")
 spectra = ms.preprocess.decomposition(record)
 frequencies, shapes = spectra.peaks(4)
 print(frequencies.round(3))

@@ -7,7 +7,7 @@ Each band has its own diagram; modes at a border are listed once. Measured: the 
 
 import modalscope as ms
 
-data = ms.read("../../examples/beam_hammer/beam_hammer.uff")
+data = ms.datasets.load("beam_hammer")
 result = ms.analyze(data, band=[(100, 600), (600, 1700)], orders=range(2, 21, 2))
 print(result.modes.table())
 ms.plot.mac(result.modes)

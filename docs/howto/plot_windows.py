@@ -8,7 +8,7 @@ taken off the result by itself. Measured (MIT, pyFRF): four good hits, with and 
 
 import modalscope as ms
 
-hits = ms.read("../../examples/impact_hits/impact_hits.npz")
+hits = ms.datasets.load("impact_hits")
 for exponential in (None, 0.05):  # what the window leaves at the end of a record
     frf = ms.estimate_frf(hits, exponential=exponential, force_window=0.02 if exponential else None)
     modes = ms.analyze(frf, band=(400, 900), orders=range(2, 31, 2)).modes

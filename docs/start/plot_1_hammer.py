@@ -17,7 +17,7 @@ import modalscope as ms
 # What is in the file
 # -------------------
 # ``read`` returns responses or records, depending on the file.
-data = ms.read("../../examples/beam_hammer/beam_hammer.uff")
+data = ms.datasets.load("beam_hammer")
 print(data)
 ms.plot.response(data.band(100, 1700))
 

@@ -10,8 +10,8 @@ Ambient vibration
 
 import modalscope as ms
 
-folder = "../../examples/palisaden/"
-record = ms.read(folder + "palisaden.npz", geometry=(folder + "points.csv", folder + "lines.csv"))
+folder = ms.datasets.folder("palisaden")  # or your own
+record = ms.read(folder / "palisaden.npz", geometry=(folder / "points.csv", folder / "lines.csv"))
 print(record)
 
 # %%
