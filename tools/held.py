@@ -98,6 +98,7 @@ HELD = {
     "howto/plot_synthesize": Held(exact.receptance, 1e-5),
     "howto/plot_take_refuse": Held("chain5", last=3),
     "howto/plot_two_tests": Held(exact.softened, 2e-3),
+    "howto/plot_uneven_shifts": Held("chain5", 1e-3, times=2),
     "howto/plot_validate_model": Held(words=("99.7        99.7",)),
     "howto/plot_windows": Held(exact.hit_peaks, 4e-3, times=2),
     "howto/plot_wrong_sign": Held(words=("polarity: 2:+X", "Change the sign of 2:+X")),

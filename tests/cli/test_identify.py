@@ -138,3 +138,15 @@ def test_a_free_decay_is_said_and_may_be_taken_as_ambient(tmp_path, capsys):
     assert "Taken as a free decay from 0 s on" in "".join(capsys.readouterr())
     assert main(["identify", str(path), "--no-refine", "--orders", "10:10", "--route", "correlation"]) == 0
     assert "Taken as a free decay" not in "".join(capsys.readouterr())
+
+
+def test_the_data_matrix_may_be_chosen(tmp_path, capsys):
+    data = chain5().impulse_response(120, noise=0.01, seed=0)
+    ms.write(tmp_path / "decay.npz", data)
+    expert = ["--method", "era", "--row-shifts", "0,1,2,4,8", "--block-columns", "40"]
+    out = tmp_path / "modes.json"
+    assert main(["identify", str(tmp_path / "decay.npz"), *expert, "--no-refine", "-o", str(out)]) == 0
+    same = ms.analyze(data, method="era", row_shifts=[0, 1, 2, 4, 8], block_columns=40, refine=False)
+    assert np.array_equal(ms.read(out).frequencies, same.modes.frequencies)
+    assert main(["identify", str(tmp_path / "decay.npz"), "--row-shifts", "0,x"]) == 2
+    assert "Write them as 0,1,2,4" in capsys.readouterr().err

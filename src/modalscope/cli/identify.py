@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from modalscope.cli.parser import (
     Parser,
     add_choices,
+    add_expert,
     add_files,
     add_method,
     add_orders,
@@ -71,6 +72,7 @@ def add_identify(parser: Parser) -> None:
     add("--apart", action="store_true", help="identify the setups one by one and merge their modes, not their records")
     add_outside(parser)
     add_workers(parser)
+    add_expert(parser)
     add_outputs(parser, "write .json, .csv, .uff or a report: .html, .docx, .pptx")
     add_pictures(parser)
 

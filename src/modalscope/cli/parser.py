@@ -13,9 +13,10 @@ from modalscope.cli.process import EXIT_WRONG
 #: Titles of groups of options.
 _READING, _TABLES = "what the file does not state", "tables and bare numbers"
 _STORED, _COMMON = "records that stay in their file (.h5, .zarr)", "all commands"
+_EXPERT = "expert: the data matrix of the method (see the table of methods)"
 
 #: The groups that the help of a command lists last.
-_LAST = (_READING, _TABLES, _STORED, _COMMON)
+_LAST = (_READING, _TABLES, _STORED, _EXPERT, _COMMON)
 
 
 class Parser(argparse.ArgumentParser):
@@ -146,6 +147,29 @@ def memory(text: str) -> int:
     if not 1 <= size < float("inf"):
         raise ValueError
     return int(size)
+
+
+#: Options of the data matrix and what they take; a method that has no use for one refuses it.
+EXPERT: dict[str, dict[str, Any]] = {
+    "block_rows": {"type": int, "metavar": "N", "help": "block rows of H(0); in z and s the degree of its polynomials"},
+    "block_columns": {"type": int, "metavar": "N", "help": "block columns of H(0), or samples in the window"},
+    "row_shifts": {"metavar": "K,K,...", "help": "shifts of the block rows, such as 0,1,2,4,8 (Eq. 20)"},
+    "column_shifts": {"metavar": "K,K,...", "help": "shifts of the block columns"},
+    "form": {"choices": ("observable", "controllable", "smaller"), "help": "the side that the shift is read off"},
+    "source": {"choices": ("samples", "elimination"), "help": "where transfer functions come from, in z"},
+    "weighting": {"choices": ("cva",), "help": "of projected records: canonical variates"},
+    "factorization": {
+        "choices": ("auto", "dense", "gram", "randomized", "lanczos"),
+        "help": "how singular vectors are found (see `modalscope plan`)",
+    },
+}
+
+
+def add_expert(parser: Parser) -> None:
+    """Add the options of the data matrix."""
+    add = parser.group(_EXPERT)
+    for name, form in EXPERT.items():
+        add(f"--{name.replace('_', '-')}", **form)
 
 
 def add_workers(parser: Parser) -> None:

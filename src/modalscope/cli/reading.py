@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from modalscope.cli.parser import EXPERT
 from modalscope.cli.process import remark
 from modalscope.data import DataError, ModalModel, Note
 from modalscope.data.shown import summary_of
@@ -55,7 +56,21 @@ def choices(options: argparse.Namespace) -> dict[str, Any]:
     """Return band, route, delays, reciprocity and excluded channels as keyword arguments of the identification."""
     band = None if options.band is None else tuple(options.band)
     given = {name: getattr(options, name) for name in ("route", "reciprocal", "exclude")}
+    given |= {name: value for name in EXPERT if (value := getattr(options, name, None)) is not None}
+    given |= {name: parse_shifts(name, given[name]) for name in ("row_shifts", "column_shifts") if name in given}
     return {"band": band, "delays": parse_delays(options.delays), **given}
+
+
+def parse_shifts(name: str, text: str) -> list[int]:
+    """Return `0,1,2,4` as whole numbers.
+
+    Raises `DataError`: something else.
+    """
+    words = text.split(",")
+    if not all(word.strip().isdecimal() for word in words):
+        asked = f"--{name.replace('_', '-')} {text} was asked"
+        raise DataError(asked, "shifts are whole numbers, 0 among them", "Write them as 0,1,2,4.")
+    return [int(word) for word in words]
 
 
 def reading_options(options: argparse.Namespace, path: Path) -> dict[str, Any]:
