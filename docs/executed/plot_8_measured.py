@@ -12,7 +12,7 @@ from matplotlib import pyplot
 import modalscope as ms
 from modalscope.comparing.identities import check_identities
 
-data = ms.read("../../examples/beam_hammer/beam_hammer.uff").band(100, 1700)
+data = ms.datasets.load("beam_hammer").band(100, 1700)
 found = [i for i in check_identities(data, 16) if np.isfinite(i.residual)]
 for i in found:
     print(f"{i.residual:.1e}  {i.domain:4s}  {i.name}  ({i.source})")

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import os
+from pathlib import Path
 
-from modalscope.cli.parser import Parser
-from modalscope.cli.process import say
+from modalscope.cli.parser import Parser, add_force
+from modalscope.cli.process import progress, say
 
 
 def add_methods(parser: Parser) -> None:
@@ -41,6 +43,33 @@ def selfcheck(options: argparse.Namespace) -> None:
         first = f"the first in {wrong[0].table}: {wrong[0].computed:.8g}, not {wrong[0].published:g}"
         asked, differences = f"{len(check.values)} published values were recomputed", f"{len(wrong)} differ, {first}"
         raise DataError(asked, differences, "Check the versions of numpy and scipy, and report the difference.")
+
+
+def add_reproduce(parser: Parser) -> None:
+    """Add the arguments of `reproduce`."""
+    where = "page to write (default: report-reproduced.html)"
+    parser.add_argument("-o", "--output", type=Path, default=Path("report-reproduced.html"), metavar="FILE", help=where)
+    add_force(parser)
+
+
+def reproduce(options: argparse.Namespace) -> None:
+    """Recompute published tables and run the founding report section by section, and write one page of all."""
+    from modalscope.cli.output import check_output
+    from modalscope.data import DataError
+    from modalscope.reporting.reproduction import reproduce
+
+    os.environ.setdefault("MPLBACKEND", "Agg")  # pictures are written: no window is opened
+    check_output(options.output, (), options.force, (".html", ".htm"))
+    with progress("reproducing", "page") as show:
+        done = reproduce(options.output, progress=show)
+    say(
+        f"{sum(v.same for v in done.check.values)} of {len(done.check.values)} published values agree",
+        f"{len(done.pages) - sum(map(bool, done.pages.values()))} of {len(done.pages)} sections of the report ran",
+        f"written: {done.path}",
+    )
+    if done.faults:
+        asked = "the report was to be reproduced"
+        raise DataError(asked, f"{len(done.faults)} differ, first {done.faults[0]}", "Report this, with your versions.")
 
 
 def add_completion(parser: Parser) -> None:

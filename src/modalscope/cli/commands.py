@@ -49,6 +49,7 @@ COMMANDS = (
     Command(results.mac, results.add_mac, "compare"),
     Command(about.methods, about.add_methods, "compare"),
     Command(about.selfcheck, about.add_selfcheck, "compare"),
+    Command(about.reproduce, about.add_reproduce, "compare"),
     Command(results.realize, results.add_realize, "models"),
     Command(results.validate, results.add_validate, "models"),
     Command(files.simulate, files.add_simulate, "models"),

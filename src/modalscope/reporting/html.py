@@ -65,7 +65,7 @@ def list_some(names: Iterable[str], most: int = 12) -> str:
     return ", ".join(listed[:most]) + (f" and {rest} more" if rest > 0 else "")
 
 
-def _escaped(text: str) -> str:
+def escaped(text: str) -> str:
     """Return plain text as HTML, with markup and control characters escaped."""
     return escape(printable(text))
 
@@ -83,7 +83,7 @@ class Section:
 
     def html(self) -> str:
         """Return the section as HTML."""
-        return f'<section id="{_escaped(self.anchor)}">\n<h2>{_escaped(self.title)}</h2>\n{self.body}\n</section>'
+        return f'<section id="{escaped(self.anchor)}">\n<h2>{escaped(self.title)}</h2>\n{self.body}\n</section>'
 
 
 def page(title: str, subtitle: str, sections: Iterable[Section], generator: str) -> str:
@@ -96,15 +96,15 @@ def page(title: str, subtitle: str, sections: Iterable[Section], generator: str)
         Path(__file__).with_name(name).read_text(encoding="utf-8") for name in ("page.html", "report.css")
     )
     listed = list(sections)
-    links = "".join(f'<a href="#{_escaped(s.anchor)}">{_escaped(s.title)}</a>' for s in listed)
-    texts = {"title": _escaped(title), "subtitle": _escaped(subtitle), "generator": _escaped(generator)}
+    links = "".join(f'<a href="#{escaped(s.anchor)}">{escaped(s.title)}</a>' for s in listed)
+    texts = {"title": escaped(title), "subtitle": escaped(subtitle), "generator": escaped(generator)}
     body = "\n".join(s.html() for s in listed)
     return Template(template).substitute(texts, policy=_POLICY, style="\n" + style, links=links, sections=body)
 
 
 def paragraph(text: str, kind: str = "") -> str:
     """Return plain text as a paragraph, optionally of a class of the style."""
-    return f'<p class="{kind}">{_escaped(text)}</p>' if kind else f"<p>{_escaped(text)}</p>"
+    return f'<p class="{kind}">{escaped(text)}</p>' if kind else f"<p>{escaped(text)}</p>"
 
 
 def table(
@@ -124,19 +124,19 @@ def table(
     kinds = [' class="words"' if i in words else "" for i in range(len(head))]
     parts = ['<div class="scroll"><table>']
     if caption:
-        parts.append(f"<caption>{_escaped(caption)}</caption>")
+        parts.append(f"<caption>{escaped(caption)}</caption>")
     heads = [
         (cell, ' class="short"' if not kind and len(cell) <= _SHORT else kind)
         for cell, kind in zip(head, kinds, strict=True)
     ]
-    top = "".join(f'<th scope="col"{kind}>{_escaped(cell)}</th>' for cell, kind in heads)
+    top = "".join(f'<th scope="col"{kind}>{escaped(cell)}</th>' for cell, kind in heads)
     parts.append(f"<thead><tr>{top}</tr></thead><tbody>")
     for i, row in enumerate(rows):
         cells = []
         for j, (cell, kind) in enumerate(zip(row, kinds, strict=True)):
             shade = 0.0 if shades is None else shades[i][j]
             style = f' style="--shade:{100 * shade:.0f}%"' if shade > 0 else ""
-            text = _escaped(cell)
+            text = escaped(cell)
             text = f'<b class="grade {text.split()[0]}">{text}</b>' if j == graded else text
             cells.append(f"<td{kind}{style}>{text}</td>")
         parts.append(f"<tr>{''.join(cells)}</tr>")
@@ -146,31 +146,31 @@ def table(
 
 def folded(title: str, body: str) -> str:
     """Return HTML that is folded on screen and open on paper."""
-    return f"<details><summary>{_escaped(title)}</summary>{body}</details>"
+    return f"<details><summary>{escaped(title)}</summary>{body}</details>"
 
 
 def listing(pairs: Iterable[tuple[str, str]]) -> str:
     """Return names and values as a definition list."""
-    return f"<dl>{''.join(f'<dt>{_escaped(k)}</dt><dd>{_escaped(v)}</dd>' for k, v in pairs)}</dl>"
+    return f"<dl>{''.join(f'<dt>{escaped(k)}</dt><dd>{escaped(v)}</dd>' for k, v in pairs)}</dl>"
 
 
 def numbered(items: Iterable[tuple[str, str]]) -> str:
     """Return a numbered list of names in bold and sentences."""
-    return f"<ol>{''.join(f'<li><b>{_escaped(name)}</b> {_escaped(text)}</li>' for name, text in items)}</ol>"
+    return f"<ol>{''.join(f'<li><b>{escaped(name)}</b> {escaped(text)}</li>' for name, text in items)}</ol>"
 
 
 def script(text: str) -> str:
     """Return program text."""
-    return f"<pre><code>{_escaped(text)}</code></pre>"
+    return f"<pre><code>{escaped(text)}</code></pre>"
 
 
 def picture(png: bytes, caption: str) -> str:
     """Return a figure with its PNG in the page; `caption`: plain text below it."""
     data = b64encode(png).decode()
-    return figure(f'<img src="data:image/png;base64,{data}" alt="{_escaped(caption)}">', caption)
+    return figure(f'<img src="data:image/png;base64,{data}" alt="{escaped(caption)}">', caption)
 
 
 def figure(svg: str, caption: str = "") -> str:
     """Return a figure with its SVG in the page; `caption`: plain text below it."""
-    below = f"<figcaption>{_escaped(caption)}</figcaption>" if caption else ""
+    below = f"<figcaption>{escaped(caption)}</figcaption>" if caption else ""
     return f"<figure>{svg}{below}</figure>"
