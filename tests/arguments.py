@@ -173,6 +173,7 @@ OWNERS = {
     "preprocess.Decomposition": lambda t: t["decomposition"],
     "preprocess.Finding": lambda t: Finding(kind="a", channels=("b",), reason="c", change="d"),
     "preprocess.Observer": lambda t: t["observer"],
+    "systems.HardeningRig": lambda t: systems.HardeningRig(),
     "systems.Structure": lambda t: CHAIN,
 }
 
@@ -277,6 +278,9 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "preprocess.integrate": lambda t: {"signals": t["records"], "times": 1, "lowest": 0.5},
     "preprocess.merge": lambda t: {"parts": [t["lines"]]},
     "preprocess.merge_setups": lambda t: {"parts": [t["correlation"], t["correlation"]]},
+    "systems.HardeningRig": lambda t: {},
+    "systems.HardeningRig.backbone": lambda t: {"amplitude": [0.01]},
+    "systems.HardeningRig.dwell": lambda t: {"forces": [0.1], "frequencies": [5.0], "duration": 1.0},
     "systems.add_noise": lambda t: {"data": t["lines"], "fraction": 0.1},
     "StabilizationDiagram.deviations_at": lambda t: {"index": np.array([0])},
     "systems.build": lambda t: {"name": "chain5"},

@@ -6,16 +6,18 @@ The oldest method of the field, by computation instead of by shakers: a quick es
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from modalscope.data.modes import ModalModel
+from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.responses import FrequencyResponse
 from modalscope.functions.poles import QUANTITIES, poles_from
+from modalscope.identification.dwell_levels import Levels, levels_of
 from modalscope.modal.indicators import mac, mmif, mpc
 from modalscope.numerics.arguments import POSITIVE, named
-from modalscope.numerics.checks import ComplexArray, RealArray, check_band
+from modalscope.numerics.checks import ComplexArray, RealArray, check_band, check_kind
 from modalscope.numerics.errors import DataError
 
 #: Minimum number of lines on either side of a minimum for the single-mode fit.
@@ -36,17 +38,24 @@ class Dwell:
         The mode indicator function, smallest first.
     frequencies : array, (F,)
         Its lines, Hz.
+    levels : record array, (R,), optional
+        Of dwell records, by rising amplitude: `amplitude` of the largest output, `frequency` (Hz) and `damping` (ratio) there, the
+        backbone.
     """
 
     modes: ModalModel
     forces: RealArray
     indicator: RealArray
     frequencies: RealArray
+    levels: Any = None
 
 
-@named(response=FrequencyResponse, threshold=POSITIVE)
+@named(threshold=POSITIVE)
 def tuned_dwell(
-    response: FrequencyResponse, *, band: tuple[float, float] | None = None, threshold: float = 0.5
+    response: FrequencyResponse | Records | Signals | list[Signals],
+    *,
+    band: tuple[float, float] | None = None,
+    threshold: float = 0.5,
 ) -> Dwell:
     """Isolate one mode at a time by its force pattern and read frequency, damping and shape off the isolated response.
 
@@ -56,17 +65,19 @@ def tuned_dwell(
 
     Parameters
     ----------
-    response : FrequencyResponse
-        With a known quantity; more inputs isolate close modes better.
+    response : FrequencyResponse, Records, or a list of Signals
+        With a known quantity; more inputs isolate close modes better. Of records each run is a dwell: one frequency, forces that excite
+        one mode, its second half steady, and motion measured at each force. `levels` then holds frequency and damping against
+        amplitude, `modes` the mode at the lowest level; `indicator` is the share of the motion in phase with the force in each run.
     band : (float, float), optional
-        Hz.
+        Hz; of responses.
     threshold : float
-        Minima of the indicator above this are not modes.
+        Minima of the indicator above this are not modes; of responses.
 
     Raises
     ------
     DataError
-        An unknown quantity, a band without lines, fewer lines than a minimum needs.
+        An unknown quantity, a band without lines, fewer lines than a minimum needs; fewer than four dwells, or too short ones.
 
     Examples
     --------
@@ -76,6 +87,11 @@ def tuned_dwell(
     >>> found.modes.frequencies.round(2)
     array([0.91, 2.64, 4.17, 5.36, 6.11])
     """
+    if not isinstance(response, list | tuple):
+        check_kind("tuned_dwell", response, (FrequencyResponse, Signals, Records))
+    if not isinstance(response, FrequencyResponse):
+        records = as_records(response)
+        return _of_records(records, levels_of(records))
     cut = response if band is None else response.band(*check_band(band))
     least = 2 * _MIN_LINES + 1
     if cut.lines < least:
@@ -96,6 +112,26 @@ def tuned_dwell(
         forces=np.array([mode.force for mode in modes]).reshape(len(modes), cut.values.shape[2]),
         indicator=curves,
         frequencies=cut.frequencies,
+    )
+
+
+def _of_records(records: Records, levels: Levels) -> Dwell:
+    """Return the mode of dwell records at the lowest level, with all levels."""
+    best, lowest = int(levels.in_phase.argmin()), levels.table[0]
+    mode = ModalModel(
+        poles=poles_from([lowest.frequency], [lowest.damping]),
+        shapes=levels.shape[:, None].astype(complex),
+        quantity=records.quantity,
+        output_dofs=records.output_dofs,
+        processing=("sine dwells, the lowest level",),
+        scaling="length 1",
+    ).normalized("unit")
+    return Dwell(
+        modes=mode,
+        forces=levels.forces[best : best + 1],
+        indicator=levels.in_phase[:, None],
+        frequencies=levels.dwell,
+        levels=levels.table,
     )
 
 
