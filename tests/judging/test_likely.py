@@ -11,10 +11,11 @@ from modalscope.data import FrequencyResponse
 from modalscope.functions.poles import poles_from
 from modalscope.identification.stabilize import stabilize
 from modalscope.judging import verdict as likely
-from modalscope.judging.evidence import evidence_of
-from modalscope.judging.select import select
+from modalscope.judging.evidence import evidence_of, oscillations
+from modalscope.judging.select import contest_of, select
 from modalscope.judging.selection_problem import SelectionProblem
 from modalscope.likelihood.reference_model import floor_of
+from modalscope.systems import chain5
 from tests.judging.hard import lines_of, random_structure, score
 from tests.judging.made import NUDGE, diagram_of, poles_of
 from tests.judging.test_joint_selection import F, data
@@ -58,3 +59,34 @@ def test_data_without_noise_have_their_modes_and_no_others() -> None:
 def test_a_millionth_of_the_data_is_no_noise_of_a_measurement(part: float, computed: bool) -> None:
     floor = floor_of(data(), POLES)
     assert likely._computed(replace(floor, left=1e-6 * part * floor.data)) is computed
+
+
+@pytest.mark.parametrize(("largest", "listed"), [(8, True), (14, False)])
+def test_a_mode_that_the_data_need_is_of_a_diagram_that_shows_it_or_has_no_room_for_it(
+    largest: int, listed: bool
+) -> None:
+    lines = chain5().frequency_response(np.arange(30, 751) * 0.01, quantity="acceleration", noise=0.01, seed=0)
+    decided = contest_of([stabilize(lines, method="era", domain="z", orders=range(8, 17, 2))])
+    assert decided is not None
+    assert len(decided.found.poles) == 5
+    diagram = stabilize(lines, method="alternate", domain="z", orders=range(2, largest + 1, 2))
+    every = oscillations(diagram)
+    poles = every.take(np.flatnonzero(np.abs(every.frequency - 4.168) > 0.5))  # as if the third mode were at no order
+    _, found = likely.likely(diagram, poles, evidence_of(diagram), decided)
+    (third,) = (c for c in found if abs(c.frequency - 4.168) < 0.02)
+    assert third.against == (() if listed else ("needed by the data, but shown at no orders of this diagram",))
+    others = [c for c in found if not c.against and c is not third]
+    if not listed:  # what shows the others is its own
+        assert [round(c.frequency, 1) for c in others] == [0.9, 2.6, 5.4, 6.1]
+        assert all(c.members.size for c in others)
+
+
+def test_further_diagrams_add_the_candidates_that_the_first_does_not_have() -> None:
+    poles = poles_of(*ALL, orders=ORDERS)
+    some, first = poles.take(np.flatnonzero(poles.frequency < 11)), float(poles.frequency.min())
+    assert 0 < some.pole.size < poles.pole.size
+    both = likely._starts_of(some, [poles])
+    alone = likely._starts_of(poles, [])
+    assert np.allclose(np.sort(both.frequency), np.sort(alone.frequency))
+    assert both.frequency[0] == pytest.approx(first)
+    assert likely._starts_of(poles, [poles, some]).pole.size == alone.pole.size

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -171,6 +171,43 @@ def test_a_run_that_is_killed_goes_on_from_what_was_kept(
         found = ms.estimate_correlation(stored(record), lags=60).values
     assert done == [*range(1, of + 1), *range(of // 2 + 1, of + 1)]
     np.testing.assert_array_equal(found, expected)  # the same sums in the same order
+
+
+@pytest.mark.usefixtures("small_tasks")
+def test_the_first_task_is_kept_as_it_ends_and_a_second_run_in_the_folder_is_told(
+    record: ms.Signals, tmp_path: Path
+) -> None:
+    kept: list[int] = []
+
+    def look(count: int, _: int) -> None:
+        kept.append(len(list(tmp_path.glob("sums-*.npz"))))
+        if count == 2:
+            with pytest.raises(DataError, match="another run works on the same sums there"), working(save=tmp_path):
+                ms.estimate_correlation(stored(record), lags=60)
+
+    with working(progress=look, save=tmp_path):
+        ms.estimate_correlation(stored(record), lags=60)
+    assert kept[0] == 1
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.usefixtures("small_tasks")
+def test_sums_of_another_content_are_not_gone_on_from(record: ms.Signals, tmp_path: Path) -> None:
+    """Size, date and name of a file may stay where its samples change."""
+    done: list[int] = []
+
+    def stop(count: int, _: int) -> None:
+        done.append(count)
+        if len(done) == 3:
+            raise KeyboardInterrupt
+
+    other = replace(record, outputs=record.outputs * (1 + 1e-9))
+    assert stored(other).fingerprint != stored(record).fingerprint == stored(record).fingerprint
+    with pytest.raises(KeyboardInterrupt), working(progress=stop, save=tmp_path):
+        ms.estimate_correlation(stored(record), lags=60)
+    with working(progress=stop, save=tmp_path):
+        ms.estimate_correlation(stored(other), lags=60)
+    assert done[3] == 1
 
 
 @pytest.mark.usefixtures("small_tasks")

@@ -28,7 +28,7 @@ _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 
 _STOPPED = b"modalscope: stopped; every output file is complete or unchanged"
 
-#: Added if partial sums were saved, which happens every ten seconds.
+#: Added if partial sums were saved, which happens after the first task and every ten seconds.
 _GOES_ON = b"; the same command resumes from the saved sums"
 
 

@@ -235,7 +235,8 @@ def compare(
 ) -> Comparison:
     """Compare all methods on the same data: the modes on which they agree, where they differ and why, and which to trust.
 
-    Responses are estimated from records once, for all methods. Each method has a stabilization diagram and a selection; modes are paired
+    Responses are estimated from records once, for all methods, and each method has a stabilization diagram. Which modes the data need is
+    decided once, from the poles of all of them; a method has found those that its own poles show, with its own values. Modes are paired
     across methods by frequency, damping and shape. A method that fails is a row with its reason. A method on data transformed from lines to
     samples or back is compared, but has no vote.
 

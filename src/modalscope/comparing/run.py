@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from contextvars import copy_context
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import partial
 from itertools import chain
@@ -27,8 +28,9 @@ from modalscope.identification.pipeline import Factored, built, factored
 from modalscope.identification.prepare import Measured, pose
 from modalscope.identification.stabilize import swept
 from modalscope.identification.sweep import Sweep, start
-from modalscope.judging.evidence import Gathered
-from modalscope.judging.select import chosen_of, weighed
+from modalscope.judging.evidence import Gathered, same_data
+from modalscope.judging.select import chosen_of, contest_of, weighed
+from modalscope.judging.verdict import Contest
 from modalscope.likelihood.covariance import PoleInfluence, covariances_of_poles, influence_on
 from modalscope.likelihood.noise import SPLIT, Noise
 from modalscope.modal.rebuilt import fit_of
@@ -146,14 +148,64 @@ class MethodResult:
         return self.method.label
 
 
-class _Group:
-    """Cells that may share a data matrix, its factors, and results that are the same; `gathered`: of all groups."""
+@dataclass(eq=False)
+class _Work:
+    """One cell on its way to its result.
 
-    def __init__(self, gathered: Gathered) -> None:
-        self.gathered = gathered
+    `twin`: a cell with the same modes at every order, whose result it has. `failure`: why it has none.
+    """
+
+    measured: Measured
+    cell: Cell
+    sweep: Sweep | None = None
+    diagram: StabilizationDiagram | None = None
+    twin: _Work | None = None
+    modes: ModalModel | None = None
+    moved: Moved | None = None
+    fit_error: float | None = None
+    seconds: float = 0.0
+    failure: str = ""
+
+    @property
+    def result(self) -> MethodResult:
+        """What the cell found, that of its twin in its own name."""
+        of, method = self.twin or self, self.cell.method
+        diagram = of.diagram if of is self or of.diagram is None else of.diagram.changed(method=method.name)
+        return MethodResult(
+            method=method,
+            exact=self.cell.exact,
+            diagram=None if of.failure else diagram,
+            modes=of.modes,
+            fit_error=of.fit_error,
+            moved=of.moved,
+            route=self.measured.route or "",
+            seconds=self.seconds,
+            failure=of.failure,
+        )
+
+
+@contextmanager
+def _counted(*works: _Work) -> Iterator[None]:
+    """Share the time of what is done between cells, and make what fails there the failure of them all."""
+    begin = time.perf_counter()
+    try:
+        yield
+    except (DataError, ValueError, ArithmeticError, MemoryError) as error:  # NumPy's: no convergence, no memory
+        kind = "" if isinstance(error, DataError) else f"{type(error).__name__}: "
+        for work in works:
+            work.failure = f"{kind}{' '.join(str(error).split())}"
+    finally:
+        for work in works:
+            work.seconds += (time.perf_counter() - begin) / len(works)
+
+
+class _Group:
+    """Cells that may share a data matrix, its factors, and results that are the same."""
+
+    def __init__(self) -> None:
         self._built: dict[Any, Built] = {}
         self._factored: dict[tuple[int, Any], Factored] = {}
-        self._done: list[tuple[Sweep, MethodResult]] = []
+        self._done: list[tuple[Sweep, _Work]] = []
 
     def factored(self, problem: Problem, cell: Cell) -> Factored:
         """Return the factors of a row's data matrix, each made for the first cell that needs them."""
@@ -172,17 +224,17 @@ class _Group:
             self._built[sizes] = candidate._replace(matrix=next(same, candidate).matrix)
         return self._built[sizes]
 
-    def keep(self, sweep: Sweep, result: MethodResult) -> None:
-        """Keep the result of a cell."""
-        self._done.append((sweep, result))
+    def keep(self, sweep: Sweep, work: _Work) -> None:
+        """Keep a cell with its sweep."""
+        self._done.append((sweep, work))
 
     def with_poles_of(self, sweep: Sweep) -> Sweep | None:
         """Return the sweep of a cell that has the same poles at every order; None without one."""
         return next((other for other, _ in self._done if other.has_poles_of(sweep)), None)
 
-    def with_modes_of(self, sweep: Sweep) -> MethodResult | None:
-        """Return the result of a cell that has the same modes at every order; None without one."""
-        return next((result for other, result in self._done if other.has_modes_of(sweep)), None)
+    def with_modes_of(self, sweep: Sweep) -> _Work | None:
+        """Return a cell that has the same modes at every order; None without one."""
+        return next((work for other, work in self._done if other.has_modes_of(sweep)), None)
 
 
 def _same_settings(one: Options, other: Options) -> bool:
@@ -215,6 +267,9 @@ def run(
 ) -> tuple[MethodResult, ...]:
     """Run every cell on the measured data; a failure is the result of its cell.
 
+    What the data need is decided once for all cells with the same data, from the poles of all of them; each cell has those modes that its
+    own poles show, with its own values.
+
     `progress`: called with (orders done, orders in all), over all methods. `workers`: methods at a time, by default the number of
     processors, at most four. `**options`: of `stabilize`, for every method.
     """
@@ -227,62 +282,86 @@ def run(
                 progress(sum(orders_done), total)
 
     given = [measured] * len(cells) if isinstance(measured, Measured) else measured
-    groups, gathered = _grouped(cells, given), Gathered()
+    works = [_Work(data, cell) for data, cell in zip(given, cells, strict=True)]
 
-    def of_group(indices: Sequence[int]) -> list[MethodResult]:
-        group, results = _Group(gathered), []
+    def swept_in_group(indices: Sequence[int]) -> None:
+        group = _Group()
         for index in indices:
-            results.append(_timed(given[index], cells[index], group, partial(report, index), options))
+            with _counted(works[index]):
+                _sweep(works[index], group, partial(report, index), options)
             report(index, len(cells[index].orders))
-        return results
 
-    at_once = workers or min(os.cpu_count() or 1, 4)
+    gathered = Gathered()
+    with _pool(workers or min(os.cpu_count() or 1, 4)) as each:
+        each(swept_in_group, _grouped(cells, given))
+        own = [work for work in works if work.diagram is not None]
+        sets = _of_same_data(own)
+        contests = dict(chain(*each(_decided, sets)))
+        each(lambda work: _judge(work, gathered, contests.get(id(work))), [work for work in own if not work.failure])
+    return tuple(work.result for work in works)
+
+
+@contextmanager
+def _pool(at_once: int) -> Iterator[Callable[[Callable[[Any], Any], Iterable[Any]], list[Any]]]:
+    """Give a `map` that does `at_once` pieces of work at a time, where `working` said: threads do not inherit the context."""
     if at_once == 1:
-        results = [of_group(indices) for indices in groups]
-    else:
-        with ThreadPoolExecutor(
-            at_once
-        ) as pool:  # what `working` chose is a matter of the context, which threads do not inherit
-            begun = [pool.submit(copy_context().run, of_group, indices) for indices in groups]
-            results = [each.result() for each in begun]
-    by_index = dict(zip(chain(*groups), chain(*results), strict=True))
-    return tuple(by_index[i] for i in range(len(cells)))
+        yield lambda do, pieces: [do(piece) for piece in pieces]
+        return
+    with ThreadPoolExecutor(at_once) as pool:
+
+        def each(do: Callable[[Any], Any], pieces: Iterable[Any]) -> list[Any]:
+            begun = [pool.submit(copy_context().run, do, piece) for piece in pieces]
+            return [one.result() for one in begun]
+
+        yield each
 
 
-def _timed(measured: Measured, cell: Cell, group: _Group, progress: Progress, options: dict[str, Any]) -> MethodResult:
-    """Return the result of a cell with its time, or its failure."""
-    begin = time.perf_counter()
-    try:
-        result = _result(measured, cell, group, progress, options)
-    except (DataError, ValueError, ArithmeticError, MemoryError) as error:  # NumPy's: no convergence, no memory
-        kind = "" if isinstance(error, DataError) else f"{type(error).__name__}: "
-        failure = f"{kind}{' '.join(str(error).split())}"
-        result = MethodResult(method=cell.method, exact=cell.exact, route=measured.route or "", failure=failure)
-    return replace(result, seconds=time.perf_counter() - begin)
+def _sweep(work: _Work, group: _Group, progress: Progress, options: dict[str, Any]) -> None:
+    """Compute the diagram of a cell, or find another of its group with the same modes at every order."""
+    cell = work.cell
+    problem = pose(work.measured, cell.method, {**cell.options, **options})
+    given = group.factored(problem, cell)
+    sweep = start(problem, list(cell.orders), automatic=False, indicators=False, given=given)
+    work.twin = group.with_modes_of(sweep)
+    if work.twin is None:
+        sweep.take_deviations_of(group.with_poles_of(sweep))
+        work.sweep, work.diagram = sweep, swept(sweep, cell.orders, progress=progress)
+        group.keep(sweep, work)
 
 
-def _result(measured: Measured, cell: Cell, group: _Group, progress: Progress, options: dict[str, Any]) -> MethodResult:
-    """Return the result of a cell; that of another cell of its group with the same modes at every order where there is one."""
-    method = cell.method
-    problem = pose(measured, method, {**cell.options, **options})
-    sweep = start(problem, list(cell.orders), automatic=False, given=group.factored(problem, cell))
-    same = group.with_modes_of(sweep)
-    if same is not None and same.diagram is not None:
-        return replace(same, method=method, exact=cell.exact, diagram=same.diagram.changed(method=method.name))
-    sweep.take_deviations_of(group.with_poles_of(sweep))
-    diagram = swept(sweep, cell.orders, progress=progress)
-    modes = chosen_of(diagram, weighed(diagram, group.gathered))
-    result = MethodResult(
-        method=method,
-        exact=cell.exact,
-        route=measured.route or "",
-        diagram=diagram,
-        modes=modes,
-        fit_error=fit_of(modes, diagram.response),
-        moved=moved_by_noise(sweep, diagram, modes),
-    )
-    group.keep(sweep, result)
-    return result
+def _of_same_data(works: Sequence[_Work]) -> list[list[_Work]]:
+    """Return cells whose data are the same before they were transformed."""
+    sets: list[list[_Work]] = []
+    for work in works:
+        assert work.diagram is not None
+        data = work.diagram.as_measured
+        for others in sets:
+            first = others[0].diagram
+            if first is not None and same_data(first.as_measured, data):
+                others.append(work)
+                break
+        else:
+            sets.append([work])
+    return sets
+
+
+def _decided(works: Sequence[_Work]) -> list[tuple[int, Contest | None]]:
+    """Return what the data of some cells need, by the identity of each."""
+    found = None
+    with _counted(*works):
+        found = contest_of([work.diagram for work in works if work.diagram is not None])
+    return [(id(work), found) for work in works]
+
+
+def _judge(work: _Work, gathered: Gathered, known: Contest | None) -> None:
+    """Find the modes of a cell among the poles of its diagram."""
+    sweep, diagram = work.sweep, work.diagram
+    assert sweep is not None
+    assert diagram is not None
+    with _counted(work):
+        modes = chosen_of(diagram, weighed(diagram, gathered, known))
+        work.fit_error, work.moved = fit_of(modes, diagram.response), moved_by_noise(sweep, diagram, modes)
+        work.modes = modes
 
 
 def find_by_name(results: Sequence[MethodResult], name: str | tuple[str, str]) -> MethodResult:

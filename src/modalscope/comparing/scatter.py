@@ -16,6 +16,7 @@ from scipy.special import ndtri, stdtrit
 from modalscope.checking.certificate import LARGEST_BIAS
 from modalscope.comparing.agreement import Group
 from modalscope.comparing.run import MethodResult, Moved, covariance
+from modalscope.likelihood.noise import Noise
 from modalscope.numerics.checks import RealArray
 
 #: Probability that the truth lies within the stated scatter, and that any of all comparisons calls noise a bias.
@@ -123,9 +124,7 @@ class _Covariances:
         moved = {r.name: r.moved for r in results if r.moved is not None and r.exact}
         first = next((moved[name] for g in groups for name in g.votes if name in moved), None)
         self._moved = {name: m for name, m in moved.items() if first is not None and _same_data(m, first)}
-        errors = {r.name: np.inf if r.fit_error is None else r.fit_error for r in results}
-        best = min(self._moved, key=lambda name: errors[name], default=None)
-        self._noise = None if best is None else self._moved[best].noise
+        self._noise = _middle_noise([m.noise for m in self._moved.values()])
         self._pairs: dict[tuple[str, str], dict[int, RealArray]] = {}
 
     def variances(self, k: int, g: Group) -> _Variances:
@@ -178,6 +177,15 @@ class _Covariances:
         rows_a, rows_b = np.array([row[1:] for row in rows], dtype=np.intp).reshape(-1, 2).T
         f, zeta = covariance(a, b, rows_a, rows_b, self._noise)
         return {k: np.array([f[i], zeta[i]]) for i, (k, _, _) in enumerate(rows)}
+
+
+def _middle_noise(noises: Sequence[Noise]) -> Noise | None:
+    """Return the noise of the data as the method in the middle sees it: each estimates it from what its own order leaves; None without any.
+
+    A low order leaves structure in it, and a high one takes noise away: the median holds against either.
+    """
+    levels = [float(np.mean(getattr(noise, "variance", 0.0))) for noise in noises]
+    return noises[int(np.argsort(levels, kind="stable")[(len(levels) - 1) // 2])] if noises else None
 
 
 def _same_data(one: Moved, other: Moved) -> bool:

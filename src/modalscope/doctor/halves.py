@@ -104,14 +104,14 @@ def _halves(signals: Signals) -> Halves | None:
     spectra, effective = [], 1.0
     for part in (x[:, :half], x[:, half : 2 * half]):
         y = part - part.mean(axis=1, keepdims=True)
-        found = cross_spectra(y, None, 1.0, Segments.of(half, length), whole=True)
-        spectra.append(found.outputs[1:])
+        found = cross_spectra(y, y[:, :, predictors], 1.0, Segments.of(half, length))
+        spectra.append(_Spectra(found.outputs[1:], found.cross[1:], found.inputs[1:]))
         effective = found.effective
-    if not all(np.all(np.einsum("fii->i", S).real > 0) for S in spectra):
+    if not all(np.all(S.power.sum(axis=0) > 0) for S in spectra):
         return None
     own, other = np.ones((2, channels)), np.ones((2, channels))
     for i in range(channels):
-        o = [j for j in predictors if j != i]
+        o = [k for k, j in enumerate(predictors) if j != i]
         if not o:
             continue
         responses = [_response(S, i, o) for S in spectra]
@@ -122,19 +122,27 @@ def _halves(signals: Signals) -> Halves | None:
     return Halves(own, other)
 
 
-def _response(S: ComplexArray, i: int, others: list[int]) -> ComplexArray:
-    """Return the response h (F, o) of channel i to others, S_io S_oo^-1."""
-    A = S[:, others][:, :, others]
+class _Spectra(NamedTuple):
+    """Powers of all channels (F, c), their cross spectra with the predictors (F, c, o), and those of the predictors (F, o, o)."""
+
+    power: RealArray
+    cross: ComplexArray
+    predictors: ComplexArray
+
+
+def _response(S: _Spectra, i: int, others: list[int]) -> ComplexArray:
+    """Return the response h (F, o) of channel i to some predictors, S_io S_oo^-1."""
+    A = S.predictors[:, others][:, :, others]
     load = _LOADING * np.einsum("fii->f", A).real / len(others)
     A = A + load[:, None, None] * np.eye(len(others))
-    return np.asarray(np.linalg.solve(A.transpose(0, 2, 1), S[:, i, others][:, :, None])[:, :, 0])
+    return np.asarray(np.linalg.solve(A.transpose(0, 2, 1), S.cross[:, i, others][:, :, None])[:, :, 0])
 
 
-def _unpredicted(S: ComplexArray, i: int, others: list[int], h: ComplexArray) -> float:
-    """Return the part of a channel's power that a response to the others leaves."""
-    cross = np.einsum("fo,fo->f", h.conj(), S[:, i, others]).real
-    predicted = np.einsum("fo,fop,fp->f", h, S[:, others][:, :, others], h.conj()).real
-    return float(np.sum(S[:, i, i].real - 2 * cross + predicted) / np.sum(S[:, i, i].real))
+def _unpredicted(S: _Spectra, i: int, others: list[int], h: ComplexArray) -> float:
+    """Return the part of a channel's power that a response to some predictors leaves."""
+    cross = np.einsum("fo,fo->f", h.conj(), S.cross[:, i, others]).real
+    predicted = np.sum((h[:, None] @ S.predictors[:, others][:, :, others])[:, 0] * h.conj(), axis=1).real
+    return float(np.sum(S.power[:, i] - 2 * cross + predicted) / np.sum(S.power[:, i]))
 
 
 def _broken(signals: Signals, halves: Halves) -> list[Finding]:
@@ -182,19 +190,22 @@ def _rates(signals: Signals) -> tuple[RealArray, RealArray, BoolArray]:
     count = min(signals.samples // length, _MAX_STRETCHES)
     starts = length * np.round(np.linspace(0, signals.samples // length - 1, count)).astype(int)
     window = np.hanning(length)[:, None]
-    X = np.stack([[fft.rfft(run[s : s + length] * window, axis=0)[1:-1] for s in starts] for run in x])
-    X /= np.sqrt(np.maximum(np.mean(np.abs(X) ** 2, axis=(0, 1)), np.finfo(float).tiny))
-    S = np.einsum("rkfi,rkfj->fij", X.conj(), X)
-    reference = int(np.argmax(np.abs(S).sum(axis=(0, 1))))
-    u = X * X[..., [reference]].conj()
-    u /= np.maximum(np.abs(u), np.finfo(float).tiny)
+    X = np.empty((channels, len(x), count, (length - 1) // 2), dtype=complex)  # a channel after the other
+    for r, run in enumerate(x):
+        for k, s in enumerate(starts):
+            X[:, r, k] = fft.rfft(run[s : s + length] * window, axis=0)[1 : 1 + X.shape[3]].T
+    for own in X:
+        own /= np.sqrt(np.maximum(np.mean(np.abs(own) ** 2, axis=(0, 1)), np.finfo(float).tiny))
+    reference = _most_coherent(X)
     rate, gain, agrees = np.zeros(channels), np.zeros(channels), np.zeros(channels, dtype=bool)
     for i in range(channels):
+        u = X[i] * X[reference].conj()
+        u /= np.maximum(np.abs(u), np.finfo(float).tiny)
         # lines on which the phase is steady from stretch to stretch, at any rate
-        steady = np.abs(np.sum(u[:, 1:, :, i] * u[:, :-1, :, i].conj(), axis=(0, 1)))
+        steady = np.abs(np.sum(u[:, 1:] * u[:, :-1].conj(), axis=(0, 1)))
         lines = np.sort(np.argsort(steady)[-_LINES:])
         w = 2 * np.pi * (lines + 1) / length
-        turned = np.einsum("rkf,fqk->krfq", u[:, :, lines, i], np.exp(1j * w[:, None, None] * _RATES[:, None] * starts))
+        turned = np.einsum("rkf,fqk->krfq", u[:, :, lines], np.exp(1j * w[:, None, None] * _RATES[:, None] * starts))
         whole, first, second = (
             np.mean(np.abs(part.sum(axis=0)) ** 2, axis=(0, 1)) / len(part)
             for part in (turned, turned[: count // 2], turned[count // 2 :])
@@ -205,11 +216,22 @@ def _rates(signals: Signals) -> tuple[RealArray, RealArray, BoolArray]:
     return rate, gain, agrees
 
 
+def _most_coherent(X: ComplexArray) -> int:
+    """Return the channel whose spectra with all others, averaged over runs and stretches, are largest in sum over the lines.
+
+    `X` (c, R, K, F).
+    """
+    total = np.zeros(len(X))
+    for f in range(X.shape[3]):
+        own = X[:, :, :, f].reshape(len(X), -1)
+        total += np.abs(own.conj() @ own.T).sum(axis=0)
+    return int(np.argmax(total))
+
+
 def drifting(signals: Signals) -> list[Finding]:
     """Find outputs with most of their power in drift, while the others have little."""
     outputs, _ = signals.by_run()
-    power = np.sum(np.abs(fft.rfft(outputs - outputs.mean(axis=1, keepdims=True), axis=1)) ** 2, axis=0)
-    share = power[: _DRIFT_PERIODS + 1].sum(axis=0) / np.maximum(power.sum(axis=0), np.finfo(float).tiny)
+    share = np.array([_drift_of(y) for y in np.moveaxis(outputs, 2, 0)])  # a channel at a time: transforms are large
     usual = float(np.median(share))
     if usual > _MAX_USUAL_DRIFT or outputs.shape[2] < 2:
         return []
@@ -219,3 +241,9 @@ def drifting(signals: Signals) -> list[Finding]:
         for dof, part in zip(signals.output_dofs, share, strict=True)
         if part > _MIN_DRIFT
     ]
+
+
+def _drift_of(runs: RealArray) -> float:
+    """Return the part of the power of a channel (R, N) that lies below ten periods in the record."""
+    power = np.sum(np.abs(fft.rfft(runs - runs.mean(axis=1, keepdims=True), axis=1)) ** 2, axis=0)
+    return float(power[: _DRIFT_PERIODS + 1].sum() / max(float(power.sum()), np.finfo(float).tiny))

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy
+from numpy.lib.stride_tricks import sliding_window_view
 
 from modalscope.data.notes import Finding
 from modalscope.data.records import Signals
@@ -41,6 +42,9 @@ _MAX_RESIDUAL = 0.25
 
 #: Samples on either side over which the usual error is computed.
 _NEIGHBOURS = 100
+
+#: Numbers that are copied for one product: they stay in the cache.
+_NUMBERS_AT_A_TIME = 200_000
 
 #: Past and future are compared in the canonical variates whose correlation exceeds this, and in so many at most.
 _MIN_CORRELATION, _MAX_VARIATES = 0.5, 24
@@ -156,16 +160,29 @@ def _isolated(model: Correlations) -> list[IsolatedSample]:
     pattern = W[:, ::-1].transpose(1, 0, 2) / root[:, None] / root
     samples = []
     for r, run in enumerate(model.runs):
-        z = sum(run[i : i + len(run) - 2 * p] @ W[:, i].T for i in range(2 * p + 1)) / root
+        z = _filtered(run, np.asarray(W)) / root
         # e' S^-1 e of the prediction from the past at the samples p ..., the largest of three: the size of a blow
-        e = sum(run[i : i + len(run) - p] @ ahead[:, i].T for i in range(p + 1))
-        squares = np.sum(e * np.linalg.solve(ahead[:, p], np.asarray(e).T).T, axis=1)
+        e = _filtered(run, np.asarray(ahead))
+        squares = np.sum(e * np.linalg.solve(ahead[:, p], e.T).T, axis=1)
         blow = scipy.ndimage.maximum_filter1d(squares, 3)[: len(z)]
         for k, i in np.argwhere(np.abs(z) > limit):
             if _explains(z, int(k), int(i), blow, pattern[:, :, i], limit):
                 x = float(run[k + p, i])
                 samples.append(IsolatedSample(r, int(k) + p, int(i), x, x - float(z[k, i] / root[i])))
     return samples
+
+
+def _filtered(run: RealArray, weights: RealArray) -> RealArray:
+    """Return sum_i w_i x(t + i) of a run (N, l) at all times t that it covers, for weights (n, count, l) of `count` samples.
+
+    The samples that lie under the weights are a row of a product, some thousand times in one.
+    """
+    n, count, l = weights.shape
+    flat = np.ascontiguousarray(run).ravel()
+    under = sliding_window_view(flat, count * l)[::l]
+    columns = weights.reshape(n, count * l).T
+    step = max(_NUMBERS_AT_A_TIME // (count * l), 1)
+    return np.concatenate([np.ascontiguousarray(under[k : k + step]) @ columns for k in range(0, len(under), step)])
 
 
 def _explains(z: RealArray, k: int, i: int, blow: RealArray, pattern: RealArray, limit: float) -> bool:
@@ -260,8 +277,7 @@ def _events(
         return []
     p = model.depth
     count = len(run) - 2 * p + 1
-    u = np.asarray(sum(run[i : i + count] @ U[i] for i in range(p)))
-    v = np.asarray(sum(run[p + i : p + i + count] @ V[i] for i in range(p)))
+    u, v = (_filtered(part, side.transpose(2, 0, 1)) for part, side in ((run[: count + p - 1], U), (run[p:], V)))
     limit = np.log(len(model.runs) * count * (len(C) - 1) / _FALSE_ALARM)
     w, Q = _spread(C[0])
     squares = ((v - u @ C[0].T) @ Q) ** 2

@@ -116,7 +116,8 @@ class _Computed(NamedTuple):
 class Shared:
     """The data that every order is fitted to and the noise in them, computed once for all orders."""
 
-    def __init__(self, pipeline: Pipeline, deviations: bool) -> None:
+    def __init__(self, pipeline: Pipeline, deviations: bool, indicators: bool = True) -> None:
+        self._indicated = indicators
         self._pipeline, self._matrix = pipeline, pipeline.matrix.fitted
         self._response = self._matrix.judged
         whitening = pipeline.problem.whitening
@@ -131,7 +132,8 @@ class Shared:
         """Return orders, computed together, with their indicators."""
         if not parts:
             return []
-        indicators = indicators_of_all(self._pipeline.matrix, [part[1:] for part in parts])
+        of_parts = [part[1:] for part in parts]
+        indicators = indicators_of_all(self._pipeline.matrix, of_parts) if self._indicated else [{} for _ in parts]
         reported = [self._reported(model, modal) for _, model, modal in parts]
         asked = [self._asked(*each) for each in zip(parts, reported, strict=True)]
         return [self._cut(*each) for each in zip(parts, reported, indicators, asked, strict=True)]
@@ -250,13 +252,15 @@ class Sweep:
     An order that cannot be computed (too few blocks, say) is left out, with a note in `notes`.
     """
 
-    def __init__(self, pipeline: Pipeline, orders: Iterable[int], *, deviations: bool = True) -> None:
+    def __init__(
+        self, pipeline: Pipeline, orders: Iterable[int], *, deviations: bool = True, indicators: bool = True
+    ) -> None:
         self.orders = tuple(orders)
         self.pipeline = pipeline
         self.notes: list[Note] = []
         self._pending = deque(self.orders)
         self._ahead: deque[Cut | DataError] = deque()
-        self._measured = Shared(pipeline, deviations)
+        self._measured = Shared(pipeline, deviations, indicators)
 
     @property
     def noise(self) -> Noise | None:
@@ -389,19 +393,28 @@ def over_pipeline(
 
 
 def start(
-    problem: Problem, asked: list[int], *, automatic: bool, deviations: bool = True, given: Factored | None = None
+    problem: Problem,
+    asked: list[int],
+    *,
+    automatic: bool,
+    deviations: bool = True,
+    indicators: bool = True,
+    given: Factored | None = None,
 ) -> Sweep:
     """Factor for the largest order and return the sweep over the orders that the rank allows.
 
-    `automatic`: whether the orders are defaults: then at least one is found. `given`: factors for the largest order, of another row.
+    `automatic`: whether the orders are defaults: then at least one is found. `indicators`: whether those of each pole are wanted. `given`:
+    factors for the largest order, of another row.
     """
     pipeline = factor(problem, asked[-1]) if given is None else realized(problem, given)
-    return over(pipeline, asked, automatic=automatic, deviations=deviations)
+    return over(pipeline, asked, automatic=automatic, deviations=deviations, indicators=indicators)
 
 
-def over(pipeline: Pipeline, asked: list[int], *, automatic: bool, deviations: bool = True) -> Sweep:
+def over(
+    pipeline: Pipeline, asked: list[int], *, automatic: bool, deviations: bool = True, indicators: bool = True
+) -> Sweep:
     """Return the sweep over the orders of a pipeline that its rank allows; see `start`."""
     reach = pipeline.method.orders.reach(pipeline.factors, asked, automatic)
-    made = Sweep(pipeline, reach.orders, deviations=deviations)
+    made = Sweep(pipeline, reach.orders, deviations=deviations, indicators=indicators)
     made.notes.extend(reach.notes)
     return made

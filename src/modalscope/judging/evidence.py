@@ -122,14 +122,14 @@ class Gathered:
         """Return what the data of a diagram show."""
         response = diagram.response
         for other, known in self._known:
-            if response is other or _same(response, other):
+            if response is other or same_data(response, other):
                 return known
         found = evidence_of(diagram)
         self._known.append((response, found))
         return found
 
 
-def _same(one: Response, other: Response) -> bool:
+def same_data(one: Response, other: Response) -> bool:
     """Whether two responses are the same data."""
     facts = {(r.span, r.ambient, r.added_damping, r.grid is None) for r in (one, other)}
     arrays = [(one.values, other.values), *([] if one.grid is None or other.grid is None else [(one.grid, other.grid)])]

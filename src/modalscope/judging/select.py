@@ -23,7 +23,7 @@ from modalscope.judging.no_structure import (
 )
 from modalscope.judging.outcome import compared_with, modes_of, paired_with
 from modalscope.judging.tracking import Poles
-from modalscope.judging.verdict import has_likelihood, likely
+from modalscope.judging.verdict import Contest, contest, has_likelihood, likely
 from modalscope.likelihood.settling import needed_beside
 from modalscope.likelihood.spread import LEAST_GROUPS
 from modalscope.modal.indicators import with_indicators_of_shapes
@@ -125,6 +125,18 @@ def between_groups(diagram: StabilizationDiagram, modes: ModalModel) -> ModalMod
     return replace(modes, **{name: getattr(found, name) for name in names})
 
 
+def contest_of(diagrams: Sequence[StabilizationDiagram]) -> Contest | None:
+    """Return what poles the data of several diagrams need, one contest of all their candidates; None where data have no likelihood.
+
+    `diagrams`: of the same data. It starts from the one that fits best; the others add what that does not show.
+    """
+    able = [d for d in diagrams if d.exact_rank is None and has_likelihood(d)]
+    if not able:
+        return None
+    best, *others = sorted(able, key=lambda d: float(d.fit_errors.min()))
+    return contest(best, oscillations(best), [oscillations(other) for other in others])
+
+
 class Weighed(NamedTuple):
     """The poles of a diagram that may be modes, and the groups of them with what speaks for and against each."""
 
@@ -133,17 +145,17 @@ class Weighed(NamedTuple):
 
 
 @one_thread
-def weighed(diagram: StabilizationDiagram, gathered: Gathered | None = None) -> Weighed:
+def weighed(diagram: StabilizationDiagram, gathered: Gathered | None = None, known: Contest | None = None) -> Weighed:
     """Return all that might be a mode, by the rule that suits the data: what takes the time of `select`, whatever is chosen then.
 
-    `gathered`: what data show, where several diagrams of the same ones are weighed.
+    `gathered`, `known`: what data show, and need, where several diagrams of the same ones are weighed.
     """
     diagram = diagram.whitened()
     poles = oscillations(diagram)
     if diagram.exact_rank is not None:
         return Weighed(poles, _exact(diagram, poles))
     evidence = evidence_of(diagram) if gathered is None else gathered.of(diagram)
-    found = likely(diagram, poles, evidence) if has_likelihood(diagram) else None
+    found = likely(diagram, poles, evidence, known) if has_likelihood(diagram) else None
     poles, candidates = found or counted(diagram, poles, evidence)
     return Weighed(poles, with_objections_of_record(diagram, candidates))
 

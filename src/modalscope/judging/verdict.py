@@ -6,6 +6,7 @@ orders agree on has refined ones.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -112,14 +113,40 @@ _MIN_SHARE_OF_ORDERS = 0.25
 
 
 @dataclass(frozen=True, eq=False)
+class Contest:
+    """What poles the data need, by one joint selection, whatever diagrams are judged by it.
+
+    `selection`, `found`: what was posed, and its outcome; None where samples leave a coloured residual.
+    """
+
+    selection: SelectionProblem
+    found: Outcome | None
+
+    @cached_property
+    def copies(self) -> Copies | None:
+        """The poles that are copies of others, where that is evident."""
+        if self.selection.problem.light.grid is None or self.found is None:
+            return None
+        return copies_of(self.found.recount or recount_of(self.selection, self.found.descent))
+
+    @cached_property
+    def recounted(self) -> RealArray:
+        """The gains of all poles relative to coloured errors; see `Recount.relative_gains`."""
+        if self.found is None or self.found.recount is None:
+            return np.zeros(0 if self.found is None else len(self.found.poles))
+        return self.found.recount.relative_gains(np.arange(len(self.found.poles)))
+
+
+@dataclass(frozen=True, eq=False)
 class SelectionResult:
-    """A diagram, its poles and evidence, and the outcome of the joint selection."""
+    """A diagram, its poles and evidence, and the outcome of the joint selection; `shared`: of several diagrams."""
 
     diagram: StabilizationDiagram
     poles: Poles
     evidence: Evidence
     selection: SelectionProblem
     found: Outcome
+    shared: Contest | None = None
 
     @cached_property
     def copies(self) -> Copies | None:
@@ -127,9 +154,9 @@ class SelectionResult:
 
         Not of correlations, whose errors follow the modes themselves.
         """
-        if self.selection.problem.light.grid is None or self.diagram.response.ambient:
+        if self.diagram.response.ambient:
             return None
-        return copies_of(self.found.recount or recount_of(self.selection, self.found.descent))
+        return (self.shared or Contest(self.selection, self.found)).copies
 
     @property
     def refined_poles(self) -> ComplexArray:
@@ -149,6 +176,8 @@ class SelectionResult:
 
     def recounted(self, which: IntArray) -> RealArray:
         """Return the gains of poles relative to coloured errors, (k,); see `Recount.relative_gains`."""
+        if self.shared is not None:
+            return np.asarray(self.shared.recounted[which])
         recount = self.found.recount
         return np.zeros(len(which)) if recount is None or not len(which) else recount.relative_gains(which)
 
@@ -189,8 +218,11 @@ class SelectionResult:
         return (both[0] / (f * zeta), both[1] / zeta) if zeta > 0 else (np.inf, np.inf)
 
     def residue(self, candidate: Candidate, family: Array) -> ComplexArray | None:
-        """Return the residue of a mode at the values it is listed with, from its poles; None for white data without copies."""
-        if not self.selection.coloured and self.copies is None:
+        """Return the residue of a mode at the values it is listed with, from its poles; None for white data without copies.
+
+        None of a contest on several diagrams, too: each has shapes of its own.
+        """
+        if self.shared is not None or (not self.selection.coloured and self.copies is None):
             return None
         listed = complex(poles_from(candidate.frequency, candidate.damping)) - self.diagram.as_measured.added_damping
         shapes, participation = self.found.residues
@@ -389,24 +421,26 @@ def has_likelihood(diagram: StabilizationDiagram) -> bool:
     return response.separable and not response.ambient
 
 
-def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> tuple[Poles, list[Candidate]] | None:
-    """Return modes and all other groups of poles that agree over orders, these with what speaks against them.
+def contest(diagram: StabilizationDiagram, poles: Poles, others: Sequence[Poles] = ()) -> Contest:
+    """Select the poles that the data need from the groups of a diagram, refined jointly.
 
     A coloured residual of the reference model may be a missing mode: the completed joint fit decides. Out-of-band poles take part where
-    they whiten that residual. None where samples leave a coloured one.
+    they whiten that residual.
 
-    `poles`: not merged: of two poles within one bandwidth each is a candidate.
+    `poles`: not merged: of two poles within one bandwidth each is a candidate. `others`: of further diagrams of the same data, whose groups
+    are candidates, too, where they are none of these.
     """
-    response, groups = diagram.as_measured, _groups(poles)
+    response = diagram.as_measured
     rich = diagram.poles[diagram.order_of_pole == diagram.orders[int(np.argmin(diagram.fit_errors))]]
-    starts, steady, added = _starts(poles, groups), rich[rich.imag == 0], response.added_damping
+    start = _starts_of(poles, others)
+    steady, added = rich[rich.imag == 0], response.added_damping
 
     def beside(*candidates: ComplexArray) -> ComplexArray:
-        return needed_beside(response, poles.pole[starts], np.concatenate([steady, *candidates])) - added
+        return needed_beside(response, start.pole, np.concatenate([steady, *candidates])) - added
 
     def outcome(selection: SelectionProblem, doubted: bool) -> Outcome | None:
-        sides = (poles.shape if selection.problem.turned else poles.participation)[starts] / selection.problem.varying
-        return select_jointly(selection, poles.pole[starts] - added, sides, doubted=doubted)
+        sides = (start.shape if selection.problem.turned else start.participation) / selection.problem.varying
+        return select_jointly(selection, start.pole - added, sides, doubted=doubted)
 
     floor, held = floor_of(response, rich - added), beside()
     seen, more, doubted = floor, held, floor.colour.coloured and not _computed(floor)
@@ -424,14 +458,38 @@ def likely(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> t
         selection = replace(selection, recounted=not response.of_correlations)
         selection = replace(selection, whole=_whole(selection, floor))
         found = outcome(selection, False)
+    return Contest(selection, found)
+
+
+def likely(
+    diagram: StabilizationDiagram, poles: Poles, evidence: Evidence, known: Contest | None = None
+) -> tuple[Poles, list[Candidate]] | None:
+    """Return modes and all other groups of poles that agree over orders, these with what speaks against them.
+
+    None where samples leave a coloured residual.
+
+    `known`: a contest on the same data: then a mode is one only where poles of this diagram show it, if its orders have room for all.
+    """
+    held = contest(diagram, poles) if known is None else known
+    if held.found is None:
+        return None
+    groups = _groups(poles)
+    if held.selection.coloured:
         # resonances that shift come out as several poles, and merged ones stand for them
         merged = merge_splits(poles)
         groups = [*_groups(merged), *(group + merged.pole.size for group in groups)]
         poles = merged.beside(poles)
-    return (
-        None
-        if found is None
-        else (poles, verdicts(SelectionResult(diagram, poles, evidence, selection, found), groups))
+    candidates = verdicts(SelectionResult(diagram, poles, evidence, held.selection, held.found, known), groups)
+    room = np.unique(diagram.order_of_pole, return_counts=True)[1].max(initial=0)
+    return poles, candidates if known is None or room < len(held.found.poles) else [_shown_here(c) for c in candidates]
+
+
+def _shown_here(candidate: Candidate) -> Candidate:
+    """Return a candidate of a contest on several diagrams, as no mode of one that has room for all modes and does not show it."""
+    if candidate.members.size:
+        return candidate
+    return replace(
+        candidate, against=(*candidate.against, "needed by the data, but shown at no orders of this diagram")
     )
 
 
@@ -466,17 +524,33 @@ def _whole(selection: SelectionProblem, floor: Floor) -> RealArray:
     return np.asarray(whole.transpose(0, 2, 1) if selection.problem.turned else whole)
 
 
+def _starts_of(poles: Poles, others: Sequence[Poles]) -> Poles:
+    """Return the middle members of the groups of a diagram, and those of further ones that are none of these."""
+    parts = [poles.take(_starts(poles, _groups(poles)))]
+    for other in others:
+        more = other.take(_starts(other, _groups(other)))
+        apart = [not any(_same_start(part, more, k).any() for part in parts) for k in range(more.pole.size)]
+        parts.append(more.take(np.flatnonzero(apart)))
+    whole = parts[0]
+    for part in parts[1:]:
+        whole = whole.beside(part)
+    return whole.take(np.arange(min(whole.pole.size, _MAX_STARTS)))
+
+
+def _same_start(poles: Poles, other: Poles, k: int) -> Array:
+    """Return which poles are near pole `k` of others and alike in shape."""
+    near = np.abs(poles.pole - other.pole[k])
+    half = np.maximum(-poles.pole.real, -other.pole[k].real)
+    alike = mac(poles.shape.T, other.shape[[k]].T)[:, 0] > _SAME_START_MAC
+    return np.asarray((near < _START_HALF_BANDWIDTHS * half) & alike)
+
+
 def _starts(poles: Poles, groups: list[Array]) -> IntArray:
     """Return the middle member of every group, groups at most orders first, without those that are the same."""
     starts: list[int] = []
     for group in sorted(groups, key=lambda g: (-g.size, float(poles.frequency[g[0]]))):
         s = poles.pole[group]
         middle = int(group[np.argmin(np.abs(s - np.median(s.real) - 1j * np.median(s.imag)))])
-        near = np.abs(poles.pole[starts] - poles.pole[middle])
-        half = np.maximum(-poles.pole[starts].real, -poles.pole[middle].real)
-        same = (near < _START_HALF_BANDWIDTHS * half) & (
-            mac(poles.shape[starts].T, poles.shape[[middle]].T)[:, 0] > _SAME_START_MAC
-        )
-        if not np.any(same):
+        if not np.any(_same_start(poles.take(np.array(starts, dtype=int)), poles, middle)):
             starts.append(middle)
     return np.array(starts[:_MAX_STARTS], dtype=int)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import time
+from importlib import import_module
 from pathlib import Path
 from secrets import token_hex
 from typing import IO, Protocol, Self, TypeVar
@@ -12,6 +13,7 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.numerics.checks import BoolArray, RealArray
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.executors import executor
 from modalscope.numerics.resources import fetched, namespace
 
@@ -105,8 +107,9 @@ class SavedSums:
         self.done: BoolArray = np.zeros(tasks, dtype=bool)
         name = hashlib.sha256(f"{work} {shape} {tasks}".encode()).hexdigest()[:24]
         self._path = None if folder is None else folder / f"sums-{name}.npz"
-        self._next = time.monotonic() + _MIN_SECONDS_BETWEEN
+        self._next = time.monotonic()  # the first task is kept as it ends
         self._kept = 0
+        self._lock = None if self._path is None else _locked(self._path.with_suffix(".lock"))
         if self._path is not None:
             UNDER_WAY.add(self._path)
         self._take_up()
@@ -145,6 +148,13 @@ class SavedSums:
             UNDER_WAY.discard(self._path)
             self._path.unlink(missing_ok=True)
 
+    def release(self) -> None:
+        """Let another run take the file up."""
+        if self._lock is not None:
+            Path(self._lock.name).unlink(missing_ok=True)
+            self._lock.close()
+            self._lock = None
+
     def _take_up(self) -> None:
         """Read what was kept; a file that is damaged is none."""
         if self._path is None or not self._path.exists():
@@ -156,6 +166,30 @@ class SavedSums:
             with np.load(file, allow_pickle=False) as kept:
                 self.sums, self.done = kept["sums"], kept["done"]
         self._kept = int(self.done.sum())
+
+
+def _locked(path: Path) -> IO[bytes]:
+    """Return a file that is held while it is open, also against other processes, and let go with the process.
+
+    Raises `DataError`: another run holds it.
+    """
+    file = path.open("ab")
+    try:
+        fcntl = import_module("fcntl")
+    except ImportError:  # Windows has no such locks
+        return file
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.close()
+        raise DataError(
+            f"partial sums in {str(path.parent)!r} were asked",
+            "another run works on the same sums there",
+            "Wait until it ends, or give another folder.",
+        ) from None
+    except OSError:  # a file system without locks
+        return file
+    return file
 
 
 def _digest(file: IO[bytes]) -> bytes:

@@ -172,7 +172,9 @@ def lag_sums(record: StoredSignals, references: tuple[int, ...], lags: int, edge
     chunk = max(int(most) // channels, 2 * lags, 2)
     work = partial(_sum_over, record, references, lags, offset, chunk)
     tasks = stretches(edges, channels)
-    saved = SavedSums(executor().folder, f"{record.rows.identity} {key}", shape, len(tasks))
+    folder = executor().folder
+    content = "" if folder is None else record.fingerprint
+    saved = SavedSums(folder, f"{record.rows.identity} {content} {key}", shape, len(tasks))
     sums = _centred(_all_sums(work, tasks, saved), record.samples)
     _latest[record] = (key, sums)
     return sums
@@ -212,15 +214,18 @@ def _sum_over(
 
 def _all_sums(work: partial[RealArray], tasks: list[Stretch], saved: SavedSums) -> RealArray:
     """Return the sums of all blocks, saved ones and those of the remaining tasks."""
-    progress = executor().progress
+    progress, complete = executor().progress, False
     try:
         for task, sums in each(work, [task for task in tasks if not saved.done[task.number]]):
             saved.add(task.number, task.block, sums)
             if progress is not None:
                 progress(int(saved.done.sum()), len(tasks))
+        complete = True
     finally:
         saved.keep()
-    saved.forget()
+        if complete:
+            saved.forget()
+        saved.release()
     return saved.sums
 
 
