@@ -77,8 +77,8 @@ def _triangle(rows: RealArray) -> RealArray:
     return np.asarray(sla.qr(rows, mode="r", overwrite_a=True, check_finite=False)[0], dtype=float)[:columns]
 
 
-#: Files of sums that are under way, which can be gone on from once they are there, and temporary ones that are being written: what ends
-#: the process without an exception speaks of the first and takes the others away itself.
+#: Files of sums that are under way, which can be gone on from once they are there, and temporary ones that are being written, or held
+#: against a second run: what ends the process without an exception speaks of the first and takes the others away itself.
 UNDER_WAY: set[Path] = set()
 PENDING: set[Path] = set()
 
@@ -151,7 +151,9 @@ class SavedSums:
     def release(self) -> None:
         """Let another run take the file up."""
         if self._lock is not None:
-            Path(self._lock.name).unlink(missing_ok=True)
+            path = Path(self._lock.name)
+            path.unlink(missing_ok=True)
+            PENDING.discard(path)
             self._lock.close()
             self._lock = None
 
@@ -176,9 +178,6 @@ def _locked(path: Path) -> IO[bytes]:
     file = path.open("ab")
     try:
         fcntl = import_module("fcntl")
-    except ImportError:  # Windows has no such locks
-        return file
-    try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         file.close()
@@ -187,8 +186,9 @@ def _locked(path: Path) -> IO[bytes]:
             "another run works on the same sums there",
             "Wait until it ends, or give another folder.",
         ) from None
-    except OSError:  # a file system without locks
-        return file
+    except (ImportError, OSError):  # Windows, and some file systems, have no such locks
+        pass
+    PENDING.add(path)
     return file
 
 
