@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+from modalscope.data import DataError
 from tests.attack import harness
+from tests.io.apart import read
+from tests.io.test_seismic import sac
 from tests.test_every_argument import SLOW
 
 
@@ -19,3 +25,16 @@ def test_damaged_files_of_every_suffix_are_read_or_refused() -> None:
 @pytest.mark.slow
 def test_wrong_values_are_answered_in_words() -> None:
     assert harness.values(300, seed=51, leave=SLOW) == []
+
+
+def test_numbers_beyond_all_measure_are_answered(tmp_path: Path) -> None:
+    """What these attacks found: squares of numbers beyond 1e154, and signalling NaN."""
+    path = tmp_path / "a.npy"
+    times = np.arange(60) / 100 + np.arange(60) % 3 * 1e-4
+    for size in (1e200, 1e-200):
+        np.save(path, np.stack([times, size * np.sin(np.arange(60.0)), size * np.cos(np.arange(60.0))], axis=1))
+        with contextlib.suppress(DataError):
+            read(path)
+    (tmp_path / "b.sac").write_bytes(sac(np.arange(200))[:-4] + b"\x01\x00\xa0\x7f")
+    with contextlib.suppress(DataError):
+        read(tmp_path / "b.sac")

@@ -270,9 +270,11 @@ def read_sac(path: Path, options: Options) -> Contents:
             raise ValueError(f"its header counts {count} samples, and {len(values)} follow")
     names = [head[place : place + 8].decode("latin-1").strip(" \0") for place in (440, 600)]
     name = ".".join(word for word in names if word and not word.startswith("-12345"))
+    with np.errstate(invalid="ignore"):  # signalling NaN, which is refused later
+        samples = values.astype(float)
     table = Table(
         where=path.name,
-        columns=(Column(number=1, name=name, values=values.astype(float)),),
+        columns=(Column(number=1, name=name, values=samples),),
         rate=float(f"{1 / step:.7g}"),  # the step has single precision
         rate_from="DELTA in its header",
         roles={1: "out"},

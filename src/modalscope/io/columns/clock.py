@@ -88,6 +88,7 @@ def _missed(times: RealArray, values: RealArray) -> float:
     """Return the part of the motion that splines through every other sample miss at those between."""
     from scipy.interpolate import CubicSpline
 
+    values = np.ldexp(values, -np.frexp(np.abs(values).max())[1])  # squares of damaged numbers have no place in a float
     motion = np.sqrt(np.mean((values - values.mean(axis=0)) ** 2))
     if motion == 0:
         return 0.0

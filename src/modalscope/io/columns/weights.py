@@ -374,6 +374,9 @@ def likeliest_force(columns: Sequence[Column]) -> tuple[Column, bool]:
     if len(examined) < 2 or len(examined[0].values) < _MIN_ROWS:
         return columns[0], False
     values = np.stack([c.values[:_MOST_ROWS].astype(float) for c in examined], axis=1)
+    values = np.ldexp(
+        values, -np.frexp(np.abs(values).max(axis=0))[1]
+    )  # squares of damaged numbers have no place in a float
     values = values - values.mean(axis=0)
     rows = len(values)
     spectra = np.fft.rfft(values, 2 * rows, axis=0)
