@@ -15,6 +15,7 @@ from warnings import warn
 if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the same place when it is first asked for
     from modalscope import (
         datasets as datasets,
+        likelihood as likelihood,
         monitoring as monitoring,
         plot as plot,
         preprocess as preprocess,
@@ -141,6 +142,7 @@ _HOMES = {
 _NAMESPACES = {
     "datasets": "datasets",
     "indicators": "modal.indicators",
+    "likelihood": "likelihood",
     "monitoring": "monitoring",
     "plot": "plot",
     "preprocess": "preprocess",
