@@ -145,6 +145,40 @@ def test_a_signal_is_one_line_and_no_temporary_file(tmp_path: Path, test_file: P
     assert {path.name for path in tmp_path.iterdir()} == {test_file.name}
 
 
+def test_ctrl_c_stops_a_background_job_where_no_terminal_can_send_it(tmp_path: Path, test_file: Path) -> None:
+    """Shells let the jobs of a script ignore it; who sends it to a process without a terminal means that process."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", SLOW_DISK, "convert", str(test_file), str(tmp_path / "out.csv")],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
+    )
+    while process.poll() is None and not any(path.name.startswith(".out-") for path in tmp_path.iterdir()):
+        time.sleep(0.001)
+    process.send_signal(signal.SIGINT)
+    assert process.communicate(timeout=60)[1].count("\n") == 1
+    assert process.returncode == 130
+
+
+@pytest.mark.parametrize("foreground", [True, False])
+def test_what_a_terminal_may_send_to_others_stays_ignored(monkeypatch: pytest.MonkeyPatch, foreground: bool) -> None:
+    from modalscope.cli import process
+
+    before = {number: signal.getsignal(number) for number in process._signals()}
+    monkeypatch.setattr(process, "_in_foreground", lambda: foreground)
+    try:
+        for number in before:
+            signal.signal(number, signal.SIG_IGN)
+        process.take_over()
+        now = {number: signal.getsignal(number) is signal.SIG_IGN for number in before}
+        assert now == {number: number != signal.SIGINT or foreground for number in before}
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
 #: The program on a small machine that keeps sums after every stretch, and takes a minute for the second one.
 SLOW_SUMS = """
 import sys, time

@@ -35,14 +35,29 @@ _GOES_ON = b"; the same command resumes from the saved sums"
 def take_over() -> None:
     """Set up the process of the command line: escape characters that the terminal lacks, and stop cleanly on signals.
 
-    The handler ends the process itself: a library could catch an exception. Signals that are ignored, as under nohup, stay ignored.
+    The handler ends the process itself: a library could catch an exception. Signals that are ignored, as under nohup, stay ignored; but for
+    Ctrl-C, which shells let background jobs ignore, where no terminal can send it.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     for number in _signals():
-        if signal.getsignal(number) is not signal.SIG_IGN:
+        if signal.getsignal(number) is not signal.SIG_IGN or (number == signal.SIGINT and not _in_foreground()):
             signal.signal(number, _stop)
+
+
+def _in_foreground() -> bool:
+    """Whether a terminal sends Ctrl-C to this process."""
+    try:
+        terminal = os.open("/dev/tty", os.O_RDONLY)
+    except OSError:
+        return False
+    try:
+        return os.tcgetpgrp(terminal) == os.getpgrp()
+    except (OSError, AttributeError):
+        return False
+    finally:
+        os.close(terminal)
 
 
 def _signals() -> list[signal.Signals]:
