@@ -41,7 +41,7 @@ help:
 	@echo "make coverage      both, and which lines they run (95 % of them at least)"
 	@echo "make versions      formats, data classes and methods with the earliest and the newest packages (minutes)"
 	@echo "make release-check archive and wheel built, installed into empty environments, and tested there (minutes)"
-	@echo "make licences      what modalscope needs, and under which licences"
+	@echo "make licences      what modalscope needs, and under which licences (SBOM=bill.json: as CycloneDX)"
 	@echo "make results       small jobs of every kind and all real tests, held against the results in tests/results (a minute or two)"
 	@echo "make mutants       faults put in on purpose, each of which its tests must notice (minutes)"
 	@echo "make lint          ruff, mypy, floors"
@@ -125,7 +125,7 @@ coverage:
 	@$(MAKE) --no-print-directory test-slow COVERAGE=1
 
 licences: setup
-	@$(BIN)/python -m tools.licences
+	@$(BIN)/python -m tools.licences $(if $(SBOM),--sbom > $(SBOM))
 
 # Each in an environment of its own. Earlier packages beside newer ones warn of each other: that is nobody's fault here.
 VERSIONED := tests/io tests/data tests/blocks tests/realizations tests/plot tests/methods/test_exact_identities.py

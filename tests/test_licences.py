@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tools.licences import FOR_SOME_FILES, WITH_LGPL, Package, licence_of, needed, refused
+from tools.licences import FOR_SOME_FILES, WITH_LGPL, Package, bill, licence_of, needed, refused
 
 
 @pytest.mark.slow
@@ -56,3 +56,11 @@ def test_a_licence_for_some_files_counts_where_they_are_installed(tmp_path: Path
     licence = licence_of(metadata.Distribution.at(folder))
     assert "docutils" in FOR_SOME_FILES
     assert (refused([Package("docutils", "1", licence, "docs")]) == []) is allowed
+
+
+def test_the_bill_of_materials_lists_each_package_once_with_its_licence() -> None:
+    made = bill([Package("numpy", "2.0", "BSD-3-Clause", ""), Package("h5py", "3.1", "BSD-3-Clause", "hdf5")], "0.3.0")
+    assert (made["bomFormat"], made["metadata"]["component"]["purl"]) == ("CycloneDX", "pkg:pypi/modalscope@0.3.0")
+    numpy, h5py = made["components"]
+    assert (numpy["bom-ref"], numpy["scope"], h5py["scope"]) == ("pkg:pypi/numpy@2.0", "required", "optional")
+    assert h5py["licenses"] == [{"license": {"name": "BSD-3-Clause"}}]

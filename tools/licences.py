@@ -1,17 +1,22 @@
 """The licences of what modalscope needs, by what the installed packages say of themselves; nothing is asked of the network.
 
 `python -m tools.licences` prints a line a package: name, version, licence, and whether it comes with modalscope itself or with an
-extra. No package may be under the GPL or AGPL; one under the LGPL may come with an extra that `WITH_LGPL` names.
+extra; `--sbom` prints a bill of materials instead (CycloneDX).
+
+No package may be under the GPL or AGPL; one under the LGPL may come with an extra that `WITH_LGPL` names.
 """
 
 from __future__ import annotations
 
+import json
 import re
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import metadata
+from typing import Any
 
-__all__ = ["FOR_SOME_FILES", "WITH_LGPL", "Package", "licence_of", "main", "needed", "refused"]
+__all__ = ["FOR_SOME_FILES", "WITH_LGPL", "Package", "bill", "licence_of", "main", "needed", "refused"]
 
 #: Extras that may bring packages under the LGPL.
 WITH_LGPL: frozenset[str] = frozenset({"mdf", "tdms"})
@@ -108,9 +113,36 @@ def refused(packages: list[Package]) -> list[Package]:
     return [package for package in packages if may_not(package)]
 
 
+def bill(packages: list[Package], version: str) -> dict[str, Any]:
+    """Return the bill of materials in CycloneDX 1.5: modalscope, and what it and its extras need."""
+
+    def component(name: str, version: str, **more: Any) -> dict[str, Any]:
+        reference = f"pkg:pypi/{name}@{version}"
+        return {"type": "library", "bom-ref": reference, "name": name, "version": version, "purl": reference, **more}
+
+    return {
+        "bomFormat": "CycloneDX",
+        "specVersion": "1.5",
+        "version": 1,
+        "metadata": {"component": component("modalscope", version)},
+        "components": [
+            component(
+                package.name,
+                package.version,
+                scope="optional" if package.extra else "required",
+                licenses=[{"license": {"name": package.licence}}],
+            )
+            for package in packages
+        ],
+    }
+
+
 def main() -> int:
-    """Print the list; 1 where something in it may not be."""
+    """Print the list, or with `--sbom` the bill of materials; 1 where something in it may not be."""
     packages = needed()
+    if "--sbom" in sys.argv[1:]:
+        print(json.dumps(bill(packages, metadata.version("modalscope")), indent=1))
+        return 0
     for package in packages:
         print(
             f"{package.name} {package.version}: {package.licence or '(none)'} ({package.extra or 'modalscope itself'})"
