@@ -17,7 +17,7 @@ from scipy import fft
 from modalscope.data.notes import Finding, Note
 from modalscope.data.records import Records, Signals
 from modalscope.doctor.findings import finding
-from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.correlation import spanning_outputs
 from modalscope.preprocess.excitation import find_excitation
@@ -146,18 +146,21 @@ def exchanged(signals: Signals) -> list[Finding]:
     y, u = _examined(outputs), _examined(inputs)
     lags = y.shape[1] // 8
     length = fft.next_fast_len(2 * y.shape[1], real=True)
-    Y, U = fft.rfft(y, n=length, axis=1), fft.rfft(u, n=length, axis=1)
+    U = fft.rfft(u, n=length, axis=1)
+    of_forces = fft.irfft(np.sum(np.abs(U) ** 2, axis=0), n=length, axis=0)
     early: list[tuple[str, str]] = []
-    for j, force in enumerate(signals.input_dofs):
-        R = fft.irfft(np.sum(Y * np.conj(U[:, :, j : j + 1]), axis=0), n=length, axis=0)
-        size = np.sqrt(np.sum(y**2, axis=(0, 1)) * np.sum(u[:, :, j] ** 2))
+    for dof, own in zip(signals.output_dofs, np.moveaxis(y, 2, 0), strict=True):  # one at a time: transforms are large
+        Y = fft.rfft(own, n=length, axis=1)
+        of_output = fft.irfft(np.sum(np.abs(Y) ** 2, axis=0), n=length)
+        R = fft.irfft(np.sum(Y[:, :, None] * np.conj(U), axis=0), n=length, axis=0)
+        size = np.sqrt(np.sum(own**2) * np.sum(u**2, axis=(0, 1)))
         after, before = (np.sum(side**2, axis=0) for side in (R[1 : lags + 1], R[-lags:]))
         # the correlation of independent records: |y| |u| / sqrt(N), times a factor for their own autocorrelations
-        chance = np.maximum(size, 1e-300) * _spread(Y, U[:, :, j], length, y)
+        chance = np.maximum(size, 1e-300) * _spread(of_output, of_forces, own.size)
         floor = lags * chance**2  # what chance adds to either side
         limit = _MIN_EARLY_RATIO * np.maximum(after - floor, 0.0) + _CHANCE_UNCERTAINTY * floor
         reversed_ = (np.abs(R).max(axis=0) > _MIN_CORRELATION * chance) & (before - floor > limit)
-        early += [(dof, force) for dof in itertools.compress(signals.output_dofs, reversed_)]
+        early += [(dof, force) for force in itertools.compress(signals.input_dofs, reversed_)]
     if not early:
         return []
     output_names, input_names = (tuple(dict.fromkeys(pair[side] for pair in early)) for side in (0, 1))
@@ -165,13 +168,13 @@ def exchanged(signals: Signals) -> list[Finding]:
     return [finding("exchanged", *dofs, outputs=", ".join(output_names), inputs=", ".join(input_names))]
 
 
-def _spread(Y: ComplexArray, U: ComplexArray, length: int, y: RealArray) -> RealArray:
-    """Return the standard deviation of correlation coefficients of independent records: sqrt(sum_k r_y(k) r_u(k) / N)."""
-    N = y.shape[0] * y.shape[1]
-    of_outputs = fft.irfft(np.sum(np.abs(Y) ** 2, axis=0), n=length, axis=0)
-    of_force = fft.irfft(np.sum(np.abs(U) ** 2, axis=0), n=length)
-    scale = np.maximum(of_outputs[0] * of_force[0], 1e-300)
-    return np.asarray(np.sqrt(np.maximum(of_outputs.T @ of_force / scale, 1.0) / N))
+def _spread(of_output: RealArray, of_forces: RealArray, samples: int) -> RealArray:
+    """Return the standard deviation of correlation coefficients of independent records: sqrt(sum_k r_y(k) r_u(k) / N).
+
+    `of_output` (K,), `of_forces` (K, m): autocorrelations. `samples`: N.
+    """
+    scale = np.maximum(of_output[0] * of_forces[0], 1e-300)
+    return np.asarray(np.sqrt(np.maximum(of_output @ of_forces / scale, 1.0) / samples))
 
 
 def delayed(signals: Signals) -> list[Finding]:
@@ -223,11 +226,16 @@ def _delays(y: RealArray, length: int, candidates: Sequence[int]) -> _Delays:
     squared = (pair / np.maximum(np.abs(pair), 1e-300)) ** 2 * weight
     # scores on a grid of delays by one transform
     count = _GRID * length
-    score = fft.ifft(np.concatenate([np.zeros((1, y.shape[2])), squared]), n=count, axis=0).real * count
     shifts = np.arange(count)
     steps = np.where(shifts > count // 2, shifts - count, shifts) / (2 * _GRID)
-    best = np.argmax(np.where((np.abs(steps) <= length / 8)[:, None], score, -np.inf), axis=0)
-    top = score[best, np.arange(y.shape[2])]
+    near = np.abs(steps) <= length / 8
+    best, top, still = np.zeros(y.shape[2], dtype=int), np.zeros(y.shape[2]), np.zeros(y.shape[2])
+    for i, column in enumerate(
+        squared.T
+    ):  # the grid is fine: of all outputs at once it would take many times the record
+        score = fft.ifft(np.concatenate([[0.0], column]), n=count).real * count
+        best[i] = np.argmax(np.where(near, score, -np.inf))
+        top[i], still[i] = score[best[i]], score[0]
     delay = steps[best] - np.median(steps[best])
     corrected = squared * np.exp(2j * omega[:, None] * steps[best])
     low = np.cumsum(weight, axis=0) < 0.5
@@ -237,7 +245,7 @@ def _delays(y: RealArray, length: int, candidates: Sequence[int]) -> _Delays:
         residual = np.angle(np.sum(corrected * half, axis=0)) / 2
         mean_of_half = np.sum(omega[:, None] * weight * half, axis=0) / 0.5
         linear &= np.abs(residual) < _MAX_DISAGREEMENT * np.abs(steps[best]) * mean_of_half
-    explained = (top > _MIN_REAL) & (1 - top < _MAX_IMAGINARY_RATIO * (1 - score[0])) & spread & linear
+    explained = (top > _MIN_REAL) & (1 - top < _MAX_IMAGINARY_RATIO * (1 - still)) & spread & linear
     # phases that dampers turn at all outputs are no delay of one
     explained &= float(np.median(np.delete(top, reference))) > _MIN_REAL
     explained[reference] = 2 * explained.sum() > len(explained) - 1

@@ -205,10 +205,16 @@ def _rates(signals: Signals) -> tuple[RealArray, RealArray, BoolArray]:
         steady = np.abs(np.sum(u[:, 1:] * u[:, :-1].conj(), axis=(0, 1)))
         lines = np.sort(np.argsort(steady)[-_LINES:])
         w = 2 * np.pi * (lines + 1) / length
-        turned = np.einsum("rkf,fqk->krfq", u[:, :, lines], np.exp(1j * w[:, None, None] * _RATES[:, None] * starts))
+        step = np.exp(1j * w[:, None] * starts * (_RATES[_STILL + 1] - _RATES[_STILL]))
+        later = np.cumprod(
+            np.broadcast_to(step, (_STILL, *step.shape)), axis=0
+        )  # of all rates above zero: powers of the least
+        turn = np.concatenate([later[::-1].conj(), np.ones((1, *step.shape)), later]).transpose(1, 2, 0)
+        of_lines, middle = u[:, :, lines].transpose(2, 0, 1), count // 2
+        sums = [of_lines[:, :, part] @ turn[:, part] for part in (slice(middle), slice(middle, None))]
         whole, first, second = (
-            np.mean(np.abs(part.sum(axis=0)) ** 2, axis=(0, 1)) / len(part)
-            for part in (turned, turned[: count // 2], turned[count // 2 :])
+            np.mean(np.abs(total) ** 2, axis=(0, 1)) / stretches
+            for total, stretches in ((sums[0] + sums[1], count), (sums[0], middle), (sums[1], count - middle))
         )
         best = int(np.argmax(whole))
         rate[i], gain[i] = _RATES[best], whole[best] - whole[_STILL]
