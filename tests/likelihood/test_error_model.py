@@ -56,3 +56,5 @@ def test_terms_have_words_and_records_are_refused() -> None:
     assert ms.likelihood.Noise is Noise
     record = chain5().simulate(samples=400, sampling_rate=20.0)
     refused("response of Noise", lambda: Noise(response=record, modes=TRUTH))
+    bare = ms.ModalModel(poles=TRUTH.poles, shapes=TRUTH.shapes)
+    refused("no participation", lambda: Noise(response=noisy(0), modes=bare))

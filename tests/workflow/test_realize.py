@@ -259,3 +259,14 @@ def test_a_measured_wing_is_simulated_to_nine_tenths(run: int) -> None:
     model = ms.realize(data)
     assert np.abs(model.poles).max() < 1
     assert model.validation.free_run.mean() > 90  # 92.8 and 94.4 were measured
+
+
+@pytest.mark.parametrize(("growth", "bound"), [(1e-5, np.exp(-1 / 200)), (0.02, 0.9803)])
+def test_a_mirrored_pole_decays_within_the_length_of_the_data(growth: float, bound: float) -> None:
+    """One that hardly grows to exp(-1 / N), one that grows faster to its reciprocal."""
+    turn = 0.3
+    A = (1 + growth) * np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    grows = StateSpace(A=A, B=[[1.0], [0.0]], C=[[1.0, 0.0]], D=[[0.0]], dt=0.1)
+    made, count, _ = stabilized(grows, grows.impulse_response(200))
+    assert count == 2
+    assert np.abs(made.poles).max() == pytest.approx(bound, abs=1e-4)

@@ -15,7 +15,7 @@ from modalscope.likelihood.descent import inverse, normal
 from modalscope.likelihood.likelihood import Point, unit_vectors
 from modalscope.likelihood.settling import Settled, settle, task_of
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, RealArray, check_kind, check_shape
+from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_kind, check_shape
 from modalscope.numerics.errors import DataError
 
 #: The terms of the error model, and where each comes from.
@@ -123,17 +123,19 @@ class Noise:
         """Return the likelihood at modes."""
         problem = self._settled.descent.point.problem
         outputs, inputs = problem.sides
-        if modes.participation is None:
-            raise DataError(
-                "the likelihood of modes was asked", "they have no participation", "Give modes of fit_residues."
-            )
-        sides = modes.shapes.T / outputs if problem.turned else modes.participation / inputs
+        sides = modes.shapes.T / outputs if problem.turned else _participation(modes) / inputs
         return problem.at(modes.poles - self.response.added_damping, unit_vectors(sides))
 
 
 def _settled(response: FrequencyResponse | ImpulseResponse, modes: ModalModel) -> Settled:
     """Return the noise that modes leave, without moving them."""
-    given = modes.participation
-    participation = np.ones((len(modes), response.values.shape[2]), complex) if given is None else given
     task = task_of(response, np.zeros(0, complex), None, None)
-    return settle(task, modes.poles - response.added_damping, modes.shapes, participation, most=0)
+    return settle(task, modes.poles - response.added_damping, modes.shapes, _participation(modes), most=0)
+
+
+def _participation(modes: ModalModel) -> ComplexArray:
+    if modes.participation is None:
+        raise DataError(
+            "the noise of a response was asked", "its modes have no participation", "Use fit_residues first."
+        )
+    return modes.participation

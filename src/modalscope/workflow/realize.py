@@ -10,7 +10,7 @@ import numpy as np
 
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals, as_records
-from modalscope.data.response import Response
+from modalscope.data.response import Response, line_step
 from modalscope.data.setups import as_test
 from modalscope.data.statespace import StateSpace
 from modalscope.functions.poles import one_of_each_pair, to_discrete
@@ -151,10 +151,16 @@ def _fields(model: StateSpace, channels: Response | Records) -> dict[str, Any]:
 
 
 # -------------------------------------------------------------------------------------------------------------- stability
+def _length(response: Response, dt: float | None) -> float:
+    """Return the length of the data, seconds: of samples dt apart, or what the distance of lines tells."""
+    step = line_step(response)
+    return 1 / step if step else response.count * (dt or 1.0)
+
+
 def stabilized(model: StateSpace, response: Response) -> tuple[StateSpace, int, tuple[Note, ...]]:
     """Return a model with growing poles mirrored, inputs and direct term fitted again to the response, their number, and the cost.
 
-    z goes to 1 / z*, s to -s*; shapes stay.
+    z goes to 1 / z*, s to -s*; shapes stay. A mirrored pole decays within the length of the data at the slowest, |z| <= exp(-1 / N).
     """
     values, vectors = np.linalg.eig(model.A)
     grows = np.abs(values) >= 1 if model.dt else values.real >= 0
@@ -163,8 +169,9 @@ def stabilized(model: StateSpace, response: Response) -> tuple[StateSpace, int, 
     s = np.log(values.astype(complex)) / model.dt if model.dt else values.astype(complex)
     kept = one_of_each_pair(s)
     s, shapes = s[kept], model.C @ vectors[:, kept]
-    # a pole on the axis itself is moved by rounding of the sampled one, so that it decays
-    s = np.minimum(-np.abs(s.real), -1e-9 * np.abs(s)) + 1j * s.imag
+    # data of a length T tell no decay below 1 / T; of one pole on the axis itself rounding decides which way it goes
+    least = np.where(grows[kept], 1 / _length(response, model.dt), 1e-9 * np.abs(s))
+    s = np.minimum(-np.abs(s.real), -least) + 1j * s.imag
     basis = response.basis(s)
     participation, terms = basis.fit_participation(shapes)
     own = response.of_inputs(participation)
