@@ -139,6 +139,7 @@ VALIDATION = ms.Validation(
 
 #: The thing whose method is called, or that is taken apart to be made again, by its class.
 OWNERS = {
+    "likelihood.Noise": lambda t: ms.likelihood.Noise(response=t["lines"], modes=t["modes"]),
     "Analysis": lambda t: t["result"].analysis,
     "Certificate": lambda t: t["certificate"],
     "Comparison": lambda t: t["comparison"],
@@ -208,6 +209,11 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "mac_std": lambda t: {"modes_a": replace(t["modes"], shapes_std=0.01 * np.abs(t["modes"].shapes))},
     "ods": lambda t: {"data": t["lines"], "frequency": 1.0},
     "read": lambda t: {"path": FOLDER / "data.npz"},
+    "datasets.load": lambda t: {"name": "beam_hammer"},
+    "likelihood.Noise.whiten": lambda t: {"values": t["lines"].values},
+    **{
+        f"likelihood.Noise.{name}": lambda t: {"modes": t["modes"]} for name in ("log_likelihood", "rise", "covariance")
+    },
     "realize": lambda t: {"data": t["samples"], "order": 4},
     "replay": lambda t: {"document": t["result"].analysis, "data": t["lines"]},
     "report": lambda t: {"thing": t["found"], "path": FOLDER / "page.html"},
