@@ -207,11 +207,10 @@ def _rates(signals: Signals) -> tuple[RealArray, RealArray, BoolArray]:
         w = 2 * np.pi * (lines + 1) / length
         step = np.exp(1j * w[:, None] * starts * (_RATES[_STILL + 1] - _RATES[_STILL]))
         later = np.cumprod(
-            np.broadcast_to(step, (_STILL, *step.shape)), axis=0
-        )  # of all rates above zero: powers of the least
-        turn = np.concatenate([later[::-1].conj(), np.ones((1, *step.shape)), later]).transpose(1, 2, 0)
+            np.broadcast_to(step[:, :, None], (*step.shape, _STILL)), axis=2
+        )  # all rates above zero: powers
         of_lines, middle = u[:, :, lines].transpose(2, 0, 1), count // 2
-        sums = [of_lines[:, :, part] @ turn[:, part] for part in (slice(middle), slice(middle, None))]
+        sums = [_at_all_rates(of_lines[:, :, part], later[:, part]) for part in (slice(middle), slice(middle, None))]
         whole, first, second = (
             np.mean(np.abs(total) ** 2, axis=(0, 1)) / stretches
             for total, stretches in ((sums[0] + sums[1], count), (sums[0], middle), (sums[1], count - middle))
@@ -220,6 +219,15 @@ def _rates(signals: Signals) -> tuple[RealArray, RealArray, BoolArray]:
         rate[i], gain[i] = _RATES[best], whole[best] - whole[_STILL]
         agrees[i] = min(first[best] - first[_STILL], second[best] - second[_STILL]) > 0
     return rate, gain, agrees
+
+
+def _at_all_rates(u: ComplexArray, later: ComplexArray) -> ComplexArray:
+    """Return sum_k u_k z_k^q of spectra u (F, R, K) at all rates q, those below zero, zero and above, (F, R, 2 Q + 1).
+
+    `later` (F, K, Q): z_k^q of the rates above zero; below, z_k^-q is its conjugate.
+    """
+    above, mirrored = np.split(np.concatenate([u, u.conj()], axis=1) @ later, 2, axis=1)
+    return np.concatenate([mirrored[:, :, ::-1].conj(), u.sum(axis=2, keepdims=True), above], axis=2)
 
 
 def _most_coherent(X: ComplexArray) -> int:
