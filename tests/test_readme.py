@@ -47,7 +47,11 @@ def test_its_demo_prints_what_stands_there(tmp_path: Path) -> None:
         [sys.executable, "-m", "modalscope", "demo"], cwd=tmp_path, capture_output=True, text=True, check=True
     )
     assert shown.strip("\n") in done.stdout
-    assert (tmp_path / "demo-report.html").is_file()
+    table = re.findall(r"^ +\d+ +\d+\.\d.*$", done.stdout, re.MULTILINE)
+    assert sum(not line.endswith(" -") for line in table) == 7
+    assert max(map(len, [*table, *shown.splitlines()])) <= 100
+    assert "Within the 95 % intervals: 7 of 7 published frequencies, 7 of 7 damping ratios." in done.stdout
+    assert (tmp_path / "demo-report.html").stat().st_size > 100_000
 
 
 @pytest.mark.slow
