@@ -6,8 +6,6 @@ import inspect
 from pathlib import Path
 from typing import Any
 
-NAMESPACES = ("monitoring", "plot", "preprocess", "indicators", "systems")
-
 
 def setup(app: Any) -> dict[str, Any]:
     app.connect("builder-inited", lambda app: write_pages(Path(app.srcdir)), priority=50)
@@ -29,8 +27,9 @@ def write_pages(source: Path) -> None:
 
     folder = source / "generated" / "reference"
     folder.mkdir(parents=True, exist_ok=True)
-    groups = {"modalscope": [name for name in ms.__all__ if name not in NAMESPACES]}
-    groups |= {f"modalscope.{space}": sorted(getattr(ms, space).__all__) for space in NAMESPACES}
+    spaces = [name for name in ms.__all__ if inspect.ismodule(getattr(ms, name))]
+    groups = {"modalscope": [name for name in ms.__all__ if name not in spaces]}
+    groups |= {f"modalscope.{space}": sorted(getattr(ms, space).__all__) for space in spaces}
     lines = ["# Reference", "", "Everything that is offered, with the examples that use it.", ""]
     tree = []
     for group, names in groups.items():
