@@ -50,7 +50,7 @@ def write_pages(source: Path) -> None:
 
 def _write_page(path: Path, thing: Any, page: str) -> None:
     title = page
-    kind = "autoclass" if inspect.isclass(thing) else "autofunction"
+    kind = "autoclass" if inspect.isclass(thing) else "autofunction" if callable(thing) else "autodata"
     members = "\n   :members:" if inspect.isclass(thing) else ""
     text = f"{title}\n{'=' * len(title)}\n\n.. {kind}:: {page}{members}\n\n"
     text += f".. rubric:: Examples that use it\n\n.. include:: ../backreferences/{page}.examples\n"
