@@ -15,5 +15,5 @@ def test_methods_prints_the_whole_table(capsys):
 def test_methods_prints_the_row_of_a_name_in_the_literature(capsys):
     assert main(["methods", "TLS-DMD"]) == 0
     assert "alternate" in capsys.readouterr().out
-    assert main(["methods", "optimized-dmd"]) == 2
+    assert main(["methods", "opt-dmd"]) == 2
     assert "modalscope.refine(data, modes)" in capsys.readouterr().err

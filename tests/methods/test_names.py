@@ -152,8 +152,9 @@ def test_optimized_dynamic_mode_decomposition_is_refinement(noisy) -> None:
     """Askham and Kutz (2018): least squares of sum_j b_j exp(s_j t), amplitudes by linear least squares, are `refine`."""
     decay = FIVE["chain5"]().impulse_response(300, quantity="acceleration", input="dirac", noise=0.01, seed=1)
     decay = decay.select(inputs=decay.input_dofs[:1])
-    modes = ms.refine(decay, ms.identify(decay, order=N).modes)
+    modes = ms.refine(decay, ms.identify(decay, order=N, method="optimized-dmd").modes)
     assert len(modes) == 5
+    assert np.allclose(ms.analyze(decay, method="optimized-dmd").modes.frequencies, modes.frequencies, rtol=1e-6)
     t = np.arange(300) / decay.sampling_rate
     rebuilt = modes.impulse_response(300, decay.sampling_rate).values
     level = (decay.values / np.sqrt(np.mean((decay.values - rebuilt) ** 2, axis=0))).reshape(300, -1)
@@ -172,7 +173,7 @@ def test_optimized_dynamic_mode_decomposition_is_refinement(noisy) -> None:
     assert np.all(abs(s - modes.poles) < 0.01 * 2 * np.pi * modes.frequencies_std)
 
 
-@pytest.mark.parametrize(("name", "instead"), [("optimized-dmd", r"modalscope\.refine"), ("armax", "use n4sid")])
+@pytest.mark.parametrize(("name", "instead"), [("opt-dmd", r"modalscope\.refine"), ("armax", "use n4sid")])
 def test_names_that_are_no_row_say_what_to_use(name: str, instead: str) -> None:
     with pytest.raises(ms.DataError, match=instead):
         ms.methods(name)

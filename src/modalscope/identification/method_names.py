@@ -40,7 +40,7 @@ _ANSWERS = {
     "lsfd": "Residues of known poles are modalscope.fit_residues(response, modes); identify fits them by itself.",
     "fdd, efdd, fsdd, cfdd, peak picking, pp, bfdd": _FDD,
     "cmif, mif, mmif": "An indicator, not a method: modalscope.plot.indicator(response) draws it, select uses it by itself.",
-    "mle, mlmm, ml, maximum likelihood, optimized dmd, opt dmd": _ML,
+    "mle, mlmm, ml, maximum likelihood, opt dmd": _ML,
     "bayesian fft": f"Not offered. {_ML}",
     "matrix pencil": "Use method='esprit' (the row alternate): the pencil of a Hankel matrix and its shift.",
     "half power, circle fit, sdof, smac": _SINGLE,
