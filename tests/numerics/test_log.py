@@ -51,3 +51,12 @@ def test_quiet_and_verbose_are_levels_of_the_log(
     assert main(["identify", str(record), *([flag] if flag else [])]) == 0
     said = capsys.readouterr().out
     assert ("impulse responses" in said, "settings: " in said) == (remarks, settings)
+
+
+def test_comparisons_and_models_tell_their_notes(caplog: pytest.LogCaptureFixture) -> None:
+    data = chain5().impulse_response(200, noise=0.01, seed=0)
+    with caplog.at_level(logging.INFO, "modalscope"):
+        comparison = ms.compare(data, ["era/time", "least_squares/time"], orders=range(2, 13, 2))
+        model = ms.realize(data, order=10)
+    told = [entry.getMessage() for entry in caplog.records]
+    assert {comparison.headline, comparison.verdict, *map(str, comparison.notes), *map(str, model.notes)} <= set(told)

@@ -38,6 +38,7 @@ from modalscope.modal.rebuilt import explains_enough, fit_error_heard, rebuilt, 
 from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_count, check_kind
+from modalscope.numerics.log import tell
 from modalscope.numerics.resources import one_thread
 
 #: Modes in a row of a table of text.
@@ -305,7 +306,9 @@ def compare(
     }
     notes = notes_of((*routes[0].notes, *failed, *refused, *equal))
     settings |= {**route_options, **options}
-    return Comparison(response=routes[0].response, results=results, settings=settings, notes=notes, **judged)
+    found = Comparison(response=routes[0].response, results=results, settings=settings, notes=notes, **judged)
+    tell(found.headline, found.verdict, *notes)
+    return found
 
 
 def _judged(

@@ -12,6 +12,7 @@ from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.response import Response, line_step
 from modalscope.data.setups import as_test
+from modalscope.data.shown import summary_of
 from modalscope.data.statespace import StateSpace
 from modalscope.functions.poles import one_of_each_pair, to_discrete
 from modalscope.identification.identify import identify
@@ -22,6 +23,7 @@ from modalscope.modal.eigenmodes import deterministic, from_modes
 from modalscope.numerics.arguments import COUNT, between, named
 from modalscope.numerics.checks import RealArray, stays_locked
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.log import tell
 from modalscope.numerics.resources import one_thread
 from modalscope.workflow.prediction_error import least_prediction_errors
 from modalscope.workflow.simulation import (
@@ -119,11 +121,17 @@ def realize(
     choice = {"method": method, "domain": domain, **{k: v for k, v in options.items() if v is not None}}
     records = as_records(test) if isinstance(test, Signals) else test
     if not isinstance(records, Records) or not records.input_dofs or holdout == 0:
-        return _of_one(data, order, choice, stable=stable)
+        return _told(_of_one(data, order, choice, stable=stable))
     excluded = choice.pop("exclude", None)
     records = records if excluded is None else records.select(exclude=excluded)
     records, _, notes = without_delays(records, choice.pop("delays", None))
-    return _of_records(records, order, {**choice, "delays": {}}, notes, stable=stable, holdout=holdout)
+    return _told(_of_records(records, order, {**choice, "delays": {}}, notes, stable=stable, holdout=holdout))
+
+
+def _told(model: RealizedModel) -> RealizedModel:
+    """Return a model whose notes are records of the run."""
+    tell(summary_of(model), *model.notes)
+    return model
 
 
 def _of_one(data: Any, order: int | None, choice: Mapping[str, Any], *, stable: bool) -> RealizedModel:
