@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.monitoring import History, Store
+from modalscope.monitoring import History, Store, track
 from modalscope.reporting.months import months_sections
+from modalscope.reporting.track_view import track_view
 
 
 @pytest.fixture
@@ -38,4 +42,52 @@ def test_where_there_is_no_chart_its_section_says_why(store: Store) -> None:
     sections = {each.anchor: each.body for each in months_sections(store, reference=(0, 3600 * 50))}
     assert "Give 100 records, or more" in sections["chart"]
     assert list(sections) == ["summary", "tracks", "chart", "refused"]
+    store.close()
+
+
+def test_the_view_of_tracks_holds_what_it_draws_and_no_markup_of_a_stranger(tmp_path: Path) -> None:
+    shapes = np.tile([2.0 + 0j, 1.0, -1.0], (12, 1))
+    shapes[-1, 2] = np.nan
+    history = History(
+        times=3600 * np.arange(12),
+        record=np.arange(12),
+        frequencies=1 + 1e-3 * (np.arange(12) % 3),
+        frequencies_std=np.full(12, 1e-3),
+        shapes=shapes,
+        output_dofs=("</script>a", "b", "c"),
+    )
+    text = track_view(track(history), np.array([1800.0]))
+    (packed,) = re.findall(r'id="tracks-data">(.*?)</script>', text)
+    assert "<" not in packed
+    held = json.loads(packed)
+    assert held["dofs"][0] == "</script>a"
+    assert held["frequencies"][:3] == [[1.0], [1.001], [1.002]]
+    assert held["shapes"][0] == [[1.0, 0.5, -0.5]]
+    assert held["shapes"][-1] == [[1.0, 0.5, None]]
+    assert held["refused"] == [1800.0]
+
+
+@pytest.mark.slow
+def test_a_click_shows_the_record_and_keys_go_through_time(store: Store, tmp_path: Path, browser: Any) -> None:
+    path = ms.report(store, tmp_path / "a.html")
+    page = browser.new_page(viewport={"width": 1000, "height": 1200})
+    faults: list[str] = []
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    page.goto(path.as_uri())
+    view = page.locator("#tracks-view")
+    view.locator("canvas").focus()
+    page.keyboard.press("ArrowRight")
+    assert "1970-01-01 00:00 (UTC)" in view.locator(".record p").inner_text()
+    page.keyboard.press("ArrowRight")
+    assert "1970-01-01 01:00 (UTC)" in view.locator(".record p").inner_text()
+    assert view.locator(".record tr").count() >= 3
+    box = view.locator("canvas").bounding_box()
+    page.mouse.click(box["x"] + box["width"] - 12, box["y"] + 12)  # far from any point: nothing is chosen
+    assert view.locator(".record p").count() == 0
+    view.locator("button").click()
+    page.wait_for_timeout(500)
+    assert view.locator("button").inner_text() == "stop"
+    assert view.locator(".record p").count() == 1
+    assert faults == []
+    page.close()
     store.close()

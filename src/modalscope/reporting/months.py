@@ -17,6 +17,7 @@ from modalscope.monitoring.tracks import Explained, Tracks
 from modalscope.plot.tracks import against, control_chart, tracks as drawn_tracks
 from modalscope.reporting.html import Section, listing, paragraph, picture, table
 from modalscope.reporting.office import png
+from modalscope.reporting.track_view import track_view
 
 #: Covariates that are drawn, and refused records that are listed, at most.
 _MAX_COVARIATES, _MAX_REFUSED = 6, 500
@@ -33,7 +34,7 @@ def months_sections(store: Store, *, reference: Any = None, false_per_year: floa
     except DataError as error:
         chart = error
     yield _summary(store, tracks, chart)
-    yield _tracks(tracks)
+    yield _tracks(store, tracks)
     if isinstance(chart, Alarms):
         yield _moved(chart.explained)
     yield _chart(chart)
@@ -54,9 +55,12 @@ def _summary(store: Store, tracks: Tracks, chart: Alarms | DataError) -> Section
     return Section("summary", "Summary", listing(rows.items()) + "".join(paragraph(str(alarm)) for alarm in found))
 
 
-def _tracks(tracks: Tracks) -> Section:
+def _tracks(store: Store, tracks: Tracks) -> Section:
     head, *rows = tracks.rows()
-    drawn = picture(png(partial(drawn_tracks, tracks)), "Frequencies of all tracks over time")
+    still = picture(png(partial(drawn_tracks, tracks)), "Frequencies of all tracks over time")
+    records = store.records
+    alive = track_view(tracks, records.time[records.state == "refused"])
+    drawn = f"<noscript>{still}</noscript>{alive}"
     return Section("tracks", "Tracks", drawn + table(head, rows, words=(0,)) + "".join(map(paragraph, tracks.notes)))
 
 
