@@ -118,7 +118,7 @@ def test_lines_of_a_long_record_that_are_kept_stand_for_the_others(monkeypatch: 
         cut = cut_order(pipeline, ORDER, deviations=False)
         every, noise = np.arange(4), White(np.ones((4, 1)), "here", True)
         assert pipeline.matrix.influence_lines.lines.each.sum() == pipeline.response.whole.count
-        asked = Asked(ORDER, cut.triple, cut.modal, every, noise)
+        asked = Asked(ORDER, cut.triple, cut.modal.poles, cut.modal.eigen, every, noise)
         return deviations_of(pipeline.matrix, pipeline.realization, asked)[0].damping_ratio
 
     whole = deviations()

@@ -85,9 +85,8 @@ def test_the_damping_of_a_window_is_taken_off_before_deviations_are_told(monkeyp
     matrix = SimpleNamespace(
         thinned=False, judged=SimpleNamespace(added_damping=2.0, grid=(), count=1, values=np.ones((1, 1)))
     )
-    modal = SimpleNamespace(poles=np.array([-5 + 4j]), eigen=np.zeros(1))
     noise = SimpleNamespace(damping_is_told=lambda poles: poles == -3 + 4j)
-    found = deviations_of(matrix, None, Asked(2, None, modal, np.array([0]), noise))[0]
+    found = deviations_of(matrix, None, Asked(2, None, np.array([-5 + 4j]), np.zeros(1), np.array([0]), noise))[0]
     assert found.frequency[0] == pytest.approx(0.1 * 0.6 / (2 * np.pi))
     assert found.damping_ratio[0] == pytest.approx(0.1 * 16 / 125)
 

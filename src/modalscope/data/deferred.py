@@ -22,7 +22,7 @@ class Deferred:
     Examples
     --------
     >>> asked = []
-    >>> numbers = Deferred(3, lambda index: asked.append(list(index)) or np.stack([index, 10.0 * index]))
+    >>> numbers = Deferred(3, lambda index: asked.append(index.tolist()) or np.stack([index, 10.0 * index]))
     >>> numbers.at(np.array([2])).tolist(), numbers.whole()[1].tolist(), asked
     ([[2.0], [20.0]], [0.0, 10.0, 20.0], [[2], [0, 1]])
     """

@@ -408,6 +408,9 @@ _MIN_GROUP_ORDERS = 3
 #: Minimum distance of starting poles in half bandwidths, unless their MAC is below this; maximum number of them.
 _START_HALF_BANDWIDTHS, _SAME_START_MAC, _MAX_STARTS = 0.3, 0.95, 60
 
+#: MAC above which a single pole shows a mode of its frequency: nearer to it than to a right angle.
+_SHOWN_MAC = 0.5
+
 #: Residuals below this part of the data are no noise of a measurement: a converter of 20 bits rounds to as much.
 _MAX_COMPUTED = 1e-6
 
@@ -481,12 +484,21 @@ def likely(
         poles = merged.beside(poles)
     candidates = verdicts(SelectionResult(diagram, poles, evidence, held.selection, held.found, known), groups)
     room = np.unique(diagram.order_of_pole, return_counts=True)[1].max(initial=0)
-    return poles, candidates if known is None or room < len(held.found.poles) else [_shown_here(c) for c in candidates]
+    if known is None or room < len(held.found.poles):
+        return poles, candidates
+    return poles, [_shown_here(c, poles) for c in candidates]
 
 
-def _shown_here(candidate: Candidate) -> Candidate:
-    """Return a candidate of a contest on several diagrams, as no mode of one that has room for all modes and does not show it."""
-    if candidate.members.size:
+def _shown_here(candidate: Candidate, poles: Poles) -> Candidate:
+    """Return a candidate of a contest on several diagrams, as no mode of one that has room for all modes and does not show it.
+
+    A pole of one order, within a half bandwidth and of a similar shape, shows it: of few orders no groups are made.
+    """
+    half = candidate.damping * candidate.frequency
+    near = np.abs(poles.pole - 2 * np.pi * (-half + 1j * np.sqrt(candidate.frequency**2 - half**2))) < 2 * np.pi * half
+    if candidate.own is not None:
+        near &= mac(poles.shape.T, candidate.own.shape[:, None])[:, 0] > _SHOWN_MAC
+    if candidate.members.size or near.any():
         return candidate
     return replace(
         candidate, against=(*candidate.against, "needed by the data, but shown at no orders of this diagram")

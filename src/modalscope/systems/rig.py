@@ -38,7 +38,7 @@ class HardeningRig:
     Examples
     --------
     >>> HardeningRig().backbone([0.0, 0.01, 0.02]).round(3)
-    array([5.033, 5.22 , 5.743])
+    array([5.033, 5.218, 5.738])
     """
 
     mass: float = 1.0
