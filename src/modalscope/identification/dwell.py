@@ -6,7 +6,7 @@ The oldest method of the field, by computation instead of by shakers: a quick es
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -89,10 +89,11 @@ def tuned_dwell(
     """
     if not isinstance(response, list | tuple):
         check_kind("tuned_dwell", response, (FrequencyResponse, Signals, Records))
-    if not isinstance(response, FrequencyResponse):
-        records = as_records(response)
+    if not hasattr(response, "lines"):
+        records = as_records(cast("Records | Signals", response))
         return _of_records(records, levels_of(records))
-    cut = response if band is None else response.band(*check_band(band))
+    lines = cast("FrequencyResponse", response)
+    cut = lines if band is None else lines.band(*check_band(band))
     least = 2 * _MIN_LINES + 1
     if cut.lines < least:
         raise DataError(f"a tuned dwell needs at least {least} lines", f"there are {cut.lines}", "Widen the band.")
