@@ -209,7 +209,7 @@ def _killed(path: Path, times: int) -> None:
         work = subprocess.Popen([sys.executable, "-c", WORK, str(path)], stdout=subprocess.PIPE)
         assert work.stdout is not None
         assert work.stdout.readline() == b"open\n"
-        time.sleep(draw.uniform(0.01, 0.05))
+        time.sleep(draw.uniform(0.02, 0.15))
         os.kill(work.pid, signal.SIGKILL)
         work.wait()
         work.stdout.close()
@@ -228,7 +228,7 @@ def test_nothing_is_lost_or_twice_when_it_is_killed(tmp_path: Path) -> None:
     _killed(tmp_path / "a.modes", 1)
 
 
-@pytest.mark.slow
+@pytest.mark.study("robustness")
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="the system has no kill -9")
 def test_nothing_is_lost_or_twice_when_it_is_killed_fifty_times(tmp_path: Path) -> None:
     _killed(tmp_path / "a.modes", 50)
