@@ -57,7 +57,7 @@ def _run(words: Sequence[str]) -> None:
     parser = build_parser()
     try:
         options = parser.parse_args(configured(command_first(words)), argparse.Namespace(command_line=command_line))
-        listen(options.quiet, options.verbose, options.log) if hasattr(options, "log") else listen(False, False, None)
+        listen(options.quiet, options.verbose, options.log)
         VOICE.aside = STDOUT in map(str, getattr(options, "outputs", ()))
         options.run(options)
     finally:

@@ -99,5 +99,5 @@ def build_parser() -> Parser:
         command.add(added)
         add_common(added)
         added.arrange()
-    parser.set_defaults(parser=parser, run=lambda _: parser.print_help())
+    parser.set_defaults(parser=parser, run=lambda _: parser.print_help(), quiet=False, verbose=False, log=None)
     return parser

@@ -12,7 +12,6 @@ from modalscope.cli.process import progress, remark, say
 if TYPE_CHECKING:
     from modalscope.data import FrequencyResponse, ModalModel
     from modalscope.data.modes import Mode
-    from modalscope.data.results import Result
 
 #: The data set, and the band in which its modes were published.
 _SET, _BAND = "beam_hammer", (100.0, 4500.0)
@@ -50,7 +49,7 @@ def demo(options: argparse.Namespace) -> None:
         result = analyze(data, band=_BAND, progress=show)
     say(_table(result.modes, published), "", _inside(result.modes, published), _agreement(data))
     report(result, options.output, title="Modes of a measured beam")
-    _where_to_look(result, options.output)
+    say(f"Pictures, reasons and settings: {options.output.resolve()}. Your own file: modalscope app test.uff")
 
 
 def _beside(modes: ModalModel, published: ModalModel) -> dict[int, int]:
@@ -63,14 +62,14 @@ def _table(modes: ModalModel, published: ModalModel) -> str:
     from modalscope.data.shown import text_table
     from modalscope.judging.description import table_of
 
-    head, *rows = [row[: row.index("grade") + 1] if k == 0 else row for k, row in enumerate(table_of(modes))]
-    nearest = _beside(modes, published)
-    lines = [[*head, "published: f [Hz]", "damping [%]"]]
+    head, *rows = table_of(modes)
+    width, nearest = head.index("grade") + 1, _beside(modes, published)
+    lines = [[*head[:width], "published: f [Hz]", "damping [%]"]]
     for k, row in enumerate(rows):
         known = nearest.get(k)
         texts = ("-", "-") if known is None else _as_published(published[known])
-        lines.append([*row[: len(head)], *texts])
-    return text_table(lines, left=[len(head) - 1])
+        lines.append([*row[:width], *texts])
+    return text_table(lines, left=[width - 1])
 
 
 def _as_published(mode: Mode) -> tuple[str, str]:
@@ -102,8 +101,3 @@ def _agreement(data: FrequencyResponse) -> str:
     where = " and ".join(f"{group.frequency:.1f} Hz" for group in trusted)
     band = f"one hammer point, {_SHORT_BAND[0]:g} to {_SHORT_BAND[1]:g} Hz"
     return f"{found.headline}.\n{least} of them find {where} ({band})."
-
-
-def _where_to_look(result: Result, path: Path) -> None:
-    """Tell what was written and what to try next."""
-    say(f"Pictures, reasons and settings: {path.resolve()}. Your own file: modalscope app test.uff")

@@ -214,10 +214,9 @@ def add_common(parser: Parser) -> None:
 
 def add_method(parser: Parser) -> None:
     """Add a cell of the table of methods."""
-    parser.group("method and orders")(
-        "--method", help="method, a row of `modalscope methods` (default: chosen by the data)"
-    )
-    parser.group("method and orders")("--domain", help="time, z or s; default: chosen by the data")
+    add = parser.group("method and orders")
+    add("--method", help="method, a row of `modalscope methods` (default: chosen by the data)")
+    add("--domain", help="time, z or s; default: chosen by the data")
 
 
 def add_orders(parser: Parser) -> None:

@@ -117,15 +117,19 @@ def listen(quiet: bool, verbose: bool, file: Path | None) -> None:
     """Set what is told: results alone, remarks, or the settings, too; and a file that what is told is added to, with its times."""
     _LOG.setLevel(logging.WARNING if quiet else logging.DEBUG if verbose else logging.INFO)
     log = logging.getLogger("modalscope")
-    for handler in [handler for handler in log.handlers if isinstance(handler, logging.FileHandler)]:
+    for handler in [handler for handler in log.handlers if isinstance(handler, _File)]:
         log.removeHandler(handler)  # of an earlier run in this process
         handler.close()
     if file is not None:
-        handler = logging.FileHandler(file, encoding="utf-8")
+        handler = _File(file, encoding="utf-8")
         handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(message)s"))
         handler.addFilter(_Once())
         log.addHandler(handler)
         log.setLevel(logging.DEBUG)
+
+
+class _File(logging.FileHandler):
+    """The file of --log, told from those of a program that calls this one."""
 
 
 class _Once(logging.Filter):
