@@ -221,7 +221,7 @@ def test_a_model_is_validated_on_a_record_and_modes_on_responses(
     assert is_ours(picture)
     root = ElementTree.parse(picture).getroot()
     drawn = [path.get("class") for path in root.iter("{http://www.w3.org/2000/svg}path")]
-    assert drawn.count("line measured") == drawn.count("line mode dashed") == 4  # three outputs and the key
+    assert drawn.count("line measured") == drawn.count("line mode dashed") == 5  # the key, three, one from near
     out = capsys.readouterr().out
     assert "errors of prediction" in out
     seen = ms.validate(ms.read(model), ms.read(other))

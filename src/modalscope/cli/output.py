@@ -57,17 +57,17 @@ def check_output(path: Path, sources: Iterable[Path], force: bool, suffixes: tup
 
 
 def write_outputs(
-    options: argparse.Namespace, result: Any, certificate: Certificate | None = None, **fields: Any
+    options: argparse.Namespace, result: Any, certificate: Certificate | None = None, record: Any = None, **fields: Any
 ) -> list[str]:
     """Write a result to every output file, print JSON for stdout, and return a message per file.
 
-    `options`: `files`, `outputs`, and the `command_line` of the report. `certificate`: for the report. `**fields`: written into JSON
-    with the modes.
+    `options`: `files`, `outputs`, and the `command_line` of the report. `certificate`, `record`: for the report. `**fields`: written into
+    JSON with the modes.
     """
     source = ", ".join(map(str, options.files))
     fields = {"data": {"file": Path(source).name}, **fields}
     named = [path for path in options.outputs if str(path) != STDOUT]
-    messages = [write_file(options, path, result, source, certificate, fields) for path in named]
+    messages = [write_file(options, path, result, source, certificate, fields, record) for path in named]
     if STDOUT in map(str, options.outputs):
         print(_document(result, fields))
     return messages
@@ -80,13 +80,14 @@ def write_file(
     source: str,
     certificate: Certificate | None = None,
     fields: dict[str, Any] | None = None,
+    record: Any = None,
 ) -> str:
     """Write a result to one file, a report or data, and return the message."""
     if not is_page(path):
         return _write(path, result, fields or {})
     from modalscope.reporting import report
 
-    report(result, path, source=source, command=options.command_line, certificate=certificate)
+    report(result, path, source=source, command=options.command_line, certificate=certificate, data=record)
     return f"written: {path}"
 
 

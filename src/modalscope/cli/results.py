@@ -38,7 +38,7 @@ def add_realize(parser: Parser) -> None:
     parser.add_argument("--unstable", action="store_true", help="keep poles that grow")
     add_method(parser)
     add_choices(parser)
-    add_outputs(parser, "write A, B, C, D as .mat, .npz, .h5 or .json")
+    add_outputs(parser, "write A, B, C, D as .mat, .npz, .h5 or .json, or a report of records with inputs, .html")
 
 
 def realize(options: argparse.Namespace) -> None:
@@ -49,7 +49,7 @@ def realize(options: argparse.Namespace) -> None:
     from modalscope.workflow.realize import realize
 
     require_output(options, "model.mat")
-    check_outputs(options, options.files, (".mat", ".npz", ".h5", ".hdf5", ".json"))
+    check_outputs(options, options.files, (".mat", ".npz", ".h5", ".hdf5", ".json", ".html"))
     data, notes = read_test(options)
     model = realize(
         data,
@@ -60,7 +60,7 @@ def realize(options: argparse.Namespace) -> None:
         holdout=options.holdout,
         **choices(options),
     )
-    written = write_outputs(options, model, data={"file": ""})
+    written = write_outputs(options, model, record=data, data={"file": ""})
     remark(*notes, *model.notes)
     if model.validation is not None:
         explain(model.validation.table())

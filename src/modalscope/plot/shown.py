@@ -149,7 +149,7 @@ def _(thing: Validation, ax: Any = None) -> Any:
 
 @drawn.register
 def _(thing: StateSpace, ax: Any = None) -> Any:
-    ax, poles = new_axes(ax), np.atleast_1d(thing.poles)
+    ax, poles = new_axes(ax), np.atleast_1d(thing.continuous_poles)
     ax.axvline(0, color=MUTED, linewidth=0.8)
     ax.scatter(poles.real, poles.imag / (2 * np.pi), s=26, color=np.where(poles.real < 0, BLUE, VERMILLION).tolist())
     dress(ax, title="poles", xlabel="real part [rad/s]", ylabel="imaginary part / 2π [Hz]")

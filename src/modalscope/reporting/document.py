@@ -11,9 +11,10 @@ from typing import Protocol
 
 from modalscope.checking.certificate import Certificate
 from modalscope.comparing import Comparison
-from modalscope.data import DataError, ModalModel, Signals, StabilizationDiagram
+from modalscope.data import DataError, ModalModel, Signals, StabilizationDiagram, StateSpace
 from modalscope.data.analysis import VERSION
 from modalscope.data.notes import Note
+from modalscope.data.records import Records
 from modalscope.data.response import Response
 from modalscope.data.results import Result
 from modalscope.data.shown import counted
@@ -41,6 +42,7 @@ from modalscope.reporting.modes import (
     modes_section,
     summary_section,
 )
+from modalscope.reporting.simulations import model_sections
 
 #: Suffixes of documents of office programs.
 SUFFIXES = (".docx", ".pptx")
@@ -57,7 +59,13 @@ class _Result(Protocol):
 
 
 Reported = (
-    Store | Comparison | Identification | StabilizationDiagram | tuple[ModalModel, StabilizationDiagram] | _Result
+    Store
+    | Comparison
+    | StateSpace
+    | Identification
+    | StabilizationDiagram
+    | tuple[ModalModel, StabilizationDiagram]
+    | _Result
 )
 
 
@@ -70,16 +78,17 @@ def report(
     source: str | None = None,
     command: str | None = None,
     certificate: Certificate | None = None,
+    data: Signals | Records | None = None,
 ) -> Path:
-    """Write a report on modes, a diagram, an identification, a comparison or months of records: one HTML file with its pictures.
+    """Write a report on modes, a diagram, an identification, a comparison, a model or months of records: one HTML file with its pictures.
 
     The file loads nothing from outside and can be read without a network.
 
     Parameters
     ----------
-    thing : StabilizationDiagram, (ModalModel, StabilizationDiagram), Identification, Comparison, Store or any result with modes and diagram
-        A diagram, whose modes are selected automatically; or with its selected modes; one order; a comparison of methods; or a store of
-        months of records.
+    thing : StabilizationDiagram, (ModalModel, StabilizationDiagram), Identification, Comparison, StateSpace, Store, result with a diagram
+        A diagram, whose modes are selected automatically; or with its selected modes; one order; a comparison of methods; a model, with
+        `data`; or a store of months of records.
     path : path
         Ends in .html; or in .docx or .pptx for a document or slides, which need the extra `office`, of modes with a diagram. An existing
         file is replaced only by a complete new one.
@@ -87,6 +96,8 @@ def report(
         Heading, source of the data, and the command line that gave the result.
     certificate : Certificate, optional
         Of a result: whether its intervals hold; the modes are reported with its standard deviations.
+    data : Signals or Records, optional
+        With inputs: what a model is simulated beside.
 
     Returns
     -------
@@ -107,6 +118,12 @@ def report(
         from modalscope.reporting.months import months_sections
 
         return write_page(path, title or thing.path.name, "Months of records", months_sections(thing), [thing.path])
+    if isinstance(thing, StateSpace):
+        check_kind("data of a report on a model", data, (Signals, Records))
+        assert data is not None
+        heading = title or _heading("State-space model", " of ", source)
+        parts = model_sections(thing, data, command)
+        return write_page(path, heading, date.today().isoformat(), parts, sources_of(data))
     if isinstance(thing, Comparison):
         heading = title or _heading("Methods compared", " on ", source)
         parts = comparison_sections(thing, source=source, command=command)

@@ -36,6 +36,9 @@ _ROUNDS, _ITERATIONS, _LEAST_GAIN = 3, 12, 1e-4
 #: First damping of steps, its factor after a step that is no gain, and tries of a step.
 _DAMPING, _FACTOR, _TRIES = 1e-3, 5.0, 8
 
+#: Curvature of the errors, relative to the greatest, below which a step changes nothing that is seen.
+_FREE = 1e-12
+
 #: Condition of eigenvectors beyond which modes are no coordinates.
 _MAX_CONDITION = 1e8
 
@@ -128,10 +131,10 @@ def least_prediction_errors(model: StateSpace, records: Records) -> StateSpace |
 
     None of a model that grows, that has no modal coordinates, or that is not `affordable`.
     """
-    values, V = np.linalg.eig(model.A)
-    if np.abs(values).max(initial=0.0) >= 1 or np.linalg.cond(V) > _MAX_CONDITION or not affordable(model, records):
+    begun = _begun(model, records)
+    if begun is None:
         return None
-    runs, m, sizes = _started(model, records, values, V)
+    runs, m, basis = begun
     for _ in range(_ROUNDS):
         W = _whitener(runs, m)
         if W is None:
@@ -139,16 +142,55 @@ def least_prediction_errors(model: StateSpace, records: Records) -> StateSpace |
         m, gain = _descended(runs, m, W)
         if gain < _LEAST_GAIN * _ITERATIONS:
             break
-    inputs = m.D.shape[1]
-    return from_modes(
-        m.z, m.C * sizes[0][:, None], m.B[:, :inputs] / sizes[1], m.D / sizes[1] * sizes[0][:, None], model.dt
-    )
+    inputs, of_outputs = m.D.shape[1], basis.of_outputs[:, None]
+    B, D = m.B[:, :inputs] / basis.of_inputs, m.D / basis.of_inputs * of_outputs
+    return from_modes(m.z, m.C * of_outputs, B, D, model.dt)
 
 
-def _started(
-    model: StateSpace, records: Records, values: ComplexArray, V: ComplexArray
-) -> tuple[_Runs, _Modal, tuple[RealArray, RealArray]]:
-    """Return runs, the model in modal coordinates with the first states that fit best, and the sizes of outputs and inputs."""
+def directions(model: StateSpace, records: Records) -> RealArray | None:
+    """Return directions (p, n + l, n + m) of [[A, B], [C, D]], a standard deviation each: their outer products add to the covariance.
+
+    (J'J)^-1 of the whitened errors, the first states of all runs unknown beside the model; what only scales a mode's shape against its
+    participation is left out. None where modes are no coordinates, where nothing is left to predict, or of what is not `affordable`.
+    """
+    begun = _begun(model, records)
+    W = None if begun is None else _whitener(*begun[:2])
+    if begun is None or W is None:
+        return None
+    runs, m, basis = begun
+    N, _ = _normal(runs, m, *_errors(runs, m, W), W)
+    size = np.sqrt(np.diag(N))
+    size = np.where(size > 0, size, 1.0)
+    d, Q = np.linalg.eigh(N / np.outer(size, size))
+    kept = d > _FREE * d[-1]
+    steps = (Q[:, kept] / np.sqrt(d[kept]) / size[:, None]).T
+    return np.array([basis.in_states(m, runs.moved(m, step), runs.twice) for step in steps])
+
+
+class _Basis(NamedTuple):
+    """States of modes: their vectors (n, k), what reads them (k, n), and the sizes of outputs and inputs."""
+
+    vectors: ComplexArray
+    readers: ComplexArray
+    of_outputs: RealArray
+    of_inputs: RealArray
+
+    def in_states(self, m: _Modal, moved: _Modal, twice: RealArray) -> RealArray:
+        """Return what a step of modes changes in [[A, B], [C, D]], (n + l, n + m)."""
+        inputs, of_outputs = m.D.shape[1], self.of_outputs[:, None]
+        columns, rows = self.vectors * twice, self.readers
+        A = (columns * (moved.z - m.z)) @ rows
+        B = columns @ (moved.B - m.B)[:, :inputs] / self.of_inputs
+        C = of_outputs * ((moved.C - m.C) * twice) @ rows
+        D = of_outputs * (moved.D - m.D) / self.of_inputs
+        return np.asarray(np.block([[A, B], [C, D]]).real)
+
+
+def _begun(model: StateSpace, records: Records) -> tuple[_Runs, _Modal, _Basis] | None:
+    """Return runs, the model in modal coordinates with the first states that fit best, and the basis; None where these are none."""
+    values, V = np.linalg.eig(model.A)
+    if np.abs(values).max(initial=0.0) >= 1 or np.linalg.cond(V) > _MAX_CONDITION or not affordable(model, records):
+        return None
     each = list(runs_of(records))
     one = replace(model, gain=None, innovation_covariance=None)
     first = np.stack([free_run(one, y, u).first for y, u in each], axis=1)
@@ -158,20 +200,18 @@ def _started(
     ]
     of_outputs, of_inputs = (np.where(size > 0, size, 1.0) for size in level)
     kept = np.flatnonzero(values.imag >= 0)
-    real = values[kept].imag == 0
-    left = np.linalg.solve(V, np.hstack([model.B * of_inputs, first]).astype(complex))[kept]
-    C = (model.C @ V)[:, kept].astype(complex) / of_outputs[:, None]
-    size = np.sqrt(np.linalg.norm(C, axis=0) / np.maximum(np.linalg.norm(left, axis=1), np.finfo(float).tiny))
+    vectors: ComplexArray = V[:, kept].astype(complex)
+    readers: ComplexArray = np.linalg.inv(V.astype(complex))[kept]
+    driven = np.hstack([model.B * of_inputs, first])
+    C = model.C @ vectors / of_outputs[:, None]
+    left = np.linalg.norm(readers @ driven, axis=1)
+    size = np.sqrt(np.linalg.norm(C, axis=0) / np.maximum(left, np.finfo(float).tiny))
     size = np.where(size > 0, size, 1.0)
-    runs = _Runs([y / of_outputs for y, _ in each], [u / of_inputs for _, u in each], real)
+    vectors, readers = vectors / size, readers * size[:, None]
+    runs = _Runs([y / of_outputs for y, _ in each], [u / of_inputs for _, u in each], values[kept].imag == 0)
     D = model.D * of_inputs / of_outputs[:, None]
-    made = _Modal(
-        values[kept].astype(np.complex128),
-        np.asarray(C / size, dtype=np.complex128),
-        np.asarray(left * size[:, None], dtype=np.complex128),
-        D,
-    )
-    return runs, made, (of_outputs, of_inputs)
+    made = _Modal(values[kept].astype(np.complex128), C / size, readers @ driven, D)
+    return runs, made, _Basis(vectors, readers, of_outputs, of_inputs)
 
 
 def _whitener(runs: _Runs, m: _Modal) -> Whitener | None:

@@ -93,12 +93,15 @@ class ModelValidation(Shown):
         ]
         return text_table(rows, left=(0,))
 
+    def rows(self) -> list[tuple[str, ...]]:
+        """Return a head, and the cells of every candidate, the best first."""
+        ranked = sorted(self.candidates, key=lambda c: (np.isnan(c.free_run), -c.free_run))
+        cells = [(c.how, str(c.order), f"{c.free_run:.1f}", str(c.mirrored), c.failure) for c in ranked]
+        return [("model", "order", "free run %", "mirrored poles", ""), *cells]
+
     def table(self) -> str:
         """Return one line a candidate, the best first."""
-        rows = [("model", "order", "free run %", "mirrored poles", "")]
-        ranked = sorted(self.candidates, key=lambda c: (np.isnan(c.free_run), -c.free_run))
-        rows += [(c.how, str(c.order), f"{c.free_run:.1f}", str(c.mirrored), c.failure) for c in ranked]
-        return text_table(rows, left=(0, 4))
+        return text_table(self.rows(), left=(0, 4))
 
 
 @summary_of.register
