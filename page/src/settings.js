@@ -21,6 +21,7 @@ export function makeSettings(place, acts, methods) {
   const rate = h("input", { type: "number", step: "any", min: 0, "aria-label": "Sampling rate, Hz", placeholder: "rate", onchange: read });
   const rows = h("input.name", { "aria-label": "Rows of a table to read", placeholder: "202-", title: "Rows of a table, counted from 1: 202-4000, or 202- for all from row 202", onchange: read });
   const reading = h("details", {}, h("summary", {}, "Reading options"), h("div.pair", {}, "columns", columns), h("div.pair", {}, "rows", rows), h("div.pair", {}, "samples", rate, h("span.muted", {}, "Hz")));
+  const expert = h("input.name", { "aria-label": "Options of the method", placeholder: "block_rows=40; row_shifts=[0,1,3]", title: "Name=value, parted by semicolons, as in Python: block_rows, block_columns, form, row_shifts, row_subsets, row_weights, row_compression, weighting, references, source ...; each method says which it has", onchange: () => acts.set({ options: options(expert.value) }) });
   const data = h("p.muted.data");
   const used = h("p.muted");
   const hand = h("div.hand");
@@ -28,7 +29,7 @@ export function makeSettings(place, acts, methods) {
   place.append(
     group("Data", data, box, reading),
     group("Band", h("div.pair", {}, low, "–", high, h("span.muted", {}, "Hz")), h("p.hint", {}, "or drag on the strip below the diagram")),
-    group("Method", method, used),
+    group("Method", method, used, h("details", {}, h("summary", {}, "Expert"), expert)),
     group("Orders", h("div.pair.three", {}, first, last, step), h("label.slider", {}, "shown up to ", shown, slider)),
     group("Modes", h("label.check", { title: "Maximum likelihood, with standard deviations" }, refine, "refine values"), hand),
   );
@@ -78,6 +79,7 @@ export function makeSettings(place, acts, methods) {
         high.value = pair ? number(pair[1], 6) : "";
       }
       method.value = document.method ? `${document.method}|${document.domain ?? ""}` : "|";
+      if (changed("options")) expert.value = written(document.options);
       if (document.method && method.selectedIndex < 0) method.value = [...known.keys()].find((k) => k.startsWith(`${document.method}|`)) ?? "|";
       const n = document.orders;
       if (changed("orders")) {
@@ -116,6 +118,7 @@ export function makeSettings(place, acts, methods) {
         { test: /sampling.rate/i, words: "give the sampling rate", field: rate, fill: () => rates.length && ([rate.value] = rates) },
         { test: /column|role/i, words: "name the columns", field: columns, fill: () => {} },
         { test: /\brows?\b/i, words: "choose the rows", field: rows, fill: () => {} },
+        { test: /block|shifts|subsets|weight|compression|form|references|source|option/i, words: "change the option", field: expert, fill: () => {} },
         { test: /method|domain/i, words: "choose a method", field: method, fill: () => {} },
       ];
       const first = known.find((k) => k.test.test(change)) ?? known.find((k) => k.test.test(`${asked} ${found}`));
@@ -138,6 +141,28 @@ export function makeSettings(place, acts, methods) {
       slide();
     },
   };
+}
+
+/**
+ * Options as they are written, name=value; values as JSON, or words.
+ * @param {string} text
+ */
+function options(text) {
+  const parts = text.split(";").map((part) => part.trim()).filter(Boolean);
+  return Object.fromEntries(parts.map((part) => {
+    const [name, ...rest] = part.split("=");
+    const value = rest.join("=").trim();
+    try {
+      return [name.trim(), JSON.parse(value)];
+    } catch {
+      return [name.trim(), value];
+    }
+  }));
+}
+
+/** @param {Record<string, any>} given */
+function written(given) {
+  return Object.entries(given ?? {}).map(([name, value]) => `${name}=${typeof value === "string" ? value : JSON.stringify(value)}`).join("; ");
 }
 
 /** @param {string} value */

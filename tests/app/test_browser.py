@@ -315,6 +315,32 @@ def test_lines_of_the_geometry_are_drawn_by_clicks(window: Window) -> None:
     assert page.evaluate("modalscope.found.lines.length / 2") == len(written) + 1
 
 
+@pytest.mark.slow
+def test_options_of_the_method_are_written_as_in_python(window: Window, tmp_path: Path) -> None:
+    page = window.page
+    window.open("chain.uff")
+    window.set_orders((2, 12))
+    before = page.evaluate("JSON.stringify(modalscope.found.modes.map((m) => m.frequency))")
+    page.locator("summary", has_text="Expert").click()
+    field = page.get_by_label("Options of the method")
+    field.fill("block_rows=9; form=observable")
+    field.press("Enter")
+    window.until("modalscope.state.document.options.block_rows === 9")
+    window.done()
+    assert window.document().options == {"block_rows": 9, "form": "observable"}
+    assert page.evaluate("JSON.stringify(modalscope.found.modes.map((m) => m.frequency))") != before
+    field.fill("block_rowz=9")
+    field.press("Enter")
+    page.locator("[role=alert]").wait_for()
+    assert "block_rows" in page.locator("[role=alert]").inner_text()
+    page.screenshot(path=str(tmp_path / "expert.png"))
+    page.get_by_role("button", name="change the option").click()
+    field.fill("")
+    field.press("Enter")
+    window.until("Object.keys(modalscope.state.document.options).length === 0")
+    window.done()
+
+
 def test_one_output_is_drawn_neither_as_shape_nor_as_mac(window: Window, tmp_path: Path) -> None:
     ms.write(
         tmp_path / "one.npz", ms.systems.chain5().frequency_response(np.arange(0.2, 9, 0.01), outputs=[0], inputs=[0])

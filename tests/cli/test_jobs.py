@@ -216,6 +216,9 @@ def test_a_model_is_validated_on_a_record_and_modes_on_responses(
     model = tmp_path / "model.mat"
     assert main(["realize", str(first), "--order", "10", "--method", "n4sid", "-q", "-o", str(model)]) == 0
     capsys.readouterr()
+    poles = tmp_path / "poles.png"
+    assert main(["plot", str(model), "-o", str(poles)]) == 0
+    assert is_ours(poles)
     picture = tmp_path / "fit.svg"
     assert main(["validate", str(model), str(other), "-o", str(picture)]) == 0
     assert is_ours(picture)

@@ -37,6 +37,27 @@ def test_of_ambient_records_it_is_the_first_singular_vector() -> None:
     assert ms.mac(found.shapes, CHAIN.modes().shapes[:, :1])[0, 0] > 0.98
 
 
+def test_at_a_time_of_a_sweep_it_is_the_motion_of_that_instant() -> None:
+    """A sine whose rate and amplitude change slowly: its own amplitude, at its own rate, at four times."""
+    t = np.arange(8000) / 200.0
+    c, phase = np.array([1 + 0.5j, -2j, 0.3]), 2 * np.pi * (4 * t + 0.1 * t**2)
+    y = np.real(c * np.exp(1j * phase)[:, None]) * (1 + 0.2 * np.sin(t / 5))[:, None] + [1.0, 0, -3]
+    at = np.array([8.0, 16.0, 24.0, 32.0])
+    found = ms.ods(ms.Signals(outputs=y, sampling_rate=200.0), time=at)
+    assert found.frequencies == pytest.approx(4 + 0.2 * at, rel=1e-2)
+    expected = c[:, None] * np.exp(1j * phase[(200 * at).astype(int)]) * (1 + 0.2 * np.sin(at / 5))
+    assert np.abs(found.shapes - expected).max() < 0.05 * np.abs(c).max()
+
+
+def test_times_without_what_they_need_are_refused() -> None:
+    record = ms.Signals(outputs=np.random.default_rng(0).standard_normal((100, 2)), sampling_rate=10.0)
+    refused("record lasts", ms.ods, record, time=11.0)
+    refused("record lasts", ms.ods, record, time=[])
+    refused("at a time", ms.ods, record, 1.0, time=1.0)
+    refused("at a time", ms.ods, record, time=1.0, tacho="1")
+    refused("several runs", ms.ods, ms.Signals(outputs=np.zeros((3, 100, 2)), sampling_rate=10.0), time=1.0)
+
+
 def test_what_is_not_there_is_said() -> None:
     response = CHAIN.frequency_response(LINES)
     refused("data go from", ms.ods, response, 80.0)
@@ -75,9 +96,9 @@ def test_at_orders_of_a_rotation_that_speeds_up_it_is_the_motion_in_phase_with_i
 
 def test_orders_without_what_they_need_are_refused() -> None:
     record, _, times = turning()
-    refused("frequency, or at an order", ms.ods, record)
-    refused("frequency, or at an order", ms.ods, record, 1.0, order=1, tacho="tacho")
-    refused("frequency, or at an order", ms.ods, record, order=1)
+    refused("at a time, or at an order", ms.ods, record)
+    refused("at a time, or at an order", ms.ods, record, 1.0, order=1, tacho="tacho")
+    refused("at a time, or at an order", ms.ods, record, order=1)
     refused("there are a, b, c, tacho", ms.ods, record, order=1, tacho="d")
     refused("2 pulses", ms.ods, record, order=1, tacho=times[:2])
     assert len(ms.ods(record, order=1, tacho=times[:3])) == 1

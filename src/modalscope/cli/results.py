@@ -255,7 +255,7 @@ def add_plot(parser: Parser) -> None:
 
 
 def plot(options: argparse.Namespace) -> None:
-    """Draw the contents of a file: responses, spectra, mode shapes, a stabilization diagram, tracks of a store of modes.
+    """Draw the contents of a file: responses, spectra, mode shapes, a stabilization diagram, poles of a model, tracks of a store.
 
     A response is drawn with the modes of another file over it, records by their spectra, modes by the shape of one of them.
     """
@@ -291,8 +291,9 @@ def _pictures_of_store(options: argparse.Namespace) -> list[str]:
 
 def _picture(data: Any, modes: Any, options: argparse.Namespace) -> Axes:
     from modalscope import plot
-    from modalscope.data import DataError, ModalModel, Signals, StabilizationDiagram
+    from modalscope.data import ModalModel, Signals, StabilizationDiagram
     from modalscope.data.response import Response
+    from modalscope.plot.shown import drawn
     from modalscope.preprocess import decomposition
 
     if isinstance(data, ModalModel):
@@ -304,8 +305,7 @@ def _picture(data: Any, modes: Any, options: argparse.Namespace) -> Axes:
         return plot.response(data.in_band(band), modes, options.channel, options.input)
     if isinstance(data, Signals):
         return plot.spectra(decomposition(data))
-    asked, contents = f"a picture of {options.file} was asked", f"it holds {type(data).__name__}"
-    raise DataError(asked, contents, "Give responses, records, modes or a stabilization diagram.")
+    return drawn(data)
 
 
 def add_report(parser: Parser) -> None:

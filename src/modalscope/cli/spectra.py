@@ -96,12 +96,13 @@ def add_ods(parser: Parser) -> None:
     )
     parser.add_argument("--order", nargs="+", type=float, metavar="K", help="orders of a rotation, all that are loud")
     parser.add_argument("--tacho", metavar="CHANNEL", help="channel of pulses, one a turn")
+    parser.add_argument("--time", nargs="+", type=float, metavar="S", help="times of a record, from its first sample")
     parser.add_argument("--input", metavar="CHANNEL", help="motion per force at one input (default: all)")
     add_outputs(parser, "write the shapes as .uff, .npz, .mat, .h5 or .csv, or a film .gif")
 
 
 def ods(options: argparse.Namespace) -> None:
-    """Compute operating deflection shapes: the measured motion at a frequency, or at an order of a rotation.
+    """Compute operating deflection shapes: the measured motion at a frequency, at a time, or at an order of a rotation.
 
     The motion of all modes together; each output file has all shapes; a film shows them side by side.
     """
@@ -115,7 +116,8 @@ def ods(options: argparse.Namespace) -> None:
     data, notes = read_test(options)
     stacked = data.stacked() if isinstance(data, Records) else (data,)
     data = stacked[0] if len(stacked) == 1 else data
-    shapes = ods(data, options.frequency, input=options.input, order=options.order, tacho=options.tacho)
+    asked = {name: getattr(options, name) for name in ("frequency", "input", "order", "tacho", "time")}
+    shapes = ods(data, **asked)
     written = []
     for path in options.outputs:
         if path.suffix.lower() == ".gif":

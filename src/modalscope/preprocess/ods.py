@@ -31,14 +31,18 @@ def ods(
     input: str | int | None = None,
     order: float | Iterable[float] | None = None,
     tacho: str | ArrayLike | None = None,
+    time: float | Iterable[float] | None = None,
 ) -> ModalModel:
-    """Compute the operating deflection shapes at frequencies or orders of rotation: the measured motion, of all modes together.
+    """Compute the operating deflection shapes at frequencies, orders of rotation or times: the measured motion, of all modes together.
 
     Of responses it is the column of one input at the nearest line, or of several inputs the first singular vector of the matrix of
     responses times its singular value. Of records without inputs it is the first singular vector of their cross spectra.
 
     Of an order k of a rotation it is c_k of the weighted least squares y(t) = offset + Re sum_k c_k exp(j k phi(t)), the angle phi a cubic
     spline through pulses of the tacho, one a turn, samples weighted by a Hann window: the speed may change.
+
+    Of a time it is the analytic signal y + j H y there, H the Hilbert transform: the motion at that instant and a quarter of a period
+    later, at the rate at which its phase grows. Of a sweep or a run-up this is the motion of what is excited then.
 
     Parameters
     ----------
@@ -51,6 +55,8 @@ def ods(
         Multiples of the speed of rotation, instead of frequencies; all that are loud, for they are fitted together.
     tacho : str or array, optional
         The channel of its pulses by its label, which is then no part of the shapes, or their times in seconds from the first sample.
+    time : float or iterable of float, optional
+        Of a record, seconds from its first sample, instead of frequencies; the nearest samples are taken.
 
     Returns
     -------
@@ -71,16 +77,14 @@ def ods(
     >>> print(shapes[0])
     0.9000 Hz, 0.000 %
     """
-    if (frequency is None) == (order is None) or (order is None) != (tacho is None):
-        given = [
-            name for name, value in (("frequency", frequency), ("order", order), ("tacho", tacho)) if value is not None
-        ]
-        have = f"{', '.join(given) or 'neither'} was given"
-        raise DataError(
-            "deflection shapes are at a frequency, or at an order of a tacho",
-            have,
-            "Give frequency=, or order= and tacho=.",
-        )
+    given = {"frequency": frequency, "order": order, "time": time, "tacho": tacho}
+    named = [name for name, value in given.items() if value is not None]
+    if named not in (["frequency"], ["order", "tacho"], ["time"]):
+        have = f"{', '.join(named) or 'none'} was given"
+        remedy = "Give frequency=, or time=, or order= and tacho=."
+        raise DataError("deflection shapes are at a frequency, at a time, or at an order of a tacho", have, remedy)
+    if time is not None:
+        return _at_times(data, time)
     if order is not None:
         return _at_orders(data, _positive("order", order, "multiples of the speed"), tacho)
     asked = _positive("frequency", frequency, "numbers in Hz")
@@ -109,6 +113,23 @@ def _shapes(data: Any, frequencies: Array, shapes: Array, at: str) -> ModalModel
         notes=(Note("deflection shapes", {}, text),),
         **labels,
     )
+
+
+def _at_times(data: Any, time: Any) -> ModalModel:
+    """Return the analytic signal of a record without its mean at the nearest samples."""
+    check_kind("a time", data, Signals)
+    if data.outputs.ndim > 2:
+        raise DataError("deflection shapes at a time were asked", "the record has several runs", "Give one run.")
+    asked = np.atleast_1d(real_array("time", np.array(list(time) if np.iterable(time) else [time]), "(times,)", 1))
+    if asked.size == 0 or asked.min() < 0 or asked.max() > data.duration:
+        asked_for = f"deflection shapes at {', '.join(f'{t:g}' for t in asked) or 'no time'} s were asked"
+        raise DataError(asked_for, f"the record lasts {data.duration:g} s", "Ask for times within it.")
+    k = np.clip(np.round(asked * data.sampling_rate).astype(int), 1, data.samples - 2)
+    from scipy.signal import hilbert
+
+    z = hilbert(data.outputs - data.outputs.mean(axis=0), axis=0)
+    turned = np.angle(np.sum(z[k - 1].conj() * z[k + 1], axis=1)) % (2 * np.pi)
+    return _shapes(data, turned * data.sampling_rate / (4 * np.pi), z[k].T, "a time")
 
 
 def _at_orders(data: Any, orders: list[float], tacho: Any) -> ModalModel:
