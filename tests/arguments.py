@@ -426,6 +426,7 @@ WRONG: dict[str, Callable[[], Any]] = {
     "zero": lambda: 0,
     "half": lambda: 2.5,
     "numpy half": lambda: np.float64(-0.5),
+    "countless": lambda: 10**12,
     "huge": lambda: 10**30,
     "huger": lambda: 10**400,
     "tiny": lambda: 1e-300,

@@ -8,17 +8,19 @@ more than 4 s for a file or 20 s for a call, is printed.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
 import tempfile
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from modalscope.data import DataError
-from tests.io import corpus, fuzz, ordinary
+from tests.io import corpus, fuzz, ordinary, test_recorders, test_stored
 from tests.io.apart import read
 from tests.io.test_meshes import FILES as MESHES
 
@@ -26,8 +28,23 @@ from tests.io.test_meshes import FILES as MESHES
 FILES, VALUES = 25_000, 15_000
 
 
+#: Files that other packages write, by name: each is left out where its package is not installed.
+WRITTEN: dict[str, Callable[[Path], None]] = {
+    "record.tdms": test_recorders.write_tdms,
+    "record.mf4": test_recorders.write_mdf,
+    "record.mdf": lambda path: test_recorders.write_mdf(path, "3.30"),
+    "record.nc": test_recorders.write_netcdf,
+    "classic.nc": lambda path: test_recorders.write_netcdf(path, "scipy"),
+    "record.parquet": test_recorders.write_parquet,
+    **{f"mesh{suffix}": test_recorders.write_mesh for suffix in (".vtu", ".ply", ".stl", ".obj")},
+    "text.ply": lambda path: test_recorders.write_mesh(path, binary=False),
+    "three.zarr": lambda path: test_stored.zarr_folder(path, np.ones((1500, test_stored.CHANNELS))),
+    "two.zarr": lambda path: test_stored.zarr_folder(path, np.ones((1500, test_stored.CHANNELS)), zarr_format=2),
+}
+
+
 def whole_files(folder: Path) -> list[Path]:
-    """Write a corpus of all suffixes that are read without extras, and return its files; those that need an option are left out."""
+    """Write a corpus of all suffixes, and return its files; those that need an option are left out."""
     corpus.write(folder)
     for name, case in ordinary.CASES.items():
         case.write(folder / f"{name.replace(' ', '-')}{case.suffix}")
@@ -35,6 +52,9 @@ def whole_files(folder: Path) -> list[Path]:
         (folder / f"mesh-{name}").write_text(text)
     (folder / "points.csv").write_text("node,x,y,z\n" + "".join(f"{k},{k},0,0\n" for k in range(9)))
     np.save(folder / "array.npy", np.arange(60.0).reshape(30, 2))
+    for name, write in WRITTEN.items():
+        with contextlib.suppress(pytest.skip.Exception):
+            write(folder / name)
     found = []
     for path in sorted(folder.iterdir()):
         try:

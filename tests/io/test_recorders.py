@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import gc
+import re
+import time
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +13,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from tests.io import ordinary
 from tests.io.ordinary import CHANNELS, RATE, TIMES
 from tests.support import refused
 
@@ -24,18 +29,63 @@ def is_the_record(record: Any) -> bool:
     return np.allclose(record.outputs, CHANNELS[:, 1:]) and np.allclose(record.inputs, CHANNELS[:, :1])
 
 
-def test_tdms_keeps_increment_and_units(tmp_path: Path) -> None:
+def write_tdms(path: Path, *groups: str) -> None:
+    """Write the record once a group; so do the others, which write what a package writes."""
     nptdms = pytest.importorskip("nptdms")
-    channels = [
-        nptdms.ChannelObject("run", name, values, properties={"wf_increment": 1 / RATE, "unit_string": unit})
+    with nptdms.TdmsWriter(str(path)) as writer:
+        writer.write_segment(
+            [
+                nptdms.ChannelObject(group, name, values, properties={"wf_increment": 1 / RATE, "unit_string": unit})
+                for group in groups or ("run",)
+                for name, values, unit in zip(NAMES, CHANNELS.T, UNITS, strict=True)
+            ]
+        )
+
+
+def write_mdf(path: Path, version: str = "4.10") -> None:
+    asammdf = pytest.importorskip("asammdf")
+    signals = [
+        asammdf.Signal(samples=values.copy(), timestamps=TIMES, name=name, unit=unit)
         for name, values, unit in zip(NAMES, CHANNELS.T, UNITS, strict=True)
     ]
-    with nptdms.TdmsWriter(str(tmp_path / "a.tdms")) as writer:
-        writer.write_segment(channels)
+    with asammdf.MDF(version=version) as file:
+        file.append(signals)
+        file.save(path, overwrite=True)
+
+
+def dataset() -> Any:
+    xarray = pytest.importorskip("xarray")
+    return xarray.Dataset(
+        {
+            "Force": ("time", CHANNELS[:, 0], {"units": "N"}),
+            "Acc": (("time", "sensor"), CHANNELS[:, 1:], {"units": "m/s2"}),
+        },
+        coords={"time": TIMES, "sensor": ["A", "B"]},
+    )
+
+
+def write_netcdf(path: Path, engine: str = "h5netcdf") -> None:
+    pytest.importorskip(engine)
+    dataset().to_netcdf(path, engine=engine)
+
+
+def write_parquet(path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    pandas = pytest.importorskip("pandas")
+    heads = ["Time [s]", *(f"{name} [{unit}]" for name, unit in zip(NAMES, UNITS, strict=True))]
+    pandas.DataFrame(np.column_stack([TIMES, CHANNELS]), columns=heads).to_parquet(path)
+
+
+def write_mesh(path: Path, **options: Any) -> None:
+    meshio = pytest.importorskip("meshio")
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.5]], float)
+    meshio.Mesh(points, [("triangle", [[0, 1, 2], [0, 2, 3]])]).write(path, **options)
+
+
+def test_tdms_keeps_increment_and_units(tmp_path: Path) -> None:
+    write_tdms(tmp_path / "a.tdms")
     assert is_the_record(ms.read(tmp_path / "a.tdms"))
-    again = [nptdms.ChannelObject("other", c.channel, 2 * c.data, properties=c.properties) for c in channels]
-    with nptdms.TdmsWriter(str(tmp_path / "b.tdms")) as writer:
-        writer.write_segment([*channels, *again])
+    write_tdms(tmp_path / "b.tdms", "run", "other")
     refused('--sheet "(run|other)" or --sheet', ms.read, tmp_path / "b.tdms")
     assert is_the_record(ms.read(tmp_path / "b.tdms", sheet="run"))
     (tmp_path / "c.tdms").write_bytes((tmp_path / "a.tdms").read_bytes()[:60])
@@ -43,45 +93,60 @@ def test_tdms_keeps_increment_and_units(tmp_path: Path) -> None:
 
 
 def test_mdf_keeps_clock_and_units(tmp_path: Path) -> None:
-    asammdf = pytest.importorskip("asammdf")
-    signals = [
-        asammdf.Signal(samples=values.copy(), timestamps=TIMES, name=name, unit=unit)
-        for name, values, unit in zip(NAMES, CHANNELS.T, UNITS, strict=True)
-    ]
-    with asammdf.MDF(version="4.10") as file:
-        file.append(signals)
-        file.save(tmp_path / "a.mf4", overwrite=True)
+    write_mdf(tmp_path / "a.mf4")
     assert is_the_record(ms.read(tmp_path / "a.mf4"))
     (tmp_path / "b.mf4").write_bytes(b"MDF     4.10" + bytes(50))
     refused("damaged", ms.read, tmp_path / "b.mf4")
 
 
 def test_netcdf_keeps_units_and_time(tmp_path: Path) -> None:
-    xarray = pytest.importorskip("xarray")
-    pytest.importorskip("h5netcdf")
-    data = xarray.Dataset(
-        {
-            "Force": ("time", CHANNELS[:, 0], {"units": "N"}),
-            "Acc": (("time", "sensor"), CHANNELS[:, 1:], {"units": "m/s2"}),
-        },
-        coords={"time": TIMES, "sensor": ["A", "B"]},
-    )
-    data.to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
+    write_netcdf(tmp_path / "a.nc")
     record = ms.read(tmp_path / "a.nc")
     assert record.output_dofs == ("Acc A", "Acc B")
     assert np.array_equal(record.outputs, CHANNELS[:, 1:])
-    again = ms.from_frame(data)
+    again = ms.from_frame(dataset())
     assert np.array_equal(again.inputs, record.inputs)
     assert again.units == record.units == (("m/s2", "m/s2"), ("N",))
     (tmp_path / "b.nc").write_bytes((tmp_path / "a.nc").read_bytes()[:900])
     refused("damaged", ms.read, tmp_path / "b.nc")
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_damaged_netcdf_file_prints_nothing(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    write_netcdf(tmp_path / "a.nc")
+    whole = (tmp_path / "a.nc").read_bytes()
+    (tmp_path / "b.nc").write_bytes(whole[:20] + whole[:50] + whole[20:])
+    refused("reading b.nc with xarray.*damaged", ms.read, tmp_path / "b.nc")
+    gc.collect()
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_workbook_with_a_damaged_name_is_read_without_a_warning(tmp_path: Path) -> None:
+    ordinary.CASES["a workbook with units and a title"].write(tmp_path / "a.xlsx")
+    with zipfile.ZipFile(tmp_path / "a.xlsx") as old, zipfile.ZipFile(tmp_path / "b.xlsx", "w") as new:
+        for name in old.namelist():
+            data = old.read(name)
+            if name == "xl/workbook.xml":
+                wrong = b'<definedNames><definedName name="_xlnm.Print_Area" localSheetId="0">x</definedName></definedNames>'
+                data, count = re.subn(rb"<definedNames ?/>", wrong, data)
+                assert count == 1
+            new.writestr(name, data)
+    assert np.array_equal(ms.read(tmp_path / "b.xlsx").outputs, ms.read(tmp_path / "a.xlsx").outputs)
+
+
+@pytest.mark.slow
+def test_a_workbook_of_a_billion_empty_cells_is_ended(tmp_path: Path) -> None:
+    book = pytest.importorskip("openpyxl").Workbook()
+    book.active.cell(1_048_576, 16_384, 1.0)
+    book.save(tmp_path / "a.xlsx")
+    begun = time.monotonic()
+    refused("a.xlsx with openpyxl.*(does not end|not end within|MemoryError)", ms.read, tmp_path / "a.xlsx")
+    assert time.monotonic() - begun < 60
+
+
 def test_parquet_keeps_names(tmp_path: Path) -> None:
-    pytest.importorskip("pyarrow")
-    pandas = pytest.importorskip("pandas")
-    heads = ["Time [s]", *(f"{name} [{unit}]" for name, unit in zip(NAMES, UNITS, strict=True))]
-    pandas.DataFrame(np.column_stack([TIMES, CHANNELS]), columns=heads).to_parquet(tmp_path / "a.parquet")
+    write_parquet(tmp_path / "a.parquet")
     assert is_the_record(ms.read(tmp_path / "a.parquet"))
     (tmp_path / "b.parquet").write_bytes((tmp_path / "a.parquet").read_bytes()[:900])
     refused("damaged", ms.read, tmp_path / "b.parquet")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +69,46 @@ def test_a_geometry_beside_the_document_or_the_data_is_read(place: Path, tmp_pat
         result = ms.replay(document.rename(folder / document.name))
         assert len(result.data.geometry.nodes) == 5
         assert not notes_of(result)
+
+
+def test_data_with_a_geometry_from_outside_are_those_that_were_analysed(place: Path) -> None:
+    for outside in (place / "points.csv", place.parent / "points.csv"):
+        result = ms.analyze(place / "data.npz", orders=range(8, 15, 2), reading={"geometry": str(outside)})
+        data = ms.read(place / "data.npz", geometry=outside)
+        again = ms.replay(result.analysis, data)
+        np.testing.assert_array_equal(again.modes.poles, result.modes.poles)
+        notes = notes_of(again)
+        assert bool(notes) == (outside.parent != place)
+        assert all("Geometry not compared: points.csv lies outside" in note for note in notes)
+        assert not notes_of(ms.replay(result.analysis, data, allow_outside=True))
+        with pytest.raises(ms.DataError, match="hash differs"):
+            ms.replay(result.analysis, replace(data, values=data.values * 2), allow_outside=outside.parent == place)
+    bare = ms.read(place / "data.npz")
+    with pytest.raises(ms.DataError, match="hash differs"):  # where the geometry may be compared it is
+        ms.replay(result.analysis, bare, allow_outside=True)
+
+
+def test_data_in_other_units_are_those_that_were_analysed(tmp_path: Path) -> None:
+    rows = np.column_stack([np.arange(400) / 20, np.random.default_rng(0).standard_normal((400, 2))])
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="Time [s],Force [N],Acc [g]", comments="")
+    result = ms.analyze(tmp_path / "a.csv", orders=[4, 6])
+    data = ms.read(tmp_path / "a.csv")
+    assert data.units[0] == ("g",)
+    assert len(ms.replay(result.analysis, data).modes) == len(result.modes)
+
+
+def test_certify_reads_outside_where_that_is_said(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[bool] = []
+
+    def told(*_: Any, allow_outside: bool, **__: Any) -> None:
+        asked.append(allow_outside)
+        raise ms.DataError("replay was asked", "this is enough", "End.")
+
+    monkeypatch.setattr("modalscope.checking.certify.replay", told)
+    for allowed in (False, True):
+        with pytest.raises(ms.DataError, match="this is enough"):
+            ms.certify(place / "x.analysis.json", allow_outside=allowed)
+    assert asked == [False, True]
 
 
 def test_the_options_of_the_command_line_say_the_same(place: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -22,6 +22,9 @@ from modalscope.workflow.replay import replay
 
 Progress = Callable[[int, int], None]
 
+#: Replicates: of 100 000 a coverage of 95 % is known to .0014 (1.96 sqrt(.95 .05 / 100 000)), and 88 % are asked.
+_MOST_REPLICATES = 100_000
+
 
 @named()
 @one_thread
@@ -32,6 +35,7 @@ def certify(
     select: bool = False,
     data: Any = None,
     seed: int = 0,
+    allow_outside: bool = False,
     progress: Progress | None = None,
 ) -> Certificate:
     """Test the confidence intervals of a result by simulation: count how often they contain the truth.
@@ -52,6 +56,8 @@ def certify(
         Of a result that was read from a file, instead of the file that its analysis names.
     seed : int
         The same seed gives the same certificate.
+    allow_outside : bool
+        Whether a geometry is read wherever the analysis says that it lies, as by `replay`.
     progress : callable, optional
         Called with (replicates done, replicates in all).
 
@@ -73,13 +79,14 @@ def certify(
     >>> bool(certify(result, replicates=10).found.min() >= 10)
     True
     """
-    count = check_count("replicates", replicates, least=2)
+    count = check_count("replicates", replicates, least=2, most=_MOST_REPLICATES)
     start = check_count("seed", seed, least=0)
     if isinstance(result, str | Path):
-        result = replay(result, data) if Path(result).suffix.lower() == ".json" else analyze(result)
+        stored = Path(result).suffix.lower() == ".json"
+        result = replay(result, data, allow_outside=allow_outside) if stored else analyze(result)
     check_kind("certify", result, Result)
     if not result.diagrams:
-        result = replay(result.analysis, data)
+        result = replay(result.analysis, data, allow_outside=allow_outside)
     parts = [int(note.numbers["parts"]) for note in result.diagram.notes if note.kind == SPLIT]
     if len(result.diagrams) > 1 or parts:
         asked = f"a certificate of {(*parts, len(result.diagrams))[0]} bands was asked"

@@ -111,7 +111,7 @@ class Quadruple(Shown):
         blocks : int, optional
             As many as states by default.
         """
-        return krylov(self.A, self.B, check_count("blocks", self.order if blocks is None else blocks))
+        return krylov(self.A, self.B, self._blocks(blocks, self.B))
 
     def observability_matrix(self, blocks: int | None = None) -> RealArray:
         """Return [C; C A; ...; C A^(blocks-1)], (l blocks, n).
@@ -121,7 +121,13 @@ class Quadruple(Shown):
         blocks : int, optional
             As many as states by default.
         """
-        return krylov(self.A.T, self.C.T, check_count("blocks", self.order if blocks is None else blocks)).T
+        return krylov(self.A.T, self.C.T, self._blocks(blocks, self.C)).T
+
+    def _blocks(self, blocks: int | None, first: RealArray) -> int:
+        """Return the number of blocks, each as large as the first."""
+        count = check_count("blocks", self.order if blocks is None else blocks)
+        check_fits(f"a matrix of {count} blocks", 8.0 * count * first.size, "Give fewer blocks.")
+        return count
 
     def controllability_gramian(self, horizon: float | None = None) -> RealArray:
         """Return sum_k A^k B B' A'^k (sampled), or the integral of exp(A t) B B' exp(A' t) (continuous), (n, n).

@@ -167,7 +167,7 @@ class StoredSignals(Channels):
         DataError
             NaN or infinite samples; complex ones.
         """
-        first, last = check_count("start", start, least=0), check_count("stop", stop)
+        first, last = check_count("start", start, least=0, most=self.samples - 1), check_count("stop", stop)
         read = real_stretch("outputs", f"sample {first}", self.rows.read(first, min(last, self.samples)))
         return np.asarray(read, dtype=np.float64)
 
@@ -353,7 +353,8 @@ class StoredResponse(Channels):
         DataError
             NaN or infinite samples; complex ones.
         """
-        first, last = check_count("start", start, least=0), min(check_count("stop", stop), len(self.output_dofs))
+        outputs = len(self.output_dofs)
+        first, last = check_count("start", start, least=0, most=outputs - 1), min(check_count("stop", stop), outputs)
         sides = (self.units[0][first:last], self.units[1])
         return ImpulseResponse(
             values=self._read(first, last),

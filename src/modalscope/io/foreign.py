@@ -1,4 +1,4 @@
-"""Read files by packages that trust them (meshio, npTDMS, asammdf), in a process of its own with limits of time and memory.
+"""Read files by packages that trust them, as meshio or openpyxl, in a process of its own with limits of time and memory.
 
 This module also runs as that program: it reads a file, and writes one line of JSON and the arrays as .npy behind each other. There it
 imports nothing of modalscope. A package may print, hang, fill the memory or end its process: all that is an error of the file.
@@ -10,7 +10,10 @@ import io
 import json
 import sys
 from collections.abc import Callable
+from contextlib import closing
+from datetime import date, time
 from importlib import import_module
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +64,13 @@ def _told(fault: str, told: bytes) -> Answer:
     return answer, arrays
 
 
-_NAMES = {"meshio": ("meshio", "mesh"), "nptdms": ("npTDMS", "tdms"), "asammdf": ("asammdf", "mdf")}
+_NAMES = {
+    "meshio": ("meshio", "mesh"),
+    "nptdms": ("npTDMS", "tdms"),
+    "asammdf": ("asammdf", "mdf"),
+    "xarray": ("xarray", "netcdf"),
+    "openpyxl": ("openpyxl", "excel"),
+}
 
 
 # ------------------------------------------------------------------------------------------------------------- in the program
@@ -123,22 +132,66 @@ def _asammdf(path: str, left: int, sheet: str) -> Answer:
     return {**listed, "columns": columns}, [times, *(np.asarray(signal.samples) for signal in plain)]
 
 
+def _xarray(path: str, left: int, sheet: str) -> Answer:
+    xarray = import_module("xarray")
+
+    with xarray.open_dataset(path) as data:
+        _weigh(sum(16 * prod(each.shape) for each in data.variables.values()), left)
+        variables = [
+            {"name": str(name), "dims": list(map(str, each.dims)), "unit": str(each.attrs.get("units", ""))}
+            for name, each in data.variables.items()
+        ]
+        numbers = {str(k): float(v) for k, v in data.attrs.items() if isinstance(v, int | float | np.number)}
+        coords = list(map(str, data.coords))
+        arrays = [np.asarray(each) for each in data.load().variables.values()]
+    return {"variables": variables, "coords": coords, "numbers": numbers}, arrays
+
+
+def _openpyxl(path: str, left: int, sheet: str) -> Answer:
+    openpyxl = import_module("openpyxl")
+
+    arrays: list[Any] = []
+    with closing(openpyxl.load_workbook(path, read_only=True, data_only=True)) as book:
+        sheets = list(map(str, book.sheetnames))
+        read = [sheet] if sheet in sheets else [name for name in sheets if hasattr(book[name], "iter_rows")]
+        for name in read:
+            lines = ("\t".join(map(_text_of_cell, row)) for row in book[name].iter_rows(values_only=True))
+            full = [(number, line) for number, line in enumerate(lines, 1) if line.strip("\t")]
+            text = "\n".join(line for _, line in full).encode(errors="replace")
+            arrays += [np.array([number for number, _ in full], np.int64), np.frombuffer(text, np.uint8)]
+    return {"sheets": sheets, "read": read}, arrays
+
+
+def _text_of_cell(value: object) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool | int | float):
+        return repr(float(value))
+    return value.isoformat() if isinstance(value, date | time) else " ".join(str(value).split())
+
+
 def _weigh(count: int, left: int) -> None:
     if count > left:
         raise MemoryError(f"its channels would take {count} bytes of memory, and may take {left}")
 
 
-_PROGRAMS: dict[str, Callable[[str, int, str], Answer]] = {"meshio": _meshio, "nptdms": _nptdms, "asammdf": _asammdf}
+_PROGRAMS: dict[str, Callable[[str, int, str], Answer]] = {
+    "meshio": _meshio,
+    "nptdms": _nptdms,
+    "asammdf": _asammdf,
+    "xarray": _xarray,
+    "openpyxl": _openpyxl,
+}
 
 
 def _read(package: str, path: str, left: int, sheet: str) -> Answer:
     """Return what a package reads; whatever it raises is an error of the file."""
     try:
         answer, arrays = _PROGRAMS[package](path, left, sheet)
+        # what is no number is text; nothing else is needed, and objects would be pickled
+        return answer, [a if a.dtype.kind in "biufcUSMm" else a.astype(str) for a in arrays]
     except (Exception, SystemExit) as error:  # noqa: BLE001 - packages raise anything
         return {"fault": f"it is damaged or of another kind ({type(error).__name__}: {str(error)[:100]})"}, []
-    # what is no number is text; nothing else is needed, and objects would be pickled
-    return answer, [a if a.dtype.kind in "biufcUSM" else a.astype(str) for a in arrays]
 
 
 def _main(package: str, path: str, left: str, sheet: str) -> None:

@@ -7,13 +7,9 @@ from __future__ import annotations
 
 import warnings
 import zipfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from datetime import date, datetime, time
-from itertools import islice
+from collections.abc import Sequence
 from pathlib import Path
 from threading import Lock
-from typing import Any
 
 import numpy as np
 
@@ -30,27 +26,12 @@ RECORDER_OPTIONS = (*COLUMN_OPTIONS, "sheet")
 EXCEL_OPTIONS = (*COLUMN_OPTIONS, "skip", "sheet")
 WAV_OPTIONS = ("columns", "ignore", "rows")
 
-_SIGNATURES = {
-    ".nc": (b"CDF", b"\x89HDF"),
-    ".parquet": (b"PAR1",),
-    ".tdms": (b"TDSm",),
-    **dict.fromkeys((".mf4", ".mdf"), (b"MDF ",)),
-}
+_SIGNATURES = {".nc": (b"CDF", b"\x89HDF"), ".tdms": (b"TDSm",), **dict.fromkeys((".mf4", ".mdf"), (b"MDF ",))}
+_EXPORT = "Export it again, or as text (.csv)."
 #: A sheet is a table where at least so many of its first rows hold nothing but values.
 _ROWS_EXAMINED, _MIN_ROWS_OF_VALUES = 200, 3
 #: Warning filters belong to the whole process: one reader at a time changes and restores them.
 _FILTERS_OF_WARNINGS = Lock()
-
-
-def _guarded(path: Path, package: str, extra: str, name: str, load: Callable[[Any, Room], Table]) -> Table:
-    """Return what a package reads, within the room, and its errors as a `DataError`."""
-    module = optional_package(f"reading {path.suffix}", package, extra, name)
-    with path.open("rb") as file:
-        head = file.read(8)
-    with damage_as_error(f"{path.name} with {name}", "Export it again, or as text (.csv)."):
-        if not head.startswith(_SIGNATURES[path.suffix.lower()]):
-            raise ValueError("it does not begin as such a file does")
-        return load(module, room(path.name, path.stat().st_size))
 
 
 def read_tdms(path: Path, options: Options) -> Contents:
@@ -94,13 +75,21 @@ def read_netcdf(path: Path, options: Options) -> Contents:
 
     Raises `DataError`: xarray is missing, a damaged file, no common dimension, or what tables are refused for.
     """
-
-    def load(package: Any, space: Room) -> Table:
-        with package.open_dataset(path) as data:
-            space.take("its variables", sum(16 * int(np.prod(data[name].shape)) for name in data.variables))
-            return table_of_frame(data.load(), path.name)
-
-    return contents_from_table(_guarded(path, "xarray", "netcdf", "xarray", load), options)
+    answer, arrays = read_apart("xarray", path, signature=_SIGNATURES[".nc"])
+    xarray = optional_package("reading .nc", "xarray", "netcdf")
+    with damage_as_error(f"{path.name} with xarray", _EXPORT):
+        variables = {
+            each["name"]: (
+                each["dims"],
+                array.astype(object) if array.dtype.kind in "US" else array,
+                {"units": each["unit"]},
+            )
+            for each, array in zip(answer["variables"], arrays, strict=True)
+        }
+        coords = {name: variables.pop(name) for name in answer["coords"]}
+        data = xarray.Dataset(variables, coords=coords, attrs=answer["numbers"])
+        table = table_of_frame(data, path.name)
+    return contents_from_table(table, options)
 
 
 def read_parquet(path: Path, options: Options) -> Contents:
@@ -108,13 +97,14 @@ def read_parquet(path: Path, options: Options) -> Contents:
 
     Raises `DataError`: pandas or pyarrow are missing, a damaged file, or what tables are refused for.
     """
-
-    def load(package: Any, space: Room) -> Table:
-        head = package.read_metadata(path)
+    parquet = optional_package("reading .parquet", "pyarrow.parquet", "parquet", "pyarrow")
+    pandas = optional_package("reading .parquet", "pandas", "parquet")
+    space = room(path.name, path.stat().st_size)
+    with damage_as_error(f"{path.name} with pyarrow", _EXPORT):
+        head = parquet.read_metadata(path)
         space.take("its columns", 16 * head.num_rows * head.num_columns)
-        return table_of_frame(optional_package("reading .parquet", "pandas", "parquet").read_parquet(path), path.name)
-
-    return contents_from_table(_guarded(path, "pyarrow.parquet", "parquet", "pyarrow", load), options)
+        table = table_of_frame(pandas.read_parquet(path), path.name)
+    return contents_from_table(table, options)
 
 
 def read_excel(path: Path, options: Options) -> Contents:
@@ -123,56 +113,36 @@ def read_excel(path: Path, options: Options) -> Contents:
     Raises `DataError`: openpyxl is missing, no workbook, several sheets that are tables and no `sheet`, or what tables are refused for.
     """
     space = room(path.name, path.stat().st_size)
-    with _workbook(path, space) as book:
-        names = list(map(str, book.sheetnames))
-        tables = [name for name in names if hasattr(book[name], "iter_rows") and _is_table(book[name])]
-        name = chosen(path.name, "sheets", names, tables, options)
-        lines = _lines_of_sheet(book[name], int(options.get("skip") or 0))
-        others = [other for other in names if other != name]
-        notes = (f"sheet {name!r}; the others were left: {', '.join(others[:6])}",) if others else ()
-        return contents_of_lines(path.name, lines, ("\t", None), space, options, notes)
+    names, sheets = _sheets(path, space, options)
+    tables = [name for name in names if _is_table(sheets.get(name, ()))]
+    name = chosen(path.name, "sheets", names, tables, options)
+    lines = ((number, text) for number, text in sheets[name] if number > int(options.get("skip") or 0))
+    others = [other for other in names if other != name]
+    notes = (f"sheet {name!r}; the others were left: {', '.join(others[:6])}",) if others else ()
+    return contents_of_lines(path.name, lines, ("\t", None), space, options, notes)
 
 
 def rows_of_workbook(path: Path) -> list[tuple[int, str]]:
     """Return the rows of the first sheet with their numbers, cells separated by tabs."""
-    with _workbook(path, room(path.name, path.stat().st_size)) as book:
-        return list(_lines_of_sheet(book[book.sheetnames[0]], 0))
+    names, sheets = _sheets(path, room(path.name, path.stat().st_size), {})
+    return sheets[names[0]]
 
 
-@contextmanager
-def _workbook(path: Path, space: Room) -> Iterator[Any]:
-    """Give an open workbook; what openpyxl raises on damaged ones becomes a `DataError`."""
-    package = optional_package(f"reading {path.suffix}", "openpyxl", "excel")
+def _sheets(path: Path, space: Room, options: Options) -> tuple[list[str], dict[str, list[tuple[int, str]]]]:
+    """Return the names of all sheets, and of the one asked for, or of all, numbers and texts of the rows that are not empty."""
     with damage_as_error(f"{path.name} as an Excel workbook", "Save it again as .xlsx, or as text (.csv)."):
         if zipfile.is_zipfile(path):
             with zipfile.ZipFile(path) as archive:  # a cell becomes an object as its text does
                 space.take("what is packed in it", sum(member.file_size for member in archive.infolist()))
-        book = package.load_workbook(path, read_only=True, data_only=True)
-        try:
-            yield book
-        finally:
-            book.close()
+    answer, arrays = read_apart("openpyxl", path, str(options.get("sheet") or ""))
+    texts = (text.tobytes().decode().split("\n") for text in arrays[1::2])
+    rows = (list(zip(numbers.tolist(), lines, strict=False)) for numbers, lines in zip(arrays[::2], texts, strict=True))
+    return answer["sheets"], dict(zip(answer["read"], rows, strict=True))
 
 
-def _is_table(sheet: Any) -> bool:
-    rows = (line.split("\t") for _, line in islice(_lines_of_sheet(sheet, 0), _ROWS_EXAMINED))
+def _is_table(lines: Sequence[tuple[int, str]]) -> bool:
+    rows = (text.split("\t") for _, text in lines[:_ROWS_EXAMINED])
     return sum(any(cell for cell in row) and all(map(is_value, row)) for row in rows) >= _MIN_ROWS_OF_VALUES
-
-
-def _lines_of_sheet(sheet: Any, skip: int) -> Iterator[tuple[int, str]]:
-    """Give number and text of the rows that are not empty, cells separated by tabs."""
-    for number, row in enumerate(sheet.iter_rows(values_only=True), 1):
-        text = "\t".join(map(_text_of_cell, row))
-        if text.strip("\t") and number > skip:
-            yield number, text
-
-
-def _text_of_cell(value: object) -> str:
-    if value is None:
-        return ""
-    if isinstance(value, bool | int | float):
-        return repr(float(value))
-    return value.isoformat() if isinstance(value, datetime | date | time) else " ".join(str(value).split())
 
 
 def read_wav(path: Path, options: Options) -> Contents:

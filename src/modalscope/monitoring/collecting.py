@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -64,9 +65,10 @@ def identified(tasks: Sequence[Task], workers: int, options: Mapping[str, Any]) 
     if workers == 1 or len(tasks) < 2:
         yield from map(work, tasks)
         return
+    workers = min(workers, len(tasks), os.cpu_count() or 1)  # more would only wait for each other
     # not forked: a library's threads do not survive that
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(workers, len(tasks)), mp_context=context) as pool:
+    with ProcessPoolExecutor(workers, mp_context=context) as pool:
         under_way: set[Future[Entry]] = set()
         left = iter(tasks)
         try:

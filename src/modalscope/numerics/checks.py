@@ -286,11 +286,13 @@ def check_positive(name: str, value: float) -> float:
     return number
 
 
-def check_count(name: str, value: int, least: int = 1) -> int:
-    """Return a whole number not below `least`, or raise."""
+def check_count(name: str, value: int, least: int = 1, most: int = 2**62 - 1) -> int:
+    """Return a whole number not below `least` and not above `most`, or raise."""
     # NumPy takes a duration for an integer
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool | np.timedelta64)
-    if not whole or not least <= value < 2**62:
+    if whole and most < value < 2**62:
+        raise DataError(f"{name} needs at most {most}", f"it is {value}", f"Give {most} or less.")
+    if not whole or not least <= value <= most:
         remedy = f"Raise it to {least}." if whole and value < least else "Give a whole number, such as 4."
         raise DataError(f"{name} needs a whole number of at least {least}", f"it is {value!r}", remedy)
     return int(value)

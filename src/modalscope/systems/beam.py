@@ -6,12 +6,16 @@ import numpy as np
 
 from modalscope.numerics.arguments import COUNT, POSITIVE, named
 from modalscope.numerics.checks import RealArray, check_count
+from modalscope.numerics.resources import check_fits
 from modalscope.systems.chains import row_geometry
 from modalscope.systems.modal import modal_damping
 from modalscope.systems.structure import Structure
 
 #: What holds the beam's far end, and which of its two motions (deflection, slope) that leaves free.
 FAR_ENDS = {"free": (True, True), "pinned": (False, True), "clamped": (False, False)}
+
+#: Modes at most: a beam without shear means nothing long before.
+_MOST_MODES = 10_000
 
 #: Aluminium, a bar of 1 m by 40 mm by 10 mm that bends about its weak axis: Pa, kg/m3, m.
 _MODULUS, _DENSITY, _LENGTH, _WIDTH, _HEIGHT = 70e9, 2700.0, 1.0, 0.04, 0.01
@@ -57,6 +61,7 @@ def clamped_beam(
     """
     free_end = FAR_ENDS[far_end]
     count = check_count("elements", elements, least=1 if far_end != "clamped" else 2)
+    check_fits(f"a beam of {count} elements", 2 * 8.0 * (2 * count + 2) ** 2, "Give fewer elements.")
     h = length / count
     K_element, M_element = _element(h)
     K, M = np.zeros((2, 2 * count + 2, 2 * count + 2))
@@ -132,8 +137,8 @@ def clamped_beam_frequencies(
         return float(np.cos(b) + (1 if far_end == "free" else -1) / np.cosh(b))
 
     # one root in each of these: between neighbouring multiples of pi the cosine (or the tangent) passes once
-    first = 0 if far_end == "free" else 1
+    first, count = 0 if far_end == "free" else 1, check_count("modes", modes, most=_MOST_MODES)
     roots = np.array(
-        [brentq(characteristic, np.pi * (first + j), np.pi * (first + j + 1), xtol=1e-14) for j in range(modes)]
+        [brentq(characteristic, np.pi * (first + j), np.pi * (first + j + 1), xtol=1e-14) for j in range(count)]
     )
     return np.asarray(roots**2 * np.sqrt(bending_stiffness / mass_per_length) / (2 * np.pi * length**2))

@@ -14,7 +14,7 @@ from modalscope.data.results import Result
 from modalscope.data.sameness import same_mode
 from modalscope.io import read
 from modalscope.io.analysis import read_analysis
-from modalscope.io.beside import confined
+from modalscope.io.beside import confined, named_in
 from modalscope.io.formats import is_data
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_kind
@@ -76,16 +76,17 @@ def replay(
     from_files = are_paths(given)
     outside: list[str] = []
     if not allow_outside:
-        paths = (Path(path) for path in (given if isinstance(given, list | tuple) else [given]) if from_files)
-        folders = [path.parent for path in ([place] if place else []) + list(paths)]
+        each = given if isinstance(given, list | tuple) else [given]
+        paths = [Path(one) for one in each] if from_files else [path for one in each for path in files_of(one)]
+        folders = [path.parent for path in ([place] if place else []) + paths]
         files, outside = confined(files, folders)
     # options of reading apply to files; a data object was read already
     reading = replace(document, files=files).reading if from_files else {}
     response, sources, notes = opened(given, reading, decays=document.route == "auto")
-    if outside and from_files:
-        notes = (*notes, _not_read(outside))
+    if outside and (from_files or not force):
+        notes = (*notes, _outside("read" if from_files else "compared", outside))
     if not force:
-        check_same(files, sources, response)
+        check_same(files, sources, given)
     if document.schema == SCHEMA:
         return analyzed(response, document, progress, notes)
     today = analyzed(response, replace(document, schema=SCHEMA, version=VERSION), progress, notes)
@@ -111,10 +112,10 @@ def _named(files: tuple[SourceFile, ...], force: bool) -> list[str]:
     return paths
 
 
-def _not_read(outside: list[str]) -> Note:
-    """Return the note on a geometry that was not read."""
+def _outside(what: str, outside: list[str]) -> Note:
+    """Return the note on a geometry that was not read; with data that have it, not compared with theirs."""
     names = ", ".join(printable(Path(name).name[:60]) for name in outside[:2])
-    fault = f"Geometry not read: {names} lies outside of the folders of the document and of the data"
+    fault = f"Geometry not {what}: {names} lies outside of the folders of the document and of the data"
     return Note("outside", {"files": len(outside)}, f"{fault}; allow_outside=True (--allow-outside) reads it")
 
 
@@ -143,7 +144,8 @@ def check_same(expected: tuple[SourceFile, ...], sources: tuple[SourceFile, ...]
     """Raise `DataError` unless data are those that were analysed, by their hashes.
 
     The document of an analysis of files has the hashes of these files. A data object that was read from files has another hash, that of its
-    arrays. It is accepted if its files have the expected hashes and give the same arrays when they are read again.
+    arrays. It is accepted if its files have the expected hashes and give the same arrays when they are read again, a geometry apart that
+    `expected` does not name.
 
     Parameters
     ----------
@@ -151,8 +153,8 @@ def check_same(expected: tuple[SourceFile, ...], sources: tuple[SourceFile, ...]
         Sources of the analysed data, of the document. Without hashes nothing is compared.
     sources : tuple of SourceFile
         Sources of the data at hand, from `opened`.
-    data : data object
-        The data at hand.
+    data : data object or paths
+        The data at hand, as they were given.
 
     Raises
     ------
@@ -165,9 +167,12 @@ def check_same(expected: tuple[SourceFile, ...], sources: tuple[SourceFile, ...]
     paths = files_of(data)
     object_for_files = all(file.path for file in expected) and not any(file.path for file in sources)
     if object_for_files and len(paths) == len(expected) and all(path.exists() for path in paths):
-        arrays, files, _ = opened(paths, [file.reading for file in expected])
-        hash_of_arrays = source_of_data(arrays).sha256
-        if hashes == [file.sha256 for file in files] and hash_of_arrays and hash_of_arrays == sources[0].sha256:
+        again, files, _ = opened(paths, [file.reading for file in expected])
+        whole, _, _ = opened(data, {})
+        if not any(named_in(file.reading) for file in expected):
+            again, whole = replace(again, geometry=None), replace(whole, geometry=None)
+        hash_of_arrays = source_of_data(again).sha256
+        if hashes == [file.sha256 for file in files] and hash_of_arrays == source_of_data(whole).sha256 != "":
             return
     raise DataError(
         f"the data of {', '.join(file.path for file in expected if file.path) or 'the analysis'} were expected",

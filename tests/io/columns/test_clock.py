@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 
 import numpy as np
@@ -213,3 +214,25 @@ def test_times_printed_to_their_step_are_no_coarse_clock(rate: float, rows: int)
     printed = np.array([float(f"{1615716753.0 + k / rate:.6f}") for k in range(rows)])
     assert sampling_of(printed).doubt < 1e-3 * rate
     assert sampling_of(np.round(np.arange(rows) / rate, 8)).doubt < 1e-6 * rate
+
+
+def exactly(path: Path, t: np.ndarray, y: np.ndarray) -> Path:
+    """Write a table with all digits."""
+    np.savetxt(path, np.column_stack([t, y]), delimiter=",", header="time [s],a [g],b [g]", comments="")
+    return path
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("factor", "last"), [(1e200, 0.0), (1e-300, 0.0), (1.0, 1e30), (1.0, 1e300)])
+def test_times_beyond_all_measure_are_answered_without_a_warning(tmp_path: Path, factor: float, last: float) -> None:
+    t = times(jitter=0.1) * factor
+    t[-1] += last
+    with contextlib.suppress(ms.DataError):
+        ms.read(exactly(tmp_path / "a.csv", t, motion(times())))
+
+
+@pytest.mark.filterwarnings("error")
+def test_values_beyond_all_measure_are_resampled_without_a_warning(tmp_path: Path) -> None:
+    even = ms.read(exactly(tmp_path / "a.csv", times(jitter=0.1), motion(times())), resample="auto")
+    huge = ms.read(exactly(tmp_path / "b.csv", times(jitter=0.1), 1e306 * motion(times())), resample="auto")
+    np.testing.assert_allclose(huge.outputs / 1e306, even.outputs, rtol=1e-5, atol=1e-9)

@@ -26,6 +26,8 @@ _MAX_LOSS, _MIN_SHARE_OF_ROWS = 0.03, 0.8
 _MAX_KNOWN_LOSS = 0.5
 #: Rows of a record, at least.
 _MIN_ROWS = 8
+#: Steps of a record at least, and its duration at most, s: damaged numbers beyond have no squares.
+_SHORTEST_STEP, _LONGEST = 1e-15, 1e15
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +66,9 @@ def clock_of(times: RealArray) -> Clock:
     for place, count in zip(places, missing, strict=True):
         k[place:] += count
     k /= max(k[-1], 1.0)
-    line = np.polynomial.Polynomial.fit(k, times, 2)
+    line, _ = np.polynomial.Polynomial.fit(
+        k, times, 2, full=True
+    )  # without warning of gaps beside which all else is a point
     off = times - line(k)
     first, second = line.deriv()(np.array([0.25, 0.75]))
     drift = float(second / first - 1)
@@ -78,7 +82,8 @@ def resampled(times: RealArray, values: RealArray, rate: float) -> tuple[RealArr
     from scipy.interpolate import CubicSpline
 
     grid = times[0] + np.arange(int(np.floor((times[-1] - times[0]) * rate * (1 + 1e-9))) + 1) / rate
-    even = CubicSpline(times, values)(grid)
+    size = np.frexp(np.abs(values).max())[1]  # slopes and squares of damaged numbers have no place in a float
+    even = np.ldexp(CubicSpline(times, np.ldexp(values, -size))(grid), size)
     missed = _missed(times, values)
     coarser = (times.size - 1) / (rate * (times[-1] - times[0]))
     return np.asarray(even), missed / 16 if missed <= _MAX_KNOWN_LOSS and coarser <= 1.001 else np.nan
@@ -88,7 +93,7 @@ def _missed(times: RealArray, values: RealArray) -> float:
     """Return the part of the motion that splines through every other sample miss at those between."""
     from scipy.interpolate import CubicSpline
 
-    values = np.ldexp(values, -np.frexp(np.abs(values).max())[1])  # squares of damaged numbers have no place in a float
+    values = np.ldexp(values, -np.frexp(np.abs(values).max())[1])  # as above
     motion = np.sqrt(np.mean((values - values.mean(axis=0)) ** 2))
     if motion == 0:
         return 0.0
@@ -109,6 +114,7 @@ def evened(
     if rate_asked is None and _is_even(times):
         return axis, channels, []
     usable = times.size >= _MIN_ROWS and bool(np.isfinite(times).all()) and rises(times)
+    usable = usable and np.diff(times).min() >= _SHORTEST_STEP and times[-1] - times[0] <= _LONGEST
     if not usable or any(np.iscomplexobj(c.values) for c in channels):
         return axis, channels, []
     clock = clock_of(times)
