@@ -164,6 +164,10 @@ def test_damaged_shapes_are_refused(store: Store) -> None:
     file = sqlite3.connect(store.path)
     file.execute("UPDATE mode SET shape = substr(shape, 2)")
     file.commit()
+    with pytest.raises(DataError, match="not as it was written"):
+        store.history()
+    file.execute("UPDATE record SET provenance = '{}'")  # as of 0.2.0, without a seal
+    file.commit()
     file.close()
     with pytest.raises(DataError, match="shapes or numbers are damaged"):
         store.history()

@@ -47,6 +47,10 @@ _TABLES = {
     " WITHOUT ROWID",
 }
 
+#: The columns of a record, the last of which ends in the seal of all of them, and has that of its modes.
+_HEAD = ("sha256", "name", "time", "refused", "dofs", "covariates", "findings", "settings", "provenance")
+_MODES, _SEAL, _SERIES = "seal of modes", ', "seal": "', "/covariate/"
+
 #: Kinds of disks that other machines write to, where SQLite's write-ahead log does not work.
 _REMOTE = ("nfs", "cifs", "smb", "9p", "fuse.sshfs", "lustre", "gpfs", "ceph", "afs", "beegfs")
 
@@ -120,6 +124,8 @@ class Store:
         if found != _TABLES:  # also triggers and views, which would run
             odd = ", ".join(sorted(set(found) ^ set(_TABLES))) or "a table"
             raise DataError(asked, f"its tables were changed: {odd}", "Make the store anew from its records.")
+        if not new and (fault := run("PRAGMA integrity_check(1)").fetchone()[0]) != "ok":
+            raise DataError(asked, f"it is damaged ({fault[:100]})", "Make it anew from its records.")
         if run("PRAGMA journal_mode").fetchone()[0] != "wal" and _is_local(self.path):
             run("PRAGMA journal_mode = WAL")
 
@@ -335,6 +341,13 @@ class Store:
         rows = [(name, t, float(x)) for t, x in zip(when, column, strict=True) if x == x]
         with self._transaction():
             self._file.executemany("INSERT OR REPLACE INTO covariate VALUES (?, ?, ?)", rows)
+            # beside the hashes of files: a table of its own would make stores of 0.2.0 others
+            sealed = (_SERIES + name, len(rows), 0, _seal(*self._series(name)))
+            self._file.execute("INSERT OR REPLACE INTO seen VALUES (?, ?, ?, ?)", sealed)
+
+    def _series(self, name: str) -> list[tuple[int, float]]:
+        """Return times and values of a covariate."""
+        return self._file.execute("SELECT time, value FROM covariate WHERE name = ? ORDER BY time", (name,)).fetchall()
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
@@ -360,25 +373,42 @@ class Store:
 
     def _insert(self, entry: Entry) -> bool:
         modes = entry.modes or {"output_dofs": ()}
-        texts = (list(modes["output_dofs"]), entry.covariates, list(entry.findings), entry.settings, entry.provenance)
-        row = (entry.sha256, entry.name, round(1000 * entry.time), entry.refused, *map(_text, texts))
+        rows = [] if entry.modes is None else list(_mode_rows(entry.modes))
+        about = {**entry.provenance, _MODES: _seal(*rows)}
+        texts = (list(modes["output_dofs"]), entry.covariates, list(entry.findings), entry.settings, about)
+        row: list[Any] = [entry.sha256, entry.name, round(1000 * entry.time), entry.refused, *map(_text, texts)]
+        row[-1] = f'{row[-1][:-1]}{_SEAL}{_seal(row)}"}}'
         insert = "INSERT OR IGNORE INTO record VALUES (NULL, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
         done = self._file.execute(insert, row)
         if not done.rowcount:
             return False
-        if entry.modes is not None:
-            number = done.lastrowid
-            self._file.executemany(
-                "INSERT INTO mode VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                [(number, k, *values) for k, values in enumerate(_mode_rows(entry.modes))],
-            )
+        self._file.executemany(
+            "INSERT INTO mode VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            [(done.lastrowid, k, *values) for k, values in enumerate(rows)],
+        )
         return True
+
+    def _heads(self) -> list[dict[str, Any]]:
+        """Return all records by time, but for their modes.
+
+        Raises `DataError`: one is not as it was written; those of 0.2.0 do not tell.
+        """
+        found = []
+        for number, *row in self._file.execute(f"SELECT id, {', '.join(_HEAD)} FROM record ORDER BY time, id"):
+            body, mark, seal = str(row[-1]).rpartition(_SEAL)
+            if (mark or _MODES in str(row[-1])) and seal != f'{_seal([*row[:-1], body + "}"])}"}}':
+                raise self._changed("a record")
+            found.append({"id": number, **dict(zip(_HEAD, row, strict=True))})
+        return found
+
+    def _changed(self, what: str) -> DataError:
+        asked = f"the store {self.path.name} was asked"
+        return DataError(asked, f"{what} is damaged: it is not as it was written", "Make it anew from its records.")
 
     def refused(self) -> list[tuple[str, str]]:
         """Return the names of the records that could not be used, each with the reason."""
         with self._plainly():
-            ask = "SELECT name, refused FROM record WHERE refused IS NOT NULL ORDER BY time, id"
-            return [(str(name), str(why)) for name, why in self._file.execute(ask)]
+            return [(str(r["name"]), str(r["refused"])) for r in self._heads() if r["refused"] is not None]
 
     def forget_refused(self) -> int:
         """Forget the records that could not be used, so that the next look tries them again; return how many there were."""
@@ -387,16 +417,16 @@ class Store:
 
     def about(self) -> list[dict[str, Any]]:
         """Return name, findings, settings and provenance of every record, those that could not be used too, by time."""
-        ask = "SELECT name, refused, findings, settings, provenance FROM record ORDER BY time, id"
+        parts = ("findings", "settings", "provenance")
         with self._plainly():
-            return [
-                {
-                    "name": name,
-                    "refused": why,
-                    **dict(zip(("findings", "settings", "provenance"), map(json.loads, texts), strict=True)),
-                }
-                for name, why, *texts in self._file.execute(ask)
+            told = [
+                {**{k: r[k] for k in ("name", "refused")}, **{k: json.loads(r[k]) for k in parts}}
+                for r in self._heads()
             ]
+        for each in told:
+            for key in (_MODES, "seal"):
+                each["provenance"].pop(key, None)
+        return told
 
     def history(self) -> History:
         """Return the modes of all records by time.
@@ -409,19 +439,27 @@ class Store:
         with self._plainly():
             self._file.execute("BEGIN")  # both tables as they are now, whoever writes
             try:
-                ask = "SELECT id, name, time, dofs, covariates FROM record WHERE refused IS NULL ORDER BY time, id"
-                records = self._file.execute(ask).fetchall()
-                columns = "record, frequency, damping_ratio, frequency_std, damping_ratio_std, shape"
+                records = [head for head in self._heads() if head["refused"] is None]
+                columns = "record, frequency, damping_ratio, frequency_std, damping_ratio_std, shape, shape_std, gain"
                 modes: dict[int, list[Any]] = {}
                 for number, *values in self._file.execute(f"SELECT {columns} FROM mode ORDER BY record, position"):
                     modes.setdefault(number, []).append(values)
                 weather = self._file.execute("SELECT name, time, value FROM covariate ORDER BY name, time").fetchall()
+                seals = self._file.execute(
+                    "SELECT path, sha256 FROM seen WHERE path LIKE ?", (_SERIES + "%",)
+                ).fetchall()
+                if any(seal != _seal(*self._series(path.removeprefix(_SERIES))) for path, seal in seals):
+                    raise self._changed("a covariate")
             finally:
                 self._file.execute("ROLLBACK")
-            rows = [_rows(modes.get(number, []), json.loads(dofs)) for number, _, _, dofs, _ in records]
-            own = [json.loads(text) for *_, text in records]
-        times = np.array([when for _, _, when, _, _ in records], "datetime64[ms]")
-        names = [name for _, name, _, _, _ in records]
+            for head in records:
+                seal = json.loads(head["provenance"]).get(_MODES)
+                if seal is not None and seal != _seal(*modes.get(head["id"], [])):
+                    raise self._changed(f"the record {head['name']!r}")
+            rows = [_rows([row[:5] for row in modes.get(r["id"], [])], json.loads(r["dofs"])) for r in records]
+            own = [json.loads(head["covariates"]) for head in records]
+        times = np.array([head["time"] for head in records], "datetime64[ms]")
+        names = [head["name"] for head in records]
         return assembled(rows, times, names, covariates=_covariates(own, weather, times.astype(np.int64)))
 
     @property
@@ -430,11 +468,10 @@ class Store:
 
         `time` in seconds since 1970 (UTC), `file`, `state`: "used" or "refused", `reason`: why it could not be used.
         """
-        ask = "SELECT time, name, refused FROM record ORDER BY time, id"
         with self._plainly():
             rows = [
-                (time / 1000, name, "used" if why is None else "refused", why or "")
-                for time, name, why in self._file.execute(ask)
+                (r["time"] / 1000, r["name"], "used" if r["refused"] is None else "refused", r["refused"] or "")
+                for r in self._heads()
             ]
         kinds = [("time", float), ("file", object), ("state", object), ("reason", object)]
         return np.array(rows, kinds).view(np.recarray)
@@ -517,6 +554,16 @@ def _each_second(times: Any, count: int) -> list[float]:
 def _text(value: Any) -> str:
     """Return a value as JSON; numbers that are none become null."""
     return json.dumps(plain(value), default=str, allow_nan=False)
+
+
+def _seal(*rows: Sequence[Any]) -> str:
+    """Return the SHA-256 of rows of a table, which SQLite does not keep."""
+    digest = sha256()
+    for row in rows:
+        for value in row:
+            data = value if isinstance(value, bytes) else repr(value).encode(errors="backslashreplace")
+            digest.update(b"%d:" % len(data) + data)
+    return digest.hexdigest()
 
 
 def _number(value: Any) -> float | None:

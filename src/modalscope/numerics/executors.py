@@ -105,15 +105,22 @@ def working(
 
 def _folder(path: str | Path) -> Path:
     folder = Path(path)
-    try:
+    with as_refused(folder):
         folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+@contextmanager
+def as_refused(folder: Path) -> Iterator[None]:
+    """Turn what the system refuses in a folder of partial sums into a `DataError`."""
+    try:
+        yield
     except OSError as error:
         raise DataError(
-            f"partial sums in {str(path)!r} were asked",
+            f"partial sums in {str(folder)!r} were asked",
             f"the system refuses: {(error.strerror or str(error)).lower()}",
             "Choose a folder that you may write to.",
         ) from None
-    return folder
 
 
 def each(work: Callable[[Task], Done], tasks: Sequence[Task]) -> Iterator[tuple[Task, Done]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import time
 from importlib import import_module
 from pathlib import Path
@@ -14,7 +15,7 @@ import scipy.linalg as sla
 
 from modalscope.numerics.checks import BoolArray, RealArray
 from modalscope.numerics.errors import DataError
-from modalscope.numerics.executors import executor
+from modalscope.numerics.executors import as_refused, executor
 from modalscope.numerics.resources import fetched, namespace
 
 Result_co = TypeVar("Result_co", covariant=True)
@@ -105,8 +106,8 @@ class SavedSums:
     def __init__(self, folder: Path | None, work: str, shape: tuple[int, ...], tasks: int) -> None:
         self.sums: RealArray = np.zeros(shape)
         self.done: BoolArray = np.zeros(tasks, dtype=bool)
-        name = hashlib.sha256(f"{work} {shape} {tasks}".encode()).hexdigest()[:24]
-        self._path = None if folder is None else folder / f"sums-{name}.npz"
+        self._of = hashlib.sha256(f"{work} {shape} {tasks}".encode())
+        self._path = None if folder is None else folder / f"sums-{self._of.hexdigest()[:24]}.npz"
         self._next = time.monotonic()  # the first task is kept as it ends
         self._kept = 0
         self._lock = None if self._path is None else _locked(self._path.with_suffix(".lock"))
@@ -129,13 +130,14 @@ class SavedSums:
         temporary = self._path.with_name(f".{self._path.stem}-{token_hex(4)}.npz")
         PENDING.add(temporary)
         try:
-            with temporary.open("wb+") as file:
-                file.write(bytes(_DIGEST_BYTES))
-                np.savez(file, sums=self.sums, done=self.done)
-                digest = _digest(file)
-                file.seek(0)
-                file.write(digest)
-            temporary.replace(self._path)
+            with as_refused(self._path.parent):
+                with temporary.open("wb+") as file:
+                    file.write(bytes(_DIGEST_BYTES))
+                    np.savez(file, sums=self.sums, done=self.done)
+                    digest = self._digest(file)
+                    file.seek(0)
+                    file.write(digest)
+                temporary.replace(self._path)
         finally:
             temporary.unlink(missing_ok=True)
             PENDING.discard(temporary)
@@ -158,16 +160,24 @@ class SavedSums:
             self._lock = None
 
     def _take_up(self) -> None:
-        """Read what was kept; a file that is damaged is none."""
-        if self._path is None or not self._path.exists():
+        """Read what was kept; a file that is damaged or of other sums is none, and so is what is no file of this folder."""
+        if self._path is None or self._path.is_symlink() or not self._path.is_file():
             return
-        with self._path.open("rb") as file:
-            if file.read(_DIGEST_BYTES) != _digest(file):
+        with as_refused(self._path.parent), self._path.open("rb") as file:
+            if file.read(_DIGEST_BYTES) != self._digest(file):
                 return
             file.seek(_DIGEST_BYTES)
             with np.load(file, allow_pickle=False) as kept:
                 self.sums, self.done = kept["sums"], kept["done"]
         self._kept = int(self.done.sum())
+
+    def _digest(self, file: IO[bytes]) -> bytes:
+        """Return what tells that all after the digest itself is as it was written, and of these sums."""
+        file.seek(_DIGEST_BYTES)
+        digest = self._of.copy()
+        while part := file.read(1 << 20):
+            digest.update(part)
+        return digest.digest()
 
 
 def _locked(path: Path) -> IO[bytes]:
@@ -175,7 +185,10 @@ def _locked(path: Path) -> IO[bytes]:
 
     Raises `DataError`: another run holds it.
     """
-    file = path.open("ab")
+    # a link, or a pipe at which opening waits, is not ours
+    only = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    with as_refused(path.parent):
+        file = open(path, "ab", opener=lambda name, flags: os.open(name, flags | only, 0o666))  # noqa: SIM115
     try:
         fcntl = import_module("fcntl")
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -190,12 +203,3 @@ def _locked(path: Path) -> IO[bytes]:
         pass
     PENDING.add(path)
     return file
-
-
-def _digest(file: IO[bytes]) -> bytes:
-    """Return what tells that all after the digest itself is as it was written."""
-    file.seek(_DIGEST_BYTES)
-    digest = hashlib.sha256()
-    while part := file.read(1 << 20):
-        digest.update(part)
-    return digest.digest()
