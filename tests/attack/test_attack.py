@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import modalscope as ms
 from modalscope.data import DataError
 from tests.attack import harness
 from tests.io.apart import read
@@ -25,6 +26,12 @@ def test_damaged_files_of_every_suffix_are_read_or_refused() -> None:
 @pytest.mark.slow
 def test_wrong_values_are_answered_in_words() -> None:
     assert harness.values(300, seed=51, leave=SLOW) == []
+
+
+def test_poles_may_be_chosen_by_any_sequence() -> None:
+    diagram = ms.stabilize(ms.systems.chain5().impulse_response(60, noise=0.01, seed=0), orders=[8, 10])
+    for given, wanted in zip(diagram.deviations_at((1, 2, 3)), diagram.deviations_at(np.array([1, 2, 3])), strict=True):
+        np.testing.assert_array_equal(given, wanted)
 
 
 def test_numbers_beyond_all_measure_are_answered(tmp_path: Path) -> None:

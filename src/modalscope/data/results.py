@@ -218,7 +218,7 @@ class StabilizationDiagram(Shown, HasPoles):
         index : array of int
             Which poles.
         """
-        frequency, damping = (getattr(type(self), name).at(self, index) for name in DEVIATIONS)
+        frequency, damping = (getattr(type(self), name).at(self, np.asarray(index)) for name in DEVIATIONS)
         return frequency, damping
 
     @property
