@@ -31,7 +31,11 @@ def table(tmp_path: Path) -> Callable[[str], Path]:
 
 def as_of_0_2_0(path: Path) -> list[str]:
     """Return the lines as 0.2.0 wrote them."""
-    return [line for line in path.read_text().splitlines() if not line.startswith(("# rows", "# sha256"))]
+    return as_of(path.read_text().splitlines())
+
+
+def as_of(lines: list[str]) -> list[str]:
+    return [line for line in lines if not line.startswith(("# rows", "# sha256"))]
 
 
 def without(lines: list[str], *rows: int) -> str:
@@ -59,6 +63,19 @@ def test_tables_of_0_2_0_are_checked_by_their_times(table: Callable[[str], Path]
     path.write_text(without(lines, 0))
     if name == "impulse":  # its header says where it begins
         refused("row 1 under the header", ms.read, path)
+
+
+def test_modes_that_are_missing_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    ms.write(path, CHAIN.modes())
+    lines = path.read_text().splitlines()
+    for row in (0, 2, 4):
+        path.write_text(without(lines, row))
+        refused("needs 5 rows, as its header says, but it has 4", ms.read, path)
+    path.write_text(without(as_of(lines)))
+    assert len(ms.read(path)) == 5
+    path.write_text("\n".join(lines).replace(",mode,", ",mode ,"))
+    assert "edited since it was written" in ms.io.survey(path).notes[0]
 
 
 def test_times_of_few_digits_are_those_of_the_header(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ sampling_rate, kind, first_sample).
 | `time_s` | `3:+Z / 1:+Z [m/s2 / N]`, for every output and input | an impulse response |
 | `mode` | what `columns_of` of `modalscope.judging.description` gives, then `real 3:+Z`, `imag 3:+Z` of the shapes | modes |
 
-Tables of responses and records also say how many rows they have, and the SHA-256 of all lines but comments: `# rows: 300`. Another number
+Tables also say how many rows they have, and the SHA-256 of all lines but comments: `# rows: 300`. Another number
 of rows, or samples that do not follow at the rate of the header, is refused; another sum alone is a note. Tables of 0.2.0 say neither.
 
 Columns are separated by comma, semicolon or tab, whichever the header has. Numbers are written with every digit. Coherence,
@@ -318,7 +318,7 @@ def write(path: Path, thing: DataObject, options: Options) -> None:
     Raises `DataError`: a direct term, several runs, or labels that a header of columns does not give back.
     """
     if isinstance(thing, ModalModel):
-        _put(path, None, *_modes_table(thing))
+        _put(path, {}, *_modes_table(thing))
         return
     if isinstance(thing, FrequencyResponse):
         notes, table = _notes(thing, "quantity", "sampling_rate"), _frequency_table(thing)
@@ -354,15 +354,14 @@ def _check_header(path: Path, thing: Signals | Response, header: Sequence[str]) 
         raise DataError(asked, "its header of columns would not give them back", "Rename them, or use .npz or .h5.")
 
 
-def _put(path: Path, notes: dict[str, str] | None, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+def _put(path: Path, notes: dict[str, str], header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
     writer: Any = csv.writer(_Line(), lineterminator="\n")
     with path.open("w", encoding="utf-8", newline="") as file:
-        if notes is not None:
-            digest = sha256()
-            for row in chain([header], rows):
-                digest.update(f"{writer.writerow(row).rstrip()}\n".encode())
-            whole = {"written by": MARK, **notes, "rows": len(rows), "sha256": digest.hexdigest()}
-            file.writelines(f"# {name}: {value}\n" for name, value in whole.items())
+        digest = sha256()
+        for row in chain([header], rows):
+            digest.update(f"{writer.writerow(row).rstrip()}\n".encode())
+        whole = {"written by": MARK, **notes, "rows": len(rows), "sha256": digest.hexdigest()}
+        file.writelines(f"# {name}: {value}\n" for name, value in whole.items())
         file.writelines(map(writer.writerow, chain([header], rows)))
 
 
