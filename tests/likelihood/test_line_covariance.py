@@ -22,6 +22,7 @@ from modalscope.likelihood.covariance import (
     lower_damping,
     of_parts,
     pole_blocks,
+    variances_of_lines,
 )
 from modalscope.likelihood.descent import (
     columns_on_rows,
@@ -35,7 +36,7 @@ from modalscope.likelihood.descent import (
 from modalscope.likelihood.driven import whitened_records
 from modalscope.likelihood.likelihood import Fitted, Point, whitened
 from modalscope.likelihood.spread import _rows
-from modalscope.numerics.checks import RealArray
+from modalscope.numerics.checks import ComplexArray, RealArray
 from tests.identification.test_refine_records import runs_of, started, system
 from tests.likelihood.cases import TRUTH
 
@@ -72,7 +73,8 @@ def influence(point: Point, fitted: Fitted) -> tuple[RealArray, RealArray]:
     for k, gradient in enumerate(gradients_of_poles(point.poles)):
         for j in range(n):
             g[k, j, 2 * p * j : 2 * p * j + 2] = gradient[j]
-    u = influence_on_poles(columns_on_rows(point, fitted)[0], fitted, g.reshape(2 * n, -1) @ C)
+    W = columns_on_rows(point, fitted)[0].view(np.float64)
+    u = influence_on_poles(W, fitted.linear, g.reshape(2 * n, -1) @ C).transpose(1, 0, 3, 2)
     return u, np.concatenate(deviations_of_poles(point.poles, pole_blocks(C, 2 * p * np.arange(n))))
 
 
@@ -97,8 +99,12 @@ def test_with_white_noise_put_in_lines_give_the_covariance_of_the_information(ki
     point, fitted, data = optimum(kind)
     u, white = influence(point, fitted)
     rows = _rows(point, fitted, inverse(normal(point, fitted)[0]), data)
-    of_lines = rows.lines(u.reshape(*u.shape[:2], -1))
-    assert np.allclose(np.sqrt(np.sum(np.abs(of_lines) ** 2, axis=(1, 2))), white, rtol=1e-4)
+    turned = rows.times(rows.W)
+    assert (
+        np.sum(turned**2)
+        == pytest.approx(np.sum(rows.W**2))
+        == pytest.approx(np.sum(np.abs(columns_on_rows(point, fitted)[0]) ** 2))
+    )
     assert np.allclose(np.sqrt(np.sum(u**2, axis=(1, 2, 3))), white, rtol=1e-6)
     C, v = inverse(normal(point, fitted)[0]), 0.3
     assert np.allclose(information_of_channels(point, fitted, v, alike=True), v * normal(point, fitted)[0])
@@ -142,26 +148,32 @@ def _left(point: Point) -> RealArray:
     return residual(point, point.fitted())
 
 
+def degrees(u: ComplexArray, e: ComplexArray) -> float:
+    return float(degrees_of_lines(variances_of_lines(u, e))[0])
+
+
 def test_degrees_of_freedom_count_two_a_line_and_follow_those_that_tell() -> None:
     rng = np.random.default_rng(1)
     e = (rng.standard_normal((4000, 2)) + 1j * rng.standard_normal((4000, 2))) / np.sqrt(2)
-    alike = np.ones((1, 4000, 2), complex)
-    assert degrees_of_lines(alike, e)[0] == pytest.approx(8000, rel=0.1)
+    alike = np.ones((4000, 1, 2), complex)
+    assert degrees(alike, e) == pytest.approx(8000, rel=0.1)
     half = alike.copy()
-    half[:, 1000:] *= 0.01
-    assert degrees_of_lines(half, e)[0] == pytest.approx(2000, rel=0.1)
+    half[1000:] *= 0.01
+    assert degrees(half, e) == pytest.approx(2000, rel=0.1)
+    blocks = [variances_of_lines(half[k : k + 700], e, k) for k in range(0, 4000, 700)]
+    assert np.allclose(np.concatenate(blocks), variances_of_lines(half, e), rtol=1e-12)
 
 
 @pytest.mark.parametrize("width", [3.0, 10.0])
 def test_students_interval_of_few_lines_holds_the_truth(width: float) -> None:
     """A resonance few lines wide: 1/2 sum |u* e|^2 scatters, and Student's quantile of its degrees of freedom makes up for it."""
     rng, x = np.random.default_rng(2), np.arange(-200, 200) / width
-    u = (1 / (1 + 1j * x) ** 2)[None, :, None]
+    u = (1 / (1 + 1j * x) ** 2)[:, None, None]
     held = []
     for _ in range(1500):
         e = (rng.standard_normal((x.size, 1)) + 1j * rng.standard_normal((x.size, 1))) / np.sqrt(2)
-        z = (u[0].conj() * e).sum(axis=1)
-        t = student.ppf(0.975, degrees_of_lines(u, e)[0])
+        z = (u[:, 0].conj() * e).sum(axis=1)
+        t = student.ppf(0.975, degrees(u, e))
         held.append([abs(z.real.sum()) < q * np.sqrt(np.sum(np.abs(z) ** 2) / 2) for q in (t, 1.96)])
     by_student, by_normal = np.mean(held, axis=0)
     assert 0.935 < by_student < 0.985  # 1500 cases leave 1.1 %
@@ -177,15 +189,19 @@ def drifting(wander: float, seed: int) -> tuple[RealArray, RealArray]:
     return u, e - J[0] * np.sum(u[0] * e)
 
 
+def parts_of(u: RealArray, e: RealArray) -> Parts:
+    return of_parts(np.sum(u**2, axis=2), np.sum(u * e, axis=2))
+
+
 def test_parts_in_time_tell_the_variance_of_white_noise_and_more_where_a_number_changes() -> None:
     ratios = []
     for seed in range(300):
         u, e = drifting(0.0, seed)
-        ratios.append(of_parts(u, e).variance[0] / np.sum(u**2))
+        ratios.append(parts_of(u, e).variance[0] / np.sum(u**2))
     assert np.mean(ratios) == pytest.approx(1, abs=0.1)  # 300 of seven degrees of freedom leave 3 %
     assert np.mean(np.array(ratios) > fisher.ppf(0.95, 7, 1e6)) == pytest.approx(0.05, abs=0.03)
     u, e = drifting(0.4, 0)
-    found = of_parts(u, e)
+    found = parts_of(u, e)
     assert found.variance[0] > 5 * np.sum(u**2)
     assert found.share[0] == pytest.approx(np.full(8, 1 / 8), abs=0.002)
     assert np.ptp(found.moved[0]) == pytest.approx(0.8, rel=0.3)  # means over parts of a sine of .4

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.special import fdtri, stdtrit
 
 from modalscope.blocks.influence import Influence, Lines, Moments
@@ -93,34 +94,39 @@ class Parts(NamedTuple):
     share: RealArray
 
 
-def degrees_of_lines(u: ComplexArray, e: ComplexArray) -> RealArray:
-    """Return 2 (sum w)^2 / sum w^2, w = u^H S u on every line: the degrees of freedom of variances that lines tell one by one, (b,).
+def variances_of_lines(u: ComplexArray, e: ComplexArray, first: int = 0) -> RealArray:
+    """Return w = u^H S u on some lines: what each adds to the variances of b numbers, (f, b).
 
-    S are the cross spectra of the residual over ten lines on either side. Real and imaginary part of a line count.
+    S are the cross spectra of the residual over ten lines on either side.
 
-    `u` (b, F, c): influence of the lines of all channels on b numbers. `e` (F, c): residual over the square root of one minus its
-    leverage.
+    `u` (f, b, c): influence of the lines of all channels on b numbers. `e` (F, c): residual of all lines over the square root of one minus
+    its leverage. `first`: where the lines of `u` begin among these.
     """
-    w, count = np.zeros(u.shape[:2]), np.zeros(len(e))
-    for k in range(-_NEIGHBOURS, _NEIGHBOURS + 1):
-        own, other = slice(max(-k, 0), max(len(e) - max(k, 0), 0)), slice(max(k, 0), max(len(e) + min(k, 0), 0))
-        each = np.einsum("bfc,fc->bf", u[:, own].conj(), e[other])
-        w[:, own] += each.real**2 + each.imag**2
-        count[own] += 1
-    w /= count
-    return np.asarray(2 * w.sum(axis=1) ** 2 / np.maximum(np.sum(w**2, axis=1), 1e-300))
+    reach = np.arange(first - _NEIGHBOURS, first + len(u) + _NEIGHBOURS)
+    there = (reach >= 0) & (reach < len(e))
+    around = np.zeros((len(reach), e.shape[1]), complex)
+    around[there] = e[reach[there]]
+    each = u.conj() @ sliding_window_view(around, 2 * _NEIGHBOURS + 1, axis=0)
+    count = sliding_window_view(there, 2 * _NEIGHBOURS + 1).sum(axis=1)
+    return np.asarray(np.sum(each.real**2 + each.imag**2, axis=2) / count[:, None])
 
 
-def of_parts(u: Array, e: Array) -> Parts:
+def degrees_of_lines(w: RealArray) -> RealArray:
+    """Return 2 (sum w)^2 / sum w^2, w of `variances_of_lines` (F, b): the degrees of freedom of variances that lines tell one by one.
+
+    Real and imaginary part of a line count.
+    """
+    return np.asarray(2 * w.sum(axis=0) ** 2 / np.maximum(np.sum(w**2, axis=0), 1e-300))
+
+
+def of_parts(power: RealArray, pull: RealArray) -> Parts:
     """Return what eight parts in time say of numbers, parts that tell alike much of each.
 
     What changes in time (frequencies that drift, springs that harden, gusts) correlates lines, and only parts in time show it.
 
-    `u` (b, T, c): influence of what is measured in time on b numbers. `e` (T, c): residual. Their products, real parts summed, are the
-    errors of the numbers.
+    `power` (b, T): squares of the influence of what is measured in time on b numbers, summed over channels. `pull` (b, T): products of
+    the influence and the residual: over all times, the errors of the numbers.
     """
-    power = np.einsum("btc,btc->bt", u.real, u.real) + np.einsum("btc,btc->bt", u.imag, u.imag)
-    pull = np.einsum("btc,tc->bt", u.real, e.real) + np.einsum("btc,tc->bt", u.imag, e.imag)
     total = np.maximum(power.sum(axis=1, keepdims=True), 1e-300)
     part = np.minimum((_PARTS * (np.cumsum(power, axis=1) - power / 2) / total).astype(int), _PARTS - 1)
     share, s = (

@@ -85,18 +85,23 @@ def columns_on_rows(point: Point, fitted: Fitted) -> tuple[ComplexArray, RealArr
     rows = point.spanned(np.hstack(both))
     W_rows, of_modes = np.split(rows, [both[0].shape[1]], axis=1)
     unknowns = np.ascontiguousarray(W_rows).view(np.complex128).reshape(len(rows), p, W.shape[1])
-    return unknowns, of_modes.reshape(len(rows), p, kept.shape[1])
+    return unknowns, of_modes.reshape(len(rows), p, kept.shape[1]).copy()
 
 
-def influence_on_poles(W: ComplexArray, fitted: Fitted, steps: RealArray) -> RealArray:
-    """Return u = J x, the influence of the data on numbers g'theta, x = J'J^-1 g: the change of each is sum u e, (b, K, q, p).
+def influence_on_poles(W: RealArray, linear: ComplexArray, steps: RealArray) -> RealArray:
+    """Return u = J x, the influence of the data on numbers g'theta, x = J'J^-1 g: the change of each is sum u e, (K, b, p, q).
 
-    `W`: of `columns_on_rows`. `steps` (b, 2 n p): x, real and imaginary part of every unknown side by side.
+    `W` (K, p, 2 n p): of `columns_on_rows`, real and imaginary part of every unknown side by side, or what is linear in them: real parts of
+    their transforms. `linear` (q, n): c. `steps` (b, 2 n p): x.
     """
-    n = fitted.linear.shape[1]
-    x = (steps[:, ::2] + 1j * steps[:, 1::2]).reshape(len(steps), n, -1)
-    each = np.einsum("kija,bja->bkij", W.reshape(*W.shape[:2], n, -1), x, optimize=True)
-    return np.asarray((each @ fitted.linear.T).real.swapaxes(2, 3))
+    (q, n), (K, p, a) = linear.shape, W.shape
+    x = (steps[:, ::2] + 1j * steps[:, 1::2]).reshape(len(steps), n, -1).transpose(1, 2, 0)
+    # Re and -Im of sum_a W_a x_a of every mode, from the parts of W; then Re of their products with c
+    of_real, of_imag = (np.stack([each.real, -each.imag], axis=-1) for each in (x, 1j * x))
+    weights = np.stack([of_real, of_imag], axis=2).reshape(n, a // n, -1)
+    each = W.reshape(K * p, n, -1).transpose(1, 0, 2) @ weights
+    moved = each.reshape(n, K, p, -1, 2).transpose(1, 3, 2, 0, 4).reshape(-1, 2 * n)
+    return np.asarray((moved @ np.stack([linear.real, linear.imag], axis=-1).reshape(q, -1).T).reshape(K, -1, p, q))
 
 
 def scores_of_lines(
@@ -112,19 +117,48 @@ def scores_of_lines(
     return np.asarray(each.reshape(len(e), -1))
 
 
-def leverage(point: Point, fitted: Fitted, W: ComplexArray, kept: RealArray, inverse: RealArray) -> RealArray:
+#: Numbers that are computed at a time: 4 MB.
+_NUMBERS_AT_A_TIME = 1 << 19
+
+
+def leverage(
+    point: Point, fitted: Fitted, W: ComplexArray, kept: RealArray, inverse: RealArray, parts: int = 1
+) -> RealArray:
     """Return how far each number of the data draws its fit towards itself, (K, q, p): the diagonal of the projection on terms, c and J.
 
-    `W`, `kept`: `columns_on_rows`. `inverse`: of J'J.
+    `W`, `kept`: `columns_on_rows`. `inverse`: of J'J. `parts`: 2 returns the mean of the first and the second half of the rows, the real
+    and the imaginary parts of lines.
     """
-    K, p = W.shape[:2]
-    found = np.empty((K, len(fitted.linear), p))
-    found[:] = (np.sum(point.problem.terms**2, axis=1)[:, None] + np.einsum("kir,kir->ki", kept, kept))[:, None]
-    for o, c in enumerate(_coefficients(point, fitted)):
-        own = W * c
-        J = np.stack([own.real, -own.imag], axis=-1).reshape(K * p, -1)
-        found[:, o] += np.einsum("ka,ka->k", J @ inverse, J).reshape(K, p)
+    (q, n), count, p = fitted.linear.shape, len(W) // parts, W.shape[1]
+    alike = np.sum(point.problem.terms**2, axis=1)[:, None] + np.einsum("kir,kir->ki", kept, kept)
+    found = np.empty((count, q, p))
+    found[:] = alike.reshape(parts, count, 1, p).mean(axis=0)
+    rows = W.reshape(parts, count, p, n, -1)
+    step = max(_NUMBERS_AT_A_TIME // (2 * parts * W[0].size), 1)
+    for start in range(0, count, step):
+        own = rows[:, start : start + step]
+        h = _leverage_on_modes(own.reshape(-1, *own.shape[3:]), fitted.linear, inverse, parts) / parts
+        found[start : start + step] += h.reshape(-1, p, q).swapaxes(1, 2)
     return found
+
+
+def _leverage_on_modes(W: ComplexArray, linear: ComplexArray, inverse: RealArray, parts: int) -> RealArray:
+    """Return J J'J^-1 J' of every channel on rows (K, n, p), summed over as many parts of the rows, (K / parts, q).
+
+    J is linear in c, so that this is c'M c with M (2 n, 2 n) of each row, by real and imaginary part of c: once for all channels.
+    """
+    (q, n), count = linear.shape, len(W) // parts
+    # J by the parts of c: Re and -Im of W c
+    G = np.stack([np.stack([W.real, -W.imag], axis=-1), np.stack([-W.imag, -W.real], axis=-1)], axis=-2)
+    G = G.reshape(len(W), n, -1, 2)
+    c, C, h = np.stack([linear.real, linear.imag], axis=-1), inverse.reshape(n, -1, n, G.shape[2]), np.zeros((count, q))
+    for j in range(n):
+        half = G[:, j].swapaxes(1, 2).reshape(-1, G.shape[2]) @ C[j, :, j:].reshape(G.shape[2], -1)
+        M = np.einsum("kslb,klbt->kslt", half.reshape(len(W), 2, n - j, -1), G[:, j:])
+        both = c[:, j, :, None, None] * c[:, None, j:]
+        both[:, :, 1:] *= 2  # M is symmetric
+        h += M.reshape(parts, count, -1).sum(axis=0) @ both.reshape(q, -1).T
+    return h
 
 
 #: Eigenvalues of products of columns of length one below this part of the largest are rounding.

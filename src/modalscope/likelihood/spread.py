@@ -23,6 +23,7 @@ from modalscope.likelihood.covariance import (
     pole_blocks,
     sandwich,
     shape_deviations,
+    variances_of_lines,
 )
 from modalscope.likelihood.descent import (
     columns_on_rows,
@@ -151,9 +152,9 @@ def _between(
     member = np.asarray(groups)[None, :] == labels[:, None]
     if rows is None or point.problem.parts is None:
         return sandwich(information, member.astype(float) @ scores(point, fitted).sum(axis=0))
-    by_line = rows.scores(0).real
-    by_run = np.zeros((member.shape[1], by_line.shape[1]))
-    np.add.at(by_run, point.problem.parts[: len(by_line)], by_line)
+    by_run = np.zeros((member.shape[1], len(information)))
+    for lines, each in rows.scores(0):
+        np.add.at(by_run, point.problem.parts[lines], each.real)
     return sandwich(information, member.astype(float) @ by_run)
 
 
@@ -162,93 +163,153 @@ def _between(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Rows:
-    """An optimum on all rows of the data, and what is left there.
+    """Lines of the data at an optimum, and what is left there; of samples their transform. Real and imaginary parts come first.
 
-    `W`, `kept`: `columns_on_rows`. `left` (K, q, p): residual. `free` (K, q, p): one minus its leverage. `places`: of the lines of each
-    run, from zero; none of samples.
+    `W` (2, F, p, 2 n p), `kept` (2, F, p, r): `columns_on_rows`, real and imaginary part of every unknown side by side. `left`
+    (2, F, q, p): residual. `free` (F, q, p): one minus its leverage. `places`: of the lines of each run, from zero; of samples how many.
     """
 
     point: Point
     fitted: Fitted
-    W: ComplexArray
+    W: RealArray
     kept: RealArray
     left: RealArray
     free: RealArray
-    places: tuple[tuple[slice, Array], ...]
+    places: tuple[tuple[slice, Array], ...] | int
 
-    def of_lines(self, power: float) -> ComplexArray:
-        """Return the lines of the residual over a power of one minus the leverage, (F, q, p)."""
-        rows = self.left / self.free**power
-        return self.lines(rows.reshape(len(rows), -1)).reshape(-1, *rows.shape[1:])
+    def _some(self, width: int) -> Iterator[slice]:
+        """Yield some lines at a time, of so many numbers each."""
+        step = max(_NUMBERS_AT_A_TIME // width, 1)
+        return (slice(k, min(k + step, len(self.free))) for k in range(0, len(self.free), step))
 
-    def lines(self, rows: RealArray) -> ComplexArray:
-        """Return rows (..., K, c) as lines (..., F, c): real and imaginary parts together; of samples their transform."""
-        if self.places:
-            real, imag = np.split(rows, 2, axis=-2)
-            return np.asarray(real + 1j * imag)
-        found = np.sqrt(2) * np.fft.rfft(rows, axis=-2, norm="ortho")
-        alone = [0, -1] if rows.shape[-2] % 2 == 0 else [0]  # 0 Hz and half the rate have no imaginary part
-        found[..., alone, :] /= np.sqrt(2)
-        return np.asarray(found)
+    def of_lines(self, lines: slice, power: float) -> ComplexArray:
+        """Return the residual of some lines over a power of one minus the leverage, (f, q, p)."""
+        real, imag = self.left[:, lines] / self.free[lines] ** power
+        return np.asarray(real + 1j * imag)
 
-    def times(self, rows: RealArray) -> Array:
-        """Return rows (..., K, c) over time, (..., T, c): samples as they are, lines of every run transformed."""
-        if not self.places:
-            return rows
-        lines, found = self.lines(rows), []
-        for run, place in self.places:
-            whole = np.zeros((*lines.shape[:-2], int(place.max()) + 1, lines.shape[-1]), complex)
-            whole[..., place, :] = lines[..., run, :]
-            found.append(np.fft.ifft(whole, axis=-2, norm="ortho"))
-        return np.concatenate(found, axis=-2)
+    def times(self, parts: RealArray) -> RealArray:
+        """Return lines (2, F, ...) over time, (1, T, ...) of samples, and (2, T, ...) of all runs: their transform is complex."""
+        if isinstance(self.places, int):
+            return _samples_of(parts, self.places)[None]
+        count = [int(place.max()) + 1 for _, place in self.places]
+        ends, flat = np.cumsum([0, *count]), parts.reshape(*parts.shape[:2], -1)
+        found = np.empty((2, ends[-1], flat.shape[2]))
+        for (lines, place), first, last in zip(self.places, ends, ends[1:], strict=False):
+            for column in range(flat.shape[2]):
+                whole = np.zeros(last - first, complex)
+                whole[place] = flat[0, lines, column] + 1j * flat[1, lines, column]
+                whole = np.fft.ifft(whole, norm="ortho")
+                found[0, first:last, column], found[1, first:last, column] = whole.real, whole.imag
+        return found.reshape(2, -1, *parts.shape[2:])
 
-    def scores(self, power: float) -> ComplexArray:
-        """Return the scores of lines of the residual over a power of one minus its leverage, (F, 2 n p)."""
-        K, p, a = self.W.shape
-        flat = self.W.reshape(K, -1)
-        real, imag = (self.lines(part).reshape(-1, p, a) for part in (flat.real, flat.imag))
-        return scores_of_lines((real, imag), self.point, self.fitted, self.of_lines(power))
+    def scores(self, power: float) -> Iterator[tuple[slice, ComplexArray]]:
+        """Yield some lines, and their scores of the residual over a power of one minus its leverage, (f, 2 n p)."""
+        for lines in self._some(self.W[0, 0].size + self.left[0, 0].size):
+            real, imag = self.W[:, lines]
+            W = real + 1j * imag
+            yield (
+                lines,
+                scores_of_lines((W[..., ::2], W[..., 1::2]), self.point, self.fitted, self.of_lines(lines, power)),
+            )
 
     def covariance(self, inverse: RealArray) -> RealArray:
         """Return C (sum_f Re z z^H) C / 2, z the scores of a line that is left out: the covariance of the unknowns, (2 n p, 2 n p)."""
-        Z = self.scores(1)
-        return np.asarray(inverse @ (Z.conj().T @ Z).real @ inverse / 2)
+        total = np.zeros_like(inverse)
+        for _, Z in self.scores(1):
+            total += (Z.conj().T @ Z).real
+        return np.asarray(inverse @ total @ inverse / 2)
 
     def own_of_shapes(self) -> RealArray:
         """Return the variance of the side that follows by least squares, poles and the other side held, from lines alike, (q, n)."""
-        rows = self.kept @ self.fitted.back.T
-        power = np.abs(self.lines(rows.reshape(len(rows), -1)).reshape(-1, *rows.shape[1:])) ** 2
-        each = np.einsum("fib,foi->ob", power, np.abs(self.of_lines(1)) ** 2, optimize=True) / 2
+        each = np.zeros((self.left.shape[2], self.kept.shape[3]))
+        for lines in self._some(self.left[0, 0].size):
+            power = np.sum((self.kept[:, lines] @ self.fitted.back.T) ** 2, axis=0)
+            each += np.einsum("fib,foi->ob", power, np.abs(self.of_lines(lines, 1)) ** 2, optimize=True) / 2
         return np.asarray(each.reshape(len(each), -1, 2).sum(axis=2))
 
     def told(self, gradients: tuple[RealArray, RealArray], inverse: RealArray) -> tuple[RealArray, tuple[Parts, Parts]]:
         """Return degrees of freedom of lines (2, n), and what parts in time say, of frequencies and of damping ratios.
 
-        `gradients`: of both by Re s and Im s of their pole, (n, 2) each.
+        `gradients`: of both by Re s and Im s of their pole, (n, 2) each. Influences lie in the span of the shapes, whose coordinates stand
+        for the channels where these are more.
         """
-        K, sides = len(self.left), self.point.sides.shape[1]
-        half, left = self.of_lines(0.5), self.times(self.left.reshape(K, -1))
-        degrees, parts = [], []
-        for j, by_pole in enumerate(np.stack(gradients, axis=1)):
-            steps = by_pole @ inverse[2 * sides * j : 2 * sides * j + 2]
-            u = influence_on_poles(self.W, self.fitted, steps).reshape(2, K, -1)
-            degrees.append(degrees_of_lines(self.lines(u), half.reshape(len(half), -1)))
-            parts.append(of_parts(self.times(u), left))
-        both = tuple(Parts(*(np.array([each[field][k] for each in parts]) for field in range(3))) for k in range(2))
-        return np.array(degrees).T, (both[0], both[1])
+        n = self.fitted.linear.shape[1]
+        steps = np.stack([g[:, None] @ inverse.reshape(n, -1, len(inverse))[:, :2] for g in gradients]).reshape(
+            2 * n, -1
+        )
+        across, R = np.linalg.qr(np.hstack([self.fitted.linear.real, self.fitted.linear.imag]))
+        shapes = R[:, :n] + 1j * R[:, n:]
+        w, half = np.empty((len(self.free), 2 * n)), self._seen(across, 0.5)
+        e = half[0] + 1j * half[1]
+        for lines in self._some(2 * n * e.shape[1]):
+            real, imag = (_level(influence_on_poles(part, shapes, steps)) for part in self.W[:, lines])
+            w[lines] = variances_of_lines(real + 1j * imag, e, lines.start)
+        W, left = self.times(self.W), self.times(self._seen(across, 0))
+        power, pull = np.zeros((2, 2 * n, W.shape[1]))
+        step = max(_NUMBERS_AT_A_TIME // (2 * n * left.shape[2]), 1)
+        for columns, found in zip(W, left, strict=True):
+            for start in range(0, len(columns), step):
+                s = slice(start, start + step)
+                u = _level(influence_on_poles(columns[s], shapes, steps))
+                power[:, s] += np.einsum("tbc,tbc->bt", u, u)
+                pull[:, s] += (u @ found[s, :, None])[:, :, 0].T
+        of_both = (of_parts(power[k], pull[k]) for k in (slice(n), slice(n, None)))
+        return degrees_of_lines(w).reshape(2, n), (next(of_both), next(of_both))
+
+    def _seen(self, across: RealArray, power: float) -> RealArray:
+        """Return what combinations (q, r) of the channels are left of the residual over a power of one minus its leverage, (2, F, p r)."""
+        found = np.empty((*self.left.shape[:2], self.left.shape[3] * across.shape[1]))
+        for lines in self._some(self.left[0, 0].size):
+            rows = self.left[:, lines] / self.free[lines] ** power
+            found[:, lines] = (rows.swapaxes(2, 3) @ across).reshape(*rows.shape[:2], -1)
+        return found
+
+
+#: Numbers that are computed at a time: 8 MB.
+_NUMBERS_AT_A_TIME = 1 << 20
+
+
+def _level(u: RealArray) -> RealArray:
+    """Return influence (K, b, p, q) with all channels side by side."""
+    return u.reshape(*u.shape[:2], -1)
 
 
 def _rows(point: Point, fitted: Fitted, inverse: RealArray, response: Response) -> _Rows:
     W, kept = columns_on_rows(point, fitted)
-    h, left = leverage(point, fitted, W, kept, inverse), residual(point, fitted)
-    lines = 0 if response.grid is None else response.count
-    h = np.concatenate([h[:lines] + h[lines:]] * 2) / 2 if lines else np.broadcast_to(h.mean(axis=0), h.shape)
+    count = 0 if response.grid is None else response.count
+    h, left = leverage(point, fitted, W, kept, inverse, 2 if count else 1), residual(point, fitted)
+    free = np.maximum(1 - (h if count else h.mean(axis=0)), _MIN_FREE)
+    rows = (W.view(np.float64), kept, left)
+    if not count:
+        lines = [_lines_of(each) for each in rows]
+        free = np.broadcast_to(free, (lines[0].shape[1], *free.shape))
+        return _Rows(point, fitted, lines[0], lines[1], lines[2], free, len(W))
     runs = point.problem.parts
-    run = np.zeros(lines, int) if runs is None else runs[:lines]
-    ends = np.flatnonzero(np.diff(run, prepend=-1, append=-1)) if lines else np.zeros(1, int)
+    run = np.zeros(count, int) if runs is None else runs[:count]
+    ends = np.flatnonzero(np.diff(run, prepend=-1, append=-1))
     frequencies = getattr(response, "frequencies", np.zeros(0))
     places = tuple((slice(a, b), _places(frequencies[a:b])) for a, b in pairwise(ends))
-    return _Rows(point, fitted, W, kept, left, np.maximum(1 - h, _MIN_FREE), places)
+    lines = [each.reshape(2, count, *each.shape[1:]) for each in rows]
+    return _Rows(point, fitted, lines[0], lines[1], lines[2], free, places)
+
+
+def _lines_of(samples: RealArray) -> RealArray:
+    """Return real and imaginary parts of the lines of samples (K, ...), (2, F, ...), that have the same power."""
+    found = np.sqrt(2) * np.fft.rfft(samples, axis=0, norm="ortho")
+    found[_alone(len(samples))] /= np.sqrt(2)
+    return np.stack([found.real, found.imag])
+
+
+def _samples_of(lines: RealArray, count: int) -> RealArray:
+    """Return the samples of such lines."""
+    found = (lines[0] + 1j * lines[1]) / np.sqrt(2)
+    found[_alone(count)] *= np.sqrt(2)
+    return np.asarray(np.fft.irfft(found, count, axis=0, norm="ortho"))
+
+
+def _alone(count: int) -> list[int]:
+    """Return the lines that have no imaginary part: 0 Hz and half the rate."""
+    return [0, -1] if count % 2 == 0 else [0]
 
 
 def _places(f: RealArray) -> Array:
