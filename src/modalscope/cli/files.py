@@ -21,6 +21,7 @@ from modalscope.cli.process import remark, say
 def add_info(parser: Parser) -> None:
     """Add the arguments of `info`."""
     add_files(parser)
+    parser.add_argument("--whole", action="store_true", help="search every pair of many channels for outlying lines")
 
 
 def info(options: argparse.Namespace) -> None:
@@ -46,7 +47,7 @@ def info(options: argparse.Namespace) -> None:
     if isinstance(data, Geometry | StateSpace | StabilizationDiagram):  # not measured
         return
     measured, units = si_form(data)
-    findings = examine(measured)
+    findings = examine(measured, whole=options.whole)
     say(*(f"units: {note}" for note in units), "quality:" if findings else "quality: no data problem found")
     say(*(f"  {finding}" for finding in findings))
 

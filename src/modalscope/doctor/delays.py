@@ -147,16 +147,16 @@ def exchanged(signals: Signals) -> list[Finding]:
     lags = y.shape[1] // 8
     length = fft.next_fast_len(2 * y.shape[1], real=True)
     U = fft.rfft(u, n=length, axis=1)
-    of_forces = fft.irfft(np.sum(np.abs(U) ** 2, axis=0), n=length, axis=0)
+    of_forces = np.sum(np.abs(U) ** 2, axis=0)
     early: list[tuple[str, str]] = []
     for dof, own in zip(signals.output_dofs, np.moveaxis(y, 2, 0), strict=True):  # one at a time: transforms are large
         Y = fft.rfft(own, n=length, axis=1)
-        of_output = fft.irfft(np.sum(np.abs(Y) ** 2, axis=0), n=length)
+        of_output = np.sum(Y.real**2 + Y.imag**2, axis=0)
         R = fft.irfft(np.sum(Y[:, :, None] * np.conj(U), axis=0), n=length, axis=0)
         size = np.sqrt(np.sum(own**2) * np.sum(u**2, axis=(0, 1)))
         after, before = (np.sum(side**2, axis=0) for side in (R[1 : lags + 1], R[-lags:]))
         # the correlation of independent records: |y| |u| / sqrt(N), times a factor for their own autocorrelations
-        chance = np.maximum(size, 1e-300) * _spread(of_output, of_forces, own.size)
+        chance = np.maximum(size, 1e-300) * _spread(of_output, of_forces, length, own.size)
         floor = lags * chance**2  # what chance adds to either side
         limit = _MIN_EARLY_RATIO * np.maximum(after - floor, 0.0) + _CHANCE_UNCERTAINTY * floor
         reversed_ = (np.abs(R).max(axis=0) > _MIN_CORRELATION * chance) & (before - floor > limit)
@@ -168,13 +168,17 @@ def exchanged(signals: Signals) -> list[Finding]:
     return [finding("exchanged", *dofs, outputs=", ".join(output_names), inputs=", ".join(input_names))]
 
 
-def _spread(of_output: RealArray, of_forces: RealArray, samples: int) -> RealArray:
+def _spread(of_output: RealArray, of_forces: RealArray, length: int, samples: int) -> RealArray:
     """Return the standard deviation of correlation coefficients of independent records: sqrt(sum_k r_y(k) r_u(k) / N).
 
-    `of_output` (K,), `of_forces` (K, m): autocorrelations. `samples`: N.
+    `of_output` (F,), `of_forces` (F, m): power on the lines of `length` samples; their products sum to those of the autocorrelations.
+    `samples`: N.
     """
-    scale = np.maximum(of_output[0] * of_forces[0], 1e-300)
-    return np.asarray(np.sqrt(np.maximum(of_output @ of_forces / scale, 1.0) / samples))
+    twice = np.full(len(of_output), 2.0)  # lines below zero
+    twice[[0] if length % 2 else [0, -1]] = 1
+    power = twice @ of_output * (twice @ of_forces)
+    scale = np.maximum(power / length, 1e-300)
+    return np.asarray(np.sqrt(np.maximum((twice * of_output) @ of_forces / scale, 1.0) / samples))
 
 
 def delayed(signals: Signals) -> list[Finding]:
@@ -191,9 +195,12 @@ def delayed(signals: Signals) -> list[Finding]:
     halves = (y[:, : y.shape[1] // 2], y[:, y.shape[1] // 2 :])
     length = min(length, halves[0].shape[1])
     candidates = spanning_outputs(signals)
-    whole, first, second = (_delays(half, length, candidates) for half in (y, *halves))
-    consistent = np.abs(first.delay - second.delay) <= _MAX_DISAGREEMENT * np.abs(whole.delay)
-    delayed = whole.better & consistent & (np.abs(whole.delay) * whole.omega >= _MIN_ANGLE)
+    whole = _delays(y, length, candidates)
+    delayed = whole.better & (np.abs(whole.delay) * whole.omega >= _MIN_ANGLE)
+    if not np.any(delayed):
+        return []
+    first, second = (_delays(half, length, candidates) for half in halves)
+    delayed &= np.abs(first.delay - second.delay) <= _MAX_DISAGREEMENT * np.abs(whole.delay)
     findings = []
     for i in np.flatnonzero(delayed):
         seconds, side = whole.delay[i] / signals.sampling_rate, "later" if whole.delay[i] > 0 else "earlier"
@@ -215,7 +222,7 @@ def _delays(y: RealArray, length: int, candidates: Sequence[int]) -> _Delays:
     references = list(candidates)
     spectra = cross_spectra(y, y[:, :, references], 1.0, Segments.of(y.shape[1], length))
     S, power = spectra.cross, np.maximum(spectra.output_powers, 1e-300)
-    coherence = np.abs(S) ** 2 / (power[:, :, None] * power[:, None, references])
+    coherence = (S.real**2 + S.imag**2) / (power[:, :, None] * power[:, None, references])
     best_candidate = int(np.argmax(coherence.sum(axis=(0, 1))))
     reference = references[best_candidate]
     pair, weight = S[1:, :, best_candidate], coherence[1:, :, best_candidate] ** 2

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from modalscope.data.notes import Finding
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
@@ -19,7 +21,7 @@ from modalscope.doctor.records import (
     events,
     leakage,
     noisy_channels,
-    predicted_by_inputs,
+    predicted,
     too_short,
     transposed,
 )
@@ -27,8 +29,9 @@ from modalscope.doctor.responses import MIN_COHERENCE, examine_response
 from modalscope.doctor.runs import changed_runs
 from modalscope.doctor.samples import frozen, overflows, spikes
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import check_kind
+from modalscope.numerics.checks import RealArray, check_kind
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.resources import one_thread
 from modalscope.preprocess.bands import swept_lines, useful_lines
 from modalscope.preprocess.excitation import find_excitation
 from modalscope.preprocess.frf import estimate_frf
@@ -38,7 +41,10 @@ _KINDS_OF_RESPONSES = {"low coherence", "reciprocity", "polarity", "swapped", "w
 
 
 @named()
-def examine(data: Signals | StoredSignals | StoredResponse | Records | Setups | Response) -> tuple[Finding, ...]:
+@one_thread
+def examine(
+    data: Signals | StoredSignals | StoredResponse | Records | Setups | Response, *, whole: bool = False
+) -> tuple[Finding, ...]:
     """Check data for common faults of measurement: each finding names channels, reason and remedy.
 
     The faults are overloaded, double and clipped hits; clipped, dead, noisy, duplicate, swapped and delayed channels; converter
@@ -52,6 +58,8 @@ def examine(data: Signals | StoredSignals | StoredResponse | Records | Setups | 
     ----------
     data : Signals, StoredSignals, StoredResponse, Records, Setups, FrequencyResponse or ImpulseResponse
         Of a stored record a stretch from its middle is examined, of stored responses some outputs.
+    whole : bool
+        Whether outlying lines are searched in every pair of many outputs and inputs, not in a sample of them; see `sampled`.
 
     Returns
     -------
@@ -73,14 +81,14 @@ def examine(data: Signals | StoredSignals | StoredResponse | Records | Setups | 
         data = data.excerpt()
     check_size(data)
     if isinstance(data, Response):
-        return tuple(examine_response(data.picture()))
+        return tuple(examine_response(data.picture(), whole=whole))
     if isinstance(data, Records | Setups):
         parts = data.stacked() if isinstance(data, Records) else data.parts
-        return tuple(dict.fromkeys(finding for part in parts for finding in _examine_record(part)))
-    return tuple(_examine_record(data))
+        return tuple(dict.fromkeys(finding for part in parts for finding in _examine_record(part, whole)))
+    return tuple(_examine_record(data, whole))
 
 
-def _examine_record(signals: Signals) -> list[Finding]:
+def _examine_record(signals: Signals, whole: bool) -> list[Finding]:
     findings = transposed(signals)
     if findings:  # all other checks take columns for channels
         return findings
@@ -116,14 +124,17 @@ def _examine_record(signals: Signals) -> list[Finding]:
     explained = {dof for f in (*changed, *altered) for dof in f.channels}
     if any(f.kind == "places" for f in changed):
         explained.update(moving.output_dofs)
-    noisy = [f for f in noisy_channels(moving, kind) if f.channels[0] not in explained]
+    part = None if kind in ("impact", "sweep", "burst") else predicted(moving)
+    noisy = [f for f in noisy_channels(moving, part) if f.channels[0] not in explained]
     findings += noisy
     if forced:
-        findings += _of_response(moving, kind, bool(short), explained | {f.channels[0] for f in noisy})
+        findings += _of_response(moving, kind, part, bool(short), explained | {f.channels[0] for f in noisy}, whole)
     return findings
 
 
-def _of_response(signals: Signals, kind: str, short: bool, explained: set[str]) -> list[Finding]:
+def _of_response(
+    signals: Signals, kind: str, part: RealArray | None, short: bool, explained: set[str], whole: bool
+) -> list[Finding]:
     """Return what the estimated response shows in addition to the record; low coherence only where nothing else explains it."""
     if signals.runs == 1 and signals.samples < 64 * len(signals.input_dofs):
         return []
@@ -137,8 +148,10 @@ def _of_response(signals: Signals, kind: str, short: bool, explained: set[str]) 
         lines &= useful_lines(signals, response.frequencies)
     elif kind in ("sweep", "burst"):
         lines &= swept_lines(signals, response.frequencies)
-    findings = (f for f in examine_response(response.at_lines(lines)) if f.kind in _KINDS_OF_RESPONSES)
+    findings = (f for f in examine_response(response.at_lines(lines), whole=whole) if f.kind in _KINDS_OF_RESPONSES)
     if kind == "random":  # on lines without force a response is noise, and so is its coherence
-        predicted = zip(signals.output_dofs, predicted_by_inputs(signals), strict=True)
-        explained = explained | {dof for dof, part in predicted if part > MIN_COHERENCE}
+        by_inputs = np.ones(len(signals.output_dofs)) if part is None else part
+        explained = explained | {
+            dof for dof, share in zip(signals.output_dofs, by_inputs, strict=True) if share > MIN_COHERENCE
+        }
     return [f for f in findings if f.kind != "low coherence" or not (short or f.channels[0] in explained)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -237,13 +237,15 @@ def _sides_of_runs(records: Records) -> list[Side]:
     return [side for side in sides if side[1].shape[1]]
 
 
-def channels_of(signals: Signals, *, inputs: bool = True) -> list[tuple[str, list[RealArray]]]:
-    """Return every channel with its label, run by run, those of the inputs last."""
+def channels_of(signals: Signals, *, inputs: bool = True) -> Iterator[tuple[str, list[RealArray]]]:
+    """Yield every channel with its label, run by run, those of the inputs last: copies, whose samples lie side by side."""
     outputs, forces = signals.by_run()
     sides = [(outputs, signals.output_dofs)]
     if forces is not None and inputs:
         sides.append((forces, signals.input_dofs))
-    return [(dof, [run[:, i] for run in runs]) for runs, labels in sides for i, dof in enumerate(labels)]
+    for runs, labels in sides:
+        for i, dof in enumerate(labels):
+            yield dof, [np.ascontiguousarray(run[:, i]) for run in runs]
 
 
 def dead_channels(samples: Array, labels: Sequence[str]) -> list[Finding]:

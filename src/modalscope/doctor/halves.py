@@ -103,16 +103,17 @@ def _halves(signals: Signals) -> Halves | None:
         return None
     spectra, effective = [], 1.0
     for part in (x[:, :half], x[:, half : 2 * half]):
-        y = part - part.mean(axis=1, keepdims=True)
-        found = cross_spectra(y, y[:, :, predictors], 1.0, Segments.of(half, length))
+        found = cross_spectra(part, part[:, :, predictors], 1.0, Segments.of(half, length), centred=True)
         spectra.append(_Spectra(found.outputs[1:], found.cross[1:], found.inputs[1:]))
         effective = found.effective
     if not all(np.all(S.power.sum(axis=0) > 0) for S in spectra):
         return None
     own, other = np.ones((2, channels)), np.ones((2, channels))
-    for i in range(channels):
-        o = [k for k, j in enumerate(predictors) if j != i]
-        if not o:
+    every = list(range(len(predictors)))
+    alike = [i for i in range(channels) if i not in predictors]  # predicted by all, by one factorization
+    each = [([i], [k for k, j in enumerate(predictors) if j != i]) for i in predictors]
+    for i, o in [(alike, every), *each]:
+        if not o or not i:
             continue
         responses = [_response(S, i, o) for S in spectra]
         for k, S in enumerate(spectra):
@@ -130,19 +131,21 @@ class _Spectra(NamedTuple):
     predictors: ComplexArray
 
 
-def _response(S: _Spectra, i: int, others: list[int]) -> ComplexArray:
-    """Return the response h (F, o) of channel i to some predictors, S_io S_oo^-1."""
+def _response(S: _Spectra, channels: list[int], others: list[int]) -> ComplexArray:
+    """Return the responses h (F, c, o) of channels to some predictors, S_io S_oo^-1."""
     A = S.predictors[:, others][:, :, others]
     load = _LOADING * np.einsum("fii->f", A).real / len(others)
     A = A + load[:, None, None] * np.eye(len(others))
-    return np.asarray(np.linalg.solve(A.transpose(0, 2, 1), S.cross[:, i, others][:, :, None])[:, :, 0])
+    cross = S.cross[:, channels][:, :, others]
+    return np.asarray(np.linalg.solve(A.transpose(0, 2, 1), cross.transpose(0, 2, 1)).transpose(0, 2, 1))
 
 
-def _unpredicted(S: _Spectra, i: int, others: list[int], h: ComplexArray) -> float:
-    """Return the part of a channel's power that a response to some predictors leaves."""
-    cross = np.einsum("fo,fo->f", h.conj(), S.cross[:, i, others]).real
-    predicted = np.sum((h[:, None] @ S.predictors[:, others][:, :, others])[:, 0] * h.conj(), axis=1).real
-    return float(np.sum(S.power[:, i] - 2 * cross + predicted) / np.sum(S.power[:, i]))
+def _unpredicted(S: _Spectra, channels: list[int], others: list[int], h: ComplexArray) -> RealArray:
+    """Return the part of the power of channels that responses to some predictors leave, (c,)."""
+    cross = np.sum(h.conj() * S.cross[:, channels][:, :, others], axis=2).real
+    predicted = np.sum((h @ S.predictors[:, others][:, :, others]) * h.conj(), axis=2).real
+    power = S.power[:, channels]
+    return np.asarray(np.sum(power - 2 * cross + predicted, axis=0) / np.sum(power, axis=0))
 
 
 def _broken(signals: Signals, halves: Halves) -> list[Finding]:
@@ -235,10 +238,12 @@ def _most_coherent(X: ComplexArray) -> int:
 
     `X` (c, R, K, F).
     """
-    total = np.zeros(len(X))
-    for f in range(X.shape[3]):
-        own = X[:, :, :, f].reshape(len(X), -1)
-        total += np.abs(own.conj() @ own.T).sum(axis=0)
+    total, count = np.zeros(len(X)), X.shape[3]
+    for first in range(0, count, _LINES):
+        of_lines = np.ascontiguousarray(
+            X[..., first : first + _LINES].reshape(len(X), -1, min(_LINES, count - first)).transpose(2, 0, 1)
+        )
+        total += np.abs(of_lines.conj() @ of_lines.swapaxes(1, 2)).sum(axis=(0, 1))
     return int(np.argmax(total))
 
 

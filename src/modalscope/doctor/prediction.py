@@ -161,11 +161,14 @@ def _isolated(model: Correlations) -> list[IsolatedSample]:
     samples = []
     for r, run in enumerate(model.runs):
         z = _filtered(run, np.asarray(W)) / root
+        large = np.argwhere(np.abs(z) > limit)
+        if not len(large):
+            continue
         # e' S^-1 e of the prediction from the past at the samples p ..., the largest of three: the size of a blow
         e = _filtered(run, np.asarray(ahead))
         squares = np.sum(e * np.linalg.solve(ahead[:, p], e.T).T, axis=1)
         blow = scipy.ndimage.maximum_filter1d(squares, 3)[: len(z)]
-        for k, i in np.argwhere(np.abs(z) > limit):
+        for k, i in large:
             if _explains(z, int(k), int(i), blow, pattern[:, :, i], limit):
                 x = float(run[k + p, i])
                 samples.append(IsolatedSample(r, int(k) + p, int(i), x, x - float(z[k, i] / root[i])))
@@ -175,14 +178,19 @@ def _isolated(model: Correlations) -> list[IsolatedSample]:
 def _filtered(run: RealArray, weights: RealArray) -> RealArray:
     """Return sum_i w_i x(t + i) of a run (N, l) at all times t that it covers, for weights (n, count, l) of `count` samples.
 
-    The samples that lie under the weights are a row of a product, some thousand times in one.
+    As many times as there are weights come from one row of a product: twice the multiplications, without a copy of the samples under the
+    weights of each time.
     """
     n, count, l = weights.shape
-    flat = np.ascontiguousarray(run).ravel()
-    under = sliding_window_view(flat, count * l)[::l]
-    columns = weights.reshape(n, count * l).T
-    step = max(_NUMBERS_AT_A_TIME // (count * l), 1)
-    return np.concatenate([np.ascontiguousarray(under[k : k + step]) @ columns for k in range(0, len(under), step)])
+    times = len(run) - count + 1
+    flat = np.concatenate([run.ravel(), np.zeros((2 * count - 1) * l)])
+    under = sliding_window_view(flat, (2 * count - 1) * l)[:: count * l][: -(-times // count)]
+    columns = np.zeros((2 * count - 1, l, count, n))
+    for k in range(count):
+        columns[k : k + count, :, k] = weights.transpose(1, 2, 0)
+    step, columns = max(_NUMBERS_AT_A_TIME // under.shape[1], 1), columns.reshape(under.shape[1], -1)
+    blocks = [np.ascontiguousarray(under[k : k + step]) @ columns for k in range(0, len(under), step)]
+    return np.asarray(np.concatenate(blocks).reshape(-1, n)[:times])
 
 
 def _explains(z: RealArray, k: int, i: int, blow: RealArray, pattern: RealArray, limit: float) -> bool:

@@ -159,14 +159,11 @@ def _transformed(signals: Signals, kind: str) -> RealArray:
     return without_offset(signals, "impact")[0]
 
 
-def noisy_channels(signals: Signals, kind: str) -> list[Finding]:
-    """Compare how much of every output's power follows from the inputs, or from the other outputs when nothing was driven."""
+def noisy_channels(signals: Signals, part: RealArray | None) -> list[Finding]:
+    """Compare how much of every output's power follows from the inputs, or from the other outputs when nothing was driven: `predicted`."""
     outputs, inputs = signals.by_run()
     l = outputs.shape[2]
-    if l < 3 or kind in ("impact", "sweep", "burst"):
-        return []
-    part = _predicted(outputs, inputs, signals.sampling_rate)
-    if part is None:
+    if l < 3 or part is None:
         return []
     limit = _MAX_PREDICTED_BY_OUTPUTS if inputs is None else _MAX_PREDICTED
     usual = float(np.median(part))
@@ -184,24 +181,16 @@ def noisy_channels(signals: Signals, kind: str) -> list[Finding]:
     return list(findings.values())
 
 
-def predicted_by_inputs(signals: Signals) -> RealArray:
-    """Return the part of every output's power that follows from the inputs (l,), on all lines together; 1 where a record is too short."""
-    outputs, inputs = signals.by_run()
-    part = _predicted(outputs, inputs, signals.sampling_rate)
-    return np.ones(outputs.shape[2]) if part is None else part
-
-
-def _predicted(outputs: RealArray, inputs: RealArray | None, rate: float, averages: int = 8) -> RealArray | None:
+def predicted(signals: Signals) -> RealArray | None:
     """Return the part of every output's power that follows from the inputs, or from the other outputs without any; None if too short."""
+    (outputs, inputs), rate = signals.by_run(), signals.sampling_rate
     runs, samples, l = outputs.shape
     others = l - 1 if inputs is None else inputs.shape[2]
     averages = 8 if inputs is None else 4  # few inputs need few averages, and short segments leak
     length = min(samples, runs * samples // (averages * (others + 1)))
-    if length < 32:
+    if length < 32 or (inputs is None and l < 3):
         return None
-    y = outputs - outputs.mean(axis=1, keepdims=True)
-    u = None if inputs is None else inputs - inputs.mean(axis=1, keepdims=True)
-    spectra = cross_spectra(y, u, rate, Segments.of(samples, length), whole=inputs is None)
+    spectra = cross_spectra(outputs, inputs, rate, Segments.of(samples, length), whole=inputs is None, centred=True)
     if inputs is None:
         explained = _from_others(spectra.outputs)
     else:

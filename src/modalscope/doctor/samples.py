@@ -111,14 +111,17 @@ def frozen(signals: Signals) -> list[Finding]:
 
     Where equal neighbours are common, as in coarse steps, the stretch must be longer than chance makes one.
     """
-    channels = channels_of(signals)
-    stretches = [[(r, a, b) for r, x in enumerate(runs) for a, b in equal_stretches(x)] for _, runs in channels]
+    of_channels = [
+        (dof, [(r, a, b) for r, x in enumerate(runs) for a, b in equal_stretches(x)])
+        for dof, runs in channels_of(signals)
+    ]
+    stretches = [of_channel for _, of_channel in of_channels]
     gaps = set.intersection(*map(set, stretches)) if len(stretches) > 1 else set()
     findings = []
     if gaps:
-        dofs = [dof for (dof, _), of_channel in zip(channels, stretches, strict=True) if of_channel]
+        dofs = [dof for dof, of_channel in of_channels if of_channel]
         findings.append(finding("gap", *dofs, stretches=_in_words(sorted(gaps), signals)))
-    for (dof, _), of_channel in zip(channels, stretches, strict=True):
+    for dof, of_channel in of_channels:
         if alone := [stretch for stretch in of_channel if stretch not in gaps]:
             findings.append(finding("frozen", dof, stretches=_in_words(alone, signals)))
     return findings

@@ -32,6 +32,9 @@ _MIN_RESIDUAL = 1e-12
 #: Relative difference of what two channels explain below which the first of them is chosen.
 _TIE = 1e-9
 
+#: Samples whose products are summed at a time: those of all samples without their means would be a copy of the record.
+_SAMPLES_AT_A_TIME = 4096
+
 #: Maximum number of lags by default; a tenth of the samples of all runs where these are fewer.
 _MAX_DEFAULT_LAGS = 2000
 
@@ -58,8 +61,11 @@ def spanning_outputs(signals: Signals, most: int = MOST_REFERENCES) -> tuple[int
     count = outputs.shape[2]
     if count <= most:
         return tuple(range(count))
-    y = outputs - outputs.mean(axis=1, keepdims=True)
-    covariance = np.einsum("rti,rtj->ij", y, y, optimize=True)
+    covariance = np.zeros((count, count))
+    for run, mean in zip(outputs, outputs.mean(axis=1), strict=True):
+        for start in range(0, len(run), _SAMPLES_AT_A_TIME):
+            y = run[start : start + _SAMPLES_AT_A_TIME] - mean
+            covariance += y.T @ y
     size = np.sqrt(np.diag(covariance))
     size = np.where(size > 0, size, np.inf)
     R = covariance / np.outer(size, size)

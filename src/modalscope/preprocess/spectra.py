@@ -125,12 +125,13 @@ def silent_lines(spectra: CrossSpectra) -> Array:
     return np.asarray(np.any(power <= _SILENT_POWER * power.max(axis=0), axis=1))
 
 
-def _pieces(records: Array, segments: Segments, at_once: int) -> Iterator[Array]:
-    """Yield groups of segments (p, samples, channels) of all runs."""
+def _pieces(records: Array, segments: Segments, at_once: int, centred: bool) -> Iterator[Array]:
+    """Yield groups of segments (p, samples, channels) of all runs, `centred` without the means of their run."""
     for run in records:
+        mean = run.mean(axis=0) if centred else 0.0
         for first in range(0, len(segments.starts), at_once):
             group = segments.starts[first : first + at_once]
-            yield np.stack([run[start : start + segments.length] for start in group])
+            yield np.stack([run[start : start + segments.length] - mean for start in group])
 
 
 def cross_spectra(
@@ -141,11 +142,13 @@ def cross_spectra(
     *,
     transform: Transform | None = None,
     whole: bool = False,
+    centred: bool = False,
 ) -> CrossSpectra:
     """Average the cross spectral matrices of records (R, N, l) and (R, N, m) over segments and runs.
 
     The records are real, or complex ones that were shifted in frequency (see `modalscope.preprocess.plans`). The lines are those of the
-    discrete Fourier transform by default. `whole` computes the whole matrix of the outputs instead of their powers.
+    discrete Fourier transform by default. `whole` computes the whole matrix of the outputs instead of their powers,
+    `centred` subtracts the means of every run.
     """
     if transform is None:
         lines_hz = fft.rfftfreq(segments.length, 1 / sampling_rate)
@@ -155,14 +158,14 @@ def cross_spectra(
     Syy = np.zeros((lines, l, l) if whole else (lines, l), dtype=complex if whole else float)
     Syu, Suu = np.zeros((lines, l, m), dtype=complex), np.zeros((lines, m, m), dtype=complex)
     at_once = max(1, _MAX_NUMBERS // (segments.length * (l + m)))
-    pairs = zip(_pieces(outputs, segments, at_once), _pieces(inputs, segments, at_once), strict=True)
+    pairs = zip(*(_pieces(x, segments, at_once, centred) for x in (outputs, inputs)), strict=True)
     for y, u in pairs:
         Y = transform.apply(y * segments.output_window[:, None]).transpose(1, 2, 0)  # (F, l, p)
         U = transform.apply(u * segments.input_window[:, None]).transpose(1, 2, 0)
         conjugate = np.conj(U).transpose(0, 2, 1)
         Syu += Y @ conjugate
         Suu += U @ conjugate
-        Syy += Y @ np.conj(Y).transpose(0, 2, 1) if whole else np.sum(np.abs(Y) ** 2, axis=2)
+        Syy += Y @ np.conj(Y).transpose(0, 2, 1) if whole else np.sum(Y.real**2 + Y.imag**2, axis=2)
     count = outputs.shape[0] * len(segments.starts)
     density = 2 / (sampling_rate * float(np.sum(segments.output_window**2)) * count)
     scale = np.full(lines, density)

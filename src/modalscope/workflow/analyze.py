@@ -15,6 +15,7 @@ from modalscope.data.response import Response
 from modalscope.data.results import Result, StabilizationDiagram
 from modalscope.data.shown import summary_of
 from modalscope.doctor.examine import examine
+from modalscope.doctor.responses import sampled
 from modalscope.identification.options import AllOptions, labels_of
 from modalscope.identification.orders import MAX_ORDERS
 from modalscope.judging.select import selected
@@ -155,6 +156,7 @@ def concluded(
         *(note for look in looks for note in look.notes),
         *told,
         *(Note(f"data: {finding.kind}", {}, str(finding)) for finding in findings),
+        *sampled(data),
         *([] if leakage is None else [leakage]),
         *_unexplained(modes, diagrams),
         *(note for diagram in diagrams for note in diagram.notes),
