@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import hypergeom
 
 from modalscope.data import DataError, FrequencyResponse, Signals
 from modalscope.doctor import examine
-from modalscope.doctor.responses import isolated_lines, no_phase
+from modalscope.doctor.responses import isolated_lines, lone_lines, no_phase, sampled
 from modalscope.doctor.samples import equal_stretches, spikes_of, wraps
 from modalscope.numerics.checks import Array
 from modalscope.systems import chain5
@@ -180,3 +181,24 @@ def test_a_resonance_narrower_than_a_line_is_no_lone_line_and_mains_beside_it_ar
     assert isolated_lines(H).tolist() == []
     H[200] *= 10
     assert isolated_lines(H).tolist() == [200]
+
+
+@pytest.mark.parametrize(("outputs", "searched"), [(84, ()), (400, (84.0, 400.0))])
+def test_of_many_pairs_a_sample_is_searched_and_the_chance_to_miss_a_line_is_said(
+    outputs: int, searched: tuple[float, ...]
+) -> None:
+    f, w = np.linspace(1, 20, 200), 2 * np.pi * np.random.default_rng(0).uniform(3, 15, outputs)
+    H = 1 / (w**2 - (2 * np.pi * f[:, None]) ** 2 + 0.1j * w * 2 * np.pi * f[:, None])
+    response = FrequencyResponse(values=H[:, :, None], frequencies=f, quantity="displacement")
+    notes = sampled(response)
+    assert [(note.numbers["pairs"], note.numbers["of"]) for note in notes] == ([searched] if searched else [])
+    for note in notes:
+        assert note.numbers["missed"] == pytest.approx(hypergeom.cdf(2, outputs, outputs // 10, 84), rel=1e-9)
+    assert not lone_lines(response)
+    changed = H.copy()
+    changed[120] *= 5
+    shown = FrequencyResponse(values=changed[:, :, None], frequencies=f, quantity="displacement")
+    assert [str(finding) for finding in lone_lines(shown)] == [
+        str(finding) for finding in lone_lines(shown, whole=True)
+    ]
+    assert lone_lines(shown)[0].frequencies == (f[120],)

@@ -191,15 +191,14 @@ def delayed(signals: Signals) -> list[Finding]:
     length = min(signals.runs * signals.samples // (_PAIR_SEGMENTS // 2), signals.samples, 4096)
     if outputs.shape[2] < 3 or length < _MIN_PAIR_SEGMENT or len(set(signals.quantities)) > 1:
         return []
-    y = outputs[:, :_MAX_SAMPLES] - outputs[:, :_MAX_SAMPLES].mean(axis=1, keepdims=True)
-    halves = (y[:, : y.shape[1] // 2], y[:, y.shape[1] // 2 :])
-    length = min(length, halves[0].shape[1])
+    y = outputs[:, :_MAX_SAMPLES]
+    length = min(length, y.shape[1] // 2)
     candidates = spanning_outputs(signals)
     whole = _delays(y, length, candidates)
     delayed = whole.better & (np.abs(whole.delay) * whole.omega >= _MIN_ANGLE)
     if not np.any(delayed):
         return []
-    first, second = (_delays(half, length, candidates) for half in halves)
+    first, second = (_delays(half, length, candidates) for half in (y[:, : y.shape[1] // 2], y[:, y.shape[1] // 2 :]))
     delayed &= np.abs(first.delay - second.delay) <= _MAX_DISAGREEMENT * np.abs(whole.delay)
     findings = []
     for i in np.flatnonzero(delayed):
@@ -220,12 +219,15 @@ class _Delays(NamedTuple):
 def _delays(y: RealArray, length: int, candidates: Sequence[int]) -> _Delays:
     """Return the delays of records (R, N, l) from segments, against the candidate with the largest coherence with the others."""
     references = list(candidates)
-    spectra = cross_spectra(y, y[:, :, references], 1.0, Segments.of(y.shape[1], length))
+    spectra = cross_spectra(y, y[:, :, references], 1.0, Segments.of(y.shape[1], length), centred=True)
     S, power = spectra.cross, np.maximum(spectra.output_powers, 1e-300)
-    coherence = (S.real**2 + S.imag**2) / (power[:, :, None] * power[:, None, references])
-    best_candidate = int(np.argmax(coherence.sum(axis=(0, 1))))
+
+    def coherence(k: int) -> RealArray:  # of one candidate at a time: of all it would take as much as the record
+        return np.asarray((S[..., k].real ** 2 + S[..., k].imag ** 2) / (power * power[:, references[k], None]))
+
+    best_candidate = int(np.argmax([coherence(k).sum() for k in range(len(references))]))
     reference = references[best_candidate]
-    pair, weight = S[1:, :, best_candidate], coherence[1:, :, best_candidate] ** 2
+    pair, weight = S[1:, :, best_candidate], coherence(best_candidate)[1:] ** 2
     weight = weight / np.maximum(weight.sum(axis=0), 1e-300)
     omega = 2 * np.pi * np.arange(1, len(S)) / length
     mean = omega @ weight

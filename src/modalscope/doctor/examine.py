@@ -105,7 +105,8 @@ def _examine_record(signals: Signals, whole: bool) -> list[Finding]:
     findings += spikes(signals, kind, {f.channels[0] for f in overflowed}, isolated)
     if not all(moving_channels.values()):
         return findings
-    moving = signals.select(**{f"{side}s": chosen for side, chosen in moving_channels.items()})
+    every = len(signals.output_dofs) + len(signals.input_dofs) == sum(map(len, moving_channels.values()))
+    moving = signals if every else signals.select(**{f"{side}s": chosen for side, chosen in moving_channels.items()})
     single = events(moving)
     altered = changes(moving, "event" if single else kind)
     findings += single + missing_samples(moving, kind) + altered

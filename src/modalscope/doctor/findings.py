@@ -263,7 +263,7 @@ def identical_channels(samples: Array, labels: Sequence[str]) -> list[Finding]:
     """Find channels (N, c) that are multiples of an earlier one to 1e-6; constant channels are skipped."""
     x = np.concatenate([samples.real, samples.imag]) if np.iscomplexobj(samples) else np.array(samples, dtype=float)
     x -= x.mean(axis=0)
-    size = np.linalg.norm(x, axis=0)
+    size = np.sqrt(np.einsum("ni,ni->i", x, x))
     x /= np.where(size > 0, size, 1)
     return [
         finding("duplicate", labels[i], labels[j], factor=float(x[:, i] @ x[:, j]) * size[j] / size[i])

@@ -87,22 +87,24 @@ class Halves(NamedTuple):
     other: RealArray
 
 
-def _channels(signals: Signals) -> RealArray:
-    """Return outputs and inputs side by side, (R, N, c)."""
+def _channels(signals: Signals, samples: slice) -> RealArray:
+    """Return some samples of outputs and inputs side by side, (R, n, c)."""
     outputs, inputs = signals.by_run()
-    return outputs if inputs is None else np.concatenate([outputs, inputs], axis=2)
+    part = outputs[:, samples]
+    return part if inputs is None else np.concatenate([part, inputs[:, samples]], axis=2)
 
 
 def _halves(signals: Signals) -> Halves | None:
     """Return what is not predicted in the halves of a record; None where it is too short, or a channel is at rest in one."""
-    x, outputs = _channels(signals), len(signals.output_dofs)
-    half, channels = signals.samples // 2, x.shape[2]
+    outputs, half = len(signals.output_dofs), signals.samples // 2
+    channels = outputs + len(signals.input_dofs)
     predictors = [*spanning_outputs(signals, _MAX_PREDICTORS), *range(outputs, channels)]
-    length = min(half * len(x) // (_AVERAGES * (len(predictors) + 1)), half, _MAX_SEGMENT)
+    length = min(half * signals.runs // (_AVERAGES * (len(predictors) + 1)), half, _MAX_SEGMENT)
     if channels < 2 or length < _MIN_SEGMENT:
         return None
     spectra, effective = [], 1.0
-    for part in (x[:, :half], x[:, half : 2 * half]):
+    for samples in (slice(half), slice(half, 2 * half)):
+        part = _channels(signals, samples)
         found = cross_spectra(part, part[:, :, predictors], 1.0, Segments.of(half, length), centred=True)
         spectra.append(_Spectra(found.outputs[1:], found.cross[1:], found.inputs[1:]))
         effective = found.effective
@@ -186,17 +188,17 @@ def clocks(signals: Signals) -> list[Finding]:
 
 def _rates(signals: Signals) -> tuple[RealArray, RealArray, BoolArray]:
     """Return the rate of every channel's delay (c,), the gain by it, and whether both halves of the record gain."""
-    x, length = _channels(signals)[:_MAX_RUNS], min(signals.samples // _STRETCHES, _MAX_STRETCH)
-    channels = x.shape[2]
+    length, runs = min(signals.samples // _STRETCHES, _MAX_STRETCH), min(signals.runs, _MAX_RUNS)
+    channels = len(signals.output_dofs) + len(signals.input_dofs)
     if channels < 2 or length < _MIN_SEGMENT:
         return np.zeros(channels), np.zeros(channels), np.zeros(channels, dtype=bool)
     count = min(signals.samples // length, _MAX_STRETCHES)
     starts = length * np.round(np.linspace(0, signals.samples // length - 1, count)).astype(int)
     window = np.hanning(length)[:, None]
-    X = np.empty((channels, len(x), count, (length - 1) // 2), dtype=complex)  # a channel after the other
-    for r, run in enumerate(x):
-        for k, s in enumerate(starts):
-            X[:, r, k] = fft.rfft(run[s : s + length] * window, axis=0)[1 : 1 + X.shape[3]].T
+    X = np.empty((channels, runs, count, (length - 1) // 2), dtype=complex)  # a channel after the other
+    for k, s in enumerate(starts):
+        part = _channels(signals, slice(s, s + length))[:runs]
+        X[:, :, k] = fft.rfft(part * window, axis=1)[:, 1 : 1 + X.shape[3]].transpose(2, 0, 1)
     for own in X:
         own /= np.sqrt(np.maximum(np.mean(np.abs(own) ** 2, axis=(0, 1)), np.finfo(float).tiny))
     reference = _most_coherent(X)

@@ -214,10 +214,10 @@ def _from_others(S: Array) -> RealArray:
 def too_short(signals: Signals) -> list[Finding]:
     """Find a record too short for the decay of its strongest resonance, estimated from its correlation; harmonics are excluded."""
     outputs, _ = signals.by_run()
-    y = outputs - outputs.mean(axis=1, keepdims=True)
-    i = int(np.argmax(np.mean(y**2, axis=(0, 1)) / np.maximum(np.median(y**2, axis=(0, 1)), np.finfo(float).tiny)))
+    i = int(np.argmax([_peakedness(y) for y in np.moveaxis(outputs, 2, 0)]))
+    y = outputs[:, :, i] - outputs[:, :, i].mean(axis=1, keepdims=True)
     length = fft.next_fast_len(2 * signals.samples, real=True)
-    power = np.mean(np.abs(fft.rfft(y[:, :, i], n=length, axis=1)) ** 2, axis=0)
+    power = np.mean(np.abs(fft.rfft(y, n=length, axis=1)) ** 2, axis=0)
     lines = fft.rfftfreq(length, 1 / signals.sampling_rate)
     slowest = _slowest(signals, power, lines)
     if slowest is not None:  # only here, as it takes longer than all the rest
@@ -233,6 +233,12 @@ def too_short(signals: Signals) -> list[Finding]:
     measured: dict[str, Any] = {"seconds": seconds, "count": count, "frequency": f0, "damping": damping}
     measured |= {"scatter": 100 / np.sqrt(count), "needed": 100 * constant}
     return [finding("short record: decay", signals.output_dofs[i], at=(f0,), **measured)]
+
+
+def _peakedness(runs: RealArray) -> float:
+    """Return the mean square of a channel (R, N) over the median one."""
+    squares = (runs - runs.mean(axis=1, keepdims=True)) ** 2
+    return float(np.mean(squares)) / max(float(np.median(squares)), np.finfo(float).tiny)
 
 
 def _slowest(signals: Signals, power: RealArray, lines: RealArray) -> tuple[float, float] | None:

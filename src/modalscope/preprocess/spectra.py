@@ -163,7 +163,9 @@ def cross_spectra(
         Y = transform.apply(y * segments.output_window[:, None]).transpose(1, 2, 0)  # (F, l, p)
         U = transform.apply(u * segments.input_window[:, None]).transpose(1, 2, 0)
         conjugate = np.conj(U).transpose(0, 2, 1)
-        Syu += Y @ conjugate
+        step = max(_MAX_NUMBERS // max(l * m, 1), 1)
+        for k in range(0, lines, step):
+            Syu[k : k + step] += Y[k : k + step] @ conjugate[k : k + step]
         Suu += U @ conjugate
         Syy += Y @ np.conj(Y).transpose(0, 2, 1) if whole else np.sum(Y.real**2 + Y.imag**2, axis=2)
     count = outputs.shape[0] * len(segments.starts)
@@ -172,11 +174,13 @@ def cross_spectra(
     if not np.iscomplexobj(outputs):  # lines of real records include their negative frequencies, except at both ends
         f = transform.frequencies
         scale[(f == 0) | (np.abs(f - sampling_rate / 2) < 1e-9 * sampling_rate)] *= 0.5
+    for S in (Syy, Syu, Suu):
+        S *= scale.reshape(-1, *(1,) * (S.ndim - 1))
     return CrossSpectra(
         frequencies=transform.frequencies,
-        outputs=Syy * (scale[:, None, None] if whole else scale[:, None]),
-        cross=Syu * scale[:, None, None],
-        inputs=Suu * scale[:, None, None],
+        outputs=Syy,
+        cross=Syu,
+        inputs=Suu,
         averages=count,
         effective=effective_averages(segments.output_window, segments.starts, outputs.shape[0]),
     )
