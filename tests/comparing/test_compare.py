@@ -337,3 +337,21 @@ def test_a_consensus_that_explains_too_little_says_so_first() -> None:
 
 def test_every_cause_has_a_remedy() -> None:
     assert all(text.endswith(".") for text in CAUSES.values())
+
+
+def test_all_sets_shows_rows_without_a_vote_which_decide_nothing_and_results_come_one_by_one() -> None:
+    response = systems.chain5().frequency_response(np.linspace(0.1, 9, 200), noise=0.01, seed=0)
+    orders, came = range(4, 17, 6), []
+    usual = compare(response, orders=orders)
+    every = compare(response, orders=orders, all_sets=True, partial=came.append)
+    aside = [result for result in every.results if not result.method.votes]
+    assert {result.method.name for result in aside} == {"loewner", "aaa", "vector-fitting"}
+    assert not any(result.exact for result in aside)
+    assert any(result.method.votes for result in usual.results)
+    assert [trust.why for trust in every.trust] == [trust.why for trust in usual.trust]
+    assert np.array_equal(every.modes.frequencies, usual.modes.frequencies)
+    assert any("Shown without a vote" in str(note) and "loewner (s)" in str(note) for note in every.notes)
+    assert sorted(result.name for result in came) == sorted(result.name for result in every.results)
+    assert {result.name: len(result.modes or ()) for result in came} == {
+        result.name: len(result.modes or ()) for result in every.results
+    }

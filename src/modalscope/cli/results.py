@@ -26,6 +26,7 @@ from modalscope.cli.process import explain, remark, say
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from modalscope.comparing.run import MethodResult
     from modalscope.data.results import Result
 
 
@@ -184,6 +185,7 @@ def add_compare(parser: Parser) -> None:
     add_files(parser)
     methods = "rows or cells of the table, such as era alternate/s (default: all)"
     parser.add_argument("--methods", nargs="+", default=["all"], metavar="METHOD", help=methods)
+    parser.add_argument("--all-sets", action="store_true", help="also run the rows without a vote, and show them")
     add_orders(parser)
     add_choices(parser)
     replicates = "certify the intervals by this many simulations (see certify)"
@@ -211,6 +213,8 @@ def compare(options: argparse.Namespace) -> None:
             orders=orders,
             progress=show,
             replicates=options.replicates,
+            all_sets=options.all_sets,
+            partial=_remark_result,
             **choices(options),
         )
     comparison = replace(comparison, notes=(*notes, *comparison.notes))
@@ -218,6 +222,14 @@ def compare(options: argparse.Namespace) -> None:
     remark(*notes)
     hint = () if options.verbose or options.quiet else ("\n-v prints the values of every method",)
     say(comparison.table(each=options.verbose), *hint, *written)
+
+
+def _remark_result(result: MethodResult) -> None:
+    """Print a line on the result of one method of a comparison."""
+    from modalscope.data.shown import counted
+
+    found = result.failure if result.modes is None else counted(len(result.modes), "mode")
+    remark(f"{result.route + ': ' if result.route else ''}{result.label}: {found}")
 
 
 def add_mac(parser: Parser) -> None:

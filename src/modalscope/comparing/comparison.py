@@ -21,7 +21,7 @@ from modalscope.comparing.identities import Identity, check_identities
 from modalscope.comparing.kinship import Kinship, kinship
 from modalscope.comparing.principles import Principle, Witness, headline, principles_of, witnesses_of
 from modalscope.comparing.routes import responses_by_route, route_causes, tasks_of
-from modalscope.comparing.run import MethodResult, Progress, find_by_name, run
+from modalscope.comparing.run import MethodResult, Partial, Progress, find_by_name, run
 from modalscope.comparing.scatter import LEVEL, Scatter, stated
 from modalscope.comparing.verdict import Tried, Trust, certified_best, interval_trouble, judge, words
 from modalscope.data.geometry import DofLike
@@ -232,6 +232,8 @@ def compare(
     progress: Progress | None = None,
     workers: int | None = None,
     replicates: int = 0,
+    all_sets: bool = False,
+    partial: Partial | None = None,
     **options: Any,
 ) -> Comparison:
     """Compare all methods on the same data: the modes on which they agree, where they differ and why, and which to trust.
@@ -258,6 +260,10 @@ def compare(
         Methods at a time.
     replicates : int
         Number of simulations of the method that fits best, which certify the intervals (see `certify`); none by default.
+    all_sets : bool
+        With methods "all": whether rows that have no vote are run, too. They are shown, and decide nothing.
+    partial : callable, optional
+        Called with the result of each method as it comes; which of them have a vote is decided at the end.
     **options
         Of `stabilize`, for every method.
 
@@ -288,9 +294,10 @@ def compare(
     data, causes = without_dead(data)
     route_options = {name: options.pop(name, None) for name in ("route", "delays", "reciprocal")}
     routes, failed = responses_by_route(data, band, **route_options)
-    tasks, refused = tasks_of(routes, methods, orders)
+    tasks, refused = tasks_of(routes, methods, orders, all_sets=all_sets)
     measured, cells = [data for data, _ in tasks], [cell for _, cell in tasks]
-    results, of_routes = route_causes(run(measured, cells, progress=progress, workers=workers, **options))
+    ran = run(measured, cells, progress=progress, workers=workers, partial_results=partial, **options)
+    results, of_routes = route_causes(ran)
     causes += of_routes
     tried = certified_best(results, [data.held for data in measured], replicates)
     low = order_cause(results)
@@ -303,6 +310,7 @@ def compare(
         "orders": None if orders is None else tuple(map(int, orders)),
         "band": band,
         "exclude": exclude,
+        **({"all_sets": True} if all_sets else {}),
     }
     notes = notes_of((*routes[0].notes, *failed, *refused, *equal))
     settings |= {**route_options, **options}

@@ -70,7 +70,7 @@ def responses_by_route(
 
 
 def tasks_of(
-    routes: Sequence[Measured], methods: Any, orders: Any
+    routes: Sequence[Measured], methods: Any, orders: Any, *, all_sets: bool = False
 ) -> tuple[list[tuple[Measured, Cell]], tuple[str, ...]]:
     """Return the cells to run, each with the data of its route, and notes on methods that the data do not allow.
 
@@ -79,7 +79,9 @@ def tasks_of(
     tasks: list[tuple[Measured, Cell]] = []
     notes: list[str] = []
     for data in routes:
-        cells, refused = plan(data.response, methods, orders, records=data.records is not None, route=data.route)
+        cells, refused = plan(
+            data.response, methods, orders, records=data.records is not None, route=data.route, all_sets=all_sets
+        )
         notes += refused
         if data.route is not None:
             if methods == "all":  # the usual domain, or the others for a row that is not there
@@ -100,12 +102,14 @@ def plan(
     *,
     records: bool = False,
     route: str | None = None,
+    all_sets: bool = False,
 ) -> tuple[tuple[Cell, ...], tuple[str, ...]]:
     """Return the cells to try and notes on those that the data do not allow.
 
     `wanted`: "era" is the row in every domain that the data allow, "era/s" or ("era", "s") one cell. `orders`: by default 2, 4, ... up to
     80 for frequency responses, 60 for impulse responses and 40 for correlations. `records`: whether the records without inputs from which
-    the response was estimated are available. `route`: from records with inputs: only rows of this route.
+    the response was estimated are available. `route`: from records with inputs: only rows of this route. `all_sets`: with "all" also the
+    rows without a vote, which stay without.
 
     Raises `DataError`: an unknown name, or no method at all.
     """
@@ -121,7 +125,7 @@ def plan(
     table = [m for m in methods() if (not m.driven if route is None else m.route == route)]
     chosen: list[Method] = []
     if isinstance(wanted, str) and wanted == "all":
-        chosen = [m for m in table if m.votes and allowed(m)]
+        chosen = [m for m in table if (m.votes or all_sets) and allowed(m)]
     else:
         for item in [wanted] if isinstance(wanted, str) else check_each("methods", wanted, "names of rows or cells"):
             named = _named(item, table, route is not None, allowed)
@@ -131,7 +135,14 @@ def plan(
         have = notes[0] if notes else "no method was named"
         raise DataError("a comparison was asked", have, 'Name methods, or methods="all".')
     asked = STATES.ladder(response) if orders is None else checked_orders(orders)
-    cells = (Cell(m, *m.orders.compared(asked, response), m.exact_on(response)) for m in chosen)
+    aside = [m for m in chosen if all_sets and not m.votes]
+    cells = (
+        Cell(m, *m.orders.compared(asked, response), m.exact_on(response) and m not in aside, m in aside)
+        for m in sorted(chosen, key=lambda m: m in aside)
+    )
+    if aside:
+        listed = ", ".join(map(str, aside))
+        notes += (f"Shown without a vote, as trust was calibrated with the votes of the others: {listed}",)
     return tuple(cells), notes
 
 

@@ -43,19 +43,21 @@ class Cell:
     """One method of a comparison, with its orders and options.
 
     `options`: block sizes other than the defaults. `exact`: whether the data are not transformed from lines to samples or back for it; only
-    then it has a vote.
+    then it has a vote. `aside`: of a row that is shown without a vote: its poles are no part of what decides which modes the data need.
     """
 
     method: Method
     orders: tuple[int, ...]
     options: dict[str, Any] = field(default_factory=dict)
     exact: bool = True
+    aside: bool = False
 
 
 #: Minimum number of lines on which influences are computed, and the maximum number of lines that one of them represents.
 _INFLUENCE_LINES, _MAX_LINE_STEP = 2000, 8
 
 Progress = Callable[[int, int], None]
+Partial = Callable[["MethodResult"], None]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -263,6 +265,7 @@ def run(
     *,
     progress: Progress | None = None,
     workers: int | None = None,
+    partial_results: Partial | None = None,
     **options: Any,
 ) -> tuple[MethodResult, ...]:
     """Run every cell on the measured data; a failure is the result of its cell.
@@ -271,7 +274,7 @@ def run(
     own poles show, with its own values.
 
     `progress`: called with (orders done, orders in all), over all methods. `workers`: methods at a time, by default the number of
-    processors, at most four. `**options`: of `stabilize`, for every method.
+    processors, at most four. `partial_results`: called with each result as it comes. `**options`: of `stabilize`, for every method.
     """
     lock, orders_done, total = Lock(), [0] * len(cells), sum(len(c.orders) for c in cells)
 
@@ -280,6 +283,12 @@ def run(
             orders_done[index] = done
             if progress is not None:
                 progress(sum(orders_done), total)
+
+    def tell(done: Sequence[_Work]) -> None:
+        with lock:
+            if partial_results is not None:
+                for work in done:
+                    partial_results(work.result)
 
     given = [measured] * len(cells) if isinstance(measured, Measured) else measured
     works = [_Work(data, cell) for data, cell in zip(given, cells, strict=True)]
@@ -297,7 +306,13 @@ def run(
         own = [work for work in works if work.diagram is not None]
         sets = _of_same_data(own)
         contests = dict(chain(*each(_decided, sets)))
-        each(lambda work: _judge(work, gathered, contests.get(id(work))), [work for work in own if not work.failure])
+        tell([work for work in works if work.failure])
+
+        def judged(work: _Work) -> None:
+            _judge(work, gathered, contests.get(id(work)))
+            tell([other for other in works if work in (other, other.twin)])
+
+        each(judged, [work for work in own if not work.failure])
     return tuple(work.result for work in works)
 
 
@@ -347,9 +362,9 @@ def _of_same_data(works: Sequence[_Work]) -> list[list[_Work]]:
 
 def _decided(works: Sequence[_Work]) -> list[tuple[int, Contest | None]]:
     """Return what the data of some cells need, by the identity of each."""
-    found = None
+    found, deciding = None, [work for work in works if not work.cell.aside] or works
     with _counted(*works):
-        found = contest_of([work.diagram for work in works if work.diagram is not None])
+        found = contest_of([work.diagram for work in deciding if work.diagram is not None])
     return [(id(work), found) for work in works]
 
 
