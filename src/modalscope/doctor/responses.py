@@ -125,7 +125,7 @@ def sampled(data: Any) -> tuple[Note, ...]:
     k = n // 10
     missed = sum(comb(k, i) * comb(n - k, _SAMPLE - i) for i in range(_MIN_PAIRS)) / comb(n, _SAMPLE)
     text = (
-        f"Outlying lines were searched in {_SAMPLE} of {n} pairs of output and input: one that stands out of the noise in "
+        f"Outlying lines were searched in {_SAMPLE} of {n} pairs of output and input: one that exceeds the noise in "
         f"a tenth of the pairs is missed with probability {missed:.2g}. `modalscope info --whole` searches all"
     )
     return (Note("data sampled", {"pairs": _SAMPLE, "of": n, "missed": missed}, text),)

@@ -14,8 +14,6 @@ W, too; therefore W is the largest over such changes.
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from modalscope.data.notes import Finding
 from modalscope.data.records import Signals
@@ -69,6 +67,9 @@ def _usable_runs(part: Signals) -> list[bool]:
 
 def _clusters(rows: ComplexArray) -> list[int]:
     """Return the number of the place of every run, (runs, lines, outputs); a run belongs to the place of any run with which it agrees."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+
     count = len(rows)
     agree = np.eye(count, dtype=bool)
     for i in range(count):

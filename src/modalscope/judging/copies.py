@@ -14,7 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 from scipy.special import betainc, betaincinv
 
 from modalscope.judging.recount import (
@@ -97,6 +96,8 @@ def copies_of(recount: Recount) -> Copies | None:
 
 def _clusters(s: ComplexArray) -> list[IntArray]:
     """Return the poles that hang together, where they are several: neighbours lie nearer than twice the narrower half bandwidth."""
+    from scipy.sparse.csgraph import connected_components
+
     near = np.abs(s.imag[:, None] - s.imag) < -2 * np.maximum(s.real[:, None], s.real)
     count, which = connected_components(near)
     each = (np.flatnonzero(which == k) for k in range(count))

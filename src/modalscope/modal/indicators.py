@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse.csgraph import connected_components
 
 from modalscope.data.channels import known_quantity
 from modalscope.data.modes import ModalModel
@@ -60,6 +59,8 @@ def repeated(poles: ArrayLike, width: float = 2e-3) -> list[Array]:
 
     `poles` (n,): rad/s. `width`: largest distance of neighbours over the larger of their moduli.
     """
+    from scipy.sparse.csgraph import connected_components
+
     s = np.asarray(poles, dtype=np.complex128)
     some = _alike_in_size(s, width)
     near = np.abs(s[some, None] - s[some]) <= width * np.maximum(np.abs(s[some, None]), np.abs(s[some]))

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from modalscope.blocks.matrix import DataMatrix
 from modalscope.data.modes import ModalModel
@@ -47,6 +46,8 @@ def heard_lines(response: Response) -> Array:
     >>> int(heard_lines(response).sum())  # four lines beside the loud ones go with them
     16
     """
+    from scipy.ndimage import uniform_filter1d
+
     every = np.ones(len(response.values), dtype=bool)
     variance = response.variance
     if variance is None or not np.iscomplexobj(response.values):
