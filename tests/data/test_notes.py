@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from modalscope.data import DataError, ModalModel, Note
-from modalscope.data.notes import notes_of
+from modalscope.data.notes import Candidate, Harmonic, notes_of
 
 RANK = Note("rank", {"rank": 12}, "the data have rank 12")
 
@@ -71,3 +73,11 @@ def test_modes_keep_their_notes_when_some_are_taken_or_scaled() -> None:
     assert modes.notes == (Note("remark", {}, "seen once"),)
     assert modes.take([1]).normalized("max").select(outputs=[0]).notes == modes.notes
     assert modes.noted([RANK, "two"]).notes == (*modes.notes, RANK, Note("remark", {}, "two"))
+
+
+@pytest.mark.parametrize("row", [Candidate(frequency=7.5, damping_ratio=0.3), Harmonic(frequency=7.5)])
+def test_what_is_not_known_is_equal_to_itself(row: Candidate | Harmonic) -> None:
+    again = pickle.loads(pickle.dumps(row))
+    assert again == row == copy.deepcopy(row)
+    assert len({again, row}) == 1
+    assert row != replace(row, frequency=7.0)

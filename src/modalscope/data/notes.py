@@ -154,6 +154,13 @@ class _Row:
 
     __slots__ = ()
 
+    def __eq__(self, other: object) -> bool:
+        """Whether all fields are equal; what is not known (NaN) is."""
+        return type(other) is type(self) and isinstance(other, _Row) and self.to_dict() == other.to_dict()
+
+    def __hash__(self) -> int:
+        return hash(tuple(self.to_dict().values()))
+
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as the JSON module writes them; null for what is not known."""
         row = {each.name: getattr(self, each.name) for each in fields(self)}  # type: ignore[arg-type]
@@ -174,7 +181,7 @@ class _Row:
             ) from None
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Candidate(_Row):
     """A pole that looked like a mode and was not reported.
 
@@ -202,7 +209,7 @@ class Candidate(_Row):
         return f"{self.frequency:.4g} Hz, {100 * self.damping_ratio:.3g} %: {self.reason}"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Harmonic(_Row):
     """A line of a turning machine, which is no mode.
 

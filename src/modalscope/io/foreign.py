@@ -31,6 +31,7 @@ def read_apart(package: str, path: Path, sheet: str = "", signature: tuple[bytes
     """
     from modalscope.io.apart import python, run_apart
     from modalscope.io.contents import unreadable
+    from modalscope.io.hdf5 import check_hdf5
     from modalscope.io.limits import room
     from modalscope.numerics.errors import optional_package
 
@@ -41,8 +42,10 @@ def read_apart(package: str, path: Path, sheet: str = "", signature: tuple[bytes
     remedy = "Export it again, or as text (.csv)." if package != "meshio" else "Export it as .msh, .vtk, .bdf or .inp."
     arrays: list[Any] = []
     with path.open("rb") as file:
-        begins = file.read(8).startswith(signature or b"")
-    if not begins:
+        head = file.read(8)
+    if head.startswith(b"\x89HDF") or path.suffix.lower() == ".med":  # netCDF 4 and MED: links may lead out of them
+        check_hdf5(path, space)
+    if not head.startswith(signature or b""):
         answer, arrays = {"fault": "it is damaged or of another kind: it does not begin as such a file does"}, arrays
     elif not python():
         answer, arrays = _read(*arguments)
