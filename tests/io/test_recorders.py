@@ -116,7 +116,7 @@ def test_a_damaged_netcdf_file_prints_nothing(tmp_path: Path, capfd: pytest.Capt
     write_netcdf(tmp_path / "a.nc")
     whole = (tmp_path / "a.nc").read_bytes()
     (tmp_path / "b.nc").write_bytes(whole[:20] + whole[:50] + whole[20:])
-    refused("reading b.nc with xarray.*damaged", ms.read, tmp_path / "b.nc")
+    refused("reading b.nc .*damaged", ms.read, tmp_path / "b.nc")
     gc.collect()
     assert capfd.readouterr().err == ""
 
