@@ -31,6 +31,9 @@ def test_the_backbone_is_that_of_the_rig(cubic: float) -> None:
     assert np.allclose(levels.damping, rig.damping / (4 * np.pi * rig.mass * levels.frequency), rtol=1e-2)
     assert found.modes.frequencies[0] == pytest.approx(levels.frequency[0])
     assert np.allclose(found.modes.shapes[:, 0] / found.modes.shapes[0, 0], [1, 1], atol=1e-3)
+    assert found.linear_within == pytest.approx(np.abs(levels.frequency / levels.frequency[0] - 1).max())
+    assert (found.linear_within < 1e-3) is (cubic == 0)
+    assert "linear within" in str(found.modes.notes[0])
     assert found.forces.shape == (1, 2)
     assert np.allclose(np.abs(found.forces), np.sqrt(0.5), atol=1e-6)
     assert found.indicator.min() < 0.01  # one of the dwells is at resonance

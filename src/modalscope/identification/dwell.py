@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from modalscope.data.modes import ModalModel
+from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.responses import FrequencyResponse
 from modalscope.functions.poles import QUANTITIES, poles_from
@@ -48,6 +49,13 @@ class Dwell:
     indicator: RealArray
     frequencies: RealArray
     levels: Any = None
+
+    @property
+    def linear_within(self) -> float | None:
+        """Largest change of the frequency against that of the lowest level, as a share; None of responses."""
+        return (
+            None if self.levels is None else float(np.abs(self.levels.frequency / self.levels.frequency[0] - 1).max())
+        )
 
 
 @named(threshold=POSITIVE)
@@ -125,6 +133,7 @@ def _of_records(records: Records, levels: Levels) -> Dwell:
         quantity=records.quantity,
         output_dofs=records.output_dofs,
         processing=("sine dwells, the lowest level",),
+        notes=(_backbone_note(levels.table),),
         scaling="length 1",
     ).normalized("unit")
     return Dwell(
@@ -134,6 +143,17 @@ def _of_records(records: Records, levels: Levels) -> Dwell:
         frequencies=levels.dwell,
         levels=levels.table,
     )
+
+
+def _backbone_note(levels: Any) -> Note:
+    """Say how frequency and damping go with amplitude."""
+    ends = [levels[name][[0, -1]] for name in ("amplitude", "frequency", "damping")]
+    change = float(np.abs(levels.frequency / levels.frequency[0] - 1).max())
+    text = (
+        f"linear within {100 * change:.2g} %: amplitudes {ends[0][0]:.3g} to {ends[0][1]:.3g}, "
+        f"{ends[1][0]:.5g} to {ends[1][1]:.5g} Hz, damping {100 * ends[2][0]:.3g} to {100 * ends[2][1]:.3g} %"
+    )
+    return Note("backbone", {"change": change}, text)
 
 
 class _Isolated(NamedTuple):
