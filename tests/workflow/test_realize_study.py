@@ -50,11 +50,6 @@ def hits() -> System:
     return System(*(replace(whole, outputs=acc[s], inputs=force[s], groups=None) for s in (first, last)), follows=False)
 
 
-def struck_beam() -> System:
-    """One hit of a free beam; what rings on after it is simulated."""
-    return split(ms.read(measured("labview_beam", "acceleration.lvm")))
-
-
 def bridge() -> System:
     """The deck of Meloland from its footings, embankments and base; the last tenth is the end of the quake."""
     parts = [ms.read(measured("meloland", f"CHAN{k:02d}.V2")) for k in range(1, 27)]
@@ -90,7 +85,6 @@ SYSTEMS: dict[str, Callable[[], System]] = {
     "a wing, run 1": lambda: wing(0),
     "a wing, run 6": lambda: wing(5),
     "four hits": hits,
-    "a beam, one hit": struck_beam,
     "Meloland": bridge,
     **{f"random, hidden forces, seed {k}": lambda k=k: hidden(k) for k in range(4)},
 }

@@ -521,7 +521,12 @@ def _validation(best: _Tried, tried: list[_Tried], folds: list[_Fold], words: st
 def _again(
     best: _Tried, records: Records, options: dict[str, Any], *, stable: bool
 ) -> tuple[StateSpace, tuple[Note, ...]]:
-    """Return the model of all records by the way that was best; that of a part where it leaves less than half of all records."""
+    """Return the model of all records by the way that was best; that of a part where it leaves less than half of all records.
+
+    A model that was fitted to all records is what it is: at another largest order its data matrix, and so its poles, would be others.
+    """
+    if best.own:
+        return with_innovations(best.models[0], records), ()
     whole: list[tuple[StateSpace, tuple[Note, ...]]] = []
     try:
         found = identify(records, order=best.candidate.order, deviations=False, **{**options, **best.way})
