@@ -39,8 +39,9 @@ USE = {
     "ssi-data": "Ambient records, without an estimate of correlations.",
     "ssi-cva": "Ambient records with modes of very different strength: canonical variates weight them equally.",
     "n4sid": "Records with inputs and strong unmeasured forces.",
-    "wnsf": "Records with inputs under white unmeasured forces and little noise of sensors: errors a sixth below those of `n4sid`. Under coloured "
-    "forces or noise of sensors alone `n4sid`, or OKID with ERA, is better. No standard deviations of its own (`refine` gives them).",
+    "wnsf": "Records with inputs under white unmeasured forces: errors up to a fourth below those of `n4sid`. Under coloured forces, or noise of "
+    "sensors alone, `n4sid` or OKID with ERA is better; `realize`, which refines a model to the least errors of prediction, is as near to the "
+    "bound or nearer everywhere. No standard deviations of its own (`refine` gives them).",
     "prce": "Impulse responses of few references, to reproduce results of the complex exponential. Damping is biased by noise: nothing is truncated.",
     "loewner": "Frequency responses, whole or in a band, even or uneven lines: no degree of polynomials is chosen, and the model is nearly "
     "balanced. In ambient tests the half spectra of correlations.",
