@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from tests.support import ROOT
 
 #: The command line; a connection or a question for an address ends it in a line.
 WATCHED = """
@@ -51,3 +53,32 @@ def test_no_command_opens_a_connection(tmp_path: Path) -> None:
 
 def test_the_watch_notices_a_connection(tmp_path: Path) -> None:
     assert "called: socket." in watched(tmp_path, "--control").stderr
+
+
+#: The page opened, and a document computed on it.
+SHOWN = """
+import sys
+from pathlib import Path
+from tests.app.server import served
+with served(Path(sys.argv[1]), Path(sys.argv[1], "place")) as server:
+    print(server.settled(server.open("a.npz"))["stage"]["stage"])
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not shutil.which("unshare"), reason="there are no namespaces")
+def test_all_works_where_there_is_no_network(tmp_path: Path) -> None:
+    """In a namespace that has no network but the machine itself, which the page is served on."""
+    alone = ["unshare", "-rn", "sh", "-c", 'ip link set lo up; exec "$@"', "sh"]
+    if subprocess.run([*alone, "true"], capture_output=True, check=False).returncode:
+        pytest.skip("the system allows no namespaces")
+    ms.write(tmp_path / "a.npz", ms.systems.chain5().impulse_response(200, noise=0.01, seed=0))
+    away = [sys.executable, "-c", "import socket; socket.create_connection(('192.0.2.1', 80), 5)"]
+    assert "unreachable" in subprocess.run([*alone, *away], capture_output=True, text=True, check=False).stderr
+    for words, told in (
+        (["-m", "modalscope", "identify", str(tmp_path / "a.npz"), "-o", str(tmp_path / "a.html")], "written:"),
+        (["-c", SHOWN, str(tmp_path)], "done"),
+    ):
+        done = subprocess.run([*alone, sys.executable, *words], cwd=ROOT, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        assert told in done.stdout

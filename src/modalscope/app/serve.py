@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import secrets
 import socket
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,18 +27,21 @@ from modalscope.data import DataError
 #: The front end, bundled when the package was built.
 STATIC = Path(__file__).parent / "static"
 
+#: What a report may do: it carries all that it shows, and asks nobody.
+_OF_REPORTS = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; frame-ancestors 'none'"
+
 
 @dataclass(frozen=True, slots=True)
 class Page:
     """A server that is ready to run.
 
-    `socket`: bound to the port. `address`: with the token. `store`: its documents.
+    `socket`: bound to the port. `address`: with the token. `store`: its documents; none of a report alone.
     """
 
     app: Guard
     socket: socket.socket
     address: str
-    store: DocumentStore
+    store: DocumentStore | None = None
 
     def address_once(self) -> str:
         """Return an address that admits once, for the command line of a browser, which other users can list."""
@@ -74,7 +78,6 @@ def page(
     and any free port. `place`: folder of uploads and documents.
     """
     bound = _bound(host, port)
-    port = bound.getsockname()[1]
     store = DocumentStore(FileStore(folder, place or state_folder()), limits or Limits())
     store.age()
 
@@ -89,7 +92,25 @@ def page(
     served = [Route("/", index), *routes(), Mount("/static", StaticFiles(directory=STATIC, check_dir=False))]
     app = Starlette(routes=served, lifespan=life)
     app.state.store, app.state.first = store, first or []
-    token = secrets.token_urlsafe(24)
+    return _guarded(app, bound, host, store)
+
+
+def alone(answer: Callable[[], str], *, host: str = "127.0.0.1", port: int = 0) -> Page:
+    """Return a server of one report, bound to its port, behind the same guard.
+
+    `answer`: what gives its HTML, which carries its own scripts and styles.
+    """
+
+    async def index(_: Request) -> Response:
+        text = await asyncio.to_thread(answer)
+        return Response(text, media_type="text/html", headers={"content-security-policy": _OF_REPORTS})
+
+    return _guarded(Starlette(routes=[Route("/", index)]), _bound(host, port), host)
+
+
+def _guarded(app: Starlette, bound: socket.socket, host: str, store: DocumentStore | None = None) -> Page:
+    """Return a server that admits who has its token."""
+    port, token = bound.getsockname()[1], secrets.token_urlsafe(24)
     loopback = host == "localhost" or host.startswith("127.")
     names = {f"{name}:{port}" for name in (host, *(("127.0.0.1", "localhost") if loopback else ()))}
     guard = Guard(app, token, {name.lower() for name in names}, f"modalscope-{port}")
@@ -116,7 +137,8 @@ def server_of(made: Page) -> Any:
 
     class Server(uvicorn.Server):
         async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-            made.store.end()  # closes the event streams, which would delay the shutdown
+            if made.store is not None:
+                made.store.end()  # closes the event streams, which would delay the shutdown
             await super().shutdown(sockets)
 
     settings = uvicorn.Config(made.app, log_level="warning", access_log=False, timeout_graceful_shutdown=2, ws="none")

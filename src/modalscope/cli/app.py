@@ -5,9 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from modalscope.cli.parser import Parser, memory
 from modalscope.cli.process import remark, say
+
+if TYPE_CHECKING:
+    from modalscope.app.serve import Page
 
 
 def add_app(parser: Parser) -> None:
@@ -36,15 +40,15 @@ def app(options: argparse.Namespace) -> None:
     """
     from modalscope.numerics.errors import optional_package
 
+    for package in ("starlette", "uvicorn"):
+        optional_package("the page", package, "app")
     if len(options.files) == 1 and options.files[0].suffix.lower() == ".modes":
         _months(options)
         return
-    for package in ("starlette", "uvicorn"):
-        optional_package("the page", package, "app")
     from modalscope.app.documents import DocumentStore
     from modalscope.app.files import FileStore
     from modalscope.app.guard import Limits
-    from modalscope.app.serve import check_front_end, page, serve, state_folder
+    from modalscope.app.serve import check_front_end, page, state_folder
 
     if options.forget:
         say(DocumentStore(FileStore(None, state_folder()), Limits()).forget())
@@ -55,10 +59,17 @@ def app(options: argparse.Namespace) -> None:
     first = [path.resolve().relative_to(folder.resolve()).as_posix() for path in options.files]
     server = page(first, folder=folder, host=options.host, port=options.port, limits=limits)
     say(f"the page: {server.address}")
-    if server.store.files.total:
+    if server.store is not None and server.store.files.total:
         kept = f"{limits.days:g} days after the last change of their document"
         size = f"{server.store.files.total / 1e6:.3g} MB"
         remark(f"files dropped earlier take {size}; they are kept {kept}, or until `modalscope app --forget`")
+    _serve(options, server)
+
+
+def _serve(options: argparse.Namespace, server: Page) -> None:
+    """Open a page in the browser, until it is interrupted."""
+    from modalscope.app.serve import serve
+
     sys.stdout.flush()  # for a reader that waits at a pipe
     if options.host != "127.0.0.1":
         say("WARNING: other machines can reach the page, unencrypted: whoever has the address can read these files")
@@ -71,20 +82,16 @@ def app(options: argparse.Namespace) -> None:
 
 def _months(options: argparse.Namespace) -> None:
     """Show the report of a store of months of records in the browser, until it is interrupted."""
-    from modalscope.app.months import MonthsServer
+    from modalscope.app.months import MonthsReport
+    from modalscope.app.serve import alone
     from modalscope.data import DataError
 
     path = options.files[0]
     if not path.is_file():
         raise DataError(f"the store {str(path)!r} was asked", "there is no such file", "Make it: modalscope watch.")
-    server = MonthsServer(path, options.host, options.port)
+    server = alone(MonthsReport(path), host=options.host, port=options.port)
     say(f"the page: {server.address}")
-    sys.stdout.flush()  # for a reader that waits at a pipe
-    if not options.no_browser:
-        import webbrowser
-
-        webbrowser.open(server.address)
-    server.serve_forever()
+    _serve(options, server)
 
 
 def _folder(options: argparse.Namespace) -> Path:
