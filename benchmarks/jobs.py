@@ -115,13 +115,24 @@ JOBS: dict[str, Callable[[], list[Path]]] = {
 # ----------------------------------------------------------------------------------------------------------- the child
 
 #: Stage -> functions that it consists of, where they are looked up. Of stages within each other the inner one counts.
-_STAGES = {
+STAGES = {
     "reading": ("workflow.analyze.opened",),
     "doctor": ("doctor.examine._examine_record", "doctor.examine.examine_response"),
     "identification": ("workflow.analyze.looked_at", "workflow.analyze.modes_chosen"),
-    "deviations": ("likelihood.refined.spread_of", "workflow.ambient_lines.spread_of"),
+    "deviations": (
+        "likelihood.refined.spread_of",
+        "likelihood.refine_setups.deviations",
+        "workflow.ambient_lines.line_shapes",
+        "identification.sweep.deviations_of",
+    ),
     "report": ("cli.output.write_outputs",),
 }
+
+
+def looked_up(place: str) -> tuple[Any, str]:
+    """Return the module of a function of a stage, and its name there."""
+    where, _, name = place.rpartition(".")
+    return importlib.import_module(f"modalscope.{where}"), name
 
 
 class _Clock:
@@ -184,12 +195,10 @@ def _child(files: Sequence[str], report: str) -> None:
             output,  # noqa: F401
         )
         from modalscope.workflow import ambient_lines, analyze  # noqa: F401
-    for stage, places in _STAGES.items():
+    for stage, places in STAGES.items():
         for place in places:
-            where, _, name = place.rpartition(".")
-            module = importlib.import_module(f"modalscope.{where}")
-            if hasattr(module, name):
-                setattr(module, name, clock.timed(stage, getattr(module, name)))
+            module, name = looked_up(place)
+            setattr(module, name, clock.timed(stage, getattr(module, name)))
     builtins.__import__ = loaded
     importlib.import_module = clock.timed("imports", importlib.import_module)
     sys.stdout = sys.stderr
@@ -225,11 +234,7 @@ def ran(files: Sequence[Path], source: Path = ROOT) -> Outcome:
         command, cwd=_PLACE, env=environment, stdout=subprocess.PIPE, text=True, check=True, stderr=subprocess.DEVNULL
     )
     told = json.loads(done.stdout.splitlines()[-1])
-    return Outcome(told["seconds"], told["memory"], report.stat().st_size, sum(_numbers_of(path) for path in files))
-
-
-def _numbers_of(path: Path) -> int:
-    return path.stat().st_size
+    return Outcome(told["seconds"], told["memory"], report.stat().st_size, sum(path.stat().st_size for path in files))
 
 
 #: Columns of the table.

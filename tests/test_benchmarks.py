@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.jobs import STAGES, looked_up
 from benchmarks.peers import pairs, works
 from benchmarks.peers.child import loaded, poles_of
 from benchmarks.peers.install import PEERS
@@ -50,3 +51,9 @@ def test_two_processes_work_in_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert found.ratio > 0
     with pytest.raises(RuntimeError, match="failed"), pairs.Child("scipy", "nothing", tmp_path / "data.npz"):
         pass
+
+
+@pytest.mark.parametrize("place", [place for places in STAGES.values() for place in places])
+def test_the_stages_of_a_job_are_functions_of_the_program(place: str) -> None:
+    module, name = looked_up(place)
+    assert callable(getattr(module, name))
