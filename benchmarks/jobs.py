@@ -101,7 +101,7 @@ def _tower() -> list[Path]:
 JOBS: dict[str, Callable[[], list[Path]]] = {
     "phone, 3 x 30 000 samples": _phone,
     "hammer, 30 x 3 x 2000 lines": lambda: _stored("hammer", _lines(30, 3, 15, 2000)),
-    "demo, 15 x 15 measured": lambda: [ROOT / "examples" / "beam_hammer" / "beam_hammer.uff"],
+    "beam, 7 x 6 x 9999 lines, measured": lambda: [ROOT / "examples" / "beam_hammer" / "beam_hammer.uff"],
     "records, 28 x 2 x 60 000": lambda: _stored("records", _record(28, 2, 15, 256.0, 60_000)),
     "ambient, 15 x 60 000": lambda: _stored("ambient", _record(15, 0, 10, 20.0, 60_000, 0.1)),
     "ambient, 15 channels, 1 h at 100 Hz": lambda: _stored("hour", _record(15, 0, 10, 100.0, 360_000, 0.1)),
@@ -268,7 +268,7 @@ def page(rows: Sequence[Sequence[str]], commit: str) -> str:
 
 Written by `python -m benchmarks.jobs --page` on {today}, commit {commit}: `modalscope identify FILE -o report.html` with nothing set, one
 process and one thread each. CPU seconds by stage; imports are counted apart wherever they happen. Memory is the largest of the whole
-process, about 120 MB of which are the program and its packages, with the stage that takes it. Data are simulated but for those of the demo.
+process, about 120 MB of which are the program and its packages, with the stage that takes it. Data are simulated but for those of the beam.
 
 {table}
 """

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.data.channels import AUTO, check_groups
+from modalscope.data.channels import AUTO, Groups, check_groups
 from modalscope.data.mode_fields import PER_MODE, joined
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Candidate, Note
@@ -180,6 +180,64 @@ def refine(
     if setups is not None:
         missing = [dof for dof in setups.output_dofs if dof not in modes.output_dofs]
         return refine_setups(setups.select(exclude=missing) if missing else setups, modes)
+    return refinement(
+        data,
+        modes,
+        groups=groups,
+        weights=weights,
+        fixed=fixed,
+        complete=complete,
+        settings=settings,
+        progress=progress,
+    ).modes()
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Refinement:
+    """Modes at the maximum of the likelihood, before their standard deviations, which take as long as the way there.
+
+    `start`: significant modes before. `settled`: the optimum, None without any mode. `lost`: modes that are not significant.
+    """
+
+    task: Task
+    start: ModalModel
+    settled: Settled | None
+    groups: Groups
+    lost: list[Candidate]
+    notes: list[Note]
+
+    @property
+    def poles(self) -> ComplexArray:
+        """Of the optimum, one for each of `start`, rad/s."""
+        return (
+            self.start.poles
+            if self.settled is None
+            else self.settled.descent.point.poles + self.task.response.added_damping
+        )
+
+    @property
+    def converged(self) -> bool:
+        """Whether the optimum was reached."""
+        return self.settled is None or self.settled.descent.converged
+
+    def modes(self) -> ModalModel:
+        """Return the modes with their standard deviations."""
+        return refined(self.task, self.start, self.settled, self.groups, self.lost, self.notes)
+
+
+@one_thread
+def refinement(
+    data: Any,
+    modes: ModalModel,
+    *,
+    groups: Any = AUTO,
+    weights: ArrayLike | None = None,
+    fixed: ArrayLike = (),
+    complete: bool = False,
+    settings: Settings | Mapping[str, Any] | None = None,
+    progress: Progress | None = None,
+) -> Refinement:
+    """Return modes of responses or of records with inputs at the maximum of the likelihood; arguments as in `refine`."""
     response = _response(data, modes, Settings() if settings is None else settings).around(modes.poles)
     chosen = check_groups(groups, *response.parts, response.groups)
     poles = modes.poles - response.added_damping
@@ -205,7 +263,7 @@ def refine(
         descent = settled.descent
         text = f"Refinement did not converge: {descent.why}; these are the best values so far"
         notes.append(Note("not converged", {"iterations": descent.iterations}, text))
-    return refined(task, start.take(kept), settled, chosen, lost, notes)
+    return Refinement(task, start.take(kept), settled, chosen, lost, notes)
 
 
 def left_by_refined(spectra: RecordSpectra, modes: ModalModel, fixed: ComplexArray) -> ComplexArray:

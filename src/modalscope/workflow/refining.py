@@ -12,7 +12,7 @@ from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.identification.orders import usable_orders
-from modalscope.identification.refine import in_place, refine
+from modalscope.identification.refine import in_place, refinement
 from modalscope.judging.bands import evened
 from modalscope.likelihood.refined import astray
 from modalscope.likelihood.settling import needed_beside
@@ -45,16 +45,16 @@ def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> 
     for _ in range(_MAX_ROUNDS):
         fixed = np.concatenate([extra, modes.poles[~stay]])
         try:
-            refined = refine(diagram.response.whole, modes.take(stay), fixed=fixed)
+            found = refinement(diagram.response.whole, modes.take(stay), fixed=fixed)
+            out = np.isin(modes.poles, found.start.poles[astray(found.start.poles, found.poles)])
+            refined = None if np.any(out) or not found.converged else found.modes()
         except DataError as error:
             return modes.noted(_kept(error.fault))
-        before = modes.poles[stay] if refined.unrefined is None else refined.unrefined.poles
-        out = np.isin(modes.poles, before[astray(before, refined.poles)])
-        if not np.any(out) and not refined.converged:
-            reasons = [str(note) for note in refined.notes if note.kind == "not converged"]
-            return replace(_placed(diagram.response, modes, extra), converged=False).noted(_kept(*reasons))
-        if not np.any(out):
+        if refined is not None:
             return refined if stay.all() else _with_others(diagram.response, modes, refined, modes.take(~stay), extra)
+        if not np.any(out):
+            reasons = [str(note) for note in found.notes if note.kind == "not converged"]
+            return replace(_placed(diagram.response, modes, extra), converged=False).noted(_kept(*reasons))
         stay &= ~out
         if stay.mean() < _MIN_REFINED:
             break
