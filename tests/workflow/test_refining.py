@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from modalscope.identification.refine import Refinement, refinement
 from modalscope.judging.grades import grades
 from modalscope.likelihood.settling import needed_beside
 from modalscope.workflow import refining
@@ -94,25 +95,31 @@ def test_modes_that_a_refinement_leaves_out_have_no_values_before_it_either():
     assert np.array_equal(merged.unrefined.poles, modes.poles[[0, 1, 3, 4]])
 
 
+def _ended_early(found: Refinement, moved: complex = 0, mode: int = 0) -> Refinement:
+    """Return a refinement that ended on the way, with a mode that left its place."""
+    assert found.settled is not None
+    descent = found.settled.descent
+    poles = descent.point.poles.copy()
+    poles[mode] += moved
+    ended = replace(descent, point=replace(descent.point, poles=poles), converged=False)
+    note = ms.Note("not converged", {}, "Refinement did not converge: 60 iterations were not enough")
+    return replace(found, settled=replace(found.settled, descent=ended), notes=[*found.notes, note])
+
+
 def _wandering(mode: int):
     """Return a refinement that ends on the way while the given mode takes part: that one has left its place."""
 
-    def refine(data, modes, **options):
-        found = ms.refine(data, modes, **options)
-        if len(modes) <= mode:
-            return found
-        poles = found.poles.copy()
-        poles[mode] += 3j * poles[mode].real
-        note = ms.Note("not converged", {}, "Refinement did not converge: 60 iterations were not enough")
-        return replace(found, poles=poles, converged=False).noted(note)
+    def refined(data, modes, **options):
+        found = refinement(data, modes, **options)
+        return found if len(modes) <= mode else _ended_early(found, 3j * found.poles[mode].real, mode)
 
-    return refine
+    return refined
 
 
 def test_a_mode_whose_descent_does_not_end_leaves_the_others_refined(monkeypatch):
     data = add_noise(ms.systems.chain5().frequency_response(np.linspace(0.3, 8, 340)), 40, 3)
     whole = ms.analyze(data).modes
-    monkeypatch.setattr(refining, "refine", _wandering(4))
+    monkeypatch.setattr(refining, "refinement", _wandering(4))
     found = ms.analyze(data).modes
     assert f"Not refined: {found.frequencies[4]:.5g} Hz" in told(found, "not refined")
     assert found.converged
@@ -125,11 +132,7 @@ def test_a_mode_whose_descent_does_not_end_leaves_the_others_refined(monkeypatch
 def test_where_no_mode_left_its_place_a_descent_that_did_not_end_refines_none(monkeypatch):
     data = add_noise(ms.systems.chain5().frequency_response(np.linspace(0.3, 8, 340)), 40, 3)
 
-    def ended_early(data, modes, **options):
-        note = ms.Note("not converged", {}, "Refinement did not converge: 60 iterations were not enough")
-        return replace(ms.refine(data, modes, **options), converged=False).noted(note)
-
-    monkeypatch.setattr(refining, "refine", ended_early)
+    monkeypatch.setattr(refining, "refinement", lambda *given, **options: _ended_early(refinement(*given, **options)))
     found = ms.analyze(data).modes
     assert "60 iterations were not enough" in told(found, "not refined")
     assert found.converged is False
