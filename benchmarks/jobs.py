@@ -68,7 +68,6 @@ def _lines(outputs: int, inputs: int, modes: int, lines: int) -> dict[str, Any]:
 
 
 def _stored(name: str, arrays: dict[str, Any]) -> list[Path]:
-    _PLACE.mkdir(parents=True, exist_ok=True)
     np.savez(_PLACE / f"{name}.npz", **arrays)
     return [_PLACE / f"{name}.npz"]
 
@@ -76,7 +75,6 @@ def _stored(name: str, arrays: dict[str, Any]) -> list[Path]:
 def _phone() -> list[Path]:
     """Return a table as telephones write it: time and three accelerations."""
     record = _record(3, 0, 4, 100.0, 30_000)
-    _PLACE.mkdir(parents=True, exist_ok=True)
     path = _PLACE / "phone.csv"
     columns = np.column_stack([np.arange(30_000) / 100, record["outputs"]])
     names = [f"Acceleration {axis} (m/s^2)" for axis in "xyz"]
@@ -256,19 +254,32 @@ def row_of(name: str, found: Outcome) -> list[str]:
     ]
 
 
-HEADER = ["job", "CPU s", *_COLUMNS, "identification and deviations", "largest memory, MB", "file, MB", "report, kB"]
+HEADER = [
+    "job",
+    "CPU s",
+    *_COLUMNS,
+    "identification and deviations",
+    "largest memory, MB",
+    "file, MB",
+    "report, kB",
+    "date",
+    "commit",
+]
 
 
-def page(rows: Sequence[Sequence[str]], commit: str) -> str:
-    """Return the text of the page."""
-    lines = [HEADER, ["---"] * len(HEADER), *rows]
-    table = "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
-    today = datetime.datetime.now(datetime.UTC).date()
+def page(rows: Sequence[Sequence[str]]) -> str:
+    """Return the text of the page; of jobs that were not run the rows that it has."""
+    measured = {row[0]: f"| {' | '.join(row)} |" for row in rows}
+    before = _PAGE.read_text(encoding="utf-8").splitlines() if _PAGE.is_file() else []
+    kept = {name: line for name in JOBS for line in before if line.startswith(f"| {name} |")} | measured
+    table = "\n".join(
+        [f"| {' | '.join(HEADER)} |", "| --- " * len(HEADER) + "|", *(kept[name] for name in JOBS if name in kept)]
+    )
     return f"""# Ten jobs, from the file to the report
 
-Written by `python -m benchmarks.jobs --page` on {today}, commit {commit}: `modalscope identify FILE -o report.html` with nothing set, one
-process and one thread each. CPU seconds by stage; imports are counted apart wherever they happen. Memory is the largest of the whole
-process, about 120 MB of which are the program and its packages, with the stage that takes it. Data are simulated but for those of the beam.
+Written by `python -m benchmarks.jobs --page`: `modalscope identify FILE -o report.html` with nothing set, one process and one thread each.
+CPU seconds by stage; imports are counted apart wherever they happen. Memory is the largest of the whole process, about 120 MB of which are
+the program and its packages, with the stage that takes it. Data are simulated but for those of the beam.
 
 {table}
 """
@@ -281,17 +292,17 @@ def main() -> None:
     parser.add_argument("--source", type=Path, default=ROOT)
     parser.add_argument("--page", action="store_true")
     options = parser.parse_args()
+    told = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True)
+    place = [str(datetime.datetime.now(datetime.UTC).date()), told.stdout.strip()]
+    _PLACE.mkdir(parents=True, exist_ok=True)
     rows = []
     print("\t".join(HEADER))
     for name, files in JOBS.items():
         if options.word in name:
-            rows.append(row_of(name, ran(files(), options.source)))
+            rows.append([*row_of(name, ran(files(), options.source)), *place])
             print("\t".join(rows[-1]), flush=True)
     if options.page:
-        commit = subprocess.run(
-            ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True
-        )
-        _PAGE.write_text(page(rows, commit.stdout.strip()))
+        _PAGE.write_text(page(rows), encoding="utf-8")
     shutil.rmtree(_PLACE, ignore_errors=True)
 
 
