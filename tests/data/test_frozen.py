@@ -37,7 +37,7 @@ def data_classes() -> dict[str, type]:
 def test_data_classes_are_frozen_and_have_no_dictionary(name: str) -> None:
     kind = data_classes()[name]
     assert kind.__dataclass_params__.frozen  # type: ignore[attr-defined]
-    assert kind.__dataclass_params__.eq is (name in BY_CONTENT)  # type: ignore[attr-defined]
+    assert (kind.__eq__ is not object.__eq__) is (name in BY_CONTENT)
     assert all("__slots__" in vars(base) for base in kind.__mro__[:-1] if base.__module__.startswith("modalscope"))
     assert not hasattr(kind, "__dict__") or "__dict__" not in vars(kind)
 
