@@ -319,3 +319,11 @@ def test_records_become_a_table(months: Store) -> None:
     table = pandas.DataFrame(months.records)
     assert list(table) == ["time", "file", "state", "reason"]
     assert len(table) == 240
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes in folders")
+@pytest.mark.parametrize("end", ["", "-wal", "-journal", "-shm"])
+def test_what_is_no_file_is_refused_and_not_waited_for(tmp_path: Path, end: str) -> None:
+    os.mkfifo(tmp_path / f"a{end}")
+    with pytest.raises(DataError, match="is no file"):
+        Store(tmp_path / "a")

@@ -93,6 +93,10 @@ class Store:
         new = not self.path.exists() or self.path.stat().st_size == 0
         if not self.path.parent.is_dir():
             raise DataError(f"the store {self.path} was asked", "its folder is not there", "Make the folder first.")
+        beside = [self.path.with_name(self.path.name + end) for end in ("-wal", "-journal", "-shm")]
+        for path in (self.path, *beside):  # SQLite waits at a pipe
+            if (path.is_symlink() and path != self.path) or (path.exists() and not path.is_file()):
+                raise DataError(f"the store {self.path.name} was asked", f"{path.name} is no file", "Take it away.")
         with self._plainly():
             self._file = sqlite3.connect(self.path, timeout=_PATIENCE, isolation_level=None)
             try:
