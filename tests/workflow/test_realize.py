@@ -160,7 +160,18 @@ def test_among_candidates_that_simulate_as_well_the_likelihood_decides_and_of_wh
     assert _best([grew, own[1]]).candidate.order == 8
 
 
-def test_of_candidates_as_good_within_their_error_the_one_of_fewest_states_is_taken() -> None:
+def test_what_simulates_worse_by_chance_alone_is_taken_where_it_predicts_better() -> None:
+    """Two candidates on twenty stretches: Student's t of 19 degrees exceeds 2.433 in one of eighty, .025 over two."""
+    rng = np.random.default_rng(0)
+    left, apart = 0.1 + 0.02 * rng.standard_normal(20), rng.standard_normal(20)
+    apart = (apart - apart.mean()) / apart.std()
+    for shift, wanted in ((2.38, 4), (2.48, 8)):
+        worse = left + 0.05 * (apart + shift / np.sqrt(20))
+        tried = [_tried(4, worse, np.full(20, 1.0)), _tried(8, left, np.full(20, 2.0))]
+        assert _best(tried).candidate.order == wanted
+
+
+def test_of_candidates_that_predict_as_well_the_one_of_fewest_states_is_taken_that_simulates_as_well() -> None:
     """Breiman's rule on twenty stretches: two orders that differ by less, and by more, than one standard error of the difference."""
     rng = np.random.default_rng(0)
     left = 0.1 + 0.02 * rng.standard_normal(20)

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import stdtrit
 
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals, as_records
@@ -42,8 +43,8 @@ from modalscope.workflow.simulation import (
 #: Orders that are tried: even ones to the first number, then every fourth.
 _FINE_ORDERS, _MAX_ORDER = 20, 40
 
-#: Parts of the variance that count as equal whatever their error, and stretches of a part that is held out.
-_EQUAL, _STRETCHES = 1e-3, 10
+#: Parts of the variance that count as equal, how often any that is not worse is called so, and stretches of a part that is held out.
+_EQUAL, _BY_CHANCE, _STRETCHES = 1e-3, 0.025, 10
 
 #: Least share of the forces in a part that is held out and in the rest, relative to their share of the time.
 _MIN_SHARE = 0.5
@@ -470,33 +471,44 @@ def _of_records(
 
 
 def _best(found: list[_Tried]) -> _Tried:
-    """Return the candidate of fewest states that simulates, and predicts, as well as the best to one standard error of their difference.
+    """Return the candidate of fewest states that predicts as well as the best, among those that do not simulate significantly worse.
 
-    Those that simulate as well come first; among them the likelihood decides of what simulation leaves, an autoregression for its colour:
-    where that is loud, as by forces that were not measured, variances of simulations cannot tell a good model from a perfect one.
-    Breiman et al., Classification and Regression Trees, 1984, section 3.4.3. The error is that of the mean over stretches.
+    Where what was not measured is loud, variances of simulations cannot tell a good model from a perfect one, and the best of sixty is the
+    luckiest: what is worse by chance stays (Student's t over the stretches that are held out, Bonferroni over the candidates). Of these
+    the likelihood decides of what simulation leaves, an autoregression for its colour; of what predicts as well, to one standard error of
+    the difference, what simulates as well, and of this the fewest states. Breiman et al., Classification and Regression Trees, 1984,
+    section 3.4.3. Where nothing is held out, chance is no excuse: what simulates as well as the best of every row comes first.
     """
-    sound = found
-    if any(t.own for t in found):
+    sound, own = found, any(t.own for t in found)
+    if own:
         # more states simulate better what they were fitted to: likelihood chooses the order of a row, and growing poles speak against one
         sound = [t for t in found if not t.candidate.mirrored] or found
         names = dict.fromkeys(t.candidate.how for t in sound)
         sound = [min((t for t in sound if t.candidate.how == name), key=_level) for name in names]
-    top = max(sound, key=lambda t: t.candidate.free_run)
-    able = [t for t in sound if _as_good(t.blocks, top.blocks, _EQUAL)]
+    able = _simulating(sound, None if own else _BY_CHANCE / len(sound))
     likely = min(able, key=_level)
-    able = [t for t in able if _as_good(t.levels, likely.levels)]
+    able = _simulating([t for t in able if _as_good(t.levels, likely.levels)])
     return min(able, key=lambda t: (t.candidate.order, _level(t)))
+
+
+def _simulating(tried: list[_Tried], chance: float | None = None) -> list[_Tried]:
+    """Return those that simulate as well as the best of them, see `_as_good`."""
+    top = max(tried, key=lambda t: t.candidate.free_run)
+    return [t for t in tried if _as_good(t.blocks, top.blocks, chance, _EQUAL)]
 
 
 def _level(tried: _Tried) -> float:
     return float(np.mean(tried.levels))
 
 
-def _as_good(one: RealArray, top: RealArray, equal: float = 0.0) -> bool:
-    """Whether what is left of stretches is as little as the least to one standard error of the mean of their difference."""
+def _as_good(one: RealArray, top: RealArray, chance: float | None = None, equal: float = 0.0) -> bool:
+    """Whether what is left of stretches is as little as the least, to one standard error of the mean of their difference.
+
+    `chance`: or to what Student's t exceeds that often. `equal`: a difference that counts as none.
+    """
     worse = one - top
-    return bool(np.mean(worse) <= max(np.std(worse) / np.sqrt(worse.size), equal))
+    errors = 1.0 if chance is None else float(stdtrit(worse.size - 1, 1 - chance))
+    return bool(np.mean(worse) <= max(errors * np.std(worse) / np.sqrt(worse.size), equal))
 
 
 def _validation(best: _Tried, tried: list[_Tried], folds: list[_Fold], words: str) -> ModelValidation:
