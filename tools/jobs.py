@@ -252,7 +252,7 @@ def file(path: str | Path) -> Told:
     if path.suffix == ".json":
         return {"json": keys(json.loads(path.read_text("utf-8")))}
     if path.suffix == ".csv":
-        rows = list(csv.reader(line for line in path.read_text("utf-8").splitlines() if not line.startswith("#")))
+        rows = list(csv.reader(path.read_text("utf-8").splitlines()))
         return {"head": rows[0], "rows": len(rows), "columns": len(rows[-1])}
     if path.suffix == ".html":
         text = path.read_text("utf-8")

@@ -91,6 +91,10 @@ CALLS: dict[str, tuple[Callable[[], Any], str]] = {
         "half spectra on 100000000000 lines",
     ),
     "samples of a response": (lambda: CHAIN.impulse_response(10**12), "a response of 1000000000000 samples"),
+    "replicates of a comparison": (
+        lambda: ms.compare(lines(), methods=["era"], replicates=10**12),
+        "replicates needs at most 100000",
+    ),
     "replicates without end": (
         lambda: ms.certify(ms.analyze(lines(), orders=[8, 10]), replicates=10**12),
         "replicates needs at most 100000",

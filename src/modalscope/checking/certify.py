@@ -23,7 +23,7 @@ from modalscope.workflow.replay import replay
 Progress = Callable[[int, int], None]
 
 #: Replicates: of 100 000 a coverage of 95 % is known to .0014 (1.96 sqrt(.95 .05 / 100 000)), and 88 % are asked.
-_MOST_REPLICATES = 100_000
+MOST_REPLICATES = 100_000
 
 
 @named()
@@ -79,7 +79,7 @@ def certify(
     >>> bool(certify(result, replicates=10).found.min() >= 10)
     True
     """
-    count = check_count("replicates", replicates, least=2, most=_MOST_REPLICATES)
+    count = check_count("replicates", replicates, least=2, most=MOST_REPLICATES)
     start = check_count("seed", seed, least=0)
     if isinstance(result, str | Path):
         stored = Path(result).suffix.lower() == ".json"

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.checking.certify import MOST_REPLICATES
 from modalscope.comparing.agreement import Group, pair
 from modalscope.comparing.data_causes import (
     changed_by_more_orders,
@@ -290,7 +291,7 @@ def compare(
     check_kind("compare", data, (FrequencyResponse, ImpulseResponse, Signals, Records, Setups))
     if workers is not None:
         check_count("workers", workers)
-    check_count("replicates", replicates, least=0)
+    check_count("replicates", replicates, least=0, most=MOST_REPLICATES)
     data, causes = without_dead(data)
     route_options = {name: options.pop(name, None) for name in ("route", "delays", "reciprocal")}
     routes, failed = responses_by_route(data, band, **route_options)

@@ -11,7 +11,7 @@ sampling_rate, kind, first_sample).
 | `time_s` | `3:+Z / 1:+Z [m/s2 / N]`, for every output and input | an impulse response |
 | `mode` | what `columns_of` of `modalscope.judging.description` gives, then `real 3:+Z`, `imag 3:+Z` of the shapes | modes |
 
-Tables also say how many rows they have, and the SHA-256 of all lines but comments: `# rows: 300`. Another number
+Tables of responses and records also say how many rows they have, and the SHA-256 of all lines but comments: `# rows: 300`. Another number
 of rows, or samples that do not follow at the rate of the header, is refused; another sum alone is a note. Tables of 0.2.0 say neither.
 
 Columns are separated by comma, semicolon or tab, whichever the header has. Numbers are written with every digit. Coherence,
@@ -75,6 +75,10 @@ class _Table(NamedTuple):
     digest: str
 
 
+#: Largest number of a mode that is looked for, and missing ones that are named at most.
+_MAX_NUMBER, _NAMED = 10_000, 8
+
+
 class _Line:
     """Stands for a file: `csv.writer(_Line()).writerow(row)` returns the line."""
 
@@ -113,11 +117,20 @@ def read(path: Path, options: Options) -> Contents:
         fault = f"its first column is {table.header[0][:_CHARACTERS_SHOWN]!r}"
         remedy = "Name it frequency_hz or time_s, and the others as the module modalscope.io.csv says."
         raise unreadable(path.name, fault, remedy)
-    edited = table.notes.get("sha256", table.digest) != table.digest
-    notes = ("edited since it was written: its rows are whole, and their checksum is another",) if edited else ()
-    return Contents(
-        thing=thing, findings=tuple(Finding(part="column", what=name) for name in table.header), notes=notes
-    )
+    findings = tuple(Finding(part="column", what=name) for name in table.header)
+    return Contents(thing=thing, findings=findings, notes=_edited(table))
+
+
+def _edited(table: _Table) -> tuple[str, ...]:
+    """Say that rows are others than were written: by the checksum, of modes by their numbers."""
+    if table.notes.get("sha256", table.digest) != table.digest:
+        return ("edited since it was written: its rows are whole, and their checksum is another",)
+    if table.header[0] != "mode":
+        return ()
+    numbers = table.numbers[np.isfinite(table.numbers[:, 0]), 0]
+    gone = np.setdiff1d(np.arange(1, min(numbers.max(initial=0), _MAX_NUMBER) + 1), numbers)
+    which = ", ".join(f"{k:g}" for k in gone[:_NAMED]) + (" ..." if gone.size > _NAMED else "")
+    return (f"edited since it was written: without mode {which}",) if gone.size else ()
 
 
 def _check_rows(path: Path, table: _Table) -> None:
@@ -318,7 +331,7 @@ def write(path: Path, thing: DataObject, options: Options) -> None:
     Raises `DataError`: a direct term, several runs, or labels that a header of columns does not give back.
     """
     if isinstance(thing, ModalModel):
-        _put(path, {}, *_modes_table(thing))
+        _put(path, None, *_modes_table(thing))
         return
     if isinstance(thing, FrequencyResponse):
         notes, table = _notes(thing, "quantity", "sampling_rate"), _frequency_table(thing)
@@ -354,14 +367,15 @@ def _check_header(path: Path, thing: Signals | Response, header: Sequence[str]) 
         raise DataError(asked, "its header of columns would not give them back", "Rename them, or use .npz or .h5.")
 
 
-def _put(path: Path, notes: dict[str, str], header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+def _put(path: Path, notes: dict[str, str] | None, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
     writer: Any = csv.writer(_Line(), lineterminator="\n")
     with path.open("w", encoding="utf-8", newline="") as file:
-        digest = sha256()
-        for row in chain([header], rows):
-            digest.update(f"{writer.writerow(row).rstrip()}\n".encode())
-        whole = {"written by": MARK, **notes, "rows": len(rows), "sha256": digest.hexdigest()}
-        file.writelines(f"# {name}: {value}\n" for name, value in whole.items())
+        if notes is not None:
+            digest = sha256()
+            for row in chain([header], rows):
+                digest.update(f"{writer.writerow(row).rstrip()}\n".encode())
+            whole = {"written by": MARK, **notes, "rows": len(rows), "sha256": digest.hexdigest()}
+            file.writelines(f"# {name}: {value}\n" for name, value in whole.items())
         file.writelines(map(writer.writerow, chain([header], rows)))
 
 
