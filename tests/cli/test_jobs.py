@@ -280,11 +280,11 @@ def test_what_files_hold_is_drawn(test_file: Path, modes_file: Path, tmp_path: P
         (test_file, ["--modes", str(modes_file), "--band", "0.5", "7"]),
         (modes_file, ["--mode", "2"]),
         (tmp_path / "diagram.npz", ["--modes", str(modes_file)]),
+        (tmp_path / "node.json", []),
     ):
         place = tmp_path / f"{name.stem}.png"
         assert main(["plot", str(name), *more, "-o", str(place)]) == 0
         assert is_ours(place)
-    assert main(["plot", str(tmp_path / "node.json"), "-o", str(tmp_path / "none.png")]) == 2
     assert main(["plot", str(modes_file)]) == 2
 
 

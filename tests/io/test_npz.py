@@ -1,6 +1,7 @@
 """Archives of arrays: a pickle is never loaded."""
 
 import zipfile
+from pathlib import Path
 
 import numpy as np
 
@@ -17,3 +18,11 @@ def test_a_pickle_in_an_archive_is_never_loaded(tmp_path):
     with zipfile.ZipFile(tmp_path / "c.npz", "w") as archive:
         archive.writestr("notes.txt", "text")
     refused("not an array|damaged|unknown", mio.read, tmp_path / "c.npz")
+
+
+def test_long_numbers_of_python_2_are_refused_in_words(tmp_path: Path) -> None:
+    """NumPy reads them with a warning of its own; so it does of a damaged head."""
+    place = tmp_path / "a.npy"
+    np.save(place, np.zeros((6, 2)))
+    place.write_bytes(place.read_bytes().replace(b"(6, 2), }  ", b"(6L, 2L), }"))
+    refused("long numbers of Python 2", mio.read, place, sampling_rate=10.0)

@@ -22,7 +22,7 @@ from modalscope.workflow.simulation import (
     validated,
     with_innovations,
 )
-from tests.support import measured, random_system, refused, relative
+from tests.support import random_system, refused, relative
 
 
 def record(
@@ -263,16 +263,6 @@ def test_channels_and_delays_are_taken_out_before_the_parts() -> None:
         assert model.C.shape[0] == len(kept)
         assert model.validation.free_run.min() > 99
     assert ms.realize(late, order=10, delays={}, exclude=[names[2]]).validation.free_run.min() < 99
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("run", [0, 5])
-def test_a_measured_wing_is_simulated_to_nine_tenths(run: int) -> None:
-    z = np.load(measured("hati_gvt", "hati_ws3_200Hz.npz"))
-    data = ms.Signals(outputs=z["acc"][run], inputs=z["force"][run][:, None], sampling_rate=float(z["fs"]))
-    model = ms.realize(data)
-    assert np.abs(model.poles).max() < 1
-    assert model.validation.free_run.mean() > 90  # 92.8 and 94.4 were measured
 
 
 @pytest.mark.parametrize(("growth", "bound"), [(1e-5, np.exp(-1 / 200)), (0.02, 0.9803)])

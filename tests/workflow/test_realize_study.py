@@ -163,3 +163,5 @@ def test_realize_explains_what_every_row_does(name: str, study: Callable[[str, s
     for what, value in scores.items():
         table.row(what, f"{value:.1f}" if np.isfinite(value) and value > -999 else "none, or it grows")
     assert np.abs(model.poles).max() < 1
+    if "wing" in name:
+        assert model.validation.free_run.mean() > 90

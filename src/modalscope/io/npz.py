@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import zipfile
+from ast import literal_eval
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,9 @@ from modalscope.numerics.checks import Array
 NPY_OPTIONS = COLUMN_OPTIONS
 
 _MAGIC = b"\x93NUMPY"
+#: Bytes of the head of an array at most, as NumPy has it.
+_BYTES_OF_HEAD = 10_000
+
 #: Bytes at the end of an archive that hold the place of its list of members, and of the longest list (some ten thousand members).
 _BYTES_OF_END, _BYTES_OF_DIRECTORY = 1 << 16, 1_000_000
 
@@ -81,6 +85,14 @@ def _check_head(file: Any, where: str, name: str, size: int, space: Room) -> Non
     if file.read(len(_MAGIC)) != _MAGIC:
         raise ValueError(f"{name} does not begin as an array")
     version = tuple(file.read(2))
+    begin = file.tell()
+    size_of_head = int.from_bytes(file.read(2 if version == (1, 0) else 4), "little")
+    try:  # NumPy mends such a head, and warns
+        literal_eval(file.read(min(size_of_head, _BYTES_OF_HEAD)).decode("latin-1"))
+    except SyntaxError:
+        fault = "the head of an array has the long numbers of Python 2, or is damaged"
+        raise unreadable(where, fault, "Load it with numpy.load and store it again with numpy.savez.") from None
+    file.seek(begin)
     read_head: Any = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     shape, _, dtype = read_head(file)
     if dtype.hasobject:
