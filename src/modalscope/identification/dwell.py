@@ -53,9 +53,7 @@ class Dwell:
     @property
     def linear_within(self) -> float | None:
         """Largest change of the frequency against that of the lowest level, as a share; None of responses."""
-        return (
-            None if self.levels is None else float(np.abs(self.levels.frequency / self.levels.frequency[0] - 1).max())
-        )
+        return None if self.levels is None else _change(self.levels)
 
 
 @named(threshold=POSITIVE)
@@ -145,10 +143,14 @@ def _of_records(records: Records, levels: Levels) -> Dwell:
     )
 
 
+def _change(levels: Any) -> float:
+    return float(np.abs(levels.frequency / levels.frequency[0] - 1).max())
+
+
 def _backbone_note(levels: Any) -> Note:
     """Say how frequency and damping go with amplitude."""
     ends = [levels[name][[0, -1]] for name in ("amplitude", "frequency", "damping")]
-    change = float(np.abs(levels.frequency / levels.frequency[0] - 1).max())
+    change = _change(levels)
     text = (
         f"linear within {100 * change:.2g} %: amplitudes {ends[0][0]:.3g} to {ends[0][1]:.3g}, "
         f"{ends[1][0]:.5g} to {ends[1][1]:.5g} Hz, damping {100 * ends[2][0]:.3g} to {100 * ends[2][1]:.3g} %"

@@ -538,7 +538,9 @@ def _again(
     A model that was fitted to all records is what it is: at another largest order its data matrix, and so its poles, would be others.
     """
     if best.own:
-        return with_innovations(best.models[0], records), ()
+        count = best.candidate.mirrored
+        grew = Note("mirrored", {"poles": count}, f"{count} poles that grow were mirrored; stable=False keeps them")
+        return with_innovations(best.models[0], records), (grew,) if count else ()
     whole: list[tuple[StateSpace, tuple[Note, ...]]] = []
     try:
         found = identify(records, order=best.candidate.order, deviations=False, **{**options, **best.way})
