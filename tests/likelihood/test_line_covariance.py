@@ -25,16 +25,18 @@ from modalscope.likelihood.covariance import (
     variances_of_lines,
 )
 from modalscope.likelihood.descent import (
-    columns_on_rows,
+    OnRows,
     descend,
     influence_on_poles,
     information_of_channels,
     inverse,
     leverage,
     normal,
+    on_rows,
+    residual,
 )
-from modalscope.likelihood.driven import whitened_records
-from modalscope.likelihood.likelihood import Fitted, Point, whitened
+from modalscope.likelihood.driven import DrivenWhitened, whitened_records
+from modalscope.likelihood.likelihood import Fitted, Point, Whitened, whitened
 from modalscope.likelihood.spread import _rows
 from modalscope.numerics.checks import ComplexArray, RealArray
 from tests.identification.test_refine_records import runs_of, started, system
@@ -66,6 +68,32 @@ def optimum(kind: str, noise: float = 1e-6) -> tuple[Point, Fitted, Any]:
     return found.point, found.fitted, data
 
 
+def whole(point: Point, fitted: Fitted) -> OnRows:
+    """Return all rows in one piece, of records put together from both parts of some lines at a time."""
+    pieces = list(on_rows(point, fitted))
+    if len(pieces) == 1 and isinstance(pieces[0].rows, slice):
+        return pieces[0]
+    order = np.argsort(np.concatenate([each.rows for each in pieces]))
+    return OnRows(slice(None), *(np.concatenate(each)[order] for each in list(zip(*pieces, strict=True))[1:]))
+
+
+def data_of(problem: Whitened) -> RealArray:
+    """Return the divided data on all rows, without what terms explain, (K, q, p)."""
+    if not isinstance(problem, DrivenWhitened):
+        return problem.data
+    both = np.concatenate([problem.values.real, problem.values.imag]) / problem.rows[:, None] / problem.linear
+    return (both - problem.terms @ problem.taken)[:, :, None]
+
+
+def with_data(problem: Whitened, data: RealArray) -> Whitened:
+    """Return the problem with other data, which the terms have no part in."""
+    if not isinstance(problem, DrivenWhitened):
+        return replace(problem, data=data)
+    both = data[:, :, 0] * problem.rows[:, None] * problem.linear
+    half = len(both) // 2
+    return replace(problem, values=both[:half] + 1j * both[half:], taken=0 * problem.taken)
+
+
 def influence(point: Point, fitted: Fitted) -> tuple[RealArray, RealArray]:
     """Return the influence on all frequencies, then all damping ratios, and the deviations that white noise of one gives these."""
     C, (n, p) = inverse(normal(point, fitted)[0]), point.sides.shape
@@ -73,7 +101,7 @@ def influence(point: Point, fitted: Fitted) -> tuple[RealArray, RealArray]:
     for k, gradient in enumerate(gradients_of_poles(point.poles)):
         for j in range(n):
             g[k, j, 2 * p * j : 2 * p * j + 2] = gradient[j]
-    W = columns_on_rows(point, fitted)[0].view(np.float64)
+    W = np.split(whole(point, fitted).W.view(np.float64), n, axis=2)
     u = influence_on_poles(W, fitted.linear, g.reshape(2 * n, -1) @ C).transpose(1, 0, 3, 2)
     return u, np.concatenate(deviations_of_poles(point.poles, pole_blocks(C, 2 * p * np.arange(n))))
 
@@ -82,13 +110,14 @@ def influence(point: Point, fitted: Fitted) -> tuple[RealArray, RealArray]:
 def test_influence_is_the_change_of_poles_with_the_data(kind: str) -> None:
     point, fitted, _ = optimum(kind)
     (u, _), problem = influence(point, fitted), point.problem
-    change = np.random.default_rng(3).standard_normal(problem.data.shape)
+    data = data_of(problem)
+    change = np.random.default_rng(3).standard_normal(data.shape)
     change -= np.tensordot(problem.terms, np.tensordot(problem.terms.T, change, 1), 1)
     ends = []
     for sign in (1, -1):
-        moved = replace(problem, data=problem.data + sign * 1e-5 * np.abs(problem.data).max() * change)
+        moved = with_data(problem, data + sign * 1e-5 * np.abs(data).max() * change)
         ends.append(np.concatenate(frequencies_and_damping(descend(moved, point.poles, point.sides).point.poles)))
-    numeric = (ends[0] - ends[1]) / (2e-5 * np.abs(problem.data).max())
+    numeric = (ends[0] - ends[1]) / (2e-5 * np.abs(data).max())
     told, size = np.einsum("bkqp,kqp->b", u, change), np.sqrt(np.sum(u**2, axis=(1, 2, 3)))
     assert np.all(np.abs(numeric - told) < 1e-3 * size)
 
@@ -98,22 +127,23 @@ def test_with_white_noise_put_in_lines_give_the_covariance_of_the_information(ki
     """With S = 2 v I in place of the residual, 1/2 sum u^H S u is v times the inverse information."""
     point, fitted, data = optimum(kind)
     u, white = influence(point, fitted)
-    rows = _rows(point, fitted, inverse(normal(point, fitted)[0]), data)
-    turned = rows.times(rows.W)
+    C, v = inverse(normal(point, fitted)[0]), 0.3
+    rows, (_, W, _, left) = _rows(point, fitted, C, data), whole(point, fitted)
+    turned = [rows.times(each) for each in rows.W]
     assert (
-        np.sum(turned**2)
-        == pytest.approx(np.sum(rows.W**2))
-        == pytest.approx(np.sum(np.abs(columns_on_rows(point, fitted)[0]) ** 2))
+        np.sum(np.square(turned)) == pytest.approx(np.sum(np.square(rows.W))) == pytest.approx(np.sum(np.abs(W) ** 2))
     )
     assert np.allclose(np.sqrt(np.sum(u**2, axis=(1, 2, 3))), white, rtol=1e-6)
-    C, v = inverse(normal(point, fitted)[0]), 0.3
     assert np.allclose(information_of_channels(point, fitted, v, alike=True), v * normal(point, fitted)[0])
     # drawn: the covariance by lines of 40 residuals, their mean known to some per cent
-    rng, p = np.random.default_rng(0), point.sides.shape[1]
-    drawn = []
+    rng, p, problem = np.random.default_rng(0), point.sides.shape[1], point.problem
+    in_time = data.grid is None
+    h = leverage(problem.terms, fitted.linear, W, whole(point, fitted).kept, C, 1 if in_time else 2)
+    free = 1 - (h.mean(axis=0) if in_time else np.tile(h, (2, 1, 1)))
+    explained, drawn = data_of(problem) - left, []
     for _ in range(40):
-        e = rng.standard_normal(rows.left.shape) * np.sqrt(rows.free) * np.sqrt(rows.free)
-        found = replace(rows, left=e).covariance(C)
+        e = rng.standard_normal(left.shape) * free
+        found = _rows(replace(point, problem=with_data(problem, explained + e)), fitted, C, data).covariance(C)
         drawn.append(
             np.concatenate(deviations_of_poles(point.poles, pole_blocks(found, 2 * p * np.arange(len(point.poles)))))
         )
@@ -124,27 +154,25 @@ def test_with_white_noise_put_in_lines_give_the_covariance_of_the_information(ki
 def test_leverages_are_the_slopes_of_fitted_numbers_by_their_data_and_sum_to_the_unknowns(kind: str) -> None:
     point, fitted, _ = optimum(kind)
     problem = point.problem
-    h = leverage(point, fitted, *columns_on_rows(point, fitted), inverse(normal(point, fitted)[0]))
-    q, p = problem.data.shape[1:]
+    rows, (q, p) = whole(point, fitted), problem.channels
+    h = leverage(problem.terms, fitted.linear, rows.W, rows.kept, inverse(normal(point, fitted)[0]))
     unknowns = problem.terms.shape[1] * q * p + fitted.kept.shape[1] * q + 2 * point.sides.size
     assert h.sum() == pytest.approx(unknowns, rel=1e-6)
     k, o = 40, 1
     ends = []
     for sign in (1, -1):
-        data = problem.data.copy()
+        data = data_of(problem).copy()
         size = 1e-4 * np.abs(data).max()
         unit = np.zeros(len(data))
         unit[k] = sign * size
         data[:, o, 0] += unit - problem.terms @ (problem.terms.T @ unit)
-        there = descend(replace(problem, data=data), point.poles, point.sides).point
+        there = descend(with_data(problem, data), point.poles, point.sides).point
         ends.append(data[k, o, 0] - _left(there)[k, o, 0])
     own = float(problem.terms[k] @ problem.terms[k])
     assert h[k, o, 0] == pytest.approx((ends[0] - ends[1]) / (2 * size) + own, abs=2e-3)
 
 
 def _left(point: Point) -> RealArray:
-    from modalscope.likelihood.descent import residual
-
     return residual(point, point.fitted())
 
 

@@ -47,11 +47,19 @@ class Excess(NamedTuple):
     share: float
 
 
-def excess(frequencies: RealArray, power: RealArray, values: Array, poles: Array, resolution: float) -> Excess:
+def excess(
+    frequencies: RealArray,
+    power: RealArray,
+    values: Array,
+    poles: Array,
+    resolution: float,
+    level: RealArray | float = 1.0,
+) -> Excess:
     """Compare what a fit leaves near modes with what it leaves beside them.
 
     `frequencies` (F,): hz. `power` (F, l): squares of what is left of the values. `values` (F, l). `poles` (n,): rad/s, as they are in
-    the data. `resolution`: distance of the lines of a run, Hz; no mode is taken to be narrower.
+    the data. `resolution`: distance of the lines of a run, Hz; no mode is taken to be narrower. `level` (l,): what the values are to be
+    divided by.
     """
     f = np.abs(poles) / (2 * np.pi)
     half = np.maximum(np.abs(poles.real) / (2 * np.pi), resolution)
@@ -63,13 +71,16 @@ def excess(frequencies: RealArray, power: RealArray, values: Array, poles: Array
     place = np.searchsorted(frequencies[away], frequencies[near])
     beside = away[np.clip(place[:, None] + np.arange(-_COMPARED_LINES // 2, _COMPARED_LINES // 2), 0, away.size - 1)]
     ratio, count, missed, whole = 0.0, 0, 0.0, 0.0
-    for level, data in zip(power.T, values.T, strict=True):  # of long records all outputs together are large
-        floor = level[beside].mean(axis=1)
+    sizes = np.broadcast_to(level, power.shape[1])
+    for left, data, size in zip(
+        power.T, values.T, sizes, strict=True
+    ):  # of long records all outputs together are large
+        floor = left[beside].mean(axis=1)
         usable = floor > 0
-        ratio += float(np.sum(level[near[usable]] / floor[usable]))
+        ratio += float(np.sum(left[near[usable]] / floor[usable]))
         count += int(np.count_nonzero(usable))
-        missed += float(np.sum(level[near]))
-        whole += float(np.sum(np.abs(data[near]) ** 2))
+        missed += float(np.sum(left[near]))
+        whole += float(np.sum(np.abs(data[near] / size) ** 2))
     decibels = 10 * np.log10(ratio / count) if count and ratio > 0 else np.nan
     return Excess(float(decibels), float(np.sqrt(missed / whole)) if whole > 0 else np.nan)
 

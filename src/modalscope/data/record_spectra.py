@@ -198,8 +198,19 @@ class RecordSpectra(Response):
 
     def whole_basis(self, poles: Array, powers: tuple[int, ...] = (0,)) -> DrivenBasis:
         """Return the same columns on all rows, with powers of the inputs and one less of the ends; see `Response.whole_basis`."""
-        relative = np.asarray(1j * self.frequencies / self.span[1])
-        return self.lines.basis(self.in_plane(poles), self.values, relative, powers)
+        return self._basis(self.lines, slice(None), poles, powers)
+
+    def pieces(self, poles: Array, powers: tuple[int, ...]) -> Iterator[DrivenBasis]:
+        """Yield `whole_basis` of some lines at a time: of long records it is large."""
+        lines, width = self.lines, max(self.drives * (2 * len(poles) + len(powers)), self.values.shape[1])
+        step = max(_NUMBERS_AT_A_TIME // width, 1)
+        for start in range(0, self.count, step):
+            s = slice(start, start + step)
+            yield self._basis(DrivenLines(lines.points[s], lines.drives[s], lines.inputs), s, poles, powers)
+
+    def _basis(self, own: DrivenLines, lines: slice, poles: Array, powers: tuple[int, ...]) -> DrivenBasis:
+        relative = np.asarray(1j * self.frequencies[lines] / self.span[1])
+        return own.basis(self.in_plane(poles), self.values[lines], relative, powers)
 
     def residual_of(
         self, poles: Array, shapes: Array, participation: Array, powers: tuple[int, ...] = (0,)

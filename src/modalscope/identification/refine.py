@@ -276,9 +276,7 @@ def left_by_refined(spectra: RecordSpectra, modes: ModalModel, fixed: ComplexArr
     descent = settled.descent
     problem = descent.point.problem
     rows = residual(descent.point, descent.fitted)[:, :, 0] * problem.rows[:, None]
-    size = (
-        settled.levels.outputs * settled.levels.inputs[0] * np.sqrt(settled.variance * problem.data.size / descent.cost)
-    )
+    size = settled.levels.outputs * settled.levels.inputs[0] * np.sqrt(settled.variance * problem.count / descent.cost)
     return np.asarray((rows[: spectra.count] + 1j * rows[spectra.count :]) * size)[:, :, None]
 
 

@@ -316,7 +316,7 @@ def _excess(state: State, peaks: ComplexArray | tuple[()] = ()) -> float:
     point = state.descent.point
     errors = residual(point, state.descent.fitted)
     if len(peaks):
-        Q = np.linalg.qr(point.problem.columns(np.asarray(peaks), slopes=False)[0])[0]
+        Q = np.linalg.qr(state.selection.problem.columns(np.asarray(peaks), slopes=False)[0])[0]
         flat = errors.reshape(len(errors), -1)
         errors = (flat - Q @ (Q.T @ flat)).reshape(errors.shape)
     unknowns = point.problem.terms.shape[1] + 2 * (len(state.poles) + len(peaks))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modalscope.functions.poles import frequencies_and_damping
-from modalscope.likelihood.likelihood import Whitened
+from modalscope.likelihood.likelihood import WhitenedResponse
 from modalscope.likelihood.whitening import gain_factor_in_correlated_noise, gain_factor_under_window
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
@@ -32,7 +32,7 @@ class SelectionProblem:
     `window`: a T of an exponential window on the noise.
     """
 
-    problem: Whitened
+    problem: WhitenedResponse
     variance: float
     bar: float
     band: tuple[float, float]

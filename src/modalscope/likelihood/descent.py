@@ -7,8 +7,9 @@ Source: H. B. Nielsen, "Damping parameter in Marquardt's method", IMM-REP-1999-0
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.fft as sfft
@@ -62,10 +63,27 @@ def scores(point: Point, fitted: Fitted) -> RealArray:
 
 def residual(point: Point, fitted: Fitted) -> RealArray:
     """Return the whitened residual on all rows, (K, q, p)."""
-    q, p = point.data.shape[1:]
-    explained = point.data - _split(fitted.left, p).transpose(0, 2, 1)
-    left = point.spanned(explained.reshape(len(explained), q * p)).reshape(-1, q, p)
-    return np.subtract(point.problem.data, left, out=left)
+    found = None
+    for rows, left in residuals(point, fitted):
+        if isinstance(rows, slice):  # all
+            return left
+        found = np.empty((len(point.problem.rows), *left.shape[1:])) if found is None else found
+        found[rows] = left
+    assert found is not None
+    return found
+
+
+def residuals(point: Point, fitted: Fitted) -> Iterator[tuple[slice | IntArray, RealArray]]:
+    """Yield some rows and the whitened residual there, (rows, q, p)."""
+    for rows, explained, data in point.spanned(_explained(point, fitted)):
+        left = explained.reshape(data.shape)
+        yield rows, np.subtract(data, left, out=left)
+
+
+def _explained(point: Point, fitted: Fitted) -> RealArray:
+    """Return what modes explain of all channels on the compressed rows, (4 n, q p)."""
+    explained = point.data - _split(fitted.left, point.data.shape[2]).transpose(0, 2, 1)
+    return explained.reshape(len(explained), -1)
 
 
 def information_of_channels(point: Point, fitted: Fitted, variance: float, *, alike: bool) -> RealArray:
@@ -78,28 +96,47 @@ def information_of_channels(point: Point, fitted: Fitted, variance: float, *, al
     return np.asarray(np.sum(parts, axis=0))
 
 
-def columns_on_rows(point: Point, fitted: Fitted) -> tuple[ComplexArray, RealArray]:
-    """Return on the rows the columns W_a of all unknowns, (K, p, n p), complex, see above, and those of what modes explain, (K, p, r)."""
-    W, p, kept = _free(point, fitted), point.data.shape[2], fitted.kept
-    both = [each.reshape(len(W) // p, -1) for each in (W.view(np.float64), kept)]
-    rows = point.spanned(np.hstack(both))
-    W_rows, of_modes = np.split(rows, [both[0].shape[1]], axis=1)
-    unknowns = np.ascontiguousarray(W_rows).view(np.complex128).reshape(len(rows), p, W.shape[1])
-    return unknowns, of_modes.reshape(len(rows), p, kept.shape[1]).copy()
+class OnRows(NamedTuple):
+    """Some rows of the data at a point.
+
+    `rows` (k,): which. `W` (k, p, n p): columns W_a of all unknowns, complex, see above. `kept` (k, p, r): what modes explain. `left`
+    (k, q, p): whitened residual.
+    """
+
+    rows: slice | IntArray
+    W: ComplexArray
+    kept: RealArray
+    left: RealArray
 
 
-def influence_on_poles(W: RealArray, linear: ComplexArray, steps: RealArray) -> RealArray:
+def on_rows(point: Point, fitted: Fitted) -> Iterator[OnRows]:
+    """Yield some rows after others, of records both parts of some lines."""
+    W, p = _free(point, fitted), point.data.shape[2]
+    parts = [each.reshape(len(W) // p, -1) for each in (W.view(np.float64), fitted.kept)]
+    ends = np.cumsum([each.shape[1] for each in parts])
+    for rows, found, data in point.spanned(np.hstack([*parts, _explained(point, fitted)])):
+        W_rows, kept, explained = (np.ascontiguousarray(each) for each in np.split(found, ends, axis=1))
+        explained = explained.reshape(data.shape)
+        yield OnRows(
+            rows,
+            W_rows.view(np.complex128).reshape(len(data), p, -1),
+            kept.reshape(len(data), p, -1),
+            np.subtract(data, explained, out=explained),
+        )
+
+
+def influence_on_poles(W: Sequence[RealArray], linear: ComplexArray, steps: RealArray) -> RealArray:
     """Return u = J x, the influence of the data on numbers g'theta, x = J'J^-1 g: the change of each is sum u e, (K, b, p, q).
 
-    `W` (K, p, 2 n p): of `columns_on_rows`, real and imaginary part of every unknown side by side, or what is linear in them: real parts of
-    their transforms. `linear` (q, n): c. `steps` (b, 2 n p): x.
+    `W`: of every mode (K, p, a), its columns of `on_rows`, real and imaginary part of every unknown side by side, or what is linear in
+    them: real parts of their transforms. `linear` (q, n): c. `steps` (b, n a): x.
     """
-    (q, n), (K, p, a) = linear.shape, W.shape
+    (q, n), (K, p, _) = linear.shape, W[0].shape
     x = (steps[:, ::2] + 1j * steps[:, 1::2]).reshape(len(steps), n, -1).transpose(1, 2, 0)
     # Re and -Im of sum_a W_a x_a of every mode, from the parts of W; then Re of their products with c
     of_real, of_imag = (np.stack([each.real, -each.imag], axis=-1) for each in (x, 1j * x))
-    weights = np.stack([of_real, of_imag], axis=2).reshape(n, a // n, -1)
-    each = W.reshape(K * p, n, -1).transpose(1, 0, 2) @ weights
+    weights = np.stack([of_real, of_imag], axis=2).reshape(n, W[0].shape[2], -1)
+    each = np.stack([own.reshape(K * p, -1) @ by for own, by in zip(W, weights, strict=True)])
     moved = each.reshape(n, K, p, -1, 2).transpose(1, 3, 2, 0, 4).reshape(-1, 2 * n)
     return np.asarray((moved @ np.stack([linear.real, linear.imag], axis=-1).reshape(q, -1).T).reshape(K, -1, p, q))
 
@@ -122,22 +159,22 @@ _NUMBERS_AT_A_TIME = 1 << 19
 
 
 def leverage(
-    point: Point, fitted: Fitted, W: ComplexArray, kept: RealArray, inverse: RealArray, parts: int = 1
+    terms: RealArray, linear: ComplexArray, W: ComplexArray, kept: RealArray, inverse: RealArray, parts: int = 1
 ) -> RealArray:
     """Return how far each number of the data draws its fit towards itself, (K, q, p): the diagonal of the projection on terms, c and J.
 
-    `W`, `kept`: `columns_on_rows`. `inverse`: of J'J. `parts`: 2 returns the mean of the first and the second half of the rows, the real
-    and the imaginary parts of lines.
+    `terms` (K, t): of the problem. `linear` (q, n): c. `W`, `kept`: of `OnRows`. `inverse`: of J'J. `parts`: 2 returns the mean of the
+    first and the second half of the rows, the real and the imaginary parts of lines.
     """
-    (q, n), count, p = fitted.linear.shape, len(W) // parts, W.shape[1]
-    alike = np.sum(point.problem.terms**2, axis=1)[:, None] + np.einsum("kir,kir->ki", kept, kept)
+    (q, n), count, p = linear.shape, len(W) // parts, W.shape[1]
+    alike = np.sum(terms**2, axis=1)[:, None] + np.einsum("kir,kir->ki", kept, kept)
     found = np.empty((count, q, p))
     found[:] = alike.reshape(parts, count, 1, p).mean(axis=0)
     rows = W.reshape(parts, count, p, n, -1)
     step = max(_NUMBERS_AT_A_TIME // (2 * parts * W[0].size), 1)
     for start in range(0, count, step):
         own = rows[:, start : start + step]
-        h = _leverage_on_modes(own.reshape(-1, *own.shape[3:]), fitted.linear, inverse, parts) / parts
+        h = _leverage_on_modes(own.reshape(-1, *own.shape[3:]), linear, inverse, parts) / parts
         found[start : start + step] += h.reshape(-1, p, q).swapaxes(1, 2)
     return found
 
@@ -250,7 +287,7 @@ def window_noise(point: Point, fitted: Fitted, response: Response) -> WindowNois
     linear = float(np.vdot(kept, noise @ kept))
     fixed = float(np.trace(_of_rows(problem.terms, grid, window)))
     taken = q * p * fixed + q * linear + float(np.vdot(back, scores))
-    return WindowNoise(np.asarray(back @ scores @ back), problem.data.size - taken)
+    return WindowNoise(np.asarray(back @ scores @ back), problem.count - taken)
 
 
 def _of_rows(Q: RealArray, grid: RealArray, window: float) -> RealArray:
@@ -334,7 +371,7 @@ def descend(
     """
     point = problem.at(poles, sides)
     fitted = point.fitted()
-    cost, size = point.cost(fitted), float(np.vdot(problem.data, problem.data))
+    cost, size = point.cost(fitted), problem.size
     damping, kept = _INITIAL_DAMPING, np.arange(len(poles))
     for iteration in range(most):
         if progress is not None:

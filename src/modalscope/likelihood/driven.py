@@ -9,7 +9,7 @@ are eliminated. The rows are compressed at every point to the span of what the m
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as sla
@@ -35,11 +35,27 @@ _ROUNDING = 1e-11
 class DrivenWhitened(Whitened):
     """Records whose noise is white and of one deviation, without what terms explain.
 
-    `light`: one output. `lines`: of the drives divided by their sizes, 1 / `varying`.
+    The divided data are made some lines at a time, where they are asked: of long records a copy is large.
+
+    `light`: one output. `lines`: of the drives divided by their sizes, 1 / `varying`. `values` (F, q): outputs as they are. `taken` (t, q):
+    what the terms have of the divided outputs. `squares`: of what they leave, summed.
     """
 
     light: RecordSpectra
-    lines: DrivenLines = field(kw_only=True)
+    lines: DrivenLines
+    values: ComplexArray
+    taken: RealArray
+    squares: float
+
+    @property
+    def channels(self) -> tuple[int, int]:
+        """All outputs, and one side of all drives together."""
+        return self.values.shape[1], 1
+
+    @property
+    def size(self) -> float:
+        """Sum of the squares of the data."""
+        return self.squares
 
     @property
     def parts(self) -> IntArray | None:
@@ -58,23 +74,25 @@ class DrivenWhitened(Whitened):
         """
         n, p = sides.shape
         t, width = self.terms.shape[1], 2 * n * (1 + p if slopes else 1)
-        flat = self.data[:, :, 0]
 
         def chunks() -> Iterator[RealArray]:
-            for rows, columns in self.columns_of(poles, sides, slopes=slopes):
-                yield np.hstack([self.terms[rows], columns, flat[rows]])
+            for rows, columns, data in self.blocks(poles, sides, slopes=slopes):
+                yield np.hstack([self.terms[rows], columns, data])
 
-        R = triangle_of(chunks, t + width + flat.shape[1], _MIN_COLUMN_REMAINDER)
+        R = triangle_of(chunks, t + width + self.channels[0], _MIN_COLUMN_REMAINDER)
         own = R[t : t + width, t : t + width]
         beyond = np.sum(R[t + width :, t + width :] ** 2, axis=0)
         Z, taken = R[t : t + width, t + width :], R[:t, :t].T @ R[:t, t : t + width]
         each = own[:, ::2] - 1j * own[:, 1::2]
         return DrivenPoint(self, poles, sides, each[:, :n], each[:, n:], Z[:, :, None], beyond[:, None], (taken, own))
 
-    def columns_of(
+    def blocks(
         self, poles: ComplexArray, sides: ComplexArray, *, slopes: bool
-    ) -> Iterator[tuple[IntArray, RealArray]]:
-        """Yield some rows and on them the functions of the modes, and their derivatives by the pole and by b across itself, with terms."""
+    ) -> Iterator[tuple[IntArray, RealArray, RealArray]]:
+        """Yield the rows of some lines, and on them the functions of the modes and their derivatives, with terms, and the data.
+
+        Derivatives are by the pole and by b across itself.
+        """
         n, p = sides.shape
         where, chain, count = self.light.in_plane(poles), self.light.chain(poles), len(self.lines.points)
         width = 2 * n * (1 + p if slopes else 1)
@@ -91,7 +109,9 @@ class DrivenWhitened(Whitened):
                     _lay(moved[:, 2 * k :], lines.columns(where, side), p)
             rows = np.concatenate([np.arange(s.start, s.stop), count + np.arange(s.start, s.stop)])
             both /= self.rows[rows, None]
-            yield rows, both
+            data = _divided(self.values[s], self.rows[rows], self.linear)
+            data -= self.terms[rows] @ self.taken
+            yield rows, both, data
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -101,23 +121,16 @@ class DrivenPoint(Point):
     `basis`: the part of the columns in the terms (t, c), and the triangular factor of the remainder (c, c).
     """
 
-    @property
-    def span(self) -> RealArray:
-        """Orthonormal columns, from compressed rows to rows, (K, c)."""
-        return self.spanned(np.eye(len(self.own)))
-
-    def spanned(self, coefficients: RealArray) -> RealArray:
-        """Return `span` times coefficients (c, k), on the rows: (columns - terms T'columns) R^-1 of them."""
+    def spanned(self, coefficients: RealArray) -> Iterator[tuple[slice | IntArray, RealArray, RealArray]]:
+        """Yield the rows of some lines, (columns - terms T'columns) R^-1 coefficients (c, k) there, and the data; see `Point.spanned`."""
         taken, R = self.basis
         assert R is not None
         size = np.maximum(np.linalg.norm(R, axis=0), 1e-300)
         weights = sla.lstsq(R / size, coefficients, cond=_ROUNDING, check_finite=False)[0] / size[:, None]
         problem, slopes = self.problem, self.derived.shape[1] > 0
         assert isinstance(problem, DrivenWhitened)
-        found = np.empty((len(problem.rows), coefficients.shape[1]))
-        for rows, columns in problem.columns_of(self.poles, self.sides, slopes=slopes):
-            found[rows] = columns @ weights - problem.terms[rows] @ (taken @ weights)
-        return found
+        for rows, columns, data in problem.blocks(self.poles, self.sides, slopes=slopes):
+            yield rows, columns @ weights - problem.terms[rows] @ (taken @ weights), data[:, :, None]
 
     def columns(self) -> ComplexArray:
         """Return what the modes give, (K, n)."""
@@ -134,6 +147,14 @@ def _lay(place: RealArray, columns: ComplexArray, apart: int) -> None:
     place[:, 1 :: 2 * apart] = -columns.imag
 
 
+def _divided(values: ComplexArray, rows: RealArray, outputs: RealArray) -> RealArray:
+    """Return values on lines, (F, q) -> (2 F, q), real parts above imaginary ones, divided by the deviations of rows and outputs."""
+    data = np.concatenate([values.real, values.imag])
+    data /= rows[:, None]
+    data /= outputs
+    return data
+
+
 def whitened_records(
     records: RecordSpectra, fixed: Array, powers: tuple[int, ...], rows: RealArray, outputs: RealArray
 ) -> DrivenWhitened:
@@ -141,19 +162,17 @@ def whitened_records(
 
     `fixed`, `powers`, `rows`, `outputs`: as in `likelihood.whitened`.
     """
-    basis = records.whole_basis(fixed, powers)
-    flat, terms = basis.data[:, :, 0], basis.columns
-    del basis
-    terms /= rows[:, None]
-    terms = scaled_span(terms)
-    flat /= rows[:, None]
-    flat /= outputs
-    seen, step = terms.T @ flat, max(_BLOCK_NUMBERS // flat.shape[1], 1)
-    for first in range(0, len(flat), step):  # of long records each copy is large
-        flat[first : first + step] -= terms[first : first + step] @ seen
-    lines = records.lines
+    light, lines, values = records.select(outputs=[0]), records.lines, records.values[:, :, 0]
+    terms = scaled_span(light.whole_basis(fixed, powers).columns / rows[:, None])
+    taken, whole = np.zeros((terms.shape[1], values.shape[1])), 0.0
+    step, count = max(_BLOCK_NUMBERS // values.shape[1], 1), len(values)
+    for start in range(0, count, step):
+        s = slice(start, start + step)
+        data = _divided(values[s], np.concatenate([rows[:count][s], rows[count:][s]]), outputs)
+        taken += np.concatenate([terms[:count][s], terms[count:][s]]).T @ data
+        whole += float(np.vdot(data, data))
     size = np.sqrt(np.mean(np.abs(lines.drives) ** 2, axis=0))
     size[lines.inputs :] = 1
     size = np.where(size > 0, size, 1)
-    light = records.select(outputs=[0])
-    return DrivenWhitened(light, rows, terms, flat[:, :, None], outputs, 1 / size, False, lines=lines.divided(size))
+    left = max(whole - float(np.vdot(taken, taken)), 0.0)
+    return DrivenWhitened(light, rows, terms, outputs, 1 / size, False, lines.divided(size), values, taken, left)

@@ -90,9 +90,10 @@ class Noise:
         """
         point, variance = self._at(modes), self._settled.variance
         problem = point.problem
-        deviations = np.log(problem.rows).sum() * problem.data[0].size
+        q, p = problem.channels
+        deviations = np.log(problem.rows).sum() * q * p
         deviations += len(problem.rows) * np.add.outer(*(np.log(side) for side in problem.sides)).sum()
-        count = problem.data.size
+        count = problem.count
         misfit = point.cost(point.fitted()) / variance
         return float(-(misfit + count * np.log(2 * np.pi * variance)) / 2 - deviations)
 

@@ -12,6 +12,8 @@ Source: G. Golub and V. Pereyra, SIAM J. Numer. Anal. 10, 1973; L. Kaufman, BIT 
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,25 +36,38 @@ _Span = tuple[RealArray, RealArray | None]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Whitened:
-    """Data whose noise is white and of one deviation, without what terms explain.
+class Whitened(ABC):
+    """Data whose noise is white and of one deviation, without what terms explain: K rows of q x p channels, q >= p.
 
     `light`: one channel of the data: it gives the functions of poles. `rows` (K,): what each row is divided by. `terms` (K, t):
-    orthonormal columns that are free in every channel. `data` (K, q, p): the divided data, less their part in the terms; q >= p.
-    `linear`, `varying` (q,): what the channels of either side are divided by. `turned`: whether the inputs are the side that is
-    eliminated. `swift`: whether columns may be made orthogonal by their products, in a third of the time: what is left of the data is
-    then known to a part of 1e-5 of the data, not to rounding. `energy` (q p,): squares of the data, channel by channel, for `swift`.
+    orthonormal columns that are free in every channel. `linear` (q,), `varying` (p,): what the channels of either side are divided by.
+    `turned`: whether the inputs are the side that is eliminated.
     """
 
     light: Response
     rows: RealArray
     terms: RealArray
-    data: RealArray
     linear: RealArray
     varying: RealArray
     turned: bool
-    swift: bool = False
-    energy: RealArray | None = None
+
+    @property
+    @abstractmethod
+    def channels(self) -> tuple[int, int]:
+        """How many channels either side of the data has, q and p."""
+
+    @property
+    @abstractmethod
+    def size(self) -> float:
+        """Sum of the squares of the data."""
+
+    @abstractmethod
+    def at(self, poles: ComplexArray, sides: ComplexArray, *, slopes: bool = True) -> Point:
+        """Return the likelihood at poles (n,) and unit vectors (n, p), and all that a step needs unless there is to be none."""
+
+    @abstractmethod
+    def peaks(self, left: RealArray, known: Array, least: float) -> list[Peak]:
+        """Return the strongest oscillation in a whitened residual (K, q, p), its sides in the scale of the data; see `strongest_peaks`."""
 
     @property
     def sides(self) -> tuple[RealArray, RealArray]:
@@ -70,9 +85,46 @@ class Whitened:
         return self.parts is not None
 
     @property
+    def count(self) -> int:
+        """Real values of the data, K q p."""
+        q, p = self.channels
+        return len(self.rows) * q * p
+
+    @property
     def freedom(self) -> int:
         """Real values that the terms leave."""
-        return int((len(self.data) - self.terms.shape[1]) * self.data[0].size)
+        q, p = self.channels
+        return self.count - int(self.terms.shape[1]) * q * p
+
+    def scaled_back(self, point: Point, fitted: Fitted) -> tuple[ComplexArray, ComplexArray]:
+        """Return shapes (l, n) and participation (n, m) of the data as they were."""
+        c, b = fitted.linear * self.linear[:, None], point.sides * self.varying
+        return (b.T, c.T) if self.turned else (c, b)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class WhitenedResponse(Whitened):
+    """A response whose noise is white and of one deviation, without what terms explain.
+
+    `data` (K, q, p): the divided data, less their part in the terms. `swift`: whether columns may be made orthogonal by their products, in
+    a third of the time: what is left of the data is then known to a part of 1e-5 of the data, not to rounding. `energy` (q p,): squares of
+    the data, channel by channel, for `swift`.
+    """
+
+    data: RealArray
+    swift: bool = False
+    energy: RealArray | None = None
+
+    @property
+    def channels(self) -> tuple[int, int]:
+        """How many channels either side of the data has, q and p."""
+        _, q, p = self.data.shape
+        return q, p
+
+    @property
+    def size(self) -> float:
+        """Sum of the squares of the data."""
+        return float(np.vdot(self.data, self.data))
 
     def columns(self, poles: Array, *, slopes: bool = True) -> tuple[RealArray, RealArray]:
         """Return the functions of poles and their derivatives by Re s, divided as the data are, without the terms' part."""
@@ -112,11 +164,6 @@ class Whitened:
             Peak(peak.pole, peak.shape * outputs, peak.participation * inputs)
             for peak in strongest_peaks(self.light, whole, self.rows, known, least)
         ]
-
-    def scaled_back(self, point: Point, fitted: Fitted) -> tuple[ComplexArray, ComplexArray]:
-        """Return shapes (l, n) and participation (n, m) of the data as they were."""
-        c, b = fitted.linear * self.linear[:, None], point.sides * self.varying
-        return (b.T, c.T) if self.turned else (c, b)
 
 
 def _less_terms(columns: RealArray, terms: RealArray) -> RealArray:
@@ -163,7 +210,7 @@ def whitened(
     inputs: RealArray,
     *,
     swift: bool = False,
-) -> Whitened:
+) -> WhitenedResponse:
     """Divide the data by the deviation of rows, outputs and inputs, and take out what the terms explain.
 
     `fixed`: poles that stay as they are, free in every channel. `powers`: as in `Response.basis`. `rows` (K,): standard deviations, of K
@@ -180,7 +227,7 @@ def whitened(
     sides = (inputs, outputs) if turned else (outputs, inputs)
     light = response.select(outputs=[0], inputs=[0])
     energy = np.einsum("kq,kq->q", flat, flat) if swift else None
-    return Whitened(light, rows, terms, flat.reshape(data.shape), sides[0], sides[1], turned, swift, energy)
+    return WhitenedResponse(light, rows, terms, *sides, turned, flat.reshape(data.shape), swift, energy)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -234,10 +281,12 @@ class Point:
         P, W = self.basis
         return P if W is None else _less_terms(P @ W, self.problem.terms)
 
-    def spanned(self, coefficients: RealArray) -> RealArray:
-        """Return `span` times coefficients (4 n, k), on the rows."""
-        P, W = self.basis
-        return np.asarray(P @ coefficients if W is None else _less_terms(P @ (W @ coefficients), self.problem.terms))
+    def spanned(self, coefficients: RealArray) -> Iterator[tuple[slice | IntArray, RealArray, RealArray]]:
+        """Yield some rows, `span` times coefficients (4 n, k) and the data (rows, q, p) there: of records both parts of some lines."""
+        (P, W), problem = self.basis, self.problem
+        assert isinstance(problem, WhitenedResponse)
+        on_rows = P @ coefficients if W is None else _less_terms(P @ (W @ coefficients), problem.terms)
+        yield slice(None), np.asarray(on_rows), problem.data
 
     def columns(self) -> ComplexArray:
         """Return b g of every mode, complex columns (4 n p, n): a coefficient c contributes Re(c b g)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import singledispatch
 from typing import NamedTuple
@@ -13,14 +13,15 @@ import scipy.linalg as sla
 from modalscope.data.record_residual import excess, excess_notes
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.response import Response, fading, line_step, output_scale, window_over_lines
-from modalscope.likelihood.descent import Descent, descend, residual, window_noise
+from modalscope.functions.pole_basis import ModalBasis
+from modalscope.likelihood.descent import Descent, descend, residuals, window_noise
 from modalscope.likelihood.driven import whitened_records
 from modalscope.likelihood.likelihood import Whitened, unit_vectors, whitened
 from modalscope.likelihood.whitening import (
     Colour,
     Levels,
     chi_squared_bound,
-    colour,
+    colour_of_lines,
     from_variance,
     gain_factor_under_window,
     levels_of,
@@ -30,6 +31,7 @@ from modalscope.likelihood.whitening import (
 )
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.orthonormal import triangle_of
 
 # -------------------------------------------------------------------------------------------------------------- out-of-band poles
 # The response of modes outside a band, approximated by fixed out-of-band poles.
@@ -80,20 +82,14 @@ def needed_beside(response: Response, modes: Array, candidates: Array) -> Comple
     added = response.added_damping
     far = np.abs(candidates[:, None] - modes) > _SEPARATION_DECAY_RATES * np.abs(modes.real)
     poles = candidates[(candidates.real < added) & far.all(axis=1)]
-    basis = response.whole_basis(np.concatenate([modes, poles]) - added, response.refined_powers)
-    data = basis.data / np.maximum(output_scale(response), 1e-300)[:, None]
-    channels, rows, width = data[0].size, len(data), basis.by_pole.shape[2]
-    columns = np.hstack([basis.terms, basis.by_pole.reshape(rows, -1)])
-    columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    free = (rows - columns.shape[1]) * channels
+    taken = _projected(response, np.concatenate([modes, poles]) - added)
+    R, Z, width, channels = taken.R, taken.data, taken.width, taken.data.shape[1]
+    free = (taken.rows - R.shape[1]) * channels
     if not poles.size or free < channels:
         return np.zeros(0, dtype=complex)
-    Q, R = (np.asarray(factor) for factor in sla.qr(columns, mode="economic", check_finite=False))
-    flat = data.reshape(rows, channels)
-    Z = Q.T @ flat
-    variance = float(np.sum((flat - Q @ Z) ** 2)) / free
-    least = variance * chi_squared_bound(width * channels, np.log(rows / 2 / _CHANCE_OF_ANY))
-    before = basis.terms.shape[1] + width * len(modes)
+    variance = taken.left / free
+    least = variance * chi_squared_bound(width * channels, np.log(taken.rows / 2 / _CHANCE_OF_ANY))
+    before = R.shape[1] - width * len(poles)
     kept = np.arange(poles.size)
     while kept.size:
         gains = _gains(np.hstack([R[:, :before], _of_poles(R[:, before:], kept, width)]), Z, width)[-kept.size :]
@@ -102,6 +98,57 @@ def needed_beside(response: Response, modes: Array, candidates: Array) -> Comple
             break
         kept = np.delete(kept, weakest)
     return np.asarray(poles[kept])
+
+
+class _Projected(NamedTuple):
+    """Data of one level in the span of terms and poles: columns of length one Q R, Q'Y (columns, l m), and the squares left of `rows` rows.
+
+    `width`: columns of a pole, which stand behind the terms, pole by pole.
+    """
+
+    R: RealArray
+    data: RealArray
+    left: float
+    rows: int
+    width: int
+
+
+@singledispatch
+def _projected(response: Response, poles: Array) -> _Projected:
+    """Return the data in the span of poles with free residues, as they are in the data, and terms."""
+    basis = response.whole_basis(poles, response.refined_powers)
+    columns = _unit(_columns_of(basis))
+    flat = (basis.data / _level(response)[:, None]).reshape(len(columns), -1)
+    Q, R = (np.asarray(each, float) for each in sla.qr(columns, mode="economic", check_finite=False))
+    Z = Q.T @ flat
+    return _Projected(R, Z, float(np.sum((flat - Q @ Z) ** 2)), len(flat), basis.by_pole.shape[2])
+
+
+@_projected.register
+def _(response: RecordSpectra, poles: Array) -> _Projected:
+    """Return the same from products of some lines at a time."""
+    level, width = _level(response), 2 * response.drives
+
+    def chunks() -> Iterator[RealArray]:
+        for basis in response.pieces(poles, response.refined_powers):
+            yield np.hstack([_columns_of(basis), basis.data[:, :, 0] / level])
+
+    columns = next(chunks()).shape[1] - len(level)
+    R = triangle_of(chunks, columns + len(level))
+    left = float(np.sum(R[columns:, columns:] ** 2))
+    return _Projected(_unit(R[:columns, :columns]), R[:columns, columns:], left, 2 * response.count, width)
+
+
+def _columns_of(basis: ModalBasis) -> RealArray:
+    return np.hstack([basis.terms, basis.by_pole.reshape(len(basis.terms), -1)])
+
+
+def _unit(columns: RealArray) -> RealArray:
+    return np.asarray(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))
+
+
+def _level(response: Response) -> RealArray:
+    return np.asarray(np.maximum(output_scale(response), 1e-300), dtype=np.float64)
 
 
 def _of_poles(columns: RealArray, which: Array, width: int) -> RealArray:
@@ -244,22 +291,27 @@ def _resonant(response: Response, settled: Settled) -> bool:
 @_resonant.register
 def _(response: RecordSpectra, settled: Settled) -> bool:
     """Whether lines near modes are left more, by the test that gives the note."""
-    e = residual(settled.descent.point, settled.descent.fitted)[:, :, 0]
-    power = e[: response.count] ** 2 + e[response.count :] ** 2
     level = settled.levels.outputs * settled.levels.inputs[0]
-    poles = settled.descent.point.poles
-    seen = excess(response.frequencies, power, response.values[:, :, 0] / level, poles, 1 / max(response.durations))
-    return bool(excess_notes(seen))
+    poles, resolution = settled.descent.point.poles, 1 / max(response.durations)
+    power = _power(settled.descent, response.count)
+    return bool(excess_notes(excess(response.frequencies, power, response.values[:, :, 0], poles, resolution, level)))
 
 
 def _weights(response: Response, settled: Settled) -> RealArray:
     """Return the standard deviation of every row by the spectrum of the residual, (K,)."""
     assert isinstance(response, RecordSpectra)
-    point = settled.descent.point
-    e = residual(point, settled.descent.fitted)[:, :, 0]
-    power = np.mean(e[: response.count] ** 2 + e[response.count :] ** 2, axis=1)
-    S = residual_spectrum(power, response.points, response.in_plane(point.poles))
+    power = _power(settled.descent, response.count).mean(axis=1)
+    S = residual_spectrum(power, response.points, response.in_plane(settled.descent.point.poles))
     return np.asarray(np.tile(np.sqrt(S / S.mean()), 2))
+
+
+def _power(descent: Descent, count: int) -> RealArray:
+    """Return the squares of the whitened residual of records, (F, l)."""
+    power = np.empty((count, descent.point.problem.channels[0]))
+    for rows, left in residuals(descent.point, descent.fitted):
+        lines = np.arange(2 * count)[rows][: len(left) // 2]
+        power[lines] = np.sum(left.reshape(2, len(lines), -1) ** 2, axis=0)
+    return power
 
 
 def _optimum(task: Task, start: _Start, most: int) -> Settled:
@@ -304,8 +356,9 @@ def _round(task: Task, start: _Start, most: int, *, last: bool) -> _Start | Sett
     point, fitted = descent.point, descent.fitted
     unknown = problem.terms.shape[1] + 2 * len(poles)
     window = window_over_lines(task.response)
-    seen = colour(residual(point, fitted), task.response.count, unknown, window=window)
-    left = np.sqrt(point.left_by_channel(fitted) / len(task.rows))
+    power = point.left_by_channel(fitted) / len(task.rows)
+    seen = _colour(descent, power, task.response.count, unknown, window)
+    left = np.sqrt(power)
     following = levels_of(left * np.outer(levels.outputs, levels.inputs))
     done = task.known or seen.coloured or not descent.converged or following.change(levels) < _LEVEL_TOLERANCE
     if not (done or last):
@@ -318,6 +371,15 @@ def _round(task: Task, start: _Start, most: int, *, last: bool) -> _Start | Sett
     ):  # what is left is no more than the noise that is known: its colour is none of a model's
         variance, seen = 1.0, replace(seen, excess=0.0)
     return Settled(descent, variance, unknown, seen, _worth(task.response, point.poles), levels, task.powers)
+
+
+def _colour(descent: Descent, power: RealArray, count: int, unknown: float, window: float) -> Colour:
+    """Return the colour of what a descent leaves; `power` (l, m): mean squares of the channels."""
+    problem = descent.point.problem
+    each = (power.T if problem.turned else power).reshape(-1)
+    parts = len(problem.rows) // count
+    lines = (left.reshape(parts, -1, each.size) for _, left in residuals(descent.point, descent.fitted))
+    return colour_of_lines(lines, each, count, unknown, window=window)
 
 
 def _worth(response: Response, poles: ComplexArray) -> RealArray:

@@ -26,20 +26,19 @@ from modalscope.likelihood.covariance import (
     variances_of_lines,
 )
 from modalscope.likelihood.descent import (
-    columns_on_rows,
     influence_on_poles,
     information_of_channels,
     inverse,
     leverage,
     normal,
-    residual,
+    on_rows,
     scores,
     scores_of_lines,
     window_noise,
 )
 from modalscope.likelihood.likelihood import Fitted, Point, across
 from modalscope.likelihood.whitening import Colour
-from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 
 #: Fewer groups say too little about how far they disagree.
 LEAST_GROUPS = 4
@@ -99,7 +98,7 @@ def spread_of(
         candidates.append(_Candidate(found, np.full((2, len(poles)), float(point.problem.freedom)), own))
     if rows is not None:
         free, parts = rows.told(gradients_of_poles(poles), known)
-        candidates.append(_Candidate(rows.covariance(known) + C - known, free, rows.own_of_shapes()))
+        candidates.append(_Candidate(rows.covariance(known) + C - known, free, rows.own))
     if seen.coloured and not point.problem.records and between is None:
         each = [part for part in _by_channels(point, fitted) if len(part) >= LEAST_GROUPS]
         candidates += [_Candidate(sandwich(C, part), np.full((2, len(poles)), len(part) - 1.0), own) for part in each]
@@ -152,40 +151,66 @@ def _between(
     member = np.asarray(groups)[None, :] == labels[:, None]
     if rows is None or point.problem.parts is None:
         return sandwich(information, member.astype(float) @ scores(point, fitted).sum(axis=0))
-    by_run = np.zeros((member.shape[1], len(information)))
-    for lines, each in rows.scores(0):
-        np.add.at(by_run, point.problem.parts[lines], each.real)
-    return sandwich(information, member.astype(float) @ by_run)
+    return sandwich(information, member.astype(float) @ rows.by_run)
 
 
 # ---------------------------------------------------------------------------------------------------------------- rows
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Rows:
-    """Lines of the data at an optimum, and what is left there; of samples their transform. Real and imaginary parts come first.
+class _Lines(NamedTuple):
+    """Some lines of the data at an optimum, real and imaginary parts first; of samples lines of their transform.
 
-    `W` (2, F, p, 2 n p), `kept` (2, F, p, r): `columns_on_rows`, real and imaginary part of every unknown side by side. `left`
-    (2, F, q, p): residual. `free` (F, q, p): one minus its leverage. `places`: of the lines of each run, from zero; of samples how many.
+    `which`: of all lines. `W` (2, f, p, 2 n p), `kept` (2, f, p, r): columns of `OnRows`, real and imaginary part of every unknown side by
+    side. `left` (2, f, q, p): residual. `free` (f, q, p): one minus its leverage.
     """
 
-    point: Point
-    fitted: Fitted
+    which: IntArray
     W: RealArray
     kept: RealArray
     left: RealArray
     free: RealArray
+
+    def residual(self, power: float) -> RealArray:
+        """Return the residual over a power of one minus its leverage, (2, f, q, p)."""
+        return np.asarray(self.left / self.free**power)
+
+    def scores(self, point: Point, fitted: Fitted, power: float) -> ComplexArray:
+        """Return the scores of that residual, (f, 2 n p)."""
+        W, e = _joined(self.W), _joined(self.residual(power))
+        return scores_of_lines((W[..., ::2], W[..., 1::2]), point, fitted, e)
+
+    def own_of_shapes(self, fitted: Fitted) -> RealArray:
+        """Return what the lines add to the variance of the side that follows, poles and the other side held, (q, n)."""
+        power = np.sum((self.kept @ fitted.back.T) ** 2, axis=0)
+        each = np.einsum("fib,foi->ob", power, np.sum(self.residual(1) ** 2, axis=0), optimize=True) / 2
+        return np.asarray(each.reshape(len(each), -1, 2).sum(axis=2))
+
+    def seen(self, across: RealArray, power: float) -> RealArray:
+        """Return what combinations (q, r) of the channels have of that residual, (2, f, p r)."""
+        rows = self.residual(power).swapaxes(2, 3) @ across
+        return np.asarray(rows.reshape(*rows.shape[:2], -1))
+
+
+@dataclass(eq=False, slots=True)
+class _Rows:
+    """What all lines tell at an optimum, gathered some at a time: of long records all lines of all channels are large.
+
+    Influences lie in the span of the shapes, whose coordinates stand for the channels where these are more.
+
+    `shapes` (r, n): in these coordinates. `total` (2 n p, 2 n p): sum_f Re z z^H, z the scores of a line that is left out. `by_run` (R, 2 n
+    p): scores of every run. `own` (q, n): variance of the side that follows by least squares, from lines alike. `W`: of every mode (2, F,
+    p, a), its columns. `left`, `half` (2, F, p r): residual, and over the square root of one minus its leverage. `places`: of the lines of
+    each run, from zero; of samples how many.
+    """
+
+    shapes: ComplexArray
+    total: RealArray
+    by_run: RealArray
+    own: RealArray
+    W: list[RealArray]
+    left: RealArray
+    half: RealArray
     places: tuple[tuple[slice, Array], ...] | int
-
-    def _some(self, width: int) -> Iterator[slice]:
-        """Yield some lines at a time, of so many numbers each."""
-        step = max(_NUMBERS_AT_A_TIME // width, 1)
-        return (slice(k, min(k + step, len(self.free))) for k in range(0, len(self.free), step))
-
-    def of_lines(self, lines: slice, power: float) -> ComplexArray:
-        """Return the residual of some lines over a power of one minus the leverage, (f, q, p)."""
-        real, imag = self.left[:, lines] / self.free[lines] ** power
-        return np.asarray(real + 1j * imag)
 
     def times(self, parts: RealArray) -> RealArray:
         """Return lines (2, F, ...) over time, (1, T, ...) of samples, and (2, T, ...) of all runs: their transform is complex."""
@@ -202,95 +227,106 @@ class _Rows:
                 found[0, first:last, column], found[1, first:last, column] = whole.real, whole.imag
         return found.reshape(2, -1, *parts.shape[2:])
 
-    def scores(self, power: float) -> Iterator[tuple[slice, ComplexArray]]:
-        """Yield some lines, and their scores of the residual over a power of one minus its leverage, (f, 2 n p)."""
-        for lines in self._some(self.W[0, 0].size + self.left[0, 0].size):
-            real, imag = self.W[:, lines]
-            W = real + 1j * imag
-            yield (
-                lines,
-                scores_of_lines((W[..., ::2], W[..., 1::2]), self.point, self.fitted, self.of_lines(lines, power)),
-            )
-
     def covariance(self, inverse: RealArray) -> RealArray:
-        """Return C (sum_f Re z z^H) C / 2, z the scores of a line that is left out: the covariance of the unknowns, (2 n p, 2 n p)."""
-        total = np.zeros_like(inverse)
-        for _, Z in self.scores(1):
-            total += (Z.conj().T @ Z).real
-        return np.asarray(inverse @ total @ inverse / 2)
-
-    def own_of_shapes(self) -> RealArray:
-        """Return the variance of the side that follows by least squares, poles and the other side held, from lines alike, (q, n)."""
-        each = np.zeros((self.left.shape[2], self.kept.shape[3]))
-        for lines in self._some(self.left[0, 0].size):
-            power = np.sum((self.kept[:, lines] @ self.fitted.back.T) ** 2, axis=0)
-            each += np.einsum("fib,foi->ob", power, np.abs(self.of_lines(lines, 1)) ** 2, optimize=True) / 2
-        return np.asarray(each.reshape(len(each), -1, 2).sum(axis=2))
+        """Return C (sum_f Re z z^H) C / 2: the covariance of the unknowns, (2 n p, 2 n p)."""
+        return np.asarray(inverse @ self.total @ inverse / 2)
 
     def told(self, gradients: tuple[RealArray, RealArray], inverse: RealArray) -> tuple[RealArray, tuple[Parts, Parts]]:
         """Return degrees of freedom of lines (2, n), and what parts in time say, of frequencies and of damping ratios.
 
-        `gradients`: of both by Re s and Im s of their pole, (n, 2) each. Influences lie in the span of the shapes, whose coordinates stand
-        for the channels where these are more.
+        Columns are taken over time in their own place: they are large, and nothing else asks for them.
+
+        `gradients`: of both by Re s and Im s of their pole, (n, 2) each.
         """
-        n = self.fitted.linear.shape[1]
+        n, e = self.shapes.shape[1], _joined(self.half)
         steps = np.stack([g[:, None] @ inverse.reshape(n, -1, len(inverse))[:, :2] for g in gradients]).reshape(
             2 * n, -1
         )
-        across, R = np.linalg.qr(np.hstack([self.fitted.linear.real, self.fitted.linear.imag]))
-        shapes = R[:, :n] + 1j * R[:, n:]
-        w, half = np.empty((len(self.free), 2 * n)), self._seen(across, 0.5)
-        e = half[0] + 1j * half[1]
-        for lines in self._some(2 * n * e.shape[1]):
-            real, imag = (_level(influence_on_poles(part, shapes, steps)) for part in self.W[:, lines])
-            w[lines] = variances_of_lines(real + 1j * imag, e, lines.start)
-        W, left = self.times(self.W), self.times(self._seen(across, 0))
-        power, pull = np.zeros((2, 2 * n, W.shape[1]))
-        step = max(_NUMBERS_AT_A_TIME // (2 * n * left.shape[2]), 1)
-        for columns, found in zip(W, left, strict=True):
-            for start in range(0, len(columns), step):
-                s = slice(start, start + step)
-                u = _level(influence_on_poles(columns[s], shapes, steps))
+        w = np.empty((len(e), 2 * n))
+        for s in _some(len(e), 2 * n * e.shape[1]):
+            real, imag = (self._influence(k, s, steps) for k in (0, 1))
+            w[s] = variances_of_lines(real + 1j * imag, e, s.start)
+        self.W, left = [self.times(self.W.pop(0)) for _ in range(n)], self.times(self.left)
+        power, pull = np.zeros((2, 2 * n, left.shape[1]))
+        for k, found in enumerate(left):
+            for s in _some(len(found), 2 * n * found.shape[1]):
+                u = self._influence(k, s, steps)
                 power[:, s] += np.einsum("tbc,tbc->bt", u, u)
                 pull[:, s] += (u @ found[s, :, None])[:, :, 0].T
         of_both = (of_parts(power[k], pull[k]) for k in (slice(n), slice(n, None)))
         return degrees_of_lines(w).reshape(2, n), (next(of_both), next(of_both))
 
-    def _seen(self, across: RealArray, power: float) -> RealArray:
-        """Return what combinations (q, r) of the channels are left of the residual over a power of one minus its leverage, (2, F, p r)."""
-        found = np.empty((*self.left.shape[:2], self.left.shape[3] * across.shape[1]))
-        for lines in self._some(self.left[0, 0].size):
-            rows = self.left[:, lines] / self.free[lines] ** power
-            found[:, lines] = (rows.swapaxes(2, 3) @ across).reshape(*rows.shape[:2], -1)
-        return found
+    def _influence(self, part: int, some: slice, steps: RealArray) -> RealArray:
+        """Return the influence of one part of some lines, or of samples, on numbers, all channels side by side, (k, b, p r)."""
+        u = influence_on_poles([own[part, some] for own in self.W], self.shapes, steps)
+        return u.reshape(*u.shape[:2], -1)
 
 
 #: Numbers that are computed at a time: 8 MB.
 _NUMBERS_AT_A_TIME = 1 << 20
 
 
-def _level(u: RealArray) -> RealArray:
-    """Return influence (K, b, p, q) with all channels side by side."""
-    return u.reshape(*u.shape[:2], -1)
+def _some(count: int, width: int) -> Iterator[slice]:
+    """Yield parts of so many lines, each of `width` numbers."""
+    step = max(_NUMBERS_AT_A_TIME // width, 1)
+    return (slice(k, min(k + step, count)) for k in range(0, count, step))
+
+
+def _joined(parts: RealArray) -> ComplexArray:
+    real, imag = parts
+    return np.asarray(real + 1j * imag)
 
 
 def _rows(point: Point, fitted: Fitted, inverse: RealArray, response: Response) -> _Rows:
-    W, kept = columns_on_rows(point, fitted)
-    count = 0 if response.grid is None else response.count
-    h, left = leverage(point, fitted, W, kept, inverse, 2 if count else 1), residual(point, fitted)
-    free = np.maximum(1 - (h if count else h.mean(axis=0)), _MIN_FREE)
-    rows = (W.view(np.float64), kept, left)
-    if not count:
-        lines = [_lines_of(each) for each in rows]
-        free = np.broadcast_to(free, (lines[0].shape[1], *free.shape))
-        return _Rows(point, fitted, lines[0], lines[1], lines[2], free, len(W))
-    runs = point.problem.parts
-    run = np.zeros(count, int) if runs is None else runs[:count]
+    """Return what all lines tell, `inverse` of the information."""
+    (q, n), p, width = fitted.linear.shape, point.data.shape[2], 2 * point.sides.size
+    across, R = np.linalg.qr(np.hstack([fitted.linear.real, fitted.linear.imag]))
+    in_time = response.grid is None
+    count = len(point.problem.rows) // 2 + 1 if in_time else response.count
+    run = np.zeros(count, int) if point.problem.parts is None else point.problem.parts[:count]
+    rows = _Rows(
+        shapes=R[:, :n] + 1j * R[:, n:],
+        total=np.zeros((width, width)),
+        by_run=np.zeros((int(run.max()) + 1, width)),
+        own=np.zeros((q, n)),
+        W=[np.empty((2, count, p, width // n)) for _ in range(n)],
+        left=np.empty((2, count, p * across.shape[1])),
+        half=np.empty((2, count, p * across.shape[1])),
+        places=len(point.problem.rows) if in_time else _places_of(run, getattr(response, "frequencies", np.zeros(0))),
+    )
+    for lines in _lines(point, fitted, inverse, in_time):
+        z, which = lines.scores(point, fitted, 1), lines.which
+        rows.total += (z.conj().T @ z).real
+        rows.own += lines.own_of_shapes(fitted)
+        if len(rows.by_run) >= LEAST_GROUPS:
+            np.add.at(rows.by_run, run[which], lines.scores(point, fitted, 0).real)
+        for own, columns in zip(rows.W, np.split(lines.W, n, axis=3), strict=True):
+            own[:, which] = columns
+        rows.left[:, which], rows.half[:, which] = lines.seen(across, 0), lines.seen(across, 0.5)
+    return rows
+
+
+def _lines(point: Point, fitted: Fitted, inverse: RealArray, in_time: bool) -> Iterator[_Lines]:
+    """Yield all lines, some at a time; of samples one number stands for the leverage of all: a line has a part of each."""
+    for rows, W, kept, left in on_rows(point, fitted):
+        h = leverage(point.problem.terms[rows], fitted.linear, W, kept, inverse, 1 if in_time else 2)
+        arrays = (W.view(np.float64), kept, left)
+        if in_time:
+            lines = [_lines_of(each) for each in arrays]
+            free = np.broadcast_to(np.maximum(1 - h.mean(axis=0), _MIN_FREE), (lines[0].shape[1], *h.shape[1:]))
+            which = np.arange(len(free))
+        else:
+            lines = [each.reshape(2, len(h), *each.shape[1:]) for each in arrays]
+            free, which = np.maximum(1 - h, _MIN_FREE), np.arange(len(point.problem.rows))[rows][: len(h)]
+        for s in _some(len(free), W[0].size * 2 + left[0].size):
+            columns, of_modes, residual = (each[:, s] for each in lines)
+            yield _Lines(which[s], columns, of_modes, residual, free[s])
+
+
+def _places_of(run: IntArray, frequencies: RealArray) -> tuple[tuple[slice, Array], ...]:
+    """Return the lines of every run, and where they stand."""
     ends = np.flatnonzero(np.diff(run, prepend=-1, append=-1))
-    frequencies = getattr(response, "frequencies", np.zeros(0))
-    places = tuple((slice(a, b), _places(frequencies[a:b])) for a, b in pairwise(ends))
-    lines = [each.reshape(2, count, *each.shape[1:]) for each in rows]
-    return _Rows(point, fitted, lines[0], lines[1], lines[2], free, places)
+    return tuple((slice(a, b), _places(frequencies[a:b])) for a, b in pairwise(ends))
 
 
 def _lines_of(samples: RealArray) -> RealArray:

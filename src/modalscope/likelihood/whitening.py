@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -115,27 +116,44 @@ class Colour:
 def colour(left: RealArray, count: int, unknown: float, *, level: bool = True, window: float = 0.0) -> Colour:
     """Judge a whitened residual by how far neighbours agree, and by how its level changes along lines or samples.
 
-    `left` (K, q, p). `count`: lines or samples; K is that, or twice that with real and imaginary parts one after the other. `unknown`:
-    unknowns a channel: a fit itself correlates what it leaves by about unknown / K. `level`: whether a level that changes counts.
-    `window`: a T of an exponential window over the length that a line's distance tells: its noise has the correlation rho_i = 1 / (1 + j
-    pi i / (a T)) between lines, and sum |rho_i|^2 = a T coth(a T) lines tell as much as one.
+    `left` (K, q, p). `count`: lines or samples; K is that, or twice that with real and imaginary parts one after the other. Others: see
+    `colour_of_lines`.
     """
     e = left.reshape(-1, count, left[0].size)
     power = np.einsum("rkc,rkc->c", e, e) / len(left)  # no copy: of long records each is large
-    quiet = 1 / np.maximum(power, 1e-300)
-    neighbours = e[:, 1:].size
-    rho = float(np.einsum("rkc,rkc,c->", e[:, 1:], e[:, :-1], quiet)) / neighbours if count > 1 else 0.0
+    return colour_of_lines([e], power, count, unknown, level=level, window=window)
+
+
+def colour_of_lines(
+    lines: Iterable[RealArray], power: RealArray, count: int, unknown: float, *, level: bool = True, window: float = 0.0
+) -> Colour:
+    """Judge the same, of lines or samples that come some after others, (1 or 2, f, c) each, real and imaginary parts first.
+
+    `power` (c,): mean square of every channel. `count`: of all lines or samples. `unknown`: unknowns a channel: a fit itself correlates
+    what it leaves by about unknown / K. `level`: whether a level that changes counts. `window`: a T of an exponential window over the
+    length that a line's distance tells: its noise has the correlation rho_i = 1 / (1 + j pi i / (a T)) between lines, and
+    sum |rho_i|^2 = a T coth(a T) lines tell as much as one.
+    """
+    quiet, squares, together, before = 1 / np.maximum(power, 1e-300), np.empty(count), 0.0, np.zeros((1, 0, power.size))
+    first, parts = 0, 1
+    for own in lines:
+        e = np.concatenate([before, own], axis=1) if before.size else own
+        together += float(np.einsum("rkc,rkc,c->", e[:, 1:], e[:, :-1], quiet))
+        parts, last = len(own), first + own.shape[1]
+        squares[first:last] = np.einsum("rkc,rkc,c->k", own, own, quiet)
+        first, before = last, own[:, -1:]
+    neighbours = parts * (count - 1) * power.size
+    rho = together / neighbours if count > 1 else 0.0
     deviation = 1 / np.sqrt(max(neighbours, 1))
     uneven = 0.0
     if count >= 4 * _SMOOTHING_LINES:
-        squares = np.einsum("rkc,rkc,c->k", e, e, quiet) / (e.shape[0] * e.shape[2])
-        smooth = np.convolve(squares, np.ones(_SMOOTHING_LINES) / _SMOOTHING_LINES, mode="valid")
+        smooth = np.convolve(squares / (parts * power.size), np.ones(_SMOOTHING_LINES) / _SMOOTHING_LINES, mode="valid")
         # the square of a standard normal number scatters by sqrt 2
-        uneven = float(np.std(np.log(smooth)) * np.sqrt(_SMOOTHING_LINES * e.shape[0] * e.shape[2] / 2))
+        uneven = float(np.std(np.log(smooth)) * np.sqrt(_SMOOTHING_LINES * parts * power.size / 2))
     expected = window**2 / (window**2 + np.pi**2)
-    together = np.sqrt(window / np.tanh(window)) if window > 0 else 1.0
-    correlated = abs(rho - expected) / (_CORRELATION_DEVIATIONS * deviation * together + unknown / len(left))
-    excess = max(correlated, uneven / _LEVEL_DEVIATIONS / together if level else 0.0)
+    alike = np.sqrt(window / np.tanh(window)) if window > 0 else 1.0
+    correlated = abs(rho - expected) / (_CORRELATION_DEVIATIONS * deviation * alike + unknown / (parts * count))
+    excess = max(correlated, uneven / _LEVEL_DEVIATIONS / alike if level else 0.0)
     return Colour(rho, uneven, float(excess))
 
 
