@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import gc
 import shutil
+import warnings
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -189,6 +192,38 @@ def test_the_first_task_is_kept_as_it_ends_and_a_second_run_in_the_folder_is_tol
         ms.estimate_correlation(stored(record), lags=60)
     assert kept[0] == 1
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.usefixtures("small_tasks")
+def test_a_run_that_cannot_save_at_its_end_lets_the_sums_go(record: ms.Signals, tmp_path: Path) -> None:
+    def exchange(count: int, _: int) -> None:
+        if count == 2:
+            (kept,) = tmp_path.glob("sums-*.npz")
+            kept.unlink()
+            kept.mkdir()
+
+    with (
+        pytest.raises(DataError, match="the system refuses: is a directory"),
+        working(progress=exchange, save=tmp_path),
+    ):
+        ms.estimate_correlation(stored(record), lags=60)
+    assert [path.suffix for path in tmp_path.iterdir()] == [".npz"]  # no lock: it is closed and gone
+
+
+@pytest.mark.parametrize("place", ["import_module", "SavedSums._take_up"])
+def test_an_interruption_leaves_no_lock_open(place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """While the lock is taken, and while kept sums are read."""
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(f"modalscope.numerics.sums.{place}", interrupt)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", ResourceWarning)
+        with contextlib.suppress(KeyboardInterrupt):
+            saved_sums.SavedSums(tmp_path, "sums of nothing", (1, 2), tasks=3)
+        gc.collect()
+    assert not told
 
 
 @pytest.mark.usefixtures("small_tasks")

@@ -111,9 +111,19 @@ class SavedSums:
         self._next = time.monotonic()  # the first task is kept as it ends
         self._kept = 0
         self._lock = None if self._path is None else _locked(self._path.with_suffix(".lock"))
+        try:
+            self._take_up()
+        except BaseException:
+            self.release()
+            raise
         if self._path is not None:
             UNDER_WAY.add(self._path)
-        self._take_up()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.release()
 
     def add(self, task: int, block: int, sums: RealArray) -> None:
         """Take in the sums of a task."""
@@ -201,5 +211,8 @@ def _locked(path: Path) -> IO[bytes]:
         ) from None
     except (ImportError, OSError):  # Windows, and some file systems, have no such locks
         pass
+    except BaseException:  # an interruption
+        file.close()
+        raise
     PENDING.add(path)
     return file

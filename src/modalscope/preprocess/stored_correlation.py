@@ -214,18 +214,16 @@ def _sum_over(
 
 def _all_sums(work: partial[RealArray], tasks: list[Stretch], saved: SavedSums) -> RealArray:
     """Return the sums of all blocks, saved ones and those of the remaining tasks."""
-    progress, complete = executor().progress, False
-    try:
-        for task, sums in each(work, [task for task in tasks if not saved.done[task.number]]):
-            saved.add(task.number, task.block, sums)
-            if progress is not None:
-                progress(int(saved.done.sum()), len(tasks))
-        complete = True
-    finally:
-        saved.keep()
-        if complete:
-            saved.forget()
-        saved.release()
+    progress = executor().progress
+    with saved:
+        try:
+            for task, sums in each(work, [task for task in tasks if not saved.done[task.number]]):
+                saved.add(task.number, task.block, sums)
+                if progress is not None:
+                    progress(int(saved.done.sum()), len(tasks))
+        finally:
+            saved.keep()
+        saved.forget()
     return saved.sums
 
 
