@@ -88,7 +88,7 @@ def foreign(file: Path, other: Path, rng: np.random.Generator) -> None:
     """Put a file of another kind there."""
     [
         lambda: file.write_bytes(rng.bytes(int(rng.integers(9000)))),
-        lambda: np.savez(file.with_suffix(".npz").open("wb"), sums=np.ones(3), done=np.ones(3, bool)),
+        lambda: np.savez(file.with_suffix(".npz"), sums=np.ones(3), done=np.ones(3, bool)),
         lambda: file.write_text("time,a\n0,1\n"),
         lambda: file.write_bytes(b""),
         lambda: file.write_bytes(bytes(40) + file.read_bytes()),
