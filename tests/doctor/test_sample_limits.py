@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from modalscope.data import Signals
-from modalscope.doctor.prediction import gaps_in, isolated_samples
+from modalscope.doctor.prediction import _filtered, gaps_in, isolated_samples
 from modalscope.systems import chain5
 
 
@@ -30,3 +30,12 @@ def test_missing_samples_are_said_where_chance_is_below_a_thousandth(noise: floa
     y = y + noise * y.std(axis=0) * np.random.default_rng(0).standard_normal(y.shape)
     y = np.delete(y, 2000, axis=0)
     assert len(gaps_in((y / y.std(axis=0))[None])) == count
+
+
+@pytest.mark.parametrize(("samples", "count"), [(5000, 41), (300, 20), (41, 41), (90, 7)])
+def test_weights_over_neighbouring_samples_are_applied_by_transforms_of_blocks(samples: int, count: int) -> None:
+    """Against the plain sum, to rounding of transforms of numbers around one."""
+    rng = np.random.default_rng(0)
+    x, weights = rng.standard_normal((samples, 3)), rng.standard_normal((5, count, 3))
+    plain = [np.einsum("nil,il->n", weights, x[t : t + count]) for t in range(samples - count + 1)]
+    assert np.allclose(_filtered(x, weights), plain, rtol=0, atol=1e-12)

@@ -8,7 +8,7 @@ from scipy.stats import hypergeom
 
 from modalscope.data import DataError, FrequencyResponse, Signals
 from modalscope.doctor import examine
-from modalscope.doctor.responses import isolated_lines, lone_lines, no_phase, sampled
+from modalscope.doctor.responses import isolated_lines, lone_lines, no_phase, outputs_to_estimate, sampled
 from modalscope.doctor.samples import equal_stretches, spikes_of, wraps
 from modalscope.numerics.checks import Array
 from modalscope.systems import chain5
@@ -202,3 +202,32 @@ def test_of_many_pairs_a_sample_is_searched_and_the_chance_to_miss_a_line_is_sai
         str(finding) for finding in lone_lines(shown, whole=True)
     ]
     assert lone_lines(shown)[0].frequencies == (f[120],)
+
+
+def _record(outputs: int, inputs: int = 1, quantity: str | None = "acceleration") -> Signals:
+    rng = np.random.default_rng(0)
+    y, u = rng.standard_normal((400, outputs)), rng.standard_normal((400, inputs))
+    dofs = tuple(f"{i + 1}:+X" for i in range(outputs))
+    return Signals(
+        outputs=y, inputs=u, sampling_rate=10.0, quantities=quantity, output_dofs=dofs, input_dofs=dofs[-inputs:]
+    )
+
+
+def test_of_a_record_of_many_outputs_those_are_estimated_that_a_finding_can_name_and_drawn_ones() -> None:
+    many = _record(90, 2)
+    chosen = outputs_to_estimate(many, set(many.output_dofs) - {"7:+X"})
+    assert {6, 88, 89} <= set(chosen)  # not explained, and driving points
+    assert len(chosen) == 3 + 24
+    few = _record(25)
+    assert outputs_to_estimate(few, few.output_dofs) == list(range(25))  # one is a driving point, 24 are drawn
+    assert outputs_to_estimate(many, ()) == list(range(90))
+
+
+@pytest.mark.parametrize(("outputs", "quantity", "said"), [(24, "velocity", 0), (25, "velocity", 1), (25, None, 0)])
+def test_of_many_outputs_the_chance_to_miss_a_wrong_quantity_is_said(
+    outputs: int, quantity: str | None, said: int
+) -> None:
+    notes = sampled(_record(outputs, quantity=quantity))
+    assert len(notes) == said
+    for note in notes:
+        assert note.numbers["missed"] == pytest.approx(hypergeom.cdf(0, outputs, outputs // 10, 24), rel=1e-9)

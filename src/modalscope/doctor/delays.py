@@ -16,15 +16,21 @@ from scipy import fft
 
 from modalscope.data.notes import Finding, Note
 from modalscope.data.records import Records, Signals
-from modalscope.doctor.findings import finding
+from modalscope.doctor.findings import finding, thinned
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.correlation import spanning_outputs
 from modalscope.preprocess.excitation import find_excitation
-from modalscope.preprocess.spectra import Segments, cross_spectra
+from modalscope.preprocess.spectra import Segments, cross_spectra, fast_length
 
 #: Maximum number of samples of a run, and of runs, that are examined.
 _MAX_SAMPLES, _MAX_RUNS = 1 << 16, 4
+
+#: Maximum number of outputs one of which the others are held against.
+_MAX_CANDIDATES = 8
+
+#: Samples of the blocks that a run is cut into to see which side comes first: they are longer than what a correlation needs.
+_BLOCK = 1 << 14
 
 #: Segments that impulse responses are averaged over, and their minimum and maximum length.
 _SEGMENTS, _MIN_SEGMENT, _MAX_SEGMENT = 12, 128, 2048
@@ -110,6 +116,13 @@ def _examined(x: RealArray) -> RealArray:
     return np.asarray(x - x.mean(axis=1, keepdims=True))
 
 
+def _blocks(x: RealArray) -> RealArray:
+    """Return runs (R, N, c) cut into equal blocks, (blocks, n, c)."""
+    count = max(x.shape[1] // _BLOCK, 1)
+    samples = x.shape[1] // count
+    return x[:, : count * samples].reshape(-1, samples, x.shape[2])
+
+
 def _responses(outputs: RealArray, inputs: RealArray, length: int) -> RealArray:
     """Return the size of the impulse response of every output to all forces, (length, l), negative lags last."""
     level = inputs / np.maximum(np.sqrt(np.mean(inputs**2, axis=(0, 1))), 1e-300)
@@ -143,23 +156,26 @@ def exchanged(signals: Signals) -> list[Finding]:
     outputs, inputs = signals.by_run()
     if inputs is None or signals.samples < 4 * _MIN_PAIR_SEGMENT:
         return []
-    y, u = _examined(outputs), _examined(inputs)
-    lags = y.shape[1] // 8
-    length = fft.next_fast_len(2 * y.shape[1], real=True)
-    U = fft.rfft(u, n=length, axis=1)
-    of_forces = np.sum(np.abs(U) ** 2, axis=0)
+    y, u = (_blocks(_examined(x)) for x in (outputs, inputs))
+    u = np.ascontiguousarray(u.transpose(2, 0, 1))  # (m, blocks, n)
+    lags = u.shape[2] // 8
+    length = fft.next_fast_len(2 * u.shape[2], real=True)
+    U = fft.rfft(u, n=length, axis=2)
+    of_forces = np.sum(U.real**2 + U.imag**2, axis=1)
     early: list[tuple[str, str]] = []
-    for dof, own in zip(signals.output_dofs, np.moveaxis(y, 2, 0), strict=True):  # one at a time: transforms are large
+    for i, dof in enumerate(signals.output_dofs):  # one at a time: transforms are large
+        own = np.ascontiguousarray(y[:, :, i])
         Y = fft.rfft(own, n=length, axis=1)
         of_output = np.sum(Y.real**2 + Y.imag**2, axis=0)
-        R = fft.irfft(np.sum(Y[:, :, None] * np.conj(U), axis=0), n=length, axis=0)
-        size = np.sqrt(np.sum(own**2) * np.sum(u**2, axis=(0, 1)))
-        after, before = (np.sum(side**2, axis=0) for side in (R[1 : lags + 1], R[-lags:]))
+        R = fft.irfft(np.einsum("bf,mbf->mf", Y, np.conj(U)), n=length, axis=1)
+        size = np.sqrt(np.sum(own**2) * np.sum(u**2, axis=(1, 2)))
+        after, before = (np.einsum("mk,mk->m", side, side) for side in (R[:, 1 : lags + 1], R[:, -lags:]))
         # the correlation of independent records: |y| |u| / sqrt(N), times a factor for their own autocorrelations
-        chance = np.maximum(size, 1e-300) * _spread(of_output, of_forces, length, own.size)
+        chance = np.maximum(size, 1e-300) * _spread(of_output, of_forces.T, length, own.size)
         floor = lags * chance**2  # what chance adds to either side
         limit = _MIN_EARLY_RATIO * np.maximum(after - floor, 0.0) + _CHANCE_UNCERTAINTY * floor
-        reversed_ = (np.abs(R).max(axis=0) > _MIN_CORRELATION * chance) & (before - floor > limit)
+        largest = np.maximum(R.max(axis=1), -R.min(axis=1))
+        reversed_ = (largest > _MIN_CORRELATION * chance) & (before - floor > limit)
         early += [(dof, force) for force in itertools.compress(signals.input_dofs, reversed_)]
     if not early:
         return []
@@ -192,8 +208,8 @@ def delayed(signals: Signals) -> list[Finding]:
     if outputs.shape[2] < 3 or length < _MIN_PAIR_SEGMENT or len(set(signals.quantities)) > 1:
         return []
     y = outputs[:, :_MAX_SAMPLES]
-    length = min(length, y.shape[1] // 2)
-    candidates = spanning_outputs(signals)
+    length = fast_length(min(length, y.shape[1] // 2))
+    candidates = spanning_outputs(thinned(signals), _MAX_CANDIDATES)
     whole = _delays(y, length, candidates)
     delayed = whole.better & (np.abs(whole.delay) * whole.omega >= _MIN_ANGLE)
     if not np.any(delayed):
@@ -234,26 +250,24 @@ def _delays(y: RealArray, length: int, candidates: Sequence[int]) -> _Delays:
     spread = np.sqrt(np.maximum(omega**2 @ weight - mean**2, 0)) > _MIN_SPREAD * mean
     squared = (pair / np.maximum(np.abs(pair), 1e-300)) ** 2 * weight
     # scores on a grid of delays by one transform
-    count = _GRID * length
-    shifts = np.arange(count)
-    steps = np.where(shifts > count // 2, shifts - count, shifts) / (2 * _GRID)
-    near = np.abs(steps) <= length / 8
-    best, top, still = np.zeros(y.shape[2], dtype=int), np.zeros(y.shape[2]), np.zeros(y.shape[2])
+    count, most = _GRID * length, _GRID * length // 4  # steps of a transform, and those of an eighth of a segment
+    best, top, still = np.zeros(y.shape[2]), np.zeros(y.shape[2]), np.zeros(y.shape[2])
     for i, column in enumerate(
         squared.T
     ):  # the grid is fine: of all outputs at once it would take many times the record
-        score = fft.ifft(np.concatenate([[0.0], column]), n=count).real * count
-        best[i] = np.argmax(np.where(near, score, -np.inf))
-        top[i], still[i] = score[best[i]], score[0]
-    delay = steps[best] - np.median(steps[best])
-    corrected = squared * np.exp(2j * omega[:, None] * steps[best])
+        score = fft.irfft(np.concatenate([[0.0], column]), n=count) * (count / 2)
+        around = np.concatenate([score[-most:], score[: most + 1]])
+        at = int(np.argmax(around))
+        best[i], top[i], still[i] = (at - most) / (2 * _GRID), around[at], score[0]
+    delay = best - np.median(best)
+    corrected = squared * np.exp(2j * omega[:, None] * best)
     low = np.cumsum(weight, axis=0) < 0.5
     # a phase linear in frequency fits both halves of the band; the lag of a damper does not
     linear = np.ones(len(best), dtype=bool)
     for half in (low, ~low):
         residual = np.angle(np.sum(corrected * half, axis=0)) / 2
         mean_of_half = np.sum(omega[:, None] * weight * half, axis=0) / 0.5
-        linear &= np.abs(residual) < _MAX_DISAGREEMENT * np.abs(steps[best]) * mean_of_half
+        linear &= np.abs(residual) < _MAX_DISAGREEMENT * np.abs(best) * mean_of_half
     explained = (top > _MIN_REAL) & (1 - top < _MAX_IMAGINARY_RATIO * (1 - still)) & spread & linear
     # phases that dampers turn at all outputs are no delay of one
     explained &= float(np.median(np.delete(top, reference))) > _MIN_REAL

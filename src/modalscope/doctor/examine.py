@@ -25,7 +25,7 @@ from modalscope.doctor.records import (
     too_short,
     transposed,
 )
-from modalscope.doctor.responses import MIN_COHERENCE, examine_response
+from modalscope.doctor.responses import MIN_COHERENCE, examine_estimate, examine_response, outputs_to_estimate
 from modalscope.doctor.runs import changed_runs
 from modalscope.doctor.samples import frozen, overflows, spikes
 from modalscope.numerics.arguments import named
@@ -35,9 +35,6 @@ from modalscope.numerics.resources import one_thread
 from modalscope.preprocess.bands import swept_lines, useful_lines
 from modalscope.preprocess.excitation import find_excitation
 from modalscope.preprocess.frf import estimate_frf
-
-#: Kinds of findings that are searched in the response estimated from a record; the record itself shows the others.
-_KINDS_OF_RESPONSES = {"low coherence", "reciprocity", "polarity", "swapped", "wrong quantity"}
 
 
 @named()
@@ -59,7 +56,7 @@ def examine(
     data : Signals, StoredSignals, StoredResponse, Records, Setups, FrequencyResponse or ImpulseResponse
         Of a stored record a stretch from its middle is examined, of stored responses some outputs.
     whole : bool
-        Whether outlying lines are searched in every pair of many outputs and inputs, not in a sample of them; see `sampled`.
+        Whether all of many outputs and inputs are searched for outlying lines and a wrong quantity, not a sample of them; see `sampled`.
 
     Returns
     -------
@@ -139,8 +136,16 @@ def _of_response(
     """Return what the estimated response shows in addition to the record; low coherence only where nothing else explains it."""
     if signals.runs == 1 and signals.samples < 64 * len(signals.input_dofs):
         return []
+    if kind == "random":  # on lines without force a response is noise, and so is its coherence
+        by_inputs = np.ones(len(signals.output_dofs)) if part is None else part
+        explained = explained | {
+            dof for dof, share in zip(signals.output_dofs, by_inputs, strict=True) if share > MIN_COHERENCE
+        }
+    if short:
+        explained = set(signals.output_dofs)
+    chosen = range(len(signals.output_dofs)) if whole else outputs_to_estimate(signals, explained)
     try:
-        response = estimate_frf(signals)
+        response = estimate_frf(signals.select(outputs=chosen))
     except DataError:  # dependent inputs, or no usable hit: an error where the response is asked for
         return []
     # a zero-order hold delays the force by half a sample, which turns phases in the upper half of the spectrum
@@ -149,10 +154,8 @@ def _of_response(
         lines &= useful_lines(signals, response.frequencies)
     elif kind in ("sweep", "burst"):
         lines &= swept_lines(signals, response.frequencies)
-    findings = (f for f in examine_response(response.at_lines(lines), whole=whole) if f.kind in _KINDS_OF_RESPONSES)
-    if kind == "random":  # on lines without force a response is noise, and so is its coherence
-        by_inputs = np.ones(len(signals.output_dofs)) if part is None else part
-        explained = explained | {
-            dof for dof, share in zip(signals.output_dofs, by_inputs, strict=True) if share > MIN_COHERENCE
-        }
-    return [f for f in findings if f.kind != "low coherence" or not (short or f.channels[0] in explained)]
+    return [
+        f._replace(channels=signals.output_dofs) if f.channels == response.output_dofs else f  # true of all together
+        for f in examine_estimate(response.at_lines(lines))
+        if f.kind != "low coherence" or f.channels[0] not in explained
+    ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -189,6 +189,12 @@ KINDS = tuple(dict.fromkeys(name.partition(":")[0] for name in ROWS))
 #: as they may have other units.
 _DEAD_LEVEL = 32 * float(np.finfo(float).eps)
 
+#: Channels that are copied together, and samples at a time: eight numbers are a line of the cache, and so many lines stay in it.
+_CHANNELS_AT_A_TIME, _SAMPLES_AT_A_TIME = 8, 1024
+
+#: Minimum samples of a run that is thinned out.
+_MAX_THINNED = 1 << 14
+
 #: Maximum difference of a channel from a multiple of its duplicate, as a part of it.
 _DUPLICATE = 1e-6
 
@@ -244,53 +250,96 @@ def channels_of(signals: Signals, *, inputs: bool = True) -> Iterator[tuple[str,
     if forces is not None and inputs:
         sides.append((forces, signals.input_dofs))
     for runs, labels in sides:
-        for i, dof in enumerate(labels):
-            yield dof, [np.ascontiguousarray(run[:, i]) for run in runs]
+        for first in range(0, len(labels), _CHANNELS_AT_A_TIME):
+            together = [_side_by_side(run[:, first : first + _CHANNELS_AT_A_TIME]) for run in runs]
+            for i, dof in enumerate(labels[first : first + _CHANNELS_AT_A_TIME]):
+                yield dof, [rows[i] for rows in together]
+
+
+def _side_by_side(columns: RealArray) -> RealArray:
+    """Return columns (N, c) as rows whose samples lie side by side."""
+    rows = np.empty(columns.shape[::-1])
+    for start in range(0, len(columns), _SAMPLES_AT_A_TIME):
+        rows[:, start : start + _SAMPLES_AT_A_TIME] = columns[start : start + _SAMPLES_AT_A_TIME].T
+    return rows
+
+
+def thinned(signals: Signals) -> Signals:
+    """Return every second, third ... sample of the outputs of a long record: enough for what they have in common at one time."""
+    outputs, _ = signals.by_run()
+    few = outputs[:, :: max(signals.samples // _MAX_THINNED, 1)]
+    return Signals(outputs=few if len(few) > 1 else few[0], sampling_rate=signals.sampling_rate)
 
 
 def dead_channels(samples: Array, labels: Sequence[str]) -> list[Finding]:
     """Find channels (N, c) that are constant, but for the rounding of their values."""
-    findings = []
-    for label, x in zip(labels, samples.T, strict=True):
-        largest = float(np.max(np.abs(x), initial=0.0))
-        # the difference from the first sample has no rounding of a mean; over the largest, its square is finite at any scale
-        if largest == 0 or float(np.std((x - x[0]) / largest)) < _DEAD_LEVEL:
-            findings.append(finding("dead", label))
-    return findings
+    suspected = _least_spread(samples) < _DEAD_LEVEL
+    return [finding("dead", labels[i]) for i in np.flatnonzero(suspected).tolist() if _is_dead(samples[:, i])]
+
+
+def _least_spread(samples: Array) -> RealArray:
+    """Return a lower bound of the standard deviation of channels (N, c) over their largest value: of N samples range / sqrt(2 N).
+
+    Two of them that are so far apart scatter by range / sqrt(2 N) at least, wherever the others are.
+    """
+    if not len(samples) or np.iscomplexobj(samples):
+        return np.zeros(samples.shape[1])
+    low, high = samples.min(axis=0), samples.max(axis=0)
+    largest = np.maximum(np.abs(low), np.abs(high))
+    scale = np.where(largest > 0, largest, 1.0)
+    return np.asarray((high / scale - low / scale) / np.sqrt(2 * len(samples)))
+
+
+def _is_dead(x: Array) -> bool:
+    """Return whether a channel (N,) is constant, but for the rounding of its values."""
+    largest = float(np.max(np.abs(x), initial=0.0))
+    # the difference from the first sample has no rounding of a mean; over the largest, its square is finite at any scale
+    return largest == 0 or float(np.std((x - x[0]) / largest)) < _DEAD_LEVEL
 
 
 def identical_channels(samples: Array, labels: Sequence[str]) -> list[Finding]:
     """Find channels (N, c) that are multiples of an earlier one to 1e-6; constant channels are skipped."""
-    x = np.concatenate([samples.real, samples.imag]) if np.iscomplexobj(samples) else np.array(samples, dtype=float)
-    x -= x.mean(axis=0)
-    size = np.sqrt(np.einsum("ni,ni->i", x, x))
-    x /= np.where(size > 0, size, 1)
+    x = np.concatenate([samples.real, samples.imag]) if np.iscomplexobj(samples) else np.asarray(samples, dtype=float)
+    mean = x.mean(axis=0)
+    g = np.random.default_rng(0).standard_normal(len(x))
+    power, place = np.zeros(x.shape[1]), np.zeros(x.shape[1])
+    for start in range(0, len(x), _SAMPLES_AT_A_TIME):
+        y = x[start : start + _SAMPLES_AT_A_TIME] - mean
+        power += np.einsum("ni,ni->i", y, y)
+        place += g[start : start + _SAMPLES_AT_A_TIME] @ y
+    size = np.sqrt(power)
+    moving = np.flatnonzero(size > 0)
+    place[moving] = np.abs(place[moving]) / (size[moving] * np.linalg.norm(g))
+
+    def unit(i: int) -> RealArray:
+        return np.asarray((x[:, i] - mean[i]) / size[i])
+
     return [
-        finding("duplicate", labels[i], labels[j], factor=float(x[:, i] @ x[:, j]) * size[j] / size[i])
-        for i, *copies in _copies(x, np.flatnonzero(size > 0))
+        finding("duplicate", labels[i], labels[j], factor=float(unit(i) @ unit(j)) * size[j] / size[i])
+        for i, *copies in _copies(unit, place, moving)
         for j in copies
     ]
 
 
-def _copies(unit: RealArray, moving: Array) -> list[list[int]]:
-    """Return groups of columns of unit length that are multiples of each other to 1e-6, each in ascending order.
+def _copies(unit: Callable[[int], RealArray], place: RealArray, moving: Array) -> list[list[int]]:
+    """Return groups of columns u of unit length that are multiples of each other to 1e-6, each in ascending order.
 
-    Where u_j -+ u_i is small, |g u_i| and |g u_j| differ by no more for any row g of unit length: in their order only neighbours are
-    compared, not all pairs.
+    Where u_j -+ u_i is small, |g u_i| and |g u_j|, their places, differ by no more for any row g of unit length: in their order only
+    neighbours are compared, not all pairs.
     """
-    g = np.random.default_rng(0).standard_normal(len(unit))
-    place = np.abs(g @ unit) / np.linalg.norm(g)
     groups: list[list[int]] = []
     near = deque[list[int]]()
     for j in sorted(moving.tolist(), key=lambda k: float(place[k])):
         while near and place[near[0][0]] < place[j] - 2 * _DUPLICATE:
             near.popleft()
-        u = unit[:, j]
-        # the norm of the difference: 1 - (u_i u_j)^2 would lose half of the digits
-        same = (group for group in near if np.linalg.norm(u - (unit[:, group[0]] @ u) * unit[:, group[0]]) < _DUPLICATE)
-        if group := next(same, None):
+        if group := next((group for group in near if _are_copies(unit(group[0]), unit(j))), None):
             group.append(j)
         else:
             near.append([j])
             groups.append(near[-1])
     return sorted(sorted(group) for group in groups if len(group) > 1)
+
+
+def _are_copies(u: RealArray, v: RealArray) -> bool:
+    """Return whether a column of unit length is a multiple of another; 1 - (u v)^2 would lose half of the digits."""
+    return bool(np.linalg.norm(v - (u @ v) * u) < _DUPLICATE)

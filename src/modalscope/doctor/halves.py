@@ -18,10 +18,10 @@ from scipy import fft
 
 from modalscope.data.notes import Finding
 from modalscope.data.records import Signals
-from modalscope.doctor.findings import finding
+from modalscope.doctor.findings import finding, thinned
 from modalscope.numerics.checks import BoolArray, ComplexArray, RealArray
 from modalscope.preprocess.correlation import spanning_outputs
-from modalscope.preprocess.spectra import Segments, cross_spectra
+from modalscope.preprocess.spectra import Segments, cross_spectra, fast_length
 
 #: Maximum number of outputs that predict the others; minimum independent averages a channel of these; minimum and maximum samples of a
 #: segment.
@@ -41,12 +41,21 @@ _LOADING = 1e-9
 #: Stretches of a run that clocks are compared in, most of them, their maximum number of samples, and the most lines and runs.
 _STRETCHES, _MAX_STRETCHES, _MAX_STRETCH, _LINES, _MAX_RUNS = 48, 96, 2048, 64, 4
 
+#: Most lines, evenly over all, on which the reference is chosen.
+_REFERENCE_LINES = 128
+
 #: Rates of clocks that are tried, and the one of equal clocks.
 _RATES = np.linspace(-1e-3, 1e-3, 201)
 _STILL = 100
 
 #: Minimum gain: of incoherent lines the mean |sum|^2 / K scatters about one by .13, and is larger by .7 at the best of all rates.
 _MIN_GAIN = 1.5
+
+#: Samples whose products with waves are summed at a time: they stay in the cache.
+_SAMPLES_AT_A_TIME = 1024
+
+#: Samples at the start of parts by which they are compared first.
+_FEW_SAMPLES = 64
 
 #: Periods in the record below which power is drift; its least part of a channel's power, and the largest of the median channel's.
 _DRIFT_PERIODS, _MIN_DRIFT, _MAX_USUAL_DRIFT = 10, 0.5, 0.1
@@ -71,12 +80,13 @@ def repeated(signals: Signals) -> list[Finding]:
     if len(parts) == 1:
         count = signals.samples // 2
         parts, names = [outputs[0, :count], outputs[0, -count:]], ["its first half", "its second half"]
-    seen: dict[bytes, str] = {}
-    for part, name in zip(parts, names, strict=True):
-        key = np.ascontiguousarray(part).tobytes()
-        if key in seen and np.any(part != part[0]):
-            return [finding("repeated", *signals.output_dofs, second=name, first=seen[key])]
-        seen[key] = name
+    alike: dict[bytes, list[int]] = {}  # a few samples tell most parts from each other
+    for k, part in enumerate(parts):
+        before = alike.setdefault(np.ascontiguousarray(part[:_FEW_SAMPLES]).tobytes(), [])
+        same = [j for j in before if np.array_equal(parts[j], part)]
+        if same and np.any(part != part[0]):
+            return [finding("repeated", *signals.output_dofs, second=names[k], first=names[same[0]])]
+        before.append(k)
     return []
 
 
@@ -98,8 +108,8 @@ def _halves(signals: Signals) -> Halves | None:
     """Return what is not predicted in the halves of a record; None where it is too short, or a channel is at rest in one."""
     outputs, half = len(signals.output_dofs), signals.samples // 2
     channels = outputs + len(signals.input_dofs)
-    predictors = [*spanning_outputs(signals, _MAX_PREDICTORS), *range(outputs, channels)]
-    length = min(half * signals.runs // (_AVERAGES * (len(predictors) + 1)), half, _MAX_SEGMENT)
+    predictors = [*spanning_outputs(thinned(signals), _MAX_PREDICTORS), *range(outputs, channels)]
+    length = fast_length(min(half * signals.runs // (_AVERAGES * (len(predictors) + 1)), half, _MAX_SEGMENT))
     if channels < 2 or length < _MIN_SEGMENT:
         return None
     spectra, effective = [], 1.0
@@ -188,7 +198,8 @@ def clocks(signals: Signals) -> list[Finding]:
 
 def _rates(signals: Signals) -> tuple[RealArray, RealArray, BoolArray]:
     """Return the rate of every channel's delay (c,), the gain by it, and whether both halves of the record gain."""
-    length, runs = min(signals.samples // _STRETCHES, _MAX_STRETCH), min(signals.runs, _MAX_RUNS)
+    length = fast_length(min(signals.samples // _STRETCHES, _MAX_STRETCH))
+    runs = min(signals.runs, _MAX_RUNS)
     channels = len(signals.output_dofs) + len(signals.input_dofs)
     if channels < 2 or length < _MIN_SEGMENT:
         return np.zeros(channels), np.zeros(channels), np.zeros(channels, dtype=bool)
@@ -210,12 +221,9 @@ def _rates(signals: Signals) -> tuple[RealArray, RealArray, BoolArray]:
         steady = np.abs(np.sum(u[:, 1:] * u[:, :-1].conj(), axis=(0, 1)))
         lines = np.sort(np.argsort(steady)[-_LINES:])
         w = 2 * np.pi * (lines + 1) / length
-        step = np.exp(1j * w[:, None] * starts * (_RATES[_STILL + 1] - _RATES[_STILL]))
-        later = np.cumprod(
-            np.broadcast_to(step[:, :, None], (*step.shape, _STILL)), axis=2
-        )  # all rates above zero: powers
+        z = np.exp(1j * w[:, None] * starts * (_RATES[_STILL + 1] - _RATES[_STILL]))
         of_lines, middle = u[:, :, lines].transpose(2, 0, 1), count // 2
-        sums = [_at_all_rates(of_lines[:, :, part], later[:, part]) for part in (slice(middle), slice(middle, None))]
+        sums = [_at_all_rates(of_lines[:, :, part], z[:, part]) for part in (slice(middle), slice(middle, None))]
         whole, first, second = (
             np.mean(np.abs(total) ** 2, axis=(0, 1)) / stretches
             for total, stretches in ((sums[0] + sums[1], count), (sums[0], middle), (sums[1], count - middle))
@@ -226,12 +234,18 @@ def _rates(signals: Signals) -> tuple[RealArray, RealArray, BoolArray]:
     return rate, gain, agrees
 
 
-def _at_all_rates(u: ComplexArray, later: ComplexArray) -> ComplexArray:
+def _at_all_rates(u: ComplexArray, z: ComplexArray) -> ComplexArray:
     """Return sum_k u_k z_k^q of spectra u (F, R, K) at all rates q, those below zero, zero and above, (F, R, 2 Q + 1).
 
-    `later` (F, K, Q): z_k^q of the rates above zero; below, z_k^-q is its conjugate.
+    `z` (F, K), of absolute value one: z^-q is the conjugate of z^q, which is z^i z^(10 j) with i = 1 ... 10.
     """
-    above, mirrored = np.split(np.concatenate([u, u.conj()], axis=1) @ later, 2, axis=1)
+    lines, _, count = u.shape
+    first = np.cumprod(np.broadcast_to(z[:, :, None], (lines, count, 10)), axis=2)
+    tens = np.ones((lines, _STILL // 10, count), dtype=complex)
+    np.cumprod(np.broadcast_to(first[:, None, :, -1], tens[:, 1:].shape), axis=1, out=tens[:, 1:])
+    sides = np.concatenate([u, u.conj()], axis=1)[:, :, None] * tens[:, None]  # (F, 2 R, Q / 10, K)
+    sums = (sides.reshape(lines, -1, count) @ first).reshape(lines, -1, _STILL)
+    above, mirrored = np.split(sums, 2, axis=1)
     return np.concatenate([mirrored[:, :, ::-1].conj(), u.sum(axis=2, keepdims=True), above], axis=2)
 
 
@@ -240,6 +254,7 @@ def _most_coherent(X: ComplexArray) -> int:
 
     `X` (c, R, K, F).
     """
+    X = X[..., :: -(-X.shape[3] // _REFERENCE_LINES)]
     total, count = np.zeros(len(X)), X.shape[3]
     for first in range(0, count, _LINES):
         of_lines = np.ascontiguousarray(
@@ -252,7 +267,7 @@ def _most_coherent(X: ComplexArray) -> int:
 def drifting(signals: Signals) -> list[Finding]:
     """Find outputs with most of their power in drift, while the others have little."""
     outputs, _ = signals.by_run()
-    share = np.array([_drift_of(y) for y in np.moveaxis(outputs, 2, 0)])  # a channel at a time: transforms are large
+    share = _drift_of(outputs)
     usual = float(np.median(share))
     if usual > _MAX_USUAL_DRIFT or outputs.shape[2] < 2:
         return []
@@ -264,7 +279,22 @@ def drifting(signals: Signals) -> list[Finding]:
     ]
 
 
-def _drift_of(runs: RealArray) -> float:
-    """Return the part of the power of a channel (R, N) that lies below ten periods in the record."""
-    power = np.sum(np.abs(fft.rfft(runs - runs.mean(axis=1, keepdims=True), axis=1)) ** 2, axis=0)
-    return float(power[: _DRIFT_PERIODS + 1].sum() / max(float(power.sum()), np.finfo(float).tiny))
+def _drift_of(runs: RealArray) -> RealArray:
+    """Return the part of the power of channels (R, N, l) that lies below ten periods in the record.
+
+    The few lines of the transform are products with their waves, and the power of all of them follows from the samples (Parseval).
+    """
+    samples, l = runs.shape[1:]
+    w = 2 * np.pi / samples * np.arange(1, _DRIFT_PERIODS + 1)
+    phase = np.outer(w, np.arange(_SAMPLES_AT_A_TIME))
+    waves = np.concatenate([np.cos(phase), -np.sin(phase)])
+    low, power = np.zeros(l), np.zeros(l)
+    for run in runs:
+        mean, lines = run.mean(axis=0), np.zeros((_DRIFT_PERIODS, l), dtype=complex)
+        for start in range(0, samples, _SAMPLES_AT_A_TIME):
+            y = run[start : start + _SAMPLES_AT_A_TIME] - mean
+            real, imaginary = np.split(waves[:, : len(y)] @ y, 2)
+            lines += np.exp(-1j * w * start)[:, None] * (real + 1j * imaginary)
+            power += np.einsum("nl,nl->l", y, y)
+        low += np.sum(lines.real**2 + lines.imag**2, axis=0)
+    return np.asarray(low / np.maximum(samples / 2 * power, np.finfo(float).tiny))

@@ -16,6 +16,7 @@ import scipy
 
 from modalscope.data.geometry import parse_dof
 from modalscope.data.notes import Finding
+from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.doctor.findings import finding
@@ -105,13 +106,13 @@ def check_polarity(response: Response) -> list[Finding]:
     """
     if isinstance(response, ImpulseResponse) and response.kind == "correlation":
         return []
-    pairs = _pairs(response)
+    pairs = driving_points(response)
     findings, reversed_ = _driving_points(response, pairs)
     signed = [(i, j, -sign if (i, j) in reversed_ else sign) for i, j, sign in pairs]
     return findings + _reciprocity(response, signed)
 
 
-def _pairs(response: Response) -> list[tuple[int, int, float]]:
+def driving_points(response: Response | Signals) -> list[tuple[int, int, float]]:
     """Return (output, input, sign) of every driving point; the sign is -1 when the labels point in opposite directions."""
     pairs = []
     for i, a in enumerate(response.output_dofs):

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy import fft
 
 from modalscope.data.notes import Finding
 from modalscope.data.records import Signals
@@ -43,8 +44,9 @@ _MAX_RESIDUAL = 0.25
 #: Samples on either side over which the usual error is computed.
 _NEIGHBOURS = 100
 
-#: Numbers that are copied for one product: they stay in the cache.
-_NUMBERS_AT_A_TIME = 200_000
+#: Samples of a block that is filtered, over those of the weights, and their minimum; numbers that are transformed at a time: they stay
+#: in the cache.
+_BLOCK_OVER_WEIGHTS, _MIN_BLOCK, _NUMBERS_AT_A_TIME = 8, 512, 200_000
 
 #: Past and future are compared in the canonical variates whose correlation exceeds this, and in so many at most.
 _MIN_CORRELATION, _MAX_VARIATES = 0.5, 24
@@ -56,6 +58,14 @@ class Correlations(NamedTuple):
     runs: RealArray  # (R, N, l), without means
     depth: int  # p, samples of the past and of the future
     lags: RealArray  # E y(t + k) y(t)', (2 p + _MAX_MISSING + 1, l, l)
+    factor: RealArray  # lower Cholesky factor of `within(2 p + 1)`
+
+    def middle(self) -> RealArray:
+        """Return the rows of the inverse of `within(2 p + 1)` that belong to the sample in the middle, (l, (2 p + 1) l)."""
+        rows = np.zeros(((2 * self.depth + 1) * self.lags.shape[1], self.lags.shape[1]))
+        at = self.depth * self.lags.shape[1]
+        rows[at : at + len(rows[0])] = np.eye(len(rows[0]))
+        return np.asarray(scipy.linalg.cho_solve((self.factor, True), rows).T)
 
     def between(self, distance: int) -> RealArray:
         """Return E f p' (p l, p l) of a future f that begins `distance` samples late after the past p; block i, j is R(d + p + i - j)."""
@@ -88,12 +98,11 @@ def _correlations(runs: RealArray) -> Correlations | None:
         total.merge(of_run)
     lags = total.finish() / count
     lags[0] += _ADDED_VARIANCE * np.eye(l)
-    model = Correlations(np.asarray(y), depth, lags)
+    model = Correlations(np.asarray(y), depth, lags, np.zeros((0, 0)))
     try:
-        scipy.linalg.cholesky(model.within(2 * depth + 1), lower=True)
+        return model._replace(factor=scipy.linalg.cholesky(model.within(2 * depth + 1), lower=True))
     except np.linalg.LinAlgError:  # channels that depend on each other, to rounding
         return None
-    return model
 
 
 def groups_of(runs: RealArray) -> Iterator[tuple[list[int], Correlations]]:
@@ -118,7 +127,7 @@ def unexplained(runs: RealArray) -> RealArray:
     part = np.zeros(runs.shape[2])
     for channels, model in groups_of(runs):
         p, l = model.depth, len(channels)
-        part[channels] = 1 / np.diagonal(np.linalg.inv(model.within(2 * p + 1)))[p * l : (p + 1) * l]
+        part[channels] = 1 / np.diagonal(model.middle()[:, p * l : (p + 1) * l])
     return part
 
 
@@ -142,9 +151,8 @@ def isolated_samples(signals: Signals) -> list[IsolatedSample]:
     outputs, _ = signals.by_run()
     samples = []
     for channels, model in groups_of(outputs):
-        size = np.std(outputs[:, :, channels], axis=(0, 1))
         for run, sample, channel, value, expected in _isolated(model):
-            scale = float(size[channel])
+            scale = float(np.std(outputs[:, :, channels[channel]]))
             samples.append(IsolatedSample(run, sample, channels[channel], value * scale, expected * scale))
     return sorted(samples)
 
@@ -152,8 +160,7 @@ def isolated_samples(signals: Signals) -> list[IsolatedSample]:
 def _isolated(model: Correlations) -> list[IsolatedSample]:
     """Return the isolated samples of a group of channels, normalized to variance one."""
     p, l = model.depth, model.lags.shape[1]
-    W = np.linalg.inv(model.within(2 * p + 1))[p * l : (p + 1) * l].reshape(l, 2 * p + 1, l)
-    ahead = np.asarray(np.linalg.inv(model.within(p + 1))[p * l :].reshape(l, p + 1, l), dtype=float)
+    W = model.middle().reshape(l, 2 * p + 1, l)
     root = np.sqrt(np.diagonal(W[:, p]))
     limit = _ISOLATED_FACTOR * np.sqrt(2 * np.log(model.runs.shape[0] * model.runs.shape[1] * l / _FALSE_ALARM))
     # errors at the times -p ... p of a number added to channel i at time 0
@@ -164,6 +171,7 @@ def _isolated(model: Correlations) -> list[IsolatedSample]:
         large = np.argwhere(np.abs(z) > limit)
         if not len(large):
             continue
+        ahead = np.asarray(np.linalg.inv(model.within(p + 1))[p * l :].reshape(l, p + 1, l), dtype=float)
         # e' S^-1 e of the prediction from the past at the samples p ..., the largest of three: the size of a blow
         e = _filtered(run, np.asarray(ahead))
         squares = np.sum(e * np.linalg.solve(ahead[:, p], e.T).T, axis=1)
@@ -178,19 +186,23 @@ def _isolated(model: Correlations) -> list[IsolatedSample]:
 def _filtered(run: RealArray, weights: RealArray) -> RealArray:
     """Return sum_i w_i x(t + i) of a run (N, l) at all times t that it covers, for weights (n, count, l) of `count` samples.
 
-    As many times as there are weights come from one row of a product: twice the multiplications, without a copy of the samples under the
-    weights of each time.
+    Overlapping blocks are transformed, multiplied by the conjugate transforms of the weights, and transformed back without the times at
+    which a block wraps around.
     """
     n, count, l = weights.shape
     times = len(run) - count + 1
-    flat = np.concatenate([run.ravel(), np.zeros((2 * count - 1) * l)])
-    under = sliding_window_view(flat, (2 * count - 1) * l)[:: count * l][: -(-times // count)]
-    columns = np.zeros((2 * count - 1, l, count, n))
-    for k in range(count):
-        columns[k : k + count, :, k] = weights.transpose(1, 2, 0)
-    step, columns = max(_NUMBERS_AT_A_TIME // under.shape[1], 1), columns.reshape(under.shape[1], -1)
-    blocks = [np.ascontiguousarray(under[k : k + step]) @ columns for k in range(0, len(under), step)]
-    return np.asarray(np.concatenate(blocks).reshape(-1, n)[:times])
+    length = int(fft.next_fast_len(min(max(_BLOCK_OVER_WEIGHTS * count, _MIN_BLOCK), 2 * len(run)), real=True))
+    each = length - count + 1  # times of a block
+    blocks = -(-times // each)
+    padded = np.concatenate([run, np.zeros((blocks * each + count - 1 - len(run), l))])
+    under = sliding_window_view(padded, length, axis=0)[::each]  # (blocks, l, length)
+    W = fft.rfft(weights, n=length, axis=1).conj().transpose(1, 0, 2)  # (F, n, l)
+    filtered = np.empty((blocks, each, n))
+    step = max(_NUMBERS_AT_A_TIME // (length * max(n, l)), 1)
+    for k in range(0, blocks, step):
+        X = fft.rfft(under[k : k + step].transpose(2, 1, 0), axis=0)  # (F, l, blocks)
+        filtered[k : k + step] = fft.irfft(W @ X, n=length, axis=0)[:each].transpose(2, 0, 1)
+    return filtered.reshape(-1, n)[:times]
 
 
 def _explains(z: RealArray, k: int, i: int, blow: RealArray, pattern: RealArray, limit: float) -> bool:
@@ -263,7 +275,7 @@ def gaps_in(runs: RealArray) -> list[Gap]:
 def _variates(model: Correlations) -> tuple[RealArray, RealArray, RealArray]:
     """Return the weights (p, l, n) of u in the past and of v in the future, and C_g for g = 0 ... 60."""
     p, l = model.depth, model.lags.shape[1]
-    L = scipy.linalg.cholesky(model.within(p), lower=True)
+    L = model.factor[: p * l, : p * l]  # of `within(p)`
 
     def whitened(M: Array) -> Array:
         half = scipy.linalg.solve_triangular(L, M, lower=True)
@@ -285,17 +297,18 @@ def _events(
         return []
     p = model.depth
     count = len(run) - 2 * p + 1
-    u, v = (_filtered(part, side.transpose(2, 0, 1)) for part, side in ((run[: count + p - 1], U), (run[p:], V)))
     limit = np.log(len(model.runs) * count * (len(C) - 1) / _FALSE_ALARM)
     w, Q = _spread(C[0])
-    squares = ((v - u @ C[0].T) @ Q) ** 2
-    # no log ratio exceeds half of this sum
-    k = np.flatnonzero(np.sum(squares / w, axis=1) > 2 * limit)
+    # (v - C_0 u) Q / sqrt(w) at all times: no log ratio exceeds half of the sum of squares
+    errors = _filtered(run, (np.concatenate([-U @ C[0].T, V]) @ (Q / np.sqrt(w))).transpose(2, 0, 1))
+    k = np.flatnonzero(np.einsum("tn,tn->t", errors, errors) > 2 * limit)
     if not k.size:
         return []
-    densities = np.array([_log_density(u[k], v[k], M) for M in C])
-    free = np.maximum(w, squares[k])
-    blow = -0.5 * np.sum(np.log(free) + squares[k] / free, axis=1)
+    u, v = (sum(run[k + start + i] @ side[i] for i in range(p)) for start, side in ((0, U), (p, V)))
+    squares = errors[k] ** 2 * w
+    densities = np.array([_log_density(u, v, M) for M in C])
+    free = np.maximum(w, squares)
+    blow = -0.5 * np.sum(np.log(free) + squares / free, axis=1)
     ratio = densities[1:].max(axis=0) - densities[0]
     events: list[tuple[int, RealArray]] = []
     for i in np.argsort(-ratio):

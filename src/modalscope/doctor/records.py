@@ -20,7 +20,7 @@ from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.harmonics import MIN_DAMPING, find_lines
 from modalscope.preprocess.impacts import Hit, clipped_samples, find_hits
 from modalscope.preprocess.plans import plan_hits, without_offset
-from modalscope.preprocess.spectra import Segments, cross_spectra
+from modalscope.preprocess.spectra import Segments, cross_spectra, fast_length
 
 #: Maximum part of the power of a noisy channel that the inputs predict; and its minimum distance from the median of the channels.
 _MAX_PREDICTED, _MIN_BELOW_MEDIAN = 0.5, 0.25
@@ -47,6 +47,9 @@ _TIME_CONSTANTS = 4.0
 
 #: Fewer periods in a record than this are drift: a resonance of 2 % has then decayed once.
 _MIN_PERIODS = 10.0
+
+#: Samples of a run by which the channel of the strongest resonance is chosen: every second, third ... one of a longer run.
+_PEAKEDNESS_SAMPLES = 1 << 13
 
 #: A stretch belongs to an event where its power exceeds the median of all by this factor.
 _EVENT_POWER = 4.0
@@ -187,7 +190,7 @@ def predicted(signals: Signals) -> RealArray | None:
     runs, samples, l = outputs.shape
     others = l - 1 if inputs is None else inputs.shape[2]
     averages = 8 if inputs is None else 4  # few inputs need few averages, and short segments leak
-    length = min(samples, runs * samples // (averages * (others + 1)))
+    length = fast_length(min(samples, runs * samples // (averages * (others + 1))))
     if length < 32 or (inputs is None and l < 3):
         return None
     spectra = cross_spectra(outputs, inputs, rate, Segments.of(samples, length), whole=inputs is None, centred=True)
@@ -214,7 +217,7 @@ def _from_others(S: Array) -> RealArray:
 def too_short(signals: Signals) -> list[Finding]:
     """Find a record too short for the decay of its strongest resonance, estimated from its correlation; harmonics are excluded."""
     outputs, _ = signals.by_run()
-    i = int(np.argmax([_peakedness(y) for y in np.moveaxis(outputs, 2, 0)]))
+    i = int(np.argmax(_peakedness(outputs[:, :: max(signals.samples // _PEAKEDNESS_SAMPLES, 1)])))
     y = outputs[:, :, i] - outputs[:, :, i].mean(axis=1, keepdims=True)
     length = fft.next_fast_len(2 * signals.samples, real=True)
     power = np.mean(np.abs(fft.rfft(y, n=length, axis=1)) ** 2, axis=0)
@@ -235,10 +238,10 @@ def too_short(signals: Signals) -> list[Finding]:
     return [finding("short record: decay", signals.output_dofs[i], at=(f0,), **measured)]
 
 
-def _peakedness(runs: RealArray) -> float:
-    """Return the mean square of a channel (R, N) over the median one."""
+def _peakedness(runs: RealArray) -> RealArray:
+    """Return the mean squares of channels (R, N, l) over the median ones."""
     squares = (runs - runs.mean(axis=1, keepdims=True)) ** 2
-    return float(np.mean(squares)) / max(float(np.median(squares)), np.finfo(float).tiny)
+    return np.asarray(squares.mean(axis=(0, 1)) / np.maximum(np.median(squares, axis=(0, 1)), np.finfo(float).tiny))
 
 
 def _slowest(signals: Signals, power: RealArray, lines: RealArray) -> tuple[float, float] | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from math import comb
 from typing import Any
 
@@ -9,10 +10,11 @@ import numpy as np
 import scipy
 
 from modalscope.data.notes import Finding, Note
+from modalscope.data.records import Signals
 from modalscope.data.response import Response, line_step
 from modalscope.data.responses import FrequencyResponse
 from modalscope.doctor.findings import dead_channels, finding, identical_channels, sides_of
-from modalscope.doctor.polarity import check_polarity, check_slope, level
+from modalscope.doctor.polarity import check_polarity, check_slope, driving_points, level
 from modalscope.numerics.checks import Array, RealArray
 
 #: Minimum factor between an isolated line and the value interpolated from its neighbours, in every pair; its square where there are fewer
@@ -25,6 +27,9 @@ _MIN_DISTANCE, _NEIGHBOURS = 6.0, 10
 #: Number of pairs that are searched for isolated lines first, where there are more: of those that show in a tenth of many pairs one of a
 #: hundred is missed.
 _SAMPLE = 84
+
+#: Outputs that are drawn to estimate the response of a record of more, beside driving points and those of low coherence.
+_DRAWN_OUTPUTS = 24
 
 #: Maximum bend of the lines on both sides of an isolated one, over the median of its surroundings: a resonance bends them, and mains or an
 #: edited line do not. Of 1200 simulated tests with resonances narrower than a line, half of them after a Hann window, 24 % had findings
@@ -115,20 +120,25 @@ def lone_lines(response: FrequencyResponse, *, whole: bool = False) -> list[Find
 
 
 def sampled(data: Any) -> tuple[Note, ...]:
-    """Return a note where outlying lines were searched in a sample of the pairs, with the chance that one is missed.
+    """Return a note where a check looks at a sample of the data, with the chance that it misses a fault.
 
-    Of s drawn pairs of n fewer than three are among the k that show a line with the probability of the hypergeometric distribution.
+    Of s drawn pairs or outputs of n fewer than q are among the k that show a fault with the probability of the hypergeometric distribution.
+    Outlying lines are searched in pairs of a response, q = 3; the slope that contradicts a quantity in outputs of a record, q = 1.
     """
-    n = len(data.output_dofs) * len(getattr(data, "input_dofs", ()))
-    if n <= _SAMPLE or (isinstance(data, Response) and not isinstance(data, FrequencyResponse)):
+    outputs, inputs = len(data.output_dofs), len(getattr(data, "input_dofs", ()))
+    if isinstance(data, FrequencyResponse):
+        name, drawn, of, least = "pairs", _SAMPLE, outputs * inputs, _MIN_PAIRS
+        what = "Outlying lines were searched in {0} of {1} pairs of output and input: one that exceeds the noise in a tenth of the pairs"
+    else:
+        name, drawn, of, least = "outputs", _DRAWN_OUTPUTS, outputs, 1
+        what = "The quantity was checked in the responses of {0} of {1} outputs: one that is wrong in a tenth of the outputs"
+    checked = inputs and (name == "pairs" or not (isinstance(data, Response) or data.quantity is None))
+    if of <= drawn or not checked:
         return ()
-    k = n // 10
-    missed = sum(comb(k, i) * comb(n - k, _SAMPLE - i) for i in range(_MIN_PAIRS)) / comb(n, _SAMPLE)
-    text = (
-        f"Outlying lines were searched in {_SAMPLE} of {n} pairs of output and input: one that exceeds the noise in "
-        f"a tenth of the pairs is missed with probability {missed:.2g}. `modalscope info --whole` searches all"
-    )
-    return (Note("data sampled", {"pairs": _SAMPLE, "of": n, "missed": missed}, text),)
+    k = of // 10
+    missed = sum(comb(k, i) * comb(of - k, drawn - i) for i in range(least)) / comb(of, drawn)
+    text = f"{what.format(drawn, of)} is missed with probability {missed:.2g}. `modalscope info --whole` searches all"
+    return (Note("data sampled", {name: drawn, "of": of, "missed": missed}, text),)
 
 
 def isolated_lines(H: Array) -> Array:
@@ -313,6 +323,24 @@ def examine_response(response: Response, *, whole: bool = False) -> list[Finding
             findings += check(response)
         findings += lone_lines(response, whole=whole)
     return findings
+
+
+def outputs_to_estimate(signals: Signals, explained: Container[str]) -> list[int]:
+    """Return the outputs whose responses are estimated: driving points, those of low coherence unless it is explained, and drawn ones.
+
+    Of the drawn ones the slope below the first resonance is the mean: one that contradicts the quantity does so in most outputs.
+    """
+    outputs = signals.output_dofs
+    needed = {i for i, dof in enumerate(outputs) if dof not in explained} | {i for i, _, _ in driving_points(signals)}
+    rest = [i for i in range(len(outputs)) if i not in needed]
+    drawn = np.random.default_rng(0).choice(rest, min(_DRAWN_OUTPUTS, len(rest)), replace=False)
+    return sorted({*needed, *drawn.tolist()})
+
+
+def examine_estimate(response: FrequencyResponse) -> list[Finding]:
+    """Return what a response estimated from a record shows beyond the record itself: signs, coherence and slope."""
+    usable = not (no_complex_values(response) or no_phase(response))
+    return check_polarity(response) + (_coherence(response) + check_slope(response) if usable else [])
 
 
 def _coherence(response: FrequencyResponse) -> list[Finding]:

@@ -78,6 +78,8 @@ def wraps(x: RealArray) -> Array:
     span, y = float(np.ptp(x)), x - np.mean(x)
     if len(x) < 4 or span == 0 or float(y[1:] @ y[:-1]) < 0:
         return none
+    if float(np.max(np.abs(np.diff(x)))) <= _OUTER * span:  # from one outer tenth to the other
+        return none
     side = (x - x.min()) / span * 2 - 1
     high, low = side > _OUTER, side < -_OUTER
     if np.mean(high) + np.mean(low) > _TWO_LEVELS:
@@ -129,10 +131,12 @@ def frozen(signals: Signals) -> list[Finding]:
 
 def equal_stretches(x: RealArray) -> list[tuple[int, int]]:
     """Return (start, stop) of the stretches of equal samples of x (N,) that are longer than chance, with motion on either side."""
+    equal = x[1:] == x[:-1]
+    if np.count_nonzero(equal) < _MIN_STRETCH - 1:
+        return []
     size = float(np.std(x))
     if size == 0:
         return []
-    equal = np.diff(x) == 0
     often = min(max(float(np.mean(equal)), 1 / len(x)), 0.99)
     least = max(_MIN_STRETCH, int(np.log(_FALSE_ALARM / len(x)) / np.log(often)) + 2)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], equal.astype(int), [0]])))
@@ -171,7 +175,11 @@ def spikes_of(x: RealArray) -> Array:
     r = x[1:-1] - (x[:-2] + x[2:]) / 2
     # of N differences of Gaussian noise the largest is below this many deviations but for one record in a thousand
     limit = _SPIKE_FACTOR * np.sqrt(2 * np.log(len(x) / _FALSE_ALARM))
-    rough = np.flatnonzero(np.abs(r[1:-1]) > limit * NORMAL * np.median(np.abs(r))) + 1
+    size = np.abs(r)
+    # the median is as large as a number that half of all do not exceed: without sorting them
+    if 2 * np.count_nonzero(size < size.max() / (limit * NORMAL)) < len(size) - 1:
+        return np.zeros(0, dtype=int)
+    rough = np.flatnonzero(size[1:-1] > limit * NORMAL * np.median(size)) + 1
     places = []
     for k in rough:
         around = np.concatenate([r[max(k - _NEIGHBOURS, 0) : max(k - 1, 0)], r[k + 2 : k + 2 + _NEIGHBOURS]])

@@ -87,6 +87,8 @@ def clipped_samples(x: Array) -> int:
     most for independent values on the steps of a converter, given the mean of the steps before (Poisson's law). The level of a channel at
     rest is no limit.
     """
+    if max(int(np.count_nonzero(x == x.max())), int(np.count_nonzero(x == x.min()))) < _MIN_CLIPPED:
+        return 0  # without sorting the samples
     levels, counts = np.unique(x, return_counts=True)
     if levels.size < 3:
         return 0

@@ -51,6 +51,19 @@ def segment_starts(samples: int, segment: int, overlap: float) -> list[int]:
     return list(range(0, samples - segment + 1, step))
 
 
+def fast_length(samples: int) -> int:
+    """Return the largest length up to a number of samples whose transform is fast: a product of 2, 3 and 5.
+
+    The transform of a prime number of samples takes four times as long.
+
+    Examples
+    --------
+    >>> fast_length(2133)
+    2048
+    """
+    return next((n for n in range(samples, 1, -1) if fft.next_fast_len(n, real=True) == n), samples)
+
+
 class Segments(NamedTuple):
     """Segments of records: first samples, and the windows of outputs and inputs."""
 
