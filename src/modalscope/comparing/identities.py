@@ -8,15 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg as sla
 
+from modalscope.blocks.matrix import DataMatrix
 from modalscope.data.response import Response
 from modalscope.identification.method import DOMAINS
 from modalscope.identification.method_names import find_method
-from modalscope.identification.pipeline import Pipeline, factor
+from modalscope.identification.pipeline import Pipeline, built, factored, realized
 from modalscope.identification.prepare import prepare
 from modalscope.numerics.checks import Array
 from modalscope.numerics.errors import DataError
@@ -54,10 +55,11 @@ def check_identities(response: Response, order: int) -> tuple[Identity, ...]:
         # only data matrices without loss, where identities are valid to rounding
         if row.refusal(response, False) or row.reservation(response) or not row.exact_on(response):
             continue
+        given = _Given(response, row.domain, max(order, 2), {})
         for name, source, check in _CHECKS if len(row.forms) > 1 else _CHECKS[:2]:
             residual, note = np.nan, ""
             try:
-                residual = check(response, row.domain, max(order, 2))
+                residual = check(given)
             except DataError as error:
                 note = error.fault
             rows = _ONE_ESTIMATOR.get(check, ())
@@ -65,8 +67,24 @@ def check_identities(response: Response, order: int) -> tuple[Identity, ...]:
     return tuple(identities)
 
 
-def _built(response: Response, method: str, domain: str, order: int, **options: Any) -> Pipeline:
-    return factor(prepare(response, method, domain, **options), order)
+class _Given(NamedTuple):
+    """A response, a domain, the order, and the data matrices that were made: rows of one kind share theirs with its triangular factor."""
+
+    response: Response
+    domain: str
+    order: int
+    made: dict[Any, DataMatrix]
+
+    def built(self, method: str, **options: Any) -> Pipeline:
+        """Return the models of a row; of the sizes of `_sizes` on the data matrix of the rows before."""
+        sizes = _sizes(self.response)
+        problem = prepare(self.response, method, self.domain, **(sizes | options))
+        own = built(problem, self.order)
+        if sizes.keys() & options.keys():  # sizes of its own
+            return realized(problem, factored(problem, self.order, own))
+        form = options.get("form") if len(problem.method.forms) > 1 else None
+        matrix = self.made.setdefault((problem.method.matrix, form), own.matrix)
+        return realized(problem, factored(problem, self.order, own._replace(matrix=matrix)))
 
 
 def pole_residual(a: Array, b: Array) -> float:
@@ -91,53 +109,46 @@ def _sizes(response: Response) -> dict[str, Any]:
     return {"block_rows": rows, "block_columns": min(_BLOCK_COLUMNS, count - rows - 1)}
 
 
-def _era_and_least_squares(response: Response, domain: str, order: int) -> float:
-    sizes = _sizes(response)
-    era, squares = (_built(response, name, domain, order, **sizes) for name in ("era", "least_squares"))
-    n = min(order, era.factors.rank)
+def _era_and_least_squares(given: _Given) -> float:
+    era, squares = (given.built(name) for name in ("era", "least_squares"))
+    n = min(given.order, era.factors.rank)
     return pole_residual(np.linalg.eigvals(squares.triple(n).A), np.linalg.eigvals(era.triple(n).A))
 
 
-def _alternate_and_polyreference(response: Response, domain: str, order: int) -> float:
-    sizes = _sizes(response)
-    shift, companion = (
-        _built(response, name, domain, order, form="observable", **sizes) for name in ("alternate", "polyreference")
-    )
-    n = min(order, shift.factors.rank)
+def _alternate_and_polyreference(given: _Given) -> float:
+    shift, companion = (given.built(name, form="observable") for name in ("alternate", "polyreference"))
+    n = min(given.order, shift.factors.rank)
     V = companion.matrix.row_shift.split(companion.factors.P[:, :n])[0]
     reduced = np.linalg.lstsq(V, companion.triple(n).A @ V, rcond=None)[0]
     return pole_residual(np.linalg.eigvals(reduced), np.linalg.eigvals(shift.triple(n).A))
 
 
-def _dual(response: Response, domain: str, order: int) -> float:
-    sizes = _sizes(response)
-    forms = (_built(response, "era", domain, order, form=form, **sizes) for form in ("observable", "controllable"))
-    plain, transposed = forms
-    n = min(order, plain.factors.rank)
+def _dual(given: _Given) -> float:
+    plain, transposed = (given.built("era", form=form) for form in ("observable", "controllable"))
+    n = min(given.order, plain.factors.rank)
     return pole_residual(np.linalg.eigvals(transposed.triple(n).A), np.linalg.eigvals(plain.triple(n).A))
 
 
-def _factorization(response: Response, domain: str, order: int) -> float:
+def _factorization(given: _Given) -> float:
     """Mix the singular vectors by a triangular matrix, which leaves H(0)_n = F G but neither F nor G orthonormal."""
-    pipeline = _built(response, "era", domain, order, **_sizes(response))
-    n = min(order, pipeline.factors.rank)
+    pipeline = given.built("era")
+    n = min(given.order, pipeline.factors.rank)
     P, d, Q = pipeline.factors.P[:, :n], pipeline.factors.d[:n], pipeline.factors.Q[:, :n]
     mix = np.eye(n) + np.triu(np.full((n, n), 0.1), 1)
     other = Q * d @ np.linalg.inv(mix).T
-    l, m = response.values.shape[1:]
+    l, m = given.response.values.shape[1:]
     shifted = pipeline.matrix.shifted(1).dense()
     mixed = projected_general(P @ mix, np.ones(n), other, shifted, np.arange(l), np.arange(m))
     return pole_residual(np.linalg.eigvals(mixed.A), np.linalg.eigvals(pipeline.triple(n).A))
 
 
-def _prce(response: Response, domain: str, order: int) -> float:
+def _prce(given: _Given) -> float:
     """Eigenvalues of M_1 M_0# with the rows of the data matrix themselves, against the companion form's."""
-    inputs = response.values.shape[2]
-    degree = max(min(-(-order // inputs), 12), 1)
-    sizes = _sizes(response)
-    sizes["block_columns"] = degree
-    sizes["block_rows"] = min(10 * _BLOCK_ROWS, response.count - degree - 1)
-    companion = _built(response, "prce", domain, degree * inputs, form="controllable", **sizes)
+    inputs = given.response.values.shape[2]
+    degree = max(min(-(-given.order // inputs), 12), 1)
+    rows = min(10 * _BLOCK_ROWS, given.response.count - degree - 1)
+    given = given._replace(order=degree * inputs)
+    companion = given.built("prce", form="controllable", block_columns=degree, block_rows=rows)
     M = companion.matrix.observable.tall().dense()
     M_0, M_1 = M[: degree * inputs], M[inputs : (degree + 1) * inputs]
     A = sla.lstsq(M_0.T, M_1.T)[0].T
@@ -145,7 +156,7 @@ def _prce(response: Response, domain: str, order: int) -> float:
 
 
 #: Both sides of an identity, its source, and the check. From the third on both forms of a row are needed.
-_CHECKS: tuple[tuple[str, str, Callable[[Response, str, int], float]], ...] = (
+_CHECKS: tuple[tuple[str, str, Callable[[_Given], float]], ...] = (
     ("poles of ERA = nonzero poles of truncated least squares", "Eqs. 28 and 65", _era_and_least_squares),
     (
         "alternate = Galerkin projection of the polyreference companion form",
@@ -158,6 +169,4 @@ _CHECKS: tuple[tuple[str, str, Callable[[Response, str, int], float]], ...] = (
 )
 
 #: Rows of the table that an identity makes one estimator; the others relate one row to itself, or to a part of another.
-_ONE_ESTIMATOR: dict[Callable[[Response, str, int], float], tuple[str, ...]] = {
-    _era_and_least_squares: ("era", "least_squares")
-}
+_ONE_ESTIMATOR: dict[Callable[[_Given], float], tuple[str, ...]] = {_era_and_least_squares: ("era", "least_squares")}
