@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
 
 import modalscope as ms
 from modalscope.checking import certificate
-from modalscope.checking.certificate import Calibration, calibration, replicates_of
-from modalscope.likelihood.noise import coloured
+from modalscope.checking.certificate import Calibration, calibration, nearest_order, replicates_of
+from modalscope.likelihood.noise import SPLIT, coloured
 from modalscope.systems import chain5
 from tests.likelihood.interval_cases import record
 from tests.support import refused
@@ -204,3 +206,32 @@ def test_what_cannot_be_certified_is_refused():
 def test_modes_without_their_data_are_refused(tmp_path):
     ms.write(tmp_path / "modes.json", TRUTH)
     refused("does not say how it was found", ms.certify, tmp_path / "modes.json")
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_of_the_order_nearest_to_the_modes_deviations_are_computed_of_few_orders(seed: int) -> None:
+    """The least sum of distances and split modes over all orders, found without the deviations of orders that cannot be the nearest."""
+    rng = np.random.default_rng(seed)
+    orders = np.arange(2, 22, 2)
+    truth = -0.02 + 1j * np.arange(1.0, 6.0)
+    order_of_pole = np.repeat(orders, 6)
+    poles = np.concatenate([np.append(truth, 9j) + 0.01 * rng.standard_normal(6) * rng.integers(3) for _ in orders])
+    std = rng.choice([1.0, 100.0], poles.size, p=[0.8, 0.2])
+    asked: list[int] = []
+
+    def deviations_at(index):
+        asked.extend(order_of_pole[index])
+        return std[index], std[index]
+
+    diagram = SimpleNamespace(orders=orders, order_of_pole=order_of_pole, poles=poles, deviations_at=deviations_at)
+    costs = []
+    for order in orders:
+        own = np.flatnonzero(order_of_pole == order)
+        distance = np.abs(poles[own][:, None] - truth) / 0.02
+        split = std[own[distance.argmin(axis=0)]] > SPLIT
+        costs.append(np.sum(np.minimum(distance.min(axis=0), 1.0) + split))
+    modes = MagicMock(poles=truth, frequencies_std=np.ones(5))
+    modes.__len__.return_value = 5
+    found = nearest_order(diagram, modes)
+    assert costs[list(orders).index(found)] == pytest.approx(min(costs), abs=1e-12)
+    assert len(set(asked)) < len(orders)

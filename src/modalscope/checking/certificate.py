@@ -178,15 +178,32 @@ def nearest_order(diagram: StabilizationDiagram, modes: ModalModel) -> int:
 
     `modes`: selected from it.
     """
-    by_order = [np.flatnonzero(diagram.order_of_pole == order) for order in diagram.orders]
-    distances = [np.abs(diagram.poles[own][:, None] - modes.poles) / np.abs(modes.poles.real) for own in by_order]
-    costs = [np.minimum(d.min(axis=0), 1.0) if len(d) else np.full(len(modes), np.inf) for d in distances]
-    nearest = [own[np.argmin(d, axis=0)] for own, d in zip(by_order, distances, strict=True) if own.size]
-    std, _ = diagram.deviations_at(np.concatenate([*nearest, np.zeros(0, dtype=int)]))
-    if std is not None and modes.frequencies_std is not None:
-        split = iter(std.reshape(len(nearest), len(modes)) > SPLIT * modes.frequencies_std)
-        costs = [cost + next(split) if own.size else cost for own, cost in zip(by_order, costs, strict=True)]
-    return int(diagram.orders[int(np.argmin([float(np.sum(cost)) for cost in costs]))])
+    costs, nearest = [], []
+    for order in diagram.orders:
+        own = np.flatnonzero(diagram.order_of_pole == order)
+        distance = np.abs(diagram.poles[own][:, None] - modes.poles) / np.abs(modes.poles.real)
+        if not own.size:
+            costs.append(np.inf if len(modes) else 0.0)
+            nearest.append(own)
+            continue
+        costs.append(float(np.sum(np.minimum(distance.min(axis=0), 1.0))))
+        nearest.append(own[np.argmin(distance, axis=0)])
+    best, at = np.inf, 0
+    for k in np.argsort(costs, kind="stable").tolist():
+        if costs[k] > best:  # split modes only add to it: deviations of other orders are not needed
+            break
+        cost = costs[k] + _split_modes(diagram, nearest[k], modes)
+        if cost < best or (cost == best and k < at):
+            best, at = cost, k
+    return int(diagram.orders[at])
+
+
+def _split_modes(diagram: StabilizationDiagram, nearest: IntArray, modes: ModalModel) -> int:
+    """Return how many modes an order splits in two, by the poles of it that are nearest to them: their deviation is many times as large."""
+    if modes.frequencies_std is None or not nearest.size:
+        return 0
+    std, _ = diagram.deviations_at(nearest)
+    return 0 if std is None else int(np.count_nonzero(std > SPLIT * modes.frequencies_std))
 
 
 def matched(truth: ModalModel, found: ModalModel) -> tuple[IntArray, IntArray]:
