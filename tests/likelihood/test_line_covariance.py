@@ -101,8 +101,8 @@ def influence(point: Point, fitted: Fitted) -> tuple[RealArray, RealArray]:
     for k, gradient in enumerate(gradients_of_poles(point.poles)):
         for j in range(n):
             g[k, j, 2 * p * j : 2 * p * j + 2] = gradient[j]
-    W = np.split(whole(point, fitted).W.view(np.float64), n, axis=2)
-    u = influence_on_poles(W, fitted.linear, g.reshape(2 * n, -1) @ C).transpose(1, 0, 3, 2)
+    W = np.split(whole(point, fitted).W.view(np.float64).T, n)
+    u = influence_on_poles(W, fitted.linear, g.reshape(2 * n, -1) @ C).transpose(0, 3, 1, 2)
     return u, np.concatenate(deviations_of_poles(point.poles, pole_blocks(C, 2 * p * np.arange(n))))
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.fft as sfft
@@ -126,19 +126,21 @@ def on_rows(point: Point, fitted: Fitted) -> Iterator[OnRows]:
 
 
 def influence_on_poles(W: Sequence[RealArray], linear: ComplexArray, steps: RealArray) -> RealArray:
-    """Return u = J x, the influence of the data on numbers g'theta, x = J'J^-1 g: the change of each is sum u e, (K, b, p, q).
+    """Return u = J x, the influence of the data on numbers g'theta, x = J'J^-1 g: the change of each is sum u e, (b, q, p, K).
 
-    `W`: of every mode (K, p, a), its columns of `on_rows`, real and imaginary part of every unknown side by side, or what is linear in
-    them: real parts of their transforms. `linear` (q, n): c. `steps` (b, n a): x.
+    `W`: of every mode (a, p, K), its columns of `on_rows`, real and imaginary part of every unknown one after the other, or what is linear
+    in them: real parts of their transforms. `linear` (q, n): c. `steps` (b, n a): x.
     """
-    (q, n), (K, p, _) = linear.shape, W[0].shape
-    x = (steps[:, ::2] + 1j * steps[:, 1::2]).reshape(len(steps), n, -1).transpose(1, 2, 0)
+    (q, n), (a, p, K), b = linear.shape, W[0].shape, len(steps)
+    x = (steps[:, ::2] + 1j * steps[:, 1::2]).reshape(b, n, -1)
     # Re and -Im of sum_a W_a x_a of every mode, from the parts of W; then Re of their products with c
-    of_real, of_imag = (np.stack([each.real, -each.imag], axis=-1) for each in (x, 1j * x))
-    weights = np.stack([of_real, of_imag], axis=2).reshape(n, W[0].shape[2], -1)
-    each = np.stack([own.reshape(K * p, -1) @ by for own, by in zip(W, weights, strict=True)])
-    moved = each.reshape(n, K, p, -1, 2).transpose(1, 3, 2, 0, 4).reshape(-1, 2 * n)
-    return np.asarray((moved @ np.stack([linear.real, linear.imag], axis=-1).reshape(q, -1).T).reshape(K, -1, p, q))
+    of_real, of_imag = (np.stack([each.real, -each.imag], axis=2) for each in (x, 1j * x))
+    weights = np.stack([of_real, of_imag], axis=-1).reshape(b, n, 2, a)
+    moved = np.empty((b, n, 2, p * K))
+    for j, own in enumerate(W):
+        moved[:, j] = (weights[:, j].reshape(-1, a) @ own.reshape(a, -1)).reshape(b, 2, -1)
+    c = np.stack([linear.real, linear.imag], axis=-1).reshape(q, -1)
+    return np.asarray(c @ moved.reshape(b, 2 * n, -1)).reshape(b, q, p, K)
 
 
 def scores_of_lines(
@@ -184,18 +186,20 @@ def _leverage_on_modes(W: ComplexArray, linear: ComplexArray, inverse: RealArray
 
     J is linear in c, so that this is c'M c with M (2 n, 2 n) of each row, by real and imaginary part of c: once for all channels.
     """
-    (q, n), count = linear.shape, len(W) // parts
-    # J by the parts of c: Re and -Im of W c
-    G = np.stack([np.stack([W.real, -W.imag], axis=-1), np.stack([-W.imag, -W.real], axis=-1)], axis=-2)
-    G = G.reshape(len(W), n, -1, 2)
-    c, C, h = np.stack([linear.real, linear.imag], axis=-1), inverse.reshape(n, -1, n, G.shape[2]), np.zeros((count, q))
+    (q, n), K = linear.shape, len(W)
+    real, imag = (np.ascontiguousarray(each.transpose(1, 2, 0)) for each in (W.real, W.imag))
+    # J by the real and the imaginary part of c, and by both parts of every unknown
+    G = np.stack([np.stack([real, -imag], axis=2), np.stack([-imag, -real], axis=2)]).reshape(2, n, -1, K)
+    a, c, h = G.shape[2], (linear.real, linear.imag), np.zeros((q, K // parts))
+    C = inverse.reshape(n, a, n, a)
     for j in range(n):
-        half = G[:, j].swapaxes(1, 2).reshape(-1, G.shape[2]) @ C[j, :, j:].reshape(G.shape[2], -1)
-        M = np.einsum("kslb,klbt->kslt", half.reshape(len(W), 2, n - j, -1), G[:, j:])
-        both = c[:, j, :, None, None] * c[:, None, j:]
-        both[:, :, 1:] *= 2  # M is symmetric
-        h += M.reshape(parts, count, -1).sum(axis=0) @ both.reshape(q, -1).T
-    return h
+        once = np.where(np.arange(n - j) > 0, 2.0, 1.0)  # M is symmetric
+        for own, by in zip(c, G[:, j], strict=True):
+            half = (C[j, :, j:].reshape(a, -1).T @ by).reshape(n - j, a, K)
+            for other, rows in zip(c, G[:, j:], strict=True):
+                M = np.einsum("lak,lak->lk", half, rows).reshape(n - j, parts, -1).sum(axis=1)
+                h += (own[:, j, None] * other[:, j:] * once) @ M
+    return h.T
 
 
 #: Eigenvalues of products of columns of length one below this part of the largest are rounding.
@@ -349,10 +353,13 @@ class Descent:
     kept: IntArray
 
 
-def descend(
-    problem: Whitened,
-    poles: ComplexArray,
-    sides: ComplexArray,
+def descend(problem: Whitened, poles: ComplexArray, sides: ComplexArray, **limits: Any) -> Descent:
+    """Lower the squared misfit from poles (n,) and unit vectors (n, p) on; `limits`: see `descend_from`."""
+    return descend_from(problem.at(poles, sides), **limits)
+
+
+def descend_from(
+    point: Point,
     *,
     tolerance: float = 1e-12,
     most: int = 60,
@@ -360,19 +367,18 @@ def descend(
     stays: Callable[[ComplexArray], Array] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Descent:
-    """Lower the squared misfit from poles (n,) and unit vectors (n, p) on until no step promises more than `tolerance` of it.
+    """Lower the squared misfit from a point on until no step promises more than `tolerance` of it.
 
     The predicted reduction counts: near the optimum rounding hides the actual one.
 
-    `poles`, `sides`: where to start. `most`: iterations. `decisive`: the descent ends below this squared misfit, and
+    `most`: iterations. `decisive`: the descent ends below this squared misfit, and
     where it is out of reach. `stays`: returns which of some poles (n,) may remain. It is asked after every step: a pole on its way to the
     real axis or to no width promises long steps for ever, and what it leaves undetermined spoils the covariance of all. The descent
     goes on without it, with the damping of the start. `progress`: called with (iterations done, iterations at most).
     """
-    point = problem.at(poles, sides)
-    fitted = point.fitted()
+    problem, fitted = point.problem, point.fitted()
     cost, size = point.cost(fitted), problem.size
-    damping, kept = _INITIAL_DAMPING, np.arange(len(poles))
+    damping, kept = _INITIAL_DAMPING, np.arange(len(point.poles))
     for iteration in range(most):
         if progress is not None:
             progress(iteration, most)

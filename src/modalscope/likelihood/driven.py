@@ -9,7 +9,7 @@ are eliminated. The rows are compressed at every point to the span of what the m
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as sla
@@ -38,14 +38,14 @@ class DrivenWhitened(Whitened):
     The divided data are made some lines at a time, where they are asked: of long records a copy is large.
 
     `light`: one output. `lines`: of the drives divided by their sizes, 1 / `varying`. `values` (F, q): outputs as they are. `taken` (t, q):
-    what the terms have of the divided outputs. `squares`: of what they leave, summed.
+    what the terms have of the divided outputs. `squares` (q,): of what they leave, summed.
     """
 
     light: RecordSpectra
     lines: DrivenLines
     values: ComplexArray
     taken: RealArray
-    squares: float
+    squares: RealArray
 
     @property
     def channels(self) -> tuple[int, int]:
@@ -55,7 +55,14 @@ class DrivenWhitened(Whitened):
     @property
     def size(self) -> float:
         """Sum of the squares of the data."""
-        return self.squares
+        return float(self.squares.sum())
+
+    def releveled(self, outputs: RealArray, inputs: RealArray) -> tuple[Whitened, RealArray]:
+        """Return the data divided by other deviations of the outputs, those of a level at the one input; see `Whitened.releveled`."""
+        linear = outputs * inputs[0]
+        growth = self.linear / linear
+        squares = self.squares * growth**2
+        return replace(self, linear=linear, taken=self.taken * growth, squares=squares), growth[:, None]
 
     @property
     def parts(self) -> IntArray | None:
@@ -164,15 +171,15 @@ def whitened_records(
     """
     light, lines, values = records.select(outputs=[0]), records.lines, records.values[:, :, 0]
     terms = scaled_span(light.whole_basis(fixed, powers).columns / rows[:, None])
-    taken, whole = np.zeros((terms.shape[1], values.shape[1])), 0.0
+    taken, whole = np.zeros((terms.shape[1], values.shape[1])), np.zeros(values.shape[1])
     step, count = max(_BLOCK_NUMBERS // values.shape[1], 1), len(values)
     for start in range(0, count, step):
         s = slice(start, start + step)
         data = _divided(values[s], np.concatenate([rows[:count][s], rows[count:][s]]), outputs)
         taken += np.concatenate([terms[:count][s], terms[count:][s]]).T @ data
-        whole += float(np.vdot(data, data))
+        whole += np.einsum("kq,kq->q", data, data)
     size = np.sqrt(np.mean(np.abs(lines.drives) ** 2, axis=0))
     size[lines.inputs :] = 1
     size = np.where(size > 0, size, 1)
-    left = max(whole - float(np.vdot(taken, taken)), 0.0)
+    left = np.maximum(whole - np.sum(taken**2, axis=0), 0)
     return DrivenWhitened(light, rows, terms, outputs, 1 / size, False, lines.divided(size), values, taken, left)

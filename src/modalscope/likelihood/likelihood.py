@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as sla
@@ -64,6 +64,10 @@ class Whitened(ABC):
     @abstractmethod
     def at(self, poles: ComplexArray, sides: ComplexArray, *, slopes: bool = True) -> Point:
         """Return the likelihood at poles (n,) and unit vectors (n, p), and all that a step needs unless there is to be none."""
+
+    @abstractmethod
+    def releveled(self, outputs: RealArray, inputs: RealArray) -> tuple[Whitened, RealArray]:
+        """Return the data divided by other deviations of the channels, (l,) and (m,), and by how much they grow, (q, p)."""
 
     @abstractmethod
     def peaks(self, left: RealArray, known: Array, least: float) -> list[Peak]:
@@ -125,6 +129,13 @@ class WhitenedResponse(Whitened):
     def size(self) -> float:
         """Sum of the squares of the data."""
         return float(np.vdot(self.data, self.data))
+
+    def releveled(self, outputs: RealArray, inputs: RealArray) -> tuple[Whitened, RealArray]:
+        """Return the data divided by other deviations of the channels, (l,) and (m,), and by how much they grow, (q, p)."""
+        linear, varying = (inputs, outputs) if self.turned else (outputs, inputs)
+        growth = np.outer(self.linear / linear, self.varying / varying)
+        energy = None if self.energy is None else self.energy * growth.reshape(-1) ** 2
+        return replace(self, data=self.data * growth, linear=linear, varying=varying, energy=energy), growth
 
     def columns(self, poles: Array, *, slopes: bool = True) -> tuple[RealArray, RealArray]:
         """Return the functions of poles and their derivatives by Re s, divided as the data are, without the terms' part."""
@@ -325,6 +336,13 @@ class Point:
         if p > 1:
             columns[:, :, :, 1:] = np.einsum("kj,jia->kija", self.own, across(self.sides))
         return columns.reshape(len(self.own) * p, n * p)
+
+    def releveled(self, outputs: RealArray, inputs: RealArray) -> Point:
+        """Return the same poles and unit vectors under other deviations of the channels: what rows are compressed to stays."""
+        problem, growth = self.problem.releveled(outputs, inputs)
+        sides = unit_vectors(self.sides * self.problem.varying / problem.varying)
+        data, beyond = self.data * growth, self.beyond * growth**2
+        return replace(self, problem=problem, sides=sides, data=data, beyond=beyond)
 
     def moved(self, step: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """Return poles and unit vectors after a step (n, p) in the unknowns of `directions`."""

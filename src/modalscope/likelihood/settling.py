@@ -14,7 +14,7 @@ from modalscope.data.record_residual import excess, excess_notes
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.response import Response, fading, line_step, output_scale, window_over_lines
 from modalscope.functions.pole_basis import ModalBasis
-from modalscope.likelihood.descent import Descent, descend, residuals, window_noise
+from modalscope.likelihood.descent import Descent, descend_from, residuals, window_noise
 from modalscope.likelihood.driven import whitened_records
 from modalscope.likelihood.likelihood import Whitened, unit_vectors, whitened
 from modalscope.likelihood.whitening import (
@@ -315,13 +315,34 @@ def _power(descent: Descent, count: int) -> RealArray:
 
 
 def _optimum(task: Task, start: _Start, most: int) -> Settled:
-    """Return the optimum with the terms of a task."""
-    found: _Start | Settled = start
-    later = _MAX_ROUNDS
-    while not isinstance(found, Settled):
-        later -= 1
-        found = _round(task, found, most, last=not later)
-    return found
+    """Return the optimum with the terms of a task, under the levels that it leaves where these settle."""
+    levels, window = start.levels, window_over_lines(task.response)
+    problem = _divided(task.response, task, levels)
+    _check_freedom(task, problem, len(start.poles))
+    sides = unit_vectors((start.shapes.T if problem.turned else start.participation) / problem.varying)
+    point, unknown = problem.at(start.poles, sides), problem.terms.shape[1] + 2 * len(start.poles)
+    for later in reversed(range(_MAX_ROUNDS)):
+        descent = descend_from(point, most=most, progress=task.progress)
+        power = descent.point.left_by_channel(descent.fitted) / len(task.rows)
+        seen = _colour(descent, power, task.response.count, unknown, window)
+        following = levels_of(np.sqrt(power) * np.outer(levels.outputs, levels.inputs))
+        done = task.known or seen.coloured or not descent.converged or following.change(levels) < _LEVEL_TOLERANCE
+        if done or not later:
+            break
+        point, levels = descent.point.releveled(following.outputs, following.inputs), following
+    variance = descent.cost / _expected_cost(task, descent)
+    if (
+        task.known is not None and variance <= 1
+    ):  # what is left is no more than the noise that is known: its colour is none of a model's
+        variance, seen = 1.0, replace(seen, excess=0.0)
+    return Settled(descent, variance, unknown, seen, _worth(task.response, descent.point.poles), levels, task.powers)
+
+
+def _expected_cost(task: Task, descent: Descent) -> float:
+    """Return the squared misfit that noise of variance one leaves."""
+    point = descent.point
+    noise = window_noise(point, descent.fitted, task.response)
+    return point.problem.freedom - 2 * len(point.poles) * sum(task.channels) if noise is None else noise.free
 
 
 def _needed_powers(task: Task, settled: Settled) -> tuple[int, ...]:
@@ -341,36 +362,6 @@ def _needed_powers(task: Task, settled: Settled) -> tuple[int, ...]:
             break
         powers, cost, terms = more, lower, problem.terms.shape[1]
     return powers
-
-
-def _round(task: Task, start: _Start, most: int, *, last: bool) -> _Start | Settled:
-    """Return the optimum under some levels where they are those that it leaves, else where to go on.
-
-    Of long records a problem is large: with this function the one before has gone when the next is made.
-    """
-    levels, poles = start.levels, start.poles
-    problem = _divided(task.response, task, levels)
-    _check_freedom(task, problem, len(poles))
-    sides = unit_vectors((start.shapes.T if problem.turned else start.participation) / problem.varying)
-    descent = descend(problem, poles, sides, most=most, progress=task.progress)
-    point, fitted = descent.point, descent.fitted
-    unknown = problem.terms.shape[1] + 2 * len(poles)
-    window = window_over_lines(task.response)
-    power = point.left_by_channel(fitted) / len(task.rows)
-    seen = _colour(descent, power, task.response.count, unknown, window)
-    left = np.sqrt(power)
-    following = levels_of(left * np.outer(levels.outputs, levels.inputs))
-    done = task.known or seen.coloured or not descent.converged or following.change(levels) < _LEVEL_TOLERANCE
-    if not (done or last):
-        return _Start(point.poles, *problem.scaled_back(point, fitted), following)
-    noise = window_noise(point, fitted, task.response)
-    free = problem.freedom - 2 * len(poles) * sum(task.channels) if noise is None else noise.free
-    variance = descent.cost / free
-    if (
-        task.known is not None and variance <= 1
-    ):  # what is left is no more than the noise that is known: its colour is none of a model's
-        variance, seen = 1.0, replace(seen, excess=0.0)
-    return Settled(descent, variance, unknown, seen, _worth(task.response, point.poles), levels, task.powers)
 
 
 def _colour(descent: Descent, power: RealArray, count: int, unknown: float, window: float) -> Colour:

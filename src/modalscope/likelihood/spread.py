@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -186,9 +186,9 @@ class _Lines(NamedTuple):
         return np.asarray(each.reshape(len(each), -1, 2).sum(axis=2))
 
     def seen(self, across: RealArray, power: float) -> RealArray:
-        """Return what combinations (q, r) of the channels have of that residual, (2, f, p r)."""
-        rows = self.residual(power).swapaxes(2, 3) @ across
-        return np.asarray(rows.reshape(*rows.shape[:2], -1))
+        """Return what combinations (q, r) of the channels have of that residual, (2, r p, f)."""
+        rows = (self.residual(power).swapaxes(2, 3) @ across).transpose(0, 3, 2, 1)
+        return np.asarray(rows.reshape(2, -1, rows.shape[3]))
 
 
 @dataclass(eq=False, slots=True)
@@ -198,9 +198,9 @@ class _Rows:
     Influences lie in the span of the shapes, whose coordinates stand for the channels where these are more.
 
     `shapes` (r, n): in these coordinates. `total` (2 n p, 2 n p): sum_f Re z z^H, z the scores of a line that is left out. `by_run` (R, 2 n
-    p): scores of every run. `own` (q, n): variance of the side that follows by least squares, from lines alike. `W`: of every mode (2, F,
-    p, a), its columns. `left`, `half` (2, F, p r): residual, and over the square root of one minus its leverage. `places`: of the lines of
-    each run, from zero; of samples how many.
+    p): scores of every run. `own` (q, n): variance of the side that follows by least squares, from lines alike. `W`: of every mode (2, a,
+    p, F), its columns, each in one piece. `left` (2, r p, F): residual. `half` (F, r p): over the square root of one minus its leverage,
+    complex. `places`: of the lines of each run, from zero; of samples how many.
     """
 
     shapes: ComplexArray
@@ -209,23 +209,22 @@ class _Rows:
     own: RealArray
     W: list[RealArray]
     left: RealArray
-    half: RealArray
+    half: ComplexArray
     places: tuple[tuple[slice, Array], ...] | int
 
     def times(self, parts: RealArray) -> RealArray:
-        """Return lines (2, F, ...) over time, (1, T, ...) of samples, and (2, T, ...) of all runs: their transform is complex."""
+        """Return lines (2, ..., F) over time, (1, ..., T) of samples, and (2, ..., T) of all runs: their transform is complex."""
         if isinstance(self.places, int):
             return _samples_of(parts, self.places)[None]
         count = [int(place.max()) + 1 for _, place in self.places]
-        ends, flat = np.cumsum([0, *count]), parts.reshape(*parts.shape[:2], -1)
-        found = np.empty((2, ends[-1], flat.shape[2]))
+        ends, flat = np.cumsum([0, *count]), parts.reshape(2, -1, parts.shape[-1])
+        found = np.empty((2, flat.shape[1], ends[-1]))
         for (lines, place), first, last in zip(self.places, ends, ends[1:], strict=False):
-            for column in range(flat.shape[2]):
-                whole = np.zeros(last - first, complex)
-                whole[place] = flat[0, lines, column] + 1j * flat[1, lines, column]
-                whole = np.fft.ifft(whole, norm="ortho")
-                found[0, first:last, column], found[1, first:last, column] = whole.real, whole.imag
-        return found.reshape(2, -1, *parts.shape[2:])
+            whole = np.zeros((flat.shape[1], last - first), complex)
+            whole[:, place] = _joined(flat[:, :, lines])
+            whole = np.fft.ifft(whole, norm="ortho")
+            found[0, :, first:last], found[1, :, first:last] = whole.real, whole.imag
+        return found.reshape(*parts.shape[:-1], -1)
 
     def covariance(self, inverse: RealArray) -> RealArray:
         """Return C (sum_f Re z z^H) C / 2: the covariance of the unknowns, (2 n p, 2 n p)."""
@@ -238,28 +237,28 @@ class _Rows:
 
         `gradients`: of both by Re s and Im s of their pole, (n, 2) each.
         """
-        n, e = self.shapes.shape[1], _joined(self.half)
+        n, width = self.shapes.shape[1], 2 * self.shapes.shape[1] * self.half.shape[1]
         steps = np.stack([g[:, None] @ inverse.reshape(n, -1, len(inverse))[:, :2] for g in gradients]).reshape(
             2 * n, -1
         )
-        w = np.empty((len(e), 2 * n))
-        for s in _some(len(e), 2 * n * e.shape[1]):
-            real, imag = (self._influence(k, s, steps) for k in (0, 1))
-            w[s] = variances_of_lines(real + 1j * imag, e, s.start)
+        w = np.empty((len(self.half), 2 * n))
+        for s in _some(len(w), width):
+            u = _joined([self._influence(k, s, steps) for k in (0, 1)])
+            w[s] = variances_of_lines(np.ascontiguousarray(u.transpose(2, 0, 1)), self.half, s.start)
         self.W, left = [self.times(self.W.pop(0)) for _ in range(n)], self.times(self.left)
-        power, pull = np.zeros((2, 2 * n, left.shape[1]))
+        power, pull = np.zeros((2, 2 * n, left.shape[2]))
         for k, found in enumerate(left):
-            for s in _some(len(found), 2 * n * found.shape[1]):
-                u = self._influence(k, s, steps)
-                power[:, s] += np.einsum("tbc,tbc->bt", u, u)
-                pull[:, s] += (u @ found[s, :, None])[:, :, 0].T
+            for s in _some(found.shape[1], width):
+                own = self._influence(k, s, steps)
+                power[:, s] += np.einsum("bct,bct->bt", own, own)
+                pull[:, s] += np.einsum("bct,ct->bt", own, found[:, s])
         of_both = (of_parts(power[k], pull[k]) for k in (slice(n), slice(n, None)))
         return degrees_of_lines(w).reshape(2, n), (next(of_both), next(of_both))
 
     def _influence(self, part: int, some: slice, steps: RealArray) -> RealArray:
-        """Return the influence of one part of some lines, or of samples, on numbers, all channels side by side, (k, b, p r)."""
-        u = influence_on_poles([own[part, some] for own in self.W], self.shapes, steps)
-        return u.reshape(*u.shape[:2], -1)
+        """Return the influence of one part of some lines, or of samples, on numbers, all channels side by side, (b, r p, k)."""
+        u = influence_on_poles([own[part, :, :, some] for own in self.W], self.shapes, steps)
+        return u.reshape(len(u), -1, u.shape[3])
 
 
 #: Numbers that are computed at a time: 8 MB.
@@ -272,7 +271,7 @@ def _some(count: int, width: int) -> Iterator[slice]:
     return (slice(k, min(k + step, count)) for k in range(0, count, step))
 
 
-def _joined(parts: RealArray) -> ComplexArray:
+def _joined(parts: RealArray | Sequence[RealArray]) -> ComplexArray:
     real, imag = parts
     return np.asarray(real + 1j * imag)
 
@@ -289,9 +288,9 @@ def _rows(point: Point, fitted: Fitted, inverse: RealArray, response: Response) 
         total=np.zeros((width, width)),
         by_run=np.zeros((int(run.max()) + 1, width)),
         own=np.zeros((q, n)),
-        W=[np.empty((2, count, p, width // n)) for _ in range(n)],
-        left=np.empty((2, count, p * across.shape[1])),
-        half=np.empty((2, count, p * across.shape[1])),
+        W=[np.empty((2, width // n, p, count)) for _ in range(n)],
+        left=np.empty((2, p * across.shape[1], count)),
+        half=np.empty((count, p * across.shape[1]), dtype=complex),
         places=len(point.problem.rows) if in_time else _places_of(run, getattr(response, "frequencies", np.zeros(0))),
     )
     for lines in _lines(point, fitted, inverse, in_time):
@@ -301,8 +300,8 @@ def _rows(point: Point, fitted: Fitted, inverse: RealArray, response: Response) 
         if len(rows.by_run) >= LEAST_GROUPS:
             np.add.at(rows.by_run, run[which], lines.scores(point, fitted, 0).real)
         for own, columns in zip(rows.W, np.split(lines.W, n, axis=3), strict=True):
-            own[:, which] = columns
-        rows.left[:, which], rows.half[:, which] = lines.seen(across, 0), lines.seen(across, 0.5)
+            own[..., which] = columns.transpose(0, 3, 2, 1)
+        rows.left[..., which], rows.half[which] = lines.seen(across, 0), _joined(lines.seen(across, 0.5)).T
     return rows
 
 
@@ -337,10 +336,10 @@ def _lines_of(samples: RealArray) -> RealArray:
 
 
 def _samples_of(lines: RealArray, count: int) -> RealArray:
-    """Return the samples of such lines."""
+    """Return the samples of such lines, (2, ..., F) -> (..., count)."""
     found = (lines[0] + 1j * lines[1]) / np.sqrt(2)
-    found[_alone(count)] *= np.sqrt(2)
-    return np.asarray(np.fft.irfft(found, count, axis=0, norm="ortho"))
+    found[..., _alone(count)] *= np.sqrt(2)
+    return np.asarray(np.fft.irfft(found, count, norm="ortho"))
 
 
 def _alone(count: int) -> list[int]:

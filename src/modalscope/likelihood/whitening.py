@@ -29,6 +29,9 @@ _SPECTRUM_STEPS = 200
 #: Lines further apart are taken as uncorrelated.
 _MAX_LAGS = 400
 
+#: Numbers that are computed at a time: they stay in the cache.
+_NUMBERS_AT_A_TIME = 1 << 16
+
 #: Chance of any false mode in a data set of noise.
 _CHANCE_OF_ANY = 1e-3
 
@@ -134,13 +137,14 @@ def colour_of_lines(
     length that a line's distance tells: its noise has the correlation rho_i = 1 / (1 + j pi i / (a T)) between lines, and
     sum |rho_i|^2 = a T coth(a T) lines tell as much as one.
     """
-    quiet, squares, together, before = 1 / np.maximum(power, 1e-300), np.empty(count), 0.0, np.zeros((1, 0, power.size))
-    first, parts = 0, 1
-    for own in lines:
-        e = np.concatenate([before, own], axis=1) if before.size else own
-        together += float(np.einsum("rkc,rkc,c->", e[:, 1:], e[:, :-1], quiet))
+    unit, step = 1 / np.sqrt(np.maximum(power, 1e-300)), max(_NUMBERS_AT_A_TIME // power.size, 1)
+    squares, together, first, parts = np.empty(count), 0.0, 0, 1
+    before = np.zeros((1, 0, power.size))
+    for own in (each[:, k : k + step] * unit for each in lines for k in range(0, each.shape[1], step)):
+        e = np.concatenate([before, own], axis=1) if first else own
+        together += float(np.einsum("rkc,rkc->", e[:, 1:], e[:, :-1]))
         parts, last = len(own), first + own.shape[1]
-        squares[first:last] = np.einsum("rkc,rkc,c->k", own, own, quiet)
+        squares[first:last] = np.einsum("rkc,rkc->k", own, own)
         first, before = last, own[:, -1:]
     neighbours = parts * (count - 1) * power.size
     rho = together / neighbours if count > 1 else 0.0

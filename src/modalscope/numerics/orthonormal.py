@@ -289,5 +289,11 @@ def scaled_span(columns: RealArray) -> RealArray:
     # LAPACK makes no copy of columns that lie one after the other
     scaled = columns.copy("F") if np.all(size > 0) else np.asfortranarray(columns[:, size > 0])
     scaled /= size[size > 0]
+    R = factor_of_gram(scaled.T @ scaled, overwrite=True, least=_MIN_CORRECTED_REMAINDER)
+    if R is not None:  # independent: two Cholesky factors, each in their place
+        scaled = sla.blas.dtrsm(1.0, R, scaled, side=1, overwrite_b=1)
+        S = factor_of_gram(scaled.T @ scaled, overwrite=True, least=_MIN_SECOND_REMAINDER)
+        if S is not None:
+            return np.asarray(sla.blas.dtrsm(1.0, S, scaled, side=1, overwrite_b=1))
     U, s, _ = sla.svd(scaled, full_matrices=False, overwrite_a=True)
     return U[:, : np.count_nonzero(s > max(scaled.shape) * np.finfo(float).eps * s[0])]
