@@ -176,6 +176,29 @@ def _left(point: Point) -> RealArray:
     return residual(point, point.fitted())
 
 
+@pytest.mark.parametrize("kind", ["records", "lines", "samples"])
+def test_a_point_under_other_levels_is_that_of_the_data_divided_by_these(kind: str) -> None:
+    point, _, data = optimum(kind)
+    problem, rng = point.problem, np.random.default_rng(4)
+    outputs = rng.uniform(0.5, 2, data.values.shape[1])
+    if kind == "records":
+        inputs = np.array([1.5])
+        anew: Whitened = whitened_records(data, np.zeros(0), data.refined_powers, problem.rows, 1.5 * outputs)
+    else:
+        inputs = rng.uniform(0.5, 2, data.values.shape[2])
+        anew = whitened(data, np.zeros(0), data.refined_powers, problem.rows, outputs, inputs)
+    found = point.releveled(outputs, inputs)
+    direct = anew.at(found.poles, found.sides)
+    assert found.problem.size == pytest.approx(anew.size, rel=1e-10)
+    assert np.allclose(data_of(found.problem), data_of(anew), rtol=1e-9, atol=1e-12 * np.sqrt(anew.size))
+    assert found.cost(found.fitted()) == pytest.approx(direct.cost(direct.fitted()), rel=1e-6)
+    for told, own in zip(
+        anew.scaled_back(found, found.fitted()), anew.scaled_back(direct, direct.fitted()), strict=True
+    ):
+        assert np.allclose(told, own, rtol=1e-6, atol=1e-6 * np.abs(own).max())
+    assert not np.isclose(found.problem.size, problem.size)
+
+
 def degrees(u: ComplexArray, e: ComplexArray) -> float:
     return float(degrees_of_lines(variances_of_lines(u, e))[0])
 

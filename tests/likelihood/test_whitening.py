@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from modalscope.likelihood.whitening import from_variance, residual_spectrum
+from modalscope.likelihood.whitening import colour, colour_of_lines, from_variance, residual_spectrum
 
 LINES, AVERAGES = 2000, 4
 
@@ -51,3 +51,15 @@ def test_the_spectrum_of_a_residual_is_found_from_one_draw_of_its_lines():
     assert np.median(found / S) == pytest.approx(1, abs=0.1)
     assert np.all(found > 0)
     assert residual_spectrum(100 * S, x, poles) == pytest.approx(100 * residual_spectrum(S, x, poles))
+
+
+def test_lines_that_come_some_after_others_have_the_colour_of_all() -> None:
+    e = np.random.default_rng(0).standard_normal((2, 900, 3))
+    e[:, 1:] += 0.4 * e[:, :-1]
+    whole = colour(e.reshape(1800, 3, 1), 900, 5)
+    pieces = colour_of_lines(np.split(e, [1, 300, 301], axis=1), np.mean(e**2, axis=(0, 1)), 900, 5)
+    assert (pieces.correlation, pieces.uneven, pieces.excess) == pytest.approx(
+        (whole.correlation, whole.uneven, whole.excess)
+    )
+    power = np.mean(e**2, axis=(0, 1))
+    assert whole.correlation == pytest.approx(np.sum(e[:, 1:] * e[:, :-1] / power) / (2 * 899 * 3), rel=1e-12)

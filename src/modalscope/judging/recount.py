@@ -41,6 +41,9 @@ _MAX_LAGS, _END_DEVIATIONS, _END_LAGS = 200, 2.0, 8
 #: Variance of a product of two different errors, relative to that of the square of one and to the prior variance of a correlation.
 _VARIANCE_OF_PRODUCT = 0.5
 
+#: Numbers that are transformed at a time.
+_NUMBERS_AT_A_TIME = 1 << 18
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ColouredErrors:
@@ -137,10 +140,12 @@ def _at_lags(u: Array) -> RealArray:
     """Return sum Re u_k conj u_k+i of columns (F, c) for i = 1, 2, ..."""
     lags = min(_MAX_LAGS, len(u))
     size = sfft.next_fast_len(len(u) + lags)
-    spectra = sfft.fft(u.T, size) if np.iscomplexobj(u) else sfft.rfft(u.T, size)
-    parts = spectra.view(np.float64)
-    power = np.einsum("ck,ck->k", parts, parts).reshape(-1, 2).sum(axis=1)
-    back = sfft.ifft(power).real if np.iscomplexobj(u) else sfft.irfft(power, size)
+    whole, step = np.iscomplexobj(u), max(_NUMBERS_AT_A_TIME // size, 1)
+    power = np.zeros(size if whole else size // 2 + 1)
+    for channels in (u.T[k : k + step] for k in range(0, u.shape[1], step)):
+        parts = (sfft.fft(channels, size) if whole else sfft.rfft(channels, size)).view(np.float64)
+        power += np.einsum("ck,ck->k", parts, parts).reshape(-1, 2).sum(axis=1)
+    back = sfft.ifft(power).real if whole else sfft.irfft(power, size)
     return np.asarray(back[1:lags])
 
 

@@ -82,8 +82,8 @@ def residuals(point: Point, fitted: Fitted) -> Iterator[tuple[slice | IntArray, 
 
 def _explained(point: Point, fitted: Fitted) -> RealArray:
     """Return what modes explain of all channels on the compressed rows, (4 n, q p)."""
-    explained = point.data - _split(fitted.left, point.data.shape[2]).transpose(0, 2, 1)
-    return explained.reshape(len(explained), -1)
+    count, q, p = point.data.shape
+    return (point.data - _split(fitted.left, p).transpose(0, 2, 1)).reshape(count, q * p)
 
 
 def information_of_channels(point: Point, fitted: Fitted, variance: float, *, alike: bool) -> RealArray:

@@ -92,16 +92,18 @@ def strongest_peaks(
     half bandwidths of any two do not reach a quarter of the way.
     """
     grid = grid_of(response)
-    A = amplitudes(response, left, rows, grid)
     new = ~np.any(np.abs(grid[:, None] - known) < -0.5 * known.real, axis=1)
-    # no singular value exceeds the norm, which costs nothing
-    may = np.flatnonzero(new & (np.sum(np.abs(A) ** 2, axis=(1, 2)) >= least))
     gain = np.zeros(grid.size)
-    gain[may] = np.linalg.norm(A[may], ord=2, axis=(1, 2)) ** 2
+    for some, A in _amplitudes(response, left, rows, grid):
+        A = A.reshape(-1, *left.shape[1:])
+        # no singular value exceeds the norm, which costs nothing
+        may = new[some] & (np.sum(A.real**2 + A.imag**2, axis=(1, 2)) >= least)
+        gain[some[may]] = np.linalg.norm(A[may], ord=2, axis=(1, 2)) ** 2
+    best = apart(grid, gain, least, most)
     found: list[Peak] = []
-    for best in apart(grid, gain, least, most):
-        U, _, Vh = np.linalg.svd(A[best])
-        found.append(Peak(complex(grid[best]), U[:, 0], Vh[0]))
+    for pole, A in zip(grid[best], amplitudes(response, left, rows, grid[best]), strict=True):
+        U, _, Vh = np.linalg.svd(A)
+        found.append(Peak(complex(pole), U[:, 0], Vh[0]))
     return found
 
 
@@ -122,12 +124,20 @@ def amplitudes(response: Response, left: RealArray, rows: RealArray, poles: Arra
 
     `response`, `left`, `rows`: as in `strongest_peaks`. `poles` (n,): oscillations.
     """
+    A = np.empty((poles.size, left[0].size), dtype=complex)
+    for some, own in _amplitudes(response, left, rows, poles):
+        A[some] = own
+    return A.reshape(-1, *left.shape[1:])
+
+
+def _amplitudes(
+    response: Response, left: RealArray, rows: RealArray, poles: Array
+) -> Iterator[tuple[IntArray, ComplexArray]]:
+    """Yield some poles after others, and their amplitudes in all channels, (poles, l m): those of a grid are many."""
     divided = (left / rows[:, None, None]).reshape(len(left), -1)
     quiet = _of_places(response, rows) ** -2.0
-    A = np.empty((poles.size, divided.shape[1]), dtype=complex)
     for some, used, g, squares in _side_by_side(response, poles, len(left)):
-        A[some] = _sums(g, used, divided) / np.sqrt(np.maximum(squares @ quiet[used], 1e-300))[:, None]
-    return A.reshape(-1, *left.shape[1:])
+        yield some, _sums(g, used, divided) / np.sqrt(np.maximum(squares @ quiet[used], 1e-300))[:, None]
 
 
 def amplitudes_by_channel(

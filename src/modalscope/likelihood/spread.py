@@ -237,23 +237,27 @@ class _Rows:
 
         `gradients`: of both by Re s and Im s of their pole, (n, 2) each.
         """
-        n, width = self.shapes.shape[1], 2 * self.shapes.shape[1] * self.half.shape[1]
-        steps = np.stack([g[:, None] @ inverse.reshape(n, -1, len(inverse))[:, :2] for g in gradients]).reshape(
-            2 * n, -1
-        )
-        w = np.empty((len(self.half), 2 * n))
-        for s in _some(len(w), width):
+        n = self.shapes.shape[1]
+        steps = np.stack([g[:, None] @ inverse.reshape(n, -1, len(inverse))[:, :2] for g in gradients])
+        steps = steps.reshape(2 * n, -1)
+        degrees = degrees_of_lines(self._by_line(steps)).reshape(2, n)
+        self.W, self.left = [self.times(self.W.pop(0)) for _ in range(n)], self.times(self.left)
+        power, pull = np.zeros((2, 2 * n, self.left.shape[2]))
+        for k, found in enumerate(self.left):
+            for s in _some(found.shape[1], len(steps) * len(found)):
+                u = self._influence(k, s, steps)
+                power[:, s] += np.einsum("bct,bct->bt", u, u)
+                pull[:, s] += np.einsum("bct,ct->bt", u, found[:, s])
+        of_both = (of_parts(power[k], pull[k]) for k in (slice(n), slice(n, None)))
+        return degrees, (next(of_both), next(of_both))
+
+    def _by_line(self, steps: RealArray) -> RealArray:
+        """Return what each line adds to the variances of numbers, (F, b)."""
+        w = np.empty((len(self.half), len(steps)))
+        for s in _some(len(w), len(steps) * self.half.shape[1]):
             u = _joined([self._influence(k, s, steps) for k in (0, 1)])
             w[s] = variances_of_lines(np.ascontiguousarray(u.transpose(2, 0, 1)), self.half, s.start)
-        self.W, left = [self.times(self.W.pop(0)) for _ in range(n)], self.times(self.left)
-        power, pull = np.zeros((2, 2 * n, left.shape[2]))
-        for k, found in enumerate(left):
-            for s in _some(found.shape[1], width):
-                own = self._influence(k, s, steps)
-                power[:, s] += np.einsum("bct,bct->bt", own, own)
-                pull[:, s] += np.einsum("bct,ct->bt", own, found[:, s])
-        of_both = (of_parts(power[k], pull[k]) for k in (slice(n), slice(n, None)))
-        return degrees_of_lines(w).reshape(2, n), (next(of_both), next(of_both))
+        return w
 
     def _influence(self, part: int, some: slice, steps: RealArray) -> RealArray:
         """Return the influence of one part of some lines, or of samples, on numbers, all channels side by side, (b, r p, k)."""
