@@ -52,6 +52,20 @@ def test_a_drift_lies_at_zero_frequency_and_a_delay_at_zero() -> None:
     assert late.numbers["samples"] == 2
 
 
+@pytest.mark.parametrize(("radius", "told"), [(0.34, True), (0.28, False)])
+def test_small_poles_are_a_delay_where_the_next_ones_are_far(radius: float, told: bool) -> None:
+    """Four in .1, the next four at .34: .38 are expected, and four or more have the chance 6e-4; with those at .28 .58 and 3e-3."""
+    others = radius * np.exp(1j * np.linspace(0.1, 3.0, 10))
+    found = pole_notes(np.array([0.1 * np.exp(0.7j), 0.1 * np.exp(2.1j), *others]), 10.0, 100.0)
+    assert [note.numbers["samples"] for note in found] == ([4] if told else [])
+
+
+@pytest.mark.parametrize(("other", "told"), [(0.6, True), (0.4, False)])
+def test_a_small_real_pole_is_a_delay_where_the_next_one_is_far(other: float, told: bool) -> None:
+    """One in 5e-4, the next one at .6: the chance is 8e-4; with that at .4 it is 1.25e-3."""
+    assert [note.kind for note in pole_notes(np.array([5e-4 + 0j, -other]), 10.0, 100.0)] == (["delay"] if told else [])
+
+
 def test_the_picture_of_white_records_is_near_the_response() -> None:
     model = chain5().state_space(dt=0.05)
     rng = np.random.default_rng(0)

@@ -6,6 +6,7 @@ sensors is not.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,9 @@ _MIN_DECIBELS, _MIN_SHARE = 6.0, 0.01
 #: Maximum distance of a drift's pole from z = 1 in multiples of 1 / T, maximum modulus of a delay's pole, and maximum delay in samples:
 #: more such poles are damped noise.
 _MAX_DRIFT, _MAX_DELAY_MODULUS, _MAX_DELAY_SAMPLES = 0.5, 1e-3, 6
+
+#: Maximum chance that as many poles of noise lie as near z = 0.
+_CHANCE_OF_DELAY = 1e-3
 
 #: Distance from a mode, in half bandwidths, up to which lines are near it, and from which they are away from it.
 _NEAR_HALF_BANDWIDTHS, _FAR_HALF_BANDWIDTHS = 2.0, 10.0
@@ -113,10 +117,28 @@ def pole_notes(poles: Array, sampling_rate: float | None, duration: float) -> tu
         size = np.sort(np.repeat(np.abs(poles), np.where(alone, 1, 2)))
         # a pole of multiplicity k is known to the k-th root of what one is known to
         late = max(
-            (k for k in range(1, min(size.size, _MAX_DELAY_SAMPLES) + 1) if size[k - 1] ** k < _MAX_DELAY_MODULUS),
+            (
+                k
+                for k, r in enumerate(size[:_MAX_DELAY_SAMPLES].tolist(), start=1)
+                if r**k < _MAX_DELAY_MODULUS and _chance(size, k) < _CHANCE_OF_DELAY
+            ),
             default=0,
         )
         if late:
             text = f"{late} poles at z = 0: some channels come about {late} samples late in all"
             notes.append(Note(DELAY, {"samples": late}, f"a delay of about {late} samples: {text}"))
     return tuple(notes)
+
+
+def _chance(size: RealArray, count: int) -> float:
+    """Return the probability that noise has the first `count` poles where they are, as near z = 0 as the last of them.
+
+    Poles of noise are as dense there as the next ones, as many again: evenly in the disc, a single one evenly on the real axis.
+    `size`: moduli of all poles, increasing.
+    """
+    others = size[count : 2 * count]
+    inner, outer = (float(r) ** min(count, 2) for r in (size[count - 1], others[-1] if others.size else 1.0))
+    if outer <= inner:
+        return 1.0
+    expected = max(others.size, 1) * inner / (outer - inner)
+    return 1 - math.exp(-expected) * sum(expected**k / math.factorial(k) for k in range(count))
