@@ -119,3 +119,17 @@ def test_channels_of_different_steps_are_asked_about_unless_a_column_of_times_ag
         text = text.replace(row, f"\t{k * STEP:.6f}\t{VALUES[k, 1]:.6f}", 1)
     path.write_text(text.replace("Acc A", "time").replace("Y_Unit_Label\tg", "Y_Unit_Label\ts"))
     assert read(path).sampling_rate == pytest.approx(100)
+    assert not any("all channels are taken at" in note for note in survey(path).notes)
+
+
+@pytest.mark.parametrize(("step", "told"), [("0.010009", False), ("0.0125", True), ("1.000000", False)])
+def test_channels_of_another_step_than_the_times_are_told_of(tmp_path: Path, step: str, told: bool) -> None:
+    """Steps are one within a thousandth; 1 stands for values without times."""
+    path = tmp_path / "a.lvm"
+    rows = "".join(f"\t{0.01 * k:.2f}\t{np.sin(k):.6f}\t{np.cos(k):.6f}\n" for k in range(400))
+    text = written(VALUES, x="No").partition("Channels")[0]
+    text += f"Channels\t3\nSamples\t400\t400\t400\nX_Dimension\tTime\tTime\tTime\nDelta_X\t1.000000\t0.01\t{step}\n"
+    path.write_text(text + "***End_of_Header***\t\t\t\nX_Value\ttime\tAcc A\tAcc B\tComment\n" + rows)
+    found = [note for note in survey(path).notes if "all channels are taken at 100 Hz" in note]
+    assert read(path).sampling_rate == pytest.approx(100)
+    assert [note.partition(" by")[0] for note in found] == ([f"Acc B: {1 / float(step):.6g} Hz"] if told else [])

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from modalscope.io.columns import Column, Table, contents_from_table
+from modalscope.io.columns.axis import same_rate
 from modalscope.io.columns.facts import Stated, Statement, stated_by, steps_of
 from modalscope.io.contents import Contents, Options, needs, unreadable
 from modalscope.io.limits import Room
@@ -178,7 +179,24 @@ def _table(where: str, head: Mapping[str, list[str]], segment: _Segment) -> Tabl
     rate = None if stated is None else stated[0]
     begun = " ".join(segment.column(key, 0)[:19] for key in ("Date", "Time"))
     layout = (("segment", f"{len(values)} rows, {count} channels{f', begun {begun}' if begun.strip() else ''}"),)
-    return Table(where=where, columns=tuple(columns), rate=rate, rate_from="Delta_X in its header", layout=layout)
+    notes = () if rate is None else tuple(_other_steps(segment, names, decimal, rate))
+    origin = "Delta_X in its header"
+    return Table(where=where, columns=tuple(columns), rate=rate, rate_from=origin, layout=layout, notes=notes)
+
+
+def _other_steps(segment: _Segment, names: Sequence[str], decimal: str, rate: float) -> Iterator[str]:
+    """Yield a note for each other rate that channels have by their steps; a step of 1 is that of values without times."""
+    others: dict[float, list[str]] = {}
+    for k, name in enumerate(names):
+        for other, _ in stated_by([Statement(-1, "Delta_X", segment.column("Delta_X", k))], decimal).rates:
+            if other != 1 and not same_rate(other, rate):
+                others.setdefault(other, []).append(name)
+    for other, channels in others.items():
+        which = channels[0] + (f" and {len(channels) - 1} more" if len(channels) > 1 else "")
+        yield (
+            f"{which}: {other:.6g} Hz by Delta_X, but all channels are taken at {rate:.6g} Hz. To analyse these, read the "
+            f"file with sampling_rate={other:.6g}"
+        )
 
 
 def _joined(tables: Sequence[Table]) -> list[Table]:
