@@ -161,6 +161,8 @@ def test_clusters_are_chains_of_neighbours() -> None:
     poles = 1j * np.array([100, 100.15, 100.3, 101, 0.0])
     assert [g.tolist() for g in clusters(poles)] == [[0, 1, 2], [3], [4]]
     assert [g.tolist() for g in clusters(poles, 1e-3)] == [[0], [1], [2], [3], [4]]
+    ways = 1j * np.array([100.6, 100.0, 100.15, 200.0, 100.3, 200.1, 100.45])  # a chain that is met in any order
+    assert [g.tolist() for g in clusters(ways)] == [[0, 1, 2, 4, 6], [3, 5]]
 
 
 def test_the_indicator_function_is_the_singular_values_of_every_line() -> None:

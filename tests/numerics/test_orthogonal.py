@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.numerics.orthonormal import energy_left, less, resolved, scaled_span
+from modalscope.numerics.orthonormal import energy_left, less, resolved, resolved_by_products, scaled_span
 
 
 @pytest.mark.parametrize("noise", [1e-2, 1e-9])
@@ -44,6 +44,25 @@ def test_what_columns_see_of_data_is_what_an_orthogonal_basis_sees(rows: int, ap
     error = 1e-14 * rows / apart  # rounding of the sums times the condition
     np.testing.assert_allclose(seen * sign, Q.T @ D, atol=error)
     np.testing.assert_allclose(R * sign / np.abs(S).max(axis=0), S / np.abs(S).max(axis=0), atol=error)
+
+
+@pytest.mark.parametrize(("condition", "served"), [(20.0, True), (999.0, True), (1001.0, False), (1e17, False)])
+def test_products_serve_as_long_as_their_condition_allows_twelve_digits(condition: float, served: bool) -> None:
+    """Two columns with the cosine c have the condition (1 + c) / (1 - c) in the 1-norm."""
+    rng = np.random.default_rng(0)
+    Q, D, c = (
+        np.linalg.qr(rng.standard_normal((300, 2)))[0],
+        rng.standard_normal((300, 4)),
+        (condition - 1) / (condition + 1),
+    )
+    X = np.column_stack([Q[:, 0], c * Q[:, 0] + np.sqrt(1 - c**2) * Q[:, 1]]) * [1.0, 1e6]
+    found = resolved_by_products(X.T @ X, X.T @ D)
+    assert (found is not None) == served
+    if found is not None:
+        seen, R = resolved(X, D)
+        sign = np.sign(np.diag(R) * np.diag(found[1]))[:, None]
+        np.testing.assert_allclose(found[0] * sign, seen, atol=1e-15 * condition * np.abs(seen).max())
+        np.testing.assert_allclose(found[1] * sign, R, atol=1e-15 * condition * np.abs(R).max())
 
 
 def test_no_columns_see_nothing() -> None:

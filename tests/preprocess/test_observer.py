@@ -6,7 +6,7 @@ from scipy import signal
 
 import modalscope as ms
 from modalscope.data import Signals, StateSpace
-from modalscope.preprocess import estimate_markov, estimate_observer
+from modalscope.preprocess import estimate_markov, estimate_observer, observer_regression
 from modalscope.preprocess.observer_regression import regression
 from tests.support import match_poles, random_system, refused, relative
 
@@ -64,6 +64,23 @@ def test_the_error_of_cross_validation_is_that_of_predicting_every_quarter_from_
     assert total.shape == (2,)
     assert np.allclose(total, error, rtol=1e-10)
     assert np.isclose(found.mean_log_share(total), np.mean(np.log(error / np.sum(y[p:] ** 2, axis=0))))
+
+
+@pytest.mark.parametrize(("least", "quick"), [(1.01e-5, True), (0.99e-5, False)])
+def test_directions_come_from_products_where_these_tell_the_weakest_one(least, quick, monkeypatch):
+    """The same predictions as by singular vectors, to what the eigenvalues of the Gram matrix are known to."""
+    rng = np.random.default_rng(0)
+    U, V = (np.linalg.qr(rng.standard_normal((6, 6)))[0] for _ in range(2))
+    square = np.linalg.qr(U * np.geomspace(1, least, 6) @ V)[1]
+    R, Y = np.vstack([square, np.zeros((2, 6))]), rng.standard_normal((8, 2))
+    exact, Wt = observer_regression._directions(R, Y)
+    monkeypatch.setattr(observer_regression, "_directions", lambda R, Y: "by singular vectors")
+    found = observer_regression._quick_directions(R, Y)
+    assert (found != "by singular vectors") == quick
+    if quick:
+        for rank in range(1, 7):
+            expected = Wt[:rank].T @ exact[:rank]
+            assert relative(found[1][:rank].T @ found[0][:rank], expected) < 1e-5
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -18,6 +18,7 @@ from modalscope.blocks.triple import Eigen, Misfit, ModalFit, Triple
 from modalscope.data.response import output_scale
 from modalscope.data.responses import FrequencyResponse
 from modalscope.data.statespace import StateSpace
+from modalscope.functions.pole_basis import LineFits
 from modalscope.functions.poles import to_continuous, to_discrete
 from modalscope.numerics.checks import Array, ComplexArray, check_count
 from modalscope.numerics.errors import DataError
@@ -134,13 +135,17 @@ class Fraction(NormalEquations, DataMatrix):
         """
         participation = eigen.left[:, -self.inputs :]
         powers = self.response.outside_powers
-        basis = self.response.basis(self.to_s(eigen.values), powers, self.weights)
-        solution = basis.turned.solved(participation.T)
+        solution = self._fits.fit_shapes(self.to_s(eigen.values), participation)
         shapes, terms = solution.side.T, solution.terms.transpose(0, 2, 1)
         if self.weights is not None:
             return ModalFit(shapes, participation, terms, powers)
         misfit = self._misfit.of_left(solution.left.T)
         return ModalFit(shapes, participation, terms, powers, misfit=misfit, unexplained=solution.unexplained.T)
+
+    @cached_property
+    def _fits(self) -> LineFits:
+        lines = self.response
+        return LineFits(lines.frequencies, lines.sampling_rate, lines.values, lines.outside_powers, self.weights)
 
     @cached_property
     def _misfit(self) -> Misfit:

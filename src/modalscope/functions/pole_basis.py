@@ -8,8 +8,9 @@ coefficient each and leave the rest to the modes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ import scipy.linalg as sla
 from modalscope.functions.pole_functions import line_functions, sample_functions
 from modalscope.functions.poles import QUANTITIES
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
-from modalscope.numerics.orthonormal import resolved
+from modalscope.numerics.orthonormal import resolved, resolved_by_products
 
 
 class LineData(NamedTuple):
@@ -59,6 +60,9 @@ _MIN_SHARE_OF_DIFFERENCE = 1e-10
 
 #: Numbers rebuilt at a time: they stay in the cache.
 _NUMBERS_AT_A_TIME = 32_000
+
+#: Numbers of functions and data on the lines that are taken at a time, and least number of these lines: products of fewer take longer.
+_NUMBERS_OF_A_PIECE, _MIN_LINES_OF_A_PIECE = 64_000, 128
 
 #: Share of a channel's energy below which a difference of sums has fewer than eight digits of the residual energy.
 _MIN_SHARE_OF_EIGHT_DIGITS = 1e-7
@@ -155,34 +159,16 @@ class ModalBasis:
 
         `shapes` (l, n).
         """
-        rows, outputs, inputs = self.data.shape
-        t, n = self.terms.shape[1], shapes.shape[1]
         columns = self.columns
         used = np.flatnonzero(np.any(columns, axis=0))
-        seen, R = resolved(columns if used.size == t + 2 * n else columns[:, used], self.data.reshape(rows, -1))
-        coefficients = seen.reshape(-1, outputs, inputs)
-        kept = used[t:] - t
-        by_mode = _with_shapes(R[t:, t:], kept, shapes)
-        theta = np.zeros((2 * n, inputs))
-        target = coefficients[t:].transpose(1, 0, 2)
-        theta[kept] = scaled_least_squares(
-            by_mode.reshape(outputs * (len(R) - t), kept.size), target.reshape(-1, inputs)
-        )
-        side = theta[::2] + 1j * theta[1::2]
-        rest = _residues(shapes, side)[kept]
-        remainder = coefficients[:t] - np.tensordot(R[:t, t:], rest, axes=1)
-        terms = sla.solve_triangular(R[:t, :t], remainder.reshape(t, outputs * inputs)) if t else remainder
-        own = terms.reshape(t, outputs, inputs)
-        with np.errstate(over="ignore", invalid="ignore"):
-            missed = np.tensordot(R[t:, t:], rest, axes=1) - coefficients[t:]
-            whole = energy_of(self.data) if self.whole is None else self.whole
-            unexplained = whole - energy_of(coefficients)
-            energy = unexplained + energy_of(missed)
-            if not np.all(energy.sum(axis=1) > _MIN_SHARE_OF_DIFFERENCE * whole.sum(axis=1)):
-                energy = energy_of(self.data - self.rebuilt(shapes, side, own))
-        return FittedSide(
-            side, own, energy, np.where(unexplained > _MIN_SHARE_OF_EIGHT_DIGITS * whole, unexplained, np.nan)
-        )
+        data = self.data.reshape(len(columns), -1)
+        seen, R = resolved(columns if used.size == columns.shape[1] else columns[:, used], data)
+
+        def left(side: ComplexArray, terms: RealArray) -> RealArray:
+            return energy_of(self.data - self.rebuilt(shapes, side, terms))
+
+        whole = energy_of(self.data) if self.whole is None else self.whole
+        return _fitted(_Seen(seen.reshape(-1, *self.data.shape[1:]), R, used, self.terms.shape[1]), shapes, whole, left)
 
     def of_terms(self, coefficients: RealArray) -> RealArray:
         """Return coefficients (t, channels) of the terms as `fit_participation` gives them, (t, l, m)."""
@@ -212,6 +198,45 @@ def _residues(shapes: Array, participation: Array) -> RealArray:
     """Return the residues c_j l_j as the functions take them, (2 n, l, m): real and imaginary part of every pole."""
     residues = shapes.T[:, :, None] * participation[:, None, :]
     return np.stack([residues.real, residues.imag], axis=1).reshape(2 * len(residues), *residues.shape[1:])
+
+
+class _Seen(NamedTuple):
+    """What columns see of data: Q'D (k, l, m) and R (k, k) of those that are `used`, the first t of them `terms`."""
+
+    data: RealArray
+    R: RealArray
+    used: Array
+    terms: int
+
+
+def _fitted(
+    seen: _Seen, shapes: Array, whole: RealArray, left: Callable[[ComplexArray, RealArray], RealArray]
+) -> FittedSide:
+    """Return the participation of shapes (l, n), the terms, and the energy that is left of `whole` (l, m).
+
+    `left`: the same of participation and terms from the rebuilt data, where so little is left that a difference is rounding.
+    """
+    coefficients, R, used, t = seen
+    _, outputs, inputs = coefficients.shape
+    n = shapes.shape[1]
+    kept = used[t:] - t
+    by_mode = _with_shapes(R[t:, t:], kept, shapes)
+    theta = np.zeros((2 * n, inputs))
+    target = coefficients[t:].transpose(1, 0, 2)
+    theta[kept] = scaled_least_squares(by_mode.reshape(outputs * (len(R) - t), kept.size), target.reshape(-1, inputs))
+    side = theta[::2] + 1j * theta[1::2]
+    rest = _residues(shapes, side)[kept]
+    remainder = coefficients[:t] - np.tensordot(R[:t, t:], rest, axes=1)
+    terms = sla.solve_triangular(R[:t, :t], remainder.reshape(t, outputs * inputs)) if t else remainder
+    own = terms.reshape(t, outputs, inputs)
+    with np.errstate(over="ignore", invalid="ignore"):
+        missed = np.tensordot(R[t:, t:], rest, axes=1) - coefficients[t:]
+        unexplained = whole - energy_of(coefficients)
+        energy = unexplained + energy_of(missed)
+        if not np.all(energy.sum(axis=1) > _MIN_SHARE_OF_DIFFERENCE * whole.sum(axis=1)):
+            energy = left(side, own)
+    known = unexplained > _MIN_SHARE_OF_EIGHT_DIGITS * whole
+    return FittedSide(side, own, energy, np.where(known, unexplained, np.nan))
 
 
 def _with_shapes(functions: RealArray, kept: Array, shapes: Array) -> RealArray:
@@ -246,12 +271,84 @@ def line_basis(
     of the relative frequency j f / f_max: only their span matters, and it is better conditioned. The data have the
     weights already.
     """
+    terms = real_rows(_line_terms(frequencies, powers), weights)
+    return ModalBasis(terms, _weighted_functions(frequencies, rate, poles, weights), data.values, data.energy)
+
+
+def _line_terms(frequencies: RealArray, powers: tuple[int, ...]) -> ComplexArray:
+    """Return powers of the relative frequency j f / f_max, (F, t)."""
     relative = 1j * frequencies / (float(frequencies[-1]) or 1.0)
-    terms = np.stack([relative**power for power in powers], axis=1) if powers else np.zeros((frequencies.size, 0))
+    return (
+        np.stack([relative**power for power in powers], axis=1) if powers else np.zeros((frequencies.size, 0), complex)
+    )
+
+
+def _weighted_functions(frequencies: RealArray, rate: float | None, poles: Array, weights: Array | None) -> RealArray:
+    """Return `line_functions` with the weights of the lines."""
     functions = line_functions(frequencies, rate, poles)
     if weights is not None:
         functions *= np.tile(weights, 2)[:, None]
-    return ModalBasis(real_rows(terms, weights), functions, data.values, data.energy)
+    return functions
+
+
+@dataclass(frozen=True, eq=False)
+class LineFits:
+    """Fits to one response on lines by the functions of any poles, from products that are summed over pieces in the cache.
+
+    `frequencies` (F,): Hz. `rate`: of a sampled system's response. `values` (F, l, m). `powers`: of the terms; see `line_basis`. `weights`
+    (F,): of the lines.
+    """
+
+    frequencies: RealArray
+    rate: float | None
+    values: ComplexArray
+    powers: tuple[int, ...]
+    weights: Array | None
+
+    @cached_property
+    def _energy(self) -> RealArray:
+        """Return the energy of every channel, (l, m)."""
+        return sum(
+            (energy_of(real_data(self.values[lines], self._of(lines))) for lines in self._pieces(0)), np.zeros(1)
+        )
+
+    @cached_property
+    def _terms(self) -> ComplexArray:
+        return _line_terms(self.frequencies, self.powers)
+
+    def _of(self, lines: slice) -> Array | None:
+        return None if self.weights is None else self.weights[lines]
+
+    def _pieces(self, columns: int) -> list[slice]:
+        """Return lines, some after the other, of which columns and data stay in the cache."""
+        step = max(_NUMBERS_OF_A_PIECE // (2 * (columns + self.values[0].size)), _MIN_LINES_OF_A_PIECE)
+        return [slice(start, start + step) for start in range(0, len(self.values), step)]
+
+    def fit_shapes(self, poles: Array, participation: Array) -> FittedSide:
+        """Return the shapes of poles as `side` (n, l) by their participation (n, m); inputs and outputs have changed places."""
+        columns, size = self._terms.shape[1] + 2 * poles.size, self.values[0].size
+        gram, projected = np.zeros((columns, columns)), np.zeros((columns, size))
+        for lines in self._pieces(columns):
+            functions = _weighted_functions(self.frequencies[lines], self.rate, poles, self._of(lines))
+            some = np.concatenate([real_rows(self._terms[lines], self._of(lines)).T, functions.T])
+            gram += some @ some.T
+            projected += some @ real_data(self.values[lines], self._of(lines)).reshape(-1, size)
+        used = np.flatnonzero(np.diag(gram))
+        found = resolved_by_products(gram[np.ix_(used, used)], projected[used]) if used.size else None
+        if found is None:
+            return self._basis(poles).turned.solved(participation.T)
+
+        def left(side: ComplexArray, terms: RealArray) -> RealArray:
+            basis = self._basis(poles).turned
+            return energy_of(basis.data - basis.rebuilt(participation.T, side, terms))
+
+        coefficients = found[0].reshape(-1, *self.values.shape[1:]).transpose(0, 2, 1)
+        seen = _Seen(coefficients, found[1], used, self._terms.shape[1])
+        return _fitted(seen, participation.T, self._energy.T, left)
+
+    def _basis(self, poles: Array) -> ModalBasis:
+        data = line_data(self.values, self.weights)
+        return line_basis(self.frequencies, self.rate, data, poles, self.powers, self.weights)
 
 
 def sample_basis(rate: float, first: int, values: RealArray, poles: Array) -> ModalBasis:

@@ -59,13 +59,15 @@ def repeated(poles: ArrayLike, width: float = 2e-3) -> list[Array]:
 
     `poles` (n,): rad/s. `width`: largest distance of neighbours over the larger of their moduli.
     """
-    from scipy.sparse.csgraph import connected_components
-
     s = np.asarray(poles, dtype=np.complex128)
     some = _alike_in_size(s, width)
     near = np.abs(s[some, None] - s[some]) <= width * np.maximum(np.abs(s[some, None]), np.abs(s[some]))
-    count, label = connected_components(near, directed=False)
-    return [group for k in range(count) if (group := some[label == k]).size > 1]
+    first, before = np.arange(some.size), None  # the first member of each pole's group, as far as chains are followed
+    while before is None or np.any(first != before):
+        before = first
+        first = np.where(near, before, some.size).min(axis=1, initial=some.size)
+        first = first[first]
+    return [group for k in np.unique(first) if (group := some[first == k]).size > 1]
 
 
 def _alike_in_size(s: ComplexArray, width: float) -> Array:

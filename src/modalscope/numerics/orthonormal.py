@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 import scipy.linalg as sla
@@ -23,7 +23,7 @@ def triangle_of(chunks: Callable[[], Iterator[RealArray]], columns: int, least: 
     `least`: relative residual norm that each column must keep for the Gram matrix to be accurate enough; R is then known to
     1e-16 / least^2.
     """
-    gram, rows = _gram(chunks(), columns)
+    gram, rows = _gram_and_rows(chunks(), columns)
     R = factor_of_gram(gram, overwrite=True, least=_MIN_CORRECTED_REMAINDER) if rows > columns else None
     if R is None:
         return _orthogonally(chunks(), columns)
@@ -32,11 +32,16 @@ def triangle_of(chunks: Callable[[], Iterator[RealArray]], columns: int, least: 
         return R
     divisor = np.asfortranarray(R + np.diag(np.where(size > 0, 0.0, 1.0)))
     level = (sla.blas.dtrsm(1.0, divisor, chunk.T, trans_a=1).T for chunk in chunks())
-    S = factor_of_gram(_gram(level, columns)[0], overwrite=True, least=_MIN_SECOND_REMAINDER)
+    S = factor_of_gram(gram_of(level, columns), overwrite=True, least=_MIN_SECOND_REMAINDER)
     return _orthogonally(chunks(), columns) if S is None else np.asarray(S @ R)
 
 
-def _gram(chunks: Iterator[RealArray], columns: int) -> tuple[RealArray, int]:
+def gram_of(chunks: Iterable[RealArray], columns: int) -> RealArray:
+    """Return the upper triangle of the Gram matrix of all rows that the chunks (rows, columns) give together."""
+    return _gram_and_rows(chunks, columns)[0]
+
+
+def _gram_and_rows(chunks: Iterable[RealArray], columns: int) -> tuple[RealArray, int]:
     """Return the Gram matrix of all chunks, its upper triangle, and how many rows they have."""
     gram, rows = np.zeros((columns, columns), order="F"), 0
     for chunk in chunks:
@@ -160,6 +165,10 @@ def orthonormal_by(columns: RealArray) -> tuple[RealArray, RealArray | None]:
 #: Number of rows from which reflections take longer than two Cholesky factors.
 _MIN_CHOLESKY_ROWS = 3000
 
+#: Maximum condition of a Gram matrix with unit diagonal, in the 1-norm, at which products serve alone: what its Cholesky factor gives is
+#: then known to eps times that, 2e-13.
+_MAX_CONDITION_OF_PRODUCTS = 1e3
+
 
 #: Rows of two successive products that are computed at a time: the intermediate result stays in the cache.
 _ROWS_AT_A_TIME = 256
@@ -203,6 +212,26 @@ def resolved(X: RealArray, data: RealArray) -> tuple[RealArray, RealArray]:
             return np.asarray(solution), np.asarray(second @ first)
     mirrored, R = sla.qr_multiply(X / scale, data.T, mode="right", overwrite_a=True)
     return np.asarray(mirrored.T, dtype=float), np.asarray(R * scale, dtype=float)
+
+
+def resolved_by_products(gram: RealArray, projected: RealArray) -> tuple[RealArray, RealArray] | None:
+    """Return what `resolved` does from the products X'X and X'D alone; None where X'X, columns of one length, is not well conditioned.
+
+    `gram` (k, k): its diagonal is not zero. `projected` (k, q).
+    """
+    scale = np.sqrt(np.diag(gram))
+    level = gram / np.outer(scale, scale)
+    R = _triangle(level)
+    if R is None or _condition(R, level) > _MAX_CONDITION_OF_PRODUCTS:
+        return None
+    R = R * scale
+    return np.asarray(sla.solve_triangular(R, projected, trans=1, check_finite=False)), R
+
+
+def _condition(triangle: RealArray, gram: RealArray) -> float:
+    """Return an estimate of |G| |G^-1| in the 1-norm from R with R'R = G."""
+    reciprocal, _ = sla.lapack.dpocon(triangle, np.abs(gram).sum(axis=0).max())
+    return float(1 / reciprocal) if reciprocal > 0 else np.inf
 
 
 def spanning(gram: RealArray) -> tuple[RealArray, RealArray]:

@@ -7,7 +7,9 @@ the parts of the records to which they were not fitted.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -15,11 +17,15 @@ import scipy.linalg as sla
 
 from modalscope.numerics.checks import IntArray, RealArray, check_count
 from modalscope.numerics.errors import DataError
-from modalscope.numerics.sums import TriangleSum
+from modalscope.numerics.orthonormal import factor_of_gram, gram_of, triangle_of
 
 #: Singular values of the regressors below this part of the largest are rounding (some hundred times that of double precision); the
 #: minimum-norm solution excludes their directions.
 RANK = 1e-13
+
+#: Least singular value of regressors over the largest of which the eigenvalues of the Gram matrix tell the directions: its square is known
+#: to 2e-6, eps over its part of the largest, enough to compare ranks.
+_MIN_SINGULAR_VALUE = 1e-5
 
 #: Root mean square of residuals, relative to that of the outputs, below which a fit is exact to rounding.
 _EXACT_RESIDUAL = 1e-11
@@ -29,6 +35,9 @@ _PARTS = 4
 
 #: Maximum number of ranks that are tried, evenly on a logarithmic scale: a step of 11 % for 600 regressors.
 _MAX_RANKS = 60
+
+#: Relative remainder of every column at which one Gram matrix gives the triangular factor, which is then known to 1e-16 over its square.
+_MIN_REMAINDER = 1e-3
 
 #: Maximum number of rows of the regression that are factored at a time, which bounds the memory.
 _MAX_ROWS = 4096
@@ -95,12 +104,18 @@ class Regression(NamedTuple):
         """Return the sums of squared errors (ranks, l) of predicting each part from the others, for increasing ranks."""
         errors = np.zeros((ranks.size, self.outputs))
         for part, R in zip(self.parts, self.others, strict=True):
-            coefficients, Vt = _directions(R[:, :unknowns], R[:, -self.outputs :])
-            rotated, residual, used = part[:, :unknowns] @ Vt.T, np.array(part[:, -self.outputs :]), 0
-            for i, rank in enumerate(np.minimum(ranks, len(coefficients))):
-                residual -= rotated[:, used:rank] @ coefficients[used:rank]
-                errors[i] += np.sum(residual**2, axis=0)
-                used = rank
+            coefficients, Vt = _quick_directions(R[:, :unknowns], R[:, -self.outputs :])
+            rows = part[:unknowns]  # those below depend on no regressor
+            rotated = rows[:, :unknowns] @ Vt.T
+            errors += np.sum(part[unknowns:, -self.outputs :] ** 2, axis=0)
+            ends = [0, *np.minimum(ranks, len(coefficients)).tolist()]
+            # what the directions from one rank to the next predict
+            steps = np.empty((ranks.size, len(rows), self.outputs))
+            for step, (start, end) in zip(steps, pairwise(ends), strict=True):
+                np.matmul(rotated[:, start:end], coefficients[start:end], out=step)
+            residuals = np.cumsum(steps, axis=0, out=steps)
+            residuals -= rows[:, -self.outputs :]
+            errors += np.einsum("rkl,rkl->rl", residuals, residuals)
         return errors
 
     def cross_validated(self, unknowns: int) -> tuple[int, float]:
@@ -118,29 +133,50 @@ def _directions(R: RealArray, Y: RealArray) -> tuple[RealArray, RealArray]:
     return (U[:, :rank].T @ Y[: R.shape[1]]) / d[:rank, None], Vt[:rank]
 
 
+def _quick_directions(R: RealArray, Y: RealArray) -> tuple[RealArray, RealArray]:
+    """Return what `_directions` does, from the eigenvectors of R'R in half the time where the weakest direction allows that."""
+    square = R[: R.shape[1]]
+    pivots = np.abs(np.diag(square))  # the least singular value is no larger than any of them
+    if len(square) < R.shape[1] or not pivots.min() > _MIN_SINGULAR_VALUE * pivots.max():
+        return _directions(R, Y)
+    squares, vectors = np.linalg.eigh(square.T @ square)
+    if not squares[0] > _MIN_SINGULAR_VALUE**2 * squares[-1]:
+        return _directions(R, Y)
+    V = np.ascontiguousarray(vectors[:, ::-1])
+    return (V.T @ (square.T @ Y[: R.shape[1]])) / squares[::-1, None], V.T
+
+
 def regression(outputs: RealArray, inputs: RealArray, order: int) -> Regression:
     """Return the regression of outputs (R, N, l) on inputs (R, N, m) and on the `order` past samples of both, of R runs."""
     (runs, samples, l), m = outputs.shape, inputs.shape[2]
     columns = (m + l) * (order + 1)
-    parts = []
-    for times in np.array_split(np.arange(order, samples), _PARTS):
-        total = TriangleSum(columns)
-        for y, u in zip(outputs, inputs, strict=True):
-            for first in range(0, times.size, _MAX_ROWS):
-                k = times[first : first + _MAX_ROWS]
-                past = [side[k - i] for i in range(1, order + 1) for side in (u, y)]
-                total.add(np.concatenate([u[k], *past, y[k]], axis=1))
-        parts.append(total.finish())
-    others = [_joined(columns, parts[:k] + parts[k + 1 :]) for k in range(_PARTS)]
-    return Regression(_joined(columns, [parts[0], others[0]]), parts, others, l, m, runs * (samples - order))
+    rows = [
+        partial(_rows, outputs, inputs, order, int(times[0]), int(times[-1]) + 1) if times.size else list
+        for times in np.array_split(np.arange(order, samples), _PARTS)
+    ]
+    grams = [gram_of(part(), columns) for part in rows]
+    parts = [_triangle(gram, columns, part) for gram, part in zip(grams, rows, strict=True)]
+
+    def joined(some: list[int]) -> RealArray:
+        return _triangle(np.sum([grams[k] for k in some], axis=0), columns, lambda: (parts[k] for k in some))
+
+    others = [joined([k for k in range(_PARTS) if k != left_out]) for left_out in range(_PARTS)]
+    return Regression(joined(list(range(_PARTS))), parts, others, l, m, runs * (samples - order))
 
 
-def _joined(columns: int, triangles: list[RealArray]) -> RealArray:
-    """Return the triangular factor of the rows of several triangles."""
-    total = TriangleSum(columns)
-    for triangle in triangles:
-        total.add(triangle)
-    return total.finish()
+def _triangle(gram: RealArray, columns: int, rows: Callable[[], Iterable[RealArray]]) -> RealArray:
+    """Return the triangular factor of rows from their Gram matrix, its upper triangle, or from themselves where that is not accurate."""
+    R = factor_of_gram(gram, least=_MIN_REMAINDER)
+    return triangle_of(lambda: iter(rows()), columns, _MIN_REMAINDER) if R is None else R
+
+
+def _rows(outputs: RealArray, inputs: RealArray, order: int, start: int, end: int) -> Iterator[RealArray]:
+    """Yield the regressors and outputs at the times from start to end of all runs, as many as are factored together."""
+    for y, u in zip(outputs, inputs, strict=True):
+        for first in range(start, end, _MAX_ROWS):
+            last = min(first + _MAX_ROWS, end)
+            past = [side[first - i : last - i] for i in range(1, order + 1) for side in (u, y)]
+            yield np.concatenate([u[first:last], *past, y[first:last]], axis=1)
 
 
 class TriedOrders(NamedTuple):
