@@ -1,9 +1,10 @@
 """Ten jobs of a user: `modalscope identify FILE -o report.html`, from the start of the program to the report on disk.
 
-    python -m benchmarks.jobs [WORD] [--source FOLDER] [--page]
+    python -m benchmarks.jobs [WORD] [--before FOLDER] [--page]
 
 Each runs in a process of its own. Its CPU seconds are told by stage, those of imports apart wherever they happen; memory is the largest
-of the process in each stage, its start included. WORD: jobs with this word in their name. `--source`: of another checkout, to compare.
+of the process in each stage, its start included. WORD: jobs with this word in their name. `--before`: another checkout, whose CPU seconds
+and memory stand beside; both run in turns.
 `--page` writes the table into docs/validation.
 """
 
@@ -21,7 +22,7 @@ import sys
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -188,15 +189,13 @@ def _child(files: Sequence[str], report: str) -> None:
 
     timed = clock.timed("imports", plain)
     with clock.stage("imports"):
-        from modalscope.cli import (
-            main,
-            output,  # noqa: F401
-        )
-        from modalscope.workflow import ambient_lines, analyze  # noqa: F401
+        from modalscope.cli import main
     for stage, places in STAGES.items():
         for place in places:
-            module, name = looked_up(place)
-            setattr(module, name, clock.timed(stage, getattr(module, name)))
+            with suppress(ImportError, AttributeError):  # another checkout may have it elsewhere: it counts as other
+                with clock.stage("imports"):
+                    module, name = looked_up(place)
+                setattr(module, name, clock.timed(stage, getattr(module, name)))
     builtins.__import__ = loaded
     importlib.import_module = clock.timed("imports", importlib.import_module)
     sys.stdout = sys.stderr
@@ -239,8 +238,11 @@ def ran(files: Sequence[Path], source: Path = ROOT) -> Outcome:
 _COLUMNS = ("imports", "reading", "doctor", "identification", "deviations", "report", "other")
 
 
-def row_of(name: str, found: Outcome) -> list[str]:
+def row_of(name: str, found: Outcome, before: Outcome | None = None) -> list[str]:
     """Return a row of the table."""
+    earlier = ["", ""]
+    if before is not None:
+        earlier = [f"{sum(before.seconds.values()):.1f}", f"{max(before.memory.values()):.0f}"]
     whole, highest = sum(found.seconds.values()), max(found.memory, key=lambda stage: found.memory[stage])
     share = (found.seconds.get("identification", 0) + found.seconds.get("deviations", 0)) / whole
     return [
@@ -251,6 +253,7 @@ def row_of(name: str, found: Outcome) -> list[str]:
         f"{found.memory[highest]:.0f} ({highest})",
         f"{found.data / 1e6:.1f}",
         f"{found.report / 1e3:.0f}",
+        *earlier,
     ]
 
 
@@ -262,6 +265,8 @@ HEADER = [
     "largest memory, MB",
     "file, MB",
     "report, kB",
+    "before, CPU s",
+    "before, MB",
     "date",
     "commit",
 ]
@@ -279,7 +284,8 @@ def page(rows: Sequence[Sequence[str]]) -> str:
 
 Written by `python -m benchmarks.jobs --page`: `modalscope identify FILE -o report.html` with nothing set, one process and one thread each.
 CPU seconds by stage; imports are counted apart wherever they happen. Memory is the largest of the whole process, about 120 MB of which are
-the program and its packages, with the stage that takes it. Data are simulated but for those of the beam.
+the program and its packages, with the stage that takes it. Data are simulated but for those of the beam. Before: the same on the same
+machine, in turns, with commit 09eeb747 of 2026-11-24.
 
 {table}
 """
@@ -289,7 +295,7 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser()
     parser.add_argument("word", nargs="?", default="")
-    parser.add_argument("--source", type=Path, default=ROOT)
+    parser.add_argument("--before", type=Path)
     parser.add_argument("--page", action="store_true")
     options = parser.parse_args()
     told = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True)
@@ -299,7 +305,9 @@ def main() -> None:
     print("\t".join(HEADER))
     for name, files in JOBS.items():
         if options.word in name:
-            rows.append([*row_of(name, ran(files(), options.source)), *place])
+            made = files()
+            before = None if options.before is None else ran(made, options.before)
+            rows.append([*row_of(name, ran(made), before), *place])
             print("\t".join(rows[-1]), flush=True)
     if options.page:
         _PAGE.write_text(page(rows), encoding="utf-8")
