@@ -222,6 +222,9 @@ def mode_indices(which: ArrayLike, count: int) -> IntArray:
     return index.astype(np.intp) % count
 
 
+#: Half-width of the 95 % interval of a normal distribution, in standard deviations.
+NORMAL_HALF_WIDTH = 1.96
+
 _Modes = TypeVar("_Modes", bound=ModeFields)
 
 

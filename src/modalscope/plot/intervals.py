@@ -8,6 +8,7 @@ import numpy as np
 
 from modalscope.checking.certificate import Certificate
 from modalscope.data import ModalModel
+from modalscope.data.mode_fields import NORMAL_HALF_WIDTH
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_kind
 from modalscope.numerics.errors import DataError, check_choice
@@ -24,10 +25,6 @@ _QUANTITIES = {
 
 #: Quantity -> its attribute of the certificate.
 _CERTIFIED = {"frequency": "frequency", "damping": "damping_ratio"}
-
-
-#: Half-width of the 95 % interval of a normal distribution, in standard deviations.
-_HALF_WIDTH = 1.96
 
 
 @named()
@@ -84,15 +81,18 @@ def certificate(found: Certificate, ax: Axes | None = None, *, of: str = "freque
     measures, holds = getattr(found, _CERTIFIED[of]), getattr(found, f"{_CERTIFIED[of]}_holds")
     ax = new_axes(ax)
     place = np.arange(len(found.modes))
-    ax.axhspan(-_HALF_WIDTH, _HALF_WIDTH, color=PALE, alpha=0.35, linewidth=0, label="predicted")
+    ax.axhspan(-NORMAL_HALF_WIDTH, NORMAL_HALF_WIDTH, color=PALE, alpha=0.35, linewidth=0, label="predicted")
     ax.axhline(0, color=MUTED, linewidth=0.8)
     for kept, colour, words in ((holds, BLUE, "holds"), (~holds, ORANGE, "does not hold")):
         if not np.any(kept):
             continue
-        half = np.nan_to_num(_HALF_WIDTH * measures["ratio"][kept])
+        half = np.nan_to_num(NORMAL_HALF_WIDTH * measures["ratio"][kept])
         style: dict[str, Any] = {"fmt": "o", "markersize": 4, "color": colour, "capsize": 4}
         ax.errorbar(place[kept], measures["bias"][kept], yerr=half, label=words, **style)
-    top = max(_HALF_WIDTH, float(np.nanmax(np.abs(measures["bias"]) + _HALF_WIDTH * measures["ratio"], initial=0.0)))
+    top = max(
+        NORMAL_HALF_WIDTH,
+        float(np.nanmax(np.abs(measures["bias"]) + NORMAL_HALF_WIDTH * measures["ratio"], initial=0.0)),
+    )
     for x, coverage in zip(place, measures["coverage"], strict=True):
         words = f"{100 * coverage:.0f} %" if np.isfinite(coverage) else "no interval"
         ax.annotate(words, (x, 1.12 * top), ha="center", va="bottom", fontsize=8.5, color=MUTED)

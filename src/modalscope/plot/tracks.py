@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from modalscope.data.mode_fields import NORMAL_HALF_WIDTH
 from modalscope.monitoring.change import Alarms
 from modalscope.monitoring.history import as_times
 from modalscope.monitoring.tracks import DOUBT, Explained, Tracks
@@ -34,9 +35,6 @@ if TYPE_CHECKING:
 
 #: Colours of tracks, in turn.
 _COLOURS = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY)
-
-#: Half-width of the 95 % interval of a normal distribution, in standard deviations.
-_HALF_WIDTH = 1.96
 
 #: Records up to which single intervals can be seen.
 _MOST_INTERVALS = 500
@@ -73,7 +71,11 @@ def tracks(found: Tracks, ax: Axes | None = None) -> Axes:
         if few:
             f = found.frequencies[:, k]
             ax.vlines(
-                history.times, f - _HALF_WIDTH * std[:, k], f + _HALF_WIDTH * std[:, k], color=colour, linewidth=0.6
+                history.times,
+                f - NORMAL_HALF_WIDTH * std[:, k],
+                f + NORMAL_HALF_WIDTH * std[:, k],
+                color=colour,
+                linewidth=0.6,
             )
     dress(ax, xlabel="time (UTC)", ylabel="frequency [Hz]")
     aside(ax, f"{len(history)} records")

@@ -11,6 +11,7 @@ import numpy as np
 
 from modalscope.checking.certificate import Certificate
 from modalscope.data import ModalModel, StabilizationDiagram
+from modalscope.data.mode_fields import NORMAL_HALF_WIDTH
 from modalscope.judging.description import decimals
 from modalscope.modal.indicators import mac
 from modalscope.numerics.checks import Array, RealArray
@@ -45,9 +46,6 @@ _AMPLITUDE = 0.14
 
 #: Of the intervals: pixels between modes, of the middle of their axes, and of the largest deviation from it.
 _ROW, _MIDDLE, _REACH = 21, 262, 130
-
-#: Half-width of the 95 % interval of a normal distribution, in standard deviations.
-_HALF_WIDTH = 1.96
 
 
 def stabilization_svg(
@@ -275,11 +273,11 @@ def certificate_svg(certificate: Certificate, of: str, description: str) -> str:
     """Draw the 95 % range of the simulated values of every mode, in predicted standard deviations."""
     name = "frequency" if of == "frequency" else "damping_ratio"
     measures, holds = getattr(certificate, name), getattr(certificate, f"{name}_holds")
-    half, parts = np.nan_to_num(_HALF_WIDTH * measures["ratio"]), list[str]()
+    half, parts = np.nan_to_num(NORMAL_HALF_WIDTH * measures["ratio"]), list[str]()
     bias, place = np.nan_to_num(measures["bias"]), np.arange(len(holds))
-    scale = scale_of([bias - half, bias + half, np.array([-_HALF_WIDTH, _HALF_WIDTH])])
+    scale = scale_of([bias - half, bias + half, np.array([-NORMAL_HALF_WIDTH, NORMAL_HALF_WIDTH])])
     panel = _of_modes(parts, certificate.modes, scale, f"{of} [predicted deviations]")
-    bottom, top = panel.upward(np.array([-_HALF_WIDTH, _HALF_WIDTH]))
+    bottom, top = panel.upward(np.array([-NORMAL_HALF_WIDTH, NORMAL_HALF_WIDTH]))
     parts.append(f'<path class="band" d="M580 {bottom}V{top}H4780V{bottom}z"/>')
     for kept, kind in ((holds, "line c-1"), (~holds, "line mode")):
         panel.ranges(place[kept], (bias - half)[kept], (bias + half)[kept], kind)

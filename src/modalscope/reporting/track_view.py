@@ -8,14 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data.mode_fields import NORMAL_HALF_WIDTH
 from modalscope.monitoring.tracks import Tracks
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
 #: Maximum components of all shapes that a page holds, about as many bytes as a picture of a megabyte.
 _MAX_COMPONENTS = 300_000
-
-#: Standard deviations of a 95 % interval.
-_QUANTILE = 1.96
 
 
 def track_view(tracks: Tracks, refused: RealArray) -> str:
@@ -29,7 +27,7 @@ def track_view(tracks: Tracks, refused: RealArray) -> str:
         "tracks": list(tracks.names),
         "dofs": list(tracks.history.output_dofs),
         "frequencies": _numbers(tracks.frequencies, 7),
-        "halves": _numbers(_QUANTILE * tracks.frequencies_std, 3),
+        "halves": _numbers(NORMAL_HALF_WIDTH * tracks.frequencies_std, 3),
         "damping": _numbers(tracks.damping_ratios, 4),
         "probability": _numbers(tracks.probability, 3),
         "shapes": _real_shapes(tracks.shapes),
