@@ -70,7 +70,7 @@ def optimum(kind: str, noise: float = 1e-6) -> tuple[Point, Fitted, Any]:
 
 def whole(point: Point, fitted: Fitted) -> OnRows:
     """Return all rows in one piece, of records put together from both parts of some lines at a time."""
-    pieces = list(on_rows(point, fitted))
+    pieces = list(on_rows(point, fitted, together=point.problem.light.grid is None))
     if len(pieces) == 1 and isinstance(pieces[0].rows, slice):
         return pieces[0]
     order = np.argsort(np.concatenate([each.rows for each in pieces]))

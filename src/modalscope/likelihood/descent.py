@@ -96,6 +96,10 @@ def information_of_channels(point: Point, fitted: Fitted, variance: float, *, al
     return np.asarray(np.sum(parts, axis=0))
 
 
+#: Numbers that are computed at a time: 4 MB.
+_NUMBERS_AT_A_TIME = 1 << 19
+
+
 class OnRows(NamedTuple):
     """Some rows of the data at a point.
 
@@ -109,12 +113,14 @@ class OnRows(NamedTuple):
     left: RealArray
 
 
-def on_rows(point: Point, fitted: Fitted) -> Iterator[OnRows]:
-    """Yield some rows after others, of records both parts of some lines."""
+def on_rows(point: Point, fitted: Fitted, *, together: bool = False) -> Iterator[OnRows]:
+    """Yield both parts of some lines at a time, or all rows of a response `together`."""
     W, p = _free(point, fitted), point.data.shape[2]
     parts = [each.reshape(len(W) // p, -1) for each in (W.view(np.float64), fitted.kept)]
     ends = np.cumsum([each.shape[1] for each in parts])
-    for rows, found, data in point.spanned(np.hstack([*parts, _explained(point, fitted)])):
+    coefficients = np.hstack([*parts, _explained(point, fitted)])
+    lines = None if together else max(_NUMBERS_AT_A_TIME // coefficients.shape[1], 1)
+    for rows, found, data in point.spanned(coefficients, lines):
         W_rows, kept, explained = (np.ascontiguousarray(each) for each in np.split(found, ends, axis=1))
         explained = explained.reshape(data.shape)
         yield OnRows(
@@ -154,10 +160,6 @@ def scores_of_lines(
     by_real, by_imag = (np.einsum("foi,oa->fia", e, part, optimize=True) for part in (c.real, c.imag))
     each = np.stack([P * by_real - Q * by_imag, -P * by_imag - Q * by_real], axis=-1).sum(axis=1)
     return np.asarray(each.reshape(len(e), -1))
-
-
-#: Numbers that are computed at a time: 4 MB.
-_NUMBERS_AT_A_TIME = 1 << 19
 
 
 def leverage(

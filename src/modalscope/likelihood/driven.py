@@ -128,7 +128,9 @@ class DrivenPoint(Point):
     `basis`: the part of the columns in the terms (t, c), and the triangular factor of the remainder (c, c).
     """
 
-    def spanned(self, coefficients: RealArray) -> Iterator[tuple[slice | IntArray, RealArray, RealArray]]:
+    def spanned(
+        self, coefficients: RealArray, lines: int | None = None
+    ) -> Iterator[tuple[slice | IntArray, RealArray, RealArray]]:
         """Yield the rows of some lines, (columns - terms T'columns) R^-1 coefficients (c, k) there, and the data; see `Point.spanned`."""
         taken, R = self.basis
         assert R is not None

@@ -292,12 +292,24 @@ class Point:
         P, W = self.basis
         return P if W is None else _less_terms(P @ W, self.problem.terms)
 
-    def spanned(self, coefficients: RealArray) -> Iterator[tuple[slice | IntArray, RealArray, RealArray]]:
-        """Yield some rows, `span` times coefficients (4 n, k) and the data (rows, q, p) there: of records both parts of some lines."""
+    def spanned(
+        self, coefficients: RealArray, lines: int | None = None
+    ) -> Iterator[tuple[slice | IntArray, RealArray, RealArray]]:
+        """Yield some rows, `span` times coefficients (4 n, k) and the data (rows, q, p) there: both parts of some lines.
+
+        `lines`: about so many at a time; by default all rows of a response, real parts first.
+        """
         (P, W), problem = self.basis, self.problem
         assert isinstance(problem, WhitenedResponse)
-        on_rows = P @ coefficients if W is None else _less_terms(P @ (W @ coefficients), problem.terms)
-        yield slice(None), np.asarray(on_rows), problem.data
+        if W is not None or lines is None:
+            on_rows = P @ coefficients if W is None else _less_terms(P @ (W @ coefficients), problem.terms)
+            yield slice(None), np.asarray(on_rows), problem.data
+            return
+        count = len(P) // 2
+        for start in range(0, count, lines):
+            real = np.arange(start, min(start + lines, count))
+            rows = np.concatenate([real, count + real])
+            yield rows, P[rows] @ coefficients, problem.data[rows]
 
     def columns(self) -> ComplexArray:
         """Return b g of every mode, complex columns (4 n p, n): a coefficient c contributes Re(c b g)."""

@@ -311,7 +311,7 @@ def _rows(point: Point, fitted: Fitted, inverse: RealArray, response: Response) 
 
 def _lines(point: Point, fitted: Fitted, inverse: RealArray, in_time: bool) -> Iterator[_Lines]:
     """Yield all lines, some at a time; of samples one number stands for the leverage of all: a line has a part of each."""
-    for rows, W, kept, left in on_rows(point, fitted):
+    for rows, W, kept, left in on_rows(point, fitted, together=in_time):
         h = leverage(point.problem.terms[rows], fitted.linear, W, kept, inverse, 1 if in_time else 2)
         arrays = (W.view(np.float64), kept, left)
         if in_time:
