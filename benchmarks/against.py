@@ -1,13 +1,16 @@
 """The same work by this library and by other programs, each in an environment of its own: equal results first, then times in pairs.
 
-`python -m benchmarks.against [WORDS]` does the works whose names hold the words. The table is written to build/bench/table.md.
+`python -m benchmarks.against [WORDS]` does the works whose names hold the words. The table is written to build/bench/table.md, with
+`--page` also to docs/validation/peers.md, where works that were not done keep their rows.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
+import datetime
+import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -17,7 +20,12 @@ from benchmarks.peers.install import PLACE, python_of
 from benchmarks.peers.pairs import Child, Measured, paired
 from benchmarks.peers.works import WORKS, Work
 
-_HEAD = "| work | program | ours, CPU s | theirs | ratio | ours, MB | theirs | poles differ by |\n|---|---|---|---|---|---|---|---|\n"
+__all__ = ["page"]
+
+_HEAD = "| work | program | ours, CPU s | theirs | ratio | ours, MB | theirs | poles differ by |"
+
+#: Where the table is published.
+_PAGE = Path(__file__).parents[1] / "docs" / "validation" / "peers.md"
 
 
 def row(work: Work, who: str, found: Measured) -> str:
@@ -44,11 +52,36 @@ def rows(work: Work) -> Iterator[tuple[str, bool]]:
             yield row(work, f"{program}, {function}", found), bool(found.difference <= equal)
 
 
+def page(lines: Sequence[str], before: Sequence[str], measured: str) -> str:
+    """Return the text of the page: new lines with what says when they were `measured`, and of the other works those from before."""
+    names = [(work.name, f"{who}, {function}") for work in WORKS for who, function, *_ in work.peers]
+    kept: dict[tuple[str, ...], str] = {}
+    for line in (*before, *(f"{line} {measured}" for line in lines)):
+        cells = tuple(cell.strip() for cell in line.split("|")[1:3])
+        if cells in names:
+            kept[cells] = line
+    head = f"{_HEAD} date | commit |"
+    table = "\n".join([head, "|---" * (head.count("|") - 1) + "|", *(kept[name] for name in names if name in kept)])
+    return f"""# Other programs at the same work
+
+Written by `python -m benchmarks.against --page`, the part of `make bench` that compares. Results are compared first; then both work in turn,
+in an environment each, with one thread. The ratio is the median of theirs over ours, pair by pair: above 1 modalscope is faster. Memory
+is what the work takes above the data.
+
+{table}
+"""
+
+
 def main() -> None:
     """Run what is asked; fail where results are not equal."""
-    words, table, unequal = sys.argv[1:], [], []
+    parser = argparse.ArgumentParser()
+    parser.add_argument("words", nargs="*")
+    parser.add_argument("--page", action="store_true")
+    options = parser.parse_args()
+    told = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False)
+    table, unequal = [], []
     for work in WORKS:
-        if not all(word in work.name for word in words):
+        if not all(word in work.name for word in options.words):
             continue
         for line, alike in rows(work):
             print(line if alike else f"{line} NOT EQUAL", flush=True)
@@ -57,9 +90,14 @@ def main() -> None:
         if work.left_out:
             print(f"  left out: {work.left_out}", flush=True)
     PLACE.mkdir(parents=True, exist_ok=True)
-    (PLACE / "table.md").write_text(_HEAD + "\n".join(table) + "\n", encoding="utf-8")
+    lines = [_HEAD, "|---" * (_HEAD.count("|") - 1) + "|", *table]
+    (PLACE / "table.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
     if unequal:
         raise SystemExit(f"results are not equal in {len(unequal)} of {len(table)} rows")
+    if options.page:
+        before = _PAGE.read_text(encoding="utf-8").splitlines() if _PAGE.is_file() else []
+        measured = f"{datetime.datetime.now(datetime.UTC).date()} | {told.stdout.strip()} |"
+        _PAGE.write_text(page(table, before, measured), encoding="utf-8")
 
 
 if __name__ == "__main__":

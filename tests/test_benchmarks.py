@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.against import page
 from benchmarks.jobs import STAGES, looked_up
 from benchmarks.peers import pairs, works
 from benchmarks.peers.child import loaded, poles_of
@@ -35,6 +36,18 @@ def test_the_plain_way_and_ours_give_the_same_poles() -> None:
     ours, plain = (poles_of(loaded(str(PROGRAMS / f"{name}_.py")).era(data)) for name in ("modalscope", "scipy"))
     assert pairs.nearest(ours, plain) < works.SAME
     assert pairs.nearest(ours, 1.001 * plain) == pytest.approx(1e-3, rel=1e-6)
+
+
+def test_the_page_keeps_the_rows_of_works_that_were_not_done() -> None:
+    first, second = (f"| {work.name} | {work.peers[0][0]}, {work.peers[0][1]} |" for work in works.WORKS[:2])
+    before = page([f"{first} 1 |", f"{second} 1 |"], [], "2026-01-01 | a |").splitlines()
+    after = page(
+        [f"{second} 2 |", f"| {works.WORKS[0].name} | scipy: left out, it is not installed |"],
+        before,
+        "2026-02-01 | b |",
+    )
+    assert after.splitlines()[:-2] == before[:-2]
+    assert after.splitlines()[-2:] == [f"{first} 1 | 2026-01-01 | a |", f"{second} 2 | 2026-02-01 | b |"]
 
 
 @pytest.mark.slow

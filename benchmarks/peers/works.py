@@ -81,15 +81,15 @@ def ambient(outputs: int, count: int, rows: int = 30, largest: int = 100) -> Dat
     return {"outputs": noisy(np.asarray(y), 0.1), **{name: np.array(size) for name, size in sizes.items()}}
 
 
-def fractions() -> Data:
-    """Return 50 responses of ten modes on 4000 lines, noise 60 dB below, and the poles (rad/s)."""
-    rng, f = np.random.default_rng(0), 0.5 * np.arange(1, 4001)
-    s = 2 * np.pi * np.linspace(100, 1900, 10) * (-0.005 + 1j)
-    shapes, w = rng.standard_normal((10, 50)), 2j * np.pi * f[:, None]
+def fractions(outputs: int = 50, count: int = 4000, degree: int = 60) -> Data:
+    """Return responses of ten modes on lines of .5 Hz, noise 60 dB below, and the poles (rad/s)."""
+    rng, f = np.random.default_rng(0), 0.5 * np.arange(1, count + 1)
+    s = 2 * np.pi * f[-1] * np.linspace(0.05, 0.95, 10) * (-0.005 + 1j)
+    shapes, w = rng.standard_normal((10, outputs)), 2j * np.pi * f[:, None]
     H = (1j / (w - s)) @ shapes + (-1j / (w - s.conj())) @ shapes
     noise = rng.standard_normal((2, *H.shape))
     H = H + 1e-3 * np.sqrt(np.mean(np.abs(H) ** 2) / 2) * (noise[0] + 1j * noise[1])
-    return {"values": H[:, :, None], "frequencies": f, "degree": np.array(60), "truth": s}
+    return {"values": H[:, :, None], "frequencies": f, "degree": np.array(degree), "truth": s}
 
 
 def driven() -> Data:
@@ -139,7 +139,24 @@ WORKS = (
     ),
     Work("OKID and ERA, 4 x 2, 4000 samples, order 20", driven, (("modred", "markov", "markov", 1e-2),)),
     Work("LSCF 50 x 4000 lines, poles of every degree to 60", fractions, (("sdypy_EMA", "lscf", "lscf", 1e-4),)),
-    Work("the same, ours the whole diagram with shapes", fractions, (("sdypy_EMA", "lscf", "lscf_diagram", 1e-4),)),
+    Work(
+        "LSCF, ours the whole diagram with shapes, 50 x 4000", fractions, (("sdypy_EMA", "lscf", "lscf_diagram", 1e-4),)
+    ),
+    Work(
+        "LSCF, ours the whole diagram with shapes, 7 x 10 000 to degree 100",
+        lambda: fractions(7, 10_000, 100),
+        (("sdypy_EMA", "lscf", "lscf_diagram", 1e-4),),
+    ),
+    Work(
+        "LSCF, ours the whole diagram with shapes, 200 x 4000",
+        lambda: fractions(200),
+        (("sdypy_EMA", "lscf", "lscf_diagram", 1e-4),),
+    ),
+    Work(
+        "LSCF, ours the whole diagram with shapes, 7 x 1000 to degree 40",
+        lambda: fractions(7, 1000, 40),
+        (("sdypy_EMA", "lscf", "lscf_diagram", 2e-4),),
+    ),
     Work(
         "SSI-cov 15 x 60 000, orders 1 to 100",
         lambda: ambient(15, 60_000),
