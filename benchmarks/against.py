@@ -64,9 +64,9 @@ def page(lines: Sequence[str], before: Sequence[str], measured: str) -> str:
     table = "\n".join([head, "|---" * (head.count("|") - 1) + "|", *(kept[name] for name in names if name in kept)])
     return f"""# Other programs at the same work
 
-Written by `python -m benchmarks.against --page`, the part of `make bench` that compares. Results are compared first; then both work in turn,
-in an environment each, with one thread. The ratio is the median of theirs over ours, pair by pair: above 1 modalscope is faster. Memory
-is what the work takes above the data.
+Written by `python -m benchmarks.against --page`, the part of `make bench` that compares. Results are compared first. Then both work in
+turn, in an environment each, with one thread. The ratio is the median of theirs over ours, pair by pair: above 1 modalscope is faster.
+Memory is what the work takes above the data.
 
 {table}
 """

