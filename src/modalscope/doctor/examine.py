@@ -14,7 +14,7 @@ from modalscope.data.stored import StoredResponse, StoredSignals
 from modalscope.doctor.delays import delayed, exchanged, late
 from modalscope.doctor.findings import dead_channels, identical_channels, sides_of
 from modalscope.doctor.halves import changes
-from modalscope.doctor.prediction import isolated_samples, missing_samples
+from modalscope.doctor.prediction import NO_PREDICTION, missing_samples, prediction_of
 from modalscope.doctor.records import (
     bad_hits,
     clipped,
@@ -96,17 +96,20 @@ def _examine_record(signals: Signals, whole: bool) -> list[Finding]:
         dead = {f.channels[0] for f in constant}
         moving_channels[side] = [i for i, dof in enumerate(labels) if dof not in dead]
         findings += constant + identical_channels(columns, labels)
-    isolated = isolated_samples(signals) if kind in ("random", "ambient") else []
-    overflowed = overflows(signals, kind, isolated)
+    steady = kind in ("random", "ambient")  # hits and sweeps begin at once
+    prediction = prediction_of(signals.by_run()[0]) if steady else NO_PREDICTION
+    overflowed = overflows(signals, kind, prediction.isolated)
     findings += clipped(signals, kind) + overflowed + frozen(signals)
-    findings += spikes(signals, kind, {f.channels[0] for f in overflowed}, isolated)
+    findings += spikes(signals, kind, {f.channels[0] for f in overflowed}, prediction.isolated)
     if not all(moving_channels.values()):
         return findings
     every = len(signals.output_dofs) + len(signals.input_dofs) == sum(map(len, moving_channels.values()))
     moving = signals if every else signals.select(**{f"{side}s": chosen for side, chosen in moving_channels.items()})
+    if steady and not every:
+        prediction = prediction_of(moving.by_run()[0])
     single = events(moving)
     altered = changes(moving, "event" if single else kind)
-    findings += single + missing_samples(moving, kind) + altered
+    findings += single + missing_samples(moving, prediction.first) + altered
     reversed_ = exchanged(moving) if kind != "sweep" else []
     findings += reversed_ or delayed(moving) or (late(moving) if kind in ("random", "burst") else [])
     if kind == "impact":
@@ -123,7 +126,7 @@ def _examine_record(signals: Signals, whole: bool) -> list[Finding]:
     if any(f.kind == "places" for f in changed):
         explained.update(moving.output_dofs)
     part = None if kind in ("impact", "sweep", "burst") else predicted(moving)
-    noisy = [f for f in noisy_channels(moving, part) if f.channels[0] not in explained]
+    noisy = [f for f in noisy_channels(moving, part, prediction.unexplained) if f.channels[0] not in explained]
     findings += noisy
     if forced:
         findings += _of_response(moving, kind, part, bool(short), explained | {f.channels[0] for f in noisy}, whole)
@@ -144,6 +147,8 @@ def _of_response(
     if short:
         explained = set(signals.output_dofs)
     chosen = range(len(signals.output_dofs)) if whole else outputs_to_estimate(signals, explained)
+    if not chosen:
+        return []
     try:
         response = estimate_frf(signals.select(outputs=chosen))
     except DataError:  # dependent inputs, or no usable hit: an error where the response is asked for

@@ -118,19 +118,6 @@ def groups_of(runs: RealArray) -> Iterator[tuple[list[int], Correlations]]:
             yield group.tolist(), model
 
 
-def unexplained(runs: RealArray) -> RealArray:
-    """Return the part of every channel's variance (l,) that no other sample of its group explains; zero where it cannot be estimated.
-
-    1 / (W_kk)_ii of the inverse covariance W of p samples on either side of k: the variance of the best linear estimate of a sample from
-    all others. White noise of the channel alone cannot exceed it; forces on its own mass show in the later motion.
-    """
-    part = np.zeros(runs.shape[2])
-    for channels, model in groups_of(runs):
-        p, l = model.depth, len(channels)
-        part[channels] = 1 / np.diagonal(model.middle()[:, p * l : (p + 1) * l])
-    return part
-
-
 class IsolatedSample(NamedTuple):
     """An isolated sample: its value and the one expected from all others, relative to the mean of the channel."""
 
@@ -141,6 +128,45 @@ class IsolatedSample(NamedTuple):
     expected: float
 
 
+class Prediction(NamedTuple):
+    """What the prediction of outputs from each other shows.
+
+    `isolated`: samples, in order. `unexplained` (l,): the part of every channel's variance that no other sample of its group explains; zero
+    where it cannot be estimated. `first`: the correlations of the first group of channels; None without any.
+    """
+
+    isolated: list[IsolatedSample]
+    unexplained: RealArray
+    first: Correlations | None
+
+
+#: Of records that are not steady.
+NO_PREDICTION = Prediction([], np.zeros(0), None)
+
+
+def prediction_of(runs: RealArray) -> Prediction:
+    """Return what every group of channels of runs (R, N, l) shows, each visited once."""
+    samples, part, first = [], np.zeros(runs.shape[2]), None
+    for channels, model in groups_of(runs):
+        p, l = model.depth, len(channels)
+        W = model.middle()
+        part[channels] = 1 / np.diagonal(W[:, p * l : (p + 1) * l])
+        first = first or model
+        for run, sample, channel, value, expected in _isolated(model, W.reshape(l, 2 * p + 1, l)):
+            scale = float(np.std(runs[:, :, channels[channel]]))
+            samples.append(IsolatedSample(run, sample, channels[channel], value * scale, expected * scale))
+    return Prediction(sorted(samples), part, first)
+
+
+def unexplained(runs: RealArray) -> RealArray:
+    """Return the part of every channel's variance (l,) that no other sample of its group explains; zero where it cannot be estimated.
+
+    1 / (W_kk)_ii of the inverse covariance W of p samples on either side of k: the variance of the best linear estimate of a sample from
+    all others. White noise of the channel alone cannot exceed it; forces on its own mass show in the later motion.
+    """
+    return prediction_of(runs).unexplained
+
+
 def isolated_samples(signals: Signals) -> list[IsolatedSample]:
     """Return the samples of the outputs that a number added to one sample explains, and a disturbance of the motion does not.
 
@@ -148,19 +174,12 @@ def isolated_samples(signals: Signals) -> list[IsolatedSample]:
     in the other channels, times W_kk: normal with variance W_kk, and of all linear tests for one added number the most powerful. A blow
     disturbs what follows: its size, in standard deviations of the prediction from the past, exceeds that of any such number.
     """
-    outputs, _ = signals.by_run()
-    samples = []
-    for channels, model in groups_of(outputs):
-        for run, sample, channel, value, expected in _isolated(model):
-            scale = float(np.std(outputs[:, :, channels[channel]]))
-            samples.append(IsolatedSample(run, sample, channels[channel], value * scale, expected * scale))
-    return sorted(samples)
+    return prediction_of(signals.by_run()[0]).isolated
 
 
-def _isolated(model: Correlations) -> list[IsolatedSample]:
-    """Return the isolated samples of a group of channels, normalized to variance one."""
+def _isolated(model: Correlations, W: RealArray) -> list[IsolatedSample]:
+    """Return the isolated samples of a group of channels, normalized to variance one; `W` (l, 2 p + 1, l): see `isolated_samples`."""
     p, l = model.depth, model.lags.shape[1]
-    W = model.middle().reshape(l, 2 * p + 1, l)
     root = np.sqrt(np.diagonal(W[:, p]))
     limit = _ISOLATED_FACTOR * np.sqrt(2 * np.log(model.runs.shape[0] * model.runs.shape[1] * l / _FALSE_ALARM))
     # errors at the times -p ... p of a number added to channel i at time 0
@@ -225,10 +244,9 @@ class Gap(NamedTuple):
     missing: int
 
 
-def missing_samples(signals: Signals, kind: str) -> list[Finding]:
-    """Find times at which samples are missing from all channels, or clocks jumped, in random vibration: hits and sweeps begin at once."""
-    outputs, _ = signals.by_run()
-    gaps = gaps_in(outputs) if kind in ("random", "ambient") else []
+def missing_samples(signals: Signals, first: Correlations | None) -> list[Finding]:
+    """Find times at which samples are missing from all channels, or clocks jumped, by the correlations of the first group of channels."""
+    gaps = [] if first is None else _gaps(first)
     if not gaps:
         return []
     runs = [f" of run {gap.run + 1}" if signals.runs > 1 else "" for gap in gaps]
@@ -254,8 +272,11 @@ def gaps_in(runs: RealArray) -> list[Gap]:
     identification, filtering, and adaptive control", 1990.
     """
     model = next((model for _, model in groups_of(runs)), None)
-    if model is None:
-        return []
+    return [] if model is None else _gaps(model)
+
+
+def _gaps(model: Correlations) -> list[Gap]:
+    """Return where samples are missing in the records of a group of channels; see `gaps_in`."""
     U, V, C = _variates(model)
     events = [(r, *event) for r, run in enumerate(model.runs) for event in _events(run, model, U, V, C)]
     if not events:

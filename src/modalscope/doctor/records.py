@@ -11,7 +11,6 @@ from scipy import fft
 from modalscope.data.notes import Finding
 from modalscope.data.records import Signals
 from modalscope.doctor.findings import channels_of, finding
-from modalscope.doctor.prediction import unexplained
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.bands import useful_lines
@@ -162,8 +161,11 @@ def _transformed(signals: Signals, kind: str) -> RealArray:
     return without_offset(signals, "impact")[0]
 
 
-def noisy_channels(signals: Signals, part: RealArray | None) -> list[Finding]:
-    """Compare how much of every output's power follows from the inputs, or from the other outputs when nothing was driven: `predicted`."""
+def noisy_channels(signals: Signals, part: RealArray | None, noise: RealArray) -> list[Finding]:
+    """Compare how much of every output's power follows from the inputs, or from the other outputs when nothing was driven: `predicted`.
+
+    `noise` (l,): the part that no other sample explains, which counts when nothing was driven.
+    """
     outputs, inputs = signals.by_run()
     l = outputs.shape[2]
     if l < 3 or part is None:
@@ -176,7 +178,7 @@ def noisy_channels(signals: Signals, part: RealArray | None) -> list[Finding]:
         for dof, share in zip(signals.output_dofs, part, strict=True)
         if share < limit and share < usual - _MIN_BELOW_MEDIAN
     }
-    noise = unexplained(outputs) if inputs is None else np.zeros(l)
+    noise = noise if inputs is None else np.zeros(l)
     usual = float(np.median(noise))
     for dof, share in zip(signals.output_dofs, noise, strict=True):
         if share > max(_MIN_UNEXPLAINED, _UNEXPLAINED_RATIO * usual):

@@ -328,11 +328,11 @@ def examine_response(response: Response, *, whole: bool = False) -> list[Finding
 def outputs_to_estimate(signals: Signals, explained: Container[str]) -> list[int]:
     """Return the outputs whose responses are estimated: driving points, those of low coherence unless it is explained, and drawn ones.
 
-    Of the drawn ones the slope below the first resonance is the mean: one that contradicts the quantity does so in most outputs.
+    The drawn ones show the slope below the first resonance, where the quantity is known: one that contradicts it does so in most outputs.
     """
     outputs = signals.output_dofs
     needed = {i for i, dof in enumerate(outputs) if dof not in explained} | {i for i, _, _ in driving_points(signals)}
-    rest = [i for i in range(len(outputs)) if i not in needed]
+    rest = [i for i in range(len(outputs)) if i not in needed] if signals.quantity is not None else []
     drawn = np.random.default_rng(0).choice(rest, min(_DRAWN_OUTPUTS, len(rest)), replace=False)
     return sorted({*needed, *drawn.tolist()})
 

@@ -138,13 +138,20 @@ def silent_lines(spectra: CrossSpectra) -> Array:
     return np.asarray(np.any(power <= _SILENT_POWER * power.max(axis=0), axis=1))
 
 
-def _pieces(records: Array, segments: Segments, at_once: int, centred: bool) -> Iterator[Array]:
-    """Yield groups of segments (p, samples, channels) of all runs, `centred` without the means of their run."""
+def _pieces(records: Array, segments: Segments, window: RealArray, at_once: int, centred: bool) -> Iterator[Array]:
+    """Yield groups of segments (p, samples, channels) of all runs under a window, `centred` without the means of their run.
+
+    All are copied to one place, as the system takes long to give large ones: each is gone with the next.
+    """
+    place = np.empty((min(at_once, len(segments.starts)), segments.length, records.shape[2]), records.dtype)
     for run in records:
         mean = run.mean(axis=0) if centred else 0.0
         for first in range(0, len(segments.starts), at_once):
             group = segments.starts[first : first + at_once]
-            yield np.stack([run[start : start + segments.length] - mean for start in group])
+            for segment, start in zip(place, group, strict=False):
+                np.subtract(run[start : start + segments.length], mean, out=segment)
+                segment *= window[:, None]
+            yield place[: len(group)]
 
 
 def cross_spectra(
@@ -171,10 +178,10 @@ def cross_spectra(
     Syy = np.zeros((lines, l, l) if whole else (lines, l), dtype=complex if whole else float)
     Syu, Suu = np.zeros((lines, l, m), dtype=complex), np.zeros((lines, m, m), dtype=complex)
     at_once = max(1, _MAX_NUMBERS // (segments.length * (l + m)))
-    pairs = zip(*(_pieces(x, segments, at_once, centred) for x in (outputs, inputs)), strict=True)
-    for y, u in pairs:
-        Y = transform.apply(y * segments.output_window[:, None]).transpose(1, 2, 0)  # (F, l, p)
-        U = transform.apply(u * segments.input_window[:, None]).transpose(1, 2, 0)
+    sides = ((outputs, segments.output_window), (inputs, segments.input_window))
+    for y, u in zip(*(_pieces(x, segments, window, at_once, centred) for x, window in sides), strict=True):
+        Y = transform.apply(y).transpose(1, 2, 0)  # (F, l, p)
+        U = transform.apply(u).transpose(1, 2, 0)
         conjugate = np.conj(U).transpose(0, 2, 1)
         step = max(_MAX_NUMBERS // max(l * m, 1), 1)
         for k in range(0, lines, step):
