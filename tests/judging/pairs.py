@@ -8,7 +8,7 @@ import numpy as np
 
 from modalscope.data.modes import ModalModel
 from modalscope.functions.poles import poles_from
-from modalscope.likelihood.descent import inverse, normal
+from modalscope.likelihood.information import inverse, normal
 from modalscope.likelihood.likelihood import whitened
 from modalscope.likelihood.whitening import levels_of
 from modalscope.modal.indicators import mac

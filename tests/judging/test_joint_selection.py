@@ -23,7 +23,8 @@ from modalscope.judging.joint_selection import (
 from modalscope.judging.selection_problem import SelectionProblem
 from modalscope.judging.tracking import ONE_SHAPE, collinear
 from modalscope.likelihood.covariance import deviations_of_poles, pole_blocks
-from modalscope.likelihood.descent import descend, inverse, normal
+from modalscope.likelihood.descent import descend
+from modalscope.likelihood.information import inverse, normal
 from modalscope.likelihood.likelihood import Whitened, whitened
 from modalscope.likelihood.whitening import search_bound
 from tests.judging.made import NUDGE, at_angle

@@ -7,7 +7,8 @@ import pytest
 
 from modalscope.data import FrequencyResponse
 from modalscope.functions.poles import poles_from
-from modalscope.likelihood.descent import _lessening, _Step, descend, inverse
+from modalscope.likelihood.descent import _lessening, _Step, descend
+from modalscope.likelihood.information import inverse
 from modalscope.likelihood.likelihood import whitened
 from modalscope.numerics.checks import Array, ComplexArray
 

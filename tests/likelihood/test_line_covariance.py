@@ -24,9 +24,10 @@ from modalscope.likelihood.covariance import (
     pole_blocks,
     variances_of_lines,
 )
-from modalscope.likelihood.descent import (
+from modalscope.likelihood.descent import descend
+from modalscope.likelihood.driven import DrivenWhitened, whitened_records
+from modalscope.likelihood.information import (
     OnRows,
-    descend,
     influence_on_poles,
     information_of_channels,
     inverse,
@@ -35,9 +36,8 @@ from modalscope.likelihood.descent import (
     on_rows,
     residual,
 )
-from modalscope.likelihood.driven import DrivenWhitened, whitened_records
 from modalscope.likelihood.likelihood import Fitted, Point, Whitened, whitened
-from modalscope.likelihood.spread import _rows
+from modalscope.likelihood.lines_told import told_by_lines
 from modalscope.numerics.checks import ComplexArray, RealArray
 from tests.identification.test_refine_records import runs_of, started, system
 from tests.likelihood.cases import TRUTH
@@ -128,7 +128,7 @@ def test_with_white_noise_put_in_lines_give_the_covariance_of_the_information(ki
     point, fitted, data = optimum(kind)
     u, white = influence(point, fitted)
     C, v = inverse(normal(point, fitted)[0]), 0.3
-    rows, (_, W, _, left) = _rows(point, fitted, C, data), whole(point, fitted)
+    rows, (_, W, _, left) = told_by_lines(point, fitted, C, data), whole(point, fitted)
     turned = [rows.times(each) for each in rows.W]
     assert (
         np.sum(np.square(turned)) == pytest.approx(np.sum(np.square(rows.W))) == pytest.approx(np.sum(np.abs(W) ** 2))
@@ -143,7 +143,7 @@ def test_with_white_noise_put_in_lines_give_the_covariance_of_the_information(ki
     explained, drawn = data_of(problem) - left, []
     for _ in range(40):
         e = rng.standard_normal(left.shape) * free
-        found = _rows(replace(point, problem=with_data(problem, explained + e)), fitted, C, data).covariance(C)
+        found = told_by_lines(replace(point, problem=with_data(problem, explained + e)), fitted, C, data).covariance(C)
         drawn.append(
             np.concatenate(deviations_of_poles(point.poles, pole_blocks(found, 2 * p * np.arange(len(point.poles)))))
         )

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 import modalscope as ms
-from modalscope.likelihood.descent import correlated, inverse, normal, window_noise
+from modalscope.likelihood.information import correlated, inverse, normal, window_noise
 from modalscope.likelihood.likelihood import whitened
 from tests.identification.test_refine import lines, model, noise_under_window
 

@@ -21,7 +21,7 @@ from modalscope.data.setups import Setups, as_test
 from modalscope.data.shown import counted
 from modalscope.identification.prepare import measure
 from modalscope.identification.reciprocity import by_reciprocity
-from modalscope.likelihood.descent import residual
+from modalscope.likelihood.information import residual
 from modalscope.likelihood.refine_setups import refine_setups
 from modalscope.likelihood.refined import refined
 from modalscope.likelihood.settling import Settled, Task, least_gain, settle, task_of

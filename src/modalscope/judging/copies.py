@@ -24,7 +24,7 @@ from modalscope.judging.recount import (
     inverse,
     lines_of_rows,
 )
-from modalscope.likelihood.descent import residual
+from modalscope.likelihood.information import residual
 from modalscope.likelihood.whitening import free_bound
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 

@@ -17,7 +17,8 @@ from modalscope.judging.recount import Recount, recount_of
 from modalscope.judging.selection_problem import SelectionProblem
 from modalscope.judging.tracking import collinear
 from modalscope.likelihood.covariance import deviations_of_poles, pole_blocks
-from modalscope.likelihood.descent import Descent, descend, inverse, normal, residual
+from modalscope.likelihood.descent import Descent, descend
+from modalscope.likelihood.information import inverse, normal, residual
 from modalscope.likelihood.likelihood import Fitted, Point, unit_vectors
 from modalscope.likelihood.matched import amplitudes, strongest_peaks
 from modalscope.likelihood.whitening import colour

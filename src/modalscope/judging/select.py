@@ -24,8 +24,8 @@ from modalscope.judging.no_structure import (
 from modalscope.judging.outcome import compared_with, modes_of, paired_with
 from modalscope.judging.tracking import Poles
 from modalscope.judging.verdict import Contest, contest, has_likelihood, likely
+from modalscope.likelihood.covariance import LEAST_GROUPS
 from modalscope.likelihood.settling import needed_beside
-from modalscope.likelihood.spread import LEAST_GROUPS
 from modalscope.modal.indicators import with_indicators_of_shapes
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_each, check_kind, check_positive

@@ -23,6 +23,9 @@ _NEIGHBOURS = 10
 #: wanders.
 _PARTS, _LEVEL, _WANDERING_LEVEL = 8, 0.95, 0.99
 
+#: Fewer groups say too little about how far they disagree.
+LEAST_GROUPS = 4
+
 #: A direction is determined by one part alone where the others have less than this share of the information.
 _MIN_SHARE_OF_INFORMATION = 1e-6
 

@@ -11,7 +11,7 @@ import numpy as np
 from modalscope.data.modes import ModalModel
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.likelihood.covariance import pole_blocks
-from modalscope.likelihood.descent import inverse, normal
+from modalscope.likelihood.information import inverse, normal
 from modalscope.likelihood.likelihood import Point, unit_vectors
 from modalscope.likelihood.settling import Settled, settle, task_of
 from modalscope.numerics.arguments import named

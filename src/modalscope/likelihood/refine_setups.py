@@ -12,10 +12,9 @@ from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.setups import Setups
 from modalscope.likelihood.ambient import Cells, Scored, cells_of, deviations, scored, unknowns
-from modalscope.likelihood.covariance import degrees_of_wider, deviations_of_poles, pole_blocks, sandwich
+from modalscope.likelihood.covariance import LEAST_GROUPS, degrees_of_wider, deviations_of_poles, pole_blocks, sandwich
 from modalscope.likelihood.noise import KIND
 from modalscope.likelihood.refined import astray
-from modalscope.likelihood.spread import LEAST_GROUPS
 from modalscope.numerics.checks import BoolArray, ComplexArray, RealArray
 from modalscope.numerics.resources import one_thread
 from modalscope.preprocess.harmonics import find_lines

@@ -13,9 +13,10 @@ from modalscope.data.notes import Candidate, Note
 from modalscope.data.response import INSEPARABLE
 from modalscope.data.shown import counted
 from modalscope.functions.poles import frequencies_and_damping
+from modalscope.likelihood.covariance import LEAST_GROUPS
 from modalscope.likelihood.noise import KIND
 from modalscope.likelihood.settling import Settled, Task
-from modalscope.likelihood.spread import LEAST_GROUPS, Spread, spread_of
+from modalscope.likelihood.spread import Spread, spread_of
 from modalscope.likelihood.whitening import Colour
 from modalscope.modal.indicators import with_indicators_of_shapes
 from modalscope.modal.shapes import joint_residues

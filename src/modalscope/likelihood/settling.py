@@ -14,8 +14,9 @@ from modalscope.data.record_residual import excess, excess_notes
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.response import Response, fading, line_step, output_scale, window_over_lines
 from modalscope.functions.pole_basis import ModalBasis
-from modalscope.likelihood.descent import Descent, descend_from, residuals, window_noise
+from modalscope.likelihood.descent import Descent, descend_from
 from modalscope.likelihood.driven import whitened_records
+from modalscope.likelihood.information import residuals, window_noise
 from modalscope.likelihood.likelihood import Whitened, unit_vectors, whitened
 from modalscope.likelihood.whitening import (
     Colour,
