@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from contextlib import nullcontext
 from pathlib import Path
 
 from modalscope.cli.parser import (
@@ -15,13 +16,20 @@ from modalscope.cli.parser import (
     add_outputs,
     add_reading,
 )
-from modalscope.cli.process import remark, say
+from modalscope.cli.process import progress, remark, say
+
+#: Bytes of files whose examination takes about a second: of smaller ones no progress is shown.
+_LARGE_FILES = 30_000_000
 
 
 def add_info(parser: Parser) -> None:
     """Add the arguments of `info`."""
     add_files(parser)
-    parser.add_argument("--whole", action="store_true", help="search every pair of many channels for outlying lines")
+    parser.add_argument(
+        "--whole",
+        action="store_true",
+        help="search every pair of many channels for outlying lines, and every output for a wrong quantity",
+    )
 
 
 def info(options: argparse.Namespace) -> None:
@@ -47,7 +55,9 @@ def info(options: argparse.Namespace) -> None:
     if isinstance(data, Geometry | StateSpace | StabilizationDiagram):  # not measured
         return
     measured, units = si_form(data)
-    findings = examine(measured, whole=options.whole)
+    large = sum(path.stat().st_size for path in options.files) > _LARGE_FILES
+    with progress("examining", "check") if large else nullcontext():
+        findings = examine(measured, whole=options.whole)
     say(*(f"units: {note}" for note in units), "quality:" if findings else "quality: no data problem found")
     say(*(f"  {finding}" for finding in findings))
 
