@@ -94,7 +94,7 @@ def _agreement(data: FrequencyResponse) -> str:
     """Return how many methods there are, which are one and the same, and how many find the modes of a short band."""
     from modalscope.comparing import compare
 
-    with progress("comparing methods") as show:
+    with progress("comparing methods", then="selecting and refining") as show:
         found = compare(data.select(inputs=data.input_dofs[:1]), band=_SHORT_BAND, progress=show)
     trusted = [group for group, trust in zip(found.groups, found.trust, strict=True) if trust.trusted]
     least = min((len(group.members) for group in trusted), default=0)

@@ -206,7 +206,7 @@ def compare(options: argparse.Namespace) -> None:
     orders = parse_orders(options.orders)
     check_outputs(options, options.files)
     data, notes = read_test(options)
-    with progress("comparing") as show:
+    with progress("comparing", then="selecting and refining") as show:
         comparison = compare(
             data,
             "all" if options.methods == ["all"] else options.methods,
