@@ -296,16 +296,25 @@ class _Lobe(NamedTuple):
         of A. The information is the sum of 2 Re (v* S^-1 u)(v* S^-1 u)' + (v* S^-1 v)(u* S^-1 u), the score of
         2 Re (u* S^-1 y)(y* S^-1 v) - u* S^-1 v.
         """
-        l, j = at.root.shape[1], self.mode
-        own, column = at.root * self.h[:, j, None, None], at.sides[:, :, j : j + 1]
-        u = np.concatenate([own, np.repeat(column, len(self.beside), axis=2)], axis=2)
-        v = np.concatenate([np.repeat(at.driven[:, :, j : j + 1], l, axis=2), at.sides[:, :, self.beside]], axis=2)
-        u_, v_ = u.conj().swapaxes(1, 2), v.conj().swapaxes(1, 2)
-        vu = v_ @ u
-        products = vu * vu.swapaxes(1, 2) + (v_ @ v) * (u_ @ u)
+        h, runs = self.h[:, self.mode, None], len(self.Y)
+        d, s, B = at.driven[:, :, self.mode], at.sides[:, :, self.mode], at.sides[:, :, self.beside]
+        # products with d, s and B, which are v of all components, u of all correlations, and v of each of these
+        of_d, of_s, of_B = (_times(x, at.root) * h[:, None] for x in (d[:, None], s[:, None], B.swapaxes(1, 2)))
+        ds, dB, sB = _times(d[:, None], s[:, :, None]), _times(d[:, None], B)[:, 0], _times(s[:, None], B)[:, 0]
+        root = at.root * (np.linalg.norm(d, axis=1)[:, None] * np.abs(h))[:, :, None]
+        root = root.reshape(-1, root.shape[2])
+        of_d, of_s = of_d[:, 0], of_s[:, 0]
+        components = of_d.T @ of_d + root.conj().T @ root
+        crossed = np.einsum("fka,f->ak", of_B, ds[:, 0, 0]) + of_s.conj().T @ dB
+        power = np.einsum("fl,fl->f", s.conj(), s)
+        correlations = sB.conj().T @ sB.conj() + np.einsum("f,fkm->km", power, _times(B.swapaxes(1, 2), B))
+        information = np.block([[components, crossed], [crossed.T, correlations]])
         x = at.whitened.transpose(1, 2, 0)
-        seen = np.sum((u_ @ x) * (v_ @ x).conj(), axis=2) - len(self.Y) * np.einsum("fpp->fp", vu).conj()
-        return 2 * len(self.Y) * products.real.sum(axis=0), 2 * seen.real.sum(axis=0)
+        seen = (x @ _times(d[:, None], x).conj().swapaxes(1, 2))[:, :, 0]
+        by_component = _times(seen[:, None], at.root)[:, 0].conj() * h.conj() - runs * of_d.conj()
+        by_correlation = np.sum(_times(s[:, None], x) * _times(B.swapaxes(1, 2), x).conj(), axis=2) - runs * sB
+        score = np.concatenate([by_component.sum(axis=0), by_correlation.sum(axis=0)])
+        return 2 * runs * information.real, 2 * score.real
 
     def moved(self, shapes: RealArray, forces: RealArray, step: RealArray) -> tuple[RealArray, RealArray]:
         """Return shapes and correlations after a step of one shape and its correlations."""
@@ -315,6 +324,11 @@ class _Lobe(NamedTuple):
         forces[j, self.beside] = np.clip(forces[j, self.beside] + step[l:], -_MAX_CORRELATION, _MAX_CORRELATION)
         forces[self.beside, j] = forces[j, self.beside]
         return shapes, forces
+
+
+def _times(rows: ComplexArray, columns: ComplexArray) -> ComplexArray:
+    """Return the products of conjugate rows with columns on every line."""
+    return np.asarray(rows.conj() @ columns)
 
 
 def _scored(lines: _Lines, modes: ModalModel, shapes: RealArray, forces: RealArray, j: int) -> _Scored | None:
