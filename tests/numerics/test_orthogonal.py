@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
-from modalscope.numerics.orthonormal import energy_left, less, resolved, resolved_by_products, scaled_span
+from modalscope.numerics.checks import RealArray
+from modalscope.numerics.orthonormal import (
+    energy_left,
+    less,
+    resolved,
+    resolved_by_products,
+    scaled_span,
+    span_by_products,
+)
 
 
 @pytest.mark.parametrize("noise", [1e-2, 1e-9])
@@ -70,15 +80,22 @@ def test_no_columns_see_nothing() -> None:
     assert (seen.shape, R.shape) == ((0, 4), (0, 0))
 
 
-def test_the_span_of_scaled_columns_has_no_dependent_and_no_empty_directions() -> None:
+@pytest.mark.parametrize("span", [scaled_span, span_by_products])
+def test_the_span_of_scaled_columns_has_no_dependent_and_no_empty_directions(
+    span: Callable[[RealArray], RealArray],
+) -> None:
     rng = np.random.default_rng(8)
     X = rng.standard_normal((200, 4)) * [1.0, 1e8, 1e-8, 1.0]
     columns = np.column_stack([X[:, :2], np.zeros(200), X[:, 2:], X[:, 0] - X[:, 3]])
     before = columns.copy()
-    Q = scaled_span(columns)
+    Q = span(columns)
     assert Q.shape == (200, 4)
     np.testing.assert_allclose(Q.T @ Q, np.eye(4), atol=1e-13)
     X = X / np.linalg.norm(X, axis=0)
     np.testing.assert_allclose(Q @ (Q.T @ X), X, atol=1e-13)
     np.testing.assert_array_equal(columns, before)
-    assert scaled_span(np.zeros((5, 2))).shape == (5, 0)
+    assert span(np.zeros((5, 2))).shape == (5, 0)
+    independent = X[:, :3]
+    Q = span(independent)
+    np.testing.assert_allclose(Q.T @ Q, np.eye(3), atol=1e-13)
+    np.testing.assert_allclose(Q @ (Q.T @ independent), independent, atol=1e-13)

@@ -19,7 +19,7 @@ from modalscope.functions.driven_basis import DrivenLines
 from modalscope.likelihood.likelihood import Point, Whitened, across
 from modalscope.likelihood.matched import Peak, strongest_driven
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
-from modalscope.numerics.orthonormal import scaled_span, triangle_of
+from modalscope.numerics.orthonormal import span_by_products, triangle_of
 
 #: Count of numbers in the columns of the rows that are computed at a time: 2 MB.
 _BLOCK_NUMBERS = 1 << 18
@@ -172,7 +172,7 @@ def whitened_records(
     `fixed`, `powers`, `rows`, `outputs`: as in `likelihood.whitened`.
     """
     light, lines, values = records.select(outputs=[0]), records.lines, records.values[:, :, 0]
-    terms = scaled_span(light.whole_basis(fixed, powers).columns / rows[:, None])
+    terms = span_by_products(light.whole_basis(fixed, powers).columns / rows[:, None])
     taken, whole = np.zeros((terms.shape[1], values.shape[1])), np.zeros(values.shape[1])
     step, count = max(_BLOCK_NUMBERS // values.shape[1], 1), len(values)
     for start in range(0, count, step):

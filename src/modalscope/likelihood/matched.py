@@ -93,17 +93,17 @@ def strongest_peaks(
     """
     grid = grid_of(response)
     new = ~np.any(np.abs(grid[:, None] - known) < -0.5 * known.real, axis=1)
-    gain = np.zeros(grid.size)
+    gain, strong = np.zeros(grid.size), dict[int, ComplexArray]()
     for some, A in _amplitudes(response, left, rows, grid):
         A = A.reshape(-1, *left.shape[1:])
         # no singular value exceeds the norm, which costs nothing
         may = new[some] & (np.sum(A.real**2 + A.imag**2, axis=(1, 2)) >= least)
         gain[some[may]] = np.linalg.norm(A[may], ord=2, axis=(1, 2)) ** 2
-    best = apart(grid, gain, least, most)
+        strong |= dict(zip(some[may].tolist(), A[may], strict=True))
     found: list[Peak] = []
-    for pole, A in zip(grid[best], amplitudes(response, left, rows, grid[best]), strict=True):
-        U, _, Vh = np.linalg.svd(A)
-        found.append(Peak(complex(pole), U[:, 0], Vh[0]))
+    for best in apart(grid, gain, least, most):
+        U, _, Vh = np.linalg.svd(strong[best])
+        found.append(Peak(complex(grid[best]), U[:, 0], Vh[0]))
     return found
 
 

@@ -312,17 +312,31 @@ def scaled_span(columns: RealArray) -> RealArray:
 
     `columns` (K, k).
     """
-    size = np.sqrt(np.einsum("kj,kj->j", columns, columns))
-    if not np.any(size > 0):
-        return np.zeros((len(columns), 0))
-    # LAPACK makes no copy of columns that lie one after the other
-    scaled = columns.copy("F") if np.all(size > 0) else np.asfortranarray(columns[:, size > 0])
-    scaled /= size[size > 0]
+    scaled = _of_length_one(columns)
+    if not scaled.shape[1]:
+        return scaled
+    U, s, _ = sla.svd(scaled, full_matrices=False, overwrite_a=True)
+    return U[:, : np.count_nonzero(s > max(scaled.shape) * np.finfo(float).eps * s[0])]
+
+
+def span_by_products(columns: RealArray) -> RealArray:
+    """Return a basis of the same, in a fourth of the time: by two Cholesky factors where columns are independent.
+
+    `columns` (K, k): K well above k.
+    """
+    scaled = _of_length_one(columns)
     R = factor_of_gram(scaled.T @ scaled, overwrite=True, least=_MIN_CORRECTED_REMAINDER)
-    if R is not None:  # independent: two Cholesky factors, each in their place
-        scaled = sla.blas.dtrsm(1.0, R, scaled, side=1, overwrite_b=1)
+    if R is not None:
+        scaled = sla.blas.dtrsm(1.0, R, scaled, side=1, overwrite_b=1)  # each in their place
         S = factor_of_gram(scaled.T @ scaled, overwrite=True, least=_MIN_SECOND_REMAINDER)
         if S is not None:
             return np.asarray(sla.blas.dtrsm(1.0, S, scaled, side=1, overwrite_b=1))
-    U, s, _ = sla.svd(scaled, full_matrices=False, overwrite_a=True)
-    return U[:, : np.count_nonzero(s > max(scaled.shape) * np.finfo(float).eps * s[0])]
+    return scaled_span(columns)
+
+
+def _of_length_one(columns: RealArray) -> RealArray:
+    """Return a copy of the columns that are not zero, each divided by its length: one after the other, LAPACK makes no further copy."""
+    size = np.sqrt(np.einsum("kj,kj->j", columns, columns))
+    scaled = columns.copy("F") if np.all(size > 0) else np.asfortranarray(columns[:, size > 0])
+    scaled /= size[size > 0]
+    return scaled
