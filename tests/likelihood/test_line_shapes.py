@@ -9,8 +9,9 @@ import pytest
 
 from modalscope.data import ModalModel, Signals
 from modalscope.functions.poles import poles_from
-from modalscope.likelihood.line_shapes import line_shapes
+from modalscope.likelihood.line_shapes import _inverse_of_others, _Lines, _Lobe, line_shapes
 from modalscope.modal.indicators import mac
+from modalscope.numerics.checks import ComplexArray, RealArray
 from tests.judging.any_ambient import Truth, made
 from tests.judging.dominated import hidden_modes
 
@@ -103,3 +104,47 @@ def test_a_machine_beside_a_mode_is_avoided() -> None:
     loud = record.outputs + np.outer(np.sin(2 * np.pi * 1.51 * t), [1.0, 0.0, 0.0])
     found = line_shapes(Signals(outputs=loud, sampling_rate=20.0), modes, [(1.51, 0.004)]).shapes
     assert mac(found[:, 1:], SHAPES[:, 1:].astype(complex))[0, 0] > 0.85
+
+
+@pytest.mark.parametrize(("outputs", "modes"), [(6, 3), (3, 5)])
+def test_information_and_score_of_a_lobe_are_those_of_the_whole_spectral_matrix(outputs: int, modes: int) -> None:
+    """With S formed in full: tr S^-1 dS S^-1 dS, and differences of log det S + y* S^-1 y."""
+    rng = np.random.default_rng(outputs)
+
+    def drawn(*shape: int) -> ComplexArray:
+        return rng.standard_normal(shape) + 1j * rng.standard_normal(shape)
+
+    noise, shapes, forces = rng.uniform(0.1, 0.5, outputs), rng.standard_normal((outputs, modes)), np.eye(modes)
+    forces[1, 0] = forces[0, 1] = 0.3
+    lobe = _Lobe(drawn(2, 30, outputs), drawn(30, modes), noise, 1, [0, 2])
+
+    def whole(step: RealArray) -> tuple[ComplexArray, float]:
+        phi, R = lobe.moved(shapes, forces, step)
+        A = phi * lobe.h[:, None]
+        S = A @ R @ A.conj().swapaxes(1, 2) + np.diag(noise)
+        squares = np.einsum("rfa,fab,rfb->", lobe.Y.conj(), np.linalg.inv(S), lobe.Y).real
+        return S, 2 * float(np.linalg.slogdet(S)[1].sum()) + float(squares)
+
+    at = lobe.spectral(shapes, forces)
+    assert at is not None
+    information, score = lobe.equations(at)
+    S, cost = whole(np.zeros(outputs + 2))
+    assert at.cost + 2 * 30 * np.log(noise).sum() == pytest.approx(cost, rel=1e-12)
+    steps = 1e-5 * np.eye(outputs + 2)
+    ahead, behind = ([whole(sign * step) for step in steps] for sign in (1, -1))
+    slopes = np.array([a[1] - b[1] for a, b in zip(ahead, behind, strict=True)]) / 2e-5
+    assert score == pytest.approx(-slopes, rel=1e-6, abs=1e-5)
+    each = [np.linalg.solve(S, (a[0] - b[0]) / 2e-5) for a, b in zip(ahead, behind, strict=True)]
+    direct = 2 * np.einsum("pfab,qfba->pq", each, each).real
+    assert information == pytest.approx(direct, rel=1e-6, abs=1e-6 * np.abs(direct).max())
+
+
+def test_the_inverse_of_others_is_that_of_their_spectral_matrix() -> None:
+    rng, own = np.random.default_rng(5), np.arange(20)
+    noise = rng.uniform(0.1, 0.5, 4)
+    for modes in (1, 3, 7):
+        shapes, h = rng.standard_normal((4, modes)), rng.standard_normal((modes, 20)) + 0j
+        lines = _Lines(np.zeros((1, 20, 4), complex), np.arange(20.0), h)
+        others = shapes[:, 1:]
+        S = np.einsum("ak,kf,bk->fab", others, np.abs(h[1:]) ** 2, others) + np.diag(noise)
+        assert np.allclose(_inverse_of_others(lines, shapes, 0, own, noise) @ S, np.eye(4), atol=1e-10)

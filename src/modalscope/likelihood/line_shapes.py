@@ -238,10 +238,18 @@ def _noise(Y: ComplexArray) -> RealArray:
 
 def _inverse_of_others(lines: _Lines, shapes: RealArray, j: int, own: IntArray, noise: RealArray) -> RealArray:
     """Return E^-1 on the lines of a mode, (f, l, l): E = sum_k |h_k|^2 phi_k phi_k' over the others, and the noise."""
-    others = np.delete(shapes, j, axis=1)
     powers = np.delete(lines.powers, j, axis=0)[:, own]
-    E = np.einsum("ak,kf,bk->fab", others, powers, others, optimize=True) + np.diag(noise)
-    return np.asarray(np.linalg.inv(E))
+    unit, Q, T = _in_noise(np.delete(shapes, j, axis=1), noise)
+    inside = np.linalg.inv(np.einsum("ak,kf,bk->fab", T, powers, T, optimize=True) + np.eye(len(T))) - np.eye(len(T))
+    back = unit[:, None] * Q
+    return np.asarray(back @ inside @ back.T + np.diag(unit**2))
+
+
+def _in_noise(shapes: RealArray, noise: RealArray) -> tuple[RealArray, RealArray, RealArray]:
+    """Return N^-1/2 (l,), and Q (l, k) and T (k, n) of N^-1/2 [phi] = Q T: beside what shapes span there is noise of variance one alone."""
+    unit = 1 / np.sqrt(noise)
+    Q, T = np.linalg.qr(unit[:, None] * shapes)
+    return unit, Q, T
 
 
 # ------------------------------------------------------------------------------------------------------------- scoring
@@ -258,12 +266,19 @@ class _Scored(NamedTuple):
 
 
 class _Spectral(NamedTuple):
-    """S = A R A* + N on the lines of a mode, A = [phi_k h_k]: L^-1, L^-1 A and L^-1 A R with S = L L*, L^-1 Y, and -log p."""
+    """S = A R A* + N on the lines of a mode, A = [phi_k h_k], in the span of shapes: N^-1/2 S N^-1/2 is L L* in Q, and one beside.
 
+    `back` (l, k): N^-1/2 Q. `root`, `sides`, `driven` (f, k, ...): L^-1, and L^-1 of the coordinates of A and of A R. `seen` (f, k, R),
+    `beside` (R, f, l): L^-1 of those of Y, and what Y N^-1/2 has beside. `squares`: of both. `cost`: -log p.
+    """
+
+    back: RealArray
     root: ComplexArray
     sides: ComplexArray
     driven: ComplexArray
-    whitened: ComplexArray
+    seen: ComplexArray
+    beside: ComplexArray
+    squares: float
     cost: float
 
 
@@ -278,42 +293,48 @@ class _Lobe(NamedTuple):
 
     def spectral(self, shapes: RealArray, forces: RealArray) -> _Spectral | None:
         """Return S at shapes (l, n) and correlations (n, n); None where it is not positive definite."""
-        A = shapes * self.h[:, None, :]
+        unit, Q, T = _in_noise(shapes, self.noise)
+        A = T * self.h[:, None, :]
         driven = A @ forces
         try:
-            L = np.linalg.cholesky(driven @ A.conj().swapaxes(1, 2) + np.diag(self.noise))
+            L = np.linalg.cholesky(driven @ A.conj().swapaxes(1, 2) + np.eye(len(T)))
         except np.linalg.LinAlgError:
             return None
         root: ComplexArray = np.asarray(np.linalg.inv(L), dtype=np.complex128)
-        x = np.einsum("fab,rfb->rfa", root, self.Y)
-        logs = 2 * len(self.Y) * float(np.log(np.einsum("faa->fa", L).real).sum())
-        return _Spectral(root, root @ A, root @ driven, x, logs + float(np.sum(np.abs(x) ** 2)))
+        Y = self.Y * unit
+        inside = Y @ Q
+        seen, beside = root @ inside.transpose(1, 2, 0), Y - inside @ Q.T
+        squares = float(np.vdot(seen, seen).real + np.vdot(beside, beside).real)
+        logs = 2 * len(Y) * float(np.log(np.einsum("faa->fa", L).real).sum())
+        return _Spectral(unit[:, None] * Q, root, root @ A, root @ driven, seen, beside, squares, logs + squares)
 
     def equations(self, at: _Spectral) -> tuple[RealArray, RealArray]:
         """Return Fisher's information and the score of phi and of the correlations, (p, p) and (p,).
 
         Every derivative of S is u v* + v u*: of a component of phi u = e_a h and v a column of A R, of a correlation u and v are columns
-        of A. The information is the sum of 2 Re (v* S^-1 u)(v* S^-1 u)' + (v* S^-1 v)(u* S^-1 u), the score of
-        2 Re (u* S^-1 y)(y* S^-1 v) - u* S^-1 v.
+        of A. The information is the sum of 2 Re (v_p* S^-1 u_q)(v_q* S^-1 u_p) + (v_p* S^-1 v_q)(u_q* S^-1 u_p), the score of
+        2 Re (u* S^-1 y)(y* S^-1 v) - u* S^-1 v. Columns v lie in the span of shapes; e_a has a part beside, too.
         """
-        h, runs = self.h[:, self.mode, None], len(self.Y)
+        h, runs, unit = self.h[:, self.mode, None], len(self.Y), 1 / np.sqrt(self.noise)
         d, s, B = at.driven[:, :, self.mode], at.sides[:, :, self.mode], at.sides[:, :, self.beside]
         # products with d, s and B, which are v of all components, u of all correlations, and v of each of these
-        of_d, of_s, of_B = (_times(x, at.root) * h[:, None] for x in (d[:, None], s[:, None], B.swapaxes(1, 2)))
-        ds, dB, sB = _times(d[:, None], s[:, :, None]), _times(d[:, None], B)[:, 0], _times(s[:, None], B)[:, 0]
-        root = at.root * (np.linalg.norm(d, axis=1)[:, None] * np.abs(h))[:, :, None]
-        root = root.reshape(-1, root.shape[2])
-        of_d, of_s = of_d[:, 0], of_s[:, 0]
-        components = of_d.T @ of_d + root.conj().T @ root
-        crossed = np.einsum("fka,f->ak", of_B, ds[:, 0, 0]) + of_s.conj().T @ dB
-        power = np.einsum("fl,fl->f", s.conj(), s)
+        of_d, of_s = (_times(each[:, None], at.root)[:, 0] * h for each in (d, s))
+        of_B = _times(B.swapaxes(1, 2), at.root) * h[:, None]
+        ds, dB, sB = np.einsum("fk,fk->f", d.conj(), s), _times(d[:, None], B)[:, 0], _times(s[:, None], B)[:, 0]
+        size = np.linalg.norm(d, axis=1) * np.abs(h[:, 0])
+        root = (at.root * size[:, None, None]).reshape(-1, at.root.shape[2])
+        inside = of_d.T @ of_d + root.conj().T @ root
+        components = at.back @ inside @ at.back.T + np.sum(size**2) * (np.diag(unit**2) - at.back @ at.back.T)
+        crossed = at.back @ (np.einsum("fka,f->ak", of_B, ds) + of_s.T @ dB)
+        power = np.einsum("fk,fk->f", s.conj(), s)
         correlations = sB.conj().T @ sB.conj() + np.einsum("f,fkm->km", power, _times(B.swapaxes(1, 2), B))
         information = np.block([[components, crossed], [crossed.T, correlations]])
-        x = at.whitened.transpose(1, 2, 0)
-        seen = (x @ _times(d[:, None], x).conj().swapaxes(1, 2))[:, :, 0]
-        by_component = _times(seen[:, None], at.root)[:, 0].conj() * h.conj() - runs * of_d.conj()
-        by_correlation = np.sum(_times(s[:, None], x) * _times(B.swapaxes(1, 2), x).conj(), axis=2) - runs * sB
-        score = np.concatenate([by_component.sum(axis=0), by_correlation.sum(axis=0)])
+        drawn = _times(d[:, None], at.seen)[:, 0].conj()  # y* S^-1 v of components, (f, R)
+        of_inside = _times((at.seen @ drawn[:, :, None])[:, None, :, 0], at.root)[:, 0].conj() * h.conj()
+        of_beside = unit * np.einsum("rfa,fr->a", at.beside, drawn * h.conj())
+        by_component = at.back @ np.sum(of_inside - runs * of_d.conj(), axis=0) + of_beside
+        each = _times(s[:, None], at.seen) * _times(B.swapaxes(1, 2), at.seen).conj()
+        score = np.concatenate([by_component, np.sum(each.sum(axis=2) - runs * sB, axis=0)])
         return 2 * runs * information.real, 2 * score.real
 
     def moved(self, shapes: RealArray, forces: RealArray, step: RealArray) -> tuple[RealArray, RealArray]:
@@ -355,7 +376,7 @@ def _scored(lines: _Lines, modes: ModalModel, shapes: RealArray, forces: RealArr
         else:
             break
         (shapes, forces), at, damping = there, new, _FALL * damping
-    misfit = float(np.mean(np.abs(at.whitened) ** 2))
+    misfit = at.squares / lobe.Y.size
     covariance = np.linalg.pinv(lobe.equations(at)[0], hermitian=True)[: len(shapes), : len(shapes)]
     unit = shapes[:, j] / np.linalg.norm(shapes[:, j])
     across = np.eye(len(unit)) - np.outer(unit, unit)
