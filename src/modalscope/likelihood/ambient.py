@@ -202,14 +202,24 @@ def equations(cells: Cells, poles: ComplexArray, own: Driven) -> Equations:
     """Return Fisher information and score at a point where S is positive definite."""
     S = spectrum(cells, poles, own)
     root: ComplexArray = np.asarray(np.linalg.inv(np.linalg.cholesky(S)), dtype=np.complex128)
-    weight = np.sqrt(cells.counts)[:, None, None]
-    left = weight * (root @ (cells.values - S) @ root.conj().transpose(0, 2, 1))
-    half = _directions(cells, poles, own, root)
-    whole = np.ascontiguousarray(weight * (half + half.conj().swapaxes(2, 3)))
-    rows: RealArray = whole.view(np.float64).reshape(len(half), -1)
-    flat = np.ascontiguousarray(left).view(float).ravel()
+    weight = np.sqrt(cells.counts)[:, None]
+    left = root @ (cells.values - S) @ root.conj().transpose(0, 2, 1)
+    flat = (_packed(left / 2) * weight).ravel()
+    rows = (_packed(_directions(cells, poles, own, root)) * weight).reshape(-1, flat.size)
     free = max(len(S) * S.shape[1] ** 2 - len(rows), 1)
     return Equations(rows @ rows.T, rows @ flat, float(flat @ flat) / free)
+
+
+def _packed(half: ComplexArray) -> RealArray:
+    """Return H + H* of matrices (..., l, l) as real numbers of the same products, (..., l^2): the diagonal, sqrt 2 times what is above."""
+    l = half.shape[-1]
+    a, b = np.triu_indices(l, 1)
+    flat, found = half.reshape(*half.shape[:-2], -1), np.empty((*half.shape[:-2], l * l))
+    np.multiply(2, flat.real[..., :: l + 1], out=found[..., :l])
+    above = np.take(flat, l * a + b, axis=-1)
+    above += np.take(flat, l * b + a, axis=-1).conj()
+    found[..., l:] = np.sqrt(2) * above.view(np.float64)
+    return found
 
 
 def _directions(cells: Cells, poles: ComplexArray, own: Driven, root: ComplexArray) -> ComplexArray:
@@ -357,8 +367,8 @@ def _told(cells: Cells, poles: ComplexArray, own: Driven, built: Equations, last
     G = D[:k] - np.tensordot(last.follows.T, D[k:], 1)
     size = np.sqrt(np.maximum(np.diag(built.information), 1e-300))
     factor = np.linalg.cholesky(built.information / size[:, None] / size + _RIDGE * np.eye(len(size)))
-    X = sla.solve_triangular(factor, (D / size[:, None, None, None]).reshape(len(D), -1), lower=True)
-    h = np.sum(np.abs(X.reshape(len(D), len(root), -1)) ** 2, axis=(0, 2)) / l**2
+    X = sla.solve_triangular(factor, (_packed(half) / size[:, None, None]).reshape(len(D), -1), lower=True)
+    h = np.sum(X.reshape(len(D), len(root), -1) ** 2, axis=(0, 2)) / l**2
     free = 1 / np.maximum(1 - h, _MIN_FREE)
     traces, scores = np.einsum("pcaa->pc", G).real, []
     for lines, cell in cells.views:
