@@ -208,6 +208,7 @@ def test_a_whole_job(window: Window) -> None:
     assert b"Mode shapes" in report.read_bytes()
 
 
+@pytest.mark.slow
 def test_labels_run_nothing_and_names_are_text(window: Window) -> None:
     window.open("hostile.analysis.json")
     window.done()
@@ -223,6 +224,7 @@ def test_labels_run_nothing_and_names_are_text(window: Window) -> None:
     assert page.evaluate("document.querySelectorAll('img, .ms script').length") == 0
 
 
+@pytest.mark.slow
 def test_every_method_is_compared_by_a_click(window: Window, server: Served, key: str) -> None:
     page = window.page
     page.goto(f"{server.base}/#{key}")
@@ -341,6 +343,7 @@ def test_options_of_the_method_are_written_as_in_python(window: Window, tmp_path
     window.done()
 
 
+@pytest.mark.slow
 def test_one_output_is_drawn_neither_as_shape_nor_as_mac(window: Window, tmp_path: Path) -> None:
     ms.write(
         tmp_path / "one.npz", ms.systems.chain5().frequency_response(np.arange(0.2, 9, 0.01), outputs=[0], inputs=[0])

@@ -84,6 +84,7 @@ def test_an_upload_too_large_is_refused_before_and_while_it_comes(server: Served
     assert server.request("POST", f"/api/documents/{'a' * 16}/act", b"x" * (2 << 20))[0] == 400
 
 
+@pytest.mark.slow
 def test_two_jobs_run_at_once_and_one_is_stopped(server: Served) -> None:
     first, second = server.open("plain.npz"), server.open("chain.uff")
     server.act(second, "set", orders=FEW)
@@ -93,6 +94,7 @@ def test_two_jobs_run_at_once_and_one_is_stopped(server: Served) -> None:
     assert server.settled(second)["stage"]["stage"] == "done"
 
 
+@pytest.mark.slow
 def test_a_process_that_is_killed_says_so_and_the_document_stays(server: Served, key: str) -> None:
     before = server.settled(key)
     server.store.find(key)._worker.process.kill()

@@ -12,6 +12,7 @@ from modalscope.monitoring import History, Store
 from tests.app.server import Served, until
 
 
+@pytest.mark.slow
 def test_a_store_is_shown_with_what_came_to_it_to_who_has_the_token(tmp_path: Path) -> None:
     pytest.importorskip("uvicorn", reason="the extra `app` is not installed")
     from modalscope.app.months import MonthsReport

@@ -23,6 +23,7 @@ def loud(tmp_path):
 CHOICES = ("--method", "era", "--orders", "2:24:2", "--no-refine", "--replicates", "10")
 
 
+@pytest.mark.slow
 def test_a_file_is_certified_and_its_modes_are_written_with_intervals_that_hold(tmp_path, capsys):
     target = tmp_path / "modes.json"
     assert main(["certify", str(loud(tmp_path)), *CHOICES, "-o", str(target)]) == 0

@@ -36,6 +36,7 @@ def modes_file(test_file: Path, tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_runs_of_one_test_are_identified_together_and_repeated_by_the_document(
     runs: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -80,6 +81,7 @@ def test_what_every_command_takes_may_stand_before_it(
     assert "polyreference" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_quiet_says_the_result_alone_and_verbose_what_was_chosen(
     test_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -195,6 +197,7 @@ def test_two_sets_of_modes_stand_beside_each_other(
     assert main(["mac", str(modes_file), str(tmp_path / "other.npz"), "-o", str(tmp_path / "mac.json")]) == 2
 
 
+@pytest.mark.slow
 def test_a_model_is_realized_and_read_back_from_every_format(runs: list[str], tmp_path: Path) -> None:
     pytest.importorskip("h5py")
     places = [tmp_path / f"model.{suffix}" for suffix in ("mat", "npz", "h5", "json")]

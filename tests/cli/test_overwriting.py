@@ -58,6 +58,7 @@ def test_an_output_that_is_the_input_by_whatever_name_is_an_error(tmp_path, test
     assert test_file.read_bytes() == before
 
 
+@pytest.mark.slow
 def test_a_foreign_file_is_replaced_only_when_that_is_said(tmp_path, test_file, capsys):
     target = tmp_path / "modes.csv"
     target.write_text("my,own,notes\n")

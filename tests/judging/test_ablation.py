@@ -39,6 +39,7 @@ def test_lists_are_the_same_in_any_order_of_channels_and_turned(kind: str) -> No
         )
 
 
+@pytest.mark.slow
 def test_a_rule_that_is_off_is_seen() -> None:
     """Without the rule on copies a shifting structure lists them: a switch that does nothing would tell nothing."""
     diagram = diagram_of_case("shifted: rows", 3)

@@ -35,6 +35,7 @@ def written(folder: Path, text: str = "") -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_the_suffix_of_another_package_is_read(installed: None, tmp_path: Path) -> None:
     signals = ms.read(written(tmp_path), quantity="velocity")
     assert (signals.samples, signals.sampling_rate, signals.quantity) == (20, 50.0, "velocity")

@@ -29,6 +29,7 @@ def store(tmp_path: Path) -> Store:
     return made
 
 
+@pytest.mark.slow
 def test_a_report_of_months_is_one_file_with_its_pictures_and_what_was_refused(store: Store, tmp_path: Path) -> None:
     text = ms.report(store, tmp_path / "a.html").read_text()
     assert text.count("data:image/png;base64,") == 3

@@ -32,6 +32,7 @@ def test_a_file_is_drawn_again_from_its_seed() -> None:
     assert draw_choices(np.random.default_rng([7, 0]), "near") == draw_choices(np.random.default_rng([7, 0]), "near")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("half", HALVES)
 def test_no_export_ends_in_a_crash(tmp_path: Path, half: str) -> None:
     words = [tried(tmp_path, 10_000 + seed, half)[1] for seed in range(_QUICK)]
@@ -46,6 +47,7 @@ def _message(path: Path) -> str:
         return str(error)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("half", HALVES)
 def test_every_printed_option_reads_the_file_or_asks_one_thing_more(tmp_path: Path, half: str) -> None:
     for seed in range(20_000, 20_000 + _QUICK):
