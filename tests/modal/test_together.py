@@ -15,7 +15,7 @@ from modalscope.functions.poles import poles_from
 from modalscope.identification import sweep as cutting
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
-from modalscope.identification.sweep import Shared, Sweep, judged
+from modalscope.identification.sweep import Cut, Shared, Sweep, judged
 from modalscope.modal.rebuilt import fit_error, rebuilt
 from tests.support import FIVE, cut_order, relative
 
@@ -61,8 +61,11 @@ CASES = [
 @pytest.mark.parametrize(("name", "made"), CASES)
 def test_orders_judged_together_are_what_each_is_alone(name: str, made: Any) -> None:
     pipeline = made()
-    several = judged(pipeline, ORDERS, Shared(pipeline, deviations=True))
+    shared = Shared(pipeline, deviations=True)
+    several = judged(pipeline, ORDERS, shared)
     assert len(several) > 10
+    due = [cut.due[1] for cut in several if isinstance(cut, Cut) and cut.due is not None]
+    shared.deviations(*due)  # of all orders at once, as a diagram asks for them
     for order, cut in zip(ORDERS, several, strict=False):
         if isinstance(cut, DataError):
             continue

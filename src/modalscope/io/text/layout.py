@@ -136,7 +136,7 @@ def _head(
             if _is_statement(lines[k], rows[k], dialect)
             else _fitted(lines[k], rows[k], width, dialect, places, rows[full])
         )
-        if cells is not None and not _are_numbers_of_channels(cells) and not all(map(is_missing, cells)):
+        if cells is not None and not all(map(is_missing, cells)):
             heads.append((k, cells))
     unit_line, heading = next(
         ((k, heading) for k, cells in heads if (heading := _units_after(cells)) is not None), (-1, 0)
@@ -327,11 +327,6 @@ def _is_statement(line: str, cells: Sequence[str], dialect: Dialect) -> bool:
     stated = statements_of(line[:_MAX_CHARACTERS], dialect)[:1]
     known = (value for key, value in stated if key_meaning(key) not in ("", "unit", "channel"))
     return any(is_number(value.split()[0]) for value in known)
-
-
-def _are_numbers_of_channels(cells: Sequence[str]) -> bool:
-    """Whether a row is numbers behind what they are (`Range,2000,1000`), which are no names; channels may be called by numbers."""
-    return len(cells) > 2 and not is_number(cells[0]) and not _is_row_name(cells[0]) and all(map(is_number, cells[1:]))
 
 
 def _names_axis(cell: str) -> bool:
