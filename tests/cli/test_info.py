@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
-from pathlib import Path
-
 import numpy as np
-import pytest
 
 import modalscope as ms
-from modalscope.cli import files, main
+from modalscope.cli import main
 
 
 def test_info_tells_what_was_taken_and_how_good_it_is(test_file, capsys):
@@ -42,21 +38,3 @@ def test_info_on_several_files_tells_what_they_are_together(tmp_path, capsys):
     assert "together: records: 2 runs of 3000 samples" in said
     assert main(["info", first, moved]) == 0
     assert "2 setups of 3000" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(("least", "shown"), [(-1, 1), (1, 0)])
-def test_of_large_files_progress_names_the_examination(
-    least: int, shown: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "record.npz"
-    np.savez(path, outputs=np.random.default_rng(0).standard_normal((200, 2)), sampling_rate=10.0)
-    stages: list[str] = []
-
-    def progress(what: str, unit: str) -> nullcontext[None]:
-        stages.append(what)
-        return nullcontext()
-
-    monkeypatch.setattr(files, "progress", progress)
-    monkeypatch.setattr(files, "_LARGE_FILES", path.stat().st_size + least)  # more than so many bytes
-    assert main(["info", str(path)]) == 0
-    assert stages == ["examining"] * shown

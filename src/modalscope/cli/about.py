@@ -36,7 +36,8 @@ def selfcheck(options: argparse.Namespace) -> None:
     from modalscope.checking.selfcheck import selfcheck
     from modalscope.data import DataError
 
-    check = selfcheck()
+    with progress("recomputing"):
+        check = selfcheck()
     print(check.table())
     wrong = [value for value in check.values if not value.same]
     if wrong:

@@ -48,7 +48,8 @@ def demo(options: argparse.Namespace) -> None:
     with progress("identifying", then="selecting and refining") as show:
         result = analyze(data, band=_BAND, progress=show)
     say(_table(result.modes, published), "", _inside(result.modes, published), _agreement(data))
-    report(result, options.output, title="Modes of a measured beam")
+    with progress(f"writing {options.output.name}"):
+        report(result, options.output, title="Modes of a measured beam")
     say(f"Pictures, reasons and settings: {options.output.resolve()}. Your own file: modalscope app test.uff")
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from contextlib import nullcontext
 from pathlib import Path
 
 from modalscope.cli.parser import (
@@ -17,9 +16,6 @@ from modalscope.cli.parser import (
     add_reading,
 )
 from modalscope.cli.process import progress, remark, say
-
-#: Bytes of files whose examination takes about a second: of smaller ones no progress is shown.
-_LARGE_FILES = 30_000_000
 
 
 def add_info(parser: Parser) -> None:
@@ -41,7 +37,8 @@ def info(options: argparse.Namespace) -> None:
     from modalscope.doctor import examine
     from modalscope.io import survey
 
-    surveys = [survey(path, **reading_options(options, path)) for path in options.files]
+    with progress("reading"):
+        surveys = [survey(path, **reading_options(options, path)) for path in options.files]
     data = surveys[0].thing
     if len(surveys) > 1:
         say(*(f"{contents.path.name}: {contents.result}" for contents in surveys))
@@ -55,8 +52,7 @@ def info(options: argparse.Namespace) -> None:
     if isinstance(data, Geometry | StateSpace | StabilizationDiagram):  # not measured
         return
     measured, units = si_form(data)
-    large = sum(path.stat().st_size for path in options.files) > _LARGE_FILES
-    with progress("examining", "check") if large else nullcontext():
+    with progress("examining"):
         findings = examine(measured, whole=options.whole)
     say(*(f"units: {note}" for note in units), "quality:" if findings else "quality: no data problem found")
     say(*(f"  {finding}" for finding in findings))
@@ -99,7 +95,8 @@ def merge(options: argparse.Namespace) -> None:
     check_outputs(options, options.files, DATA)
     data, notes = read_test(options)
     if isinstance(data, Setups):  # no format stores several records: their merged correlation is one
-        data = merge_setups(correlations(data))
+        with progress("merging"):
+            data = merge_setups(correlations(data))
     written = [write_data(path, data) for path in options.outputs]
     remark(*notes)
     say(*written)
@@ -134,7 +131,8 @@ def simulate(options: argparse.Namespace) -> None:
         raise DataError(f"simulating {options.system} needs an output file", "none was given", "Add -o test.npz.")
     check_output(options.output, (), options.force)
     size = {"samples": options.samples, "quantity": options.quantity}
-    data = trial(structure, options.kind, **size, snr_db=options.noise, seed=options.seed)
+    with progress("simulating"):
+        data = trial(structure, options.kind, **size, snr_db=options.noise, seed=options.seed)
     say(write_data(options.output, data))
 
 
@@ -156,4 +154,6 @@ def plan(options: argparse.Namespace) -> None:
 
     data, _ = read_test(options)
     orders = parse_orders(options.orders)
-    say(plan(data, method=options.method, domain=options.domain, orders=orders, **choices(options)))
+    with progress("estimating the cost"):
+        planned = plan(data, method=options.method, domain=options.domain, orders=orders, **choices(options))
+    say(planned)

@@ -111,7 +111,7 @@ def workers_of(options: argparse.Namespace) -> Iterator[None]:
     address, save = getattr(options, "scheduler", None), getattr(options, "resume", None)
     with ExitStack() as stack:
         client = None if address is None else _client(address, stack)
-        show = stack.enter_context(progress("summing", "stretch"))
+        show = stack.enter_context(progress("summing", "stretch", at_once=False))
         stack.enter_context(working(client, progress=show, save=save))
         yield
 

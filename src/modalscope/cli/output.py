@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import mkstemp
 from typing import TYPE_CHECKING, Any
 
-from modalscope.cli.process import STDOUT
+from modalscope.cli.process import STDOUT, progress
 from modalscope.data import DataError, ModalModel, StabilizationDiagram
 from modalscope.data.results import Result
 from modalscope.io.atomic import MARK, PENDING, check_target, is_ours, replacing
@@ -69,7 +69,9 @@ def write_outputs(
     named = [path for path in options.outputs if str(path) != STDOUT]
     messages = [write_file(options, path, result, source, certificate, fields, record) for path in named]
     if STDOUT in map(str, options.outputs):
-        print(_document(result, fields))
+        with progress("writing"):
+            document = _document(result, fields)
+        print(document)
     return messages
 
 
@@ -83,12 +85,13 @@ def write_file(
     record: Any = None,
 ) -> str:
     """Write a result to one file, a report or data, and return the message."""
-    if not is_page(path):
-        return _write(path, result, fields or {})
-    from modalscope.reporting import report
+    with progress(f"writing {path.name}"):
+        if not is_page(path):
+            return _write(path, result, fields or {})
+        from modalscope.reporting import report
 
-    report(result, path, source=source, command=options.command_line, certificate=certificate, data=record)
-    return f"written: {path}"
+        report(result, path, source=source, command=options.command_line, certificate=certificate, data=record)
+        return f"written: {path}"
 
 
 def _document(result: Any, fields: dict[str, Any]) -> str:
@@ -111,14 +114,14 @@ def require_output(options: argparse.Namespace, example: str) -> None:
         raise DataError("this command writes a file", "no -o was given", f"Add for instance -o {example}.")
 
 
-def write_picture(path: Path, axes: Axes) -> str:
-    """Write a picture with the mark of the program, and return the message."""
+def write_picture(path: Path, draw: Callable[..., Axes], *given: Any, **options: Any) -> str:
+    """Draw a picture, write it with the mark of the program, and return the message."""
     from matplotlib.figure import Figure
 
-    figure = axes.figure
-    assert isinstance(figure, Figure)
     where = {".png": "Software", ".svg": "Creator", ".pdf": "Creator"}[path.suffix.lower()]
-    with replacing(path) as temporary:
+    with progress(f"drawing {path.name}"), replacing(path) as temporary:
+        figure = draw(*given, **options).figure
+        assert isinstance(figure, Figure)
         figure.savefig(temporary, format=path.suffix.lower()[1:], dpi=150, metadata={where: MARK}, bbox_inches="tight")
     return f"written: {path}"
 
@@ -127,8 +130,8 @@ def write_simulation(path: Path, model: StateSpace, record: Any) -> str:
     """Write a picture of measured and simulated outputs with the mark of the program, and return the message."""
     from modalscope.reporting.simulations import simulation_svg
 
-    head, tag, body = simulation_svg(model, record).partition(">")
-    with replacing(path) as temporary:
+    with progress(f"drawing {path.name}"), replacing(path) as temporary:
+        head, tag, body = simulation_svg(model, record).partition(">")
         title = f'<metadata xmlns:dc="http://purl.org/dc/elements/1.1/"><dc:title>{MARK}</dc:title></metadata>'
         temporary.write_text(f"{head}{tag}{title}{body}", encoding="utf-8")
     return f"written: {path}"
@@ -153,7 +156,7 @@ def write_pictures(
         raise DataError(
             "--pictures names its files after an output", "no -o was given", "Add for instance -o report.html."
         )
-    drawn: dict[str, Callable[[Axes], object]] = {}
+    drawn: dict[str, Callable[[Axes], Axes]] = {}
     for k, diagram in enumerate(diagrams):
         number = str(k + 1) if len(diagrams) > 1 else ""
         drawn[f"diagram{number}"] = partial(plot.stabilization, diagram, modes)
@@ -167,8 +170,7 @@ def write_pictures(
         path = named[0].with_name(f"{named[0].stem}_{name}.{options.pictures}")
         check_output(path, options.files, options.force, PICTURES)
         axes = Figure(figsize=SIZE, dpi=DPI, layout="constrained").add_subplot()
-        draw(axes)
-        messages.append(write_picture(path, axes))
+        messages.append(write_picture(path, draw, axes))
     return messages
 
 
@@ -177,7 +179,8 @@ def write_data(path: Path, data: Any) -> str:
     from modalscope.data.shown import summary_of
     from modalscope.io import write
 
-    write(path, data)
+    with progress(f"writing {path.name}"):
+        write(path, data)
     return f"written: {path}, {summary_of(data)}{_loss(path, data)}"
 
 

@@ -152,8 +152,10 @@ def say(*texts: object) -> None:
     from modalscope.numerics.errors import printable
 
     out = sys.stderr if VOICE.aside else sys.stdout
+    _LINE.clear()
     for text in texts:
         print(_coloured(printable(str(text)), out), file=out)
+    _LINE.draw()
 
 
 #: Words that are coloured on a terminal, and their codes: green, yellow, bold yellow.
@@ -202,25 +204,100 @@ def hang_up() -> None:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
+#: Seconds of a stage from which on its end is told.
+_TOLD_SECONDS = 1.0
+
+
 @contextmanager
-def progress(what: str, unit: str = "order", then: str = "") -> Iterator[Callable[[int, int], None]]:
-    """Show a progress bar while the block runs, `show(done, total)`; none if stderr is no terminal.
+def progress(
+    what: str, unit: str = "order", then: str = "", at_once: bool = True
+) -> Iterator[Callable[[int, int], None]]:
+    """Name a stage while the block runs, with a bar from the first `show(done, total)` on; nothing if stderr is no terminal.
 
-    `then`: the stage that follows the last unit. What took more than a second ends with a line that gives the time.
+    `unit`: what is counted. `then`: the stage that follows the last unit, until others are counted. `at_once`: whether the stage is named
+    before it counts. What took more than a second ends with a line that gives the time.
     """
-    from tqdm import tqdm
+    if not _on_terminal() or not _LOG.isEnabledFor(logging.INFO):
+        yield lambda done, total: None
+        return
+    stage = rest = what if at_once else ""
+    since, seconds = monotonic(), dict.fromkeys(("", what, then), 0.0)
 
-    start = monotonic()
-    with tqdm(
-        desc=what, unit=unit, file=sys.stderr, leave=False, disable=None if _LOG.isEnabledFor(logging.INFO) else True
-    ) as bar:
+    def turn(following: str) -> None:
+        nonlocal stage, since
+        seconds[stage] += monotonic() - since
+        stage, since = following, monotonic()
+
+    with _LINE.named(stage) as name:
 
         def show(done: int, total: int) -> None:
-            bar.total = total
-            bar.update(done - bar.n)
-            bar.set_description(then if then and done == total else what)
+            turn(what)
+            _LINE.count(what, unit, done, total)
+            if done == total:
+                turn(then or rest)
+                name(then or rest)
 
         yield show
-        shown = not bar.disable
-    if shown and monotonic() - start > 1:
-        print(f"{what}: done in {monotonic() - start:.1f} s", file=sys.stderr)
+    turn("")
+    for ended, took in seconds.items():
+        if ended and took > _TOLD_SECONDS:
+            print(f"{ended}: done in {took:.1f} s", file=sys.stderr)
+
+
+def _on_terminal() -> bool:
+    """Whether stderr is a terminal."""
+    return sys.stderr is not None and sys.stderr.isatty()
+
+
+class _Line:
+    """The line of a terminal that says what is being done: the name of the innermost stage that has one, or a bar of what counts."""
+
+    def __init__(self) -> None:
+        self._names: list[str] = []
+        self._bar: Any = None
+        self._width = 0
+
+    @contextmanager
+    def named(self, what: str) -> Iterator[Callable[[str], None]]:
+        """Show the name of a stage, or another that it is given, while the block runs; then again that of the stage around it."""
+        place = len(self._names)
+
+        def name(what: str) -> None:
+            self._names[place] = what
+            self.draw()
+
+        self._names.append(what)
+        self.draw()
+        try:
+            yield name
+        finally:
+            self._names.pop()
+            self.draw()
+
+    def count(self, what: str, unit: str, done: int, total: int) -> None:
+        """Show how much of a stage is done."""
+        if self._bar is None or self._bar.desc != what:
+            from tqdm import tqdm  # what does not count goes without
+
+            self.clear()
+            self._bar = tqdm(desc=what, unit=unit, initial=done, total=total, file=sys.stderr, leave=False)
+        self._bar.total = total
+        self._bar.update(done - self._bar.n)
+
+    def clear(self) -> None:
+        """Remove what is shown."""
+        if self._bar is not None:
+            self._bar.close()
+        if self._width:
+            print(f"\r{' ' * self._width}\r", end="", file=sys.stderr, flush=True)
+        self._bar, self._width = None, 0
+
+    def draw(self) -> None:
+        """Show the name of the innermost stage that has one."""
+        self.clear()
+        if shown := next(filter(None, reversed(self._names)), ""):
+            self._width = len(shown) + 4
+            print(f"{shown} ...", end="", file=sys.stderr, flush=True)
+
+
+_LINE = _Line()

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from modalscope.cli.parser import EXPERT
-from modalscope.cli.process import remark
+from modalscope.cli.process import progress, remark
 from modalscope.data import DataError, ModalModel, Note
 from modalscope.data.shown import summary_of
 from modalscope.io import set_max_memory, survey
@@ -30,7 +30,8 @@ _READ_OPTIONS = (
 
 def read_data(options: argparse.Namespace, path: Path) -> tuple[Any, tuple[Note, ...]]:
     """Read a file with the options of the command line; return its data and the notes."""
-    contents = survey(path, **reading_options(options, path))
+    with progress("reading"):
+        contents = survey(path, **reading_options(options, path))
     return contents.thing, contents.told
 
 
@@ -38,7 +39,8 @@ def read_test(options: argparse.Namespace) -> tuple[Any, tuple[Note, ...]]:
     """Read the files of one test, responses or records; return its data and the notes."""
     from modalscope.workflow.sources import opened
 
-    data, _, notes = opened(options.files, [reading_options(options, path) for path in options.files])
+    with progress("reading"):
+        data, _, notes = opened(options.files, [reading_options(options, path) for path in options.files])
     return data, notes
 
 

@@ -21,7 +21,7 @@ from modalscope.cli.parser import (
     add_pictures,
     add_reading,
 )
-from modalscope.cli.process import explain, remark, say
+from modalscope.cli.process import explain, progress, remark, say
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,15 +52,16 @@ def realize(options: argparse.Namespace) -> None:
     require_output(options, "model.mat")
     check_outputs(options, options.files, (".mat", ".npz", ".h5", ".hdf5", ".json", ".html"))
     data, notes = read_test(options)
-    model = realize(
-        data,
-        method=options.method,
-        domain=options.domain,
-        order=options.order,
-        stable=not options.unstable,
-        holdout=options.holdout,
-        **choices(options),
-    )
+    with progress("identifying"):
+        model = realize(
+            data,
+            method=options.method,
+            domain=options.domain,
+            order=options.order,
+            stable=not options.unstable,
+            holdout=options.holdout,
+            **choices(options),
+        )
     written = write_outputs(options, model, record=data, data={"file": ""})
     remark(*notes, *model.notes)
     if model.validation is not None:
@@ -95,7 +96,8 @@ def validate(options: argparse.Namespace) -> None:
     check_outputs(options, (options.model, *options.files), (".svg",))
     model, told = read_data(options, options.model)
     data, notes = read_test(options)
-    seen = validate(model, data, leaving=options.leaving)
+    with progress("validating"):
+        seen = validate(model, data, leaving=options.leaving)
     remark(*told, *notes)
     if not isinstance(seen, ModelValidation):
         say(summary_of(seen), "", seen.table())
@@ -124,7 +126,8 @@ def refine(options: argparse.Namespace) -> None:
     check_outputs(options, (*options.files, options.modes))
     data, notes = read_test(options)
     modes = read_modes(options, options.modes)
-    refined = refine(data, modes, complete=options.complete, settings=choices(options))
+    with progress("refining") as show:
+        refined = refine(data, modes, complete=options.complete, settings=choices(options), progress=show)
     written = write_outputs(options, refined, method="refined")
     remark(*dict.fromkeys((*notes, *refined.notes)))
     say(refined.table(), "", "before (a) and after (b):", pair_modes(modes, refined).table(), *written)
@@ -152,11 +155,10 @@ def certify(options: argparse.Namespace) -> None:
     """
     from modalscope.checking.certify import certify
     from modalscope.cli.output import check_outputs, write_outputs
-    from modalscope.cli.process import progress
 
     check_outputs(options, options.files)
     result = _certified(options)
-    with progress("simulating") as show:
+    with progress("simulating", "replicate") as show:
         certificate = certify(
             result, replicates=options.replicates, select=options.select, seed=options.seed, progress=show
         )
@@ -171,12 +173,11 @@ def certify(options: argparse.Namespace) -> None:
 def _certified(options: argparse.Namespace) -> Result:
     """Return the result of a saved analysis, repeated, or of data."""
     from modalscope.cli.identify import result_of
-    from modalscope.cli.process import progress
     from modalscope.workflow.replay import replay
 
     if options.files[0].suffix.lower() != ".json":
         return result_of(options, options.files)
-    with progress("identifying") as show:
+    with progress("identifying", then="selecting and refining") as show:
         return replay(options.files[0], allow_outside=options.allow_outside, progress=show)
 
 
@@ -199,7 +200,6 @@ def compare(options: argparse.Namespace) -> None:
     All methods of the table are run; the output states where they agree, where they differ, and the likely causes.
     """
     from modalscope.cli.output import check_outputs, write_outputs
-    from modalscope.cli.process import progress
     from modalscope.cli.reading import choices, parse_orders, read_test
     from modalscope.comparing import compare
 
@@ -252,7 +252,7 @@ def mac(options: argparse.Namespace) -> None:
     check_outputs(options, (options.first, options.second), PICTURES)
     first, second = (read_modes(options, path) for path in (options.first, options.second))
     pairs = pair_modes(first, second, tolerance=options.tolerance)
-    say(pairs.table(), *(write_picture(path, mac(pairs.a, pairs.b)) for path in options.outputs))
+    say(pairs.table(), *(write_picture(path, mac, pairs.a, pairs.b) for path in options.outputs))
 
 
 def add_plot(parser: Parser) -> None:
@@ -281,7 +281,7 @@ def plot(options: argparse.Namespace) -> None:
         return
     data, notes = read_data(options, options.file)
     modes = None if options.modes is None else read_modes(options, options.modes)
-    written = [write_picture(path, _picture(data, modes, options)) for path in options.outputs]
+    written = [write_picture(path, _picture, data, modes, options) for path in options.outputs]
     remark(*notes)
     say(*written)
 
@@ -295,10 +295,10 @@ def _pictures_of_store(options: argparse.Namespace) -> list[str]:
 
     if not options.file.exists():
         raise DataError(f"the store {options.file} was asked", "there is no such file", "Make it: modalscope watch.")
-    with Store(options.file) as store:
+    with progress("following modes"), Store(options.file) as store:
         found = track(store.history())
     remark(found.table())
-    return [write_picture(path, tracks(found)) for path in options.outputs]
+    return [write_picture(path, tracks, found) for path in options.outputs]
 
 
 def _picture(data: Any, modes: Any, options: argparse.Namespace) -> Axes:
@@ -337,7 +337,6 @@ def report(options: argparse.Namespace) -> None:
     The result is a .json file of identify, an .analysis.json document or a stabilization diagram. The data file must be unchanged.
     """
     from modalscope.cli.output import check_outputs, require_output, write_pictures
-    from modalscope.cli.process import progress
     from modalscope.io import set_max_memory
     from modalscope.judging.select import select
     from modalscope.reporting import report
@@ -345,14 +344,18 @@ def report(options: argparse.Namespace) -> None:
     require_output(options, "report.html")
     set_max_memory(options.max_memory)
     check_outputs(options, (options.file, *(options.data or ())), (".html", ".htm", ".docx", ".pptx"))
-    with progress("identifying") as show:
+    with progress("identifying", then="selecting and refining") as show:
         result = _saved(options, show)
     for path in options.outputs:
-        report(result, path, title=options.title, command=options.command_line)
+        with progress(f"writing {path.name}"):
+            report(result, path, title=options.title, command=options.command_line)
         say(f"written: {path}")
     if options.pictures is not None:
         options.files = [options.file, *(options.data or ())]
-        modes, diagrams = (result.modes, result.diagrams) if hasattr(result, "modes") else (select(result), (result,))
+        with progress("selecting and refining"):
+            modes, diagrams = (
+                (result.modes, result.diagrams) if hasattr(result, "modes") else (select(result), (result,))
+            )
         say(*write_pictures(options, options.outputs, modes, diagrams))
 
 

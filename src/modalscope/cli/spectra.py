@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from modalscope.cli.parser import Parser, add_band, add_files, add_outputs
-from modalscope.cli.process import remark, say
+from modalscope.cli.process import progress, remark, say
 
 #: Options that `joined_frf` takes, too; without a value its default counts.
 _ESTIMATOR_OPTIONS = ("estimator", "segment", "overlap", "window", "period")
@@ -40,14 +40,17 @@ def frf(options: argparse.Namespace) -> None:
     data, notes = read_test(options)
     check_kind("frequency responses of records", data, (Signals, Records))
     given = {name: value for name in _ESTIMATOR_OPTIONS if (value := getattr(options, name)) is not None}
-    frf = joined_frf(as_records(data).stacked(), **given)
+    with progress("estimating responses"):
+        frf = joined_frf(as_records(data).stacked(), **given)
     if options.band is not None:
         frf = frf.band(*options.band)
     written = [
-        write_picture(path, response(frf)) if path.suffix.lower() in PICTURES else write_data(path, frf)
+        write_picture(path, response, frf) if path.suffix.lower() in PICTURES else write_data(path, frf)
         for path in options.outputs
     ]
-    remark(*notes, summary_of(frf), *(f"  {line}" for line in (*frf.processing, *examine(frf))))
+    with progress("examining"):
+        findings = examine(frf)
+    remark(*notes, summary_of(frf), *(f"  {line}" for line in (*frf.processing, *findings)))
     say(*written)
 
 
@@ -77,11 +80,13 @@ def psd(options: argparse.Namespace) -> None:
     check_outputs(options, options.files, PICTURES)
     data, notes = read_test(options)
     check_kind("spectra of records", data, Signals)
-    decomposed = decomposition(data, segment=options.segment, overlap=options.overlap, window=options.window)
-    written = [write_picture(path, spectra(decomposed, peaks=options.peaks or 12)) for path in options.outputs]
+    with progress("estimating spectra"):
+        decomposed = decomposition(data, segment=options.segment, overlap=options.overlap, window=options.window)
+    with progress("finding peaks"):
+        peaks = decomposed.damped_peaks(options.peaks)
+    written = [write_picture(path, spectra, decomposed, peaks=options.peaks or 12) for path in options.outputs]
     step = decomposed.frequencies[1] - decomposed.frequencies[0]
     remark(*notes, f"{decomposed.averages} averages, line spacing {step:.4g} Hz")
-    peaks = decomposed.damped_peaks(options.peaks)
     say("peak    f [Hz]  zeta [%]" if len(peaks.frequencies) else "no significant peak")
     for number, (frequency, zeta) in enumerate(zip(peaks.frequencies, peaks.damping_ratios, strict=True), 1):
         say(f"{number:4d}  {frequency:8.4f}  " + (f"{100 * zeta:8.3f}" if zeta == zeta else "       -"))
@@ -117,11 +122,13 @@ def ods(options: argparse.Namespace) -> None:
     stacked = data.stacked() if isinstance(data, Records) else (data,)
     data = stacked[0] if len(stacked) == 1 else data
     asked = {name: getattr(options, name) for name in ("frequency", "input", "order", "tacho", "time")}
-    shapes = ods(data, **asked)
+    with progress("computing shapes"):
+        shapes = ods(data, **asked)
     written = []
     for path in options.outputs:
         if path.suffix.lower() == ".gif":
-            animate(shapes, range(len(shapes)), path)
+            with progress(f"drawing {path.name}"):
+                animate(shapes, range(len(shapes)), path)
             written.append(f"written: {path}")
         else:
             written.append(write_data(path, shapes))

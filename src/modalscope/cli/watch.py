@@ -123,8 +123,10 @@ def _report(options: argparse.Namespace, store: Store) -> None:
     from modalscope.reporting.document import write_page
     from modalscope.reporting.months import months_sections
 
-    parts = months_sections(store, reference=options.reference, false_per_year=options.false_per_year)
-    remark(str(write_page(options.output, store.path.name, "Months of records", parts, [store.path])))
+    with progress(f"writing {options.output.name}"):
+        parts = months_sections(store, reference=options.reference, false_per_year=options.false_per_year)
+        written = write_page(options.output, store.path.name, "Months of records", parts, [store.path])
+    remark(str(written))
 
 
 def _judge(options: argparse.Namespace, store: Store, told: set[str]) -> None:
@@ -134,10 +136,10 @@ def _judge(options: argparse.Namespace, store: Store, told: set[str]) -> None:
     from modalscope.cli.output import write_picture
     from modalscope.monitoring import alarms, track
 
-    tracks = track(store.history())
-    remark(tracks.table())
-    found = alarms(tracks, reference=options.reference, false_per_year=options.false_per_year)
-    remark(*found.notes)
+    with progress("following modes"):
+        tracks = track(store.history())
+        found = alarms(tracks, reference=options.reference, false_per_year=options.false_per_year)
+    remark(tracks.table(), *found.notes)
     for alarm in found.alarms:
         line = json.dumps(alarm.to_dict())
         if (key := str(alarm.time)) not in told:
@@ -148,7 +150,7 @@ def _judge(options: argparse.Namespace, store: Store, told: set[str]) -> None:
     if options.chart is not None:
         from modalscope.plot import control_chart
 
-        remark(write_picture(options.chart, control_chart(found)))
+        remark(write_picture(options.chart, control_chart, found))
 
 
 def _look(options: argparse.Namespace, store: Store) -> bool:

@@ -17,7 +17,7 @@ from modalscope.identification.options import HankelOptions, LineOptions
 from modalscope.identification.orders import checked_orders
 from modalscope.identification.prepare import prepare
 from modalscope.identification.sizes import default_degree, default_windows
-from modalscope.numerics.resources import allowed_memory, in_words
+from modalscope.numerics.resources import allowed_memory, in_words, one_thread
 
 #: Passes over the data of a randomized range: products from either side.
 _PASSES_OF_RANGE = 12
@@ -82,6 +82,7 @@ class Plan:
         return "\n".join(lines)
 
 
+@one_thread
 def plan(
     data: Any,
     *,
