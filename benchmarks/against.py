@@ -7,8 +7,6 @@
 from __future__ import annotations
 
 import argparse
-import datetime
-import subprocess
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
@@ -16,13 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks._published import commit_of, table, today
 from benchmarks.peers.install import PLACE, python_of
 from benchmarks.peers.pairs import Child, Measured, paired
 from benchmarks.peers.works import WORKS, Work
 
 __all__ = ["page"]
 
-_HEAD = "| work | program | ours, CPU s | theirs | ratio | ours, MB | theirs | poles differ by |"
+_HEAD = ("work", "program", "ours, CPU s", "theirs", "ratio", "ours, MB", "theirs", "poles differ by")
 
 #: Where the table is published.
 _PAGE = Path(__file__).parents[1] / "docs" / "validation" / "peers.md"
@@ -55,20 +54,14 @@ def rows(work: Work) -> Iterator[tuple[str, bool]]:
 def page(lines: Sequence[str], before: Sequence[str], measured: str) -> str:
     """Return the text of the page: new lines with what says when they were `measured`, and of the other works those from before."""
     names = [(work.name, f"{who}, {function}") for work in WORKS for who, function, *_ in work.peers]
-    kept: dict[tuple[str, ...], str] = {}
-    for line in (*before, *(f"{line} {measured}" for line in lines)):
-        cells = tuple(cell.strip() for cell in line.split("|")[1:3])
-        if cells in names:
-            kept[cells] = line
-    head = f"{_HEAD} date | commit |"
-    table = "\n".join([head, "|---" * (head.count("|") - 1) + "|", *(kept[name] for name in names if name in kept)])
+    rows = table([*_HEAD, "date", "commit"], (f"{line} {measured}" for line in lines), before, names)
     return f"""# Other programs at the same work
 
 Written by `python -m benchmarks.against --page`, the part of `make bench` that compares. Results are compared first. Then both work in
 turn, in an environment each, with one thread. The ratio is the median of theirs over ours, pair by pair: above 1 modalscope is faster.
 Memory is what the work takes above the data.
 
-{table}
+{rows}
 """
 
 
@@ -78,26 +71,24 @@ def main() -> None:
     parser.add_argument("words", nargs="*")
     parser.add_argument("--page", action="store_true")
     options = parser.parse_args()
-    told = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False)
-    table, unequal = [], []
+    done, unequal = [], []
     for work in WORKS:
         if not all(word in work.name for word in options.words):
             continue
         for line, alike in rows(work):
             print(line if alike else f"{line} NOT EQUAL", flush=True)
-            table.append(line)
+            done.append(line)
             unequal += [] if alike else [line]
         if work.left_out:
             print(f"  left out: {work.left_out}", flush=True)
     PLACE.mkdir(parents=True, exist_ok=True)
-    lines = [_HEAD, "|---" * (_HEAD.count("|") - 1) + "|", *table]
+    lines = [f"| {' | '.join(_HEAD)} |", "| --- " * len(_HEAD) + "|", *done]
     (PLACE / "table.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
     if unequal:
-        raise SystemExit(f"results are not equal in {len(unequal)} of {len(table)} rows")
+        raise SystemExit(f"results are not equal in {len(unequal)} of {len(done)} rows")
     if options.page:
         before = _PAGE.read_text(encoding="utf-8").splitlines() if _PAGE.is_file() else []
-        measured = f"{datetime.datetime.now(datetime.UTC).date()} | {told.stdout.strip()} |"
-        _PAGE.write_text(page(table, before, measured), encoding="utf-8")
+        _PAGE.write_text(page(done, before, f"{today()} | {commit_of(_PAGE.parent)} |"), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import builtins
-import datetime
 import importlib
 import json
 import os
@@ -27,6 +26,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+
+from benchmarks._published import commit_of, table, today
 
 ROOT = Path(__file__).parents[1]
 
@@ -209,12 +210,13 @@ def _child(files: Sequence[str], report: str) -> None:
 
 
 class Outcome(NamedTuple):
-    """What a job took: CPU seconds and largest memory (MB) by stage, bytes of the report, bytes of the data."""
+    """What a job took: CPU seconds and largest memory (MB) by stage, bytes of the report, bytes of the data; and the commit."""
 
     seconds: dict[str, float]
     memory: dict[str, float]
     report: int
     data: int
+    commit: str
 
 
 def ran(files: Sequence[Path], source: Path = ROOT) -> Outcome:
@@ -231,7 +233,8 @@ def ran(files: Sequence[Path], source: Path = ROOT) -> Outcome:
         command, cwd=_PLACE, env=environment, stdout=subprocess.PIPE, text=True, check=True, stderr=subprocess.DEVNULL
     )
     told = json.loads(done.stdout.splitlines()[-1])
-    return Outcome(told["seconds"], told["memory"], report.stat().st_size, sum(path.stat().st_size for path in files))
+    size = sum(path.stat().st_size for path in files)
+    return Outcome(told["seconds"], told["memory"], report.stat().st_size, size, commit_of(source))
 
 
 #: Columns of the table.
@@ -240,9 +243,9 @@ _COLUMNS = ("imports", "reading", "doctor", "identification", "deviations", "rep
 
 def row_of(name: str, found: Outcome, before: Outcome | None = None) -> list[str]:
     """Return a row of the table."""
-    earlier = ["", ""]
+    earlier = ["", "", ""]
     if before is not None:
-        earlier = [f"{sum(before.seconds.values()):.1f}", f"{max(before.memory.values()):.0f}"]
+        earlier = [f"{sum(before.seconds.values()):.1f}", f"{max(before.memory.values()):.0f}", before.commit]
     whole, highest = sum(found.seconds.values()), max(found.memory, key=lambda stage: found.memory[stage])
     share = (found.seconds.get("identification", 0) + found.seconds.get("deviations", 0)) / whole
     return [
@@ -254,6 +257,8 @@ def row_of(name: str, found: Outcome, before: Outcome | None = None) -> list[str
         f"{found.data / 1e6:.1f}",
         f"{found.report / 1e3:.0f}",
         *earlier,
+        today(),
+        found.commit,
     ]
 
 
@@ -267,6 +272,7 @@ HEADER = [
     "report, kB",
     "before, CPU s",
     "before, MB",
+    "before, commit",
     "date",
     "commit",
 ]
@@ -274,20 +280,16 @@ HEADER = [
 
 def page(rows: Sequence[Sequence[str]]) -> str:
     """Return the text of the page; of jobs that were not run the rows that it has."""
-    measured = {row[0]: f"| {' | '.join(row)} |" for row in rows}
     before = _PAGE.read_text(encoding="utf-8").splitlines() if _PAGE.is_file() else []
-    kept = {name: line for name in JOBS for line in before if line.startswith(f"| {name} |")} | measured
-    table = "\n".join(
-        [f"| {' | '.join(HEADER)} |", "| --- " * len(HEADER) + "|", *(kept[name] for name in JOBS if name in kept)]
-    )
+    lines = table(HEADER, (f"| {' | '.join(row)} |" for row in rows), before, [(name,) for name in JOBS])
     return f"""# Ten jobs, from the file to the report
 
 Written by `python -m benchmarks.jobs --page`: `modalscope identify FILE -o report.html` with nothing set, one process and one thread each.
 CPU seconds by stage; imports are counted apart wherever they happen. Memory is the largest of the whole process, about 120 MB of which are
 the program and its packages, with the stage that takes it. Data are simulated but for those of the beam. Before: the same on the same
-machine, in turns, with commit 09eeb747 of 2026-11-24.
+machine, in turns, with an earlier commit.
 
-{table}
+{lines}
 """
 
 
@@ -298,8 +300,6 @@ def main() -> None:
     parser.add_argument("--before", type=Path)
     parser.add_argument("--page", action="store_true")
     options = parser.parse_args()
-    told = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True)
-    place = [str(datetime.datetime.now(datetime.UTC).date()), told.stdout.strip()]
     _PLACE.mkdir(parents=True, exist_ok=True)
     rows = []
     print("\t".join(HEADER))
@@ -307,7 +307,7 @@ def main() -> None:
         if options.word in name:
             made = files()
             before = None if options.before is None else ran(made, options.before)
-            rows.append([*row_of(name, ran(made), before), *place])
+            rows.append(row_of(name, ran(made), before))
             print("\t".join(rows[-1]), flush=True)
     if options.page:
         _PAGE.write_text(page(rows), encoding="utf-8")

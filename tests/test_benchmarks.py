@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import ast
+import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchmarks._published import commit_of, table
 from benchmarks.against import page
-from benchmarks.jobs import STAGES, looked_up
+from benchmarks.jobs import HEADER, STAGES, Outcome, looked_up, row_of
 from benchmarks.peers import pairs, works
 from benchmarks.peers.child import loaded, poles_of
 from benchmarks.peers.install import PEERS
@@ -48,6 +50,27 @@ def test_the_page_keeps_the_rows_of_works_that_were_not_done() -> None:
     )
     assert after.splitlines()[:-2] == before[:-2]
     assert after.splitlines()[-2:] == [f"{first} 1 | 2026-01-01 | a |", f"{second} 2 | 2026-02-01 | b |"]
+
+
+def test_a_row_of_a_table_is_named_by_its_first_cells() -> None:
+    before = table(
+        ("job", "CPU s"), ["| laser, 1 | 2 |", "| laser | 3 |", "| gone | 4 |"], [], [("laser",), ("laser, 1",)]
+    )
+    assert before.splitlines()[2:] == ["| laser | 3 |", "| laser, 1 | 2 |"]
+    after = table(("job", "CPU s"), ["| laser | 5 |"], before.splitlines(), [("laser, 1",), ("laser",)])
+    assert after.splitlines()[2:] == ["| laser, 1 | 2 |", "| laser | 5 |"]
+
+
+def test_a_job_names_the_commit_of_the_folder_that_it_is_measured_beside(tmp_path: Path) -> None:
+    assert commit_of(tmp_path) == "no checkout"
+    git = ["git", "-C", str(tmp_path), "-c", "user.name=a", "-c", "user.email=a@b.c"]
+    for words in (["init", "-q"], ["commit", "-q", "--allow-empty", "-m", "first"]):
+        subprocess.run([*git, *words], check=True)
+    commit = commit_of(tmp_path)
+    assert len(commit) >= 4
+    spent = Outcome({"identification": 2.0}, {"identification": 100.0}, 1000, 1000, "here")
+    row = dict(zip(HEADER, row_of("job", spent, spent._replace(commit=commit)), strict=True))
+    assert (row["before, commit"], row["commit"]) == (commit, "here")
 
 
 @pytest.mark.slow
