@@ -13,6 +13,7 @@ import pytest
 import modalscope as ms
 from modalscope.checking import certificate
 from modalscope.checking.certificate import Calibration, calibration, nearest_order, replicates_of
+from modalscope.data.deferred import Deferred
 from modalscope.likelihood.noise import SPLIT, coloured
 from modalscope.systems import chain5
 from tests.likelihood.interval_cases import record
@@ -218,20 +219,22 @@ def test_of_the_order_nearest_to_the_modes_deviations_are_computed_of_few_orders
     poles = np.concatenate([np.append(truth, 9j) + 0.01 * rng.standard_normal(6) * rng.integers(3) for _ in orders])
     std = rng.choice([1.0, 100.0], poles.size, p=[0.8, 0.2])
     asked: list[int] = []
-
-    def deviations_at(index):
-        asked.extend(order_of_pole[index])
-        return std[index], std[index]
-
-    diagram = SimpleNamespace(orders=orders, order_of_pole=order_of_pole, poles=poles, deviations_at=deviations_at)
-    costs = []
+    numbers = Deferred(poles.size, lambda index: asked.extend(order_of_pole[index]) or np.stack([std[index]] * 2))
+    read = rng.choice(poles.size, poles.size // 2, replace=False)
+    numbers.at(read)
+    asked.clear()
+    diagram = SimpleNamespace(orders=orders, order_of_pole=order_of_pole, poles=poles, deviations_at=numbers.at)
+    costs, least = [], []
     for order in orders:
         own = np.flatnonzero(order_of_pole == order)
         distance = np.abs(poles[own][:, None] - truth) / 0.02
-        split = std[own[distance.argmin(axis=0)]] > SPLIT
-        costs.append(np.sum(np.minimum(distance.min(axis=0), 1.0) + split))
+        nearest = own[distance.argmin(axis=0)]
+        split = std[nearest] > SPLIT
+        costs.append(np.sum(np.minimum(distance.min(axis=0), 1.0)) + np.sum(split))
+        least.append(costs[-1] - np.sum(split & ~np.isin(nearest, read)))
     modes = MagicMock(poles=truth, frequencies_std=np.ones(5))
     modes.__len__.return_value = 5
     found = nearest_order(diagram, modes)
     assert costs[list(orders).index(found)] == pytest.approx(min(costs), abs=1e-12)
+    assert {int(n) for n, cost in zip(orders, least, strict=True) if cost < min(costs) + 1e-9} >= set(asked)
     assert len(set(asked)) < len(orders)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from modalscope.data import FrequencyResponse
-from modalscope.functions.poles import poles_from
+from modalscope.data.deferred import Deferred
+from modalscope.functions.poles import frequencies_and_damping, poles_from
 from modalscope.identification.orders import ORDERS_END
 from modalscope.judging import recount, verdict
 from modalscope.judging.evidence import Candidate, evidence_of
@@ -18,7 +19,7 @@ from modalscope.judging.outcome import modes_of
 from modalscope.judging.select import select
 from modalscope.judging.selection_problem import SelectionProblem
 from modalscope.judging.tracking import Poles
-from modalscope.judging.verdict import SelectionResult, _shown_by, verdicts
+from modalscope.judging.verdict import Contest, SelectionResult, _shown_by, verdicts
 from tests.judging.made import Pole, diagram_of, poles_of
 from tests.judging.test_joint_selection import NOISE, PARTS, POLES, SHAPES, F, data, selection_of
 
@@ -44,7 +45,7 @@ def trial_of(
     found = select_jointly(selection, POLES[list(start)], PARTS[list(start)].astype(complex))
     assert found is not None
     groups = [np.flatnonzero(np.abs(flat.pole - s) < 1e-9) for s in dict.fromkeys(flat.pole)]
-    return SelectionResult(diagram, flat, evidence_of(diagram), selection, found), groups
+    return SelectionResult(diagram, flat, evidence_of(diagram), Contest(selection, found)), groups
 
 
 def told(*made: Pole, **how: object) -> list[Candidate]:
@@ -238,7 +239,7 @@ def shifting(factor: float) -> tuple[SelectionResult, list[np.ndarray]]:
     assert found is not None
     poles = poles_of(*flat, orders=ORDERS)
     groups = [np.flatnonzero(np.abs(poles.pole - s) < 1e-9) for s in dict.fromkeys(poles.pole)]
-    return SelectionResult(diagram, poles, evidence_of(diagram), selection, found), groups
+    return SelectionResult(diagram, poles, evidence_of(diagram), Contest(selection, found)), groups
 
 
 def test_a_mode_with_parts_is_as_sure_as_one_mode_of_both_would_be() -> None:
@@ -248,14 +249,14 @@ def test_a_mode_with_parts_is_as_sure_as_one_mode_of_both_would_be() -> None:
     one = np.outer(SHAPES[:, 3], PARTS[3]) / (x - POLES[3])
     more = np.outer(SHAPES[:, 3], [PARTS[3, 0], 0.3]) / (x - 1.004 * POLES[3])
     size = np.linalg.norm(one + more) / np.linalg.norm(one)
-    host, own = both.hosts(), np.arange(5)
-    assert host.tolist() == [0, 1, 2, 3, 3]
-    expected = np.array(lone.left_open(3, own[:4])) / size
+    assert both.contest.hosts.tolist() == [0, 1, 2, 3, 3]
+    expected = np.array(lone.left_open(3)) / size
     # the two are a third of a half bandwidth apart, nearly one resonance, which the participation of the stronger meets in part
-    assert np.allclose(both.left_open(3, host), expected, rtol=0.2)
+    assert np.allclose(both.left_open(3), expected, rtol=0.2)
     # each alone is open: what the one explains the other may explain
-    assert min(both.left_open(3, own)) > 3 * max(expected)
-    assert min(both.left_open(4, own)) > 3 * max(expected)
+    f, zeta = frequencies_and_damping(both.found.poles[3:])
+    assert np.min(both.found.frequency_std[3:] / (f * zeta)) > 3 * max(expected)
+    assert np.min(both.found.damping_std[3:] / zeta) > 3 * max(expected)
 
 
 def test_of_coloured_data_poles_that_act_as_one_are_parts_of_the_strongest() -> None:
@@ -284,10 +285,10 @@ def test_of_coloured_data_what_noise_may_explain_is_no_mode_at_however_many_orde
     ratio: float, listed: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     trial, groups = trial_of(*ALL, coloured=True)
-    monkeypatch.setattr(SelectionResult, "recounted", lambda self, which: np.full(len(which), ratio))
+    monkeypatch.setattr(Contest, "recounted", Deferred(4, lambda index: np.full((1, len(index)), ratio), rows=1))
     gain = trial.found.gain.copy()
     gain[0] = 0.9 * trial.selection.bar
-    found = verdicts(replace(trial, found=replace(trial.found, gain=gain)), groups)
+    found = verdicts(replace(trial, contest=Contest(trial.selection, replace(trial.found, gain=gain))), groups)
     weak = next(c for c in found if abs(c.frequency - 9) < 0.1)
     assert weak.members.size == len(ORDERS)
     assert any("noise alone reaches" in why for why in weak.against) is not listed
@@ -299,7 +300,9 @@ def test_a_group_shows_a_mode_within_a_half_bandwidth(away: float, mode: int) ->
     # 10 Hz with 1 %: .1 Hz; the group's own is as wide and a hundredth more at most
     group = poles_of(*(Pole(n, f=10 + 0.101 * away) for n in ORDERS))
     settled, residues = poles_from(np.array([10.0]), np.array([0.01])), (np.array([[1.0], [0.0]]), None)
-    trial = SimpleNamespace(refined_poles=settled, poles=group, found=SimpleNamespace(residues=residues))
+    trial = SimpleNamespace(
+        contest=SimpleNamespace(poles=settled), poles=group, found=SimpleNamespace(residues=residues)
+    )
     assert _shown_by(trial, [np.arange(len(ORDERS))]) == [mode]  # type: ignore[arg-type]
 
 
@@ -311,12 +314,12 @@ def test_what_tells_more_of_a_mode_tells_more_of_where_it_lies(
     # than the .3 of a mode; at 1.2 bars they are .33
     made = [*(p for j in (1, 2, 3) for p in shown(j)), *shown(0, ORDERS[:4])]
     trial, groups = trial_of(*made, coloured=True)
-    monkeypatch.setattr(SelectionResult, "recounted", lambda self, which: np.full(len(which), ratio))
-    monkeypatch.setattr(SelectionResult, "left_open", lambda self, j, host: (0.4, 0.4) if j == at else (0.1, 0.1))
-    at = int(np.argmin(trial.refined_poles.imag))
+    monkeypatch.setattr(Contest, "recounted", Deferred(4, lambda index: np.full((1, len(index)), ratio), rows=1))
+    monkeypatch.setattr(SelectionResult, "left_open", lambda self, j: (0.4, 0.4) if j == at else (0.1, 0.1))
+    at = int(np.argmin(trial.contest.poles.imag))
     gain = trial.found.gain.copy()
     gain[at] = trial.selection.bar
-    found = verdicts(replace(trial, found=replace(trial.found, gain=gain)), groups)
+    found = verdicts(replace(trial, contest=Contest(trial.selection, replace(trial.found, gain=gain))), groups)
     mode = next(c for c in found if abs(c.frequency - 9) < 0.1)
     assert mode.gain == pytest.approx(ratio * trial.bar)
     assert ("uncertain" not in mode.facts) is listed

@@ -188,9 +188,11 @@ def nearest_order(diagram: StabilizationDiagram, modes: ModalModel) -> int:
             continue
         costs.append(float(np.sum(np.minimum(distance.min(axis=0), 1.0))))
         nearest.append(own[np.argmin(distance, axis=0)])
+    # deviations that were read show some of the split modes, others only add to them
+    least = [c + _split_modes(diagram, own, modes, known=True) for c, own in zip(costs, nearest, strict=True)]
     best, at = np.inf, 0
-    for k in np.argsort(costs, kind="stable").tolist():
-        if costs[k] > best:  # split modes only add to it: deviations of other orders are not needed
+    for k in np.argsort(least, kind="stable").tolist():
+        if least[k] > best:  # deviations of other orders are not needed
             break
         cost = costs[k] + _split_modes(diagram, nearest[k], modes)
         if cost < best or (cost == best and k < at):
@@ -198,11 +200,14 @@ def nearest_order(diagram: StabilizationDiagram, modes: ModalModel) -> int:
     return int(diagram.orders[at])
 
 
-def _split_modes(diagram: StabilizationDiagram, nearest: IntArray, modes: ModalModel) -> int:
-    """Return how many modes an order splits in two, by the poles of it that are nearest to them: their deviation is many times as large."""
+def _split_modes(diagram: StabilizationDiagram, nearest: IntArray, modes: ModalModel, *, known: bool = False) -> int:
+    """Return how many modes an order splits in two, by the poles of it that are nearest to them: their deviation is many times as large.
+
+    `known`: of those whose deviations were read.
+    """
     if modes.frequencies_std is None or not nearest.size:
         return 0
-    std, _ = diagram.deviations_at(nearest)
+    std, _ = diagram.deviations_at(nearest, known=known)
     return 0 if std is None else int(np.count_nonzero(std > SPLIT * modes.frequencies_std))
 
 

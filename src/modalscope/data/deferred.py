@@ -10,14 +10,14 @@ import numpy as np
 
 from modalscope.numerics.checks import Array, IntArray, RealArray, locked
 
-#: Indices of poles -> their columns, (2, k).
+#: Indices of poles -> their columns, (rows, k).
 Compute = Callable[[IntArray], RealArray]
 
 
 class Deferred:
-    """Two numbers a pole, frequency and damping, computed when they are first read.
+    """Some numbers a pole, two by default for frequency and damping, computed when they are first read.
 
-    `count`: of poles. `compute`: is let go, with all that it holds, once all are known.
+    `count`: of poles. `compute`: is let go, with all that it holds, once all are known. `rows`: numbers a pole.
 
     Examples
     --------
@@ -27,23 +27,23 @@ class Deferred:
     ([[2.0], [20.0]], [0.0, 10.0, 20.0], [[2], [0, 1]])
     """
 
-    def __init__(self, count: int, compute: Compute) -> None:
-        self._values, self._missing = np.full((2, count), np.nan), np.ones(count, bool)
+    def __init__(self, count: int, compute: Compute, rows: int = 2) -> None:
+        self._values, self._missing = np.full((rows, count), np.nan), np.ones(count, bool)
         self._compute: Compute | None = compute
         self._whole: RealArray | None = None
         self._lock = RLock()
 
-    def at(self, index: Array) -> RealArray:
-        """Return the numbers of some poles, (2, k)."""
+    def at(self, index: Array, *, known: bool = False) -> RealArray:
+        """Return the numbers of some poles, (rows, k); `known`: compute none, NaN for those that were not read."""
         with self._lock:
             missing = np.unique(index[self._missing[index]])
-            if missing.size and self._compute is not None:
+            if missing.size and self._compute is not None and not known:
                 self._values[:, missing] = self._compute(missing)
                 self._missing[missing] = False
             return np.asarray(self._values[:, index])
 
     def whole(self) -> RealArray:
-        """Return the numbers of all poles, (2, count)."""
+        """Return the numbers of all poles, (rows, count)."""
         with self._lock:
             if self._whole is None:
                 self._whole = locked(self.at(np.arange(len(self._missing))))
@@ -74,9 +74,9 @@ class Column:
         """Return what the field holds, without computing it."""
         return self._slot.__get__(thing, type(thing))
 
-    def at(self, thing: object, index: Array) -> RealArray | None:
-        """Return the numbers of some poles; None where the field holds none."""
+    def at(self, thing: object, index: Array, *, known: bool = False) -> RealArray | None:
+        """Return the numbers of some poles; None where the field holds none. `known`: see `Deferred.at`."""
         value = self.unread(thing)
         if isinstance(value, Deferred):
-            return np.asarray(value.at(index)[self._column])
+            return np.asarray(value.at(index, known=known)[self._column])
         return None if value is None else np.asarray(value[index])

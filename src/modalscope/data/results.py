@@ -210,15 +210,18 @@ class StabilizationDiagram(Shown, HasPoles):
         """
         return replace(self, **{**self._unread(), **fields})
 
-    def deviations_at(self, index: Array) -> tuple[RealArray | None, RealArray | None]:
+    def deviations_at(self, index: Array, *, known: bool = False) -> tuple[RealArray | None, RealArray | None]:
         """Return the standard deviations of frequency (Hz) and damping ratio of some poles, and compute no others.
 
         Parameters
         ----------
         index : array of int
             Which poles.
+        known : bool
+            Compute none: NaN for those that were not read.
         """
-        frequency, damping = (getattr(type(self), name).at(self, np.asarray(index)) for name in DEVIATIONS)
+        some = np.asarray(index)
+        frequency, damping = (getattr(type(self), name).at(self, some, known=known) for name in DEVIATIONS)
         return frequency, damping
 
     @property

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data.deferred import Deferred
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.functions.poles import frequencies_and_damping, overlap, poles_from
@@ -116,25 +117,83 @@ _MIN_SHARE_OF_ORDERS = 0.25
 class Contest:
     """What poles the data need, by one joint selection, whatever diagrams are judged by it.
 
-    `selection`, `found`: what was posed, and its outcome; None where samples leave a coloured residual.
+    `selection`, `found`: what was posed, and its outcome; None where samples leave a coloured residual: then it has nothing else.
     """
 
     selection: SelectionProblem
     found: Outcome | None
 
-    @cached_property
-    def copies(self) -> Copies | None:
-        """The poles that are copies of others, where that is evident."""
-        if self.selection.problem.light.grid is None or self.found is None:
-            return None
-        return copies_of(self.found.recount or recount_of(self.selection, self.found.descent))
+    @property
+    def outcome(self) -> Outcome:
+        """`found` where it is there."""
+        assert self.found is not None
+        return self.found
 
     @cached_property
-    def recounted(self) -> RealArray:
-        """The gains of all poles relative to coloured errors; see `Recount.relative_gains`."""
-        if self.found is None or self.found.recount is None:
-            return np.zeros(0 if self.found is None else len(self.found.poles))
-        return self.found.recount.relative_gains(np.arange(len(self.found.poles)))
+    def copies(self) -> Copies | None:
+        """The poles that are copies of others, where that is evident.
+
+        Not of correlations, whose errors follow the modes themselves.
+        """
+        light = self.selection.problem.light
+        if light.grid is None or light.ambient:
+            return None
+        return copies_of(self.outcome.recount or recount_of(self.selection, self.outcome.descent))
+
+    @cached_property
+    def poles(self) -> ComplexArray:
+        """The refined poles as modes have them, rad/s."""
+        poles = self.outcome.poles if self.copies is None else self.copies.poles
+        return poles + self.selection.problem.light.added_damping
+
+    @cached_property
+    def hosts(self) -> IntArray:
+        """The mode that each pole is part of, by default itself: the strongest of a cluster.
+
+        Coloured data: overlapping poles of one shape, as a shifting resonance needs. Else: overlapping poles that are each uncertain.
+        """
+        if self.copies is not None:
+            return self.copies.host
+        host, gain, s = np.arange(len(self.poles)), self.outcome.gain, self.outcome.poles
+        if self.selection.coloured:
+            one = collinear(s, *self.outcome.residues)
+        else:
+            one = overlap(s, s) & self._open[:, None] & self._open
+        for j in np.argsort(-gain):
+            stronger = [k for k in np.flatnonzero(one[j]) if gain[k] > gain[j]]
+            if stronger:
+                host[j] = host[max(stronger, key=lambda k: gain[k])]
+        return host
+
+    @property
+    def _open(self) -> Array:
+        """Which poles are uncertain, each taken alone."""
+        f, zeta = frequencies_and_damping(self.poles)
+        found = self.outcome
+        known = (found.frequency_std < _MAX_DEVIATION * f * zeta) & (found.damping_std < _MAX_DEVIATION * zeta)
+        return np.asarray(~known)
+
+    @cached_property
+    def deviations(self) -> Deferred:
+        """The standard deviations of frequency (Hz) and damping ratio of each pole as a mode with its parts."""
+        found = self.outcome
+
+        def of_one(j: int) -> tuple[float, float]:
+            parts = np.flatnonzero((self.hosts == j) & (np.arange(len(self.hosts)) != j))
+            if parts.size:
+                return found.as_one(j, parts)
+            return float(found.frequency_std[j]), float(found.damping_std[j])
+
+        return Deferred(len(found.poles), lambda index: np.array([of_one(j) for j in index.tolist()]).T)
+
+    @cached_property
+    def recounted(self) -> Deferred:
+        """The gain of each pole relative to coloured errors, one by one; see `Recount.relative_gains`."""
+        recount, count = self.outcome.recount, len(self.outcome.poles)
+        if recount is None:
+            return Deferred(count, lambda index: np.zeros((1, len(index))), rows=1)
+        of_one = recount.relative_gains
+        return Deferred(count, lambda index: np.stack([of_one(index[[k]]) for k in range(len(index))], axis=1), rows=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,25 +203,18 @@ class SelectionResult:
     diagram: StabilizationDiagram
     poles: Poles
     evidence: Evidence
-    selection: SelectionProblem
-    found: Outcome
-    shared: Contest | None = None
-
-    @cached_property
-    def copies(self) -> Copies | None:
-        """The poles that are copies of others, where that is evident.
-
-        Not of correlations, whose errors follow the modes themselves.
-        """
-        if self.diagram.response.ambient:
-            return None
-        return (self.shared or Contest(self.selection, self.found)).copies
+    contest: Contest
+    shared: bool = False
 
     @property
-    def refined_poles(self) -> ComplexArray:
-        """The refined poles as modes have them, rad/s."""
-        poles = self.found.poles if self.copies is None else self.copies.poles
-        return poles + self.diagram.as_measured.added_damping
+    def selection(self) -> SelectionProblem:
+        """What was posed."""
+        return self.contest.selection
+
+    @property
+    def found(self) -> Outcome:
+        """The outcome of the joint selection."""
+        return self.contest.outcome
 
     @property
     def bar(self) -> float:
@@ -174,55 +226,18 @@ class SelectionResult:
         """What each mode explains, in standard deviations."""
         return np.asarray(np.sqrt(np.maximum(self.found.gain, 0) / 2))
 
-    def recounted(self, which: IntArray) -> RealArray:
-        """Return the gains of poles relative to coloured errors, (k,); see `Recount.relative_gains`."""
-        if self.shared is not None:
-            return np.asarray(self.shared.recounted[which])
-        recount = self.found.recount
-        return np.zeros(len(which)) if recount is None or not len(which) else recount.relative_gains(which)
-
-    def hosts(self) -> IntArray:
-        """Return the mode that each pole is part of, by default itself: the strongest of a cluster.
-
-        Coloured data: overlapping poles of one shape, as a shifting resonance needs. Else: overlapping poles that are each uncertain.
-        """
-        host, gain, s = np.arange(len(self.refined_poles)), self.found.gain, self.found.poles
-        if self.copies is not None:
-            return self.copies.host
-        if self.selection.coloured:
-            one = collinear(s, *self.found.residues)
-        else:
-            one = overlap(s, s) & self.open[:, None] & self.open
-        for j in np.argsort(-gain):
-            stronger = [k for k in np.flatnonzero(one[j]) if gain[k] > gain[j]]
-            if stronger:
-                host[j] = host[max(stronger, key=lambda k: gain[k])]
-        return host
-
-    @property
-    def open(self) -> Array:
-        """Which poles are uncertain, each taken alone."""
-        f, zeta = frequencies_and_damping(self.refined_poles)
-        known = (self.found.frequency_std < _MAX_DEVIATION * f * zeta) & (
-            self.found.damping_std < _MAX_DEVIATION * zeta
-        )
-        return np.asarray(~known)
-
-    def left_open(self, j: int, host: IntArray) -> tuple[float, float]:
+    def left_open(self, j: int) -> tuple[float, float]:
         """Return the deviations of a mode with its parts: of frequency in half bandwidths, of damping in damping ratios."""
-        f, zeta = (float(v) for v in frequencies_and_damping(self.refined_poles[j]))
-        parts = np.flatnonzero((host == j) & (np.arange(len(host)) != j))
-        both = float(self.found.frequency_std[j]), float(self.found.damping_std[j])
-        if parts.size:
-            both = self.found.as_one(j, parts)
-        return (both[0] / (f * zeta), both[1] / zeta) if zeta > 0 else (np.inf, np.inf)
+        f, zeta = (float(v) for v in frequencies_and_damping(self.contest.poles[j]))
+        by_frequency, by_damping = self.contest.deviations.at(np.array([j]))[:, 0].tolist()
+        return (by_frequency / (f * zeta), by_damping / zeta) if zeta > 0 else (np.inf, np.inf)
 
     def residue(self, candidate: Candidate, family: Array) -> ComplexArray | None:
         """Return the residue of a mode at the values it is listed with, from its poles; None for white data without copies.
 
         None of a contest on several diagrams, too: each has shapes of its own.
         """
-        if self.shared is not None or (not self.selection.coloured and self.copies is None):
+        if self.shared or (not self.selection.coloured and self.contest.copies is None):
             return None
         listed = complex(poles_from(candidate.frequency, candidate.damping)) - self.diagram.as_measured.added_damping
         shapes, participation = self.found.residues
@@ -237,7 +252,7 @@ def verdicts(trial: SelectionResult, groups: list[Array]) -> list[Candidate]:
     """
     peak, fit = peaks(trial.diagram, trial.poles, trial.evidence), usable_orders(trial.diagram)[1]
     known = [judge(trial.poles, group, peak, fit, trial.evidence) for group in groups]
-    host = trial.hosts()
+    host = trial.contest.hosts
     shown = [-1 if mode < 0 else int(host[mode]) for mode in _shown_by(trial, groups)]
     mine = {
         int(j): [c for c, mode in zip(known, shown, strict=True) if mode == j]
@@ -247,7 +262,7 @@ def verdicts(trial: SelectionResult, groups: list[Array]) -> list[Candidate]:
     few = {j: max((c.members.size for c in each), default=0) < least for j, each in mine.items()}
     weak = (trial.gain < trial.bar) & (trial.found.recount is not None)
     doubted = [j for j in mine if few[j] or weak[j]] if trial.selection.coloured else []
-    again = dict(zip(doubted, trial.recounted(np.array(doubted, dtype=int)), strict=True))
+    again = dict(zip(doubted, trial.contest.recounted.at(np.array(doubted, dtype=int))[0], strict=True))
     modes = {j: _mode(trial, j, each, fit, host, again.get(j), few[j]) for j, each in mine.items()}
     parts = [_part(trial, int(j), modes[host[j]], fit) for j in np.flatnonzero(host != np.arange(len(host)))]
     left = _left(trial, [each for each, mode in zip(known, shown, strict=True) if mode < 0])
@@ -256,7 +271,7 @@ def verdicts(trial: SelectionResult, groups: list[Array]) -> list[Candidate]:
 
 def _shown_by(trial: SelectionResult, groups: list[Array]) -> list[int]:
     """Return the pole that each group shows, the nearest one; -1 where there is none."""
-    modes, (shapes, _) = trial.refined_poles, trial.found.residues
+    modes, (shapes, _) = trial.contest.poles, trial.found.residues
     f, zeta = frequencies_and_damping(modes)
     shown = []
     for group in groups:
@@ -277,11 +292,11 @@ def _mode(
     reach = _MAX_DISTANCE_COLOURED if trial.selection.coloured else _MAX_DEVIATION
     near = (
         groups
-        if several and trial.copies is None
-        else [c for c in groups if _close(c, complex(trial.refined_poles[j]), reach)]
+        if several and trial.contest.copies is None
+        else [c for c in groups if _close(c, complex(trial.contest.poles[j]), reach)]
     )
     best = max(near, key=lambda c: c.members.size) if near else _by_itself(trial, j, fit)
-    f, zeta = (float(v) for v in frequencies_and_damping(trial.refined_poles[j]))
+    f, zeta = (float(v) for v in frequencies_and_damping(trial.contest.poles[j]))
     low, high = trial.diagram.as_measured.reported_band(trial.diagram.settings.band)
     hidden = again is not None and again <= 1
     gain = max(trial.gain[j], again * trial.bar if rare and again is not None and not hidden else 0.0)
@@ -291,7 +306,7 @@ def _mode(
     if hidden:
         few_orders = rarely_shown(int(best.members.size), len(trial.poles.orders))
         against.append(few_orders if rare else too_little(gain, trial.bar, coloured=True))
-    apart, damped = (deviation * trial.gain[j] / gain for deviation in trial.left_open(j, host))
+    apart, damped = (deviation * trial.gain[j] / gain for deviation in trial.left_open(j))
     if zeta >= MAX_DAMPING_OF_RESONANCES and not groups:
         against.append(f"damping {100 * zeta:.2g} %, not found in the diagram: may represent modes outside the band")
     if not (apart < _MAX_DEVIATION and damped < _MAX_DEVIATION):
@@ -303,11 +318,11 @@ def _mode(
         if hidden and rare and len(against) == 1 and zeta < MAX_DAMPING_OF_RESONANCES and _late(best, trial)
         else {}
     )
-    if several and not trial.selection.coloured and trial.copies is None:
+    if several and not trial.selection.coloured and trial.contest.copies is None:
         undecided = {"cluster": int(np.sum(host == j))}
-    if several and trial.copies is not None:
+    if several and trial.contest.copies is not None:
         best = replace(best, frequency=f, damping=zeta)
-        undecided |= trial.copies.facts(turned=trial.selection.problem.turned)
+        undecided |= trial.contest.copies.facts(turned=trial.selection.problem.turned)
     residue = trial.residue(best, np.flatnonzero(host == j))
     known = replace(best, against=tuple(against), facts=best.facts | _alone(trial, j) | undecided, residue=residue)
     return _with_gain(trial, known, gain)
@@ -354,7 +369,7 @@ def _close(group: Candidate, mode: complex, reach: float) -> bool:
 def _by_itself(trial: SelectionResult, j: int, fit: float) -> Candidate:
     """Return a mode that no orders agree on, with refined values."""
     response, orders = trial.diagram.response, trial.poles.orders
-    s, (shapes, participation) = trial.refined_poles[[j]], trial.found.residues
+    s, (shapes, participation) = trial.contest.poles[[j]], trial.found.residues
     shape, part = shapes.T[[j]], participation[[j]]
     own = contributions(response, s, shape, part)
     alone = Poles(orders, np.array([orders[-1]]), s, shape, part, own)
@@ -370,7 +385,9 @@ def _part(trial: SelectionResult, j: int, host: Candidate, fit: float) -> Candid
     """Return a pole that is part of a stronger mode, or cannot be separated from it."""
     shifts = "duplicate of {:.5g} Hz (frequency drifted during the measurement)"
     close = "too close to {:.5g} Hz to separate; counted in its cluster"
-    against = ((close if trial.copies is None and not trial.selection.coloured else shifts).format(host.frequency),)
+    against = (
+        (close if trial.contest.copies is None and not trial.selection.coloured else shifts).format(host.frequency),
+    )
     part = _by_itself(trial, j, fit)
     return _with_gain(trial, replace(part, against=against, residue=trial.residue(part, np.array([j]))), trial.gain[j])
 
@@ -482,7 +499,7 @@ def likely(
         merged = merge_splits(poles)
         groups = [*_groups(merged), *(group + merged.pole.size for group in groups)]
         poles = merged.beside(poles)
-    candidates = verdicts(SelectionResult(diagram, poles, evidence, held.selection, held.found, known), groups)
+    candidates = verdicts(SelectionResult(diagram, poles, evidence, held, known is not None), groups)
     room = np.unique(diagram.order_of_pole, return_counts=True)[1].max(initial=0)
     if known is None or room < len(held.found.poles):
         return poles, candidates
