@@ -80,15 +80,16 @@ def moved_by_noise(sweep: Sweep, diagram: StabilizationDiagram, modes: ModalMode
     """Return the effect of the noise on modes that were selected from the diagram of a sweep; None where it is unknown."""
     if sweep.noise is None or not len(modes):
         return None
-    pipeline = sweep.pipeline
-    cut = sweep.cut(nearest_order(diagram, modes))
+    pipeline, asked = sweep.pipeline, sweep.asked(nearest_order(diagram, modes))
+    if asked is None:
+        return None
     response = pipeline.matrix.judged
-    poles = cut.modal.poles + response.added_damping
+    poles = asked.poles + response.added_damping
     distance = np.abs(poles[:, None] - modes.poles) / np.abs(modes.poles.real)
     nearest = np.argmin(distance, axis=0)
     matched = distance[nearest, np.arange(len(modes))] < 1
-    if cut.std is not None and modes.frequencies_std is not None:  # a split mode is not the mode
-        matched &= ~(cut.std.frequency[nearest] > SPLIT * modes.frequencies_std)
+    if modes.frequencies_std is not None:  # a split mode is not the mode
+        matched &= ~(sweep.deviations(asked).frequency[nearest] > SPLIT * modes.frequencies_std)
     index = nearest[matched]
     if not index.size:  # modes of the residual, which no order has
         return None
@@ -98,14 +99,13 @@ def moved_by_noise(sweep: Sweep, diagram: StabilizationDiagram, modes: ModalMode
     if step > 1 and response.grid is not None and response.added_damping <= 0:
         places = np.arange(step // 2, response.count, step)
         lines = Lines(places, np.full(places.size, float(step)))
-    eigen = cut.modal.eigen.take(index)
+    eigen = asked.eigen.take(index)
     try:
-        influence = influence_on(pipeline.matrix, pipeline.realization, cut.order, cut.triple, eigen, lines)
+        influence = influence_on(pipeline.matrix, pipeline.realization, asked.order, asked.model, eigen, lines)
     except DataError:  # a realization without first-order influence
         return None
-    noise = sweep.noise_beside(cut)
     row = np.where(matched, np.cumsum(matched) - 1, -1)
-    return None if noise is None else Moved(response, noise, influence, poles[index], row)
+    return Moved(response, asked.noise, influence, poles[index], row)
 
 
 def covariance(a: Moved, b: Moved, rows_a: IntArray, rows_b: IntArray, noise: Noise) -> tuple[RealArray, RealArray]:

@@ -106,11 +106,10 @@ class _Computed(NamedTuple):
     known: Array
     deviations: Deviations
 
-    def of(self, poles: ComplexArray) -> bool:
-        """Whether poles are the same, in the same order."""
-        if self.poles.shape != poles.shape:
-            return False
-        return bool(np.all(np.abs(self.poles - poles) <= _SAME_POLE * np.abs(poles)))
+
+def _same(one: ComplexArray, other: ComplexArray) -> bool:
+    """Return whether poles are the same, in the same order."""
+    return one.shape == other.shape and bool(np.all(np.abs(one - other) <= _SAME_POLE * np.abs(other)))
 
 
 class Shared:
@@ -127,6 +126,8 @@ class Shared:
         self._weighted = getattr(self._matrix, "weights", None) is not None
         self.noise = noise_of(self._response, pipeline.problem.records, whitening) if deviations else None
         self._computed: dict[int, _Computed] = {}
+        self.asked: dict[int, Asked | None] = {}
+        self._alike: dict[int, Asked | None] = {}
 
     def cuts(self, parts: Sequence[tuple[int, Triple, Eigenmodes]]) -> list[Cut]:
         """Return orders, computed together, with their indicators."""
@@ -135,13 +136,14 @@ class Shared:
         of_parts = [part[1:] for part in parts]
         indicators = indicators_of_all(self._pipeline.matrix, of_parts) if self._indicated else [{} for _ in parts]
         reported = [self._reported(model, modal) for _, model, modal in parts]
-        asked = [self._asked(*each) for each in zip(parts, reported, strict=True)]
-        return [self._cut(*each) for each in zip(parts, reported, indicators, asked, strict=True)]
+        self.asked |= {part[0]: self._asked(part, which) for part, which in zip(parts, reported, strict=True)}
+        return [self._cut(*each) for each in zip(parts, reported, indicators, strict=True)]
 
     def _asked(self, part: tuple[int, Triple, Eigenmodes], reported: IntArray) -> Asked | None:
         """Return what deviations of the poles of an order are computed of: its basis tells its noise. None where not asked."""
         order, model, modal = part
-        noise = self.noise_beside(modal)
+        alike = self._alike.get(order)
+        noise = self._noise_beside(modal) if alike is None or not _same(alike.poles, modal.poles) else alike.noise
         return None if noise is None else Asked(order, model, modal.poles, modal.eigen, reported, noise)
 
     def deviations(self, *asked: Asked) -> list[Deviations]:
@@ -149,7 +151,7 @@ class Shared:
         kept, missing = [], []
         for one in asked:
             computed = self._computed.get(one.order)
-            if computed is None or not computed.of(one.poles):
+            if computed is None or not _same(computed.poles, one.poles):
                 count = one.poles.size
                 unknown = Deviations(np.full(count, np.nan), np.full(count, np.nan))
                 computed = _Computed(one.poles, np.zeros(count, bool), unknown)
@@ -169,8 +171,8 @@ class Shared:
         return any(np.any(np.isfinite(self.deviations(one)[0].frequency)) for one in asked)
 
     def take_deviations_of(self, other: Shared) -> None:
-        """Share the standard deviations of another sweep: they depend on poles and data alone."""
-        self._computed = other._computed
+        """Share the standard deviations of another sweep, and its noise: they depend on poles and data alone."""
+        self._computed, self._alike = other._computed, other.asked
 
     def _reported(self, model: Triple, modal: Eigenmodes) -> IntArray:
         """Return the indices of the poles in the band that are not extraneous."""
@@ -180,13 +182,10 @@ class Shared:
         return np.asarray(kept[(f[kept] >= low) & (f[kept] <= high)])
 
     def _cut(
-        self,
-        part: tuple[int, Triple, Eigenmodes],
-        reported: IntArray,
-        indicators: Mapping[str, RealArray],
-        asked: Asked | None,
+        self, part: tuple[int, Triple, Eigenmodes], reported: IntArray, indicators: Mapping[str, RealArray]
     ) -> Cut:
         order, model, modal = part
+        asked = self.asked[order]
         bare = _with_basis(modal, None)  # the columns of all orders would need much memory
         return Cut(
             order=order,
@@ -225,7 +224,7 @@ class Shared:
             return modes.fit.misfit
         return self._misfit.of_fit(modes.poles, modes.fit.fitted or modes.fit)
 
-    def noise_beside(self, modal: Eigenmodes) -> Noise | None:
+    def _noise_beside(self, modal: Eigenmodes) -> Noise | None:
         """Return the noise of the residual of free residues at the poles of a model."""
         if self.noise is None or not self.noise.of_residual:
             return self.noise
@@ -267,9 +266,13 @@ class Sweep:
         """The noise model of the data; None without standard deviations."""
         return self._measured.noise
 
-    def noise_beside(self, cut: Cut) -> Noise | None:
-        """Return the noise model given the residual of an order; None without standard deviations."""
-        return self._measured.noise_beside(cut.modal)
+    def asked(self, order: int) -> Asked | None:
+        """Return what standard deviations of an order are computed of, with its noise; None without, or where it is not computed."""
+        return self._measured.asked.get(order)
+
+    def deviations(self, asked: Asked) -> Deviations:
+        """Return the standard deviations of the poles that are asked of an order, NaN at others that are not known."""
+        return self._measured.deviations(asked)[0]
 
     def has_poles_of(self, other: Sweep) -> bool:
         """Whether another sweep over the same factors has the same poles at every order."""

@@ -226,6 +226,14 @@ class SelectionResult:
         """What each mode explains, in standard deviations."""
         return np.asarray(np.sqrt(np.maximum(self.found.gain, 0) / 2))
 
+    @cached_property
+    def refined(self) -> tuple[Poles, RealArray]:
+        """The refined poles, put at the last order, and the size of each one's term at its frequency; see `peaks`."""
+        orders, s, (shapes, participation) = self.poles.orders, self.contest.poles, self.found.residues
+        own = contributions(self.diagram.response, s, shapes.T, participation)
+        poles = Poles(orders, np.full(len(s), orders[-1]), s, shapes.T, participation, own)
+        return poles, peaks(self.diagram, poles, self.evidence)
+
     def left_open(self, j: int) -> tuple[float, float]:
         """Return the deviations of a mode with its parts: of frequency in half bandwidths, of damping in damping ratios."""
         f, zeta = (float(v) for v in frequencies_and_damping(self.contest.poles[j]))
@@ -368,16 +376,12 @@ def _close(group: Candidate, mode: complex, reach: float) -> bool:
 
 def _by_itself(trial: SelectionResult, j: int, fit: float) -> Candidate:
     """Return a mode that no orders agree on, with refined values."""
-    response, orders = trial.diagram.response, trial.poles.orders
-    s, (shapes, participation) = trial.contest.poles[[j]], trial.found.residues
-    shape, part = shapes.T[[j]], participation[[j]]
-    own = contributions(response, s, shape, part)
-    alone = Poles(orders, np.array([orders[-1]]), s, shape, part, own)
-    known = judge(alone, np.array([0]), peaks(trial.diagram, alone, trial.evidence), fit, trial.evidence)
+    poles, peak = trial.refined
+    known = judge(poles, np.array([j]), peak, fit, trial.evidence)
     deviations = float(trial.found.frequency_std[j]), float(trial.found.damping_std[j])
-    counted = {"orders_found": 0, "orders_tried": len(orders)}
+    counted = {"orders_found": 0, "orders_tried": len(poles.orders)}
     shown = {name: known.facts[name] for name in ("signal_to_noise", "share_of_peak", "indicator_prominence")}
-    values = Own(shape[0], part[0], *deviations)
+    values = Own(poles.shape[j], poles.participation[j], *deviations)
     return Candidate(np.zeros(0, dtype=int), known.frequency, known.damping, counted | shown, (), own=values)
 
 
