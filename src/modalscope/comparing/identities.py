@@ -17,7 +17,7 @@ from modalscope.blocks.matrix import DataMatrix
 from modalscope.data.response import Response
 from modalscope.identification.method import DOMAINS
 from modalscope.identification.method_names import find_method
-from modalscope.identification.pipeline import Pipeline, built, factored, realized
+from modalscope.identification.pipeline import Factored, Pipeline, built, factored, realized
 from modalscope.identification.prepare import prepare
 from modalscope.numerics.checks import Array
 from modalscope.numerics.errors import DataError
@@ -55,7 +55,7 @@ def check_identities(response: Response, order: int) -> tuple[Identity, ...]:
         # only data matrices without loss, where identities are valid to rounding
         if row.refusal(response, False) or row.reservation(response) or not row.exact_on(response):
             continue
-        given = _Given(response, row.domain, max(order, 2), {})
+        given = _Given(response, row.domain, max(order, 2), {}, {})
         for name, source, check in _CHECKS if len(row.forms) > 1 else _CHECKS[:2]:
             residual, note = np.nan, ""
             try:
@@ -68,12 +68,13 @@ def check_identities(response: Response, order: int) -> tuple[Identity, ...]:
 
 
 class _Given(NamedTuple):
-    """A response, a domain, the order, and the data matrices that were made: rows of one kind share theirs with its triangular factor."""
+    """A response, a domain, the order, and the data matrices and factors that were made: rows of one kind share theirs."""
 
     response: Response
     domain: str
     order: int
     made: dict[Any, DataMatrix]
+    factors: dict[Any, Factored]
 
     def built(self, method: str, **options: Any) -> Pipeline:
         """Return the models of a row; of the sizes of `_sizes` on the data matrix of the rows before."""
@@ -84,7 +85,10 @@ class _Given(NamedTuple):
             return realized(problem, factored(problem, self.order, own))
         form = options.get("form") if len(problem.method.forms) > 1 else None
         matrix = self.made.setdefault((problem.method.matrix, form), own.matrix)
-        return realized(problem, factored(problem, self.order, own._replace(matrix=matrix)))
+        shared = matrix, problem.method.factor
+        if shared not in self.factors:
+            self.factors[shared] = factored(problem, self.order, own._replace(matrix=matrix))
+        return realized(problem, self.factors[shared])
 
 
 def pole_residual(a: Array, b: Array) -> float:

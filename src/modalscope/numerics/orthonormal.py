@@ -251,7 +251,8 @@ def less(data: RealArray, columns: RealArray) -> RealArray:
     data that are explained to 1e-4 by the orthogonal basis.
     """
     columns = _finite(columns)
-    return _less(data, columns, _spanned(columns.T @ columns)[0])
+    W = _spanned(columns.T @ columns)[0]
+    return _less(data, columns, W, W.T @ (columns.T @ data))
 
 
 def energy_left(data: RealArray, columns: RealArray) -> RealArray:
@@ -264,7 +265,7 @@ def energy_left(data: RealArray, columns: RealArray) -> RealArray:
     error = np.finfo(float).eps * np.sqrt(whole) * (spread @ np.abs(projected))
     rounded = ~(energy * _MAX_ENERGY_ERROR > error)
     if np.any(rounded):
-        rest = _less(data[:, rounded], columns, W)
+        rest = _less(data[:, rounded], columns, W, projected[:, rounded])
         energy[rounded] = np.einsum("kq,kq->q", rest, rest)
     return np.asarray(energy)
 
@@ -289,10 +290,10 @@ def _spanned(gram: RealArray) -> tuple[RealArray, RealArray, RealArray]:
     return W, R, values.max(initial=0.0) / values[kept]
 
 
-def _less(data: RealArray, columns: RealArray, W: RealArray) -> RealArray:
-    residual = data
-    for _ in range(2):
-        residual = residual - columns @ (W @ (W.T @ (columns.T @ residual)))
+def _less(data: RealArray, columns: RealArray, W: RealArray, projected: RealArray) -> RealArray:
+    """Return `less` of columns that W makes orthonormal; `projected`: W'X'D of the data."""
+    residual = data - columns @ (W @ projected)
+    residual -= columns @ (W @ (W.T @ (columns.T @ residual)))
     if np.sum(residual**2) < _ROUNDING_OF_RESIDUAL * np.sum(data**2):
         Q = np.asarray(np.linalg.qr(columns[:, np.any(W, axis=1)])[0])
         residual = data - Q @ (Q.T @ data)
