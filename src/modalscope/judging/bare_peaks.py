@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import scipy
 
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
@@ -41,7 +40,8 @@ def bare_peaks(response: Response, modes: ModalModel, band: tuple[float, float])
     power = np.sum(np.abs(values) ** 2, axis=1)
     rough = np.zeros(len(grid))
     rough[1:-1] = np.sum(np.abs(values[1:-1] - (values[:-2] + values[2:]) / 2) ** 2, axis=1) / 1.5
-    noise = scipy.ndimage.median_filter(rough, 2 * _NEIGHBOURS + 1, mode="nearest")
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(rough, _NEIGHBOURS, mode="edge"), 2 * _NEIGHBOURS + 1)
+    noise = np.median(around, axis=1)
     tiny = np.finfo(float).tiny
     at, prominence = prominent_peaks(np.log10(np.maximum(power, tiny)), np.log10(_PLAIN))
     wide = np.maximum(power[at - 1], power[at + 1]) > power[at] / 2
