@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from modalscope import DataError, ImpulseResponse, Signals, estimate_correlation
+from modalscope import DataError, FrequencyResponse, ImpulseResponse, Signals, estimate_correlation
 from modalscope.blocks.triple import ModalFit
 from modalscope.data.response import output_scale
 from modalscope.functions.poles import poles_from
@@ -39,6 +39,13 @@ def ambient() -> ImpulseResponse:
     return estimate_correlation(record())
 
 
+def lines() -> FrequencyResponse:
+    rng, f = np.random.default_rng(3), np.linspace(0.05, 8, 150)
+    H = FIVE["chain5"]().frequency_response(f)
+    noise = rng.standard_normal((2, *H.values.shape)) * 0.01 * np.abs(H.values).max()
+    return replace(H, values=H.values + noise[0] + 1j * noise[1])
+
+
 def pipeline_of(data: Any, **options: Any) -> Pipeline:
     return factor(prepare(data, **options), ORDERS[-1])
 
@@ -54,6 +61,7 @@ CASES = [
     ("correlations", lambda: pipeline_of(ambient())),
     ("least-squares companions", lambda: pipeline_of(response(), method="prce")),
     ("parts of a record", lambda: pipeline_of(record())),
+    ("matrix fraction", lambda: pipeline_of(lines(), method="lscf")),
 ]
 
 

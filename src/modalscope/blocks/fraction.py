@@ -75,7 +75,9 @@ def fraction(
 
 @dataclass(frozen=True, eq=False)
 class Fraction(NormalEquations, DataMatrix):
-    """The data matrix of a right matrix fraction (made by `fraction`)."""
+    """The data matrix of a right matrix fraction (made by `fraction`): no factor is compared with its modes."""
+
+    by_mode = True
 
     @property
     def block_rows(self) -> int:

@@ -147,8 +147,8 @@ Part = tuple[Triple, Eigenmodes]
 
 
 def nests(model: Triple) -> bool:
-    """Whether the states of a model are the first of those of any larger one from the same factors."""
-    return model.factors is not None and model.span is None and len(model.A) == model.rank
+    """Whether modes of a model may stand beside those of larger ones: its states are their first ones, or no factors are compared with."""
+    return model.factors is None or (model.span is None and len(model.A) == model.rank)
 
 
 def together(parts: Sequence[Part]) -> Part:
