@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -82,15 +83,15 @@ def _with_others(
 ) -> ModalModel:
     """Return the refined modes with others at their unrefined values, which the likelihood leads to other modes.
 
-    Their standard deviations are those at these values, given the refined modes.
+    They have no standard deviations.
     """
     parts = evened([replace(part, left_out=(), shapes_std=None, unrefined=None) for part in (refined, others)])
-    at_values = in_place(response.whole, joined(parts), extra)
-    own = slice(len(refined), None)
-    std = {name: getattr(at_values, name)[own] for name in _STD_FIELDS if getattr(at_values, name) is not None}
     # the likelihood leads away from these values: there is no interval around them
-    std["degrees"] = np.zeros((len(others), 2))
-    merged = joined([parts[0], replace(parts[1], **std, converged=True)])
+    without: dict[str, Any] = {
+        name: np.full(np.shape(told), np.nan) for name in _STD_FIELDS if (told := getattr(parts[1], name)) is not None
+    }
+    without["degrees"] = np.zeros((len(others), 2))
+    merged = joined([parts[0], replace(parts[1], **without, converged=True)])
     order = np.argsort(merged.frequencies, kind="stable")
     merged = merged.take(order)
     # the refinement may leave modes out, and frequencies may pass each other
@@ -101,8 +102,8 @@ def _with_others(
     text = f"Not refined: {where} (their optimum lies at other modes); no intervals"
     note = Note("not refined", {"modes": len(others)}, text)
     both = replace(merged, shapes=shapes, left_out=refined.left_out, **fitted).normalized("unit")
-    widths = [part for part in (refined.shapes_std, at_values.shapes_std) if part is not None]
-    shapes_std = np.hstack([widths[0], widths[1][:, own]])[:, order] if len(widths) == 2 else None
+    known = refined.shapes_std
+    shapes_std = None if known is None else np.hstack([known, np.full(others.shapes.shape, np.nan)])[:, order]
     return with_indicators_of_shapes(replace(both, unrefined=before, shapes_std=shapes_std)).noted(note)
 
 
