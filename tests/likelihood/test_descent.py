@@ -7,7 +7,7 @@ import pytest
 
 from modalscope.data import FrequencyResponse
 from modalscope.functions.poles import poles_from
-from modalscope.likelihood.descent import _lessening, _Step, descend
+from modalscope.likelihood.descent import Astray, _lessening, _Step, astray, descend
 from modalscope.likelihood.information import inverse
 from modalscope.likelihood.likelihood import whitened
 from modalscope.numerics.checks import Array, ComplexArray
@@ -94,3 +94,23 @@ def test_a_direction_belongs_to_the_unknowns_that_have_a_hundredth_of_it(part: f
     v = np.interp(0.01 * part, shares, first) * np.array([1.0, 0.0, 0.0])
     v[1:] = np.sqrt((1 - v[0] ** 2) / 2)
     assert bool(inverse(np.eye(3) - np.outer(v, v))[0, 0] > 1e20) is burdened
+
+
+@pytest.mark.parametrize(("off", "leaves"), [(0.8, False), (1.25, True)])
+def test_a_descent_ends_as_soon_as_a_pole_is_further_from_its_home_than_its_decay_rate(
+    off: float, leaves: bool
+) -> None:
+    f, homes = np.linspace(5, 25, 300), poles_from(np.array([9.0, 18.0]), np.array([0.01, 0.02]))
+    x, poles = 2j * np.pi * f[:, None, None], homes - np.array([0, off * homes[1].real]) * 1j
+    H = sum(1 / (x - s) + 1 / (x - np.conj(s)) for s in poles)
+    problem = whitened(
+        FrequencyResponse(values=H, frequencies=f), np.zeros(0), (0,), np.ones(2 * f.size), np.ones(1), np.ones(1)
+    )
+    assert astray(homes, poles).tolist() == [False, leaves]
+    sides = np.ones((2, 1), complex)
+    if leaves:
+        with pytest.raises(Astray) as away:
+            descend(problem, homes, sides, home=homes)
+        assert away.value.homes.tolist() == [homes[1]]
+    else:
+        assert np.allclose(descend(problem, homes, sides, home=homes).point.poles, poles)

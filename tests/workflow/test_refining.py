@@ -10,6 +10,7 @@ import pytest
 import modalscope as ms
 from modalscope.identification.refine import Refinement, refinement
 from modalscope.judging.grades import grades
+from modalscope.likelihood.descent import Astray
 from modalscope.likelihood.settling import needed_beside
 from modalscope.workflow import refining
 from modalscope.workflow.refining import _with_others
@@ -89,34 +90,32 @@ def test_modes_that_a_refinement_leaves_out_have_no_values_before_it_either():
     modes = ms.select(ms.stabilize(data))
     assert len(modes) == 5
     found = ms.refine(data, modes.take([0, 1, 3]))
-    merged = _with_others(data, modes, found, modes.take([4]), np.zeros(0, complex))
+    merged = _with_others(data, modes, found, modes.take([4]))
     assert len(merged) == 4
     assert merged.unrefined is not None
     assert np.array_equal(merged.unrefined.poles, modes.poles[[0, 1, 3, 4]])
 
 
-def _ended_early(found: Refinement, moved: complex = 0, mode: int = 0) -> Refinement:
-    """Return a refinement that ended on the way, with a mode that left its place."""
+def _ended_early(found: Refinement) -> Refinement:
+    """Return a refinement that ended on the way."""
     assert found.settled is not None
-    descent = found.settled.descent
-    poles = descent.point.poles.copy()
-    poles[mode] += moved
-    ended = replace(descent, point=replace(descent.point, poles=poles), converged=False)
     note = ms.Note("not converged", {}, "Refinement did not converge: 60 iterations were not enough")
+    ended = replace(found.settled.descent, converged=False)
     return replace(found, settled=replace(found.settled, descent=ended), notes=[*found.notes, note])
 
 
 def _wandering(mode: int):
-    """Return a refinement that ends on the way while the given mode takes part: that one has left its place."""
+    """Return a refinement which the given mode leaves while it takes part."""
 
     def refined(data, modes, **options):
-        found = refinement(data, modes, **options)
-        return found if len(modes) <= mode else _ended_early(found, 3j * found.poles[mode].real, mode)
+        if len(modes) > mode:
+            raise Astray(modes.poles[[mode]])
+        return refinement(data, modes, **options)
 
     return refined
 
 
-def test_a_mode_whose_descent_does_not_end_leaves_the_others_refined(monkeypatch):
+def test_a_mode_that_leaves_its_place_leaves_the_others_refined(monkeypatch):
     data = add_noise(ms.systems.chain5().frequency_response(np.linspace(0.3, 8, 340)), 40, 3)
     whole = ms.analyze(data).modes
     monkeypatch.setattr(refining, "refinement", _wandering(4))
@@ -126,6 +125,8 @@ def test_a_mode_whose_descent_does_not_end_leaves_the_others_refined(monkeypatch
     assert np.allclose(found.frequencies[:4], whole.frequencies[:4], rtol=1e-4)
     assert np.all(found.degrees[:4, 0] > 0)
     assert not found.degrees[4].any()  # it has no interval
+    assert np.isnan([found.frequencies_std[4], found.damping_ratios_std[4]]).all()
+    assert np.isnan(found.shapes_std[:, 4]).all()
     assert [grade.word for grade in grades(found)] == ["good"] * 4 + ["doubtful"]
 
 

@@ -27,9 +27,9 @@ from modalscope.identification.refine import left_by_refined, refine
 from modalscope.identification.stabilize import stabilized
 from modalscope.identification.sweep import Sweep
 from modalscope.judging.select import selected
+from modalscope.likelihood.descent import astray
 from modalscope.likelihood.deviations import residual_variance, unexplained_energy
 from modalscope.likelihood.noise import SPLIT, Noise, noise_of
-from modalscope.likelihood.refined import astray
 from modalscope.modal.indicators import mac
 from modalscope.modal.rebuilt import rebuilt
 from modalscope.modal.shapes import joint_residues

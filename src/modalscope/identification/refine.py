@@ -21,6 +21,7 @@ from modalscope.data.setups import Setups, as_test
 from modalscope.data.shown import counted
 from modalscope.identification.prepare import measure
 from modalscope.identification.reciprocity import by_reciprocity
+from modalscope.likelihood.descent import Astray
 from modalscope.likelihood.information import residual
 from modalscope.likelihood.refine_setups import refine_setups
 from modalscope.likelihood.refined import refined
@@ -234,10 +235,14 @@ def refinement(
     weights: ArrayLike | None = None,
     fixed: ArrayLike = (),
     complete: bool = False,
+    confined: bool = False,
     settings: Settings | Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> Refinement:
-    """Return modes of responses or of records with inputs at the maximum of the likelihood; arguments as in `refine`."""
+    """Return modes of responses or of records with inputs at the maximum of the likelihood; arguments as in `refine`.
+
+    `confined`: raise `Astray` with the poles, as they were given, of modes that leave for the optimum of others.
+    """
     response = _response(data, modes, Settings() if settings is None else settings).around(modes.poles)
     chosen = check_groups(groups, *response.parts, response.groups)
     poles = modes.poles - response.added_damping
@@ -258,7 +263,7 @@ def refinement(
         text = f"Modes added at peaks of the residual: {where}" if where else "no mode was added"
         notes.append(Note("added", {"modes": len(added)}, text))
         start = more
-    settled, kept, lost = _significant(task, start)
+    settled, kept, lost = _significant(task, start, confined)
     if settled is not None and not settled.descent.converged:
         descent = settled.descent
         text = f"Refinement did not converge: {descent.why}; these are the best values so far"
@@ -311,13 +316,17 @@ def _response(data: Any, modes: ModalModel, settings: Settings | Mapping[str, An
     return response
 
 
-def _significant(task: Task, modes: ModalModel) -> tuple[Settled | None, list[int], list[Candidate]]:
+def _significant(task: Task, modes: ModalModel, confined: bool) -> tuple[Settled | None, list[int], list[Candidate]]:
     """Refine the modes; remove the weakest while it is not significant, and refine the others again."""
     kept = list(range(len(modes)))
     lost: list[Candidate] = []
     poles, shapes, rows = modes.poles - task.response.added_damping, modes.shapes, _participation(task, modes)
+    home = poles
     while kept:
-        settled = settle(task, poles, shapes, rows)
+        try:
+            settled = settle(task, poles, shapes, rows, home=home[kept] if confined else None)
+        except Astray as away:
+            raise Astray(modes.poles[np.isin(home, away.homes)]) from None
         task = replace(task, powers=settled.powers)
         gain = settled.gain
         weakest = int(np.argmin(gain))

@@ -17,10 +17,13 @@ from scipy.linalg.lapack import dpotrf
 
 from modalscope.likelihood.information import ROUNDING_OF_PRODUCTS, normal
 from modalscope.likelihood.likelihood import Fitted, Point, Whitened
-from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
+from modalscope.numerics.checks import Array, BoolArray, ComplexArray, IntArray, RealArray
 
 #: Maximum step of a pole relative to its distance to the axes: beyond it the linear model may be wrong.
 _MAX_STEP = 0.9
+
+#: Maximum move of a pole in decay rates: an optimum beyond it is that of another mode.
+_MAX_MOVE = 1.0
 
 #: Relative residual at rounding.
 _ROUNDING = 1e-14
@@ -53,6 +56,19 @@ class Descent:
     kept: IntArray
 
 
+def astray(before: ComplexArray, after: ComplexArray) -> BoolArray:
+    """Return which poles moved by more than their decay rate: the optimum that they reached is that of others."""
+    return np.asarray(np.abs(after - before) > _MAX_MOVE * np.abs(before.real))
+
+
+class Astray(Exception):
+    """Poles are on their way to the optimum of others. `homes` (k,): where they belong."""
+
+    def __init__(self, homes: ComplexArray) -> None:
+        super().__init__(homes)
+        self.homes = homes
+
+
 def descend(problem: Whitened, poles: ComplexArray, sides: ComplexArray, **limits: Any) -> Descent:
     """Lower the squared misfit from poles (n,) and unit vectors (n, p) on; `limits`: see `descend_from`."""
     return descend_from(problem.at(poles, sides), **limits)
@@ -65,6 +81,7 @@ def descend_from(
     most: int = 60,
     decisive: float | None = None,
     stays: Callable[[ComplexArray], Array] | None = None,
+    home: ComplexArray | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Descent:
     """Lower the squared misfit from a point on until no step promises more than `tolerance` of it.
@@ -74,7 +91,8 @@ def descend_from(
     `most`: iterations. `decisive`: the descent ends below this squared misfit, and
     where it is out of reach. `stays`: returns which of some poles (n,) may remain. It is asked after every step: a pole on its way to the
     real axis or to no width promises long steps for ever, and what it leaves undetermined spoils the covariance of all. The descent
-    goes on without it, with the damping of the start. `progress`: called with (iterations done, iterations at most).
+    goes on without it, with the damping of the start. `home` (n,): where the poles belong; `Astray` is raised as soon as
+    a pole has left. `progress`: called with (iterations done, iterations at most).
     """
     problem, fitted = point.problem, point.fitted()
     cost, size = point.cost(fitted), problem.size
@@ -101,6 +119,8 @@ def descend_from(
                 steep = step.promised > 1e-8 * cost
                 why = "no step lowers the misfit" if steep else ""
                 return Descent(point, fitted, cost, not steep, why, iteration, kept)
+        if home is not None and np.any(away := astray(home, point.poles)):
+            raise Astray(home[away])
         remain = None if stays is None else stays(point.poles)
         if remain is not None and not np.all(remain):
             point = problem.at(point.poles[remain], point.sides[remain])

@@ -13,8 +13,8 @@ from modalscope.data.records import Signals
 from modalscope.data.setups import Setups
 from modalscope.likelihood.ambient import Cells, Scored, cells_of, deviations, scored, unknowns
 from modalscope.likelihood.covariance import LEAST_GROUPS, degrees_of_wider, deviations_of_poles, pole_blocks, sandwich
+from modalscope.likelihood.descent import astray
 from modalscope.likelihood.noise import KIND
-from modalscope.likelihood.refined import astray
 from modalscope.numerics.checks import BoolArray, ComplexArray, RealArray
 from modalscope.numerics.resources import one_thread
 from modalscope.preprocess.harmonics import find_lines

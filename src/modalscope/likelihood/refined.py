@@ -14,22 +14,20 @@ from modalscope.data.response import INSEPARABLE
 from modalscope.data.shown import counted
 from modalscope.functions.poles import frequencies_and_damping
 from modalscope.likelihood.covariance import LEAST_GROUPS
+from modalscope.likelihood.descent import astray
 from modalscope.likelihood.noise import KIND
 from modalscope.likelihood.settling import Settled, Task
 from modalscope.likelihood.spread import Spread, spread_of
 from modalscope.likelihood.whitening import Colour
 from modalscope.modal.indicators import with_indicators_of_shapes
 from modalscope.modal.shapes import joint_residues
-from modalscope.numerics.checks import BoolArray, ComplexArray
+from modalscope.numerics.checks import ComplexArray
 
 #: Poles closer than this many standard deviations of their difference share their information.
 _MIN_DISTANCE_DEVIATIONS = 3
 
 #: Kinds of notes of an earlier refinement that this one replaces.
 _REPLACED_KINDS = (KIND, INSEPARABLE, "held", "moved far", "coloured residual", "noise and model only", "repeated")
-
-#: Maximum move of a pole in decay rates: an optimum beyond it is that of another mode.
-_MAX_MOVE = 1.0
 
 
 def refined(
@@ -82,11 +80,6 @@ _SCALE_OF_TEXT = {"unit modal mass": "mass", "largest component": "max"}
 
 def _scale(before: ModalModel) -> str:
     return next((scale for words, scale in _SCALE_OF_TEXT.items() if before.scaling.startswith(words)), "unit")
-
-
-def astray(before: ComplexArray, after: ComplexArray) -> BoolArray:
-    """Return which poles moved by more than their decay rate: the optimum that they reached is that of others."""
-    return np.asarray(np.abs(after - before) > _MAX_MOVE * np.abs(before.real))
 
 
 def _moved_far(before: ComplexArray, poles: ComplexArray) -> list[Note]:

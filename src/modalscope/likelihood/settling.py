@@ -259,7 +259,12 @@ class _Start(NamedTuple):
 
 
 def settle(
-    task: Task, poles: ComplexArray, shapes: ComplexArray, participation: ComplexArray, most: int = 60
+    task: Task,
+    poles: ComplexArray,
+    shapes: ComplexArray,
+    participation: ComplexArray,
+    most: int = 60,
+    home: ComplexArray | None = None,
 ) -> Settled:
     """Return the optimum from modes on.
 
@@ -268,18 +273,18 @@ def settle(
     to fit well would draw all weight to themselves. Terms get further powers as long as these explain more than noise.
 
     `poles` (n,): as they are in the data. `shapes`, `participation` (l, n): the side with fewer channels is where the descent starts; the
-    other follows. `most`: iterations of a descent.
+    other follows. `most`: iterations of a descent. `home` (n,): where the poles belong.
 
-    Raises `DataError`: no more data than unknowns.
+    Raises `DataError`: no more data than unknowns; `Astray`: a pole left its home.
     """
     levels = task.known or levels_of(np.sqrt(np.mean(np.abs(task.response.values) ** 2, axis=0)))
-    settled = _optimum(task, _Start(poles, shapes, participation, levels), most)
+    settled = _optimum(task, _Start(poles, shapes, participation, levels), most, home)
     while len(powers := _needed_powers(task, settled)) > len(task.powers):
         task = replace(task, powers=powers)
-        settled = _optimum(task, _Start(settled.descent.point.poles, *settled.residues, settled.levels), most)
+        settled = _optimum(task, _Start(settled.descent.point.poles, *settled.residues, settled.levels), most, home)
     for _ in range(_WEIGHTED_ROUNDS if most and _resonant(task.response, settled) else 0):
         task = replace(task, rows=task.rows * _weights(task.response, settled))
-        settled = _optimum(task, _Start(settled.descent.point.poles, *settled.residues, settled.levels), most)
+        settled = _optimum(task, _Start(settled.descent.point.poles, *settled.residues, settled.levels), most, home)
     return settled
 
 
@@ -315,7 +320,7 @@ def _power(descent: Descent, count: int) -> RealArray:
     return power
 
 
-def _optimum(task: Task, start: _Start, most: int) -> Settled:
+def _optimum(task: Task, start: _Start, most: int, home: ComplexArray | None = None) -> Settled:
     """Return the optimum with the terms of a task, under the levels that it leaves where these settle."""
     levels, window = start.levels, window_over_lines(task.response)
     problem = _divided(task.response, task, levels)
@@ -323,7 +328,7 @@ def _optimum(task: Task, start: _Start, most: int) -> Settled:
     sides = unit_vectors((start.shapes.T if problem.turned else start.participation) / problem.varying)
     point, unknown = problem.at(start.poles, sides), problem.terms.shape[1] + 2 * len(start.poles)
     for later in reversed(range(_MAX_ROUNDS)):
-        descent = descend_from(point, most=most, progress=task.progress)
+        descent = descend_from(point, most=most, home=home, progress=task.progress)
         power = descent.point.left_by_channel(descent.fitted) / len(task.rows)
         seen = _colour(descent, power, task.response.count, unknown, window)
         following = levels_of(np.sqrt(power) * np.outer(levels.outputs, levels.inputs))

@@ -15,7 +15,7 @@ from modalscope.data.results import StabilizationDiagram
 from modalscope.identification.orders import usable_orders
 from modalscope.identification.refine import in_place, refinement
 from modalscope.judging.bands import evened
-from modalscope.likelihood.refined import astray
+from modalscope.likelihood.descent import Astray
 from modalscope.likelihood.settling import needed_beside
 from modalscope.modal.indicators import with_indicators_of_shapes
 from modalscope.modal.shapes import joint_residues
@@ -27,8 +27,8 @@ _STD_FIELDS = (
     *("degrees", "damping_ratios_lower"),
 )
 
-#: Modes that drift away are fixed and the others refined again: maximum number of rounds, and minimum share of refined modes.
-_MAX_ROUNDS, _MIN_REFINED = 4, 0.5
+#: Modes that drift away are fixed at once and the others refined again: minimum share of refined modes.
+_MIN_REFINED = 0.5
 
 
 def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> ModalModel:
@@ -43,22 +43,20 @@ def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> 
         return modes.noted(_kept(why))
     extra = poles_beside(diagram, modes)
     stay = np.ones(len(modes), bool)
-    for _ in range(_MAX_ROUNDS):
+    while stay.mean() >= _MIN_REFINED:
         fixed = np.concatenate([extra, modes.poles[~stay]])
         try:
-            found = refinement(diagram.response.whole, modes.take(stay), fixed=fixed)
-            out = np.isin(modes.poles, found.start.poles[astray(found.start.poles, found.poles)])
-            refined = None if np.any(out) or not found.converged else found.modes()
+            found = refinement(diagram.response.whole, modes.take(stay), fixed=fixed, confined=True)
+            refined = found.modes() if found.converged else None
+        except Astray as away:
+            stay &= ~np.isin(modes.poles, away.homes)
+            continue
         except DataError as error:
             return modes.noted(_kept(error.fault))
         if refined is not None:
-            return refined if stay.all() else _with_others(diagram.response, modes, refined, modes.take(~stay), extra)
-        if not np.any(out):
-            reasons = [str(note) for note in found.notes if note.kind == "not converged"]
-            return replace(_placed(diagram.response, modes, extra), converged=False).noted(_kept(*reasons))
-        stay &= ~out
-        if stay.mean() < _MIN_REFINED:
-            break
+            return refined if stay.all() else _with_others(diagram.response, modes, refined, modes.take(~stay))
+        reasons = [str(note) for note in found.notes if note.kind == "not converged"]
+        return replace(_placed(diagram.response, modes, extra), converged=False).noted(_kept(*reasons))
     where = ", ".join(f"{abs(s) / (2 * np.pi):.5g} Hz" for s in modes.poles[~stay])
     kept = _kept(f"the optimum is far from {where}: the data contain more than these modes")
     return _placed(diagram.response, modes, extra).noted(kept)
@@ -78,9 +76,7 @@ def _placed(response: Response, modes: ModalModel, extra: ComplexArray) -> Modal
     return replace(modes, **{name: getattr(found, name) for name in _STD_FIELDS})
 
 
-def _with_others(
-    response: Response, modes: ModalModel, refined: ModalModel, others: ModalModel, extra: ComplexArray
-) -> ModalModel:
+def _with_others(response: Response, modes: ModalModel, refined: ModalModel, others: ModalModel) -> ModalModel:
     """Return the refined modes with others at their unrefined values, which the likelihood leads to other modes.
 
     They have no standard deviations.
