@@ -1,10 +1,9 @@
-"""Robust scatter and the noise threshold against what they are defined by, and prominent peaks against those of SciPy."""
+"""Robust scatter and the noise threshold against what they are defined by."""
 
 import numpy as np
 import pytest
-from scipy import signal
 
-from modalscope.numerics.statistics import NORMAL, noise_threshold, prominent_peaks, scatter
+from modalscope.numerics.statistics import NORMAL, noise_threshold, scatter
 
 
 def test_of_gaussian_values_the_scatter_is_the_standard_deviation():
@@ -39,14 +38,3 @@ def test_the_threshold_lies_above_noise_and_below_what_stands_out(ratio):
 def test_of_a_square_matrix_it_is_the_published_constant():
     """2.858 times the median; the polynomial is good to .02 (Gavish and Donoho, section IV)."""
     assert noise_threshold([1.0]) == pytest.approx(2.858, abs=0.02)
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_prominent_peaks_are_those_of_scipy(seed: int) -> None:
-    # few different values: plateaus, equal peaks, and ends that are the highest
-    rng = np.random.default_rng(seed)
-    x = rng.integers(0, 6, rng.integers(1, 60)).astype(float) + 0.5 * rng.integers(2) * rng.standard_normal()
-    expected, facts = signal.find_peaks(x, prominence=2.0)
-    found, height = prominent_peaks(x, 2.0)
-    assert found.tolist() == expected.tolist()
-    assert height == pytest.approx(facts["prominences"], abs=1e-12)

@@ -12,6 +12,7 @@ from __future__ import annotations
 from itertools import combinations
 
 import numpy as np
+import scipy
 
 from modalscope.data.geometry import parse_dof
 from modalscope.data.notes import Finding
@@ -21,7 +22,6 @@ from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.doctor.findings import finding
 from modalscope.functions.poles import QUANTITIES
 from modalscope.numerics.checks import Array, BoolArray, ComplexArray, RealArray
-from modalscope.numerics.statistics import prominent_peaks
 
 #: Slopes of log |H| over log f below the first resonance, for fixed and for free structures.
 _SLOPES = {"displacement": (0.0, -2.0), "velocity": (1.0, -1.0), "acceleration": (2.0, 0.0)}
@@ -79,7 +79,7 @@ def _low_slope(response: FrequencyResponse) -> float | None:
     imaginary for an odd one, and leakage of a resonance is not.
     """
     f, log_size = response.frequencies, level(response)
-    peaks = prominent_peaks(log_size, np.log(5))[0]
+    peaks = scipy.signal.find_peaks(log_size, prominence=np.log(5))[0]
     if peaks.size == 0:
         return None
     first = f[peaks[0]]

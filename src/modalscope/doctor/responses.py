@@ -16,7 +16,6 @@ from modalscope.data.responses import FrequencyResponse
 from modalscope.doctor.findings import dead_channels, finding, identical_channels, sides_of
 from modalscope.doctor.polarity import check_polarity, check_slope, driving_points, level
 from modalscope.numerics.checks import Array, RealArray
-from modalscope.numerics.statistics import prominent_peaks
 
 #: Minimum factor between an isolated line and the value interpolated from its neighbours, in every pair; its square where there are fewer
 #: than three pairs: two narrow modes next to each other differ as much in one pair, hardly in all.
@@ -358,7 +357,7 @@ def _coherence(response: FrequencyResponse) -> list[Finding]:
 def bandwidths(response: FrequencyResponse) -> tuple[Array, RealArray]:
     """Return the lines of the peaks of all channels together, and their half-power bandwidths in Hz."""
     log_size = level(response)
-    peaks = prominent_peaks(log_size, np.log(5))[0]
+    peaks = scipy.signal.find_peaks(log_size, prominence=np.log(5))[0]
     # half power is log sqrt(2) below the top
     widths = scipy.signal.peak_widths(np.exp(2 * log_size), peaks, rel_height=0.5)[0]
     step = np.gradient(response.frequencies) if response.lines > 1 else np.ones(1)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import scipy
 
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.response import Response, line_step, output_scale
 from modalscope.numerics.checks import RealArray
-from modalscope.numerics.statistics import prominent_peaks
 
 #: The kind of the note on peaks without a mode.
 BARE = "peaks without a mode"
@@ -40,13 +40,12 @@ def bare_peaks(response: Response, modes: ModalModel, band: tuple[float, float])
     power = np.sum(np.abs(values) ** 2, axis=1)
     rough = np.zeros(len(grid))
     rough[1:-1] = np.sum(np.abs(values[1:-1] - (values[:-2] + values[2:]) / 2) ** 2, axis=1) / 1.5
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(rough, _NEIGHBOURS, mode="edge"), 2 * _NEIGHBOURS + 1)
-    noise = np.median(around, axis=1)
+    noise = scipy.ndimage.median_filter(rough, 2 * _NEIGHBOURS + 1, mode="nearest")
     tiny = np.finfo(float).tiny
-    at, prominence = prominent_peaks(np.log10(np.maximum(power, tiny)), np.log10(_PLAIN))
+    at, seen = scipy.signal.find_peaks(10 * np.log10(np.maximum(power, tiny)), prominence=10 * np.log10(_PLAIN))
     wide = np.maximum(power[at - 1], power[at + 1]) > power[at] / 2
     plain = wide & (power[at] > _PLAIN * noise[at]) & (grid[at] >= band[0]) & (grid[at] <= band[1])
-    f, height = grid[at[plain]], prominence[plain]
+    f, height = grid[at[plain]], seen["prominences"][plain]
     reach = np.maximum(2 * line_step(response), modes.damping_ratios * modes.frequencies)
     bare = np.all(np.abs(f[:, None] - modes.frequencies) > reach, axis=1)
     return np.asarray(f[bare][np.argsort(-height[bare], kind="stable")])

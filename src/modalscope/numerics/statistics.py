@@ -1,10 +1,10 @@
-"""Robust scatter, noise threshold of singular values, optimal pairing, and prominent peaks."""
+"""Robust scatter, noise threshold of singular values, optimal pairing, and confidence intervals."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from modalscope.numerics.checks import Array, IntArray, RealArray
+from modalscope.numerics.checks import Array, RealArray
 
 #: Standard deviation of Gaussian values over their median absolute deviation, 1 / Phi^-1(3/4).
 NORMAL = 1.4826
@@ -68,42 +68,3 @@ def assign(cost: RealArray) -> tuple[Array, Array]:
 
     rows, columns = linear_sum_assignment(cost)
     return np.asarray(rows), np.asarray(columns)
-
-
-def prominent_peaks(values: RealArray, least: float) -> tuple[IntArray, RealArray]:
-    """Return the local maxima whose prominence is `least` or more, by their index, and their prominence.
-
-    It is the height above the higher one of two lows: on either side the lowest value before a higher one, or the end. Of equal values the
-    middle one is the maximum. `scipy.signal` has the same; half a second goes by until that is imported.
-
-    `values` (n,).
-
-    Examples
-    --------
-    >>> at, height = prominent_peaks(np.array([0.0, 3.0, 2.0, 5.0, 5.0, 5.0, 1.0]), 1.0)
-    >>> at.tolist(), height.tolist()
-    ([1, 4], [1.0, 4.0])
-    """
-    starts = np.flatnonzero(np.append(True, np.diff(values) != 0))
-    runs = values[starts]
-    top = 1 + np.flatnonzero((runs[1:-1] > runs[:-2]) & (runs[1:-1] > runs[2:]))
-    if not top.size:
-        return np.zeros(0, dtype=np.intp), np.zeros(0)
-    tops, lows = runs[top].tolist(), np.minimum.reduceat(runs, np.append(0, top)).tolist()
-    left, right = _lows_before(tops, lows[:-1]), _lows_before(tops[::-1], lows[:0:-1])[::-1]
-    prominence = runs[top] - np.maximum(left, right)
-    kept = prominence >= least
-    middle = (starts[top] + starts[top + 1] - 1) // 2
-    return middle[kept], prominence[kept]
-
-
-def _lows_before(tops: list[float], lows: list[float]) -> list[float]:
-    """Return the lowest value between each maximum and a higher one before it; `lows`: between each and the one before."""
-    found: list[float] = []
-    lower: list[tuple[float, float]] = []
-    for top, low in zip(tops, lows, strict=True):
-        while lower and lower[-1][0] <= top:
-            low = min(low, lower.pop()[1])
-        lower.append((top, low))
-        found.append(low)
-    return found
