@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import subprocess
 import sys
 from pathlib import Path
@@ -87,6 +88,19 @@ def test_two_processes_work_in_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert found.ratio > 0
     with pytest.raises(RuntimeError, match="failed"), pairs.Child("scipy", "nothing", tmp_path / "data.npz"):
         pass
+
+
+def _replaced() -> list[str]:
+    """Return what the benchmark of large work puts something else in the place of."""
+    tree = ast.parse((PROGRAMS.parents[1] / "instant.py").read_text())
+    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and ast.unparse(node.func) == "without"]
+    return [ast.literal_eval(call.args[0]) for call in calls]
+
+
+@pytest.mark.parametrize("name", _replaced())
+def test_what_the_plain_way_replaces_is_there(name: str) -> None:
+    module, _, own = name.rpartition(".")
+    assert hasattr(importlib.import_module(module), own)
 
 
 @pytest.mark.parametrize("place", [place for places in STAGES.values() for place in places])
