@@ -132,6 +132,16 @@ def test_a_step_is_taken_only_where_errors_fall_and_poles_decay() -> None:
     assert np.abs(after.z).max() < 1
 
 
+def test_of_a_record_that_grows_the_model_decays() -> None:
+    holds, grows = (replace(TRUTH, A=size * TRUTH.A / np.abs(TRUTH.poles).max()) for size in (0.9995, 1.002))
+    begun = _begun(holds, as_records(record(300, seed=2, model=grows)))
+    assert begun is not None
+    runs, m, _ = begun
+    W = _whitener(runs, m)
+    assert W is not None
+    assert np.abs(_descended(runs, m, W)[0].z).max() < 1
+
+
 def test_the_first_state_does_not_take_what_a_hidden_force_does() -> None:
     """By plain least squares a lightly damped mode that a hidden force drives is fitted by its first state: the truth explains too much."""
     model = StateSpace(

@@ -230,16 +230,14 @@ class _Follower:
         return told
 
     def _begin_at(self, k: int) -> None:
-        """Expect each track where its modes nearest to a record have it, as uncertain as its drift since then makes it."""
+        """Expect each track where its modes nearest to a record have it, which may be far from it by then."""
         e, record = self.expected, self.history.record
+        e.variance[:] = _FAR**2
         for t in range(e.level.size):
             own = np.flatnonzero((self.of_mode == t) & ~self.double)
-            e.variance[t] = _FAR**2
             if own.size >= _LEAST:
                 near = own[np.argsort(np.abs(record[own] - k), kind="stable")[:_LEAST]]
                 e.level[t] = np.median(self.modes.level[near])
-                gap = np.abs(self.seconds[record[near]] - self.seconds[k]).min()
-                e.variance[t] = min(e.noise[t] + self.drift[t] * gap, _FAR**2)
 
     def _drift(self, k: int, before: int) -> None:
         """Widen what is expected by the time since another record."""
