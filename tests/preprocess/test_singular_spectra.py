@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from modalscope.data import Signals
 from modalscope.preprocess import decomposition
+from modalscope.preprocess.spectra import Segments, cross_spectra
 from modalscope.systems import chain5
 
 
@@ -23,3 +26,19 @@ def test_a_bell_of_few_lines_has_no_damping() -> None:
     peaks = decomposition(record, segment=200).damped_peaks(1)
     assert np.all(np.isfinite(peaks.frequencies))
     assert np.all(np.isnan(peaks.damping_ratios))
+
+
+@pytest.mark.parametrize(("length", "averages"), [(128, 8), (64, 18)])
+def test_singular_values_of_few_segments_are_those_of_the_spectral_matrix(length: int, averages: int) -> None:
+    outputs = np.random.default_rng(0).standard_normal((2, 320, 12)) @ np.diag(np.arange(1.0, 13))
+    found = decomposition(Signals(outputs=outputs, sampling_rate=8.0), segment=length)
+    y = outputs - outputs.mean(axis=1, keepdims=True)
+    whole = cross_spectra(y, None, 8.0, Segments.of(320, length), whole=True)
+    assert found.averages == whole.averages == averages
+    k = min(averages, 12)
+    values = np.linalg.eigvalsh(whole.outputs)[:, ::-1]
+    assert np.allclose(found.frequencies, whole.frequencies)
+    assert np.allclose(found.singular_values, values[:, :k])
+    assert np.all(np.abs(values[:, k:]) < 1e-12 * values[:, :1])
+    of_vectors = found.vectors * found.singular_values[:, None] @ found.vectors.conj().transpose(0, 2, 1)
+    assert np.allclose(of_vectors, whole.outputs)

@@ -11,7 +11,7 @@ from modalscope.data.records import Signals
 from modalscope.data.sizes import check_size
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray, check_count
-from modalscope.preprocess.spectra import Segments, cross_spectra
+from modalscope.preprocess.spectra import Segments, cross_spectra, segment_transforms
 
 #: Minimum prominence of a peak, a factor in power (6 dB).
 _PROMINENCE = 4.0
@@ -35,9 +35,9 @@ class Decomposition(NamedTuple):
     ----------
     frequencies : array, (F,)
         Hz.
-    singular_values : array, (F, l)
-        Power spectral densities, unit^2 / Hz, largest first.
-    vectors : array, (F, l, l)
+    singular_values : array, (F, k)
+        Power spectral densities, unit^2 / Hz, largest first: k = min(l, averages), as all others are zero.
+    vectors : array, (F, l, k)
         Left singular vectors in columns: near a resonance the first is the mode's shape.
     averages : int
         Segments averaged.
@@ -156,6 +156,11 @@ def decomposition(
     y = outputs - outputs.mean(axis=1, keepdims=True)
     length = max(2, min(signals.samples * signals.runs // 20, signals.samples)) if segment is None else segment
     segments = Segments.of(signals.samples, length, overlap, window)
+    averages = len(y) * len(segments.starts)
+    if averages < y.shape[2]:  # no more singular values than segments: those of their transforms, squared
+        f, X = segment_transforms(y, signals.sampling_rate, segments)
+        vectors, root, _ = np.linalg.svd(X, full_matrices=False)
+        return Decomposition(f, root**2, vectors, averages, segments.output_window)
     spectra = cross_spectra(y, None, signals.sampling_rate, segments, whole=True)
     vectors, values, _ = np.linalg.svd(spectra.outputs, hermitian=True)
-    return Decomposition(spectra.frequencies, values, vectors, spectra.averages, segments.output_window)
+    return Decomposition(spectra.frequencies, values, vectors, averages, segments.output_window)

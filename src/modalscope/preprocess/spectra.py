@@ -189,11 +189,7 @@ def cross_spectra(
         Suu += U @ conjugate
         Syy += Y @ np.conj(Y).transpose(0, 2, 1) if whole else np.sum(Y.real**2 + Y.imag**2, axis=2)
     count = outputs.shape[0] * len(segments.starts)
-    density = 2 / (sampling_rate * float(np.sum(segments.output_window**2)) * count)
-    scale = np.full(lines, density)
-    if not np.iscomplexobj(outputs):  # lines of real records include their negative frequencies, except at both ends
-        f = transform.frequencies
-        scale[(f == 0) | (np.abs(f - sampling_rate / 2) < 1e-9 * sampling_rate)] *= 0.5
+    scale = _density_of_squares(transform.frequencies, sampling_rate, segments, count, not np.iscomplexobj(outputs))
     for S in (Syy, Syu, Suu):
         S *= scale.reshape(-1, *(1,) * (S.ndim - 1))
     return CrossSpectra(
@@ -204,6 +200,25 @@ def cross_spectra(
         averages=count,
         effective=effective_averages(segments.output_window, segments.starts, outputs.shape[0]),
     )
+
+
+def _density_of_squares(f: RealArray, rate: float, segments: Segments, count: int, real: bool) -> RealArray:
+    """Return the mean density of `count` segments over the sum of the squares of their transforms, (F,)."""
+    scale = np.full(f.size, 2 / (rate * float(np.sum(segments.output_window**2)) * count))
+    if real:  # lines of real records include their negative frequencies, except at both ends
+        scale[(f == 0) | (np.abs(f - rate / 2) < 1e-9 * rate)] *= 0.5
+    return scale
+
+
+def segment_transforms(outputs: RealArray, sampling_rate: float, segments: Segments) -> tuple[RealArray, ComplexArray]:
+    """Return lines (F,) in Hz and transforms X (F, l, segments) of real records (R, N, l): X X* are their averaged spectral densities."""
+    f = np.asarray(fft.rfftfreq(segments.length, 1 / sampling_rate))
+    count, runs = len(segments.starts), len(outputs)
+    X = np.empty((f.size, outputs.shape[2], runs * count), dtype=complex)
+    for k, piece in enumerate(_pieces(outputs, segments, segments.output_window, 1, centred=False)):
+        X[:, :, k] = fft.rfft(piece[0], axis=0)
+    X *= np.sqrt(_density_of_squares(f, sampling_rate, segments, runs * count, real=True))[:, None, None]
+    return f, X
 
 
 class Spectrum(NamedTuple):
