@@ -176,6 +176,7 @@ def choose_the_indicator_and_mark_peaks(window: Window) -> None:
     until(lambda: response.screenshot() == plain, 20)
 
 
+@pytest.mark.slow
 def test_a_whole_job(window: Window) -> None:
     page = window.page
     window.open("chain.uff")
@@ -247,6 +248,7 @@ UNNAMED = """[...document.querySelectorAll('button, select, input, textarea')].f
     !(e.getAttribute('aria-label') || e.title || e.textContent.trim() || e.closest('label'))).length"""
 
 
+@pytest.mark.slow
 def test_nothing_serious_stands_in_the_way_of_anybody(window: Window, server: Served, key: str) -> None:
     if not AXE.is_file():
         pytest.skip("axe-core is not installed: make page")
@@ -277,6 +279,7 @@ def test_nothing_serious_stands_in_the_way_of_anybody(window: Window, server: Se
     assert page.evaluate(UNNAMED) == 0
 
 
+@pytest.mark.slow
 def test_a_bad_file_is_told_where_it_is_dropped(window: Window, folder: Path) -> None:
     page = window.page
     with page.expect_file_chooser() as chooser:

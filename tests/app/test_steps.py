@@ -136,6 +136,7 @@ def test_two_bands_are_shown_together(tmp_path: Path) -> None:
     assert len(set(re.findall(r'<section id="([^"]+)"', report))) == report.count("<section id=")
 
 
+@pytest.mark.slow
 def test_a_state_space_model_is_exported_as_the_command_line_writes_it(tmp_path: Path) -> None:
     data, orders = KINDS["records"]
     run = Run()

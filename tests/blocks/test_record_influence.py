@@ -71,6 +71,7 @@ def test_where_there_are_no_more_lines_they_are_the_points_themselves() -> None:
     assert np.array_equal(few.spread.sum(axis=1), np.ones(4))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lengths", [(900,), (700, 333)])
 @pytest.mark.parametrize(
     "row", [{"method": "alternate"}, {"method": "era"}, {"method": "alternate", "band": (0.05, 0.3)}]
@@ -109,6 +110,7 @@ def test_the_gradient_is_a_difference_of_the_code() -> None:
     assert cut.modal.poles.size == 4
 
 
+@pytest.mark.slow
 def test_lines_of_a_long_record_that_are_kept_stand_for_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
     """A third of the lines knows a sum over hundreds of independent ones to some per cent."""
     data = noisy((6000, 3001))
@@ -126,6 +128,7 @@ def test_lines_of_a_long_record_that_are_kept_stand_for_the_others(monkeypatch: 
     assert np.all(np.abs(deviations() / whole - 1) < 0.2)
 
 
+@pytest.mark.slow
 def test_so_they_do_between_two_gradients(monkeypatch: pytest.MonkeyPatch) -> None:
     """The variance is the covariance of a gradient with one that is equal to it."""
     data = noisy((6000, 3001))

@@ -194,6 +194,7 @@ sys.exit(main())
 """
 
 
+@pytest.mark.slow
 def test_ctrl_c_says_that_kept_sums_are_gone_on_from(tmp_path: Path) -> None:
     pytest.importorskip("h5py")
     record, sums = tmp_path / "long.h5", tmp_path / "sums"

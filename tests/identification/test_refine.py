@@ -390,6 +390,7 @@ def test_the_measured_beam_has_one_optimum_from_any_row(beam, study):
     assert not table.missed
 
 
+@pytest.mark.slow
 def test_repeatability_of_the_measured_beam_is_how_far_its_halves_disagree(beam):
     """All ten ways of halving six hammer points; the whole scatters by half of what two halves differ by."""
     data, modes = beam

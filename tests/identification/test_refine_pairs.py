@@ -41,6 +41,7 @@ def _of_means(poles: np.ndarray) -> np.ndarray:
     return np.array(frequencies_and_damping(np.array([poles[pair].mean() for pair in PAIRS])))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["samples", "lines"])
 def test_means_of_pairs_are_no_further_off_than_the_bound(kind: str) -> None:
     errors = means_over_the_bound(kind, 40, range(100, 112))

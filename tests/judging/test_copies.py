@@ -39,6 +39,7 @@ def judged(kind: str, seeds: range) -> IntArray:
     return counts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["rows", "columns, pair"])
 def test_a_test_and_its_transpose_list_each_mode_once(kind: str) -> None:
     structure = shifted_structure(0, pair=KINDS[kind].pair)
@@ -110,6 +111,7 @@ def test_deviations_of_rows_and_columns_leave_across_both_what_their_product_doe
     assert alone._products(1, np.zeros(2), energy=1.0, across=0.0)[0] < 1e-20
 
 
+@pytest.mark.slow
 def test_what_is_across_both_shifts_with_its_column() -> None:
     """Gains that differ from channel to channel, on resonances that shift from column to column."""
     rng = np.random.default_rng(5)

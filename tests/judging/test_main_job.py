@@ -36,6 +36,7 @@ def test_the_published_modes_of_the_measured_beam_are_found_and_none_twice(beam)
         assert abs(modes.damping_ratios[near[0]] / zeta - 1) < (0.3 if k == 0 else 0.2)
 
 
+@pytest.mark.slow
 def test_modes_of_the_beam_beyond_the_published_ones_are_its_torsion_series_and_one_weak_mode_each_with_its_gain(beam):
     # a free beam twists at f, 2 f, 3 f; disjoint hammer points give these again, and the one at 4260 Hz, which has no name
     modes, _ = beam

@@ -64,6 +64,7 @@ def test_shapes_stay_where_a_strong_mode_is_missing_in_the_list() -> None:
     assert np.linalg.norm(found.deviations) > 0.3 * np.linalg.norm(found.shapes)  # the lines have another one
 
 
+@pytest.mark.slow
 def test_deviations_are_the_scatter_of_shapes() -> None:
     """Errors across a shape are sums of two squares: forty records tell their mean to a sixth."""
     errors, stated = [], []

@@ -84,6 +84,7 @@ SQUEEZED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "order", "options"),
     [

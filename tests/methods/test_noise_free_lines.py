@@ -88,6 +88,7 @@ def test_random_systems(seed: int, quantity: str, cell: tuple[str, str], narrow:
     check(as_quantity(ss, lines, quantity), poles, ss.order, [cell])
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.sampled_from(METHODS))
 @settings(max_examples=15, deadline=None)
 def test_sampled_systems_on_any_band(seed: int, method: str) -> None:

@@ -61,6 +61,7 @@ def test_workers_give_the_numbers_of_one_process(path: Path, cluster: Any) -> No
     np.testing.assert_allclose(found.frequencies, expected.frequencies, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_killed_worker_costs_its_own_tasks(path: Path, cluster: Any) -> None:
     alone = ms.estimate_correlation(ms.read(path, stored=True), lags=LAGS).values
     told: list[int] = []
@@ -83,6 +84,7 @@ def _ends_its_worker(task: int) -> int:
     return task
 
 
+@pytest.mark.slow
 def test_work_that_ends_its_workers_is_said_in_words(cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster.scheduler, "allowed_failures", 0)
     with (
@@ -104,6 +106,7 @@ def test_a_scheduler_without_workers_is_said_in_words(capsys: pytest.CaptureFixt
     assert f"waiting for one: dask worker {empty.scheduler_address}" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_is_gone_is_said_in_words() -> None:
     class Gone:
         def result(self) -> None:

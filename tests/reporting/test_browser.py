@@ -13,6 +13,7 @@ from modalscope.reporting import report
 from tests.plot import examples
 
 
+@pytest.mark.slow
 def test_a_browser_asks_nobody_shows_every_picture_and_never_scrolls_sideways(tmp_path: Path, browser: Any) -> None:
     path = report((examples.modes(), examples.diagram()), tmp_path / "r.html")
     asked: list[str] = []

@@ -133,6 +133,7 @@ def test_every_picture_is_whole_described_and_asks_for_nothing(written: Path) ->
     assert "<img" not in text
 
 
+@pytest.mark.slow
 def test_a_report_needs_no_matplotlib(tmp_path: Path) -> None:
     lines = (
         "import sys, modalscope as ms; from tests.plot import examples",

@@ -155,6 +155,7 @@ def test_damaged_options_of_reading_are_refused(place: Path, reading: Any) -> No
         ms.replay(with_file(place, reading=reading))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("geometry", [{"a": 1}, 7, [1, 2], "a\0b", "\ud800", "x" * 5000, [["a"]]])
 def test_a_geometry_that_is_no_path_is_left_or_refused(place: Path, geometry: Any) -> None:
     for allowed in (False, True):

@@ -63,6 +63,7 @@ def test_an_option_that_leads_nowhere_is_found(tmp_path: Path) -> None:
     assert dead_ends(path, message + ', or --columns "time=9"') == ["--columns time=9"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_every_option_printed_for_ordinary_files_reads_them_or_asks_one_thing_more(tmp_path: Path, name: str) -> None:
     path = tmp_path / f"case{CASES[name].suffix}"
