@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -93,17 +93,21 @@ def strongest_peaks(
     """
     grid = grid_of(response)
     new = ~np.any(np.abs(grid[:, None] - known) < -0.5 * known.real, axis=1)
-    gain, strong = np.zeros(grid.size), dict[int, ComplexArray]()
+    gain = np.zeros(grid.size)
     for some, A in _amplitudes(response, left, rows, grid):
         A = A.reshape(-1, *left.shape[1:])
         # no singular value exceeds the norm, which costs nothing
         may = new[some] & (np.sum(A.real**2 + A.imag**2, axis=(1, 2)) >= least)
         gain[some[may]] = np.linalg.norm(A[may], ord=2, axis=(1, 2)) ** 2
-        strong |= dict(zip(some[may].tolist(), A[may], strict=True))
+    best = apart(grid, gain, least, most)
+    # once more: those of all strong poles are many times the data
+    strong: dict[int, ComplexArray] = {}
+    for some, A in _amplitudes(response, left, rows, grid, best) if best else ():
+        strong |= {k: own for k, own in zip(some.tolist(), A, strict=True) if k in best}
     found: list[Peak] = []
-    for best in apart(grid, gain, least, most):
-        U, _, Vh = np.linalg.svd(strong[best])
-        found.append(Peak(complex(grid[best]), U[:, 0], Vh[0]))
+    for k in best:
+        U, _, Vh = np.linalg.svd(strong[k].reshape(left.shape[1:]))
+        found.append(Peak(complex(grid[k]), U[:, 0], Vh[0]))
     return found
 
 
@@ -131,12 +135,15 @@ def amplitudes(response: Response, left: RealArray, rows: RealArray, poles: Arra
 
 
 def _amplitudes(
-    response: Response, left: RealArray, rows: RealArray, poles: Array
+    response: Response, left: RealArray, rows: RealArray, poles: Array, wanted: Sequence[int] | None = None
 ) -> Iterator[tuple[IntArray, ComplexArray]]:
-    """Yield some poles after others, and their amplitudes in all channels, (poles, l m): those of a grid are many."""
+    """Yield some poles after others, and their amplitudes in all channels, (poles, l m): those of a grid are many.
+
+    `wanted`: of which poles, by default all; those taken together with them come along.
+    """
     divided = (left / rows[:, None, None]).reshape(len(left), -1)
     quiet = _of_places(response, rows) ** -2.0
-    for some, used, g, squares in _side_by_side(response, poles, len(left)):
+    for some, used, g, squares in _side_by_side(response, poles, len(left), wanted):
         yield some, _sums(g, used, divided) / np.sqrt(np.maximum(squares @ quiet[used], 1e-300))[:, None]
 
 
@@ -167,11 +174,11 @@ def _of_places(response: Response, rows: RealArray) -> RealArray:
 
 
 def _side_by_side(
-    response: Response, poles: Array, count: int
+    response: Response, poles: Array, count: int, wanted: Sequence[int] | None = None
 ) -> Iterator[tuple[IntArray, slice, RealArray, RealArray]]:
     """Yield some poles, the lines or samples that they show in, their functions there (n, 2, r, F) and half their squares (n, F).
 
-    Neighbours of one damping share their lines; r are real and imaginary parts, or samples alone.
+    Neighbours of one damping share their lines; r are real and imaginary parts, or samples alone. `wanted`: see `_amplitudes`.
     """
     order = np.argsort(-poles.real / np.abs(poles), kind="stable")
     few = min(_POLES_TOGETHER, max(1, _MAX_STORED_NUMBERS // (2 * count)))
@@ -179,7 +186,8 @@ def _side_by_side(
         used = _near(response, poles[near], count)
         step = max(_CACHE_NUMBERS // (used.stop - used.start), 1)
         for some in (near[first : first + step] for first in range(0, near.size, step)):
-            yield some, used, *_filters(response, poles[some], used)
+            if wanted is None or np.isin(wanted, some).any():
+                yield some, used, *_filters(response, poles[some], used)
 
 
 def _filters(response: Response, poles: Array, used: slice) -> tuple[RealArray, RealArray]:
