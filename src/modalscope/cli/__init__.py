@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from modalscope.cli.process import EXIT_WRONG, STDOUT, VOICE, complain, hang_up, listen, take_over
+from modalscope.cli.process import EXIT_WRONG, STDOUT, VOICE, complain, hang_up, listen, progress, take_over
 
 __all__ = ["main"]
 
@@ -52,6 +52,7 @@ def _run(words: Sequence[str]) -> None:
 
     from modalscope.cli.commands import build_parser
     from modalscope.cli.config import command_first, configured
+    from modalscope.numerics.stages import stages_shown
 
     command_line = shlex.join(["modalscope", *words])
     parser = build_parser()
@@ -59,7 +60,8 @@ def _run(words: Sequence[str]) -> None:
         options = parser.parse_args(configured(command_first(words)), argparse.Namespace(command_line=command_line))
         listen(options.quiet, options.verbose, options.log)
         VOICE.aside = STDOUT in map(str, getattr(options, "outputs", ()))
-        options.run(options)
+        with stages_shown(progress):
+            options.run(options)
     finally:
         if sys.stdout is not None:
             sys.stdout.flush()

@@ -45,7 +45,7 @@ def demo(options: argparse.Namespace) -> None:
         f"{_SET}: {outputs} accelerometers, {inputs} hammer points, {data.lines} lines; band {_BAND[0]:g} to {_BAND[1]:g} Hz",
         "",
     )
-    with progress("identifying", then="selecting and refining") as show:
+    with progress("identifying") as show:
         result = analyze(data, band=_BAND, progress=show)
     say(_table(result.modes, published), "", _inside(result.modes, published), _agreement(data))
     with progress(f"writing {options.output.name}"):
@@ -95,7 +95,7 @@ def _agreement(data: FrequencyResponse) -> str:
     """Return how many methods there are, which are one and the same, and how many find the modes of a short band."""
     from modalscope.comparing import compare
 
-    with progress("comparing methods", then="selecting and refining") as show:
+    with progress("comparing methods") as show:
         found = compare(data.select(inputs=data.input_dofs[:1]), band=_SHORT_BAND, progress=show)
     trusted = [group for group, trust in zip(found.groups, found.trust, strict=True) if trust.trusted]
     least = min((len(group.members) for group in trusted), default=0)

@@ -10,7 +10,9 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
+from threading import current_thread, main_thread
 from time import monotonic
 from types import FrameType
 from typing import Any, NoReturn
@@ -209,39 +211,31 @@ _TOLD_SECONDS = 1.0
 
 
 @contextmanager
-def progress(
-    what: str, unit: str = "order", then: str = "", at_once: bool = True
-) -> Iterator[Callable[[int, int], None]]:
+def progress(what: str, unit: str = "order", at_once: bool = True) -> Iterator[Callable[[int, int], None]]:
     """Name a stage while the block runs, with a bar from the first `show(done, total)` on; nothing if stderr is no terminal.
 
-    `unit`: what is counted. `then`: the stage that follows the last unit, until others are counted. `at_once`: whether the stage is named
-    before it counts. What took more than a second ends with a line that gives the time.
+    `unit`: what is counted. `at_once`: whether the stage begins before it counts. What took more than a second, without the stages within
+    it, ends with a line that gives the time. The work of other threads has no line.
     """
-    if not _on_terminal() or not _LOG.isEnabledFor(logging.INFO):
+    if not _on_terminal() or not _LOG.isEnabledFor(logging.INFO) or current_thread() is not main_thread():
         yield lambda done, total: None
         return
-    stage = rest = what if at_once else ""
-    since, seconds = monotonic(), dict.fromkeys(("", what, then), 0.0)
-
-    def turn(following: str) -> None:
-        nonlocal stage, since
-        seconds[stage] += monotonic() - since
-        stage, since = following, monotonic()
-
-    with _LINE.named(stage) as name:
+    start = monotonic() if at_once else None
+    with _LINE.named(what if at_once else "") as stage:
 
         def show(done: int, total: int) -> None:
-            turn(what)
+            nonlocal start
+            start = monotonic() if start is None else start
             _LINE.count(what, unit, done, total)
             if done == total:
-                turn(then or rest)
-                name(then or rest)
+                _LINE.draw()
 
         yield show
-    turn("")
-    for ended, took in seconds.items():
-        if ended and took > _TOLD_SECONDS:
-            print(f"{ended}: done in {took:.1f} s", file=sys.stderr)
+    took = 0.0 if start is None else monotonic() - start - (stage.within if at_once else 0.0)
+    if took > _TOLD_SECONDS:
+        _LINE.clear()
+        print(f"{what}: done in {took:.1f} s", file=sys.stderr)
+        _LINE.draw()
 
 
 def _on_terminal() -> bool:
@@ -249,29 +243,34 @@ def _on_terminal() -> bool:
     return sys.stderr is not None and sys.stderr.isatty()
 
 
+@dataclass
+class _Stage:
+    """The name of a stage, and the seconds of stages within it."""
+
+    name: str
+    within: float = 0.0
+
+
 class _Line:
     """The line of a terminal that says what is being done: the name of the innermost stage that has one, or a bar of what counts."""
 
     def __init__(self) -> None:
-        self._names: list[str] = []
+        self._stages: list[_Stage] = []
         self._bar: Any = None
         self._width = 0
 
     @contextmanager
-    def named(self, what: str) -> Iterator[Callable[[str], None]]:
-        """Show the name of a stage, or another that it is given, while the block runs; then again that of the stage around it."""
-        place = len(self._names)
-
-        def name(what: str) -> None:
-            self._names[place] = what
-            self.draw()
-
-        self._names.append(what)
+    def named(self, what: str) -> Iterator[_Stage]:
+        """Show the name of a stage while the block runs; then again that of the stage around it."""
+        stage, start = _Stage(what), monotonic()
+        self._stages.append(stage)
         self.draw()
         try:
-            yield name
+            yield stage
         finally:
-            self._names.pop()
+            self._stages.pop()
+            for around in self._stages[-1:]:
+                around.within += monotonic() - start
             self.draw()
 
     def count(self, what: str, unit: str, done: int, total: int) -> None:
@@ -295,7 +294,7 @@ class _Line:
     def draw(self) -> None:
         """Show the name of the innermost stage that has one."""
         self.clear()
-        if shown := next(filter(None, reversed(self._names)), ""):
+        if shown := next((stage.name for stage in reversed(self._stages) if stage.name), ""):
             self._width = len(shown) + 4
             print(f"{shown} ...", end="", file=sys.stderr, flush=True)
 

@@ -177,7 +177,7 @@ def _certified(options: argparse.Namespace) -> Result:
 
     if options.files[0].suffix.lower() != ".json":
         return result_of(options, options.files)
-    with progress("identifying", then="selecting and refining") as show:
+    with progress("identifying") as show:
         return replay(options.files[0], allow_outside=options.allow_outside, progress=show)
 
 
@@ -206,7 +206,7 @@ def compare(options: argparse.Namespace) -> None:
     orders = parse_orders(options.orders)
     check_outputs(options, options.files)
     data, notes = read_test(options)
-    with progress("comparing", then="selecting and refining") as show:
+    with progress("comparing") as show:
         comparison = compare(
             data,
             "all" if options.methods == ["all"] else options.methods,
@@ -344,7 +344,7 @@ def report(options: argparse.Namespace) -> None:
     require_output(options, "report.html")
     set_max_memory(options.max_memory)
     check_outputs(options, (options.file, *(options.data or ())), (".html", ".htm", ".docx", ".pptx"))
-    with progress("identifying", then="selecting and refining") as show:
+    with progress("identifying") as show:
         result = _saved(options, show)
     for path in options.outputs:
         with progress(f"writing {path.name}"):
@@ -352,7 +352,7 @@ def report(options: argparse.Namespace) -> None:
         say(f"written: {path}")
     if options.pictures is not None:
         options.files = [options.file, *(options.data or ())]
-        with progress("selecting and refining"):
+        with progress("selecting"):
             modes, diagrams = (
                 (result.modes, result.diagrams) if hasattr(result, "modes") else (select(result), (result,))
             )

@@ -36,6 +36,7 @@ from modalscope.likelihood.noise import SPLIT, Noise
 from modalscope.modal.rebuilt import fit_of
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.stages import stage
 
 
 @dataclass(frozen=True)
@@ -305,14 +306,16 @@ def run(
         each(swept_in_group, _grouped(cells, given))
         own = [work for work in works if work.diagram is not None]
         sets = _of_same_data(own)
-        contests = dict(chain(*each(_decided, sets)))
+        with stage("weighing the candidates of all"):
+            contests = dict(chain(*each(_decided, sets)))
         tell([work for work in works if work.failure])
 
         def judged(work: _Work) -> None:
             _judge(work, gathered, contests.get(id(work)))
             tell([other for other in works if work in (other, other.twin)])
 
-        each(judged, [work for work in own if not work.failure])
+        with stage("selecting"):
+            each(judged, [work for work in own if not work.failure])
     return tuple(work.result for work in works)
 
 

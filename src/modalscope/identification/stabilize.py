@@ -27,6 +27,7 @@ from modalscope.numerics.checks import Array, IntArray, RealArray, check_kind, c
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.executors import working
 from modalscope.numerics.resources import one_thread
+from modalscope.numerics.stages import stage
 from modalscope.preprocess.spectral_peaks import PEAK, peak_heights
 
 #: Maximum difference of a stable pole to one of the previous order: relative frequency, relative damping, 1 - MAC.
@@ -139,7 +140,8 @@ def stabilize(
         return computed(swept(sweep, resolved_orders(data.problem, orders), tolerances, progress, watch))
 
     def diagram(asked: Iterable[int] | None = orders, **way: Any) -> StabilizationDiagram:
-        problem = prepare(examined, method, domain, **{**options, **way})
+        with stage("preparing"):
+            problem = prepare(examined, method, domain, **{**options, **way})
         first = stabilized(
             problem,
             resolved_orders(problem, asked),
@@ -197,7 +199,9 @@ def stabilized(
     `asked`: orders, increasing. `automatic`: whether nobody asked for just these: then some order is always found.
     """
     limits = limits_of(tolerances)
-    return swept(start(problem, asked, automatic=automatic, deviations=deviations), asked, limits, progress, watch)
+    with stage("factoring"):
+        sweep = start(problem, asked, automatic=automatic, deviations=deviations)
+    return swept(sweep, asked, limits, progress, watch)
 
 
 def swept(

@@ -31,6 +31,7 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_each, check_kind, check_positive
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
+from modalscope.numerics.stages import stage
 
 
 @named()
@@ -107,7 +108,8 @@ def selected(
     added, refused = (check_each(name, given, "numbers in Hz") for name, given in (("take", take), ("refuse", refuse)))
     _check_one_way(wanted, [*added, *refused], reference)
     check_positive("tolerance", tolerance)
-    found = weighed(diagram)
+    with stage("selecting"):
+        found = weighed(diagram)
     if reference is not None:
         return _like(reference, diagram, found, tolerance)
     return chosen_of(diagram, found, wanted, added, refused, tolerance)

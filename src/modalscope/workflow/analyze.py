@@ -24,6 +24,7 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_each, check_kind
 from modalscope.numerics.log import LOG, tell
 from modalscope.numerics.resources import one_thread
+from modalscope.numerics.stages import stage
 from modalscope.preprocess.frf import leakage_note
 from modalscope.workflow.bands import Choose, Look, looked_at, modes_chosen
 from modalscope.workflow.sources import Reading, opened
@@ -145,9 +146,11 @@ def concluded(
     # leakage harms frequency responses alone: records on lines eliminate what a run begins and ends with
     harmless = ("leakage",) if all(diagram.settings.route == "records" for diagram in diagrams) else ()
     excluded = _excluded(data, document)
+    with stage("examining"):
+        every = check(data)
     findings = tuple(
         finding.beside(document.bands)
-        for finding in check(data)
+        for finding in every
         if finding.kind not in harmless and (not finding.channels or set(finding.channels) - excluded)
     )
     leakage = leakage_note(data, diagrams[0].response, modes.frequencies, modes.damping_ratios)

@@ -24,6 +24,7 @@ from modalscope.judging.select import between_groups, selected
 from modalscope.likelihood.refine_setups import refine_setups
 from modalscope.modal.setups import merge_modes, with_repeatability
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.stages import stage
 from modalscope.preprocess.correlation import estimate_correlation
 from modalscope.workflow.ambient_lines import machines_in, peaks_in, with_lines_of_record, without_mode
 from modalscope.workflow.refining import refined_where_it_helps
@@ -211,7 +212,10 @@ def _of_band(document: Analysis, look: Look, choose: Choose) -> ModalModel:
     """Return the modes of one band."""
 
     def improved(diagram: StabilizationDiagram, modes: ModalModel) -> ModalModel:
-        return refined_where_it_helps(diagram, modes) if document.refine else between_groups(diagram, modes)
+        if not document.refine:
+            return between_groups(diagram, modes)
+        with stage("refining"):
+            return refined_where_it_helps(diagram, modes)
 
     if not look.parts:
         by_hand = {"frequencies": document.frequencies, "take": document.taken, "refuse": document.refused}

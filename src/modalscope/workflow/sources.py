@@ -21,6 +21,7 @@ from modalscope.io.beside import check_links
 from modalscope.io.frames import is_frame
 from modalscope.numerics.checks import check_each, check_kind
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.stages import stage
 from modalscope.preprocess.decays import as_free_decay
 from modalscope.preprocess.excitation import moved_by_base
 from modalscope.preprocess.merging import merge
@@ -108,7 +109,8 @@ def _opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tup
         runs = as_test(data) if isinstance(data, list | tuple) else data
         return runs, source_of_data(runs), ()
     path = Path(data)
-    found = survey(path, **reading)
+    with stage("reading"):
+        found, source = survey(path, **reading), source_of_file(path, reading)
     if isinstance(found.thing, ModalModel):
         change = "Give a file of responses or records."
         raise DataError(f"modes in {path} were asked", "the file contains modes already", change)
@@ -119,7 +121,7 @@ def _opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tup
             f"the file gives a {found.result}{f', and no method identifies from its {left}' if left else ''}",
             "Give a file of responses or records.",
         )
-    return found.thing, source_of_file(path, reading), found.told
+    return found.thing, source, found.told
 
 
 def source_of_file(path: Path, reading: Mapping[str, Any]) -> SourceFile:
