@@ -107,9 +107,11 @@ def test_a_stage_within_another_gives_the_line_back_and_has_its_own_time(
         show(2, 2)
         with progress("selecting"):
             clock(5.0)
+        with progress("refining"):  # no time is told
+            pass
     told = shown()
     named = [name for name, _ in groupby(stages_of(told))]
-    assert named == ["identifying", "reading", "identifying", "selecting", "identifying"]
+    assert named == ["identifying", "reading", "identifying", "selecting", "identifying", "refining", "identifying"]
     assert "identifying:  50%" in told
     assert [line for line in re.split(r"[\r\n]+", told) if "done" in line] == [
         *("reading: done in 3.0 s", "selecting: done in 5.0 s", "identifying: done in 6.0 s")
