@@ -52,7 +52,7 @@ def _run(words: Sequence[str]) -> None:
 
     from modalscope.cli.commands import build_parser
     from modalscope.cli.config import command_first, configured
-    from modalscope.numerics.stages import stages_shown
+    from modalscope.numerics.progress import stages_shown
 
     command_line = shlex.join(["modalscope", *words])
     parser = build_parser()

@@ -36,7 +36,7 @@ from modalscope.likelihood.noise import SPLIT, Noise
 from modalscope.modal.rebuilt import fit_of
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
-from modalscope.numerics.stages import stage
+from modalscope.numerics.progress import stage
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,8 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, IntArray, RealArray, check_kind, check_positive
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.executors import working
+from modalscope.numerics.progress import stage
 from modalscope.numerics.resources import one_thread
-from modalscope.numerics.stages import stage
 from modalscope.preprocess.spectral_peaks import PEAK, peak_heights
 
 #: Maximum difference of a stable pole to one of the previous order: relative frequency, relative damping, 1 - MAC.

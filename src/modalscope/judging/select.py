@@ -30,8 +30,8 @@ from modalscope.modal.indicators import with_indicators_of_shapes
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_each, check_kind, check_positive
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.progress import stage
 from modalscope.numerics.resources import one_thread
-from modalscope.numerics.stages import stage
 
 
 @named()

@@ -1,1 +1,1 @@
-"""Checks of arguments, linear algebra, sums over chunks, executors, memory and threads."""
+"""Checks of arguments, linear algebra, sums over chunks, executors, progress, memory and threads."""

@@ -23,8 +23,8 @@ from modalscope.modal.rebuilt import explains_enough, fit_of, of_noise, share_ex
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_each, check_kind
 from modalscope.numerics.log import LOG, tell
+from modalscope.numerics.progress import stage
 from modalscope.numerics.resources import one_thread
-from modalscope.numerics.stages import stage
 from modalscope.preprocess.frf import leakage_note
 from modalscope.workflow.bands import Choose, Look, looked_at, modes_chosen
 from modalscope.workflow.sources import Reading, opened

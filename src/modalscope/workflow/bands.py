@@ -24,7 +24,7 @@ from modalscope.judging.select import between_groups, selected
 from modalscope.likelihood.refine_setups import refine_setups
 from modalscope.modal.setups import merge_modes, with_repeatability
 from modalscope.numerics.errors import DataError
-from modalscope.numerics.stages import stage
+from modalscope.numerics.progress import stage
 from modalscope.preprocess.correlation import estimate_correlation
 from modalscope.workflow.ambient_lines import machines_in, peaks_in, with_lines_of_record, without_mode
 from modalscope.workflow.refining import refined_where_it_helps

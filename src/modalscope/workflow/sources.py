@@ -21,7 +21,7 @@ from modalscope.io.beside import check_links
 from modalscope.io.frames import is_frame
 from modalscope.numerics.checks import check_each, check_kind
 from modalscope.numerics.errors import DataError
-from modalscope.numerics.stages import stage
+from modalscope.numerics.progress import stage
 from modalscope.preprocess.decays import as_free_decay
 from modalscope.preprocess.excitation import moved_by_base
 from modalscope.preprocess.merging import merge
