@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -54,7 +53,7 @@ def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> 
         except DataError as error:
             return modes.noted(_kept(error.fault))
         if refined is not None:
-            return refined if stay.all() else _with_others(diagram.response, modes, refined, modes.take(~stay))
+            return refined if stay.all() else _with_others(diagram.response, modes, refined, modes.take(~stay), extra)
         reasons = [str(note) for note in found.notes if note.kind == "not converged"]
         return replace(_placed(diagram.response, modes, extra), converged=False).noted(_kept(*reasons))
     where = ", ".join(f"{abs(s) / (2 * np.pi):.5g} Hz" for s in modes.poles[~stay])
@@ -76,18 +75,20 @@ def _placed(response: Response, modes: ModalModel, extra: ComplexArray) -> Modal
     return replace(modes, **{name: getattr(found, name) for name in _STD_FIELDS})
 
 
-def _with_others(response: Response, modes: ModalModel, refined: ModalModel, others: ModalModel) -> ModalModel:
+def _with_others(
+    response: Response, modes: ModalModel, refined: ModalModel, others: ModalModel, extra: ComplexArray
+) -> ModalModel:
     """Return the refined modes with others at their unrefined values, which the likelihood leads to other modes.
 
-    They have no standard deviations.
+    Their standard deviations are those at these values, given the refined modes.
     """
     parts = evened([replace(part, left_out=(), shapes_std=None, unrefined=None) for part in (refined, others)])
+    at_values = in_place(response.whole, joined(parts), extra)
+    own = slice(len(refined), None)
+    std = {name: getattr(at_values, name)[own] for name in _STD_FIELDS if getattr(at_values, name) is not None}
     # the likelihood leads away from these values: there is no interval around them
-    without: dict[str, Any] = {
-        name: np.full(np.shape(told), np.nan) for name in _STD_FIELDS if (told := getattr(parts[1], name)) is not None
-    }
-    without["degrees"] = np.zeros((len(others), 2))
-    merged = joined([parts[0], replace(parts[1], **without, converged=True)])
+    std["degrees"] = np.zeros((len(others), 2))
+    merged = joined([parts[0], replace(parts[1], **std, converged=True)])
     order = np.argsort(merged.frequencies, kind="stable")
     merged = merged.take(order)
     # the refinement may leave modes out, and frequencies may pass each other
@@ -98,8 +99,8 @@ def _with_others(response: Response, modes: ModalModel, refined: ModalModel, oth
     text = f"Not refined: {where} (their optimum lies at other modes); no intervals"
     note = Note("not refined", {"modes": len(others)}, text)
     both = replace(merged, shapes=shapes, left_out=refined.left_out, **fitted).normalized("unit")
-    known = refined.shapes_std
-    shapes_std = None if known is None else np.hstack([known, np.full(others.shapes.shape, np.nan)])[:, order]
+    widths = [part for part in (refined.shapes_std, at_values.shapes_std) if part is not None]
+    shapes_std = np.hstack([widths[0], widths[1][:, own]])[:, order] if len(widths) == 2 else None
     return with_indicators_of_shapes(replace(both, unrefined=before, shapes_std=shapes_std)).noted(note)
 
 
