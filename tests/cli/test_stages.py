@@ -118,6 +118,21 @@ def test_a_stage_within_another_gives_the_line_back_and_has_its_own_time(
     ]
 
 
+def test_what_is_counted_keeps_its_bar_whatever_stages_are_within(
+    shown: Callable[[], str], clock: Callable[[float], None]
+) -> None:
+    with progress("simulating") as show:
+        show(1, 3)
+        with progress("factoring"):
+            clock(5.0)
+        show(3, 3)
+        with progress("examining"):
+            clock(2.0)
+    told = shown()
+    assert list(dict.fromkeys(stages_of(told))) == ["simulating", "examining"]
+    assert told.endswith("simulating: done in 5.0 s\n")
+
+
 def test_the_work_of_another_thread_has_no_line(shown: Callable[[], str]) -> None:
     with ThreadPoolExecutor(1) as pool, progress("comparing"):
         pool.submit(progress("selecting").__enter__).result()

@@ -215,9 +215,10 @@ def progress(what: str, unit: str = "order", at_once: bool = True) -> Iterator[C
     """Name a stage while the block runs, with a bar from the first `show(done, total)` on; nothing if stderr is no terminal.
 
     `unit`: what is counted. `at_once`: whether the stage begins before it counts. What took more than a second, without the stages within
-    it, ends with a line that gives the time. The work of other threads has no line.
+    it, ends with a line that gives the time. The work of other threads has no line, and no stage has one within work that is counted.
     """
-    if not _on_terminal() or not _LOG.isEnabledFor(logging.INFO) or current_thread() is not main_thread():
+    quiet = not _on_terminal() or not _LOG.isEnabledFor(logging.INFO)
+    if quiet or _LINE.counts or current_thread() is not main_thread():
         yield lambda done, total: None
         return
     start = monotonic() if at_once else None
@@ -258,6 +259,11 @@ class _Line:
         self._stages: list[_Stage] = []
         self._bar: Any = None
         self._width = 0
+
+    @property
+    def counts(self) -> bool:
+        """Whether a bar is shown."""
+        return self._bar is not None
 
     @contextmanager
     def named(self, what: str) -> Iterator[_Stage]:
