@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
 from tests.support import DATA
 from tools.real_tests import JOBS
-from tools.results import REFERENCE, SKIPPED, differences, lacks_data, result_of, written
+from tools.results import REFERENCE, SHAPES, SKIPPED, differences, lacks_data, result_of, written
 
 MODES = {
     "modes": {
@@ -92,6 +93,21 @@ def test_lists_of_real_tests_hold_on_every_processor(key, below, above):
     assert not list(differences(held, scaled(below)))
     (said,) = differences(held, scaled(above))
     assert said.startswith(key)
+
+
+def test_shapes_that_turn_or_err_are_told():
+    held = {SHAPES: [[1.0, 0.0, 0.0, 0.0], [0.6, 0.0, 0.0, 0.8]]}
+
+    def with_second(error, turn=1j):
+        second = turn * np.array([0.6, 0.8j + error])
+        return {SHAPES: [held[SHAPES][0], second.view(float).tolist()]}
+
+    # 1 - MAC is the square of the error across the shape, .6 of it
+    assert not list(differences(held, with_second(0.9e-5**0.5 / 0.6)))
+    (said,) = differences(held, with_second(1.1e-5**0.5 / 0.6))
+    assert said.startswith("shapes of modes[1]: 1 - MAC 1.1e-05")
+    (said,) = differences(held, {SHAPES: held[SHAPES][:1]})
+    assert said.endswith("2 -> 1 shapes")
 
 
 def test_a_mode_that_is_lost_or_new_is_named():

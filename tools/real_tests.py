@@ -1,8 +1,9 @@
 """Real tests: every measured set beside the project, analysed as a user would, and the list of modes that comes out.
 
-A commit that loses a mode of a real test, or adds one, differs from the reference. What is held is the list (frequencies in Hz, damping
-ratios), the share of the measured mean square that the modes explain, and in how many bands they were found. A file that is refused is
-held as refused.
+A commit that loses a mode of a real test, or adds one, differs from the reference, and so does one that changes a shape, a deviation or a
+grade. What is held is the list (frequencies in Hz, damping ratios), their standard deviations and those of the shapes, the shapes, the
+grades, the share of the measured mean square that is explained, and in how many bands the modes were found. A file that is refused is held
+as refused.
 
 Other processors sum in another order, and where a candidate is on the brink, rounding decides. `OPENBLAS_CORETYPE=Haswell` and `Prescott`
 gave every list below as SkylakeX does, to 1e-11 of frequencies and 1e-10 of damping, the beam with two neighbours at 4.2 kHz to 1e-6 and
@@ -12,6 +13,7 @@ arrays, whose peaks are split in one list and whole in the next, only the eight 
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -20,6 +22,7 @@ import numpy as np
 import modalscope as ms
 from modalscope.plot.web.fits import fit_of_bands
 from tools.jobs import JOBS, Missing, Told, face, job, measured, numbers
+from tools.results import SHAPES
 
 __all__ = ["FILES", "JOBS", "Missing", "listed"]
 
@@ -62,11 +65,18 @@ def listed(thing: Any, **options: Any) -> Told:
         if "is not installed" in error.found:
             raise Missing(error.found) from None
         return {"refused": [bool(error.asked), bool(error.found), bool(error.change)]}
-    fit = fit_of_bands(found.modes, found.diagrams) if len(found.modes) else None
+    modes = found.modes
+    fit = fit_of_bands(modes, found.diagrams) if len(modes) else None
+    ends = [modes.frequencies_std, modes.damping_ratios_std] if len(modes) else [None, None]
     return {
         "bands": len(found.diagrams),
-        "f": numbers(found.modes.frequencies),
-        "zeta": numbers(found.modes.damping_ratios),
+        "f": numbers(modes.frequencies),
+        "zeta": numbers(modes.damping_ratios),
+        "f_std": numbers(ends[0]),
+        "zeta_std": numbers(ends[1]),
+        "shapes_std": None if modes.shapes_std is None else numbers(np.linalg.norm(modes.shapes_std, axis=0)),
+        "grades": [mode.grade for mode in modes],
+        SHAPES: [[float(f"{x:.5g}") for z in shape for x in (z.real, z.imag)] for shape in modes.shapes.T],
         "explained": None if fit is None else 1 - float(fit[0]) ** 2,
     }
 
@@ -92,6 +102,46 @@ def _() -> Told:
     told = listed(measured("beam_hammer", "beam_mimo_frf.npz"), band=(100.0, 4500.0))
     found = np.array(told["f"])
     return {"published": [bool(np.any(np.abs(found - f) < 0.5)) for f in _PUBLISHED]}
+
+
+@job("real: roving_pair")
+def _() -> Told:
+    return listed(measured("roving_pair", "roving.uff"))
+
+
+#: Each file is a structure of its own: the masses differ.
+_MASSES = ("P-1", "P-2", "P-3", "P-4", "P-5", "P-6", "P-61", "P-62")
+
+
+def _of_masses(name: str) -> Callable[[], Told]:
+    return lambda: listed(measured("beam_masses", f"{name}.txt"))
+
+
+for _name in _MASSES:
+    job(f"real: beam_masses, {_name}")(_of_masses(_name))
+
+
+def _of_standin(name: str) -> Callable[[], Told]:
+    def run() -> Told:
+        folder = measured("standins", name)
+        paths = [folder / file for file in json.loads((folder / "truth.json").read_text("utf-8"))["files"]]
+        return listed(paths[0] if len(paths) == 1 else paths)
+
+    return run
+
+
+#: Small files of faults that strangers' files showed; beside them stands what is right.
+_STANDINS = (
+    *("analyser_mat", "analyser_text", "camera_stack", "dead_tail", "decay_multiples", "drive_voltage"),
+    *("headless_lines", "knet_ew", "knet_txt", "late_start", "line_by_line", "lines_missing", "listed_units"),
+    *("lvm_slow_channels", "matlab_objects", "names_of_responses", "one_frame_lost", "quoted_rows", "repeated_hits"),
+    *("responses_below_each_other", "sine_input", "slow_extras", "start_glitch", "stray_cells_csv"),
+    *("tdms_late_channel", "two_counters", "two_poles", "uff58_uneven_double", "units_between_names"),
+    *("velocity_decay", "walking", "weak_first_points", "weak_hit", "wrapped_txt_other"),
+)
+
+for _name in _STANDINS:
+    job(f"real: standins, {_name}")(_of_standin(_name))
 
 
 def _arrays(*parts: str) -> Mapping[str, Any]:

@@ -24,7 +24,9 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-__all__ = ["TOLERANCES", "differences", "main", "result_of", "written"]
+import numpy as np
+
+__all__ = ["SHAPES", "TOLERANCES", "differences", "main", "result_of", "written"]
 
 ROOT = Path(__file__).resolve().parents[1]
 REFERENCE = ROOT / "tests" / "results" / "reference.json"
@@ -36,6 +38,12 @@ TOLERANCES = {"frequencies": 1e-9, "damping": 1e-7, "deviations": 1e-6, "values"
 #: The same of lists of real tests, which are to hold on every processor (see `tools.real_tests`): ten times what was seen of frequencies,
 #: four times of damping, and less than what a mode that matters explains.
 TOLERANCES |= {"f": 1e-5, "zeta": 5e-3, "explained": 1e-3}
+
+#: The same of the standard deviations of real tests.
+TOLERANCES |= {"f_std": 0.02, "zeta_std": 0.02, "shapes_std": 0.02}
+
+#: Under this key stand shapes, a list a mode: real and imaginary part of every component in turn. They differ where 1 - MAC exceeds this.
+SHAPES, _MAX_UNLIKE = "shapes of modes", 1e-5
 
 #: A job without its data, or without a package that reads them, gives this alone, with what is missing.
 SKIPPED = "skipped"
@@ -58,7 +66,8 @@ def differences(expected: Any, found: Any, place: str = "", tolerance: float = 0
             elif key not in expected:
                 yield f"{inside}: new"
             else:
-                yield from differences(expected[key], found[key], inside, TOLERANCES.get(key, tolerance))
+                how = _unlike if key == SHAPES else differences
+                yield from how(expected[key], found[key], inside, TOLERANCES.get(key, tolerance))
     elif isinstance(expected, list) and isinstance(found, list) and len(expected) == len(found):
         for index, pair in enumerate(zip(expected, found, strict=True)):
             yield from differences(*pair, f"{place}[{index}]", tolerance)
@@ -67,6 +76,18 @@ def differences(expected: Any, found: Any, place: str = "", tolerance: float = 0
         yield f"{place}: {len(expected)} -> {len(found)} values; lost {_short(lost)}, new {_short(new)}"
     elif not _same(expected, found, tolerance):
         yield f"{place}: {_short(expected)} -> {_short(found)}"
+
+
+def _unlike(expected: Any, found: Any, place: str, tolerance: float) -> Iterator[str]:
+    """Yield in words which shapes differ; `tolerance` is that of other numbers."""
+    if [len(each) for each in expected] != [len(each) for each in found]:
+        yield f"{place}: {len(expected)} -> {len(found)} shapes"
+        return
+    for index, pair in enumerate(zip(expected, found, strict=True)):
+        a, b = (np.reshape(each, (-1, 2)) @ [1, 1j] for each in pair)
+        unlike = 1 - abs(np.vdot(a, b)) ** 2 / max(np.vdot(a, a).real * np.vdot(b, b).real, 1e-300)
+        if unlike > _MAX_UNLIKE:
+            yield f"{place}[{index}]: 1 - MAC {unlike:.2g}"
 
 
 def _without(values: list[float], others: list[float]) -> list[float]:

@@ -16,6 +16,7 @@ from modalscope.judging import outcome as outcomes
 from modalscope.judging.evidence import Candidate
 from modalscope.judging.outcome import modes_of
 from modalscope.modal.indicators import mac
+from modalscope.modal.joint_fit import JointFit, joint_fit
 from tests.judging.made import Pole, at_angle, diagram_of, poles_of, response_of
 
 #: Two modes that no channel and no scaling can exchange.
@@ -112,14 +113,17 @@ def test_spread_and_values_are_those_of_the_members_alone() -> None:
 
 
 def test_the_fit_of_residues_starts_from_the_member_nearest_to_all_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    def start(response: Response, poles: np.ndarray, shapes: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        return shapes, {"participation": np.ones((len(poles), response.values.shape[2]), complex)}
+    begun = []
 
-    monkeypatch.setattr(outcomes, "joint_residues", start)
+    def start(response: Response, poles: np.ndarray, shapes: np.ndarray, *model: object, **how: object) -> JointFit:
+        begun.append(shapes)
+        return joint_fit(response, poles, shapes, *model, **how)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(outcomes, "joint_fit", start)
     likeness = [1.0, 0.99, 0.9]
     made = [Pole(2 * k + 2, shape=at_angle(v)) for k, v in enumerate(likeness)]
-    model = outcome(*made, chosen=[candidate([0, 1, 2], made[0])])
-    assert mac(model.shapes[:, 0], at_angle(0.99))[0, 0] == pytest.approx(1)
+    outcome(*made, chosen=[candidate([0, 1, 2], made[0])])
+    assert mac(begun[0][:, 0], at_angle(0.99))[0, 0] == pytest.approx(1)
 
 
 def test_indicators_are_the_medians_of_the_members_wherever_these_stand_in_the_diagram() -> None:

@@ -12,7 +12,7 @@ from modalscope.data import FrequencyResponse, ImpulseResponse
 from modalscope.data.modes import ModalModel
 from modalscope.data.response import Response
 from modalscope.functions.poles import poles_from
-from modalscope.modal.shapes import joint_residues
+from modalscope.modal.joint_fit import joint_residues
 from tests.support import relative
 
 seeds = st.integers(0, 2**32 - 1)

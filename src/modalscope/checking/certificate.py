@@ -15,7 +15,6 @@ from scipy.special import stdtrit
 
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
-from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
@@ -23,20 +22,20 @@ from modalscope.data.shown import Shown, counted, summary_of, text_table
 from modalscope.identification.method_names import find_method
 from modalscope.identification.pipeline import factor
 from modalscope.identification.prepare import Measured, pose
-from modalscope.identification.refine import left_by_refined, refine
+from modalscope.identification.refine import refine
 from modalscope.identification.stabilize import stabilized
 from modalscope.identification.sweep import Sweep
+from modalscope.judging.bands import terms_of
 from modalscope.judging.select import selected
 from modalscope.likelihood.descent import astray
 from modalscope.likelihood.deviations import residual_variance, unexplained_energy
 from modalscope.likelihood.noise import SPLIT, Noise, noise_of
 from modalscope.modal.indicators import mac
+from modalscope.modal.joint_fit import joint_residues
 from modalscope.modal.rebuilt import rebuilt
-from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.checks import Array, BoolArray, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import assign
-from modalscope.workflow.refining import poles_beside
 
 #: Maximum distance of a mode of a replicate, in half bandwidths or standard deviations, and minimum MAC of its shape.
 _MAX_HALF_BANDWIDTHS, _MAX_DEVIATIONS, _MIN_MAC = 2.0, 10.0, 0.5
@@ -138,16 +137,22 @@ def replicates_of(
         have = "it projects records on their past, and replicates are responses"
         raise DataError(f"a certificate of {row.label} was asked", have, "Certify another method on the same record.")
     response, order = diagram.response, nearest_order(diagram, modes.unrefined or modes)
-    beside = np.zeros(0, complex) if modes.unrefined is None else poles_beside(diagram, modes.unrefined)
-    if isinstance(response, RecordSpectra) and modes.unrefined is not None:
-        # forces that are not held between samples, and modes beyond the band, take terms that only the refinement has
-        left = left_by_refined(response, modes, beside)
-        clean = response.values - left
+    beside = np.zeros(0, complex) if modes.unrefined is None else terms_of(modes.unrefined)[0]
+    clean = rebuilt(response, modes)
+    if modes.residual_terms:
+        left = (response.values - clean) * np.sqrt(_growth_of_residual(response, modes))
         noise = noise_of(response, records).beside(np.mean(np.abs(left) ** 2, axis=0), left)
     else:
-        clean, noise = rebuilt(response, modes), _noise_beside(diagram, modes, order, records)
+        noise = _noise_beside(diagram, modes, order, records)
     noise.drawn(clean.shape, np.random.default_rng(0))  # raises where nothing is known of it
     return Replicates(diagram, modes, clean, noise, order, beside, whole)
+
+
+def _growth_of_residual(response: Response, modes: ModalModel) -> float:
+    """Return by what the mean square of a residual is multiplied to be that of the noise: a fit explains some of it."""
+    values = response.values.size * (1 + bool(np.iscomplexobj(response.values)))
+    unknowns = 2 * len(modes) * (len(modes.shapes) + response.drives) + sum(t.unknowns for t in modes.residual_terms)
+    return values / max(values - unknowns, 1)
 
 
 def _noise_beside(diagram: StabilizationDiagram, modes: ModalModel, order: int, records: Signals | None) -> Noise:

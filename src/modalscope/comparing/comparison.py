@@ -35,8 +35,8 @@ from modalscope.data.setups import Setups, as_test
 from modalscope.data.shown import Shown, cells_of, summary_of, text_table
 from modalscope.identification.options import AllOptions
 from modalscope.identification.prepare import Data
+from modalscope.modal.joint_fit import joint_residues
 from modalscope.modal.rebuilt import explains_enough, fit_error_heard, rebuilt, unexplained
-from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_count, check_kind
 from modalscope.numerics.log import tell

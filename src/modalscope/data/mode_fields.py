@@ -12,6 +12,7 @@ from scipy.special import stdtrit
 
 from modalscope.data.channels import Channels, check_quantity, derivatives_between, source_of
 from modalscope.data.notes import Candidate, Harmonic, Note, candidates_of, harmonics_of, notes_of
+from modalscope.data.residual_terms import ResidualTerms, residual_terms_of
 from modalscope.functions.poles import HasPoles, is_real, to_discrete
 from modalscope.numerics.checks import (
     BoolArray,
@@ -65,6 +66,7 @@ class ModeFields(Channels, HasPoles):
     feedthrough: RealArray | None = None
     lower_residual: RealArray | None = None
     upper_residual: RealArray | None = None
+    residual_terms: tuple[ResidualTerms, ...] = ()
     quantity: str | None = None
     dt: float | None = None
     held_input: bool = False
@@ -112,6 +114,10 @@ class ModeFields(Channels, HasPoles):
         ):
             if count != n:
                 raise DataError(f"{name} needs one entry a mode, {n}", f"it has {count}", "Give one a mode, or none.")
+        terms = residual_terms_of(self.residual_terms)
+        if any(each.channels != channels for each in terms):
+            have = f"they have {terms[0].channels[0]} outputs and {terms[0].channels[1]} inputs"
+            raise DataError("residual terms need the channels of the modes", have, "Fit them again, or leave them out.")
         a_mode = {name: getattr(self, name) for name in PER_MODE}
         freeze(
             self,
@@ -128,6 +134,7 @@ class ModeFields(Channels, HasPoles):
                 for name, values in self.indicators.items()
             },
             reasons=tuple(map(dict, reasons)),
+            residual_terms=terms,
             quantity=check_quantity(self.quantity),
             notes=notes_of(self.notes),
             left_out=candidates_of(self.left_out),
@@ -193,6 +200,7 @@ class ModeFields(Channels, HasPoles):
 
     def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         return {
+            "residual_terms": tuple(each.select(outputs, inputs) for each in self.residual_terms),
             "shapes": self.shapes[outputs],
             "shapes_std": None if self.shapes_std is None else self.shapes_std[outputs],
             "participation": None if self.participation is None else self.participation[:, inputs],
@@ -231,13 +239,13 @@ _Modes = TypeVar("_Modes", bound=ModeFields)
 def joined(parts: Sequence[_Modes]) -> _Modes:
     """Return all modes one after the other, such as those of several bands; the channels of all must be the same.
 
-    What is not known of every part, and what belongs to a part as a whole (direct terms, residuals), is left out; notes,
+    What is not known of every part, and what belongs to a part as a whole (direct and residual terms), is left out; notes,
     candidates and harmonics of all are kept.
 
     `parts`: at least one.
     """
     first = parts[0]
-    known: dict[str, Any] = dict.fromkeys(DIRECT)
+    known: dict[str, Any] = {**dict.fromkeys(DIRECT), "residual_terms": ()}
     for name, axis in (
         *((name, 0) for name in (*PER_MODE, "degrees", "participation", "poles")),
         ("shapes", 1),
@@ -325,8 +333,10 @@ def values_on_samples(modes: ModeFields, samples: int, rate: float, first_sample
     return np.asarray(np.einsum("kj,aj,jb->kab", decay, modes.shapes, participation).real)
 
 
-def values_on_lines(modes: ModeFields, frequencies: RealArray, *, residuals: bool = True) -> ComplexArray:
-    """Return sum_j phi_j l_j' / (x - p_j) and conjugates, direct term and residuals on lines in Hz, (F, l, m)."""
+def values_on_lines(
+    modes: ModeFields, frequencies: RealArray, *, residuals: bool = True, terms: bool = True
+) -> ComplexArray:
+    """Return sum_j phi_j l_j' / (x - p_j) and conjugates, direct term and residuals on lines in Hz, (F, l, m); no terms without `terms`."""
     participation = modes.known_participation("a frequency response")
     s, poles = 2j * np.pi * frequencies, modes.poles
     x = s
@@ -336,9 +346,9 @@ def values_on_lines(modes: ModeFields, frequencies: RealArray, *, residuals: boo
     pair = np.where(_alone(modes), 0.0, 1.0) / (x[:, None] - poles.conj())
     values = np.einsum("fj,aj,jb->fab", direct, modes.shapes, participation, optimize=True)
     values = values + np.einsum("fj,aj,jb->fab", pair, modes.shapes.conj(), participation.conj(), optimize=True)
-    if modes.feedthrough is not None:
+    if modes.feedthrough is not None and terms:
         values = values + modes.feedthrough
-    if residuals:
+    if residuals and terms:
         p = 0 if modes.quantity is None else -derivatives_between(modes.quantity, "displacement")
         for residual, power in ((modes.lower_residual, p - 2), (modes.upper_residual, p)):
             if residual is not None:

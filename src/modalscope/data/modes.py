@@ -182,6 +182,9 @@ class ModalModel(ModeFields):
     lower_residual, upper_residual : array, (l, m), optional
         Contributions of the modes below and above the band: real factors of (j w)^(p-2) and (j w)^p, where p = 0, 1, 2 for
         displacement, velocity and acceleration.
+    residual_terms : sequence of ResidualTerms
+        What the data of each band contain besides the modes, as it was fitted together with them: in that band it stands in the place
+        of the direct term and the residuals, which approximate it.
     quantity : str, optional
         Displacement, velocity or acceleration.
     dt : float, optional

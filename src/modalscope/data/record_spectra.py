@@ -15,6 +15,7 @@ from modalscope.data.mode_fields import ModeFields
 from modalscope.data.notes import Note
 from modalscope.data.quadruple import Quadruple
 from modalscope.data.record_residual import excess, excess_notes, pole_notes
+from modalscope.data.residual_terms import ResidualTerms
 from modalscope.data.response import INSEPARABLE, Conversion, Response, output_scale
 from modalscope.data.responses import FrequencyResponse, lines_inside
 from modalscope.functions.driven_basis import DrivenBasis, DrivenLines, Run, driven_basis
@@ -187,7 +188,7 @@ class RecordSpectra(Response):
     def around(self, poles: Array) -> RecordSpectra:
         """Return the lines that tell about modes: all, or of a long record those nearest to a mode in half bandwidths."""
         kept = near_modes(self.frequencies, poles, 1 / max(self.durations), _MAX_REFINED_LINES)
-        return self if kept.size == self.count else self._at(kept)
+        return self if kept.size == self.count else replace(self._at(kept), source=self.whole)
 
     def _at(self, lines: Array) -> RecordSpectra:
         names = ("values", "frequencies", "drive", "run", *(() if self.line_scale is None else ("line_scale",)))
@@ -371,9 +372,26 @@ class RecordSpectra(Response):
     def of_modes(self, modes: ModeFields) -> Array:
         """Return what modes give on these lines under the measured inputs, from the first states that fit best."""
         participation = modes.known_participation("records rebuilt from modes were asked")
-        direct = modes.feedthrough
+        direct = None if modes.residual_terms else modes.feedthrough
         terms = np.zeros((1, self.values.shape[1], self.drive.shape[1])) if direct is None else direct[None]
-        return self.evaluated(modes.poles, modes.shapes, participation, terms)[:, :, None]
+        if not modes.residual_terms:
+            return self.evaluated(modes.poles, modes.shapes, participation, terms)[:, :, None]
+        besides = sum(self._of_terms(each) for each in modes.residual_terms)
+        own = replace(
+            self, values=self.values - besides, source=None
+        )  # ends of the modes are fitted to what the terms leave
+        return own.evaluated(modes.poles, modes.shapes, participation, terms)[:, :, None] + besides
+
+    def _of_terms(self, terms: ResidualTerms) -> ComplexArray:
+        """Return what residual terms give on these lines under the measured inputs, (F, l, 1); nothing outside their band."""
+        found, coefficients, done = np.zeros(self.values.shape, complex), terms.packed(self.drives, self.span[1]), 0
+        for basis in self.pieces(terms.poles, terms.powers):
+            count = len(basis.data) // 2
+            rows = basis.columns @ coefficients
+            found[done : done + count, :, 0] = rows[:count] + 1j * rows[count:]
+            done += count
+        found[(self.frequencies < terms.band[0]) | (self.frequencies > terms.band[1])] = 0
+        return found
 
     def evaluated(self, poles: Array, shapes: Array, participation: Array, terms: Array) -> ComplexArray:
         """Return the outputs (F, l) of shapes (l, n), participation (n, m) or (n, m + R) and D (1, l, m); ends not given are fitted."""

@@ -213,7 +213,10 @@ class ImpulseResponse(Response):
 
     def of_modes(self, modes: ModeFields) -> Array:
         """Return the response of modes at these samples; see `Response.of_modes`."""
-        return values_on_samples(modes, self.samples, self.sampling_rate, self.first_sample)
+        values = values_on_samples(modes, self.samples, self.sampling_rate, self.first_sample)
+        for terms in modes.residual_terms:
+            values = values + terms.on_samples(self.samples, self.sampling_rate, self.first_sample)
+        return values
 
     def to_frequency_response(self, frequencies: ArrayLike | None = None) -> FrequencyResponse:
         """Return the transform of the sequence on the given lines (Hz), by default on its own DFT lines.
@@ -532,7 +535,12 @@ class FrequencyResponse(Response):
 
     def of_modes(self, modes: ModeFields) -> Array:
         """Return the response of modes on these lines; see `Response.of_modes`."""
-        return values_on_lines(modes, self.frequencies)
+        if not modes.residual_terms:
+            return values_on_lines(modes, self.frequencies)
+        values = values_on_lines(modes, self.frequencies, terms=False)
+        for terms in modes.residual_terms:
+            values += terms.on_lines(self.frequencies)
+        return values
 
     def band(self, lowest: float, highest: float) -> FrequencyResponse:
         """Return the lines from `lowest` to `highest` Hz, both included.

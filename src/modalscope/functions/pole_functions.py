@@ -38,7 +38,7 @@ def _stacked(x: ComplexArray, p: ComplexArray, chain: ComplexArray | None, slope
     step = max(_NUMBERS_AT_A_TIME // max(x.size, 1), 1)
     for some in (slice(first, first + step) for first in range(0, p.size, step)):
         _fill(functions[:, some], x, p[some], None if chain is None else chain[some])
-    return functions.reshape(-1, 2 * x.size).T
+    return functions.reshape((1 + slopes) * 2 * p.size, 2 * x.size).T
 
 
 def _fill(place: RealArray, x: ComplexArray, p: ComplexArray, chain: ComplexArray | None) -> None:

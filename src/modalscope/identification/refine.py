@@ -13,7 +13,6 @@ from modalscope.data.channels import AUTO, Groups, check_groups
 from modalscope.data.mode_fields import PER_MODE, joined
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Candidate, Note
-from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.data.results import Settings
@@ -120,7 +119,7 @@ def refine(
     *,
     groups: Any = AUTO,
     weights: ArrayLike | None = None,
-    fixed: ArrayLike = (),
+    fixed: ArrayLike | None = None,
     complete: bool = False,
     settings: Settings | Mapping[str, Any] | None = None,
     progress: Progress | None = None,
@@ -147,7 +146,7 @@ def refine(
     weights : array (F,), optional
         1 / standard deviation of the lines or samples; by default from the variance of the data where they carry one.
     fixed : array of complex, optional
-        rad/s: fixed poles with free residues in every channel; they are not reported.
+        rad/s: fixed poles with free residues in every channel; they are not reported. By default those of the modes' residual terms.
     complete : bool
         Whether modes at significant peaks of the residual are added, where it is then white.
     settings : Settings or mapping, optional
@@ -233,7 +232,7 @@ def refinement(
     *,
     groups: Any = AUTO,
     weights: ArrayLike | None = None,
-    fixed: ArrayLike = (),
+    fixed: ArrayLike | None = None,
     complete: bool = False,
     confined: bool = False,
     settings: Settings | Mapping[str, Any] | None = None,
@@ -247,14 +246,21 @@ def refinement(
     chosen = check_groups(groups, *response.parts, response.groups)
     poles = modes.poles - response.added_damping
     able = (poles.real < 0) & np.array([kind == "mode" for kind in modes.kinds], dtype=bool)
-    given = np.asarray(fixed, dtype=complex).ravel() - response.added_damping
+    own = [terms.poles for terms in modes.residual_terms]
+    given = np.concatenate([np.zeros(0), *own] if fixed is None else [np.asarray(fixed, dtype=complex).ravel()])
+    given = given - response.added_damping
     task = task_of(
         response, np.concatenate([given, poles[~able]]), None if weights is None else np.asarray(weights), progress
     )
     notes = []
     if count := len(task.fixed):
-        text = f"{counted(count, 'computational pole')} kept fixed during refinement"
-        notes.append(Note("held", {"poles": count}, text))
+        f, (low, high) = np.abs(task.fixed) / (2 * np.pi), response.span
+        outside = int(np.count_nonzero((f < low) | (f > high)))
+        text = (
+            f"{counted(count, 'computational pole')} kept fixed during refinement"
+            + f", {outside} outside the band" * bool(outside)
+        )
+        notes.append(Note("held", {"poles": count, "outside": outside}, text))
     start = modes.take(able)
     if complete and len(start):
         more = completed(task, start, _participation(task, start))
@@ -269,20 +275,6 @@ def refinement(
         text = f"Refinement did not converge: {descent.why}; these are the best values so far"
         notes.append(Note("not converged", {"iterations": descent.iterations}, text))
     return Refinement(task, start.take(kept), settled, chosen, lost, notes)
-
-
-def left_by_refined(spectra: RecordSpectra, modes: ModalModel, fixed: ComplexArray) -> ComplexArray:
-    """Return what refined modes and the terms beside them leave of the lines of records, (F, l, 1), brought to the level of errors.
-
-    `fixed` (k,): rad/s: further poles.
-    """
-    task = task_of(spectra, fixed - spectra.added_damping, None, None)
-    settled = settle(task, modes.poles - spectra.added_damping, modes.shapes, _participation(task, modes), most=0)
-    descent = settled.descent
-    problem = descent.point.problem
-    rows = residual(descent.point, descent.fitted)[:, :, 0] * problem.rows[:, None]
-    size = settled.levels.outputs * settled.levels.inputs[0] * np.sqrt(settled.variance * problem.count / descent.cost)
-    return np.asarray((rows[: spectra.count] + 1j * rows[spectra.count :]) * size)[:, :, None]
 
 
 def _ambient(data: Any) -> Setups | None:

@@ -37,6 +37,7 @@ from modalscope.data import (
 )
 from modalscope.data.channels import input_groups, run_groups
 from modalscope.data.notes import Candidate, Harmonic
+from modalscope.data.residual_terms import ResidualTerms
 from modalscope.io.contents import ArrayData, damage_as_error
 from modalscope.io.limits import room
 from modalscope.numerics.checks import Array, ComplexArray
@@ -54,7 +55,7 @@ INDICATOR = "indicator_"
 UNREFINED = "unrefined_"
 
 #: Fields that stand there as JSON text.
-JSON = ("reasons", "notes", "left_out", "harmonics", "geometry_motions")
+JSON = ("reasons", "notes", "left_out", "harmonics", "residual_terms", "geometry_motions")
 GEOMETRY = ("geometry_nodes", "geometry_coordinates", "geometry_lines", "geometry_faces", "geometry_motions")
 
 _TEXT = ("quantity", "kind", "scaling")
@@ -159,7 +160,7 @@ def from_json_numbers(value: object) -> object:
     """Turn numpy's numbers and arrays, notes and candidates into what the json module knows; anything else is a TypeError."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
-    if isinstance(value, Note | Candidate | Harmonic):
+    if isinstance(value, Note | Candidate | Harmonic | ResidualTerms):
         return value.to_dict()
     raise TypeError(f"{type(value).__name__} is not a JSON value")
 

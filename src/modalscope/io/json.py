@@ -11,7 +11,8 @@ The layout is that of the command line (`identify -o modes.json`):
                 "pole": {"real", "imag"}, "participation": {"dof", "real", "imag"}}],
      "left_out": [{"frequency_hz", "damping_ratio", "gain", "reason", "remedy"}],
      "harmonics": [{"frequency_hz", "order", "level", "evidence"}], "unrefined": [as "modes"] or null, "converged", "route",
-     "geometry", "feedthrough", "lower_residual", "upper_residual", "notes": [{"kind", "numbers", "text"}],
+     "geometry", "feedthrough", "lower_residual", "upper_residual",
+     "residual_terms": [as `ResidualTerms.to_dict`], "notes": [{"kind", "numbers", "text"}],
      "analysis": the document of `modalscope.io.analysis` or null}
 
 A state-space model is {"modalscope": version, "state_space": {"A", "B", "C", "D", "dt", ...}}.
@@ -75,6 +76,7 @@ def write(path: Path, modes: Any, options: Options) -> None:
         "orders": None if options.get("orders") is None else [int(order) for order in np.atleast_1d(options["orders"])],
         "modes": _rows(modes),
         **{name: None if (a := getattr(modes, name)) is None else a.tolist() for name in _DIRECT},
+        "residual_terms": [terms.to_dict() for terms in modes.residual_terms],
         "left_out": [candidate.to_dict() for candidate in modes.left_out],
         "harmonics": [harmonic.to_dict() for harmonic in modes.harmonics],
         "unrefined": None if (u := modes.unrefined) is None else _rows(u),
@@ -192,6 +194,7 @@ def _modes(document: dict[str, Any]) -> ModalModel:
     return _model(
         rows,
         data,
+        residual_terms=document.get("residual_terms") or (),
         geometry=Geometry(**document["geometry"]) if document.get("geometry") else None,
         notes=document.get("notes") or (),
         left_out=document.get("left_out") or (),

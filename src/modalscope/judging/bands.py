@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,16 +12,18 @@ from modalscope.data.deferred import Deferred
 from modalscope.data.mode_fields import PER_MODE, joined
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
+from modalscope.data.residual_terms import ResidualTerms
 from modalscope.data.response import Response
 from modalscope.data.results import DEVIATIONS, StabilizationDiagram
 from modalscope.functions.poles import frequencies_and_damping
 from modalscope.identification.orders import ORDERS_END
 from modalscope.judging.bare_peaks import with_note_on_peaks
 from modalscope.judging.selection_problem import MAX_DAMPING_OF_RESONANCES
+from modalscope.likelihood.settling import needed_beside, out_of_band_poles
 from modalscope.modal.indicators import mac, with_indicators_of_shapes
-from modalscope.modal.shapes import joint_residues
+from modalscope.modal.joint_fit import with_terms
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, IntArray, RealArray, check_band, check_each, check_kind
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, check_band, check_each, check_kind
 from modalscope.numerics.errors import DataError
 
 
@@ -216,9 +218,63 @@ def joined_modes(parts: Sequence[Part], modes: Sequence[ModalModel], whole: Resp
     merged = merge_bands(inside, [part.band or part.core for part in parts])
     if not len(merged):
         return merged
-    shapes, fitted = joint_residues(whole, merged.poles, merged.shapes)
-    joined = replace(merged, shapes=shapes, scaling="as fitted", **fitted).normalized("unit")
+    merged = with_terms(whole, merged, np.zeros(0, complex), whole.outside_powers)
+    bands = [
+        BandData(whole.in_band(part.core), part.core, *terms_of(each)) for part, each in zip(parts, modes, strict=True)
+    ]
+    joined = with_terms_of_bands(replace(merged, scaling="as fitted").normalized("unit"), bands)
     return with_note_on_peaks(with_indicators_of_shapes(joined), whole, (parts[0].core[0], parts[-1].core[1]))
+
+
+def terms_of(modes: ModalModel) -> tuple[ComplexArray, tuple[int, ...]]:
+    """Return the poles (rad/s) and the powers of the residual terms of modes."""
+    poles = [np.zeros(0, complex), *(each.poles for each in modes.residual_terms)]
+    return np.concatenate(poles), next((each.powers for each in modes.residual_terms if each.powers), ())
+
+
+class BandData(NamedTuple):
+    """What residual terms of one band are fitted to: its response and its ends (Hz), poles that they may have (rad/s), and powers."""
+
+    response: Response
+    ends: tuple[float, float]
+    poles: ComplexArray
+    powers: tuple[int, ...] = ()
+
+
+def with_terms_of_bands(modes: ModalModel, bands: Sequence[BandData]) -> ModalModel:
+    """Return modes with residual terms fitted to what they leave of every band, with those poles that it needs.
+
+    Where lines of two bands overlap, each has its half. Samples of a band hold its own modes; those of other bands are poles among
+    others there, for their residues belong to samples at another rate.
+    """
+    terms: list[ResidualTerms] = []
+    participation = modes.known_participation("residual terms").copy()
+    bands = sorted(bands, key=lambda band: band.ends)
+    for k, (response, ends, poles, powers) in enumerate(bands):
+        own, part = modes, response
+        if response.grid is None:
+            ends = ends[0], min(ends[1], response.span[1])
+            inside = (modes.frequencies >= ends[0]) & (modes.frequencies <= ends[1])
+            seen = modes.frequencies < response.span[1]
+            own, poles = modes.take(inside), np.concatenate([modes.poles[~inside & seen], poles])
+        else:
+            before, after = (bands[j].response.span if 0 <= j < len(bands) else None for j in (k - 1, k + 1))
+            part = response.in_band(_own_half(response.span, before, after))
+        fixed = needed_beside(part, own.poles, np.concatenate([poles, out_of_band_poles(part, ends)]))
+        found = with_terms(part, own, fixed, powers or part.refined_powers)
+        if response.grid is None:
+            participation[inside] = found.known_participation("residual terms")
+        terms += [each if response.grid is not None else replace(each, band=ends) for each in found.residual_terms]
+    return replace(modes, participation=participation, residual_terms=tuple(terms))
+
+
+def _own_half(
+    span: tuple[float, float], before: tuple[float, float] | None, after: tuple[float, float] | None
+) -> tuple[float, float]:
+    """Return a band without the half of what it shares with its neighbours."""
+    low = span[0] if before is None or before[1] <= span[0] else np.nextafter((before[1] + span[0]) / 2, np.inf)
+    high = span[1] if after is None or after[0] >= span[1] else (after[0] + span[1]) / 2
+    return (low, high) if low < high else span
 
 
 def _of_core(modes: ModalModel, core: tuple[float, float]) -> ModalModel:

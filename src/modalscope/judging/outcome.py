@@ -8,18 +8,20 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data.mode_fields import DIRECT
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Candidate as LeftOut, Note
 from modalscope.data.response import Response
 from modalscope.data.results import DEVIATIONS, StabilizationDiagram
 from modalscope.functions.poles import poles_from
-from modalscope.identification.orders import ORDERS_END
+from modalscope.identification.orders import ORDERS_END, usable_orders
 from modalscope.judging.evidence import LEAST_ORDERS, LEAST_SHARE, Candidate, sentence
 from modalscope.judging.tracking import Poles
 from modalscope.likelihood.noise import KIND, typical_deviation, withheld
+from modalscope.likelihood.settling import needed_beside, out_of_band_poles
 from modalscope.modal.indicators import mac
+from modalscope.modal.joint_fit import joint_fit, joint_residues
 from modalscope.modal.rebuilt import rebuilt
-from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.statistics import assign, scatter
 
@@ -30,7 +32,7 @@ def modes_of(
     """Wrap the chosen modes: median poles, and residues fitted together from the shapes that are nearest to all others of a mode."""
     response = diagram.response
     values = poles_from([c.frequency for c in chosen], [c.damping for c in chosen])
-    shapes, fitted = _residues(response, values, chosen, poles)
+    shapes, fitted = _residues(diagram, values, chosen, poles)
     spreads = [_spread(poles, c) for c in chosen]
     model = ModalModel(
         poles=values,
@@ -62,9 +64,10 @@ def modes_of(
 
 
 def _residues(
-    response: Response, values: ComplexArray, chosen: list[Candidate], poles: Poles
+    diagram: StabilizationDiagram, values: ComplexArray, chosen: list[Candidate], poles: Poles
 ) -> tuple[ComplexArray, dict[str, Any]]:
-    """Return shapes, participation and terms: residues that are known as the nearest of rank one, the others fitted to what these leave."""
+    """Return shapes, and all else that is fitted: residues that are known are the nearest of rank one, and the others follow."""
+    response = diagram.response
     outputs, inputs = response.values.shape[1], len(response.input_dofs)
     shapes, participation = np.zeros((outputs, len(chosen)), complex), np.zeros((len(chosen), inputs), complex)
     known = np.array([c.residue is not None for c in chosen], dtype=bool)
@@ -74,12 +77,23 @@ def _residues(
         else:
             U, d, Vh = np.linalg.svd(c.residue, full_matrices=False)
             shapes[:, j], participation[j] = U[:, 0], d[0] * Vh[0]
-    if not known.any():
+    if response.ambient or not len(chosen):  # errors of correlations are no terms of a fit
         return joint_residues(response, values, shapes)
-    held = values[known], shapes[:, known], participation[known]
-    shapes[:, ~known], fitted = joint_residues(response, values[~known], shapes[:, ~known], held)
-    participation[~known] = fitted["participation"]
-    return shapes, {**fitted, "participation": participation}
+    if known.any():
+        held = values[known], shapes[:, known], participation[known]
+        shapes[:, ~known], fitted = joint_residues(response, values[~known], shapes[:, ~known], held)
+        participation[~known] = fitted["participation"]
+    added = response.added_damping
+    model = values - added, shapes, _poles_besides(diagram, values) - added, response.refined_powers
+    fit = joint_fit(response, *model, participation=participation if known.any() else None)
+    return fit.shapes, fit.fields(response)
+
+
+def _poles_besides(diagram: StabilizationDiagram, values: ComplexArray) -> ComplexArray:
+    """Return the poles that the data need besides modes (n,), rad/s: of the last order, and some for modes outside the band of lines."""
+    last = usable_orders(diagram)[0][-1]
+    found = diagram.poles[diagram.order_of_pole == last]
+    return needed_beside(diagram.response, values, np.concatenate([found, out_of_band_poles(diagram.response)]))
 
 
 def _undecided(diagram: StabilizationDiagram, candidates: Sequence[Candidate]) -> tuple[Note, ...]:
@@ -188,11 +202,13 @@ def _reasons(model: ModalModel, response: Response, facts: list[dict[str, Any]])
     if not len(model):
         return ()
     size = np.linalg.norm(response.values)
+    model = replace(model, residual_terms=())  # poles besides the modes may explain what a mode would
     left = response.values - rebuilt(response, model)
     error = np.linalg.norm(left) / size
+    no_terms: dict[str, Any] = dict.fromkeys(DIRECT)
     reasons = []
     for j, known in enumerate(facts):
-        alone = replace(model.take([j]), feedthrough=None, lower_residual=None, upper_residual=None)
+        alone = replace(model.take([j]), **no_terms)
         more = rebuilt(response, alone)
         together = np.linalg.norm(left) ** 2 + np.linalg.norm(more) ** 2 + 2 * np.vdot(left, more).real
         del more  # of long records each is large: there are never three

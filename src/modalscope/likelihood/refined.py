@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from modalscope.data.channels import Groups
-from modalscope.data.mode_fields import DIRECT
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Candidate, Note
 from modalscope.data.response import INSEPARABLE
@@ -20,7 +19,7 @@ from modalscope.likelihood.settling import Settled, Task
 from modalscope.likelihood.spread import Spread, spread_of
 from modalscope.likelihood.whitening import Colour
 from modalscope.modal.indicators import with_indicators_of_shapes
-from modalscope.modal.shapes import joint_residues
+from modalscope.modal.joint_fit import JointFit, joint_fit
 from modalscope.numerics.checks import ComplexArray
 
 #: Poles closer than this many standard deviations of their difference share their information.
@@ -44,14 +43,12 @@ def refined(
     poles = point.poles + response.added_damping
     spread = spread_of(point, fitted, poles, settled.variance, response, groups, settled.colour)
     order = np.argsort(np.abs(poles), kind="stable")
-    # what is reported explains the data as far as these poles can: the likelihood had more terms and fixed poles beside them
-    shapes, fit = joint_residues(response, poles, settled.residues[0], rows=task.rows if task.weighted else None)
+    fit = _last_fit(task, settled)
     dt = 1 / response.sampling_rate if response.held_input and response.sampling_rate else before.dt
     model = replace(
         before,
         poles=poles,
-        shapes=shapes,
-        participation=response.shortest_participation(fit.pop("participation")),
+        shapes=fit.shapes,
         dt=dt,
         held_input=response.held_input,
         frequencies_std=spread.frequency,
@@ -65,13 +62,28 @@ def refined(
         left_out=(*before.left_out, *lost),
         converged=settled.descent.converged,
         notes=(*(note for note in before.notes if note.kind not in _REPLACED_KINDS), *response.inseparable_inputs),
-        **{**dict.fromkeys(DIRECT), **fit},
+        **fit.fields(response),
     )
     scaled = with_indicators_of_shapes(replace(model.normalized(_scale(before)), unrefined=before))
     notes = [*notes, *_moved_far(before.poles, poles)]
     # lines of records tell their errors whatever the spectrum
     doubt = settled.colour.coloured and not point.problem.records
     return scaled.take(order).noted([*notes, *_told(settled.colour if doubt else None, spread, groups, poles)])
+
+
+def _last_fit(task: Task, settled: Settled) -> JointFit:
+    """Return the residues of the very model whose poles are reported: the likelihood's own where its descent came to an end.
+
+    Where no descent was made the given sides still hold, and residues are fitted in turn.
+    """
+    problem, poles = settled.descent.point.problem, settled.descent.point.poles
+    shapes, participation = settled.residues
+    model = poles, shapes, task.fixed, settled.powers
+    whole = task.response.whole
+    if whole is not task.response:  # terms of lines near the modes alone mean nothing between them
+        return joint_fit(whole.judging(), *model, participation=participation)
+    known = participation if settled.descent.converged else None
+    return joint_fit(task.response, *model, participation=known, rows=problem.rows, sides=problem.sides)
 
 
 #: Beginning of the stated scaling -> argument of `normalized`; others get unit length.

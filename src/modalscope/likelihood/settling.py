@@ -47,13 +47,20 @@ from modalscope.numerics.orthonormal import triangle_of
 _DISTANCE_RATIO, _MIN_DISTANCE_LINES = 2.0, 8.0
 
 
-def out_of_band_poles(response: Response) -> ComplexArray:
-    """Return poles on either side of the band of lines (n,) in rad/s, at 45 degrees off each end; none for samples and few lines."""
-    if response.grid is None or len(response.grid) < 2 * _MIN_DISTANCE_LINES:
+def out_of_band_poles(response: Response, ends: tuple[float, float] | None = None) -> ComplexArray:
+    """Return poles on either side of a band (n,) in rad/s, at 45 degrees off each end; none of few lines, and of samples without ends.
+
+    `ends`: Hz; by default those of the lines.
+    """
+    if response.grid is None and ends is not None:
+        step = 1 / (response.count / (response.sampling_rate or 1.0))
+    elif response.grid is None or len(response.grid) < 2 * _MIN_DISTANCE_LINES:
         return np.zeros(0, dtype=complex)
-    low, high = 2 * np.pi * np.array(response.span)
-    farthest, nearest = high - low, 2 * np.pi * _MIN_DISTANCE_LINES * line_step(response)
-    count = int(np.log(farthest / nearest) / np.log(_DISTANCE_RATIO)) + 1
+    else:
+        step = line_step(response)
+    low, high = 2 * np.pi * np.array(response.span if ends is None else ends)
+    farthest, nearest = high - low, 2 * np.pi * _MIN_DISTANCE_LINES * step
+    count = max(int(np.log(farthest / nearest) / np.log(_DISTANCE_RATIO)) + 1, 0)
     away = farthest / _DISTANCE_RATIO ** np.arange(count) / np.sqrt(2)
     below, above = 1j * low - (1 + 1j) * away, 1j * high - (1 - 1j) * away
     top = np.inf if response.sampling_rate is None else np.pi * response.sampling_rate
@@ -187,7 +194,6 @@ class Task:
 
     `fixed`: poles, as they are in the data, that are held and free in every channel. `powers`: residual terms. `rows` (K,): standard
     deviations of the rows, relative to each other. `known`: of the channels, where they are known.
-    `weighted`: whether the rows' were given.
     """
 
     response: Response
@@ -196,7 +202,6 @@ class Task:
     rows: RealArray
     known: Levels | None
     progress: Callable[[int, int], None] | None = None
-    weighted: bool = False
 
     @property
     def channels(self) -> tuple[int, int]:
@@ -219,7 +224,7 @@ def task_of(
         return Task(response, fixed, powers, by_row, known, progress)
     faded = fading(response) if weights is None else None
     by_row = row_deviations(rows, weights) if faded is None else faded
-    return Task(response, fixed, powers, by_row, None, progress, weights is not None)
+    return Task(response, fixed, powers, by_row, None, progress)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

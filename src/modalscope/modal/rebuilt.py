@@ -147,17 +147,18 @@ def rebuilt(response: Response, modes: ModalModel) -> Array:
 
     Raises `DataError`: modes with other channels than the data, or without participation.
     """
-    added = response.added_damping
-    model = replace(modes, poles=modes.poles - added) if added else modes
-    values = response.of_modes(model)
-    if values.shape != response.values.shape:
-        (_, l, m), (_, outputs, inputs) = response.values.shape, values.shape
+    added, part = response.added_damping, modes.known_participation("a rebuilt response")
+    (outputs, inputs), (l, m) = (len(modes.shapes), part.shape[1]), (response.values.shape[1], len(response.input_dofs))
+    if (outputs, inputs) != (l, m):
         raise DataError(
             "measured against rebuilt responses were asked",
             f"the data have {l} outputs and {m} inputs, the modes {outputs} and {inputs}",
             "Give the data that the modes were identified from, or select the same channels in both.",
         )
-    return values
+    if added:
+        terms = tuple(each.shifted(-added) for each in modes.residual_terms)
+        modes = replace(modes, poles=modes.poles - added, residual_terms=terms)
+    return response.of_modes(modes)
 
 
 def fit_of(modes: ModalModel, response: Response) -> float:

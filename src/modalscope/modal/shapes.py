@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.data.channels import known_quantity
 from modalscope.data.modes import ModalModel
-from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse
 from modalscope.data.sizes import check_size
 from modalscope.data.stored import StoredResponse
@@ -21,63 +20,6 @@ from modalscope.modal.indicators import clusters, mpc, mpd
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, optional_array
 from modalscope.numerics.errors import DataError
-
-#: The fit ends where a round lowers the squared misfit by less than this part of it: residues then change by about 1e-5 of the residual ...
-_MIN_DECREASE = 1e-10
-
-#: ... and after so many rounds at most; each is a small fit on the compressed data.
-_MAX_ROUNDS = 200
-
-
-#: Poles (n,), shapes (l, n) and participation (n, m).
-_Modes = tuple[Array, Array, Array]
-
-
-def joint_residues(
-    response: Response, poles: Array, shapes: Array, held: _Modes | None = None, rows: RealArray | None = None
-) -> tuple[ComplexArray, dict[str, Any]]:
-    """Fit residues of rank one, R_j = c_j l_j, of all modes together to all data; poles are kept.
-
-    min over c, l, terms of sum |Y - sum_j (c_j l_j g_j + conjugate) - terms|^2, from the given shapes on: participation with the
-    shapes held, then shapes with the participation held, and so on. No round can raise the misfit, so that the result explains at
-    least what the given shapes explain. The data are compressed once to as many rows as there are functions.
-
-    `poles` (n,): rad/s, as the modes have them. `shapes` (l, n): starting values. `held`: poles, shapes and participation of modes with
-    known residues, which are subtracted from the data. `rows` (K,): divisors of the rows of `whole_basis`; not with `held`.
-
-    Returns
-    -------
-    shapes : array of complex, (l, n)
-    fields : dict
-        `participation` and the direct term or residuals, as a `ModalModel` has them.
-    """
-    if held is not None and rows is not None:
-        raise TypeError("joint_residues() takes `held` or `rows`, not both: residuals of held modes are not divided")
-    powers = response.outside_powers
-    own = poles - response.added_damping
-    basis = response.basis(own, powers) if rows is None else _divided(response.whole_basis(own, powers), rows)
-    if held is not None:
-        left = response.residual_of(held[0] - response.added_damping, *held[1:], powers)
-        basis = replace(basis, data=left, whole=None)
-    basis = basis.compressed()
-    participation, terms = basis.fit_participation(shapes)
-    best = float(np.linalg.norm(basis.data - basis.rebuilt(shapes, participation, terms))) ** 2
-    for _ in range(_MAX_ROUNDS if len(poles) else 0):
-        turned, _ = basis.fit_shapes(participation)
-        again, more = basis.fit_participation(turned)
-        now = float(np.linalg.norm(basis.data - basis.rebuilt(turned, again, more))) ** 2
-        if not now < best:
-            break
-        shapes, participation, terms, gained, best = turned, again, more, best - now, now
-        if gained < _MIN_DECREASE * best:
-            break
-    return shapes, {"participation": response.of_inputs(participation), **response.named_terms(terms, powers)}
-
-
-def _divided(basis: ModalBasis, rows: RealArray) -> ModalBasis:
-    """Return a basis with its rows divided, (K,)."""
-    terms, functions = basis.terms / rows[:, None], basis.functions / rows[:, None]
-    return replace(basis, terms=terms, functions=functions, data=basis.data / rows[:, None, None], whole=None)
 
 
 def free_residues(basis: ModalBasis) -> ComplexArray:

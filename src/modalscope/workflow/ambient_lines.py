@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,6 @@ from modalscope.data.stored import StoredSignals
 from modalscope.identification.ambient_records import SeenRecord
 from modalscope.likelihood.line_shapes import line_shapes
 from modalscope.modal.indicators import mac, with_indicators_of_shapes
-from modalscope.numerics.checks import ComplexArray
 from modalscope.preprocess.spectral_peaks import Levels, clear_peaks
 
 #: Half width of a machine's line: in its spreads, plus this part of its frequency.
@@ -41,7 +39,7 @@ def with_lines_of_record(
         return modes
     machines = machines_in(seen)
     record = seen.record.settled() if isinstance(seen.record, StoredSignals) else seen.record
-    found = _with_line_shapes(record, modes, diagrams, machines) if isinstance(record, Signals) else modes
+    found = _with_line_shapes(record, modes, machines) if isinstance(record, Signals) else modes
     bands = [diagram.response.reported_band(diagram.settings.band) for diagram in diagrams]
     return with_note_on_peaks(found, peaks_in(seen.levels, bands, machines)) if chosen else found
 
@@ -82,14 +80,15 @@ def with_note_on_peaks(modes: ModalModel, peaks: Sequence[float]) -> ModalModel:
     return modes.noted(Note("peaks without a mode", {"peaks": float(len(open_there))}, text))
 
 
-def _with_line_shapes(
-    record: Signals, modes: ModalModel, diagrams: Sequence[StabilizationDiagram], avoided: Sequence[tuple[float, float]]
-) -> ModalModel:
-    """Return modes with the shapes of `likelihood.line_shapes`; `avoided`: frequencies and half widths of machines' lines (Hz)."""
+def _with_line_shapes(record: Signals, modes: ModalModel, avoided: Sequence[tuple[float, float]]) -> ModalModel:
+    """Return modes with the shapes of `likelihood.line_shapes`, to which participation is still to be fitted.
+
+    `avoided`: frequencies and half widths of machines' lines (Hz).
+    """
     if not len(modes) or len(record.output_dofs) < 2:
         return modes
     shapes, deviations = line_shapes(record, modes, avoided)
-    refitted = replace(_refitted(modes, shapes, diagrams), shapes_std=deviations).normalized("unit")
+    refitted = with_indicators_of_shapes(replace(modes, shapes=shapes, shapes_std=deviations).normalized("unit"))
     real = np.all(shapes.imag == 0, axis=0)
     if real.any():
         which = ", ".join(f"{f:.5g} Hz" for f in modes.frequencies[real])
@@ -101,29 +100,3 @@ def _with_line_shapes(
         return refitted
     text = f"Shapes estimated on the lines of the record, where those of the correlations are others: {names}"
     return refitted.noted(Note("shapes of lines", {"modes": float(np.sum(alike < 1 - _MIN_CHANGE))}, text))
-
-
-def _refitted(modes: ModalModel, shapes: ComplexArray, diagrams: Sequence[StabilizationDiagram]) -> ModalModel:
-    """Return modes with other shapes, and participation fitted to the response of their band, whitened as it was identified."""
-    participation = modes.known_participation("shapes of the record's lines").copy()
-    fields: dict[str, Any] = {}
-    for diagram in diagrams:
-        low, high = diagram.response.reported_band(diagram.settings.band)
-        inside = np.flatnonzero((modes.frequencies >= low) & (modes.frequencies <= high))
-        participation[inside], terms = _participation(diagram, modes.poles[inside], shapes[:, inside])
-        fields = terms if len(diagrams) == 1 else {}
-    return with_indicators_of_shapes(replace(modes, shapes=shapes, participation=participation, **fields))
-
-
-def _participation(
-    diagram: StabilizationDiagram, poles: ComplexArray, shapes: ComplexArray
-) -> tuple[ComplexArray, dict[str, Any]]:
-    """Return participation (n, m) of modes with these shapes by least squares on the response, and the residual terms by name."""
-    whitening, response = diagram.whitening, diagram.whitened().response
-    inside = shapes if whitening is None else whitening.of_shapes(shapes)
-    basis = response.basis(poles - response.added_damping, response.outside_powers).compressed()
-    participation, terms = basis.fit_participation(inside)
-    participation = response.of_inputs(participation)
-    if whitening is not None:
-        participation, terms = whitening.references_back(participation), whitening.values_back(terms)
-    return participation, dict(diagram.response.named_terms(terms, response.outside_powers))

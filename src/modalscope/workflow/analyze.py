@@ -19,6 +19,7 @@ from modalscope.doctor.responses import sampled
 from modalscope.identification.options import AllOptions, labels_of
 from modalscope.identification.orders import MAX_ORDERS
 from modalscope.judging.select import selected
+from modalscope.modal.joint_fit import for_judging
 from modalscope.modal.rebuilt import explains_enough, fit_of, of_noise, share_explained, unexplained
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_each, check_kind
@@ -202,7 +203,8 @@ def _unexplained(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) ->
     if len(diagrams) != 1:
         return ()
     noise = of_noise(diagrams[0].response)
-    error = fit_of(modes, diagrams[0].response) if len(modes) else 0.0
+    response = diagrams[0].response
+    error = fit_of(for_judging(response, modes), response) if len(modes) else 0.0
     if explains_enough(error):
         return noise
     return (*noise, Note("little explained", {"share": share_explained(error), "fit_error": error}, unexplained(error)))

@@ -18,8 +18,19 @@ from modalscope.data.results import StabilizationDiagram
 from modalscope.data.setups import Setups, setups_of
 from modalscope.data.shown import counted
 from modalscope.identification.ambient_records import SeenRecord, bands_of_record, bands_of_setups, looked_through
+from modalscope.identification.orders import usable_orders
 from modalscope.identification.stabilize import Watch, stabilize
-from modalscope.judging.bands import Part, cut_of, holds_too_little, joined_diagram, joined_modes, merge_bands
+from modalscope.judging.bands import (
+    BandData,
+    Part,
+    cut_of,
+    holds_too_little,
+    joined_diagram,
+    joined_modes,
+    merge_bands,
+    terms_of,
+    with_terms_of_bands,
+)
 from modalscope.judging.select import between_groups, selected
 from modalscope.likelihood.refine_setups import refine_setups
 from modalscope.modal.setups import merge_modes, with_repeatability
@@ -164,11 +175,25 @@ def modes_chosen(data: Any, document: Analysis, looks: Sequence[Look], choose: C
     """Return the modes of all identified bands, refined where that was asked and helps; `choose`: as in `looked_at`."""
     if not setups_of(data):
         found = _of_bands(document, looks, choose)
+        if looks[0].seen is None:
+            return found
         diagrams = [look.diagram for look in looks]
-        return with_lines_of_record(looks[0].seen, found, diagrams, chosen=document.frequencies is None)
+        found = with_lines_of_record(looks[0].seen, found, diagrams, chosen=document.frequencies is None)
+        return _with_terms_of_correlations(found, looks)
     found = _of_setups(data, replace(document, refine=False), looks, choose)
     kept = data.select(exclude=document.exclude) if document.exclude else data
-    return refine_setups(kept, found, apart=document.apart) if document.refine else found
+    found = refine_setups(kept, found, apart=document.apart) if document.refine else found
+    return found if document.apart else _with_terms_of_correlations(found, looks)
+
+
+def _with_terms_of_correlations(modes: ModalModel, looks: Sequence[Look]) -> ModalModel:
+    """Return modes of correlations with residual terms: the poles of the last order that the correlations need besides them."""
+    if not len(modes):
+        return modes
+    diagrams = [look.diagram for look in looks]
+    poles = [diagram.poles[diagram.order_of_pole == usable_orders(diagram)[0][-1]] for diagram in diagrams]
+    bands = [BandData(look.diagram.response, look.reported, own) for look, own in zip(looks, poles, strict=True)]
+    return with_terms_of_bands(modes, bands)
 
 
 def _of_setups(data: Setups, document: Analysis, looks: Sequence[Look], choose: Choose) -> ModalModel:
@@ -186,7 +211,7 @@ def _of_bands(document: Analysis, looks: Sequence[Look], choose: Choose, *, betw
     """Return the modes of every band, with their repeatability `between` setups; frequencies given by hand belong to their band."""
     if len(looks) == 1:
         return _repeated(_of_band(document, looks[0], choose), looks[0], between)
-    parts = []
+    parts: list[tuple[Look, ModalModel]] = []
     for look in looks:
         low, high = look.reported
         frequencies, taken, refused = (
@@ -198,10 +223,15 @@ def _of_bands(document: Analysis, looks: Sequence[Look], choose: Choose, *, betw
         here = replace(
             document, frequencies=None if document.frequencies is None else frequencies, taken=taken, refused=refused
         )
-        parts.append(((low, high), _repeated(_of_band(here, look, choose), look, between)))
+        parts.append((look, _repeated(_of_band(here, look, choose), look, between)))
     if not parts:
         raise DataError("the given frequencies need to lie in a band", "none does", "Give bands that contain them.")
-    return merge_bands([modes for _, modes in parts], [band for band, _ in parts])
+    merged = merge_bands([modes for _, modes in parts], [look.reported for look, _ in parts])
+    if looks[0].diagram.response.ambient or not len(merged):  # their shapes are still to come
+        return merged
+    return with_terms_of_bands(
+        merged, [BandData(look.diagram.response, look.reported, *terms_of(modes)) for look, modes in parts]
+    )
 
 
 def _repeated(modes: ModalModel, look: Look, between: bool) -> ModalModel:

@@ -6,18 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from modalscope.data.mode_fields import joined
+from modalscope.data.mode_fields import DIRECT, joined
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
-from modalscope.identification.orders import usable_orders
 from modalscope.identification.refine import in_place, refinement
-from modalscope.judging.bands import evened
+from modalscope.judging.bands import evened, terms_of
 from modalscope.likelihood.descent import Astray
-from modalscope.likelihood.settling import needed_beside
 from modalscope.modal.indicators import with_indicators_of_shapes
-from modalscope.modal.shapes import joint_residues
 from modalscope.numerics.checks import ComplexArray
 from modalscope.numerics.errors import DataError
 
@@ -25,6 +22,9 @@ _STD_FIELDS = (
     *("frequencies_std", "damping_ratios_std", "frequencies_repeatability", "damping_ratios_repeatability"),
     *("degrees", "damping_ratios_lower"),
 )
+
+#: What a fit of residues gives.
+_FITTED_FIELDS = ("shapes", "participation", "residual_terms", *DIRECT)
 
 #: Modes that drift away are fixed at once and the others refined again: minimum share of refined modes.
 _MIN_REFINED = 0.5
@@ -40,7 +40,7 @@ def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> 
     why = _unfit(diagram)
     if why:
         return modes.noted(_kept(why))
-    extra = poles_beside(diagram, modes)
+    extra = terms_of(modes)[0]
     stay = np.ones(len(modes), bool)
     while stay.mean() >= _MIN_REFINED:
         fixed = np.concatenate([extra, modes.poles[~stay]])
@@ -55,23 +55,17 @@ def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> 
         if refined is not None:
             return refined if stay.all() else _with_others(diagram.response, modes, refined, modes.take(~stay), extra)
         reasons = [str(note) for note in found.notes if note.kind == "not converged"]
-        return replace(_placed(diagram.response, modes, extra), converged=False).noted(_kept(*reasons))
+        return replace(_placed(diagram, modes, extra), converged=False).noted(_kept(*reasons))
     where = ", ".join(f"{abs(s) / (2 * np.pi):.5g} Hz" for s in modes.poles[~stay])
     kept = _kept(f"the optimum is far from {where}: the data contain more than these modes")
-    return _placed(diagram.response, modes, extra).noted(kept)
+    return _placed(diagram, modes, extra).noted(kept)
 
 
-def poles_beside(diagram: StabilizationDiagram, modes: ModalModel) -> ComplexArray:
-    """Return the poles of the last order that the data need beside the modes, rad/s: refinement holds them fixed."""
-    last = usable_orders(diagram)[0][-1]
-    return needed_beside(diagram.response, modes.poles, diagram.poles[diagram.order_of_pole == last])
-
-
-def _placed(response: Response, modes: ModalModel, extra: ComplexArray) -> ModalModel:
+def _placed(diagram: StabilizationDiagram, modes: ModalModel, extra: ComplexArray) -> ModalModel:
     """Return modes of records that are not refined with the deviations that the likelihood gives at their values; others as they are."""
-    if response.separable:
+    if diagram.response.separable:
         return modes
-    found = in_place(response.whole, modes, extra)
+    found = in_place(diagram.response.whole, modes, extra)
     return replace(modes, **{name: getattr(found, name) for name in _STD_FIELDS})
 
 
@@ -90,18 +84,18 @@ def _with_others(
     std["degrees"] = np.zeros((len(others), 2))
     merged = joined([parts[0], replace(parts[1], **std, converged=True)])
     order = np.argsort(merged.frequencies, kind="stable")
-    merged = merged.take(order)
     # the refinement may leave modes out, and frequencies may pass each other
     started = others.poles if refined.unrefined is None else np.append(refined.unrefined.poles, others.poles)
     before = modes.take([int(np.argmin(np.abs(modes.poles - s))) for s in started[order]])
-    shapes, fitted = joint_residues(response, merged.poles, merged.shapes)
     where = ", ".join(f"{f:.5g} Hz" for f in others.frequencies)
     text = f"Not refined: {where} (their optimum lies at other modes); no intervals"
     note = Note("not refined", {"modes": len(others)}, text)
-    both = replace(merged, shapes=shapes, left_out=refined.left_out, **fitted).normalized("unit")
+    fitted = {name: getattr(at_values, name) for name in _FITTED_FIELDS}
+    both = replace(merged, left_out=refined.left_out, **fitted).normalized("unit")
     widths = [part for part in (refined.shapes_std, at_values.shapes_std) if part is not None]
-    shapes_std = np.hstack([widths[0], widths[1][:, own]])[:, order] if len(widths) == 2 else None
-    return with_indicators_of_shapes(replace(both, unrefined=before, shapes_std=shapes_std)).noted(note)
+    shapes_std = np.hstack([widths[0], widths[1][:, own]]) if len(widths) == 2 else None
+    found = replace(both, shapes_std=shapes_std).take(order)
+    return with_indicators_of_shapes(replace(found, unrefined=before)).noted(note)
 
 
 def _unfit(diagram: StabilizationDiagram) -> str:

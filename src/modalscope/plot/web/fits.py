@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -41,12 +42,15 @@ def inside(modes: ModalModel, diagram: StabilizationDiagram, bands: int) -> Moda
     return modes.take((modes.frequencies >= low) & (modes.frequencies <= high))
 
 
-def within(modes: ModalModel, response: Response) -> ModalModel:
-    """Return the modes that a response is rebuilt from: of lines all, whose tails reach inside; of samples those of its span."""
-    if response.grid is not None:
+def of_band(modes: ModalModel, diagram: StabilizationDiagram, bands: int) -> ModalModel:
+    """Return what the response of a diagram is rebuilt from: on lines all modes, whose tails reach inside.
+
+    Samples of one of several bands are at a rate of their own: they hold its modes, and the terms that were fitted to them.
+    """
+    if bands == 1 or diagram.response.grid is not None:
         return modes
-    low, high = response.span
-    return modes.take((modes.frequencies >= low) & (modes.frequencies <= high))
+    terms = tuple(each for each in modes.residual_terms if each.band == asked_ends(diagram))
+    return replace(inside(modes, diagram, bands), residual_terms=terms)
 
 
 def cut_to_band(lines: tuple[Array, ...], diagram: StabilizationDiagram, bands: int) -> tuple[Array, ...]:
@@ -79,7 +83,7 @@ def rebuilt_lines(
 
     `falling`: as in `lines_of_response`.
     """
-    chosen = modes if bands == 1 else within(modes, diagram.response)
+    chosen = of_band(modes, diagram, bands)
     f, measured, fitted = cut_to_band(lines_of_response(chosen, diagram.response, falling=falling), diagram, bands)
     return f, measured, fitted
 
@@ -149,7 +153,7 @@ def channel_blob(diagrams: Sequence[StabilizationDiagram], modes: ModalModel, ou
         if not (0 <= output < outputs and 0 <= column < columns):
             counts = f"there are {outputs} outputs and {columns} inputs"
             raise DataError(f"channel {output}, {column} was asked", counts, "Choose one of these.")
-        chosen = modes if len(diagrams) == 1 else within(modes, response)
+        chosen = of_band(modes, diagram, len(diagrams))
         curves = _channel_lines(response, chosen, output, column)
         parts.append(cut_to_band(curves, diagram, len(diagrams)))
     measured, fitted = (np.concatenate(side) for side in list(zip(*parts, strict=True))[1:3])
