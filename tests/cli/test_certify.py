@@ -29,7 +29,7 @@ def test_a_file_is_certified_and_its_modes_are_written_with_intervals_that_hold(
     assert main(["certify", str(loud(tmp_path)), *CHOICES, "-o", str(target)]) == 0
     out = capsys.readouterr().out
     assert "does not hold" in out
-    assert re.search(r"The interval of the damping ratio at 6\.1\d+ Hz does not hold: bias", out)
+    assert re.search(r"The interval of the frequency at 6\.1\d+ Hz does not hold: bias", out)
     written = json.loads(target.read_text())
     # the analysis that the result carries gives it again, and certifies to the same numbers
     assert main(["certify", str(target), "--replicates", "10"]) == 0

@@ -21,6 +21,7 @@ from modalscope.numerics.checks import (
     complex_array,
     freeze,
     real_array,
+    stays_locked,
 )
 from modalscope.numerics.errors import DataError
 
@@ -28,6 +29,7 @@ from modalscope.numerics.errors import DataError
 _MAX_POWER = 100
 
 
+@stays_locked
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class ResidualTerms:
     """What the data of one band contain besides the modes, free in every channel: sum_j R_j g(s_j) + sum_p T_p (j f / top)^p.

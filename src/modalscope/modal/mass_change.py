@@ -136,6 +136,7 @@ def _of_unit_mass(modes: ModalModel, phi: RealArray) -> ModalModel:
         feedthrough=phi @ phi.T if power == 2 else None,
         lower_residual=None,
         upper_residual=None,
+        residual_terms=(),
         dt=None,
         held_input=False,
         input_dofs=modes.output_dofs,

@@ -277,6 +277,7 @@ def _model(
         feedthrough=direct,
         lower_residual=lower,
         upper_residual=upper,
+        residual_terms=(),
         quantity=response.quantity,
         dt=modes.dt if held else None,
         held_input=held,
