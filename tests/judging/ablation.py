@@ -50,7 +50,7 @@ def _ones(self: Any, poles: Array) -> Array:
 #: What is switched off: a function that does nothing then, or a threshold that never holds.
 RULES = {
     "copies of shifting resonances": Rule(verdict, "copies_of", lambda *_: None),
-    "margin of products of shifts": Rule(copies, "_MARGIN", 0.0),
+    "scatter of a single mode": Rule(copies, "_MAX_SCATTER", np.inf),
     "shoulders of a shifting mode": Rule(recount.Recount, "hosts", _none_of),
     "coherent lines": Rule(recount.Recount, "lasting", _all_of),
     "uncertainty of error variances": Rule(recount, "UNCERTAINTY_OF_VARIANCE", 1.0),

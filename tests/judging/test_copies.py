@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.judging.copies import _MARGIN, _Cluster, _clusters, _leading, _log_chance, copies_of
+from modalscope.judging.copies import _Cluster, _clusters, _Point, copies_of
 from modalscope.judging.recount import Recount, recount_of
 from modalscope.judging.selection_problem import SelectionProblem
 from modalscope.likelihood.descent import descend
 from modalscope.likelihood.likelihood import unit_vectors, whitened
-from modalscope.numerics.checks import ComplexArray, IntArray
+from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
 from modalscope.systems import chain5
 from tests.judging.made import NUDGE
 from tests.judging.shifted import KINDS, missed_and_false, shifted_response, shifted_structure
@@ -74,59 +73,207 @@ def test_study_of_shifted_structures(kind: str, study: Callable[[str, str], Stud
     assert not found.missed
 
 
-def test_the_chance_to_hide_is_that_of_random_vectors() -> None:
-    """By drawing: the part across another of a real shape of four and a participation of three."""
-    rng, count = np.random.default_rng(0), 40_000
-
-    def across(n: int) -> Any:
-        vectors = rng.standard_normal((count, n))
-        return 1 - vectors[:, 0] ** 2 / np.sum(vectors**2, axis=1)
-
-    share = across(4) * across(3)
-    for limit in (0.03, 0.3):
-        assert np.exp(_log_chance(limit, 4, 3)) == pytest.approx(np.mean(share < limit), rel=0.06)
+#: Poles, rad/s: a mode, and what shares its place; and lines around them.
+POLE, GRID = complex(-2.0, 400.0), np.linspace(50, 80, 901)
 
 
-def resonances(shifts: ComplexArray, half: float = 1.0) -> Any:
-    """Return a cluster of one pole at 100 rad/s whose channels (q, p) have poles shifted by so much, all as strong."""
-    s, x = -half + 100j, 1j * np.linspace(0, 200, 1001)[:, None, None]
-    made = object.__new__(_Cluster)
-    made.own, made.poles, made.which = 1 / (x - s - shifts), np.array([s]), np.array([0])
-    return made
+def recounted(
+    made: ComplexArray,
+    poles: ComplexArray,
+    *,
+    noise: float = 1e-3,
+    coloured: bool = True,
+    part: RealArray | None = None,
+) -> Recount:
+    """Return the recount of poles in responses (F, q, p) with white noise, relative to their largest value.
+
+    `part` (p,): participation of all poles, which then stay as they are.
+    """
+    rng = np.random.default_rng(1)
+    errors = rng.standard_normal((2, *made.shape)) * noise * np.abs(made).max()
+    response = ms.FrequencyResponse(values=made + errors[0] + 1j * errors[1], frequencies=GRID, quantity="displacement")
+    ones = np.ones(made.shape[1]), np.ones(made.shape[2])
+    problem = whitened(response, np.zeros(0, complex), response.outside_powers, np.ones(2 * len(GRID)), *ones)
+    selection = SelectionProblem(problem, 1.0, 100.0, response.span, coloured=coloured)
+    sides = rng.standard_normal((len(poles), problem.data.shape[2])) if part is None else np.tile(part, (len(poles), 1))
+    most = 20 if part is None else 0
+    return recount_of(selection, descend(problem, np.asarray(poles), unit_vectors(sides.astype(complex)), most=most))
 
 
-def test_deviations_of_rows_and_columns_leave_across_both_what_their_product_does() -> None:
+def shifting(
+    shape: RealArray, part: RealArray, by_row: RealArray, by_column: RealArray, s: complex = POLE
+) -> ComplexArray:
+    """Return u_i v_j / (x - s - a_i - b_j) on the lines, shifts in half bandwidths, with its mirror image."""
+    poles = s + 1j * abs(s.real) * (by_row[:, None] + by_column)
+    x = 2j * np.pi * GRID[:, None, None]
+    return np.outer(shape, part) * (1 / (x - poles) - 1 / (x - poles.conj()))
+
+
+def random_sides(seed: int, q: int = 6, p: int = 3) -> tuple[RealArray, RealArray]:
+    rng = np.random.default_rng(seed)
+    return rng.standard_normal(q), rng.standard_normal(p)
+
+
+def split(_: ComplexArray | complex) -> ComplexArray:
+    """Return two poles that a fit gives a shifting mode."""
+    return POLE + 1j * abs(POLE.real) * np.array([-0.4, 0.4])
+
+
+#: Scatters of a test with no other mode.
+ALONE = np.ones((1, 2, 2))
+
+
+def of_pair(recount: Recount) -> tuple[int, float]:
+    """Return how many modes the only cluster has, and what one that shifts explains of it."""
+    (which,) = _clusters(recount.descent.point.poles)
+    cluster = _Cluster(recount, which)
+    found = cluster.modes(recount.bar, ALONE)
+    one, shared = cluster.fitted(cluster._best), cluster.fitted(recount.descent.point.poles[which][:, None, None])
+    return len(found.poles), (one.misfit - cluster.as_one().misfit) / (one.misfit - shared.misfit)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("way", ["row", "column", "both"])
+def test_one_mode_that_shifts_explains_what_two_poles_do(way: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    (u, v), (a, b) = random_sides(seed), (0.3 * rng.standard_normal(n) for n in (6, 3))
+    made = shifting(u, v, a * (way != "column"), b * (way != "row"))
+    count, share = of_pair(recounted(made, split(made)))
+    assert count == 1
+    assert share > 0.97
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("apart", [0.7, 1.5])
+def test_no_mode_that_shifts_explains_what_a_pair_does(apart: float, seed: int) -> None:
+    (u, v), (w, z), none = random_sides(seed), random_sides(seed + 10), (np.zeros(6), np.zeros(3))
+    other = POLE + 1j * apart * abs(POLE.real)
+    made = shifting(u, v, *none) + shifting(w, z, *none, other)
+    count, share = of_pair(recounted(made, np.array([POLE, other])))
+    assert count == 2
+    assert share < 0.9
+
+
+def test_repeated_modes_are_two_and_a_mode_split_at_one_frequency_is_one() -> None:
+    """A single pole of any residue explains both: shapes decide."""
+    (u, v), (w, z), none = random_sides(0), random_sides(10), (np.zeros(6), np.zeros(3))
+    made = shifting(u, v, *none) + shifting(w, z, *none)
+    recount = recounted(made, np.array([POLE, POLE + 0.01j]), noise=0.05)
+    (which,) = _clusters(recount.descent.point.poles)
+    assert len(_Cluster(recount, which).modes(recount.bar, ALONE).poles) == 2
+    alone = recounted(shifting(u, v, *none), np.array([POLE, POLE + 0.01j]), noise=0.05, part=v)
+    assert len(_Cluster(alone, which).modes(alone.bar, ALONE).poles) == 1
+
+
+def test_of_a_pair_seen_by_one_sensor_a_mode_that_shifts_by_row_says_which_it_is() -> None:
+    (u, _), (w, _), one = random_sides(3, 9), random_sides(4, 9), np.ones(1)
+    other = POLE + 1.5j * abs(POLE.real)
+    pair = shifting(u, one, np.zeros(9), np.zeros(1)) + shifting(w, one, np.zeros(9), np.zeros(1), other)
+    assert of_pair(recounted(pair, np.array([POLE, other])))[0] == 2
+    shifted = shifting(u, one, 0.3 * np.random.default_rng(5).standard_normal(9), np.zeros(1))
+    assert of_pair(recounted(shifted, split(shifted)))[0] == 1
+
+
+def test_of_one_or_two_channels_nothing_is_told() -> None:
+    (u, v), none = random_sides(0, 2, 1), (np.zeros(2), np.zeros(1))
+    recount = recounted(shifting(u, v, *none), split(POLE))
+    assert copies_of(recount) is None
+
+
+def test_shifts_come_out_as_they_were_made() -> None:
+    rng = np.random.default_rng(8)
+    (u, v), (a, b) = random_sides(8, 12, 8), (0.1 * rng.standard_normal(12), 0.02 * rng.standard_normal(8))
+    made = shifting(u, v, a, b)
+    (which,) = _clusters((recount := recounted(made, split(made), noise=1e-5)).descent.point.poles)
+    fit = _Cluster(recount, which).as_one()
+    weights = np.outer(u**2, v**2) / np.sum(np.outer(u**2, v**2))
+    mean = POLE + 1j * abs(POLE.real) * np.sum(weights * (a[:, None] + b))
+    assert abs(fit.means[0] - mean) < 0.02 * abs(POLE.real)  # steps end where they gain next to nothing
+    by_row, by_column = (
+        np.sqrt(np.sum(w * (e - np.sum(w * e)) ** 2)) * abs(POLE.real) / abs(mean)
+        for w, e in ((weights.sum(axis=1), a), (weights.sum(axis=0), b))
+    )
+    assert fit.shifts() == pytest.approx([by_row, by_column], rel=0.05)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_pair_that_shifts_has_the_poles_that_it_shifts_about(seed: int) -> None:
+    """Poles that all channels share are biased there, and means of free shifts are loose."""
+    rng = np.random.default_rng(seed)
+    (u, v), (w, z) = random_sides(seed, 12, 2), random_sides(seed + 10, 12, 2)
+    other, shifts, none = POLE + 1.6j * abs(POLE.real), 0.4 * rng.standard_normal(12), np.zeros(2)
+    made = shifting(u, v, shifts, none) + shifting(w, z, shifts, none, other)
+    start = np.array([POLE, other, POLE + 0.6j * abs(POLE.real)])
+    recount = recounted(made, start)
+    (which,) = _clusters(recount.descent.point.poles)
+    cluster, half = _Cluster(recount, which), abs(POLE.real)
+    centred, _ = cluster._centred(np.array([POLE, other]), 0.4 * np.array([half / abs(POLE), 1.0]))
+    shared = cluster.fitted(np.array([POLE, other])[:, None, None]).poles[:, 0, 0]
+    true = np.array([POLE, other]) + 1j * half * shifts.mean()
+    errors = [np.abs(each[np.argsort(each.imag)] - true).max() / half for each in (centred, shared)]
+    assert errors[0] < 0.15
+    assert errors[0] < errors[1]
+
+
+@pytest.mark.parametrize(
+    ("scatters", "noise", "count"),
+    [
+        ((1 - NUDGE, 1 - NUDGE), (0.0, 0.0), 2),  # of the limit, relative to the frequency and in half bandwidths
+        ((1 + NUDGE, 1 - NUDGE), (0.0, 0.0), 1),
+        ((1 - NUDGE, 1 + NUDGE), (0.0, 0.0), 1),
+        ((1 + NUDGE, 1 + NUDGE), (0.5, 0.5), 2),  # what noise gives of it is none of a shift
+        ((0.0, 0.0), (5 - NUDGE, 5 - NUDGE), 2),
+        ((0.0, 0.0), (5 + NUDGE, 5 - NUDGE), 2),  # one scale where it would show as much decides
+        ((0.0, 0.0), (5 + NUDGE, 5 + NUDGE), 1),  # it would not show as much
+    ],
+)
+def test_a_mode_that_scatters_more_than_five_times_the_others_is_a_pair(
+    scatters: tuple[float, float], noise: tuple[float, float], count: int
+) -> None:
+    (u, v), a = random_sides(2), 0.3 * np.random.default_rng(2).standard_normal(6)
+    made = shifting(u, v, a, np.zeros(3))
+    recount = recounted(made, split(made))
+    (which,) = _clusters(recount.descent.point.poles)
+    cluster = _Cluster(recount, which)
+    limit = cluster.as_one().scatter(0) / 5
+    told = np.array([ALONE[0], [limit * scatters, limit * noise]])
+    assert len(cluster.modes(recount.bar, told).poles) == count
+
+
+def test_what_noise_makes_of_a_scatter_is_told() -> None:
+    """A mode that stays in its place, in loud noise: its rows scatter as they should by chance."""
+    u, v = np.ones(40), np.ones(1)
+    recount = recounted(shifting(u, v, np.zeros(40), np.zeros(1)), np.array([POLE]), noise=0.05)
+    (scatter, noise) = _Cluster(recount, np.array([0])).scattered()
+    assert scatter == pytest.approx(noise, rel=0.25)
+
+
+def test_steps_of_shifts_by_row_and_by_column_lower_the_misfit_as_their_linear_model_says() -> None:
+    """Second route: the slope of the misfit by differences."""
     rng = np.random.default_rng(4)
-    by_row, by_column = 0.05j * rng.standard_normal((40, 1)), 0.02j * rng.standard_normal((1, 30))
-    cluster = resonances(by_row + by_column)
-    # of forty rows and thirty columns, each shape has one in as many channels
-    assert cluster.shifts() == pytest.approx([0.05 / 100, 0.02 / 100], rel=0.2)
-    U, V = _leading(cluster.own, 1)
-    E = np.sum(np.abs(U.conj().T @ cluster.own @ V.conj()) ** 2, axis=0)
-    second, _ = cluster._products(1, np.zeros(2), energy=1.0, across=0.0)
-    # of 1, 2 B and 2 B^2 the first is what q itself has
-    assert E[1:, 1:].sum() / E[0, 0] == pytest.approx(9 / 8 * second / _MARGIN, rel=0.1)
-    # rows alone leave nothing
-    alone = resonances(by_row + np.zeros((1, 30)))
-    assert alone._products(1, np.zeros(2), energy=1.0, across=0.0)[0] < 1e-20
+    (u, v), (a, b) = random_sides(4), (0.3 * rng.standard_normal(n) for n in (6, 3))
+    recount = recounted(shifting(u, v, a, b), split(POLE))
+    (which,) = _clusters(recount.descent.point.poles)
+    cluster = _Cluster(recount, which)
+    s = np.full((1, *cluster.channels), POLE)
+    at, step = cluster._at(s, slopes=True), 1e-5 * (rng.standard_normal(s.shape) + 1j * rng.standard_normal(s.shape))
+    parts = np.stack([step.real, step.imag], axis=-1).reshape(-1, 2)
+    rise = (cluster._at(s + step).left - cluster._at(s - step).left) / 2
+    assert rise == pytest.approx(-2 * np.sum(at.slope * parts, axis=1), rel=1e-4, abs=1e-6 * np.abs(rise).max())
 
 
-@pytest.mark.slow
-def test_what_is_across_both_shifts_with_its_column() -> None:
-    """Gains that differ from channel to channel, on resonances that shift from column to column."""
-    rng = np.random.default_rng(5)
-    shifts, gains = 0.02j * rng.standard_normal((1, 30)), 1 + 0.1 * rng.standard_normal((40, 30))
-    cluster = resonances(np.zeros((40, 1)) + shifts)
-    usual = cluster.deviations(1)
-    made = cluster.own * gains
-    U, V = (each[:, 1:] for each in _leading(made, 1))
-    across = np.einsum("qi,fqp,pj->fij", U.conj(), made, V.conj()).reshape(len(made), -1)
-    q = 1 / (1j * np.linspace(0, 200, 1001) - cluster.poles[0])
-    q /= np.linalg.norm(q)
-    in_q = q.conj() @ across
-    beside = np.sum(np.abs(across - np.outer(q, in_q)) ** 2)
-    first, _ = cluster._products(1, usual, energy=0.0, across=float(np.sum(np.abs(in_q) ** 2)))
-    assert beside == pytest.approx(first / _MARGIN, rel=0.2)
+def test_rows_and_columns_are_solved_as_the_whole_system_is() -> None:
+    rng = np.random.default_rng(6)
+    made = object.__new__(_Cluster)
+    made.channels = (4, 3)
+    J, r = rng.standard_normal((12, 9, 4)), rng.standard_normal((12, 9))
+    at = _Point(np.ones(12), np.ones((12, 2)) + 0j, J.transpose(0, 2, 1) @ J, np.einsum("cki,ck->ci", J, r))
+    incidence = np.hstack([np.repeat(np.eye(4), 3, axis=0), np.tile(np.eye(3), (4, 1))])
+    N = np.einsum("cu,cv,cij->uivj", incidence, incidence, at.information).reshape(28, 28)
+    b = np.einsum("cu,ci->ui", incidence, at.slope).reshape(28)
+    whole = np.linalg.solve(N + 0.01 * np.diag(np.diag(N)), b).reshape(7, 4)
+    steps = (whole[:, ::2] + 1j * whole[:, 1::2]).T
+    assert np.allclose(made._step(at, "both", 0.01), steps[:, :4, None] + steps[:, None, 4:], rtol=1e-6)
 
 
 @pytest.mark.parametrize(("apart", "count"), [(2 - NUDGE, 1), (2 + NUDGE, 0)])
@@ -134,33 +281,30 @@ def test_poles_hang_together_within_twice_the_narrower_half_bandwidth(apart: flo
     assert len(_clusters(np.array([-1 + 100j, -3 + (100 + apart) * 1j]))) == count
 
 
-@pytest.mark.parametrize(("coloured", "chance"), [(False, 1e-3), (True, 0.05)])
-@pytest.mark.parametrize(("times", "evident"), [(1 - NUDGE, True), (1 + NUDGE, False)])
-def test_copies_are_evident_where_real_modes_would_hardly_hide_as_well(
-    coloured: bool, chance: float, times: float, evident: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    selection, descent, left, errors = settled_pair()
-    recount = Recount(replace(selection, coloured=coloured), descent, left, errors)
-    monkeypatch.setattr(_Cluster, "parted", lambda *_: (np.array([0]), np.array([1]), np.log(times * chance)))
-    found = copies_of(recount)
-    assert (found is not None) is evident
+@pytest.mark.parametrize("coloured", [True, False])
+def test_poles_that_no_mode_explains_alone_keep_their_places(coloured: bool) -> None:
+    """Of coloured errors that is known then; of white ones the older rules on uncertain neighbours are asked."""
+    (u, v), (w, z), none = random_sides(0), random_sides(10), (np.zeros(6), np.zeros(3))
+    other = POLE + 1.5j * abs(POLE.real)
+    made = shifting(u, v, *none) + shifting(w, z, *none, other)
+    found = copies_of(recounted(made, np.array([POLE, other]), coloured=coloured))
+    assert (found is not None) is coloured
     if found is not None:
-        assert found.host.tolist() == [0, 0]
+        assert found.host.tolist() == [0, 1]
+        assert found.whys == ("", "")
 
 
-def settled_pair() -> Any:
-    """Return the parts of a recount of two poles that hang together."""
-    response = shifted_response(shifted_structure(1), KINDS["white"], 1)
-    structure = shifted_structure(1)
-    s = structure.poles[0] * np.array([1, 1 + 1e-3])
-    l, m = response.values.shape[1:]
-    rows = np.ones(2 * len(response.values))
-    prepared = ms.prepare(response, method="era").response
-    problem = whitened(prepared, np.zeros(0, complex), prepared.outside_powers, rows, np.ones(l), np.ones(m))
-    selection = SelectionProblem(problem, 1.0, 100.0, prepared.span)
-    sides = unit_vectors(np.random.default_rng(2).standard_normal((2, problem.data.shape[2])).astype(complex))
-    found = recount_of(selection, descend(problem, s, sides, most=0))
-    return selection, found.descent, found.left, found.errors
+def test_a_copy_belongs_to_the_nearest_mode_and_says_what_is_explained() -> None:
+    (u, v), a = random_sides(2), 0.3 * np.random.default_rng(2).standard_normal(6)
+    made = shifting(u, v, a, np.zeros(3))
+    found = copies_of(recounted(made, split(made), coloured=False))
+    assert found is not None
+    assert len(set(found.host.tolist())) == 1
+    mode = found.host[0]
+    assert abs(found.poles[mode] - POLE) < 0.5 * abs(POLE.real)
+    assert re.fullmatch(r"one mode that shifts by 0\.\d+ % explains (9[5-9].*|100) % of all", found.whys[1 - mode])
+    assert found.facts(turned=False)["shift_by_output"] > 10 * found.facts(turned=False)["shift_by_input"]
+    assert found.facts(turned=True)["shift_by_input"] == found.facts(turned=False)["shift_by_output"]
 
 
 def test_of_correlations_no_mode_is_a_copy() -> None:

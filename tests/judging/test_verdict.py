@@ -13,6 +13,7 @@ from modalscope.data.deferred import Deferred
 from modalscope.functions.poles import frequencies_and_damping, poles_from
 from modalscope.identification.orders import ORDERS_END
 from modalscope.judging import recount, verdict
+from modalscope.judging.copies import Copies
 from modalscope.judging.evidence import Candidate, evidence_of
 from modalscope.judging.joint_selection import select_jointly
 from modalscope.judging.outcome import modes_of
@@ -239,7 +240,11 @@ def shifting(factor: float) -> tuple[SelectionResult, list[np.ndarray]]:
     assert found is not None
     poles = poles_of(*flat, orders=ORDERS)
     groups = [np.flatnonzero(np.abs(poles.pole - s) < 1e-9) for s in dict.fromkeys(poles.pole)]
-    return SelectionResult(diagram, poles, evidence_of(diagram), Contest(selection, found)), groups
+    contest = Contest(selection, found)
+    contest.__dict__["copies"] = Copies(
+        np.array([0, 1, 2, 3, 3]), found.poles, np.array([1e-3, 0]), ("",) * 4 + ("it shifts",)
+    )
+    return SelectionResult(diagram, poles, evidence_of(diagram), contest), groups
 
 
 def test_a_mode_with_parts_is_as_sure_as_one_mode_of_both_would_be() -> None:
@@ -266,7 +271,7 @@ def test_of_coloured_data_poles_that_act_as_one_are_parts_of_the_strongest() -> 
     part = [c for c in everything if c.against and c.against[0].startswith("duplicate of")]
     assert len(part) == 1
     host = modes(everything)[-1]
-    assert f"duplicate of {host.frequency:.5g} Hz" in part[0].against[0]
+    assert part[0].against[0] == f"duplicate of {host.frequency:.5g} Hz: it shifts"
     # the values of a mode with parts are those of the group at most orders
     assert host.members.size == len(ORDERS)
 

@@ -148,22 +148,25 @@ class Contest:
 
     @cached_property
     def hosts(self) -> IntArray:
-        """The mode that each pole is part of, by default itself: the strongest of a cluster.
+        """The mode that each pole is part of, by default itself.
 
-        Coloured data: overlapping poles of one shape, as a shifting resonance needs. Else: overlapping poles that are each uncertain.
+        Those of `copies`. Where these are not known, and of a single row or column, whose hit or sensor makes one line of any kind for all
+        channels: the strongest of overlapping poles of one shape in coloured data, and of overlapping poles that are each uncertain else.
         """
-        if self.copies is not None:
-            return self.copies.host
-        host, gain, s = np.arange(len(self.poles)), self.outcome.gain, self.outcome.poles
+        gain, s = self.outcome.gain, self.outcome.poles
+        host = np.arange(len(self.poles)) if self.copies is None else self.copies.host.copy()
+        if self.copies is not None and min(self.selection.problem.channels) > 1:
+            return host
         if self.selection.coloured:
-            one = collinear(s, *self.outcome.residues)
+            shapes, participation = self.outcome.residues
+            one = collinear(s, *((participation.T, shapes.T) if len(shapes) == 1 else (shapes, participation)))
         else:
             one = overlap(s, s) & self._open[:, None] & self._open
         for j in np.argsort(-gain):
             stronger = [k for k in np.flatnonzero(one[j]) if gain[k] > gain[j]]
-            if stronger:
+            if stronger and host[j] == j:
                 host[j] = host[max(stronger, key=lambda k: gain[k])]
-        return host
+        return np.asarray(host[host])
 
     @property
     def _open(self) -> Array:
@@ -269,7 +272,11 @@ def verdicts(trial: SelectionResult, groups: list[Array]) -> list[Candidate]:
     least = _MIN_SHARE_OF_ORDERS * len(trial.poles.orders)
     few = {j: max((c.members.size for c in each), default=0) < least for j, each in mine.items()}
     weak = (trial.gain < trial.bar) & (trial.found.recount is not None)
-    doubted = [j for j in mine if few[j] or weak[j]] if trial.selection.coloured else []
+    # a mode that shifts is weak beside its own copies, each of which was significant: it is judged with them
+    family = (
+        np.bincount(host, minlength=len(host)) > 1 if trial.contest.copies is not None else np.zeros(len(host), bool)
+    )
+    doubted = [j for j in mine if (few[j] or weak[j]) and not family[j]] if trial.selection.coloured else []
     again = dict(zip(doubted, trial.contest.recounted.at(np.array(doubted, dtype=int))[0], strict=True))
     modes = {j: _mode(trial, j, each, fit, host, again.get(j), few[j]) for j, each in mine.items()}
     parts = [_part(trial, int(j), modes[host[j]], fit) for j in np.flatnonzero(host != np.arange(len(host)))]
@@ -387,13 +394,16 @@ def _by_itself(trial: SelectionResult, j: int, fit: float) -> Candidate:
 
 def _part(trial: SelectionResult, j: int, host: Candidate, fit: float) -> Candidate:
     """Return a pole that is part of a stronger mode, or cannot be separated from it."""
-    shifts = "duplicate of {:.5g} Hz (frequency drifted during the measurement)"
-    close = "too close to {:.5g} Hz to separate; counted in its cluster"
-    against = (
-        (close if trial.contest.copies is None and not trial.selection.coloured else shifts).format(host.frequency),
-    )
+    copies = trial.contest.copies
+    against = f"duplicate of {host.frequency:.5g} Hz (frequency drifted during the measurement)"
+    if copies is not None and copies.whys[j]:
+        against = f"duplicate of {host.frequency:.5g} Hz: {copies.whys[j]}"
+    elif copies is None and not trial.selection.coloured:
+        against = f"too close to {host.frequency:.5g} Hz to separate; counted in its cluster"
     part = _by_itself(trial, j, fit)
-    return _with_gain(trial, replace(part, against=against, residue=trial.residue(part, np.array([j]))), trial.gain[j])
+    return _with_gain(
+        trial, replace(part, against=(against,), residue=trial.residue(part, np.array([j]))), trial.gain[j]
+    )
 
 
 def _with_gain(trial: SelectionResult, candidate: Candidate, gain: float) -> Candidate:
