@@ -346,7 +346,7 @@ def _candidate(modes: ModalModel, j: int, gain: float) -> Candidate:
         damping_ratio=float(modes.damping_ratios[j]),
         gain=float(np.sqrt(gain / 2)),
         reason="not significant in the joint refinement",
-        remedy="Measure longer or with less noise; refine=False reports it unrefined.",
+        remedy="Analyse a band of its own around it, or measure with less noise; refine=False reports it unrefined.",
     )
 
 

@@ -17,8 +17,8 @@ from scipy.special import ndtri
 from modalscope.functions.poles import frequencies_and_damping, overlap
 from modalscope.judging.selection_problem import MAX_DAMPING_OF_RESONANCES, SelectionProblem
 from modalscope.likelihood.descent import Descent
+from modalscope.likelihood.line_levels import parts_of_level
 from modalscope.likelihood.matched import amplitudes_by_channel, apart, grid_of
-from modalscope.likelihood.reference_model import parts_of_level
 from modalscope.likelihood.whitening import free_bound, lag_factor, smoothed
 from modalscope.modal.indicators import mac
 from modalscope.numerics.checks import Array, ComplexArray, RealArray

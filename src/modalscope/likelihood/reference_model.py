@@ -9,6 +9,7 @@ import scipy.linalg as sla
 
 from modalscope.data.response import Response, fading, window_over_lines
 from modalscope.functions.pole_basis import ModalBasis
+from modalscope.likelihood.line_levels import UNEVEN, parts_of_level, rows_of_lines
 from modalscope.likelihood.whitening import (
     Colour,
     Levels,
@@ -30,8 +31,8 @@ _ROWS_PER_FREEDOM = 8.0
 #: many standard deviations; maximum factor in the variance by correlation.
 _LEVEL_LINES, _CORRELATION_LINES, _WHITE_DEVIATIONS, _MAX_CORRELATED_LINES = 41, 81, 2.0, 99.0
 
-#: Rounds of reweighting a level, and relative determinant below which the courses of noise and response are parallel.
-_LEVEL_ROUNDS, _MIN_DETERMINANT = 10, 1e-13
+#: Rounds in which the reference model is fitted again under levels of lines.
+_LINE_ROUNDS = 6
 
 #: Minimum significance of a decay rate of the noise, in standard deviations; lowest noise level relative to the first sample; maximum
 #: number of rounds until rows converge to this relative tolerance.
@@ -63,7 +64,8 @@ class Floor:
 def floor_of(response: Response, poles: Array) -> Floor:
     """Fit poles (n,) in rad/s with free residues in every channel, and the residual terms, and judge what is left.
 
-    sigma_om^2 = RSS_om / (rows - columns) of channel (o, m), so s_i nearest to it in the logarithm.
+    sigma_om^2 = RSS_om / (rows - columns) of channel (o, m), so s_i nearest to it in the logarithm. Where lines are left more in some
+    places than in others, they are divided by levels of their own, see `rows_of_lines`: errors of loud lines are not those of quiet ones.
     """
     few = _few(response, poles)
     basis = response.basis(few, response.outside_powers)
@@ -74,6 +76,10 @@ def floor_of(response: Response, poles: Array) -> Floor:
     told = fading(response)
     floor = _floor(response, basis, taken, np.ones(len(basis.data)) if told is None else told)
     if response.grid is not None:
+        for _ in range(0 if told is not None or floor.window > 0 else _LINE_ROUNDS):
+            if floor.colour.uneven <= UNEVEN:
+                break
+            floor = _floor(response, basis, taken, rows_of_lines(floor.left, floor.data, response.count))
         return floor
     for _ in range(_MAX_ROUNDS):
         if floor.colour.coloured:
@@ -146,7 +152,7 @@ def _faded(floor: Floor) -> RealArray:
 def by_line(floor: Floor, count: int) -> Floor:
     """Return the noise with deviations line by line, for a residual that is coloured: misfit of the model as much as noise.
 
-    With e the residual, channels brought to unit level: level(f) as in `level_of`, then smoothed,
+    With e the residual, channels brought to unit level: level(f) as in `parts_of_level`, then smoothed,
     rho(f) = Re mean(e_k+1 conj e_k) / mean |e|^2 over neighbours, and a row's deviation sqrt(level tau),
     tau = (1 + rho) / (1 - rho): so many lines tell as much as one of white noise. The variance is that of the residual divided by its level
     alone, or the colour would cancel.
@@ -159,7 +165,8 @@ def by_line(floor: Floor, count: int) -> Floor:
     e = (each / channels).reshape(rows // count, count, l * m)
     size = np.mean((data / channels).reshape(e.shape) ** 2, axis=(0, 2))
     power = np.mean(e**2, axis=(0, 2))
-    level = level_of(power, np.ones(count), size)
+    noise, own = parts_of_level(power[:, None], np.ones(count), size[:, None])
+    level = (noise + own)[:, 0]
     level = level * smoothed(power / level, _LEVEL_LINES)
     around = smoothed(power, _CORRELATION_LINES)
     neighbours = np.append(np.mean(e[:, 1:] * e[:, :-1], axis=(0, 2)), 0)
@@ -172,56 +179,6 @@ def by_line(floor: Floor, count: int) -> Floor:
     return replace(
         floor, rows=floor.rows * own, variance=floor.variance * levelled, correlation=np.clip(rho, 0, longest)
     )
-
-
-def level_of(power: RealArray, even: RealArray, size: RealArray) -> RealArray:
-    """Return the level of a coloured residual line by line: noise of a known course, and error that is a part of the response.
-
-    `power`, `even`, `size` (F,): as in `parts_of_level`, of one channel.
-    """
-    noise, own = parts_of_level(power[:, None], even, size[:, None])
-    return np.asarray(noise + own)[:, 0]
-
-
-def parts_of_level(power: RealArray, even: RealArray, size: RealArray) -> tuple[RealArray, RealArray]:
-    """Return a even and b size of every channel, power ~ a even + b size, the likeliest for squares of normal numbers.
-
-    Two unknowns by weighted least squares, the weights from the level before; neither is negative.
-
-    `power` (F, c): squares of the residual. `even` (F,): of what is even noise. `size` (F, c): of the data.
-    """
-    unit = np.maximum(power.mean(axis=0), 1e-300)  # a channel of zeros has no size
-    power = power / unit
-    e, s = (each / np.maximum(each.mean(axis=0), 1e-300) for each in (even, size))
-    level, weights, weighted = np.ones_like(power), np.empty_like(power), np.empty_like(power)
-    a, b = np.zeros((2, len(unit)))
-    for _ in range(_LEVEL_ROUNDS):  # all in their own places: arrays are large
-        np.multiply(level, level, out=weights)
-        np.reciprocal(weights, out=weights)
-        np.multiply(weights, s, out=weighted)
-        ee, es, ss = e**2 @ weights, e @ weighted, np.einsum("fc,fc->c", s, weighted)
-        ps = np.einsum("fc,fc->c", power, weighted)
-        weights *= power
-        a, b = _neither_negative(ee, es, ss, e @ weights, ps)
-        np.multiply(s, b, out=level)
-        level += np.multiply.outer(e, a, out=weights)
-        np.maximum(level, 1e-6, out=level)
-    own = np.minimum(b * s, level)
-    return (level - own) * unit, own * unit
-
-
-def _neither_negative(
-    ee: RealArray, es: RealArray, ss: RealArray, pe: RealArray, ps: RealArray
-) -> tuple[RealArray, RealArray]:
-    """Return a, b >= 0 that lower a^2 ee + 2 a b es + b^2 ss - 2 a pe - 2 b ps most, all sums of products that are not negative."""
-    alone = pe / np.maximum(ee, 1e-300), ps / np.maximum(ss, 1e-300)
-    rest = ee * ss - es**2
-    apart = rest > _MIN_DETERMINANT * ee * ss
-    rest = np.where(apart, rest, 1.0)
-    a, b = (ss * pe - es * ps) / rest, (ee * ps - es * pe) / rest
-    first = np.where(apart, b <= 0, alone[0] * pe >= alone[1] * ps)
-    second = ~first & np.where(apart, a <= 0, True)
-    return (np.where(first, alone[0], np.where(second, 0.0, a)), np.where(second, alone[1], np.where(first, 0.0, b)))
 
 
 def _few(response: Response, poles: Array) -> Array:

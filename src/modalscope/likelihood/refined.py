@@ -39,9 +39,9 @@ def refined(
         notes = [*notes, Note("nothing of its own", {"modes": len(lost)}, f"Not significant, left out: {listed}")]
     if settled is None:
         return replace(before, left_out=(*before.left_out, *lost), unrefined=before, converged=True).noted(notes)
-    point, fitted = settled.descent.point, settled.descent.fitted
+    point = settled.descent.point
     poles = point.poles + response.added_damping
-    spread = spread_of(point, fitted, poles, settled.variance, response, groups, settled.colour)
+    spread = spread_of(settled, poles, response, groups)
     order = np.argsort(np.abs(poles), kind="stable")
     fit = _last_fit(task, settled)
     dt = 1 / response.sampling_rate if response.held_input and response.sampling_rate else before.dt

@@ -16,8 +16,9 @@ from modalscope.data.response import Response, fading, line_step, output_scale, 
 from modalscope.functions.pole_basis import ModalBasis
 from modalscope.likelihood.descent import Descent, descend_from
 from modalscope.likelihood.driven import whitened_records
-from modalscope.likelihood.information import residuals, window_noise
+from modalscope.likelihood.information import residual, residuals, window_noise
 from modalscope.likelihood.likelihood import Whitened, unit_vectors, whitened
+from modalscope.likelihood.line_levels import UNEVEN, rows_of_lines
 from modalscope.likelihood.whitening import (
     Colour,
     Levels,
@@ -181,7 +182,7 @@ def _gains(columns: RealArray, data: RealArray, width: int) -> RealArray:
 _MAX_ROUNDS, _LEVEL_TOLERANCE = 30, 1e-7
 
 
-#: Rounds in which lines are weighted by the spectrum of what is left of records under unmeasured forces.
+#: Rounds in which lines are weighted by the level of what is left of them.
 _WEIGHTED_ROUNDS = 2
 
 #: Number of powers added to the terms at a time.
@@ -233,6 +234,7 @@ class Settled:
 
     `variance`: of a row of the whitened data. `unknown`: unknowns a channel. `colour`: of the residual. `worth` (n,): what a gain in
     variances counts beside one in white noise; see `gain_factor_under_window`. `levels`: of the channels' noise. `powers`: of the terms.
+    `levelled`: whether lines were divided by levels of their own.
     """
 
     descent: Descent
@@ -242,6 +244,7 @@ class Settled:
     worth: RealArray
     levels: Levels
     powers: tuple[int, ...]
+    levelled: bool = False
 
     @property
     def gain(self) -> RealArray:
@@ -275,7 +278,8 @@ def settle(
 
     The first descent divides the channels by their own size. What it leaves tells the noise of each channel where it is white, and
     further descents and levels settle together. Where it is coloured it is model error, and no second descent: channels that happen
-    to fit well would draw all weight to themselves. Terms get further powers as long as these explain more than noise.
+    to fit well would draw all weight to themselves. Terms get further powers as long as these explain more than noise. Lines that are left
+    more in some places than in others are divided by levels of their own; where what remains is still no white noise, only gains are.
 
     `poles` (n,): as they are in the data. `shapes`, `participation` (l, n): the side with fewer channels is where the descent starts; the
     other follows. `most`: iterations of a descent. `home` (n,): where the poles belong.
@@ -287,33 +291,61 @@ def settle(
     while len(powers := _needed_powers(task, settled)) > len(task.powers):
         task = replace(task, powers=powers)
         settled = _optimum(task, _Start(settled.descent.point.poles, *settled.residues, settled.levels), most, home)
-    for _ in range(_WEIGHTED_ROUNDS if most and _resonant(task.response, settled) else 0):
-        task = replace(task, rows=task.rows * _weights(task.response, settled))
+    even = settled
+    for _ in range(_WEIGHTED_ROUNDS if most and _uneven(task.response, task, settled) else 0):
+        task = replace(task, rows=_levels(task.response, task, settled))
         settled = _optimum(task, _Start(settled.descent.point.poles, *settled.residues, settled.levels), most, home)
-    return settled
+    if settled is even or settled.descent.point.problem.records:
+        return settled
+    return _of_correlated(task, even) if settled.colour.coloured else replace(settled, levelled=True)
+
+
+def _of_correlated(task: Task, even: Settled) -> Settled:
+    """Return the fit without levels, gains counted in them: beside lines of their own levels, errors are correlated.
+
+    Shifts leave errors near the poles that no level describes, and a descent in levels would rest on what lies between.
+    """
+    rows = _levels(task.response, task, even)
+    start = _Start(even.descent.point.poles, *even.residues, even.levels)
+    counted = _optimum(replace(task, rows=rows), start, 0)
+    return replace(even, worth=counted.gain * even.variance / np.maximum(even.descent.fitted.gain, 1e-300))
 
 
 @singledispatch
-def _resonant(response: Response, settled: Settled) -> bool:
-    """Whether the residual stands out at the modes, as unmeasured forces make it: of records."""
-    return False
+def _uneven(response: Response, task: Task, settled: Settled) -> bool:
+    """Whether lines are left more in some places than in others, and nothing given tells by how much; not of samples."""
+    given = task.known is not None or np.ptp(task.rows) > 0
+    if given or response.grid is None or window_over_lines(response) > 0:
+        return False
+    return settled.colour.uneven > UNEVEN
 
 
-@_resonant.register
-def _(response: RecordSpectra, settled: Settled) -> bool:
-    """Whether lines near modes are left more, by the test that gives the note."""
+@_uneven.register
+def _(response: RecordSpectra, task: Task, settled: Settled) -> bool:
+    """Whether lines near modes are left more, as unmeasured forces make it, by the test that gives the note."""
     level = settled.levels.outputs * settled.levels.inputs[0]
     poles, resolution = settled.descent.point.poles, 1 / max(response.durations)
     power = _power(settled.descent, response.count)
     return bool(excess_notes(excess(response.frequencies, power, response.values[:, :, 0], poles, resolution, level)))
 
 
-def _weights(response: Response, settled: Settled) -> RealArray:
-    """Return the standard deviation of every row by the spectrum of the residual, (K,)."""
-    assert isinstance(response, RecordSpectra)
+@singledispatch
+def _levels(response: Response, task: Task, settled: Settled) -> RealArray:
+    """Return the standard deviation of every row by what is left of lines, (K,)."""
+    point = settled.descent.point
+    outputs, inputs = point.problem.sides
+    left = residual(point, settled.descent.fitted) * point.problem.rows[:, None, None]
+    left = left.transpose(0, 2, 1) if point.problem.turned else left
+    whole = np.concatenate([response.values.real, response.values.imag]) / outputs[:, None] / inputs
+    return rows_of_lines(left, whole, response.count, smooth=True)
+
+
+@_levels.register
+def _(response: RecordSpectra, task: Task, settled: Settled) -> RealArray:
+    """Return the same by the spectrum of the residual."""
     power = _power(settled.descent, response.count).mean(axis=1)
     S = residual_spectrum(power, response.points, response.in_plane(settled.descent.point.poles))
-    return np.asarray(np.tile(np.sqrt(S / S.mean()), 2))
+    return np.asarray(task.rows * np.tile(np.sqrt(S / S.mean()), 2))
 
 
 def _power(descent: Descent, count: int) -> RealArray:

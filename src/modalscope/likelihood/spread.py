@@ -24,7 +24,7 @@ from modalscope.likelihood.covariance import (
 from modalscope.likelihood.information import information_of_channels, inverse, normal, scores, window_noise
 from modalscope.likelihood.likelihood import Fitted, Point, across
 from modalscope.likelihood.lines_told import ToldByLines, told_by_lines
-from modalscope.likelihood.whitening import Colour
+from modalscope.likelihood.settling import Settled
 from modalscope.numerics.checks import ComplexArray, RealArray
 
 #: Standard deviation of a frequency in half bandwidths above which the data leave a mode open.
@@ -50,21 +50,20 @@ class Spread:
     damping_between: RealArray | None
 
 
-def spread_of(
-    point: Point, fitted: Fitted, poles: ComplexArray, variance: float, response: Response, groups: Groups, seen: Colour
-) -> Spread:
+def spread_of(settled: Settled, poles: ComplexArray, response: Response, groups: Groups) -> Spread:
     """Return the deviations at an optimum.
 
     Errors of records are independent from line to line, whatever their spectrum and their coherence: lines left out one at a time tell
     the covariance. White noise of responses has one variance a channel; where their residual is coloured, the widest of this, of lines
-    and of what channels disagree by counts. Parts in time show what correlates lines.
+    and of what channels disagree by counts. Where lines have levels of their own, these are no channel's alone, and lines are asked, too.
+    Parts in time show what correlates lines.
 
-    `poles` (n,): rad/s, as the modes are to have them. `variance`: of a row of the whitened noise. `response`: that was refined.
-    `groups`: one label an input, or a run. `seen`: of the residual.
+    `poles` (n,): rad/s, as the modes are to have them. `response`: that was refined. `groups`: one label an input, or a run.
     """
+    point, fitted, variance, seen = settled.descent.point, settled.descent.fitted, settled.variance, settled.colour
     information = normal(point, fitted)[0]
     C, known = inverse(information), inverse(information, 0.0)
-    asked = point.problem.records or seen.coloured
+    asked = point.problem.records or seen.coloured or settled.levelled
     rows = told_by_lines(point, fitted, known, response) if asked else None
     between = _between(point, fitted, C, groups, rows)
     own = variance * np.diag(fitted.spread).reshape(-1, 2).sum(axis=1)

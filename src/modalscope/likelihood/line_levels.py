@@ -1,0 +1,101 @@
+"""Estimate how large the errors of lines are: noise of a known course, and errors that are a part of the response.
+
+Calibration, leakage and shifts leave errors that grow with the response: one per cent of a strong mode is large beside a weak one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modalscope.likelihood.whitening import smoothed
+from modalscope.numerics.checks import RealArray
+
+#: Scatter of the smoothed level of lines, in that of white noise, above which they have levels of their own: white noise exceeds it once
+#: in a thousand sets.
+UNEVEN = 3.0
+
+#: Steps at most, rise of the log likelihood at which they end, and the longest in the logarithm.
+_STEPS, _LEAST_RISE, _LONGEST = 30, 1e-3, 2.0
+
+#: Least information of a step relative to that of its lines, and of a part: one that is not there tells nothing.
+_ROUNDING, _LEAST_PART = 1e-9, 1e-12
+
+#: Numbers that are computed at a time: they stay in the cache.
+_NUMBERS_AT_A_TIME = 1 << 16
+
+#: Lines over which a level of another course is smoothed.
+_LEVEL_LINES = 41
+
+
+def parts_of_level(power: RealArray, even: RealArray, size: RealArray) -> tuple[RealArray, RealArray]:
+    """Return a even and b size of every channel, power ~ S = a even + b size: a, b >= 0 with the largest -sum (log S + power / S).
+
+    That is the likelihood of squares of normal numbers. Steps of scoring in log a and log b are taken where they raise it, elsewhere
+    a *= sqrt(sum even power / S^2 / sum even / S), and b alike, which never lower it.
+
+    `power` (F, c): squares of the residual. `even` (F,): of what is even noise. `size` (F, c): of the response.
+
+    Source of the latter: C. Févotte and J. Idier, Neural Computation 23, 2011.
+    """
+    noise, own = np.empty(power.shape), np.empty(power.shape)
+    step = max(_NUMBERS_AT_A_TIME // max(len(power), 1), 1)
+    for k in range(0, power.shape[1], step):
+        few = slice(k, k + step)
+        noise[:, few], own[:, few] = _likeliest(power[:, few], even, size[:, few])
+    return noise, own
+
+
+def rows_of_lines(left: RealArray, data: RealArray, count: int, *, smooth: bool = False) -> RealArray:
+    """Return the deviation of every row relative to the others, (K,): the mean over channels of each channel's a + b |H|^2.
+
+    `left`, `data` (K, l, m): what a model leaves, and the data; H is the difference, the response without its noise. `count`: lines.
+    `smooth`: whether what all channels together are of that around a line counts, too.
+    """
+    e, whole = (each[:count] + 1j * each[count:] for each in (left, data))
+    power, size = (np.abs(each.reshape(count, -1)) ** 2 for each in (e, whole - e))
+    power /= np.maximum(power.mean(axis=0), 1e-300)
+    noise, own = parts_of_level(power, np.ones(count), size)
+    level = np.mean(noise + own, axis=1)
+    if smooth:
+        level = level * smoothed(np.mean(power, axis=1) / level, _LEVEL_LINES)
+    return np.asarray(np.tile(np.sqrt(level / np.exp(np.mean(np.log(level)))), 2))
+
+
+def _likeliest(power: RealArray, even: RealArray, size: RealArray) -> tuple[RealArray, RealArray]:
+    """Return both parts of few channels."""
+    unit = np.maximum(power.mean(axis=0), 1e-300)  # a channel of zeros has no size
+    P, e, s = power / unit, even[:, None] / even.mean(), size / np.maximum(size.mean(axis=0), 1e-300)
+    parts = np.array([np.median(P / np.maximum(each, 1e-300), axis=0) for each in (e, s)])
+    parts = np.clip(parts, _LEAST_PART, 1 / _LEAST_PART)
+    S = parts[0] * e + parts[1] * s
+    reached = _likelihood(P, S)
+    for _ in range(_STEPS):
+        quick, slow = _factors(P / S - 1, parts[1] * s / S)
+        tried = parts * quick
+        rises = _likelihood(P, tried[0] * e + tried[1] * s) >= reached
+        parts = np.where(rises, tried, parts * slow)
+        S = parts[0] * e + parts[1] * s
+        before, reached = reached, _likelihood(P, S)
+        if np.max(reached - before, initial=0.0) < _LEAST_RISE:
+            break
+    return unit * parts[0] * e, unit * parts[1] * s
+
+
+def _likelihood(P: RealArray, S: RealArray) -> RealArray:
+    """Return the log likelihood of squares P under the level S, channel by channel; parts of nothing have none."""
+    S = np.maximum(S, 1e-300)
+    return np.asarray(-np.sum(np.log(S) + P / S, axis=0))
+
+
+def _factors(rest: RealArray, own: RealArray) -> tuple[RealArray, RealArray]:
+    """Return by which factors scoring changes both parts, and by which steps do that lower nothing, (2, c) each.
+
+    `rest` (F, c): squares over the level, less one. `own` (F, c): share of the part that is the response's.
+    """
+    lines, total, squares = len(own), own.sum(axis=0), np.einsum("fc,fc->c", own, own)
+    second = np.einsum("fc,fc->c", own, rest)
+    slope, sums = np.array([rest.sum(axis=0) - second, second]), np.array([lines - total, total])
+    a, b, ab = lines - 2 * total + squares + _ROUNDING * lines, squares + _ROUNDING * lines, total - squares
+    step = np.array([b * slope[0] - ab * slope[1], a * slope[1] - ab * slope[0]]) / (a * b - ab**2)
+    slow = np.sqrt(np.maximum(1 + slope / np.maximum(sums, 1e-300), _LEAST_PART))
+    return np.exp(np.clip(step, -_LONGEST, _LONGEST)), slow
