@@ -27,7 +27,7 @@ from modalscope.data.channels import (
 from modalscope.data.geometry import Geometry
 from modalscope.data.shown import Shown
 from modalscope.data.units import Convertible
-from modalscope.functions.kind_of_test import kind_of_test
+from modalscope.functions.kind_of_test import commonest, kind_of_test
 from modalscope.numerics.arguments import also_called
 from modalscope.numerics.checks import (
     RealArray,
@@ -183,9 +183,11 @@ class SeveralRecords(Shown, Convertible):
 
     @property
     def kind_of_test(self) -> str:
-        """What the records are of, all alike; else "shaker" with forces, "ambient" without."""
-        kinds = {record.kind_of_test for record in self.recordings}
-        return kinds.pop() if len(kinds) == 1 else "ambient" if self.recordings[0].inputs is None else "shaker"
+        """What most of the records are of; without forces "ambient" where they are not all alike."""
+        kinds = [record.kind_of_test for record in self.recordings]
+        if self.recordings[0].inputs is None:
+            return kinds[0] if len(set(kinds)) == 1 else "ambient"
+        return commonest(kinds, "shaker")
 
     @property
     def sampling_rate(self) -> float:

@@ -27,7 +27,7 @@ from modalscope.identification.table import methods
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess import estimate_markov
 from modalscope.preprocess.bands import driven_band, struck_band
-from modalscope.preprocess.excitation import find_excitation, find_period
+from modalscope.preprocess.excitation import excitation_of, find_period
 from modalscope.preprocess.line_noise import level_lines
 from modalscope.preprocess.merging import joined_frf
 from modalscope.preprocess.resonant_band import resonant_band
@@ -57,9 +57,9 @@ class Way(NamedTuple):
 
 def usual_route(records: Records) -> str:
     """Return the route that suits records with inputs by the rule of this module."""
-    if max(records.samples) <= _MAX_LENGTH_RATIO * min(records.samples) and all(
-        len(run.input_dofs) == 1 and find_excitation(run) == "impact" for run in records.runs
-    ):
+    single = all(len(run.input_dofs) == 1 for run in records.runs)
+    alike = max(records.samples) <= _MAX_LENGTH_RATIO * min(records.samples)
+    if single and alike and excitation_of(records.runs) == "impact":
         return "frf"
     return "records" if _periodic(records) is None else "frf"
 
@@ -117,7 +117,7 @@ def _averaged(records: Records, band: tuple[float, float] | None) -> Way:
     stacked, period = records.stacked(), _periodic(records)
     driven = driven_band(stacked) if band is None else struck_band(stacked, band)
     chosen, note_on_band = driven or (band, None)
-    kind = "auto" if period is None else "periodic"
+    kind = excitation_of(records.runs, "auto") if period is None else "periodic"
     text = f"Taken as {_TAKEN[records.kind_of_test]}: frequency responses were estimated from the records (H1)"
     note = Note("estimated", {}, text)
     response = joined_frf(stacked, excitation=kind, period=period).in_band(chosen)

@@ -15,7 +15,7 @@ from modalscope.data.response import Response
 from modalscope.data.stored import Record
 from modalscope.numerics.checks import BoolArray, RealArray
 from modalscope.preprocess.conditioning import decimate, filter_band
-from modalscope.preprocess.excitation import find_excitation
+from modalscope.preprocess.excitation import excitation_of, find_excitation
 from modalscope.preprocess.impacts import find_hits
 from modalscope.preprocess.spectral_peaks import Levels
 
@@ -142,9 +142,9 @@ def struck_band(parts: Sequence[Signals], asked: Band | None = None) -> tuple[Ba
     """Return the band (Hz) into which the hits of a hammer put a hundredth of their largest power or more, and a note.
 
     Beyond, a response is noise over hardly any force, and would hide the modes in it. None where that band is nearly the whole, or where
-    not every part (each of one place of the hammer) is hits. A given band is kept, and noted where it contains that end.
+    most parts (each of one place of the hammer) are not hits. A given band is kept, and noted where it contains that end.
     """
-    if not all(len(part.input_dofs) == 1 and find_excitation(part) == "impact" for part in parts):
+    if not all(len(part.input_dofs) == 1 for part in parts) or excitation_of(parts) != "impact":
         return None
     half = parts[0].sampling_rate / 2
     lines = np.linspace(0.0, half, _PULSE_LINES)
@@ -162,9 +162,9 @@ def struck_band(parts: Sequence[Signals], asked: Band | None = None) -> tuple[Ba
 def swept_band(parts: Sequence[Signals]) -> tuple[Band, Note] | None:
     """Return the band (Hz) into which sweeps or bursts put a hundredth of their largest power or more, and a note.
 
-    Outside, a response is noise over hardly any force. None where that is nearly the whole, or where a part is another test.
+    Outside, a response is noise over hardly any force. None where that is nearly the whole, or where most parts are another test.
     """
-    if not all(find_excitation(part) in ("sweep", "burst") for part in parts):
+    if 2 * sum(find_excitation(part) in ("sweep", "burst") for part in parts) <= len(parts):
         return None
     half = parts[0].sampling_rate / 2
     lines = np.linspace(0.0, half, max(part.samples for part in parts) // 2 + 1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from modalscope.data.notes import Note
 from modalscope.data.record_transform import half_transform
 from modalscope.data.records import Signals
 from modalscope.data.sizes import check_size
-from modalscope.functions.kind_of_test import is_impact
+from modalscope.functions.kind_of_test import commonest, is_impact
 from modalscope.numerics.checks import Array, RealArray, check_count
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import scratch
@@ -91,7 +92,7 @@ def driven_records(signals: Signals, asked: str) -> tuple[RealArray, RealArray]:
 
 
 def find_excitation(signals: Signals, asked: str = "auto") -> str:
-    """Return the kind of excitation: as asked, or detected from all forces of all runs.
+    """Return the kind of excitation: as asked, or that of most runs, detected from all their forces.
 
     Impacts have nearly all energy in a few samples; the force of a burst is off at the end of a run; a sweep has few lines
     at a time, which move in one direction; everything else, periodic forces included, is treated as random.
@@ -101,11 +102,19 @@ def find_excitation(signals: Signals, asked: str = "auto") -> str:
         return asked
     inputs = signals.by_run()[1]
     assert inputs is not None
-    forces = [force for run in inputs for force in run.T if np.any(force)]
-    if not forces:
-        return "random"
+    return commonest([_kind_of_run(run) for run in inputs if np.any(run)], "random")
+
+
+def excitation_of(parts: Sequence[Signals], otherwise: str = "random") -> str:
+    """Return the kind of excitation that most parts of one test show; where none is the most frequent, the one given."""
+    return commonest([find_excitation(part) for part in parts], otherwise)
+
+
+def _kind_of_run(forces: RealArray) -> str:
+    """Return the kind of excitation of the forces of a run (N, m), all alike."""
+    centred = [force - np.median(force) for force in forces.T if np.any(force)]
     for kind, is_kind in (("impact", is_impact), ("burst", _is_burst), ("sweep", _is_sweep)):
-        if all(is_kind(force - np.median(force)) for force in forces):
+        if all(map(is_kind, centred)):
             return kind
     return "random"
 

@@ -8,13 +8,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import pdtrc
 
+from modalscope.functions.kind_of_test import PULSE_DEVIATIONS
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, RealArray, check_count
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import NORMAL
 
-#: Minimum height of a pulse: relative to the highest peak, and in standard deviations of the noise.
-_TRIGGER_LEVEL, _TRIGGER_DEVIATIONS = 0.03, 15.0
+#: Minimum height of a pulse relative to the highest peak.
+_TRIGGER_LEVEL = 0.03
 
 #: Minimum height of a second pulse relative to the first: of a double hit, and of what may be another hit.
 _DOUBLE_HIT_HEIGHT, _NEW_HIT_HEIGHT = 0.1, 0.5
@@ -113,7 +114,7 @@ def _pulses(force: RealArray, peak: float) -> list[tuple[int, int]]:
     rest = np.median(force)
     size = np.abs(force - rest)
     noise = NORMAL * float(np.median(size))  # the deviation of Gaussian noise, untouched by a few pulses
-    above = np.flatnonzero(size > max(_TRIGGER_LEVEL * peak, _TRIGGER_DEVIATIONS * noise))
+    above = np.flatnonzero(size > max(_TRIGGER_LEVEL * peak, PULSE_DEVIATIONS * noise))
     stretches = np.split(above, np.flatnonzero(np.diff(above) > 3) + 1)
     return [(int(stretch[0]), int(stretch[-1]) + 1) for stretch in stretches if stretch.size]
 

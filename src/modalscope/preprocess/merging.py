@@ -20,6 +20,7 @@ from modalscope.numerics.checks import Array, RealArray, check_each, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.bands import driven_band
 from modalscope.preprocess.correlation import estimate_correlation
+from modalscope.preprocess.excitation import excitation_of
 from modalscope.preprocess.frf import estimate_frf
 from modalscope.preprocess.setups import correlations, merge_setups
 
@@ -27,8 +28,9 @@ from modalscope.preprocess.setups import correlations, merge_setups
 def joined_frf(parts: Sequence[Signals], **options: Any) -> FrequencyResponse:
     """Estimate the frequency responses of every part by `estimate_frf`, on lines that all have, and merge them.
 
-    Without a segment among the options all parts use the shortest of their defaults.
+    Without a segment among the options all parts use the shortest of their defaults, and without an excitation that of most of them.
     """
+    options = {"excitation": excitation_of(parts, "auto"), **options}
     responses = [estimate_frf(part, **options) for part in parts]
     steps = [float(np.min(np.diff(response.frequencies))) for response in responses]
     lengths = [round(part.sampling_rate / step) for part, step in zip(parts, steps, strict=True)]
