@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,13 +12,15 @@ import pytest
 import modalscope as ms
 from modalscope.cli import main
 from modalscope.doctor import examine
-from modalscope.doctor.places import Compared, differences, label_by_place, places_of
+from modalscope.doctor.one_place import decide, white_noise
+from modalscope.doctor.places import against_labels, label_by_place, placed, with_hits
 from modalscope.doctor.runs import _largest_product, place_numbers
 from modalscope.identification.routes import usual_route
 from modalscope.preprocess import estimate_frf
 from modalscope.systems import chain5
+from tests.doctor.placed import one_place, repeated_places, several_places
 from tests.doctor.roving import Roving, roving
-from tests.support import random_system
+from tests.support import measured, random_system
 
 DT = chain5().dt
 
@@ -36,7 +39,11 @@ def hits(place: int, count: int = 2, samples: int = 1024, noise: float = 1e-3, s
 
 
 def test_hits_of_three_places_and_of_one() -> None:
-    assert places_of([hits(0), hits(2), hits(4), hits(0, seed=1)]) == [0, 1, 2, 0]
+    twice = [hits(place, seed=k) for k in range(2) for place in (0, 2, 4)]
+    assert placed(twice).places == [0, 1, 2, 0, 1, 2]
+    assert placed([hits(0), hits(2), hits(4)]).places == [0, 1, 2]
+    one = placed([hits(0, seed=k) for k in range(5)])
+    assert (one.kind, one.places) == ("one", [0] * 5)
     assert place_numbers(ms.merge([hits(0), hits(2), hits(4), hits(0, seed=1)])) == [0, 0, 1, 1, 2, 2, 0, 0]
     assert place_numbers(hits(3, count=6)) == [0] * 6
 
@@ -64,18 +71,65 @@ def test_what_is_found_names_the_runs_and_nothing_else() -> None:
 
 
 def test_responses_at_several_places_are_told_apart_too() -> None:
-    parts = [estimate_frf(hits(place), segment=960) for place in (0, 2, 0)]
-    named, told = label_by_place(parts, ["a", "b", "c"])
-    assert [part.input_dofs for part in named] == [("place 1",), ("place 2",), ("place 1",)]
-    assert "place 1 (a, c); place 2 (b)" in str(told[0])
-    assert label_by_place(parts[::2], ["a", "c"]) == (parts[::2], ())
+    parts = [estimate_frf(hits(place), segment=960) for place in (0, 2, 0, 2)]
+    named, told = label_by_place(parts, ["a", "b", "c", "d"])
+    assert [part.input_dofs for part in named] == [("place 1",), ("place 2",), ("place 1",), ("place 2",)]
+    assert "place 1 (a, c); place 2 (b, d)" in str(told[0])
+    same, told = label_by_place(parts[::2], ["a", "c"])
+    assert same == parts[::2]
+    assert "2 files were driven at one place (amplitudes at" in str(told[0])
+    assert str(told[0]).endswith("If places: --input-dofs 1 2")
+
+
+def test_a_file_alike_another_is_asked_about_where_repeats_were_not_planned() -> None:
+    parts = [hits(0), hits(2), hits(4), hits(0, seed=1)]
+    named, told = label_by_place(parts, ["a", "b", "c", "d"])
+    assert len({part.input_dofs for part in named}) == 4
+    assert "Are a and d one place? They differ by" in str(told[0])
+
+
+def test_many_files_of_one_place_are_not_all_counted_in_the_remedy() -> None:
+    parts = [hits(0, count=1, seed=k) for k in range(13)]
+    assert str(label_by_place(parts, [str(k) for k in range(13)])[1][0]).endswith(
+        "--input-dofs with 13 labels, one per file"
+    )
+
+
+def test_what_data_say_against_the_names_of_a_user_is_told() -> None:
+    def named(*places: int, labels: str) -> list[ms.Signals]:
+        return [
+            replace(hits(p, seed=k), input_dofs=[label])
+            for k, (p, label) in enumerate(zip(places, labels, strict=True))
+        ]
+
+    assert against_labels(named(0, 2, 0, labels="aba")) == ()
+    assert "2 files named 'a' are averaged as asked, but" in str(against_labels(named(0, 2, 0, labels="aab"))[0])
+    assert "2 drive points as asked, but" in str(against_labels(named(0, 0, 0, labels="aab"))[0])
+    assert against_labels([hits(0)]) == ()
+
+
+def test_a_file_without_a_usable_hit_is_left_out_by_name() -> None:
+    good, quiet = hits(0), hits(0, seed=1)
+    force = np.zeros((1, 1024, 1))
+    force[:, 30:34] = 2.0
+    overloaded = ms.Signals(outputs=good.by_run()[0][:1], inputs=force, sampling_rate=good.sampling_rate)
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(force.shape)
+    kept, told = with_hits([good, overloaded, replace(overloaded, inputs=noise), quiet], ["a", "b", "c", "d"])
+    assert kept == [0, 3]
+    assert [str(note).partition(" (")[0] for note in told] == [
+        "b: left out, no usable hit",
+        "c: left out, no usable hit",
+    ]
+    assert "overloaded" in str(told[0])
+    assert with_hits([overloaded, overloaded], ["a", "b"]) == ([0, 1], ())
+    assert placed([overloaded, good]).kind == "unknown"
 
 
 @pytest.mark.parametrize(
     "parts",
     [
         [hits(0)],
-        [hits(0), hits(0, seed=1)],
+        [replace(hits(0), input_dofs=["a"]), replace(hits(2), input_dofs=["b"])],
         [hits(0), ms.Signals(outputs=np.ones((9, 3)) * np.arange(9)[:, None], sampling_rate=1.0)],
     ],
 )
@@ -90,8 +144,15 @@ def test_a_file_that_holds_several_places_is_a_place_of_its_own_and_the_doctor_n
     assert any(finding.kind == "places" for finding in examine(ms.merge(named)))
 
 
-def test_one_hit_a_file_is_weighed_by_the_quiet_samples_ahead_of_it() -> None:
-    assert places_of([hits(place, count=1, seed=k) for k, place in enumerate((0, 2, 0, 4, 2))]) == [0, 1, 0, 2, 1]
+def test_one_hit_a_file_is_enough() -> None:
+    assert placed([hits(place, count=1, seed=k) for k, place in enumerate((0, 2, 0, 4, 2, 4))]).places == [
+        0,
+        1,
+        0,
+        2,
+        1,
+        2,
+    ]
 
 
 def test_shaken_places_are_told_apart_and_repeated_runs_are_one() -> None:
@@ -107,40 +168,88 @@ def test_shaken_places_are_told_apart_and_repeated_runs_are_one() -> None:
         )
         return replace(record, input_dofs=["shaker"])
 
-    assert places_of([shaken(0, 1), shaken(4, 2), shaken(0, 3)]) == [0, 1, 0]
+    assert placed([shaken(0, 1), shaken(4, 2), shaken(0, 3), shaken(4, 4)]).places == [0, 1, 0, 1]
 
 
-@pytest.mark.parametrize(("apart", "places"), [(0.079, [0, 0]), (0.081, [0, 1])])
-def test_what_differs_by_more_than_hits_repeat_is_another_place_and_asked(apart: float, places: list[int]) -> None:
-    f = np.linspace(1, 2, 32)
-    a = np.exp(1j * f)[:, None, None]
-    ratio = (1 + apart / 2) / (1 - apart / 2)
-    parts = [ms.FrequencyResponse(values=k * a, frequencies=f) for k in (1.0, ratio)]
-    assert places_of(parts) == places
-    _, told = label_by_place(parts, ["a", "b"])
-    assert ["Are a and b one place? They differ by 8.1 %" in str(note) for note in told] == [True] * (
-        len(set(places)) - 1
-    )
-
-
-def test_responses_of_opposite_sign_are_two_places() -> None:
-    f = np.linspace(1, 2, 32)
-    parts = [ms.FrequencyResponse(values=k * np.exp(1j * f)[:, None, None], frequencies=f) for k in (1.0, -1.0)]
-    assert places_of(parts) == [0, 1]
-
-
-def test_files_that_agree_with_one_of_a_place_only_do_not_join_it() -> None:
-    f = np.linspace(1, 2, 32)
-    parts = [ms.FrequencyResponse(values=k * np.exp(1j * f)[:, None, None], frequencies=f) for k in (1.0, 1.07, 1.14)]
-    assert places_of(parts) == [0, 0, 1]
-
-
-def test_files_of_noise_alone_agree_in_nothing() -> None:
+def modes_at(*amplitudes: list[float], noise: float = 0.0) -> np.ndarray:
+    """Return responses of one output whose modes have these amplitudes in each file, (files, lines, 1)."""
+    f = np.linspace(1, 20, 4000)
+    lines = [f**2 / (g**2 - f**2 + 0.02j * g * f) for g in np.linspace(2, 18, len(amplitudes[0]))]
     rng = np.random.default_rng(0)
-    noise = rng.standard_normal((2, 64, 1)) + 1j * rng.standard_normal((2, 64, 1))
-    for variance, far in ((2.0, True), (1e-6, False)):
-        compared = Compared(1 + 1e-4 * noise if not far else noise, np.full((2, 64, 1), variance), np.full(2, np.inf))
-        assert np.isinf(differences(compared)[0, 1]) is np.bool_(far)
+    scatter = rng.standard_normal((len(amplitudes), f.size, 2)) @ [1, 1j]
+    return np.asarray((np.array(amplitudes) @ np.array(lines) + noise * scatter)[:, :, None])
+
+
+def decided(*amplitudes: list[float], noise: float = 0.0) -> object:
+    H = modes_at(*amplitudes, noise=noise)
+    return decide(H, white_noise(H))
+
+
+@pytest.mark.parametrize(
+    ("apart", "kind"), [(0.0, "one"), (0.24, "one"), (0.26, "ask"), (0.49, "ask"), (0.51, "several"), (1.41, "several")]
+)
+def test_the_distance_of_two_files_is_that_of_their_amplitudes(apart: float, kind: str) -> None:
+    """Amplitudes (1 + e, 1 - e) over four modes against (1 - e, 1 + e) have cos = (1 - e^2) / (1 + e^2)."""
+    cosine = 1 - apart**2 / 2
+    e = np.sqrt((1 - cosine) / (1 + cosine))
+    found = decided([1 + e, 1 - e, 1 + e, 1 - e], [1 - e, 1 + e, 1 - e, 1 + e])
+    assert found.kind == kind
+    assert found.apart == pytest.approx(apart, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("modes", "gain", "kind"),
+    [
+        (4, 1.3, "one"),
+        (4, 1.34, "one"),
+        (4, 2.0, "ask"),
+        (6, 2.0, "size"),
+        (2, 1.02, "ask"),
+        (2, -1.0, "several"),
+        (5, -1.0, "several"),
+    ],
+)
+def test_a_gain_is_scatter_up_to_a_third_then_another_size_and_a_sign_another_place(
+    modes: int, gain: float, kind: str
+) -> None:
+    assert decided([1.0] * modes, [gain] * modes).kind == kind
+
+
+def test_a_file_of_another_size_is_named_and_few_resonances_are_told() -> None:
+    f = np.linspace(1, 20, 4000)
+    for rows, text in (
+        (([1.0] * 6, [1.0] * 6, [2.0] * 6), "but c is 2 times as large (overload, range or unit?): taken as one"),
+        (
+            ([1.0, 1.0], [1.0, 0.9], [1.0, 1.0]),
+            "3 files look like one place (amplitudes at only 2 resonances differ by",
+        ),
+    ):
+        parts = [ms.FrequencyResponse(values=H[:, :, None], frequencies=f) for H in modes_at(*rows)]
+        same, told = label_by_place(parts, ["a", "b", "c"])
+        assert same == parts
+        assert text in str(told[0])
+
+
+def test_noise_takes_no_part_in_the_distance() -> None:
+    found = decided([1.0] * 5, [1.0] * 5, [1.0] * 5, noise=6.0)
+    assert (found.kind, found.apart) == ("one", 0.0)  # .13 with the noise
+
+
+def test_a_mode_with_a_node_at_the_place_has_no_sign_of_its_own() -> None:
+    """The skirts of other modes are all that is there; their sign would make two places of one."""
+    rows = [[1.0, 1e-3 * sign, 1.0, -1.0] for sign in (1, -1, 1, -1)]
+    found = decided(*rows, [1.0, 1.0, -1.0, 1.0], [1.0, 1.0, -1.0, 1.0])
+    assert found.places == [0, 0, 0, 0, 1, 1]
+
+
+def test_files_of_noise_alone_keep_their_labels() -> None:
+    f = np.linspace(1, 2, 64)
+    noise = np.random.default_rng(0).standard_normal((2, 64, 1, 1, 2)) @ [1, 1j]
+    parts = [ms.FrequencyResponse(values=values, frequencies=f) for values in noise]
+    same, told = label_by_place(parts, ["a", "b"])
+    assert same == parts
+    assert "no resonance shows their places" in str(told[0])
+    assert placed([part.at_lines(f < 1.02) for part in parts]).kind == "unknown"
 
 
 def test_hits_at_the_start_of_their_runs_have_one_sign() -> None:
@@ -150,10 +259,31 @@ def test_hits_at_the_start_of_their_runs_have_one_sign() -> None:
 
 
 @pytest.mark.slow
+def test_measured_hits_on_one_place_and_on_several() -> None:
+    plates = [ms.read(measured("standins", "repeated_hits", f"plate_9_{k}.csv")) for k in range(1, 6)]
+    held = np.load(measured("impact_hits", "impacts.npz"))
+    rate = float(held["fs"])
+    raw = [
+        ms.Signals(outputs=acc[:, None], inputs=force[:, None], sampling_rate=rate)
+        for acc, force in zip(held["acc"], held["force"], strict=True)
+    ]
+    assert with_hits(raw, ["1", "2", "3", "4", "5"])[0] == [1, 2, 3, 4]
+    for files in (plates, raw[1:]):
+        assert {placed(files).kind} | {placed(pair).kind for pair in itertools.combinations(files, 2)} == {"one"}
+    beam = np.load(measured("beam_hammer", "beam_mimo_frf.npz"))["H"].transpose(0, 2, 1)
+    assert decide(beam, white_noise(beam)).places == list(range(6))
+    assert decide(beam[:2], white_noise(beam[:2])).kind == "several"
+    roving_pair = ms.read(measured("roving_pair", "roving.uff")).values.transpose(2, 0, 1)
+    for sensors in (slice(None), slice(1), slice(1, 2)):
+        H = roving_pair[:, :, sensors]
+        assert decide(H, white_noise(H)).places == list(range(15))
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [5, 14, 20])
 def test_places_of_roving_tests_of_symmetric_structures_and_their_shapes(seed: int, tmp_path: Path) -> None:
     test = roving(seed)
-    assert places_of(test.files) == test.places
+    assert placed(test.files).places == test.places
     assert _least_mac(test, tmp_path) > 0.98
 
 
@@ -242,9 +372,32 @@ def test_a_hundred_roving_tests_of_symmetric_structures(study, tmp_path: Path) -
     right, shapes = 0, 0
     for seed in range(100):
         test = roving(seed)
-        right += places_of(test.files) == test.places
+        right += placed(test.files).places == test.places
         shapes += _least_mac(test, tmp_path) > 0.98
     table = study("roving hammer tests, one sensor, 5 to 30 places of symmetric structures", "100 tests, seeds 0 to 99")
     table.row("places as they are, hits repeated to 1 % of their distance", right, least=98)
     table.row("with all modes listed, and every MAC over the places above .98", shapes, least=95)
+    assert not table.missed
+
+
+@pytest.mark.study("checks")
+def test_three_hundred_tests_at_one_place_at_several_and_at_repeated_ones(study) -> None:
+    """Seeds that nothing was developed on; the table of what the data can tell, with files of all sizes of scatter."""
+    seeds = range(70000, 70300)
+    one, several, repeated = [], [], []
+    for seed in seeds:
+        H = one_place(seed)
+        one.append(decide(H, white_noise(H)).kind)
+        H = several_places(seed)
+        several.append(decide(H, white_noise(H)).places == list(range(len(H))))
+        H, places = repeated_places(seed)
+        repeated.append(decide(H, white_noise(H)).places == places)
+    table = study(
+        "responses of files at one place, at several and at repeated ones", "300 of each, seeds 70000 to 70299"
+    )
+    table.row("at one place, taken as one", one.count("one"), least=225)
+    table.row("at one place, asked", one.count("ask") + one.count("size"))
+    table.row("at one place, taken for several", one.count("several"), most=18)
+    table.row("at several places, every file a place", sum(several), least=294)
+    table.row("at 2 to 4 places with 1 to 4 hits each, places as they are", sum(repeated), least=210)
     assert not table.missed

@@ -14,7 +14,7 @@ from modalscope.data import Geometry, ModalModel, Note, Signals, StoredSignals
 from modalscope.data.analysis import SourceFile
 from modalscope.data.setups import as_test, setups_of
 from modalscope.data.units import si_form
-from modalscope.doctor.places import label_by_place
+from modalscope.doctor.places import against_labels, label_by_place, with_hits
 from modalscope.io import from_frame, survey
 from modalscope.io.arrays import to_arrays
 from modalscope.io.beside import check_links
@@ -46,7 +46,7 @@ def opened(
     each = _of_each(reading, len(data) if several else 1)
     if several:
         parts = [_opened(path, options) for path, options in zip(data, each, strict=True)]
-        named, places = label_by_place([part for part, _, _ in parts], [Path(path).stem for path in data])
+        named, places = _placed([part for part, _, _ in parts], [Path(path).stem for path in data], each)
         merged, units = si_form(named[0] if len(named) == 1 else merge(named))
         merged, kind = _as_what_it_is(merged, decays)
         said = _alike([note for _, _, read_notes in parts for note in read_notes])
@@ -55,6 +55,18 @@ def opened(
     single, units = si_form(single)
     single, kind = _as_what_it_is(single, decays)
     return single, (source,), (*notes, *units, *kind)
+
+
+def _placed(
+    parts: Sequence[Any], names: Sequence[str], each: Sequence[Mapping[str, Any]]
+) -> tuple[list[Any], tuple[Note, ...]]:
+    """Return the parts of a test that can be used, their inputs labelled by place where the user did not, and notes."""
+    used, unusable = with_hits(parts, names)
+    kept = [parts[k] for k in used]
+    if any("input_dofs" in options for options in each):
+        return kept, (*unusable, *against_labels(kept))
+    labelled, places = label_by_place(kept, [names[k] for k in used], len(parts))
+    return labelled, (*unusable, *places)
 
 
 def _alike(notes: Sequence[Note]) -> list[Note]:
