@@ -169,6 +169,8 @@ def test_shaken_places_are_told_apart_and_repeated_runs_are_one() -> None:
         return replace(record, input_dofs=["shaker"])
 
     assert placed([shaken(0, 1), shaken(4, 2), shaken(0, 3), shaken(4, 4)]).places == [0, 1, 0, 1]
+    first = shaken(0, 1)
+    assert placed([first, replace(first, inputs=np.zeros_like(first.inputs)), first]).kind == "unknown"
 
 
 def modes_at(*amplitudes: list[float], noise: float = 0.0) -> np.ndarray:

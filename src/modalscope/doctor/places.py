@@ -88,7 +88,6 @@ def label_by_place(
     found = placed(parts) if _comparable(parts) and len({part.input_dofs for part in parts}) == 1 else None
     if found is None:
         return list(parts), ()
-    label = parts[0].input_dofs[0]
     if found.kind != "several":
         return list(parts), (
             Note("places", {"places": 1.0}, f"{_one(found, names)}. If places: {_remedy(files or len(parts))}"),
@@ -97,8 +96,8 @@ def label_by_place(
     at = [", ".join(name for name, p in zip(names, found.places, strict=True) if p == k) for k in range(count)]
     listed = "; ".join(f"place {k + 1} ({listing})" for k, listing in enumerate(at))
     text = (
-        f"{len(parts)} files look like {count} drive points, all labelled {label!r}: {_apart(found)}. Inputs are named "
-        f"{listed}; if one place: --input-dofs {label}{_doubt(found, names)}"
+        f"{len(parts)} files look like {count} drive points, all labelled {parts[0].input_dofs[0]!r}: {_apart(found)}. Inputs are named "
+        f"{listed}; if one place: --input-dofs 1{_doubt(found, names)}"
     )
     named = [
         replace(part, input_dofs=[f"place {p + 1}"], groups=AUTO) for part, p in zip(parts, found.places, strict=True)
@@ -188,14 +187,13 @@ def placed(parts: Sequence[Any]) -> Placed:
     """Return the decision on parts with the same outputs and lines, or sampling rate, and one input each."""
     if isinstance(parts[0], FrequencyResponse):
         return decide(*_of_responses(parts))
-    kind = excitation_of(parts)
-    if kind == "impact":
-        try:
+    kind, count = excitation_of(parts), min(_MAX_SAMPLES, *(part.samples for part in parts))
+    try:
+        if kind == "impact":
             return decide(*_of_hits(parts))
-        except DataError:  # no usable hit in a file: nothing can be compared
-            return not_compared(len(parts))
-    count = min(_MAX_SAMPLES, *(part.samples for part in parts))
-    return decide(*_of_responses([_response(part, count, kind) for part in parts]))
+        return decide(*_of_responses([_response(part, count, kind) for part in parts]))
+    except DataError:  # a file without a usable hit, or without a force
+        return not_compared(len(parts))
 
 
 def _response(part: Signals, count: int, kind: str) -> FrequencyResponse:
