@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import stdtrit
 
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals, as_records
@@ -43,8 +42,8 @@ from modalscope.workflow.simulation import (
 #: Orders that are tried: even ones to the first number, then every fourth.
 _FINE_ORDERS, _MAX_ORDER = 20, 40
 
-#: Parts of the variance that count as equal, how often any that is not worse is called so, and stretches of a part that is held out.
-_EQUAL, _BY_CHANCE, _STRETCHES = 1e-3, 0.025, 10
+#: Stretches of a part that is held out, how often they are drawn again, and how often none of equal candidates may be told apart.
+_STRETCHES, _DRAWS, _BY_CHANCE = 10, 400, 0.05
 
 #: Least share of the forces in a part that is held out and in the rest, relative to their share of the time.
 _MIN_SHARE = 0.5
@@ -369,14 +368,14 @@ def _judged(
     *,
     refined: bool = False,
 ) -> _Tried:
-    """Return a candidate with what its models leave of stretches of what is held out, over the variance of each output, mean over these."""
+    """Return a candidate with what its models leave of stretches of what is held out, mean over the outputs, see `FreeRun.squares`."""
     blocks, levels = [], []
     for model, fold in zip(models, folds, strict=True):
         plain = replace(model, gain=None, innovation_covariance=None)
         runs = [(y, free_run(plain, y, u)) for y, u in runs_of(fold.tested)]
         power = np.var(np.concatenate([y - y.mean(axis=0) for y, _ in runs]), axis=0)
         with np.errstate(all="ignore"):
-            left = [np.mean((y - f.outputs) ** 2 / np.where(power > 0, power, np.inf), axis=1) for y, f in runs]
+            left = [f.squares(y, power) for y, f in runs]
             seen = [f.likelihood(y) for y, f in runs]
         blocks += [float(np.mean(stretch)) for stretch in np.array_split(np.concatenate(left), _STRETCHES)]
         # what a model was fitted to itself it explains too well by its unknowns: Schwarz, Annals of Statistics 6 (1978), 461-464
@@ -471,44 +470,65 @@ def _of_records(
 
 
 def _best(found: list[_Tried]) -> _Tried:
-    """Return the candidate of fewest states that predicts as well as the best, among those that do not simulate significantly worse.
+    """Return the candidate of fewest states that simulates as well as the best, by what is held out.
 
-    Where what was not measured is loud, variances of simulations cannot tell a good model from a perfect one, and the best of sixty is the
-    luckiest: what is worse by chance stays (Student's t over the stretches that are held out, Bonferroni over the candidates). Of these
-    the likelihood decides of what simulation leaves, an autoregression for its colour; of what predicts as well, to one standard error of
-    the difference, what simulates as well, and of this the fewest states. Breiman et al., Classification and Regression Trees, 1984,
-    section 3.4.3. Where nothing is held out, chance is no excuse: what simulates as well as the best of every row comes first.
+    With strong unmeasured forces good models differ by chance, and the best of sixty is the luckiest: all stay that no test tells apart
+    (`_confidence_set`). Between these the likelihood decides, of what simulation leaves, an autoregression for its colour; of what
+    predicts as well, to one standard error of the difference, that of fewest states whose error is within one of the least. Breiman et
+    al., Classification and Regression Trees, 1984, section 3.4.3. Where nothing is held out, chance is no excuse: what simulates as well as
+    the best of every row comes first.
     """
-    sound, own = found, any(t.own for t in found)
-    if own:
+    if any(t.own for t in found):
         # more states simulate better what they were fitted to: likelihood chooses the order of a row, and growing poles speak against one
         sound = [t for t in found if not t.candidate.mirrored] or found
         names = dict.fromkeys(t.candidate.how for t in sound)
-        sound = [min((t for t in sound if t.candidate.how == name), key=_level) for name in names]
-    able = _simulating(sound, None if own else _BY_CHANCE / len(sound))
+        able = _simulating([min((t for t in sound if t.candidate.how == name), key=_level) for name in names])
+    else:
+        able = _confidence_set(found)
     likely = min(able, key=_level)
     able = _simulating([t for t in able if _as_good(t.levels, likely.levels)])
     return min(able, key=lambda t: (t.candidate.order, _level(t)))
 
 
-def _simulating(tried: list[_Tried], chance: float | None = None) -> list[_Tried]:
+def _confidence_set(tried: list[_Tried]) -> list[_Tried]:
+    """Return those that no test tells apart by what they leave of the stretches that are held out.
+
+    d_i is the mean logarithm of what candidate i leaves, less that of all. The one of the largest t = d / sd(d) goes, and the others are
+    compared again, until that t is what the largest of equal candidates exceeds in one of twenty: of stretches drawn again, with
+    replacement, for all candidates the same. By logarithms no stretch outweighs the others. Hansen, Lunde and Nason, "The model confidence
+    set", Econometrica 79 (2011), 453-497.
+    """
+    rng = np.random.default_rng(0)
+    left = np.log([t.blocks for t in tried]).reshape(len(tried), -1, _STRETCHES)
+    draws = rng.integers(0, _STRETCHES, (left.shape[1], _DRAWS, _STRETCHES))
+    again = np.mean([left[:, part, drawn].mean(axis=-1) for part, drawn in enumerate(draws)], axis=0)
+    mean, kept = left.mean(axis=(1, 2)), np.arange(len(tried))
+    while kept.size > 1:
+        d = mean[kept] - mean[kept].mean()
+        by_chance = again[kept] - again[kept].mean(axis=0) - d[:, None]
+        # what differs by rounding does not differ
+        deviation = np.maximum(np.sqrt(np.mean(by_chance**2, axis=1)), np.sqrt(np.finfo(float).eps))
+        largest, worst = np.max(by_chance / deviation[:, None], axis=0), int(np.argmax(d / deviation))
+        if d[worst] <= max(float(np.quantile(largest, 1 - _BY_CHANCE)), 1.0) * deviation[worst]:
+            break
+        kept = np.delete(kept, worst)
+    return [tried[i] for i in kept]
+
+
+def _simulating(tried: list[_Tried]) -> list[_Tried]:
     """Return those that simulate as well as the best of them, see `_as_good`."""
-    top = max(tried, key=lambda t: t.candidate.free_run)
-    return [t for t in tried if _as_good(t.blocks, top.blocks, chance, _EQUAL)]
+    top = min(tried, key=lambda t: float(np.mean(t.blocks)))
+    return [t for t in tried if _as_good(t.blocks, top.blocks)]
 
 
 def _level(tried: _Tried) -> float:
     return float(np.mean(tried.levels))
 
 
-def _as_good(one: RealArray, top: RealArray, chance: float | None = None, equal: float = 0.0) -> bool:
-    """Whether what is left of stretches is as little as the least, to one standard error of the mean of their difference.
-
-    `chance`: or to what Student's t exceeds that often. `equal`: a difference that counts as none.
-    """
+def _as_good(one: RealArray, top: RealArray) -> bool:
+    """Whether what is left of stretches is as little as the least, to one standard error of the mean of their difference."""
     worse = one - top
-    errors = 1.0 if chance is None else float(stdtrit(worse.size - 1, 1 - chance))
-    return bool(np.mean(worse) <= max(errors * np.std(worse) / np.sqrt(worse.size), equal))
+    return bool(np.mean(worse) <= np.std(worse) / np.sqrt(worse.size))
 
 
 def _validation(best: _Tried, tried: list[_Tried], folds: list[_Fold], words: str) -> ModelValidation:

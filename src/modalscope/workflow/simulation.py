@@ -34,7 +34,8 @@ _MAX_CONDITION = 1e8
 class Candidate(NamedTuple):
     """A model that was tried: how, its order, and the variance explained of the held-out part, in per cent, mean over the outputs.
 
-    `mirrored`: poles that were unstable. `failure`: why there is no model.
+    First states are fitted to that part, and count as `FreeRun.squares` says. `mirrored`: poles that were unstable. `failure`: why there
+    is no model.
     """
 
     how: str
@@ -196,19 +197,38 @@ class FreeRun(NamedTuple):
         left = y - self.outputs
         return whitener([left]) if np.all(left.std(axis=0) > _ROUNDING * y.std(axis=0)) else None
 
+    @property
+    def fitted_numbers(self) -> int:
+        """Numbers that are fitted to the run itself: first state and offset."""
+        return self.first.size + self.offset.size
+
+    def squares(self, y: RealArray, power: RealArray) -> RealArray:
+        """Return what is left of each sample, (N,): |y - y^|^2 over the power (l,) of each output, mean over these.
+
+        First state and offset, p = n + l numbers, are fitted to the run: generalized cross-validation says what they would leave of
+        samples that they were not fitted to, |y - y^|^2 / (1 - p / (N l))^2. Golub, Heath and Wahba, Technometrics 21 (1979), 215-223.
+        """
+        free = 1 - self.fitted_numbers / y.size
+        left = np.mean((y - self.outputs) ** 2 / np.where(power > 0, power, np.inf), axis=1)
+        return np.maximum(left / free**2, _ROUNDING**2) if free > 0 else np.full(len(y), np.inf)
+
     def likelihood(self, y: RealArray) -> RealArray:
-        """Return -2 log of the likelihood of every sample (N,), but a constant; inf of a model that grows."""
-        left = y - self.outputs
+        """Return -2 log of the likelihood of every sample (N,), but a constant; inf of a model that grows.
+
+        First state and offset count as the autoregression does, by AIC.
+        """
+        left, l = y - self.outputs, y.shape[1]
         if not np.all(np.isfinite(left)):
             return np.full(len(y), np.inf)
+        fitted = 2 * self.fitted_numbers / len(y) - l
         white = self.whitener(y)
         if white is None:
-            power = np.maximum(np.mean(left**2, axis=0), np.finfo(float).tiny)
-            return np.asarray(np.log(power).sum() + np.sum(left**2 / power, axis=1) - y.shape[1])
+            power = np.maximum(np.mean(left**2, axis=0), (_ROUNDING * y.std(axis=0)) ** 2 + np.finfo(float).tiny)
+            return np.asarray(np.log(power).sum() + np.sum(left**2 / power, axis=1) + fitted)
         errors = np.sum(white(left) ** 2, axis=1)
         # samples that have not all of their past count as the mean of the others
         whole = np.concatenate([np.full(len(y) - len(errors), errors.mean()), errors])
-        return np.asarray(whole + white.level - y.shape[1])
+        return np.asarray(whole + white.level + fitted)
 
 
 def free_run(model: StateSpace, y: RealArray, u: RealArray) -> FreeRun:
