@@ -63,7 +63,7 @@ HELD = {
     "howto/plot_by_hand": Held("chain5", last=3),
     "howto/plot_certify": Held(words=("True  True  True  True  True",)),
     "howto/plot_close_modes": Held("close4", 1e-4, times=2),
-    "howto/plot_compare": Held("chain5", words=("All 5 modes can be trusted",)),
+    "howto/plot_compare": Held("chain5", words=("Methods agree on all 5 modes",)),
     "howto/plot_complex_modes": Held(exact.collinearity, 2e-4),
     "howto/plot_doctor": Held(words=("clipped: y3:",)),
     "howto/plot_dwell": Held("chain5", first=1),

@@ -2,7 +2,7 @@
 Compare methods on the same data
 ================================
 
-Every method identifies the same response; what they agree on can be trusted. Simulated: a chain of five masses (``ms.systems.chain5``).
+Every method identifies the same response; they agree on all modes, whose grades are those of ``ms.analyze``. Simulated: a chain of five masses (``ms.systems.chain5``).
 """
 
 import modalscope as ms

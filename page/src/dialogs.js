@@ -59,17 +59,16 @@ function heads(...columns) {
 
 /** @param {any} found */
 export function showComparison(found) {
-  const grade = { trusted: "good", "frequency only": "look", doubtful: "doubtful" };
-  const counts = Object.keys(grade).map((word) => [word, found.rows.filter((/** @type {any} */ r) => r.trust === word).length]).filter(([, n]) => n);
-  const rows = found.rows.map((/** @type {any} */ r, /** @type {number} */ i) => h("tr", {}, h("td", {}, i + 1), h("td.num", {}, number(r.frequency, 6)), h("td.num", {}, number(100 * r.damping, 3)), h("td.num", {}, number(r.between, 2)), h("td", {}, r.found), h("td", {}, h(`span.grade.${grade[r.trust] ?? "doubtful"}`, {}, r.trust)), h("td.words", {}, r.why)));
+  const counts = ["good", "look", "doubtful"].map((word) => [word, found.rows.filter((/** @type {any} */ r) => r.trust === word).length]).filter(([, n]) => n);
+  const rows = found.rows.map((/** @type {any} */ r, /** @type {number} */ i) => h("tr", {}, h("td", {}, i + 1), h("td.num", {}, number(r.frequency, 6)), h("td.num", {}, number(100 * r.damping, 3)), h("td.num", {}, number(r.between, 2)), h("td", {}, r.found), h("td", {}, r.methods), h("td", {}, h(`span.grade.${r.trust}`, {}, r.trust)), h("td.words", {}, r.why)));
   const methods = found.methods.map((/** @type {any} */ m) => h("tr", {}, h("td", {}, m.label), h("td.num", {}, m.modes ?? "–"), h("td.num", {}, m.fit === null ? "–" : number(100 * m.fit, 3)), h("td.words", {}, m.failure)));
   const picture = (/** @type {string} */ name, /** @type {string} */ words) => (found.pictures[name] ? h("figure", {}, h("img", { alt: words, src: `data:image/svg+xml;utf8,${encodeURIComponent(found.pictures[name])}` }), h("figcaption", {}, words)) : null);
   dialog(
     "All methods on these data",
     [
       found.verdict.split("\n").map((/** @type {string} */ line) => h("p", {}, line)),
-      counts.length ? h("p.counts", {}, counts.map(([word, n]) => h(`span.grade.${grade[word]}`, {}, `${n} ${word}`))) : null,
-      h("div.scroll", {}, h("table", {}, heads("#", ["f [Hz]", "damping [%]", "between [Hz]"], "identified by", "trust", "reason"), h("tbody", {}, rows))),
+      counts.length ? h("p.counts", {}, counts.map(([word, n]) => h(`span.grade.${word}`, {}, `${n} ${word}`))) : null,
+      h("div.scroll", {}, h("table", {}, heads("#", ["f [Hz]", "damping [%]", "between [Hz]"], "identified by", "methods", "grade", "reason"), h("tbody", {}, rows))),
       h("div.pictures", {}, picture("map", "Map of methods by the distance of their poles"), picture("deviations", "Deviation of each method from the consensus")),
       h("div.scroll", {}, h("table", {}, heads("method", ["modes", "unexplained [%]"], "remark"), h("tbody", {}, methods))),
       Object.entries(found.causes).map(([name, cure]) => h("p", {}, h("b", {}, `${cap(name)}: `), String(cure))),

@@ -1,4 +1,4 @@
-"""Which modes are trusted: the rules of the grades, from both sides of every limit, and their words."""
+"""On which modes methods agree, and how far they are known: the rules from both sides of every limit, and their words."""
 
 from __future__ import annotations
 
@@ -8,72 +8,82 @@ import numpy as np
 import pytest
 
 from modalscope.checking.certificate import Certificate
+from modalscope.comparing.beside import Beside
 from modalscope.comparing.diagnosis import Cause
 from modalscope.comparing.scatter import Scatter
-from modalscope.comparing.verdict import GRADES, Tried, Trust, interval_trouble, judge, words
+from modalscope.comparing.verdict import AGREE, DIFFER, Tried, Trust, judge, refuted, words
 from modalscope.data.modes import ModalModel
+from modalscope.judging.grades import GRADES, Grade
 from tests.comparing.made import ALL, ERA, PRCE, group, result
 from tests.judging.made import NUDGE
 
-TRUSTED, FREQUENCY, DOUBTFUL = GRADES
+GOOD, LOOK, DOUBTFUL = GRADES
 CLOSE, HEAVY = Cause("close pair", "x"), Cause("heavy damping", "y")
 LOW = Cause("order too low", "20 % is left")
+UNKNOWN = np.full(2, np.nan)
+KNOWN = Beside(Grade(GOOD, "known"), UNKNOWN, UNKNOWN)
 
 
-def grade(votes: int = 3, voters: int = 3, f: float = 0.0, zeta: float = 0.0, data: tuple[Cause, ...] = ()) -> str:
-    """Grade a mode at 10 Hz of 2 % damping: half a bandwidth is 0.2 Hz."""
-    return judge(group(10, 0.02, ALL[:votes], voters), f, zeta, (), data).grade
+def agreement(votes: int = 3, voters: int = 3, f: float = 0.0, zeta: float = 0.0, data: tuple[Cause, ...] = ()) -> str:
+    """Judge a mode at 10 Hz of 2 % damping: half a bandwidth is 0.2 Hz."""
+    return judge(group(10, 0.02, ALL[:votes], voters), (f, zeta), KNOWN, (), data).agreement
 
 
 @pytest.mark.parametrize(
     ("votes", "voters", "expected"),
     [
-        (1, 1, TRUSTED),
-        (1, 2, DOUBTFUL),
-        (2, 2, TRUSTED),
-        (2, 3, TRUSTED),
-        (2, 4, DOUBTFUL),
-        (3, 4, TRUSTED),
-        (3, 5, DOUBTFUL),
-        (4, 6, TRUSTED),
+        (1, 1, AGREE),
+        (1, 2, DIFFER),
+        (2, 2, AGREE),
+        (2, 3, AGREE),
+        (2, 4, DIFFER),
+        (3, 4, AGREE),
+        (3, 5, DIFFER),
+        (4, 6, AGREE),
     ],
 )
 def test_two_thirds_of_the_methods_found_it(votes: int, voters: int, expected: str) -> None:
-    assert grade(votes, voters) == expected
+    assert agreement(votes, voters) == expected
 
 
-@pytest.mark.parametrize(("side", "expected"), [(-1, TRUSTED), (1, DOUBTFUL)])
-def test_its_frequency_scatters_within_a_half_bandwidth(side: int, expected: str) -> None:
-    assert grade(f=0.2 * (1 + side * NUDGE)) == expected
+@pytest.mark.parametrize(("side", "expected"), [(-1, AGREE), (1, DIFFER)])
+def test_frequencies_scatter_within_a_half_bandwidth_and_dampings_within_thirty_per_cent(
+    side: int, expected: str
+) -> None:
+    assert agreement(f=0.2 * (1 + side * NUDGE)) == expected
+    assert agreement(zeta=0.3 * 0.02 * (1 + side * NUDGE)) == expected
 
 
-@pytest.mark.parametrize(("side", "expected"), [(-1, TRUSTED), (1, FREQUENCY)])
-def test_its_damping_scatters_within_thirty_per_cent(side: int, expected: str) -> None:
-    assert grade(zeta=0.3 * 0.02 * (1 + side * NUDGE)) == expected
+def test_methods_differ_when_the_order_is_too_low_whatever_else_was_found() -> None:
+    assert agreement(data=(Cause("bad channel", "x"),)) == AGREE
+    assert agreement(data=(Cause("bad channel", "x"), LOW)) == DIFFER
 
 
-def test_an_open_frequency_is_worse_than_open_damping() -> None:
-    assert grade(f=0.3, zeta=0.01) == DOUBTFUL
+@pytest.mark.parametrize("side", [-1, 1])
+def test_methods_differ_from_refined_values_outside_of_their_interval(side: int) -> None:
+    half = (0.05, 0.001)
+    for values, words_of in (
+        ((10 + 0.05 * (1 + side * NUDGE), 0.02), f"but refined it lies at {10 + 0.05 * (1 + side * NUDGE):.6g} Hz"),
+        ((10, 0.02 + 0.001 * (1 + side * NUDGE)), "but refined its damping is 2.1 %"),
+    ):
+        found = judge(group(10, 0.02), (0, 0), KNOWN._replace(values=np.array(values)), (), (), interval=half)
+        assert found.agreed is (side < 0)
+        assert (words_of in found.why) is (side > 0)
+        assert found.trusted is found.agreed
 
 
-def test_no_mode_is_trusted_when_the_order_is_too_low_whatever_else_was_found() -> None:
-    assert grade(data=(Cause("bad channel", "x"),)) == TRUSTED
-    assert grade(data=(Cause("bad channel", "x"), LOW)) == DOUBTFUL
+def test_the_grade_is_that_of_the_analysis_and_a_certificate_that_refutes_the_interval_lowers_it() -> None:
+    for word in GRADES:
+        found = judge(group(10, 0.02), (0, 0), KNOWN._replace(grade=Grade(word, "as it is")), (CLOSE,), ())
+        assert (found.grade, found.why) == (word, "as it is; found by 3 of 3 independent witnesses")
+        assert found.trusted is (word == GOOD)
+        failed = judge(group(10, 0.02), (0, 0), KNOWN._replace(grade=Grade(word, "as it is")), (), (), refuted=True)
+        assert failed.grade == (LOOK if word == GOOD else word)
+        assert failed.why.startswith("its interval is refuted by its certificate" if word == GOOD else "as it is")
 
 
-def test_without_an_interval_that_holds_only_the_frequency_is_trusted() -> None:
-    found = judge(group(10, 0.02), 0, 0, (), (), "standard deviation of its damping unknown")
-    assert (found.grade, found.why) == (
-        FREQUENCY,
-        "found by 3 of 3 independent witnesses; standard deviation of its damping unknown",
-    )
-
-
-def test_an_interval_is_in_trouble_when_it_is_not_known_or_its_certificate_refutes_it() -> None:
+def test_an_interval_is_refuted_by_the_certificate_of_a_method_that_found_the_mode() -> None:
     g = replace(group(10, 0.02), members={ERA: 1})
-    assert interval_trouble(g, 0.1, 0.1, None) == ""
-    assert interval_trouble(g, np.nan, np.nan, None) == "standard deviation of its frequency and damping unknown"
-    assert interval_trouble(g, 0.1, np.nan, None) == "standard deviation of its damping unknown"
 
     def tried(*holds: bool) -> Tried:
         nothing = {k: np.zeros(2) for k in ("bias", "ratio", "coverage")}
@@ -90,22 +100,24 @@ def test_an_interval_is_in_trouble_when_it_is_not_known_or_its_certificate_refut
         )
         return Tried(ERA, made)
 
-    assert interval_trouble(g, 0.1, 0.1, tried(False, True)) == ""
-    assert interval_trouble(g, 0.1, 0.1, tried(True, False)) == "its interval is refuted by its certificate"
-    assert interval_trouble(group(10, 0.02, (PRCE,), 1), 0.1, 0.1, tried(False, False)) == ""
+    assert not refuted(g, None)
+    assert not refuted(g, tried(False, True))
+    assert refuted(g, tried(True, False))
+    assert not refuted(group(10, 0.02, (PRCE,), 1), tried(False, False))
 
 
 def test_why_names_votes_scatter_and_causes() -> None:
     g = group(10, 0.02, ALL[:2], 4)
-    assert judge(g, 0, 0, (CLOSE, HEAVY), ()) == Trust(
-        DOUBTFUL, "only found by 2 of 4 independent witnesses: close pair, heavy damping", (CLOSE, HEAVY)
+    assert judge(g, (0, 0), KNOWN, (CLOSE, HEAVY), ()) == Trust(
+        GOOD, "known; found by 2 of 4 independent witnesses only: close pair, heavy damping", (CLOSE, HEAVY), DIFFER
     )
     g = group(10, 0.02)
-    assert judge(g, 0, 0, (), ()).why == "found by 3 of 3 independent witnesses"
-    assert judge(g, 0.5, 0, (CLOSE,), ()).why.endswith("; frequency uncertain by ±0.5 Hz: close pair")
-    assert judge(g, 0.01, 0.01, (), ()).why.endswith("; damping uncertain by ±50 %")
-    assert judge(g, 0, 0, (), (LOW,)).why.endswith("but order too low")
+    assert judge(g, (0, 0), KNOWN, (), ()).why == "known; found by 3 of 3 independent witnesses"
+    assert judge(g, (0.5, 0), KNOWN, (CLOSE,), ()).why.endswith(", whose frequencies scatter by ±0.5 Hz: close pair")
+    assert judge(g, (0.01, 0.01), KNOWN, (), ()).why.endswith(", whose damping scatters by ±50 %")
+    assert judge(g, (0, 0), KNOWN, (), (LOW,)).why.endswith(", but order too low")
     assert [Trust(name, "", ()).trusted for name in GRADES] == [True, False, False]
+    assert not Trust(GOOD, "", (), DIFFER).trusted
 
 
 # --------------------------------------------------------------------------------------------------------------- in words
@@ -113,33 +125,35 @@ def test_why_names_votes_scatter_and_causes() -> None:
 RAN = [result(ERA), result(PRCE)]
 
 
-def said(grades: list[str], data: tuple[Cause, ...] = (), failed: bool = False) -> list[str]:
-    """Say what is thought of modes at 1, 2, ... Hz of 2 % damping, of which mode k scatters by k + 1 %."""
+def said(grades: list[str | None], data: tuple[Cause, ...] = (), failed: bool = False) -> list[str]:
+    """Say what is thought of modes at 1, 2, ... Hz of 2 % damping, of which mode k scatters by k + 1 %; None: good, and methods differ."""
     n = len(grades)
     groups = [group(float(k + 1), 0.02) for k in range(n)]
     scatter = Scatter(np.zeros(n), 0.0002 * np.arange(1, n + 1), *(np.zeros(n),) * 5)
-    trust = [Trust(g, f"because of {k + 1}", ()) for k, g in enumerate(grades)]
+    trust = [Trust(g or GOOD, f"because of {k + 1}", (), AGREE if g else DIFFER) for k, g in enumerate(grades)]
     results = [*RAN, result("alternate (time)", None)] if failed else RAN
     return words(groups, trust, scatter, results, data).split("\n")
 
 
-def test_all_some_one_or_none_can_be_trusted() -> None:
-    assert said([TRUSTED, TRUSTED])[0].startswith("All 2 modes can be trusted in frequency and damping: 1, 2 Hz.")
-    assert said([TRUSTED, DOUBTFUL])[0].startswith("1 of 2 modes can be trusted in frequency and damping: 1 Hz.")
-    assert said([TRUSTED])[0].startswith("1 of 1 modes can be trusted")
-    assert said([DOUBTFUL])[0] == "None of the 1 modes can be trusted in full."
+def test_methods_agree_on_all_some_one_or_none() -> None:
+    assert said([GOOD, LOOK])[0].startswith("Methods agree on all 2 modes: 1, 2 Hz.")
+    assert said([GOOD, None])[0].startswith("Methods agree on 1 of 2 modes: 1 Hz.")
+    assert said([GOOD])[0].startswith("Methods agree on 1 of 1 modes")
+    assert said([None])[0] == "Methods agree on none of the 1 modes."
     assert said([]) == ["No method found a mode."]
 
 
-def test_the_widest_scatter_is_that_of_the_trusted() -> None:
-    assert said([TRUSTED, TRUSTED, DOUBTFUL])[0].endswith("Widest damping interval: ±2 % at 2 Hz.")
+def test_the_widest_scatter_is_that_of_the_modes_on_which_methods_agree() -> None:
+    assert said([GOOD, GOOD, None])[0].endswith("Widest damping interval of these: ±2 % at 2 Hz.")
 
 
 def test_every_other_mode_has_its_line_and_findings_their_remedy() -> None:
-    lines = said([DOUBTFUL, FREQUENCY, TRUSTED], (LOW,), failed=True)
+    lines = said([DOUBTFUL, LOOK, GOOD, None], (LOW,), failed=True)
     assert lines[1:] == [
-        "Trust the frequency, but not the damping, of 2 Hz: because of 2.",
-        "Do not trust 1 Hz: because of 1.",
+        "Graded by the analysis of the same data: 2 good, 1 look, 1 doubtful. What methods share (leakage, loading) they cannot see.",
+        "Doubtful is 1 Hz: because of 1.",
+        "Look at 2 Hz: because of 2.",
+        "Methods differ on 4 Hz: because of 4.",
         "Order too low: 20 % is left. Raise the largest order.",
         "1 of 3 methods failed: SSI-cov (alternate).",
     ]

@@ -89,9 +89,9 @@ def compared(stages: Stages, progress: Progress, methods: list[str] | None = Non
     """Return the comparison of all methods: verdict, consensus modes, and pictures of the differences."""
     from modalscope.comparing import compare
 
-    document = stages.finished().analysis
-    chosen = {k: v for k, v in _choices(document).items() if k in ("route", "exclude", "band")}
-    choices = {"orders": document.orders, **chosen}
+    found = stages.finished()
+    chosen = {k: v for k, v in _choices(found.analysis).items() if k in ("route", "exclude", "band")}
+    choices = {"orders": found.analysis.orders, "analysis": found, **chosen}
     return compared_view(compare(stages.data, methods or "all", progress=progress, **choices))
 
 
@@ -109,6 +109,7 @@ def compared_view(comparison: Comparison) -> dict[str, Any]:
             "between": group.frequency_between,
             "found": f"{len(group.members)} of {ran}",
             "trust": trust.grade,
+            "methods": trust.agreement,
             "why": trust.why,
         }
         for group, trust in zip(comparison.groups, comparison.trust, strict=True)

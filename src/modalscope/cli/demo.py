@@ -97,8 +97,8 @@ def _agreement(data: FrequencyResponse) -> str:
 
     with progress("comparing methods") as show:
         found = compare(data.select(inputs=data.input_dofs[:1]), band=_SHORT_BAND, progress=show)
-    trusted = [group for group, trust in zip(found.groups, found.trust, strict=True) if trust.trusted]
-    least = min((len(group.members) for group in trusted), default=0)
-    where = " and ".join(f"{group.frequency:.1f} Hz" for group in trusted)
+    agreed = [group for group, trust in zip(found.groups, found.trust, strict=True) if trust.agreed]
+    least = min((len(group.members) for group in agreed), default=0)
+    where = " and ".join(f"{group.frequency:.1f} Hz" for group in agreed)
     band = f"one hammer point, {_SHORT_BAND[0]:g} to {_SHORT_BAND[1]:g} Hz"
     return f"{found.headline}.\n{least} of them find {where} ({band})."

@@ -195,9 +195,10 @@ def add_compare(parser: Parser) -> None:
 
 
 def compare(options: argparse.Namespace) -> None:
-    """Identify a file by every method, and report which modes to trust.
+    """Identify a file by every method, and report on which modes they agree.
 
-    All methods of the table are run; the output states where they agree, where they differ, and the likely causes.
+    All methods of the table are run; the output states where they agree, where they differ, and the likely causes. Intervals are no
+    narrower than those of `modalscope identify`, and grades are its grades.
     """
     from modalscope.cli.output import check_outputs, write_outputs
     from modalscope.cli.reading import choices, parse_orders, read_test

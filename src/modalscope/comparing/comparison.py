@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from modalscope.checking.certify import MOST_REPLICATES
 from modalscope.comparing.agreement import Group, pair
+from modalscope.comparing.beside import analysis_of, beside
 from modalscope.comparing.data_causes import (
     changed_by_more_orders,
     channel_causes,
@@ -24,13 +25,15 @@ from modalscope.comparing.principles import Principle, Witness, headline, princi
 from modalscope.comparing.routes import responses_by_route, route_causes, tasks_of
 from modalscope.comparing.run import MethodResult, Partial, Progress, find_by_name, run
 from modalscope.comparing.scatter import LEVEL, Scatter, stated
-from modalscope.comparing.verdict import Tried, Trust, certified_best, interval_trouble, judge, words
+from modalscope.comparing.verdict import Tried, Trust, certified_best, judge, refuted, words
 from modalscope.data.geometry import DofLike
+from modalscope.data.mode_fields import told
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note, notes_of
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
+from modalscope.data.results import Result
 from modalscope.data.setups import Setups, as_test
 from modalscope.data.shown import Shown, cells_of, summary_of, text_table
 from modalscope.identification.options import AllOptions
@@ -51,7 +54,7 @@ _MAX_IDENTITY_ORDER = 20
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Comparison(Shown):
-    """Results of all methods on the same data, the modes on which they agree, and how far to trust each.
+    """Results of all methods on the same data, the modes on which they agree, and how far each is known.
 
     Parameters
     ----------
@@ -78,6 +81,8 @@ class Comparison(Shown):
     verdict : str
     certified : Tried, optional
         The certificate of the method that fits best, where one was asked.
+    analysis : Result, optional
+        What `analyze` finds in the same data: intervals of the consensus are no narrower than its, and grades are its grades.
     settings : mapping
         Arguments: methods, orders, band, excluded channels.
     notes : tuple of Note
@@ -97,6 +102,7 @@ class Comparison(Shown):
     findings: tuple[Cause, ...]
     verdict: str
     certified: Tried | None = None
+    analysis: Result | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[Note, ...] = ()
 
@@ -162,23 +168,24 @@ class Comparison(Shown):
         return "\n\n".join(part for part in parts if part)
 
     def _modes_table(self) -> str:
-        head = ["mode", "f [Hz]", "+-", "zeta [%]", "+-", "methods", "MAC", "trust"]
+        head = ["mode", "f [Hz]", "+-", "zeta [%]", "+-", "methods", "MAC", "", "grade"]
         count = sum(r.modes is not None for r in self.results)
         rows = [
             [
                 str(k + 1),
                 f"{g.frequency:.4f}",
-                f"{self.scatter.frequency[k]:.2g}",
+                told(self.scatter.frequency[k]),
                 f"{100 * g.damping:.3f}",
-                f"{100 * self.scatter.damping[k]:.2g}",
+                told(100 * self.scatter.damping[k]),
                 f"{len(g.members)} of {count}",
                 f"{min(g.mac.values()):.3f}",
+                t.agreement,
                 t.grade,
             ]
             for k, (g, t) in enumerate(zip(self.groups, self.trust, strict=True))
         ]
-        lead = f"Consensus (+-: {100 * LEVEL:g} % intervals, of noise and of disagreement beyond it)"
-        return f"{lead}\n{text_table([head, *rows], (0,))}" if rows else "No mode in common."
+        lead = f"Consensus (+-: {100 * LEVEL:g} % intervals, of noise and disagreement beyond it, no narrower than those of the analysis)"
+        return f"{lead}\n{text_table([head, *rows], (0, 7, 8))}" if rows else "No mode in common."
 
     def _methods_table(self) -> str:
         head = ["method", "modes", "unexplained [%]", "seconds", ""]
@@ -235,14 +242,16 @@ def compare(
     replicates: int = 0,
     all_sets: bool = False,
     partial: Partial | None = None,
+    analysis: Result | None = None,
     **options: Any,
 ) -> Comparison:
-    """Compare all methods on the same data: the modes on which they agree, where they differ and why, and which to trust.
+    """Compare all methods on the same data: the modes on which they agree, where they differ and why, and how far each is known.
 
     Responses are estimated from records once, for all methods, and each method has a stabilization diagram. Which modes the data need is
     decided once, from the poles of all of them; a method has found those that its own poles show, with its own values. Modes are paired
     across methods by frequency, damping and shape. A method that fails is a row with its reason. A method on data transformed from lines to
-    samples or back is compared, but has no vote.
+    samples or back is compared, but has no vote. What methods share (leakage, loading) they cannot see: intervals of the consensus are no
+    narrower than those that `analyze` finds in the same data, and a mode has its grade there.
 
     Parameters
     ----------
@@ -265,6 +274,8 @@ def compare(
         With methods "all": whether rows that have no vote are run, too. They are shown, and decide nothing.
     partial : callable, optional
         Called with the result of each method as it comes; which of them have a vote is decided at the end.
+    analysis : Result, optional
+        Of `analyze`, of the same data and band; by default it is made.
     **options
         Of `stabilize`, for every method.
 
@@ -304,7 +315,11 @@ def compare(
     low = order_cause(results)
     if low is not None and changed_by_more_orders(tasks, results, options):
         causes.append(low)
-    judged = _judged(routes[0].response, results, causes, tried)
+    check_kind("analysis", analysis, (Result, type(None)))
+    without = ""
+    if analysis is None and any(r.modes is not None for r in results):
+        analysis, without = analysis_of(data, band, orders, {**route_options, **options})
+    judged = _judged(routes[0].response, results, causes, tried, analysis)
     equal = [f"Identical on these data, with one vote: {'; '.join(labels)}" for labels in judged["kinship"].equals]
     settings = {
         "methods": methods if isinstance(methods, str) else tuple(map(str, methods)),
@@ -313,7 +328,8 @@ def compare(
         "exclude": exclude,
         **({"all_sets": True} if all_sets else {}),
     }
-    notes = notes_of((*routes[0].notes, *failed, *refused, *equal))
+    unknown = [f"No analysis of the same data, so that no mode is good: {without}"] if without else []
+    notes = notes_of((*routes[0].notes, *failed, *refused, *equal, *unknown))
     settings |= {**route_options, **options}
     found = Comparison(response=routes[0].response, results=results, settings=settings, notes=notes, **judged)
     tell(found.headline, found.verdict, *notes)
@@ -321,13 +337,20 @@ def compare(
 
 
 def _judged(
-    response: Response, results: tuple[MethodResult, ...], findings: list[Cause], tried: Tried | None
+    response: Response,
+    results: tuple[MethodResult, ...],
+    findings: list[Cause],
+    tried: Tried | None,
+    analysis: Result | None,
 ) -> dict[str, Any]:
-    """Return the consensus, its trust, and what differs and why, by the fields of a `Comparison`."""
+    """Return the consensus, how far it is known, and what differs and why, by the fields of a `Comparison`."""
     kin = kinship(results)
     groups, unconfirmed = pair(results, kin)
     scatter = stated(groups, results)
     modes = _consensus(response, groups, scatter)
+    in_analysis = beside(modes, analysis)
+    scatter = scatter.at_least(np.reshape([b.half_widths for b in in_analysis], (-1, 2)).T)
+    modes = replace(modes, **_deviations(scatter))
     fitted = rebuilt(response, modes) if groups else 0 * response.values
     fit_error = fit_error_heard(response, fitted)[0]
     if groups:
@@ -340,8 +363,9 @@ def _judged(
     trust = []
     for k, g in enumerate(groups):
         causes = mode_causes(k, groups, response, results)
-        trouble = interval_trouble(g, scatter.frequency_noise[k], scatter.damping_noise[k], tried)
-        trust.append(judge(g, scatter.frequency[k], scatter.damping[k], causes, findings, trouble))
+        spread = scatter.beyond_noise("frequency")[k], scatter.beyond_noise("damping")[k]
+        half = scatter.frequency[k], scatter.damping[k]
+        trust.append(judge(g, spread, in_analysis[k], causes, findings, interval=half, refuted=refuted(g, tried)))
     warning = f"{unexplained(fit_error)}\n" if groups and not explains_enough(fit_error) else ""
     return {
         "modes": modes,
@@ -356,6 +380,14 @@ def _judged(
         "findings": tuple(findings),
         "verdict": f"{warning}{words(groups, trust, scatter, results, findings)}",
         "certified": tried,
+        "analysis": analysis,
+    }
+
+
+def _deviations(scatter: Scatter) -> dict[str, Any]:
+    return {
+        f"{name}_std": scatter.deviation(kind)
+        for name, kind in (("frequencies", "frequency"), ("damping_ratios", "damping"))
     }
 
 
@@ -373,8 +405,7 @@ def _consensus(response: Response, groups: Sequence[Group], scatter: Scatter) ->
         held_input=response.held_input,
         frequencies_spread=np.array([g.frequency_between for g in groups]),
         damping_ratios_spread=np.array([g.damping_between for g in groups]),
-        frequencies_std=scatter.deviation("frequency"),
-        damping_ratios_std=scatter.deviation("damping"),
+        **_deviations(scatter),
         degrees=np.stack([scatter.degrees] * 2, axis=1),
         indicators={"found_by": np.array([float(len(g.members)) for g in groups])},
         **response.labelled(),

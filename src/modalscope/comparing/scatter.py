@@ -1,4 +1,4 @@
-"""Estimate the uncertainty of the consensus: by the noise, and by what methods disagree beyond it.
+"""Estimate the uncertainty of the consensus: by the noise, by what methods disagree beyond it, and no less than the refined modes have.
 
 All methods read the same noise: the deviation of the difference of two of them is that of <g_1 - g_2, noise>, g their influences,
 and is often far below that of either. What lies further apart than it explains is bias, of one or of the other.
@@ -7,7 +7,7 @@ and is often far below that of either. What lies further apart than it explains 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -40,11 +40,11 @@ class Biased(NamedTuple):
 class Scatter:
     """Half widths of 95 % intervals, and their parts (standard deviations).
 
-    `frequency`, `damping` (n,): stated scatter: Hz and ratio. `degrees` (n,): of freedom of the noise; NaN where its deviation is exact.
-    `frequency_noise`, `damping_noise` (n,): of the consensus, by the noise in
-    the data; NaN where unknown. `frequency_bias`, `damping_bias` (n,): scatter of the votes beyond their differences by noise. `biased`:
-    for every mode the methods that the noise does not explain. `known`: for every mode the methods on which the effect of the noise is
-    known.
+    `frequency`, `damping` (n,): stated scatter: Hz and ratio, at least that of the same modes in the analysis. `degrees` (n,): of
+    freedom of the noise; NaN where its deviation is exact. `frequency_noise`, `damping_noise` (n,): of the consensus, by the noise in the
+    data; NaN where unknown. `frequency_bias`, `damping_bias` (n,): scatter of the votes beyond their differences by noise. `biased`: for
+    every mode the methods that the noise does not explain. `known`: for every mode the methods on which the effect of the noise is known.
+    `beside` (2, n): half widths of the same modes in the analysis, NaN where it lists none.
     """
 
     frequency: RealArray
@@ -56,10 +56,30 @@ class Scatter:
     degrees: RealArray
     biased: tuple[Mapping[str, tuple[Biased, ...]], ...] = ()
     known: tuple[frozenset[str], ...] = ()
+    beside: RealArray = field(default_factory=lambda: np.full((2, 1), np.nan))
+
+    def beyond_noise(self, kind: str) -> RealArray:
+        """Return the half widths of what methods scatter by beyond the noise, z bias, of "frequency" or "damping", (n,)."""
+        return np.asarray(self._quantiles * getattr(self, f"{kind}_bias"))
 
     def deviation(self, kind: str) -> RealArray:
-        """Return sqrt(noise^2 + bias^2) of "frequency" or "damping", (n,); NaN where the noise is not known."""
-        return np.asarray(np.hypot(getattr(self, f"{kind}_noise"), getattr(self, f"{kind}_bias")))
+        """Return half widths over Student's quantile, of "frequency" or "damping", (n,); NaN where neither noise nor interval is known."""
+        known = np.isfinite(getattr(self, f"{kind}_noise")) | np.isfinite(self.beside[_KINDS.index(kind)])
+        return np.where(known, getattr(self, kind) / self._quantiles, np.nan)
+
+    def at_least(self, beside: RealArray) -> Scatter:
+        """Return the scatter that is nowhere narrower than half widths (2, n) of the same modes: NaN where none is known.
+
+        Where one is infinite the data do not determine the mode: NaN, no interval.
+        """
+        wider = {kind: np.fmax(getattr(self, kind), half) for kind, half in zip(_KINDS, beside, strict=True)}
+        wider = {kind: np.where(np.isinf(half), np.nan, half) for kind, half in wider.items()}
+        return replace(self, **wider, beside=beside)
+
+    @property
+    def _quantiles(self) -> RealArray:
+        degrees = np.where(np.isfinite(self.degrees), self.degrees, np.inf)
+        return np.array([_quantile((1 + LEVEL) / 2, d) for d in degrees])
 
 
 class _Variances(NamedTuple):

@@ -8,6 +8,8 @@ import numpy as np
 
 from modalscope.comparing import CAUSES, Comparison, MethodResult
 from modalscope.comparing.scatter import LEVEL
+from modalscope.comparing.verdict import LEADS
+from modalscope.data.mode_fields import told
 from modalscope.judging.description import decimals
 from modalscope.modal.rebuilt import explains_enough, unexplained
 from modalscope.plot.web.fits import fit_of, lines_of_response
@@ -21,7 +23,7 @@ from modalscope.reporting.record import comparison_script
 _MAX_DIAGRAMS = 6
 
 #: Beginnings of the lines of the verdict on single modes, which the table contains.
-_LINES_ON_MODES = ("Do not trust", "Trust the frequency")
+_LINES_ON_MODES = (*LEADS.values(), "Methods differ on")
 
 #: A map is drawn of at least so many classes of methods, at this maximum distance at least (half-power half-bandwidths).
 _MIN_MAP_CLASSES, _MIN_MAP_DISTANCE = 4, 0.01
@@ -65,10 +67,11 @@ def _verdict(c: Comparison) -> Section:
         [
             str(k + 1),
             f"{g.frequency:.{digits}f}",
-            f"{c.scatter.frequency[k]:.2g}",
+            told(c.scatter.frequency[k]),
             f"{100 * g.damping:.3f}",
-            f"{100 * c.scatter.damping[k]:.2g}",
+            told(100 * c.scatter.damping[k]),
             t.grade,
+            t.agreement.removeprefix("methods "),
             "; ".join([t.why.partition(":")[0], *(x.name for x in t.causes)]),
         ]
         for k, (g, t) in enumerate(zip(c.groups, c.trust, strict=True))
@@ -76,8 +79,8 @@ def _verdict(c: Comparison) -> Section:
     lines = [line for line in c.verdict.splitlines() if not line.startswith(_LINES_ON_MODES)] or [c.verdict]
     first = "loud" if c.groups and not explains_enough(c.fit_error) else "verdict"
     body = paragraph(c.headline) + paragraph(lines[0], first) + "".join(paragraph(line) for line in lines[1:])
-    head = ["mode", "frequency [Hz]", "± [Hz]", "damping [%]", "± [%]", "trust", "reason and causes"]
-    body += table(head, rows, words=[5, 6], graded=5) if rows else ""
+    head = ["mode", "frequency [Hz]", "± [Hz]", "damping [%]", "± [%]", "grade", "methods", "reason and causes"]
+    body += table(head, rows, words=[5, 6, 7], graded=5) if rows else ""
     body += paragraph(lead, "muted")
     return Section("verdict", "Verdict", body)
 
@@ -88,20 +91,21 @@ def _modes(c: Comparison) -> Section:
     columns = {
         "mode": [str(k + 1) for k in range(len(c.groups))],
         "frequency [Hz]": [f"{g.frequency:.{digits}f}" for g in c.groups],
-        "± [Hz]": [f"{v:.2g}" for v in c.scatter.frequency],
+        "± [Hz]": [told(v) for v in c.scatter.frequency],
         "between [Hz]": [f"{g.frequency_between:.2g}" for g in c.groups],
         "damping [%]": [f"{100 * g.damping:.3f}" for g in c.groups],
-        "± [%]": [f"{100 * v:.2g}" for v in c.scatter.damping],
+        "± [%]": [told(100 * v) for v in c.scatter.damping],
         "between [%]": [f"{100 * g.damping_between:.2g}" for g in c.groups],
         "identified by": [f"{len(g.members)} of {ran}" for g in c.groups],
         "minimum MAC": [f"{min(g.mac.values()):.3f}" for g in c.groups],
-        "trust": [t.grade for t in c.trust],
+        "grade": [t.grade for t in c.trust],
+        "methods": [t.agreement.removeprefix("methods ") for t in c.trust],
     }
     rows = list(zip(*columns.values(), strict=True))
-    body = table(list(columns), rows, words=[9]) if rows else paragraph("No significant mode.")
+    body = table(list(columns), rows, words=[9, 10]) if rows else paragraph("No significant mode.")
     body += paragraph(
-        f"±: {100 * LEVEL:g} % interval from the noise and the scatter between methods; between: standard deviation between methods; "
-        "minimum MAC: of the methods' shapes with the consensus.",
+        f"±: {100 * LEVEL:g} % interval from the noise and the scatter between methods, no narrower than that of the analysis; "
+        "between: standard deviation between methods; minimum MAC: of the methods' shapes with the consensus.",
         "muted",
     )
     if c.unconfirmed:

@@ -35,7 +35,7 @@ def deviations_svg(c: Comparison, description: str) -> str:
         panel = Panel(58, top, 822, 190, across, Scale(*_reach(c, kind)), parts)
         panel.axes("mode [Hz]" if kind == "damping" else "", f"{kind} [{unit}]", ticks=labels)
         for k in range(len(c.groups)):
-            width = min(_scatter(c, kind, k), panel.y.high)
+            width = float(np.fmin(_scatter(c, kind, k), panel.y.high))  # the whole panel where there is no interval
             left, right = panel.across(np.array([k - 0.42, k + 0.42])).tolist()
             low, high = panel.upward(np.array([-width, width])).tolist()
             parts.append(f'<path class="band" d="M{left} {low}V{high}H{right}V{low}z"/>')
