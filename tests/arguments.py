@@ -484,7 +484,7 @@ def calls() -> Iterator[tuple[str, Callable[..., Any], dict[str, Any], str]]:
 
 def judge(call: Callable[..., Any], given: dict[str, Any], argument: str, wrong: Any) -> str:
     """Return what is wrong with the answer to a wrong argument: nothing where it is one, or names the argument in plain words."""
-    if argument in ("progress", "watch") and callable(wrong):
+    if argument in ("progress", "partial", "watch") and callable(wrong):
         return ""  # a function of the caller's: what it raises is the caller's
     try:
         found = call(**{**given, argument: wrong})

@@ -132,7 +132,7 @@ def _of_standin(name: str) -> Callable[[], Told]:
 
 #: Small files of faults that strangers' files showed; beside them stands what is right.
 _STANDINS = (
-    *("analyser_mat", "analyser_text", "camera_stack", "dead_tail", "decay_multiples", "drive_voltage"),
+    *("analyser_mat", "analyser_text", "camera_stack", "dead_force", "dead_tail", "decay_multiples", "drive_voltage"),
     *("headless_lines", "knet_ew", "knet_txt", "late_start", "line_by_line", "lines_missing", "listed_units"),
     *("lvm_slow_channels", "matlab_objects", "names_of_responses", "one_frame_lost", "quoted_rows", "repeated_hits"),
     *("responses_below_each_other", "sine_input", "slow_extras", "start_glitch", "stray_cells_csv"),

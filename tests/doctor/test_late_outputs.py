@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -41,6 +43,17 @@ def test_nothing_is_said_of_sound_records_short_ones_and_those_without_forces() 
     assert late(sound) == []
     assert late(ms.Signals(outputs=sound.outputs, sampling_rate=1024.0)) == []
     assert late(ms.Signals(outputs=sound.outputs[:300], inputs=sound.inputs[:300], sampling_rate=1024.0)) == []
+
+
+@pytest.mark.parametrize("force", [0.0, -3.0, 0.1])
+def test_forces_that_never_change_say_nothing_of_delays(force: float) -> None:
+    """Rounding of a mean is no force either."""
+    late_all = shifted(20, slice(None))
+    resting = np.full((late_all.samples, 1), force)
+    assert late(replace(late_all, inputs=resting, input_dofs=None, units=None)) == []
+    one_more = np.column_stack([late_all.inputs, resting])
+    (found,) = late(replace(late_all, inputs=one_more, input_dofs=None, units=None))
+    assert "by 20 samples" in found.reason
 
 
 def test_the_examination_names_it() -> None:

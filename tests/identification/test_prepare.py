@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from modalscope import DataError
-from modalscope.data import FrequencyResponse, ImpulseResponse, Signals
+from modalscope.data import FrequencyResponse, ImpulseResponse, Records, Signals
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.identification.method_names import find_method
 from modalscope.identification.prepare import measure, pose, prepare
@@ -199,6 +199,38 @@ def test_a_channel_of_zeros_is_named_with_its_side(place: tuple[object, ...], wo
     with pytest.raises(DataError, match=words) as error:
         prepare(replace(data, values=values), None, None)
     assert f"exclude=['{words.split()[1]}']" in str(error.value)
+
+
+def test_where_all_is_zero_no_channel_is_to_be_left_out() -> None:
+    with pytest.raises(DataError, match="Check cables"):
+        measure(Signals(outputs=np.zeros((4000, 2)), sampling_rate=50.0))
+
+
+def test_forces_that_never_change_are_left_out_first() -> None:
+    """What is left decides: hits stay hits beside an input that rests, and no force at all is ambient vibration."""
+    moving = records(inputs=True)
+    level = np.full((4000, 1), 0.1)
+    more = Signals(outputs=moving.outputs, inputs=np.hstack([level, moving.inputs]), sampling_rate=50.0)
+    for exclude in (None, ["u1"], [3], ["u1", 3]):  # by label, and counted from zero, outputs first
+        left = measure(more, exclude=exclude)
+        assert [note.numbers for note in left.notes if note.kind == "dead force"] == [{"u1": 0.1}]
+        assert left.response.input_dofs == ("u2", "u3", "u4")[exclude in ([3], ["u1", 3]) :]
+    resting = Signals(outputs=moving.outputs, inputs=level, sampling_rate=50.0)
+    for data in (resting, Records(runs=(resting, resting))):
+        for exclude in (None, ["u1"]):
+            left = measure(data, exclude=exclude)
+            assert left.response.ambient
+            assert left.notes[0].kind == "dead force"
+    with pytest.raises(DataError, match="not records with inputs"):
+        measure(resting, route="records")
+
+
+def test_a_run_in_which_a_force_rests_stays() -> None:
+    moving = records(inputs=True)
+    rest = replace(moving, inputs=np.zeros((4000, 3)))
+    driven = measure(Records(runs=(moving, rest))).driven
+    assert driven is not None
+    assert len(driven.runs) == 2
 
 
 def test_a_single_pair_of_zeros_is_no_dead_channel() -> None:

@@ -34,14 +34,23 @@ def read(path: Path) -> Any:
     return read_analysis(path) if path.name.endswith(".analysis.json") else mio.read(path)
 
 
+def hidden(error: BaseException) -> BaseException | None:
+    """Return what a DataError was made of, where that is a fault of a program or of the machine: no file is to blame for these."""
+    cause = error.__cause__
+    if isinstance(cause, DataError):
+        return hidden(cause)
+    return cause if isinstance(cause, TypeError | AttributeError | MemoryError) else None
+
+
 def ending(path: Path) -> dict[str, Any]:
-    """Return how reading a file ends: `read`, `DataError`, or the name of another exception."""
+    """Return how reading a file ends: `read`, `DataError`, or the name of another exception, also of one that a DataError hides."""
     start = _processor()
     try:
         read(path)
         how, text = "read", ""
     except DataError as error:
-        how, text = "DataError", str(error)
+        cause = hidden(error)
+        how, text = "DataError" if cause is None else f"hidden {type(cause).__name__}", str(error)
     except BaseException as error:  # noqa: BLE001 - what else there is, is the question
         how, text = type(error).__name__, str(error)
     used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss

@@ -149,7 +149,7 @@ def _damaged_within(whole: Path, path: Path, rng: np.random.Generator) -> str:
 def work(corpus: Path, seed: int, first: int, stop: int, place: Path) -> None:
     """Read the damaged files of these numbers."""
     from modalscope.data import DataError
-    from tests.io.apart import read
+    from tests.io.apart import hidden, read
 
     read_in_copies()
     files = sorted(corpus.iterdir())
@@ -166,8 +166,11 @@ def work(corpus: Path, seed: int, first: int, stop: int, place: Path) -> None:
         try:
             thing = read(path)
             counts[_INTACT if same(thing, whole[origin]) else _CHANGED] += 1
-        except DataError:
+        except DataError as error:
             counts[_REFUSED] += 1
+            if (cause := hidden(error)) is not None:
+                how = f"hidden {type(cause).__name__}"
+                print(json.dumps(fault | {"how": how, "text": f"{error}: {where(cause)}"}), flush=True)
         except Exception as error:  # noqa: BLE001 - what else there is, is the question
             print(json.dumps(fault | {"how": type(error).__name__, "text": where(error)}), flush=True)
         signal.setitimer(signal.ITIMER_PROF, 0)

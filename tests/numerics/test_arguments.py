@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
+import numpy as np
 import pytest
 
 from modalscope.data import DataError
-from modalscope.numerics.arguments import COUNT, POSITIVE, at_least, between, named
+from modalscope.numerics.arguments import COUNT, POSITIVE, at_least, between, named, plainly
 
 
 @named(
@@ -69,3 +71,21 @@ def test_a_value_within_its_limit_arrives(name: str, value: Any) -> None:
 def test_a_value_beyond_its_limit_is_refused_by_name(arguments: dict[str, Any], message: str) -> None:
     with pytest.raises(DataError, match=message):
         verb(**arguments)
+
+
+@plainly
+def shown(values: Any, take: Iterable[float] = (), bands: Iterable[float] = (1.0,), count: int = 10**30) -> None:
+    raise np.linalg.LinAlgError("Singular matrix")
+
+
+@pytest.mark.parametrize("given", [{}, {"take": ()}, {"bands": ()}, {"count": 10**30}, {"take": (1.0,)}])
+def test_an_error_of_ours_is_no_sentence_on_what_a_program_gave_for_nothing(given: dict[str, Any]) -> None:
+    """Commands give every default and empty tuples."""
+    with pytest.raises(np.linalg.LinAlgError):
+        shown(1.0, **given)
+
+
+def test_the_error_that_a_wrong_value_ended_in_stays_beside_the_sentence() -> None:
+    with pytest.raises(DataError, match="take=") as refused:
+        shown(1.0, take=[np.inf])
+    assert isinstance(refused.value.__cause__, np.linalg.LinAlgError)

@@ -54,7 +54,22 @@ def test_runs_are_columns_and_all_must_decay() -> None:
 
 
 def test_a_force_makes_it_no_decay_and_several_records_have_one_kind() -> None:
-    struck = Signals(outputs=plucked().outputs, inputs=np.ones((1500, 1)), sampling_rate=RATE)
+    struck = Signals(outputs=plucked().outputs, inputs=np.eye(1500, 1), sampling_rate=RATE)
     assert as_free_decay(struck) == (struck, ())
     assert Records(runs=[plucked(), plucked(seed=1)]).kind_of_test == "free decay"
     assert CHAIN.impulse_response(50).kind_of_test is None
+
+
+def test_a_force_that_never_changes_is_none_and_is_told() -> None:
+    resting = Signals(
+        outputs=plucked().outputs,
+        inputs=np.full((1500, 1), -3.1),
+        sampling_rate=RATE,
+        quantities="displacement",
+        output_dofs=CHAIN.dofs,
+    )
+    for options in ({}, {"exclude": ["u1"]}):  # what the finding of the doctor says to do
+        result = analyze(resting, refine=False, orders=[10], **options)
+        assert isinstance(result.data, ImpulseResponse)
+        assert {note.kind: dict(note.numbers) for note in result.notes}["dead force"] == {"u1": -3.1}
+    assert np.array_equal(replay(result.analysis, resting).modes.poles, result.modes.poles)

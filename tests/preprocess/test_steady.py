@@ -32,6 +32,10 @@ def levels(y: Array) -> tuple[float, float] | None:
     return None if found is None else (found.note.numbers["least"], found.note.numbers["largest"])
 
 
+def test_a_record_of_zeros_has_no_level() -> None:
+    assert levels(np.zeros((4000, 2))) is None
+
+
 def test_steady_records_stay_as_they_are() -> None:
     """Also where the mode rings as long as a stretch lasts: 800 s at .1 % damping."""
     assert not any(levels(resonance(seed)) for seed in range(10))

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from modalscope.numerics.checks import check_band, check_count, check_kind, freeze
+from modalscope.numerics.checks import check_band, check_count, check_each, check_kind, check_number, freeze
 from modalscope.numerics.errors import DataError
 
 # The version, as files and reports say it; a test holds it to that of the face and of the project file.
@@ -111,15 +111,19 @@ class Analysis:
         check_kind("refine", self.refine, bool)
         check_kind("apart", self.apart, bool)
         check_kind("reciprocal", self.reciprocal, (bool, type(None)))
+        lists = {name: check_each(name, getattr(self, name), "a list") for name in ("bands", "exclude", "remarks")}
+        whole = None if self.orders is None else check_each("orders", self.orders, "whole numbers")
+        hertz = {name: getattr(self, name) for name in ("frequencies", "taken", "refused")}
         freeze(
             self,
-            bands=tuple(check_band(band) for band in self.bands),
-            exclude=tuple(self.exclude),
-            orders=None if self.orders is None else tuple(int(n) for n in self.orders),
-            frequencies=None if self.frequencies is None else tuple(float(f) for f in self.frequencies),
-            taken=tuple(float(f) for f in self.taken),
-            refused=tuple(float(f) for f in self.refused),
-            remarks=tuple(str(text) for text in self.remarks),
+            bands=tuple(check_band(band) for band in lists["bands"]),
+            exclude=tuple(lists["exclude"]),
+            orders=None if whole is None else tuple(check_count("an order", n, least=0) for n in whole),
+            remarks=tuple(str(text) for text in lists["remarks"]),
+            **{
+                name: None if each is None else tuple(check_number(name, f) for f in check_each(name, each, "numbers"))
+                for name, each in hertz.items()
+            },
         )
 
     @property

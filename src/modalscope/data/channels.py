@@ -141,8 +141,7 @@ def choose_channels(
     rows = list(range(len(output_dofs))) if outputs is None else indices_of("output", outputs, output_dofs)
     columns = list(range(len(input_dofs))) if inputs is None else indices_of("input", inputs, input_dofs)
     if exclude is not None:
-        both = (*output_dofs, *(dof for dof in input_dofs if dof not in output_dofs))
-        out = {both[i] for i in indices_of("channel to exclude", exclude, both)}
+        out = set(excluded_labels(output_dofs, input_dofs, exclude))
         rows = [i for i in rows if output_dofs[i] not in out]
         kept = [i for i in columns if input_dofs[i] not in out]
         if columns and not kept:
@@ -151,6 +150,12 @@ def choose_channels(
     if not rows:
         raise DataError("a choice of channels needs at least one output", "none is left", "Exclude fewer channels.")
     return rows, columns
+
+
+def excluded_labels(output_dofs: Sequence[str], input_dofs: Sequence[str], exclude: Chosen) -> tuple[str, ...]:
+    """Return the labels of channels to exclude, on whichever side they stand; indices count the outputs first."""
+    both = (*output_dofs, *(dof for dof in input_dofs if dof not in output_dofs))
+    return () if exclude is None else tuple(both[i] for i in indices_of("channel to exclude", exclude, both))
 
 
 #: Words for places that carry the motion of a base, as archives of strong motion call their channels, and words for places that ride on

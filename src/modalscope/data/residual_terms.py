@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.functions.pole_functions import line_functions, sample_functions
+from modalscope.numerics import documents
 from modalscope.numerics.checks import (
     ComplexArray,
     RealArray,
@@ -106,20 +107,18 @@ class ResidualTerms:
         """
         check_kind("an entry of the residual terms", entries, Mapping)
         try:
-            l, m, R = entries["channels"]
-            poles, residues = (
-                np.array(entries[name]["real"], float) + 1j * np.array(entries[name]["imag"], float)
-                for name in ("poles", "residues")
-            )
+            l, m, R = (int(documents.number(count)) for count in documents.entries(entries["channels"]))
+            parts = [documents.mapping(entries[name]) for name in ("poles", "residues")]
+            poles, residues = (documents.numbers(z["real"]) + 1j * documents.numbers(z["imag"]) for z in parts)
             return cls(
                 poles=poles,
                 residues=residues.reshape(poles.size, l, m + R),
-                powers=tuple(entries["powers"]),
-                terms=np.array(entries["terms"], float).reshape(-1, l, m),
-                ends=np.array(entries["ends"], float).reshape(-1, l, R) if R else np.zeros((0, l, 0)),
+                powers=tuple(documents.entries(entries["powers"])),
+                terms=documents.numbers(entries["terms"]).reshape(-1, l, m),
+                ends=documents.numbers(entries["ends"]).reshape(-1, l, R) if R else np.zeros((0, l, 0)),
                 **{name: entries[name] for name in ("top", "rate", "band")},
             )
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, ValueError) as error:
             raise DataError(
                 "residual terms were asked", f"their entries are damaged ({error})", "Write the file again."
             ) from error

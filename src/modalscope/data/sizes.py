@@ -1,17 +1,23 @@
-"""Check that the magnitudes of data allow squares and fourth powers, and that no channel is zero."""
+"""Check that the magnitudes of data allow squares and fourth powers, and that no channel is zero; find channels that are constant."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.setups import Setups
-from modalscope.numerics.checks import Array
+from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import DataError
 
 #: Limits of the largest number of a channel, and of its reciprocal: correlations of records are responses, which go with the square.
 _MAX_OF_RECORDS, _MAX_OF_RESPONSES = 1e30, 1e60
+
+#: Maximum RMS of a dead channel about its mean, over its largest value: 32 times the rounding. The size of other channels does not matter,
+#: as they may have other units.
+_DEAD_LEVEL = 32 * float(np.finfo(float).eps)
 
 #: Samples that are compared side by side: rows of few numbers take several times as long.
 _SAMPLES_SIDE_BY_SIDE = 64
@@ -71,10 +77,46 @@ def check_alive(response: Response) -> None:
         if speaks.all():
             return
     for side, axis, labels in (("output", 1, response.output_dofs), ("input", 0, response.input_dofs)):
-        dead = [labels[i] for i in np.flatnonzero(~speaks.any(axis=axis))]
-        if dead:
-            raise DataError(
-                f"data with a response in every {side} were asked",
-                f"{side} {', '.join(dead)} is zero throughout",
-                f"Leave it out: exclude={dead!r}, or --exclude {' '.join(dead)}.",
-            )
+        if dead := [labels[i] for i in np.flatnonzero(~speaks.any(axis=axis))]:
+            raise _zero(side, dead, labels)
+
+
+def check_moving(signals: Signals) -> None:
+    """Raise on a record whose outputs are all zero: it has no spectrum."""
+    if not signals.outputs.any():
+        raise _zero("output", signals.output_dofs, signals.output_dofs)
+
+
+def _zero(side: str, dead: Sequence[str], labels: Sequence[str]) -> DataError:
+    leave = f"Leave it out: exclude={list(dead)!r}, or --exclude {' '.join(dead)}."
+    return DataError(
+        f"data with a response in every {side} were asked",
+        f"{side} {', '.join(dead)} is zero throughout",
+        "Check cables, sensors and which columns were read." if len(dead) == len(labels) else leave,
+    )
+
+
+def constant_channels(samples: Array) -> list[int]:
+    """Return the indices of channels (N, c) that are constant, but for the rounding of their values."""
+    suspected = _least_spread(samples) < _DEAD_LEVEL
+    return [i for i in np.flatnonzero(suspected).tolist() if _is_dead(samples[:, i])]
+
+
+def _least_spread(samples: Array) -> RealArray:
+    """Return a lower bound of the standard deviation of channels (N, c) over their largest value: of N samples range / sqrt(2 N).
+
+    Two of them that are so far apart scatter by range / sqrt(2 N) at least, wherever the others are.
+    """
+    if not len(samples) or np.iscomplexobj(samples):
+        return np.zeros(samples.shape[1])
+    low, high = samples.min(axis=0), samples.max(axis=0)
+    largest = np.maximum(np.abs(low), np.abs(high))
+    scale = np.where(largest > 0, largest, 1.0)
+    return np.asarray((high / scale - low / scale) / np.sqrt(2 * len(samples)))
+
+
+def _is_dead(x: Array) -> bool:
+    """Return whether a channel (N,) is constant, but for the rounding of its values."""
+    largest = float(np.max(np.abs(x), initial=0.0))
+    # the difference from the first sample has no rounding of a mean; over the largest, its square is finite at any scale
+    return largest == 0 or float(np.std((x - x[0]) / largest)) < _DEAD_LEVEL

@@ -20,7 +20,7 @@ from modalscope.doctor.findings import finding, thinned
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.correlation import spanning_outputs
-from modalscope.preprocess.excitation import find_excitation
+from modalscope.preprocess.excitation import find_excitation, without_dead_forces
 from modalscope.preprocess.spectra import Segments, cross_spectra, fast_length
 
 #: Maximum number of samples of a run, and of runs, that are examined.
@@ -94,7 +94,7 @@ def lateness(signals: Signals) -> tuple[bool, dict[str, int]]:
     The impulse response of acceleration begins with the direct term at lag 0, that of velocity with the shapes at lag 1; that of
     displacement grows from zero and shows no delay. Recorders that started apart, and buffers, shift it.
     """
-    outputs, inputs = signals.by_run()
+    outputs, inputs = without_dead_forces(signals)[0].by_run()
     length = min(signals.samples // (_SEGMENTS // 2 + 1), _MAX_SEGMENT)
     if inputs is None or length < _MIN_SEGMENT:
         return False, {}

@@ -12,6 +12,7 @@ from modalscope.data.notes import Finding
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.setups import Setups
+from modalscope.data.sizes import constant_channels
 from modalscope.numerics.checks import Array, RealArray
 
 #: One side of the data: "output" or "input", its channels as columns (N, c), and their labels.
@@ -185,10 +186,6 @@ ROWS = {
 #: All kinds of findings.
 KINDS = tuple(dict.fromkeys(name.partition(":")[0] for name in ROWS))
 
-#: Maximum RMS of a dead channel about its mean, over its largest value: 32 times the rounding. The size of other channels does not matter,
-#: as they may have other units.
-_DEAD_LEVEL = 32 * float(np.finfo(float).eps)
-
 #: Channels that are copied together, and samples at a time: eight numbers are a line of the cache, and so many lines stay in it.
 _CHANNELS_AT_A_TIME, _SAMPLES_AT_A_TIME = 8, 1024
 
@@ -273,28 +270,7 @@ def thinned(signals: Signals) -> Signals:
 
 def dead_channels(samples: Array, labels: Sequence[str]) -> list[Finding]:
     """Find channels (N, c) that are constant, but for the rounding of their values."""
-    suspected = _least_spread(samples) < _DEAD_LEVEL
-    return [finding("dead", labels[i]) for i in np.flatnonzero(suspected).tolist() if _is_dead(samples[:, i])]
-
-
-def _least_spread(samples: Array) -> RealArray:
-    """Return a lower bound of the standard deviation of channels (N, c) over their largest value: of N samples range / sqrt(2 N).
-
-    Two of them that are so far apart scatter by range / sqrt(2 N) at least, wherever the others are.
-    """
-    if not len(samples) or np.iscomplexobj(samples):
-        return np.zeros(samples.shape[1])
-    low, high = samples.min(axis=0), samples.max(axis=0)
-    largest = np.maximum(np.abs(low), np.abs(high))
-    scale = np.where(largest > 0, largest, 1.0)
-    return np.asarray((high / scale - low / scale) / np.sqrt(2 * len(samples)))
-
-
-def _is_dead(x: Array) -> bool:
-    """Return whether a channel (N,) is constant, but for the rounding of its values."""
-    largest = float(np.max(np.abs(x), initial=0.0))
-    # the difference from the first sample has no rounding of a mean; over the largest, its square is finite at any scale
-    return largest == 0 or float(np.std((x - x[0]) / largest)) < _DEAD_LEVEL
+    return [finding("dead", labels[i]) for i in constant_channels(samples)]
 
 
 def identical_channels(samples: Array, labels: Sequence[str]) -> list[Finding]:

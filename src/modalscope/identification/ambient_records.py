@@ -15,7 +15,7 @@ import numpy as np
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.setups import Setups
-from modalscope.data.sizes import check_size
+from modalscope.data.sizes import check_moving, check_size
 from modalscope.data.stored import StoredSignals
 from modalscope.identification.routes import one_record
 from modalscope.identification.sizes import SETUP_ROWS
@@ -65,6 +65,8 @@ def seen_record(record: Signals | StoredSignals) -> SeenRecord:
     Straight lines are taken out first, and stretches brought to one level where every clear peak stays clear: an earthquake may be the one
     stretch that has them.
     """
+    if isinstance(record, Signals):
+        check_moving(record)
     straight = straightened(record)
     whole = _examined(straight)
     straight, (excerpt, spectrum, levels), told = _at_one_level(straight, whole)

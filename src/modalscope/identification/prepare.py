@@ -8,6 +8,7 @@ from functools import singledispatch
 from typing import Any, NamedTuple
 
 from modalscope.blocks.combinations import combined
+from modalscope.data.channels import excluded_labels
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.response import Response
@@ -36,6 +37,7 @@ from modalscope.numerics.errors import DataError, check_choice, check_option_nam
 from modalscope.preprocess.bands import driven_lines
 from modalscope.preprocess.conditioning import slower_correlation
 from modalscope.preprocess.correlation import estimate_correlation, spanning_outputs
+from modalscope.preprocess.excitation import still_there, without_dead_forces
 from modalscope.preprocess.setups import joined_setups
 from modalscope.preprocess.spectral_peaks import whitening_of
 
@@ -129,7 +131,7 @@ def measure(
     checked = None if band is None else check_band(band)
     asked = "auto" if route is None else check_choice("route", route, ROUTES)
     test = as_test(data) if isinstance(data, list | tuple) else data
-    test = test if exclude is None or not hasattr(test, "select") else test.select(exclude=exclude)
+    test, left = _chosen(test, exclude)
     late = None if delays is None else delays_of(delays)
     sides = None if reciprocal is None else reciprocity_of(reciprocal)
     measured = _measured(test, checked, _Asked(asked, method, domain, late, sides))
@@ -140,7 +142,18 @@ def measure(
     if reciprocal and not measured.response.exchanged:
         have = f"the data are {measured.given}, not responses to single forces"
         raise DataError("reciprocal=True was asked", have, "Omit it, or estimate frequency responses: route='frf'.")
-    return replace(measured, band=measured.band if checked is None else checked, exclude=exclude)
+    band, notes = measured.band if checked is None else checked, (*left, *measured.notes)
+    return replace(measured, band=band, exclude=exclude, notes=notes)
+
+
+def _chosen(test: Any, exclude: Any) -> tuple[Any, tuple[Note, ...]]:
+    """Return data without the excluded channels and without forces that never change, and a note on these."""
+    left: tuple[Note, ...] = ()
+    if isinstance(test, Signals | Records):
+        out = excluded_labels(test.output_dofs, test.input_dofs, exclude)
+        test, left = without_dead_forces(test)
+        exclude = still_there(out, left) or None
+    return test if exclude is None or not hasattr(test, "select") else test.select(exclude=exclude), left
 
 
 class _Asked(NamedTuple):

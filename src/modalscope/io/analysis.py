@@ -21,6 +21,7 @@ from modalscope.io.arrays import joined
 from modalscope.io.contents import unreadable
 from modalscope.io.limits import room
 from modalscope.numerics.checks import Array, check_kind
+from modalscope.numerics.documents import entries as listed, made
 from modalscope.numerics.errors import DataError
 
 #: Lists and mappings in each other, more than any document has.
@@ -75,12 +76,12 @@ def analysis_from(entries: Mapping[str, Any]) -> Analysis:
     try:
         # "refine" and "reciprocal" are missing where it was written before there was one
         given = {"refine": False, "reciprocal": False, **{name: _back(value) for name, value in entries.items()}}
-        files = tuple(SourceFile(**file) for file in given.pop("files", ()))
+        files = tuple(made(SourceFile, file) for file in listed(given.pop("files", ())))
         return Analysis(files=files, **given)
     except DataError:
         raise
-    except (TypeError, AttributeError, KeyError, OverflowError, ValueError) as error:
-        raise DataError("an analysis was read", f"its fields are damaged ({error})", "Write it again.") from None
+    except (KeyError, OverflowError, ValueError) as error:
+        raise DataError("an analysis was read", f"its fields are damaged ({error})", "Write it again.") from error
 
 
 def is_deep(value: Any) -> bool:

@@ -47,8 +47,8 @@ TEXTS = (
     *("output_dofs", "input_dofs", "processing", "quantities", "output_units", "input_units", "geometry_nodes"),
     "groups",
 )
-#: What data classes raise on damaged fields.
-FIELD_FAULTS = (TypeError, KeyError, AttributeError, IndexError, OverflowError, ValueError)
+#: What data classes raise on damaged fields, whose types are checked before.
+FIELD_FAULTS = (KeyError, IndexError, OverflowError, ValueError)
 INDICATOR = "indicator_"
 
 #: What the names of the arrays of modes before their refinement start with.

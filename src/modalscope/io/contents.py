@@ -41,20 +41,10 @@ _MAX_LISTED = 4
 #: Number of the last character of Unicode.
 _LAST_CHARACTER = 0x10FFFF
 
-#: What readers and the packages under them raise on damaged files.
+#: What readers and the packages under them raise on damaged files. TypeError and AttributeError are faults of a program, MemoryError one
+#: of the machine: nobody is told to export a file again for them.
 DAMAGED = (
-    *(
-        ValueError,
-        KeyError,
-        TypeError,
-        IndexError,
-        AttributeError,
-        OSError,
-        EOFError,
-        RuntimeError,
-        MemoryError,
-        SystemError,
-    ),
+    *(ValueError, KeyError, IndexError, OSError, EOFError, RuntimeError, SystemError),
     *(ArithmeticError, AssertionError, SyntaxError, struct.error, zlib.error, zipfile.BadZipFile, tokenize.TokenError),
 )
 
@@ -76,11 +66,11 @@ def damage_as_error(
     """Turn what damaged files make a reader raise into a `DataError` that names the file."""
     try:
         yield
-    except (DataError, PermissionError, FileNotFoundError):
+    except (DataError, PermissionError, FileNotFoundError, MemoryError):
         raise
     except kinds as error:
         words = f"{type(error).__name__}: {str(error)[:100]}"
-        raise unreadable(where, f"it is damaged or of another kind ({words})", remedy) from None
+        raise unreadable(where, f"it is damaged or of another kind ({words})", remedy) from error
 
 
 def check_characters(name: str, array: Any) -> None:

@@ -31,6 +31,7 @@ from modalscope.io.contents import Contents, Finding, damage_as_error, unreadabl
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import Room, room
 from modalscope.numerics.checks import Array
+from modalscope.numerics.documents import entries, made, mapping, numbers
 
 #: The text that holds what is no array; where it is, the file holds a diagram.
 DIAGRAM = "diagram"
@@ -70,7 +71,7 @@ def document_contents(where: str, document: Mapping[str, Any], space: Room) -> C
     `space`: what its arrays may take.
     """
     with _checked(where):
-        arrays = {name: _array(name, values, space) for name, values in document["arrays"].items()}
+        arrays = {name: _array(name, values, space) for name, values in mapping(document["arrays"]).items()}
         return _contents(where, document[DIAGRAM], arrays)
 
 
@@ -110,12 +111,15 @@ def _contents(where: str, rest: Mapping[str, Any], arrays: Mapping[str, Array]) 
     if not isinstance(response, FrequencyResponse | ImpulseResponse | RecordSpectra):
         raise unreadable(f"a stabilization diagram from {where}", "its response is missing", "Write the file again.")
     measured = contents_from_arrays(where, lines, {}).thing if lines else None
-    values: dict[str, Any] = {name: _tuples(value) for name, value in rest.items()}
+    values: dict[str, Any] = {name: _tuples(value) for name, value in mapping(rest).items()}
     prefixes = (_RESPONSE, _MEASURED, INDICATOR, _SETTING)
     values |= {name: a for name, a in arrays.items() if not name.startswith(prefixes)}
-    values["settings"] = _settings(values["method"], values["domain"], values["settings"] | behind(_SETTING))
+    values["settings"] = _settings(
+        values["method"], values["domain"], {**mapping(values["settings"]), **behind(_SETTING)}
+    )
     values |= {"response": response, "measured": measured, "indicators": behind(INDICATOR)}
-    diagram = StabilizationDiagram(**values)
+    entries(values.get("orders"))
+    diagram = made(StabilizationDiagram, values)
     what = f"{len(diagram.poles)} poles at {len(diagram.orders)} orders ({diagram.method}, {diagram.domain})"
     return Contents(thing=diagram, findings=(Finding(part=DIAGRAM, what=what),))
 
@@ -154,7 +158,7 @@ def _settings(method: str, domain: str, options: dict[str, Any]) -> Settings:
         for m in methods()
         if (m.name, m.domain) == (method, domain) and (m.served_by(route) if route else not m.driven)
     ]
-    return (types[0] if types else Settings)(**options)
+    return made(types[0] if types else Settings, options)
 
 
 def _tuples(value: Any) -> Any:
@@ -185,4 +189,6 @@ def _array(name: str, values: Any, space: Room) -> Array:
     texts = [text for text in array.ravel() if isinstance(text, str)]
     if {"NaN", "Infinity", "-Infinity"} & set(texts):
         return array.astype(float)
-    return space.texts(name, [str(text) for text in array.ravel()]).reshape(array.shape) if texts else np.array(values)
+    if texts:
+        return space.texts(name, [str(text) for text in array.ravel()]).reshape(array.shape)
+    return np.array(values) if np.array(values).dtype != object else numbers(values)

@@ -24,8 +24,8 @@ _MAX_DEPTH, _MAX_OBJECTS, _MAX_CHUNKS, _MAX_CELLS = 32, 100_000, 10_000, 20_000
 _MIN_BYTES_BY_CHUNK, _BYTES_OF_TEXT = 64, 64
 #: Bytes at most of a chunk of a small array, of a chunk of what is read in stretches, and of an attribute.
 _MAX_BYTES_OF_CHUNK, _MAX_BYTES_OF_STRETCH, _MAX_BYTES_OF_ATTRIBUTE = 16_000_000, 512_000_000, 4096
-#: What h5py raises on damaged files.
-_DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, MemoryError, OverflowError)
+#: What h5py raises on damaged files; TypeError is its word for types that NumPy does not have.
+_DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError)
 
 
 class Refused(Exception):

@@ -37,13 +37,14 @@ from modalscope.data.mode_fields import COLUMNS
 from modalscope.data.results import Result
 from modalscope.functions.poles import poles_from
 from modalscope.io.analysis import analysis_to
-from modalscope.io.arrays import joined, plain, to_arrays
+from modalscope.io.arrays import FIELD_FAULTS, joined, plain, to_arrays
 from modalscope.io.contents import Contents, Finding, Options, damage_as_error, unreadable
 from modalscope.io.diagrams import DIAGRAM, document_contents, write_document
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import room
 from modalscope.judging.description import columns_of
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.documents import entries, made, mapping, number, numbers
 
 #: What the caller may add: how the modes were found, and the data they were found in.
 WRITE_OPTIONS = ("method", "domain", "orders", "route", "data", "result")
@@ -167,18 +168,17 @@ def read(path: Path, options: Options) -> Contents:
         document = {}
     if DIAGRAM in document:
         return document_contents(path.name, document, space)
-    damaged = (KeyError, TypeError, AttributeError, IndexError, OverflowError, ValueError)
     if "modalscope" in document and isinstance(document.get("state_space"), dict):
-        with damage_as_error(path.name, "Write the file again.", damaged):
+        with damage_as_error(path.name, "Write the file again.", FIELD_FAULTS):
             matrices = {
-                name: np.asarray(a, dtype=str if name.endswith(("_dofs", "_units")) else float)
+                name: np.asarray(a, dtype=str) if name.endswith(("_dofs", "_units")) else numbers(a)
                 for name, a in document["state_space"].items()
             }
         return contents_from_arrays(path.name, matrices, options)
     if not isinstance(document.get("modes"), list) or "modalscope" not in document:
         fault = 'it has no "modalscope" and "modes" entries'
         raise unreadable(f"{path.name} as modes", fault, "Give a modes.json that modalscope wrote.")
-    with damage_as_error(f"{path.name} as modes", "Write the file again.", damaged):
+    with damage_as_error(f"{path.name} as modes", "Write the file again.", FIELD_FAULTS):
         modes = _modes(document)
     how = [f"{key} {document[key]}" for key in ("method", "domain", "orders") if document.get(key) is not None]
     finding = Finding(part="modes", what=f"{len(modes)} modes" + (f" ({', '.join(how)})" if how else ""))
@@ -187,35 +187,36 @@ def read(path: Path, options: Options) -> Contents:
 
 def _modes(document: dict[str, Any]) -> ModalModel:
     """Return the modes, and what belongs to all of them."""
-    rows, data = document["modes"], document.get("data") or {}
+    rows, data = [mapping(row) for row in document["modes"]], mapping(document.get("data") or {})
     fields: dict[str, Any] = {name: data[name] for name in _OF_DATA if data.get(name) is not None}
     before = document.get("unrefined")
-    direct = {name: np.array(document[name], dtype=float) for name in _DIRECT if document.get(name) is not None}
+    direct = {name: numbers(document[name]) for name in _DIRECT if document.get(name) is not None}
     return _model(
         rows,
         data,
         residual_terms=document.get("residual_terms") or (),
-        geometry=Geometry(**document["geometry"]) if document.get("geometry") else None,
+        geometry=made(Geometry, document["geometry"]) if document.get("geometry") else None,
         notes=document.get("notes") or (),
         left_out=document.get("left_out") or (),
         harmonics=document.get("harmonics") or (),
-        unrefined=None if before is None else _model(before, data, **fields),
+        unrefined=None if before is None else _model([mapping(row) for row in entries(before)], data, **fields),
         converged=document.get("converged"),
         **fields,
         **direct,
     )
 
 
-def _model(rows: list[dict[str, Any]], data: dict[str, Any], **fields: Any) -> ModalModel:
+def _model(rows: list[Mapping[str, Any]], data: Mapping[str, Any], **fields: Any) -> ModalModel:
     """Return modes from their rows, with fields that belong to all of them."""
-    outputs = data.get("output_dofs") or (rows[0]["shape"]["dof"] if rows else [])
+    parts = [mapping(row["shape"]) for row in rows]
+    outputs = entries(data.get("output_dofs") or (parts[0]["dof"] if rows else []))
     participation: list[Any] = [row.get("participation") for row in rows]
-    shapes = np.array([_complex(row["shape"]) for row in rows], dtype=complex).reshape(len(rows), len(outputs)).T
+    shapes = np.array([_complex(shape) for shape in parts], dtype=complex).reshape(len(rows), len(outputs)).T
     complete = bool(rows) and all(entry is not None for entry in participation)
-    std: list[Any] = [row["shape"].get("std") for row in rows]
+    std: list[Any] = [shape.get("std") for shape in parts]
     degrees: list[Any] = [row.get("degrees") for row in rows]
-    names = rows[0].get("indicators") or {} if rows else {}
-    units = data.get("units")
+    names = mapping(rows[0].get("indicators") or {} if rows else {})
+    units = None if data.get("units") is None else entries(data["units"])
     columns: dict[str, Any] = {name: _column(rows, key) for key, name in COLUMNS.items()}
     columns["units"] = None if units is None else (units[0], units[1] if complete else ())
     return ModalModel(
@@ -225,29 +226,29 @@ def _model(rows: list[dict[str, Any]], data: dict[str, Any], **fields: Any) -> M
         degrees=np.array([_numbers(entry) for entry in degrees]) if rows and all(degrees) else None,
         participation=np.array([_complex(entry) for entry in participation]) if complete else None,
         output_dofs=tuple(outputs),
-        input_dofs=tuple(data.get("input_dofs") or ()) if complete else (),
-        processing=tuple(data.get("processing") or ()),
-        indicators={name: _numbers([row["indicators"][name] for row in rows]) for name in names},
+        input_dofs=tuple(entries(data.get("input_dofs") or ())) if complete else (),
+        processing=tuple(entries(data.get("processing") or ())),
+        indicators={name: _numbers([mapping(row["indicators"])[name] for row in rows]) for name in names},
         reasons=tuple(row.get("reasons") or {} for row in rows) if any(row.get("reasons") for row in rows) else (),
         **columns,
         **fields,
     )
 
 
-def _complex(parts: dict[str, list[float]]) -> ComplexArray:
-    return joined(np.array(parts["real"], dtype=float), np.array(parts["imag"], dtype=float))
+def _complex(parts: Any) -> ComplexArray:
+    return joined(numbers(mapping(parts)["real"]), numbers(parts["imag"]))
 
 
-def _pole(row: dict[str, Any]) -> complex:
+def _pole(row: Mapping[str, Any]) -> complex:
     if row.get("pole"):
-        return complex(row["pole"]["real"], row["pole"]["imag"])
-    return complex(poles_from(float(row["frequency_hz"]), float(row["damping_ratio"])))
+        return complex(*(number(mapping(row["pole"])[part]) for part in ("real", "imag")))
+    return complex(poles_from(number(row["frequency_hz"]), number(row["damping_ratio"])))
 
 
-def _numbers(values: list[Any]) -> RealArray:
-    return np.array([np.nan if value is None else float(value) for value in values])
+def _numbers(values: Any) -> RealArray:
+    return np.array([np.nan if value is None else number(value) for value in entries(values)])
 
 
-def _column(rows: list[dict[str, Any]], key: str) -> RealArray | None:
+def _column(rows: list[Mapping[str, Any]], key: str) -> RealArray | None:
     values = [row.get(key) for row in rows]
     return None if all(value is None for value in values) else _numbers(values)

@@ -133,7 +133,7 @@ def _readable(path: str, what: str) -> Iterator[None]:
         yield
     except DAMAGED as error:
         fault = f"the file is damaged or gone ({error})"
-        raise unreadable(f"{what} of {Path(path).name}", fault, "Copy or write the file again.") from None
+        raise unreadable(f"{what} of {Path(path).name}", fault, "Copy or write the file again.") from error
 
 
 def stored_contents(where: str, rows: Rows, arrays: Mapping[str, Array], options: Options) -> Contents:

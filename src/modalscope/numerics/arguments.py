@@ -38,6 +38,9 @@ _LIBRARY_ERRORS = (
 _MIN_NUMBER, _MAX_NUMBER = 1e-100, 1e15
 _COMPUTABLE = "of a size that can be computed with"
 
+#: Types of defaults that are equal to others of the same value.
+_PLAIN = (str, int, float, complex, tuple, frozenset)
+
 #: Abstract types of numbers.
 _NUMBER_TYPES: dict[Any, Any] = {int: Integral, float: Real, complex: Complex, bool: bool | np.bool_}
 
@@ -114,11 +117,22 @@ def _blame(verb: Callable[..., Any], args: Sequence[Any], kwargs: Mapping[str, A
         given = list(_arguments(verb, args, kwargs))
     except TypeError:  # too many or too few: Python's words name them
         return _misnamed(verb, kwargs)
+    # a program gives defaults, too: what is as it would be without is nobody's fault
+    parameters = inspect.signature(verb).parameters
+    given = [one for one in given if not _is_default(one[1], parameters.get(one[0]))]
     for fault in (_unlike, _odd, _without_axis):
         for argument, value, hint in given:
             if words := fault(value, hint):
                 return _error(verb.__qualname__.removesuffix(".__init__"), argument, value, words)
     return None
+
+
+def _is_default(value: Any, parameter: inspect.Parameter | None) -> bool:
+    """Whether a value is what its argument is without it; an empty tuple is what programs give for nothing."""
+    if isinstance(value, tuple) and not value:
+        return True
+    default = inspect.Parameter.empty if parameter is None else parameter.default
+    return value is default or (type(value) is type(default) and isinstance(value, _PLAIN) and value == default)
 
 
 def _misnamed(verb: Callable[..., Any], kwargs: Mapping[str, Any]) -> DataError | None:

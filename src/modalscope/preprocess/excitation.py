@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy import fft
@@ -12,8 +13,8 @@ from scipy import fft
 from modalscope.data.channels import names_base
 from modalscope.data.notes import Note
 from modalscope.data.record_transform import half_transform
-from modalscope.data.records import Signals
-from modalscope.data.sizes import check_size
+from modalscope.data.records import Records, Signals
+from modalscope.data.sizes import check_size, constant_channels
 from modalscope.functions.kind_of_test import commonest, is_impact
 from modalscope.numerics.checks import Array, RealArray, check_count
 from modalscope.numerics.errors import DataError, check_choice
@@ -43,6 +44,9 @@ _MIN_PERIODIC = 0.99
 #: Stretches of a record without inputs, and the squared coefficient of variation of their power above which it holds an event. Were every
 #: stretch's power exponential, as that of a mode which outlasts it, 25 of a million records would have so much by chance.
 _PARTS, EVENT = 40, 4.0
+
+#: The kind of the note on forces that never change; its numbers are their values.
+_DEAD_FORCE = "dead force"
 
 
 def powers_of_stretches(y: RealArray) -> RealArray:
@@ -81,6 +85,43 @@ def moved_by_base(signals: Signals) -> tuple[Signals, tuple[Note, ...]]:
     return driven, (Note("base", {"inputs": float(len(names))}, text),)
 
 
+def without_dead_forces(data: Signals | Records) -> tuple[Any, tuple[Note, ...]]:
+    """Return records without the inputs that are constant in every run, and a note; without all of them no force was measured.
+
+    A force that never changes drives nothing. One that rests in some runs alone stays: these are free decays.
+
+    Examples
+    --------
+    >>> rest = Signals(outputs=np.arange(6.0).reshape(3, 2), inputs=np.full((3, 1), -3.0), sampling_rate=8.0)
+    >>> alone, (note,) = without_dead_forces(rest)
+    >>> print(alone.inputs, note)
+    None Taken as no force, for it never changes: input u1. Check cable and sensor if it was to be one
+    """
+    moving: set[str] = set()
+    levels: dict[str, float] = {}
+    for record in data.recordings:
+        for forces in record.by_run()[1] if record.inputs is not None else ():  # type: ignore[union-attr]
+            levels |= dict(zip(record.input_dofs, forces[0].tolist(), strict=True))
+            moving |= set(record.input_dofs) - {record.input_dofs[i] for i in constant_channels(forces)}
+    dead = {dof: level for dof, level in levels.items() if dof not in moving}
+    if not dead:
+        return data, ()
+    text = (
+        f"Taken as no force, for it never changes: input {', '.join(dead)}. Check cable and sensor if it was to be one"
+    )
+    note = Note(_DEAD_FORCE, dead, text)
+    if moving:
+        return data.select(inputs=[dof for dof in data.input_dofs if dof in moving]), (note,)
+    alone = data.select(inputs=[]) if isinstance(data, Signals) else data._mapped(lambda run: run.select(inputs=[]))
+    return alone, (note,)
+
+
+def still_there(labels: Iterable[str], notes: Iterable[Note]) -> tuple[str, ...]:
+    """Return the labels to exclude without those of forces that were left out already, as the notes say."""
+    gone = {dof for note in notes if note.kind == _DEAD_FORCE for dof in note.numbers}
+    return tuple(label for label in labels if label not in gone)
+
+
 def driven_records(signals: Signals, asked: str) -> tuple[RealArray, RealArray]:
     """Return outputs (R, N, l) and inputs (R, N, m) of records; raise DataError without inputs, with what was `asked`."""
     check_size(signals)
@@ -102,7 +143,8 @@ def find_excitation(signals: Signals, asked: str = "auto") -> str:
         return asked
     inputs = signals.by_run()[1]
     assert inputs is not None
-    return commonest([_kind_of_run(run) for run in inputs if np.any(run)], "random")
+    moving = (np.delete(run, constant_channels(run), axis=1) for run in inputs)
+    return commonest([_kind_of_run(run) for run in moving if run.size], "random")
 
 
 def excitation_of(parts: Sequence[Signals], otherwise: str = "random") -> str:
@@ -112,7 +154,7 @@ def excitation_of(parts: Sequence[Signals], otherwise: str = "random") -> str:
 
 def _kind_of_run(forces: RealArray) -> str:
     """Return the kind of excitation of the forces of a run (N, m), all alike."""
-    centred = [force - np.median(force) for force in forces.T if np.any(force)]
+    centred = [force - np.median(force) for force in forces.T]
     for kind, is_kind in (("impact", is_impact), ("burst", _is_burst), ("sweep", _is_sweep)):
         if all(map(is_kind, centred)):
             return kind

@@ -96,7 +96,10 @@ def steadied(record: Signals | StoredSignals, spectrum: Spectrum) -> Steady | No
         return None
     unlike = np.max(_over(parts, np.median(parts, axis=0)), axis=1) / np.maximum(force, 1.0)
     unlike = np.where(unlike > _UNLIKE, unlike, 1.0)
-    forces = _of_forces(force, powers.runs, powers.seconds / _correlation_time(spectrum))
+    time = _correlation_time(spectrum)
+    if time == 0:  # nothing moves
+        return None
+    forces = _of_forces(force, powers.runs, powers.seconds / time)
     near = scipy.ndimage.maximum_filter1d(unlike.reshape(powers.runs, -1), 3, axis=1, mode="nearest").ravel()
     level = np.asarray(forces * np.sqrt(np.maximum(near, 1.0)))
     if np.all(level == 1.0):

@@ -26,6 +26,7 @@ from modalscope.numerics.checks import check_each, check_kind
 from modalscope.numerics.log import LOG, tell
 from modalscope.numerics.progress import stage
 from modalscope.numerics.resources import one_thread
+from modalscope.preprocess.excitation import still_there
 from modalscope.preprocess.frf import leakage_note
 from modalscope.workflow.bands import Choose, Look, looked_at, modes_chosen
 from modalscope.workflow.sources import Reading, opened
@@ -105,7 +106,7 @@ def analyze(
     document = Analysis(
         files=sources,
         bands=bands,
-        exclude=() if exclude is None else labels_of(exclude),
+        exclude=() if exclude is None else still_there(labels_of(exclude), notes),
         route=route or "auto",
         reciprocal=reciprocal,
         method=method,
