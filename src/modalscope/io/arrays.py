@@ -187,6 +187,8 @@ def field_value(where: str, name: str, array: Array) -> Any:
         wanted = "numbers" if textual else "text"
         remedy = f"Store {wanted} under that name, or rename the array."
         raise DataError(f"{name} in {where} needs {wanted}", f"its type is {array.dtype}", remedy)
+    if array.dtype.kind == "b" and name not in _BOOLEAN and array.size:
+        raise DataError(f"{name} in {where} needs numbers", "it holds True and False", "Store numbers under that name.")
     if textual and array.dtype.kind == "S":
         array = np.char.decode(array, "utf-8", "replace")
     if name in TEXTS and name != "processing" and array.dtype.kind == "U" and array.dtype.itemsize > 4 * _MAX_LETTERS:

@@ -160,7 +160,8 @@ def _by_evidence(
     complete = data_class is not None and _NEEDED[data_class] <= {*arrays, *given}
     notes: tuple[str, ...] = ()
     if not complete:
-        arrays, notes = _of_one_experiment(where, with_vectors(arrays), options)
+        plain = {name: array.astype(np.uint8) if array.dtype == bool else array for name, array in arrays.items()}
+        arrays, notes = _of_one_experiment(where, with_vectors(plain), options)
     meant = None if complete or options.get("axes") else meaning_of(where, arrays, options)
     if meant is None:
         raise _unknown_arrays(where, unknown or list(arrays), data_class)
@@ -192,7 +193,7 @@ def _unknown_arrays(where: str, names: list[str], data_class: type[Any] | None) 
         near = _FOREIGN_NAMES.get(name.lower()) or next(
             iter(get_close_matches(name, known, n=1, cutoff=_SPELLING)), None
         )
-        if near is not None and near in known:
+        if near is not None and near in known and near != name:
             hints[name] = near
     return needs(
         where,

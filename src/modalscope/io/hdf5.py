@@ -149,7 +149,8 @@ def _arrays(h5py: Any, group: Any, space: Room, prefix: str, streamed: str) -> d
             {} if own else {key: value for key, value in hdf5_walk.stated(item).items() if key_meaning(key) in _STATED}
         )
         unit = next((str(value) for key, value in said.items() if key_meaning(key) == "unit"), "")
-        if isinstance(item, h5py.Dataset) and not _is_axis(name, item) and name != streamed:
+        # one without a shape is null, and holds nothing
+        if isinstance(item, h5py.Dataset) and item.shape is not None and not _is_axis(name, item) and name != streamed:
             head = f"{prefix}{name} [{unit}]" if is_unit(unit) else f"{prefix}{name}"
             arrays[head] = _values(name, item, space)
             arrays |= _numbers(prefix, said)

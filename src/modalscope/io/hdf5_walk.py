@@ -96,7 +96,7 @@ def stated(item: Any) -> dict[str, Any]:
     found = {}
     for name in item.attrs:
         attribute = item.attrs.get_id(name)
-        short = attribute.get_storage_size() <= _MAX_BYTES_OF_ATTRIBUTE and attribute.shape in ((), (1,))
+        short = attribute.shape in ((), (1,)) and attribute.get_storage_size() <= _MAX_BYTES_OF_ATTRIBUTE
         value: Any = item.attrs[name] if short and attribute.dtype.kind in "iufSO" else None
         value = value[0] if getattr(value, "shape", ()) == (1,) else value
         value = value.decode("utf-8", "replace") if isinstance(value, bytes) else value

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import Room, room
 from modalscope.io.stored import ZarrOutputs, ZarrRows, name_of_outputs, stays_stored, stored_contents, stored_response
 from modalscope.numerics.checks import Array
+from modalscope.numerics.documents import entries, mapping
 from modalscope.numerics.errors import optional_package
 
 #: Numbers in a chunk of the shapes.
@@ -125,7 +127,8 @@ def _head(folder: Path) -> Mapping[str, Any] | None:
     head = old if old is not None else new
     if head is None or (old is None and head.get("node_type") != "array"):
         return None
-    grid = head.get("chunk_grid", {}).get("configuration", {})
+    with _readable(folder):
+        grid = mapping(mapping(head.get("chunk_grid", {})).get("configuration", {}))
     chunks, shape = head.get("chunks") if old is not None else grid.get("chunk_shape"), head.get("shape")
     if not all(isinstance(n, list) and all(isinstance(k, int) and k >= 0 for k in n) for n in (chunks, shape)):
         raise _damaged(folder, "it does not say the shape of its array")
@@ -135,7 +138,8 @@ def _head(folder: Path) -> Mapping[str, Any] | None:
     files = sum(1 for file in folder.rglob("*") if file.is_file())
     if promised > files:  # missing ones would read as zeros, and a head may promise more than can be counted
         raise _damaged(folder, f"it says that it comes in {promised} pieces, and there are {files} files")
-    foreign = sorted(set(_codecs_of(head)) - _CODECS)
+    with _readable(folder):
+        foreign = sorted(set(_codecs_of(head)) - _CODECS)
     if foreign:
         raise _damaged(folder, f"it is packed by {', '.join(foreign)}", "Write it with zstd, or unpacked.")
     return dict(head)
@@ -143,11 +147,12 @@ def _head(folder: Path) -> Mapping[str, Any] | None:
 
 def _codecs_of(head: Any) -> Iterator[str]:
     """Yield the names of all codecs, those inside others, too."""
-    for codec in (*(head.get("filters") or ()), head.get("compressor"), *(head.get("codecs") or ())):
+    of_chunks, of_index = ([*entries(head.get(name) or ())] for name in ("filters", "index_codecs"))
+    for codec in (*of_chunks, head.get("compressor"), *entries(head.get("codecs") or ())):
         if codec is not None:
-            yield str(codec.get("id") or codec.get("name")).removeprefix("numcodecs.")
-            yield from _codecs_of(codec.get("configuration") or {})
-    yield from (str(codec.get("name")) for codec in head.get("index_codecs") or ())
+            yield str(mapping(codec).get("id") or codec.get("name")).removeprefix("numcodecs.")
+            yield from _codecs_of(mapping(codec.get("configuration") or {}))
+    yield from (str(mapping(codec).get("name")) for codec in of_index)
 
 
 def _json(path: Path) -> Any:
@@ -168,12 +173,13 @@ def _attributes(path: Path) -> dict[str, Array]:
     """Return the attributes that have names of the layout, as arrays."""
     head = _json(path / ".zattrs") or (_json(path / "zarr.json") or {}).get("attributes") or {}
     known = names_of(Signals) | names_of(ImpulseResponse) | names_of(ModalModel)
-    return {name: np.asarray(value) for name, value in head.items() if name in known and value is not None}
+    with _readable(path):
+        return {name: np.asarray(value) for name, value in mapping(head).items() if name in known and value is not None}
 
 
 def _whole(zarr: Any, folder: Path) -> tuple[tuple[int, ...], int]:
     """Return shape and bytes in memory of an array all of whose pieces are there."""
-    with damage_as_error(f"{folder.name} as Zarr", "Copy or write it again."):
+    with _readable(folder):
         array = zarr.open_array(str(folder), mode="r")
         there, all_ = int(array.nchunks_initialized), int(array.nchunks)
     if there < all_:  # missing ones would read as zeros
@@ -183,7 +189,7 @@ def _whole(zarr: Any, folder: Path) -> tuple[tuple[int, ...], int]:
 
 def _values(zarr: Any, name: str, folder: Path, space: Room) -> Array:
     _whole(zarr, folder)
-    with damage_as_error(f"{folder.name} as Zarr", "Copy or write it again."):
+    with _readable(folder):
         array = zarr.open_array(str(folder), mode="r")
         space.array(name, np.dtype(object) if array.dtype.kind not in "biufcUS" else array.dtype, prod(array.shape))
         values = np.asarray(array[...])
@@ -191,6 +197,10 @@ def _values(zarr: Any, name: str, folder: Path, space: Room) -> Array:
     if values.dtype.kind in "biufc":
         return values
     return space.texts(name, [str(text) for text in values.ravel()]).reshape(values.shape)
+
+
+def _readable(folder: Path) -> AbstractContextManager[None]:
+    return damage_as_error(f"{folder.name} as Zarr", "Copy or write it again.")
 
 
 def _damaged(path: Path, fault: str, remedy: str = "Copy or write it again.") -> DataError:

@@ -160,6 +160,12 @@ def stays_locked(kind: type[Noun]) -> type[Noun]:
     return kind
 
 
+def _masked(values: Any) -> int:
+    """Return how many values of an array, or of a list of arrays, are masked: NumPy gives what lies under the mask."""
+    parts = values if isinstance(values, list | tuple) else [values]
+    return int(sum(np.count_nonzero(np.ma.getmaskarray(part)) for part in parts if isinstance(part, np.ma.MaskedArray)))
+
+
 def locked(array: Array) -> Array:
     """Return the array read-only: itself when nobody can write to it any more, else a copy. A map of a file opened to read stays one."""
     owner: Any = array
@@ -188,8 +194,11 @@ def _numeric(name: str, values: ArrayLike, axes: str, ndim: int | Sequence[int])
         array = np.asarray(values)
     except ValueError as error:  # ragged nested lists
         raise DataError(f"{name} needs axes {axes}", f"it is ragged ({error})", "Give rows of equal length.") from None
-    if array.dtype.kind not in "biufc":
+    if array.dtype.kind not in "iufc":
         raise DataError(f"{name} needs numbers", f"its type is {array.dtype}", "Convert it to numbers.")
+    if masked := _masked(values):
+        have = f"{masked} of its {array.size} values are masked"
+        raise DataError(f"{name} needs finite numbers", have, "Repair or leave out what is masked.")
     allowed = (ndim,) if isinstance(ndim, int) else tuple(ndim)
     if array.ndim not in allowed:
         raise DataError(
@@ -271,7 +280,9 @@ def optional_array(
 
 
 def _finite(value: Any) -> float:
-    """Return a value as a float; NaN where it is no finite number."""
+    """Return a value as a float; NaN where it is no finite number, as True is none."""
+    if isinstance(value, bool | np.bool_):
+        return np.nan
     try:
         return float(value) if np.isfinite(float(value)) else np.nan
     except (TypeError, ValueError, OverflowError):

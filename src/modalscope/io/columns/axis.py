@@ -193,6 +193,8 @@ def sampling_of(times: RealArray) -> Sampling:
     if ticks.size > _MIN_TICKS:
         # a clock that stands still between its ticks: samples from one to the last
         seconds = float(times[ticks[-1] + 1] - times[ticks[0] + 1])
+        if seconds <= 0:
+            raise _uneven("they fall as often as they rise")
         rate, doubt = (float(ticks[-1] - ticks[0]) / seconds, 1 / seconds) if 1 / seconds < doubt else (rate, doubt)
     return Sampling(roundest(rate, doubt + _CLOCK_ACCURACY * rate), doubt, off / step)
 

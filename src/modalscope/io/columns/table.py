@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from modalscope.numerics.checks import Array
 
 
@@ -13,7 +15,8 @@ class Column:
     """One column of a table.
 
     `number`: its place in the file, from 1. `name`, `unit`: as they stand in the head; empty where there is none. `values` (N,): numbers,
-    or one text or none where it holds text. `stamps`: whether the values were dates and times, now seconds from the first.
+    0 and 1 of booleans, or one text or none where it holds text.
+    `stamps`: whether the values were dates and times, now seconds from the first.
     """
 
     number: int
@@ -21,6 +24,10 @@ class Column:
     unit: str = ""
     values: Array
     stamps: bool = False
+
+    def __post_init__(self) -> None:
+        if self.values.dtype == bool:
+            object.__setattr__(self, "values", self.values.astype(np.uint8))
 
     @property
     def label(self) -> str:

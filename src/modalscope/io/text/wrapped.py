@@ -24,7 +24,8 @@ Line = tuple[int, str]
 
 #: Lines in which the head is searched.
 _LINES_OF_HEAD = 12
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][-+]?\d+)?"
+#: Nothing of a number is given back: lines without end would be tried from each of their digits on.
+_NUMBER = r"[-+]?(?>\d+\.?\d*|\.\d+)(?:[EeDd][-+]?\d+)?"
 _COUNT = re.compile(r"\bNPTS\s*=\s*(\d{1,9})", re.IGNORECASE)
 _STEP = re.compile(rf"\bDT\s*=\s*({_NUMBER})", re.IGNORECASE)
 _OLD = re.compile(rf"^\s*(\d{{1,9}})\s+({_NUMBER})\s+NPTS\s*,\s*DT\b", re.IGNORECASE)
@@ -32,7 +33,7 @@ _SERIES = re.compile(
     r"\b(acceleration|velocity|displacement)\b.*\bUNITS?\s+(?:OF|=)\s*([A-Za-z/^*0-9]+)", re.IGNORECASE
 )
 #: The line below a head holds numbers alone.
-_BARE = re.compile(r"[-+.\dEeDd\s]*\d[-+.\dEeDd\s]*\Z")
+_BARE = re.compile(r"(?=\D*\d)[-+.\dEeDd\s]*+\Z")
 #: How squares of seconds are written.
 _SQUARED = re.compile(r"/s(?:/s|(?:\*\*|\^)?2)\Z")
 #: Bytes of a sample as text, and of a line without its text.
