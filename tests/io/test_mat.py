@@ -1,11 +1,14 @@
 """MATLAB files: structures, foreign classes, and axes that MATLAB drops."""
 
+import struct
+import zlib
+
 import numpy as np
 import pytest
 
 import modalscope.io as mio
 from tests.io import samples
-from tests.io.bombs import BOMBS
+from tests.io.bombs import BOMBS, element
 from tests.support import refused
 
 h5py = pytest.importorskip("h5py")
@@ -20,10 +23,54 @@ def test_matlab_structures_are_dotted_and_foreign_classes_named(tmp_path):
         test = {"H": frf.values, "f": frf.frequencies, "dofs": np.array(frf.output_dofs, dtype=object)}
         sio.savemat(path, {"test": test, "stiffness": sparse.eye_array(3)}, do_compression=compressed)
         rename = {"test.H": "values", "test.f": "frequencies", "test.dofs": "output_dofs"}
-        refused("class sparse", mio.read, path, rename=rename)
-        back = mio.read(path, rename=rename, ignore=["stiffness"])
-        np.testing.assert_array_equal(back.values, frf.values)
-        assert back.output_dofs == frf.output_dofs
+        for ignore in ((), ["stiffness"]):
+            back = mio.read(path, rename=rename, ignore=ignore)
+            np.testing.assert_array_equal(back.values, frf.values)
+            assert back.output_dofs == frf.output_dofs
+        (left,) = mio.survey(path, rename=rename).left
+        assert left.reason == "stiffness is of class sparse, no plain array"
+    sio.savemat(path, {"stiffness": sparse.eye_array(3)})
+    refused("stiffness in a.mat: it is of class sparse, and without it", mio.read, path)
+
+
+def variable(*elements: bytes) -> bytes:
+    body = b"".join(elements)
+    return struct.pack("<II", 14, len(body)) + body
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_an_object_in_a_workspace_is_left_by_name(tmp_path, compressed):
+    """A table is opaque: its name and class stand where others have dimensions; a tf is an object with its class before its fields."""
+    import scipy.io as sio
+
+    path = tmp_path / "a.mat"
+    sio.savemat(path, {"fs": 50.0, "acc": np.random.default_rng(0).standard_normal((40, 2))}, do_compression=compressed)
+    texts = [element(1, text) for text in (b"results", b"MCOS", b"timetable")]
+    table = variable(element(6, struct.pack("<II", 17, 0)), *texts, variable(element(6, struct.pack("<II", 13, 0))))
+    head = element(6, struct.pack("<II", 3, 0)) + element(5, struct.pack("<2i", 1, 1))
+    system = variable(head, element(1, b"sys"), element(1, b"tf"), element(5, struct.pack("<i", 8)))
+    added = [table, system]
+    if compressed:
+        added = [struct.pack("<II", 15, len(packed)) + packed for packed in map(zlib.compress, added)]
+    path.write_bytes(path.read_bytes() + b"".join(added))
+    assert mio.read(path).outputs.shape == (40, 2)
+    left = mio.survey(path).left
+    assert {part.part: part.reason for part in left} == {
+        "results": "results is of class timetable, no plain array",
+        "sys": "sys is of class tf, no plain array",
+    }
+    assert mio.survey(path, ignore=["results", "sys"]).left == () or compressed
+
+
+def test_an_object_of_7_3_is_left_by_name(tmp_path):
+    def fill(file):
+        file["fs"], file["acc"] = [[50.0]], np.random.default_rng(0).standard_normal((2, 40))
+        file.create_dataset("results", data=np.zeros((1, 6), "u4")).attrs["MATLAB_class"] = np.bytes_("timetable")
+        file.create_group("sys").attrs["MATLAB_class"] = np.bytes_("tf")
+
+    matlab_7_3(tmp_path / "a.mat", fill)
+    assert mio.read(tmp_path / "a.mat").outputs.shape == (40, 2)
+    assert {part.part for part in mio.survey(tmp_path / "a.mat").left} == {"results", "sys"}
 
 
 def test_matlab_drops_trailing_axes_and_they_come_back(tmp_path):

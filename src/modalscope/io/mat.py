@@ -3,7 +3,7 @@
 Versions 5 to 7.2 are read here element by element, 7.3 (which is HDF5) by h5py; version 5 is written, by scipy. scipy's reader trusts the
 sizes that a file states and can end the whole program on a damaged cell array (version 1.17 does). Here every size is checked before it
 is used, and compressed data are inflated within bounds (`limits`). Numeric arrays, text, cells and structures are read; sparse matrices,
-objects and functions are errors that name them.
+objects (tf, table, timetable) and functions are left by name.
 
 Fields of a structure are named with a dot, `test.H`, and `rename` takes these names. Members of cells and of arrays of structures have
 their place in their name (`runs{2}`, `test(2).acc`); `members` says what they are together. MATLAB drops trailing axes of length one and
@@ -17,7 +17,7 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ from modalscope.data import DataError, StateSpace
 from modalscope.data.mode_fields import PER_MODE
 from modalscope.io.arrays import INDICATOR, UNREFINED, class_of, joined, to_arrays
 from modalscope.io.atomic import MARK
-from modalscope.io.contents import ArrayData, Contents, Options, damage_as_error, unreadable
+from modalscope.io.contents import ArrayData, Contents, Finding, Options, damage_as_error, unreadable
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.hdf5 import check_hdf5
 from modalscope.io.limits import MOST_PARTS, Room, room
@@ -43,7 +43,13 @@ _TEXTS = {2: "latin-1", 16: "utf-8", 17: "utf-16"}
 _MATRIX, _COMPRESSED = 14, 15
 _CELL, _STRUCTURE, _CHARACTERS, _FIRST_NUMBER, _LAST_NUMBER = 1, 2, 4, 6, 15
 _IS_COMPLEX = 0x0800
-_UNREAD_CLASSES = {3: "object", 5: "sparse", 16: "function", 17: "opaque (string or table)"}
+_OBJECT, _OPAQUE = 3, 17
+_UNREAD_CLASSES = {_OBJECT: "object", 5: "sparse", 16: "function", _OPAQUE: "object"}
+#: Classes of MATLAB 7.3 that are read.
+_READ_CLASSES = {
+    *("double", "single", "logical", "char", "cell", "struct", "canonical empty"),
+    *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)),
+}
 #: Depth of cells and structures in each other, and characters of a name in MATLAB.
 _MAX_DEPTH, _MAX_LETTERS = 16, 63
 #: Arrays of the layout that are vectors, and those that have three axes.
@@ -58,25 +64,29 @@ class _Damaged(Exception):
 
 @dataclass(frozen=True, slots=True)
 class _Reading:
-    """The order of bytes, and the room that is left."""
+    """The order of bytes, the room that is left, and variables that are not read, with their class."""
 
     order: str
     room: Room
+    left: dict[str, str]
 
 
-def read_mat5(data: bytes, room: Room, ignore: Collection[str] = ()) -> dict[str, Array]:
+def read_mat5(
+    data: bytes, room: Room, ignore: Collection[str] = (), left: dict[str, str] | None = None
+) -> dict[str, Array]:
     """Return the variables of a file; fields of structures are named with a dot, cells of text are text arrays.
 
-    Members of other cells are named `runs{1}`, those of arrays of structures `test(1).acc`.
+    Members of other cells are named `runs{1}`, those of arrays of structures `test(1).acc`. `left`: takes up the names of what is not
+    read, with the class.
 
-    Raises `DataError`: a damaged file, an older version, more than the room, or a variable of a class that is not read and not ignored.
+    Raises `DataError`: a damaged file, an older version, or more than the room.
     """
     order = {b"IM": "<", b"MI": ">"}.get(data[126:_BYTES_OF_HEADER])
     if order is None:
         fault = "it has no header of version 5 or later"
         raise unreadable(f"{room.where} as a MATLAB file", fault, "Save it in MATLAB with -v7 or -v7.3.")
     arrays: dict[str, Array] = {}
-    file = _Reading(order, room)
+    file = _Reading(order, room, {} if left is None else left)
     damaged = (_Damaged, zlib.error, struct.error, UnicodeDecodeError)
     with damage_as_error(f"{room.where} as a MATLAB file", "Copy it again, or save it again with -v7.", damaged):
         for kind, body in _elements(memoryview(data)[_BYTES_OF_HEADER:], file):
@@ -129,11 +139,13 @@ def _elements(data: memoryview, file: _Reading) -> Iterator[Element]:
 
 
 def _matrix_head(body: memoryview, file: _Reading) -> tuple[int, tuple[int, ...], str, list[Element]]:
-    """Return flags, dimensions, name and the elements that follow."""
+    """Return flags, dimensions, name and the elements that follow; what is opaque has no dimensions, but its class behind its name."""
     parts = list(_elements(body, file))
+    flags = struct.unpack_from(file.order + "I", parts[0][1])[0] if parts and len(parts[0][1]) >= 4 else 0
+    if flags & 0xFF == _OPAQUE and len(parts) > 3:
+        return flags, (), str(parts[1][1], "latin-1"), parts[3:]
     if len(parts) < 3 or len(parts[0][1]) < 4 or parts[1][0] != 5 or not 2 <= len(parts[1][1]) // 4 <= 32:
         raise _Damaged("a variable has no flags, dimensions and name")
-    flags = struct.unpack_from(file.order + "I", parts[0][1])[0]
     shape = tuple(int(n) for n in np.frombuffer(parts[1][1][: len(parts[1][1]) // 4 * 4], file.order + "i4"))
     if min(shape) < 0:
         raise _Damaged(f"a variable has the dimensions {shape}")
@@ -158,8 +170,9 @@ def _matrix(name: str, body: memoryview, file: _Reading, depth: int = 0) -> dict
         return _structure(name, parts, shape, file, depth)
     if kind not in _UNREAD_CLASSES:
         raise _Damaged(f"a variable is of class {kind}")
-    remedy = f"Save plain arrays, and labels as cells of text, or leave it out: --ignore '{name}'"
-    raise unreadable(f"{name} in {file.room.where}", f"it is of class {_UNREAD_CLASSES[kind]}", remedy)
+    named = kind in (_OBJECT, _OPAQUE) and parts and len(parts[0][1]) <= _MAX_LETTERS
+    file.left[name] = (str(parts[0][1], "latin-1") if named else "").strip("\0") or _UNREAD_CLASSES[kind]
+    return {}
 
 
 def _numbers(name: str, parts: list[Element], shape: tuple[int, ...], file: _Reading) -> Array:
@@ -246,12 +259,24 @@ def read(path: Path, options: Options) -> Contents:
         new = file.read(len(_HDF5_SIGNATURE)) == _HDF5_SIGNATURE
     ignore = options.get("ignore") or ()
     ignored = [ignore] if isinstance(ignore, str) else list(ignore)
-    arrays = _read_new(path, space, ignored) if new else read_mat5(path.read_bytes(), space, ignored)
+    left: dict[str, str] = {}
+    arrays = _read_new(path, space, ignored, left) if new else read_mat5(path.read_bytes(), space, ignored, left)
     names = dict(options.get("rename") or {})
     # a state-space model has a gain, too, which is a matrix
     vectors = _VECTORS if class_of(names.get(name, name) for name in arrays) is not StateSpace else ()
     shaped = {name: _as_layout(names.get(name, name), array, options, vectors) for name, array in arrays.items()}
-    return contents_from_arrays(path.name, shaped, options, members=True)
+    try:
+        contents = contents_from_arrays(path.name, shaped, options, members=True)
+    except DataError as error:
+        if not left:
+            raise
+        name, kind = next(iter(left.items()))
+        fault = f"it is of class {kind}, and without it {error.fault}"
+        remedy = "Save plain arrays, and labels as cells of text, such as those of its columns."
+        raise unreadable(f"{name} in {path.name}", fault, remedy) from error
+    reasons = {name: f"{name} is of class {kind}, no plain array" for name, kind in left.items()}
+    skipped = (Finding(part=name, what="", taken=False, reason=reason) for name, reason in reasons.items())
+    return replace(contents, findings=(*contents.findings, *skipped))
 
 
 def _as_layout(name: str, array: Array, options: Options, vectors: Collection[str]) -> Array:
@@ -263,7 +288,7 @@ def _as_layout(name: str, array: Array, options: Options, vectors: Collection[st
     return array[..., None] if name in _THREE_AXES and array.ndim == 2 else array
 
 
-def _read_new(path: Path, space: Room, ignore: Collection[str]) -> dict[str, Array]:
+def _read_new(path: Path, space: Room, ignore: Collection[str], left: dict[str, str]) -> dict[str, Array]:
     h5py = optional_package("reading a MATLAB 7.3 file", "h5py", "mat")
     check_hdf5(path, space)
     arrays: dict[str, Array] = {}
@@ -274,6 +299,8 @@ def _read_new(path: Path, space: Room, ignore: Collection[str]) -> dict[str, Arr
             raise ValueError(f"arrays lie deeper than {_MAX_DEPTH} in each other")
         if name in ignore:
             arrays[name] = np.array("not read")
+        elif "MATLAB_class" in item.attrs and _class_of(item) not in _READ_CLASSES:
+            left[name] = _class_of(item)
         elif isinstance(item, h5py.Group):
             for key, part in item.items():
                 if not key.startswith("#"):

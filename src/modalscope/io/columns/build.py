@@ -10,6 +10,7 @@ import numpy as np
 
 from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, Signals
 from modalscope.io.columns.axis import check_numbers, with_rows
+from modalscope.io.columns.blanks import with_least_lost
 from modalscope.io.columns.lines import frequency_response
 from modalscope.io.columns.reading import NEAR, Reading, readings
 from modalscope.io.columns.records import free_decay, nothing_measured, records
@@ -71,10 +72,12 @@ def _read(
     omitted |= {c.number: reading.reasons.get(c.number, "") for c in columns if roles[c.number] in ("ignore", "index")}
     others = [c for c in columns if c is not axis and c.number not in omitted]
     _check_axis(table, axis, kind)
-    trimmed = _without_ends(table, axis, [c for c in others if roles[c.number] != "time"])
-    if trimmed is not table:
-        kept = {column.number: column for column in trimmed.columns}
-        table, axis, others = trimmed, axis and kept[axis.number], [kept[column.number] for column in others]
+    table, blank = with_least_lost(
+        table, axis, [c for c in others if roles[c.number] != "time"], reading.option, named=bool(option_roles)
+    )
+    omitted |= blank
+    kept = {column.number: column for column in table.columns}
+    axis, others = axis and kept[axis.number], [kept[c.number] for c in others if c.number not in blank]
     check_numbers(table, [column for column in others if roles[column.number] != "time"])
     if not others:
         raise nothing_measured(table, axis, kind, options)
@@ -122,25 +125,6 @@ def _lines(table: Table) -> Column:
         raise needs(table.where, "frequencies of its responses", fault, "Export the frequencies in a column with them.")
     first, step = table.lines
     return Column(number=0, name="frequency", unit="Hz", values=first + step * np.arange(table.rows))
-
-
-def _without_ends(table: Table, axis: Column | None, columns: Sequence[Column]) -> Table:
-    """Return a table without the last rows where channels of fewer samples are blank, with a note."""
-    counted = [c for c in (*columns, *([] if axis is None else [axis])) if not c.textual]
-    missing = [np.isnan(np.asarray(c.values, complex)) for c in counted]
-    if not missing:
-        return table
-    whole = ~np.any(missing, axis=0)
-    rows = int(np.flatnonzero(whole)[-1]) + 1 if whole.any() else 0
-    alike = all(hole[rows:].all() or not hole[rows:].any() for hole in missing)
-    if not 0 < rows < len(whole) or not whole[:rows].all() or not alike:
-        return table
-    cut = tuple(c if c.textual else replace(c, values=c.values[:rows]) for c in table.columns)
-    return replace(
-        table,
-        columns=cut,
-        notes=(*table.notes, f"channels have different numbers of samples: the first {rows} are taken"),
-    )
 
 
 def _real_where_real(table: Table) -> Table:

@@ -252,6 +252,8 @@ def columns_of(rows: Sequence[Sequence[str]], kinds: Sequence[str], dialect: Dia
             arrays.append(np.array([number_of(cell, dialect) for cell in cells]))
         elif kind == "complex":
             arrays.append(np.array([complex_of(cell, dialect) for cell in cells]))
+        elif kind == "empty":  # a sensor may begin late
+            arrays.append(np.array([number_of(cell, dialect) if is_number(cell) else np.nan for cell in cells]))
         else:
             arrays.append(np.array(cells if kind == "stamp" else [""], dtype=np.str_))
     return arrays

@@ -263,7 +263,7 @@ def _columns(layout: Layout, kinds: list[str], arrays: list[Array]) -> tuple[tup
     columns, notes = [], []
     for k, (kind, values) in enumerate(zip(kinds, arrays, strict=True)):
         name, unit = layout.names[k], layout.units[k]
-        if kind == "empty":
+        if kind == "empty" and np.isnan(values).all():
             notes += [f"column {k + 1}{f' ({name})' if name else ''} is empty"] if name or k + 1 < layout.width else []
             continue
         if kind == "stamp":
