@@ -7,7 +7,9 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 import modalscope as ms
@@ -67,6 +69,9 @@ def test_its_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.chdir(tmp_path)
     (program,) = [text for kind, text in BLOCKS if kind == "python"]
     # a band of four modes: other tests run the whole one
-    exec(compile(program.replace("(100, 4500)", "(100, 1000)"), "README.md", "exec"), {})
+    names: dict[str, Any] = {}
+    exec(compile(program.replace("(100, 4500)", "(100, 1000)"), "README.md", "exec"), names)
+    (said,) = re.findall(r"ms\.replay\(.*?\)", program)
+    assert np.array_equal(eval(said, names).modes.poles, names["result"].modes.poles)
     assert (tmp_path / "modes.json").exists()
     assert (tmp_path / "report.html").exists()

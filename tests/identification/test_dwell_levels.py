@@ -7,6 +7,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.data import DataError, Records, Signals
+from modalscope.identification.dwell_levels import _backbone
 from modalscope.systems import HardeningRig
 from tests.support import refused
 
@@ -62,8 +63,11 @@ def test_dwells_that_tell_nothing_are_refused() -> None:
     refused("4 dwells", ms.tuned_dwell, rig.dwell([0.1] * 3, steps[:3], duration=10.0))
     assert len(ms.tuned_dwell(rig.dwell([0.1] * 4, steps, duration=10.0)).levels) == 4
     refused("all dwells are at one frequency", ms.tuned_dwell, rig.dwell([0.1] * 4, [5.0] * 4, duration=10.0))
-    refused("periods", ms.tuned_dwell, rig.dwell([0.1] * 4, steps, duration=1.8))
+    w, at_resonance = 2 * np.pi * np.array(steps), np.full(4, 1j)  # a structure that hardens is tuned at each level
+    refused("from 4.9 to 5.2 Hz: mass and stiffness", _backbone, w, np.ones(4), at_resonance)
     runs = rig.dwell([0.1] * 4, steps, duration=10.0).runs
+    refused("no forces were measured", ms.tuned_dwell, [run.select(inputs=[]) for run in runs])
+    refused("periods", ms.tuned_dwell, rig.dwell([0.1] * 4, steps, duration=1.8))
     apart = [run.select(outputs=["1:+X"]) for run in runs]
     refused("the motion at 2:[+]X is not measured", ms.tuned_dwell, apart)
     with pytest.raises(DataError, match="one a frequency"):

@@ -10,6 +10,9 @@ import pytest
 from modalscope import DataError
 from modalscope.data import FrequencyResponse, ImpulseResponse, Records, Signals
 from modalscope.data.record_spectra import RecordSpectra
+from modalscope.data.records import as_records
+from modalscope.data.sizes import check_upright
+from modalscope.identification.ambient_records import looked_through
 from modalscope.identification.method_names import find_method
 from modalscope.identification.prepare import measure, pose, prepare
 from modalscope.identification.table import methods
@@ -279,3 +282,25 @@ def test_lines_have_no_form_but_the_observable_one(form: str) -> None:
         prepare(lines(), "era", "s", form=form)
     assert prepare(lines(), "era", "s", form="observable").options.form == "observable"
     assert prepare(samples(), "era", "time", form=form).options.form == form
+
+
+@pytest.mark.parametrize("data", [samples(), records(inputs=True), records(inputs=False), lines(rate=50.0)])
+def test_above_half_the_sampling_rate_there_is_nothing(data: Signals | ImpulseResponse | FrequencyResponse) -> None:
+    with pytest.raises(DataError, match="nothing lies above 25 Hz"):
+        measure(data, (25.0, 30.0))
+    with pytest.raises(DataError, match="nothing lies above 25 Hz"):
+        measure(looked_through(data), (25.0, 30.0))
+
+
+def test_more_outputs_than_samples_are_asked_about_where_nothing_names_them() -> None:
+    y = RNG.standard_normal((5, 4000))
+    for inputs in (None, y[:, :1]):
+        wide = Signals(outputs=y, inputs=inputs, sampling_rate=50.0)
+        for look in (measure, looked_through) if inputs is None else (measure,):
+            with pytest.raises(DataError, match="as well be 5 outputs of 4000 samples"):
+                look(wide)
+    check_upright(as_records(replace(wide, output_dofs=[f"pixel {k}" for k in range(4000)])))
+    check_upright(as_records(replace(wide, source_path="camera.npz")))
+    check_upright(as_records(Signals(outputs=RNG.standard_normal((5, 5)), sampling_rate=50.0)))
+    with pytest.raises(DataError, match=r"y\.T"):
+        check_upright(as_records(Signals(outputs=RNG.standard_normal((5, 6)), sampling_rate=50.0)))

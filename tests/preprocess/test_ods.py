@@ -109,3 +109,14 @@ def test_orders_without_what_they_need_are_refused() -> None:
         order=1,
         tacho=times,
     )
+
+
+def test_the_samples_of_a_tacho_do_as_its_label_does() -> None:
+    t = np.arange(2000) / 500
+    motion = np.column_stack([np.cos(2 * np.pi * 10 * t), np.sin(2 * np.pi * 10 * t)])
+    pulses = (np.mod(10 * t + 0.03, 1) < 0.2) + 0.01 * np.random.default_rng(0).standard_normal(2000)
+    alone = ms.Signals(outputs=motion, sampling_rate=500.0)
+    beside = ms.Signals(outputs=np.column_stack([motion, pulses]), sampling_rate=500.0)
+    by_samples, by_label = ms.ods(alone, order=1, tacho=pulses), ms.ods(beside, order=1, tacho="y3")
+    assert (by_samples.shapes == by_label.shapes).all()
+    assert by_samples.frequencies == pytest.approx(10, rel=1e-3)

@@ -87,6 +87,23 @@ def check_moving(signals: Signals) -> None:
         raise _zero("output", signals.output_dofs, signals.output_dofs)
 
 
+def check_upright(records: Records) -> None:
+    """Raise on arrays of fewer samples than outputs that nobody named: rows may have been taken for columns.
+
+    Labels, a geometry or a file say which axis is which.
+    """
+    first, count = records.runs[0], len(records.output_dofs)
+    named = first.output_dofs != tuple(f"y{k + 1}" for k in range(count)) or records.geometry is not None
+    if named or records.source_path is not None or sum(records.samples) >= count:
+        return
+    samples = max(records.samples)
+    raise DataError(
+        f"modes of {count} outputs of {samples} samples were asked",
+        f"they may as well be {samples} outputs of {count} samples: nothing names them",
+        f"If so, exchange rows and columns: Signals(outputs=y.T, ...). Else name the {count} outputs: output_dofs=[...].",
+    )
+
+
 def _zero(side: str, dead: Sequence[str], labels: Sequence[str]) -> DataError:
     leave = f"Leave it out: exclude={list(dead)!r}, or --exclude {' '.join(dead)}."
     return DataError(

@@ -15,7 +15,7 @@ import numpy as np
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.setups import Setups
-from modalscope.data.sizes import check_moving, check_size
+from modalscope.data.sizes import check_moving, check_size, check_upright
 from modalscope.data.stored import StoredSignals
 from modalscope.identification.routes import one_record
 from modalscope.identification.sizes import SETUP_ROWS
@@ -110,6 +110,7 @@ def looked_through(data: Any, exclude: Any = None) -> Any:
         return seen_record(kept)
     records = as_records(kept)
     check_size(records)
+    check_upright(records)
     return seen_record(one_record(records, "correlations"))
 
 

@@ -21,6 +21,9 @@ from modalscope.numerics.errors import DataError
 #: Powers of the squared amplitude that K has at most, and dwells for each of its unknowns.
 _MAX_POWER, _DWELLS_AN_UNKNOWN = 3, 2
 
+#: Relative differences of frequencies that are one.
+_ONE_FREQUENCY = 1e-6
+
 #: Harmonics that are fitted, and rounds of its frequency.
 _HARMONICS, _ROUNDS = 3, 4
 
@@ -45,8 +48,13 @@ class Levels(NamedTuple):
 def levels_of(records: Records) -> Levels:
     """Return the backbone of the mode that dwells excite: a level each, by rising amplitude.
 
-    Raises `DataError`: fewer than four dwells or too short ones, forces at places that are not measured, or dwells of one frequency.
+    Raises `DataError`: no forces, fewer than four dwells or too short ones, forces at places that are not measured, or dwells so near
+    each other that mass and stiffness are not told apart.
     """
+    if not records.input_dofs:
+        raise DataError(
+            "a tuned dwell was asked", "no forces were measured", "Give the forces of the dwells as inputs."
+        )
     amplitudes = [_amplitudes(run) for run in records.runs]
     w = np.array([each[0] for each in amplitudes])
     quantity = records.quantity
@@ -125,6 +133,11 @@ def _backbone(w: RealArray, q: RealArray, power: ComplexArray) -> tuple[RealArra
     found, _, rank, _ = np.linalg.lstsq(columns / size, power.real, rcond=1e-10)
     m = found[0] / size[0]
     if rank < columns.shape[1] or not m > 0:
-        raise DataError("a tuned dwell was asked", "all dwells are at one frequency", "Step through the resonance.")
+        f = w / (2 * np.pi)
+        where = (
+            "at one frequency" if np.ptp(f) <= _ONE_FREQUENCY * f.mean() else f"from {f.min():.6g} to {f.max():.6g} Hz"
+        )
+        have = f"all dwells are {where}: mass and stiffness cannot be told apart there"
+        raise DataError("a tuned dwell was asked", have, "Step through the resonance, to half of its height at least.")
     natural = np.sqrt(np.maximum((power.real + m * w**2) / m, 0))
     return natural / (2 * np.pi), power.imag / (w * 2 * m * np.maximum(natural, 1e-300))

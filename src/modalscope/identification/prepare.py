@@ -14,7 +14,7 @@ from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.setups import Setups, as_test
-from modalscope.data.sizes import check_alive, check_size
+from modalscope.data.sizes import check_alive, check_size, check_upright
 from modalscope.data.stored import StoredResponse, StoredSignals
 from modalscope.data.whitening import Whitening
 from modalscope.identification.ambient_records import (
@@ -132,6 +132,10 @@ def measure(
     asked = "auto" if route is None else check_choice("route", route, ROUTES)
     test = as_test(data) if isinstance(data, list | tuple) else data
     test, left = _chosen(test, exclude)
+    rate = getattr(test.record if isinstance(test, SeenRecord) else test, "sampling_rate", None)
+    if checked is not None and rate is not None and checked[0] >= rate / 2:
+        asked_for, have = f"the band {checked[0]:g} to {checked[1]:g} Hz was asked", f"they are sampled at {rate:g} Hz"
+        raise DataError(asked_for, f"{have}: nothing lies above {rate / 2:g} Hz", "Choose a band below.")
     late = None if delays is None else delays_of(delays)
     sides = None if reciprocal is None else reciprocity_of(reciprocal)
     measured = _measured(test, checked, _Asked(asked, method, domain, late, sides))
@@ -210,6 +214,7 @@ def _(data: Signals, band: tuple[float, float] | None, asked: _Asked) -> Measure
 @_measured.register
 def _(data: Records, band: tuple[float, float] | None, asked: _Asked) -> Measured:
     check_size(data)
+    check_upright(data)
     if data.input_dofs:
         route = chosen_route(data, asked.method, asked.domain, asked.route)
         driven, delays, notes = without_delays(data, asked.delays)

@@ -245,8 +245,15 @@ def _changed(
         chosen = [c for c in chosen if not any(c is g for g in gone)]
     if added:
         others = [c for c in candidates if not any(c is k for k in chosen)]
-        chosen = [*chosen, *_by_hand(others, _wanted("take", added), tolerance, diagram)]
+        # of a mode that is listed nothing is left to do, unless another lies beside it
+        listed = [f for f in _wanted("take", added) if not _near(others, f, tolerance) and _near(chosen, f, tolerance)]
+        wanted = [f for f in added if f not in listed]
+        chosen = [*chosen, *_by_hand(others, wanted, tolerance, diagram)]
     return chosen
+
+
+def _near(candidates: list[Candidate], f: float, tolerance: float) -> list[Candidate]:
+    return [c for c in candidates if abs(c.frequency - f) <= tolerance * f]
 
 
 def _wanted(name: str, frequencies: Iterable[float]) -> list[float]:
@@ -274,7 +281,7 @@ def _by_hand(
     """Return the candidate at each frequency; one that has none is an error, never its neighbour."""
     chosen: list[Candidate] = []
     for f in wanted:
-        near = [c for c in candidates if abs(c.frequency - f) <= tolerance * f]
+        near = _near(candidates, f, tolerance)
         if not near:
             raise _none_there(candidates, f, tolerance, diagram)
         best = min(near, key=lambda c: (bool(c.against), -c.members.size if len(near) > 1 else 0, abs(c.frequency - f)))

@@ -54,7 +54,8 @@ def ods(
     order : float or iterable of float, optional
         Multiples of the speed of rotation, instead of frequencies; all that are loud, for they are fitted together.
     tacho : str or array, optional
-        The channel of its pulses by its label, which is then no part of the shapes, or their times in seconds from the first sample.
+        The channel of its pulses by its label, which is then no part of the shapes; their times in seconds from the first sample; or the
+        samples of such a channel.
     time : float or iterable of float, optional
         Of a record, seconds from its first sample, instead of frequencies; the nearest samples are taken.
 
@@ -140,7 +141,9 @@ def _at_orders(data: Any, orders: list[float], tacho: Any) -> ModalModel:
     if isinstance(tacho, str):
         pulses, data = _pulses(data, tacho), data.select(exclude=[tacho])
     else:
-        pulses = np.sort(real_array("tacho", tacho, "(pulses,)", 1))
+        given = real_array("tacho", tacho, "(pulses,) or (samples,)", 1)
+        # no turn is as short as a sample: as many numbers as there are samples are the signal itself
+        pulses = _rises(given) / data.sampling_rate if given.size == data.samples else np.sort(given)
     time = np.arange(data.samples) / data.sampling_rate
     inside = np.flatnonzero((time >= pulses[0]) & (time <= pulses[-1])) if pulses.size else np.zeros(0, dtype=int)
     unknowns = 1 + 2 * len(orders)
@@ -158,15 +161,20 @@ def _at_orders(data: Any, orders: list[float], tacho: Any) -> ModalModel:
 
 
 def _pulses(record: Signals, tacho: str) -> Array:
-    """Return when a channel rises through the middle between its lowest and its highest value, seconds, by linear interpolation."""
+    """Return the times of the pulses of a channel, seconds."""
     sides = [(record.output_dofs, record.outputs), (record.input_dofs, record.inputs)]
     found = [values[:, list(names).index(tacho)] for names, values in sides if values is not None and tacho in names]
     if not found:
         have = f"there are {', '.join(map(str, (*record.output_dofs, *record.input_dofs)))}"
         raise DataError(f"the tacho {tacho!r} was asked", have, "Name one of them, or give the times of the pulses.")
-    x = found[0] - (found[0].min() + found[0].max()) / 2
+    return np.asarray(_rises(found[0]) / record.sampling_rate)
+
+
+def _rises(channel: Array) -> Array:
+    """Return at which samples a channel rises through the middle between its lowest and its highest value, by linear interpolation."""
+    x = channel - (channel.min() + channel.max()) / 2
     k = np.flatnonzero((x[:-1] < 0) & (x[1:] >= 0))
-    return np.asarray((k + x[k] / (x[k] - x[k + 1])) / record.sampling_rate)
+    return np.asarray(k + x[k] / (x[k] - x[k + 1]))
 
 
 def _on_lines(data: Any, input: str | int | None) -> tuple[Array, Any]:
