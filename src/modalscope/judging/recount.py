@@ -454,7 +454,7 @@ class Recount:
         half = self.selection.half_bandwidths_in_lines(grid)
         gain = each.sum(axis=(1, 2)) / lag_factor(self.errors.common(near), half)
         first = apart(grid, gain, self.bar / 4, most)
-        sides = [np.linalg.svd(residues[k])[2][0] for k in first]
+        sides = [np.linalg.svd(residues[k], full_matrices=False)[2][0] for k in first]
         return grid[first], np.array(sides, dtype=complex).reshape(-1, self.left.shape[2])
 
 
