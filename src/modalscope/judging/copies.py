@@ -318,7 +318,7 @@ class _Cluster:
         own = self._of_channels(self._functions(one.poles[:, :1, :1].ravel())[0], (1, 1, 1))
         weight = np.sum(own**2, axis=(1, 2)).reshape(q, p) / 2 / self.factor
         for m in range(1, min(q, p)):
-            V: Array = np.linalg.svd(R)[2][:m].T
+            V: Array = np.linalg.svd(R, full_matrices=False)[2][:m].T
             for _ in range(_RANK_ROUNDS):
                 U = np.linalg.solve(*_normal(V, weight, R))[..., 0]
                 V = np.linalg.solve(*_normal(U, weight.T, R.T))[..., 0]

@@ -106,7 +106,7 @@ def strongest_peaks(
         strong |= {k: own for k, own in zip(some.tolist(), A, strict=True) if k in best}
     found: list[Peak] = []
     for k in best:
-        U, _, Vh = np.linalg.svd(strong[k].reshape(left.shape[1:]))
+        U, _, Vh = np.linalg.svd(strong[k].reshape(left.shape[1:]), full_matrices=False)
         found.append(Peak(complex(grid[k]), U[:, 0], Vh[0]))
     return found
 
@@ -278,7 +278,7 @@ def strongest_driven(
     if gain < max(least, 1e-300):
         return []
     ((_, (back, M)),) = _matched(records, seen, np.array([best]))
-    u, _, Vh = np.linalg.svd(M[0])
+    u, _, Vh = np.linalg.svd(M[0], full_matrices=False)
     b = back[0] @ u[:, 0]
     return [Peak(best, Vh[0], b / np.linalg.norm(b))]
 

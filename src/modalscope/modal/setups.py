@@ -266,7 +266,7 @@ def _residues(response: Response, poles: ComplexArray) -> ComplexArray:
     if not poles.size:
         return np.zeros((len(response.output_dofs), 0), dtype=complex)
     residues = free_residues(response.basis(poles, response.outside_powers))
-    return np.linalg.svd(residues)[0][:, :, 0].T
+    return np.linalg.svd(residues, full_matrices=False)[0][:, :, 0].T
 
 
 def _glued(pieces: list[ComplexArray], places: list[list[int]], outputs: int) -> ComplexArray:

@@ -244,7 +244,7 @@ def _free_rows(basis: ModalBasis, groups: list[Array]) -> tuple[list[int], Compl
     for group, residue in zip(groups, free_residues(basis), strict=True):
         rank = min(group.size, *residue.shape)
         ranks.append(rank)
-        kept.append(np.linalg.svd(residue)[2][:rank])
+        kept.append(np.linalg.svd(residue, full_matrices=False)[2][:rank])
     return ranks, np.concatenate(kept)
 
 
