@@ -225,6 +225,7 @@ def test_first_states_that_are_fitted_to_what_is_held_out_do_not_speak_for_more_
     assert np.isinf(few.squares(y[:40], np.ones(1))).all()
 
 
+@pytest.mark.slow
 def test_a_system_of_two_states_whose_noise_is_a_millionth_has_two() -> None:
     model = ms.realize(ms.read(measured("standins", "two_poles", "two.csv")))
     assert model.order == 2
