@@ -5,8 +5,10 @@ The first rule that applies decides. Every limit is one of another rule of the l
 - **doubtful**: the pole does not decay; its frequency is uncertain (95 %) by more than its half-power half-bandwidth; its damping is
   uncertain by its whole value, so that its sign is not known.
 - **look**: its shape is that of a stronger mode (MAC above .8); its interval did not hold in simulations; its refinement did not converge;
-  its damping is uncertain by more than 30 %; its shape is complex (MPC below .8); it is weak at its own frequency; its refinement moved it
-  by more than the intervals before and after allow; its uncertainty is not known.
+  its damping is uncertain by more than 30 %; its shape is complex (MPC below .8); it is weak at its own frequency; a machine's line lies
+  within 2 % of it; the modes explain less than a fifth of the response around it; it lies above .8 of half the sampling rate of records
+  without forces, where what is higher is folded back; its refinement moved it by more than the intervals before and after allow; its
+  uncertainty is not known.
 - **good**: no rule applies.
 """
 
@@ -22,6 +24,7 @@ from modalscope.data.mode_fields import half_widths
 from modalscope.data.modes import ModalModel
 from modalscope.data.shown import percent
 from modalscope.judging.evidence import LEAST_PEAK, LEAST_PROMINENCE
+from modalscope.judging.surroundings import EXPLAINED_NEARBY, OF_NYQUIST
 from modalscope.modal.indicators import mac, mpc
 from modalscope.numerics.checks import BoolArray, RealArray
 
@@ -36,6 +39,13 @@ _MIN_MPC = 0.8
 
 #: Half-width of the 95 % interval of a damping ratio, relative to its value, above which it is no basis for a decision.
 _MAX_DAMPING_UNCERTAINTY = 0.3
+
+#: Distance of a machine's line relative to the frequency of a mode within which the one may be taken for the other.
+_NEAR_A_LINE = 0.02
+
+#: Share of the response around a mode below which something else is seen there, and frequency relative to half the sampling rate above
+#: which filters against what is folded back let some through.
+_LEAST_EXPLAINED, _MOST_OF_NYQUIST = 0.2, 0.8
 
 
 @dataclass(frozen=True)
@@ -110,9 +120,24 @@ def _weakness(
     share, prominence = (reasons.get(key) for key in ("share_of_peak", "indicator_prominence"))
     if share is not None and prominence is not None and share < LEAST_PEAK and prominence < LEAST_PROMINENCE:
         return f"weak: {percent(share, 2)} of its response, no peak"
-    if moved:
-        return moved
+    if seen := _surroundings(modes, i, reasons) or moved:
+        return seen
     return "" if np.isfinite(uncertainty) else "uncertainty not known"
+
+
+def _surroundings(modes: ModalModel, i: int, reasons: Mapping[str, Any]) -> str:
+    """Say what is near a mode that may be taken for it."""
+    f = float(modes.frequencies[i])
+    lines = [line.frequency for line in modes.harmonics if abs(line.frequency - f) < _NEAR_A_LINE * f]
+    if lines:
+        nearest = min(lines, key=lambda line: abs(line - f))
+        return f"{percent(abs(nearest / f - 1), 2)} from a machine's line, {nearest:.5g} Hz"
+    explained, share = reasons.get(EXPLAINED_NEARBY, 1.0), reasons.get(OF_NYQUIST, 0.0)
+    if explained < _LEAST_EXPLAINED:
+        return f"{percent(explained, 2)} of the response around it explained"
+    if share > _MOST_OF_NYQUIST:
+        return f"at {percent(share, 2)} of half the sampling rate: may be an alias"
+    return ""
 
 
 def _moves(modes: ModalModel, widths: tuple[RealArray, RealArray]) -> list[str]:

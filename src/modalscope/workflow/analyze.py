@@ -19,10 +19,11 @@ from modalscope.doctor.responses import sampled
 from modalscope.identification.options import AllOptions, labels_of
 from modalscope.identification.orders import MAX_ORDERS
 from modalscope.judging.select import selected
+from modalscope.judging.surroundings import EXPLAINED_NEARBY, OF_NYQUIST, explained_nearby, with_reasons
 from modalscope.modal.joint_fit import for_judging
-from modalscope.modal.rebuilt import explains_enough, fit_of, of_noise, share_explained, unexplained
+from modalscope.modal.rebuilt import explains_enough, fit_error_heard, of_noise, rebuilt, share_explained, unexplained
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import check_each, check_kind
+from modalscope.numerics.checks import Array, check_each, check_kind
 from modalscope.numerics.log import LOG, tell
 from modalscope.numerics.progress import stage
 from modalscope.numerics.resources import one_thread
@@ -144,7 +145,8 @@ def concluded(
 
     `told`: notes of reading. `choose`, `check`: `select` and `examine`, or versions of them that cache their parts.
     """
-    modes, diagrams = modes_chosen(data, document, looks, choose), [look.diagram for look in looks]
+    diagrams = [look.diagram for look in looks]
+    modes, fit = _explained(data, modes_chosen(data, document, looks, choose), diagrams)
     # leakage harms frequency responses alone: records on lines eliminate what a run begins and ends with
     harmless = ("leakage",) if all(diagram.settings.route == "records" for diagram in diagrams) else ()
     excluded = _excluded(data, document)
@@ -163,7 +165,7 @@ def concluded(
         *(Note(f"data: {finding.kind}", {}, str(finding)) for finding in findings),
         *sampled(data),
         *([] if leakage is None else [leakage]),
-        *_unexplained(modes, diagrams),
+        *fit,
         *(note for diagram in diagrams for note in diagram.notes),
     ]
     return Result(
@@ -199,13 +201,28 @@ def _excluded(data: Any, document: Analysis) -> set[str]:
     return {*data.output_dofs, *data.input_dofs} - kept
 
 
-def _unexplained(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> tuple[Note, ...]:
-    """Return a warning where the modes of one band explain little of the response, and the lines of noise that are not counted."""
-    if len(diagrams) != 1:
-        return ()
-    noise = of_noise(diagrams[0].response)
-    response = diagrams[0].response
-    error = fit_of(for_judging(response, modes), response) if len(modes) else 0.0
+def _explained(
+    data: Any, modes: ModalModel, diagrams: Sequence[StabilizationDiagram]
+) -> tuple[ModalModel, tuple[Note, ...]]:
+    """Return modes with how much of the response around them they explain, and what the modes of one band leave of it in all.
+
+    A warning where they explain little, and the lines of noise that are not counted.
+    """
+    responses = [diagram.response for diagram in diagrams]
+    if not len(modes):
+        return modes, of_noise(responses[0]) if len(responses) == 1 else ()
+    nearby, notes = np.full(len(modes), np.nan), tuple[Note, ...]()
+    for response in responses:
+        fitted = rebuilt(response, for_judging(response, modes))
+        nearby = np.fmax(nearby, explained_nearby(response, fitted, modes))
+        notes = _unexplained(response, fitted) if len(responses) == 1 else ()
+    rate = getattr(getattr(data, "parts", (data,))[0], "sampling_rate", None)
+    highest = rate / 2 if rate is not None and responses[0].ambient else np.nan
+    return with_reasons(modes, {EXPLAINED_NEARBY: nearby, OF_NYQUIST: modes.frequencies / highest}), notes
+
+
+def _unexplained(response: Response, fitted: Array) -> tuple[Note, ...]:
+    error, noise = fit_error_heard(response, fitted)[0], of_noise(response)
     if explains_enough(error):
         return noise
     return (*noise, Note("little explained", {"share": share_explained(error), "fit_error": error}, unexplained(error)))
