@@ -25,8 +25,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_info
 
-__all__ = ["SHAPES", "TOLERANCES", "differences", "main", "result_of", "written"]
+__all__ = ["KERNEL", "SHAPES", "TOLERANCES", "differences", "kernel", "main", "result_of", "written"]
 
 ROOT = Path(__file__).resolve().parents[1]
 REFERENCE = ROOT / "tests" / "results" / "reference.json"
@@ -44,6 +45,9 @@ TOLERANCES |= {"f_std": 0.02, "zeta_std": 0.02, "shapes_std": 0.02}
 
 #: Under this key stand shapes, a list a mode: real and imaginary part of every component in turn. They differ where 1 - MAC exceeds this.
 SHAPES, _MAX_UNLIKE = "shapes of modes", 1e-5
+
+#: Under this key stands the kernel of the linear algebra library that the reference was written on.
+KERNEL = "written on"
 
 #: A job without its data, or without a package that reads them, gives this alone, with what is missing.
 SKIPPED = "skipped"
@@ -151,6 +155,14 @@ def _results(names: list[str], processes: int) -> Iterator[tuple[str, Any, float
         yield from pool.map(result_of, names)
 
 
+def kernel() -> str:
+    """Return the libraries of linear algebra with their kernels: sums of another order end in other digits."""
+    found = {
+        f"{each['internal_api']} {each['version']} {each.get('architecture', '')}".strip() for each in threadpool_info()
+    }
+    return ", ".join(sorted(found)) or "no library that tells its kernel"
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run the jobs, and compare or write; 1 where something differs."""
     parser = argparse.ArgumentParser(prog="python -m tools.results")
@@ -180,9 +192,13 @@ def main(arguments: list[str] | None = None) -> int:
             reference[name] = found
     if asked.write:
         REFERENCE.parent.mkdir(exist_ok=True)
-        ordered = {name: reference[name] for name in JOBS if name in reference}
+        ordered = {KERNEL: kernel(), **{name: reference[name] for name in JOBS if name in reference}}
         REFERENCE.write_text(written(ordered) + "\n", "utf-8")
     print(f"{len(names)} jobs, {total:.0f} CPU s" + ("" if asked.write else f": {wrong} differ"))
+    print(
+        f"on {kernel()}"
+        + ("" if asked.write else f"; the reference was written on {reference.get(KERNEL, 'what nobody noted')}")
+    )
     return int(wrong > 0)
 
 

@@ -356,3 +356,16 @@ def test_all_sets_shows_rows_without_a_vote_which_decide_nothing_and_results_com
     assert {result.name: len(result.modes or ()) for result in came} == {
         result.name: len(result.modes or ()) for result in every.results
     }
+
+
+def test_where_no_thread_can_be_started_cells_come_one_after_the_other(monkeypatch):
+    """As in a sandbox, or on a machine that is full."""
+
+    def full(*_):
+        raise RuntimeError("can't start new thread")
+
+    before = compare(chain(), ["era/time", "least_squares/time"], orders=FEW, workers=2)
+    monkeypatch.setattr("threading.Thread.start", full)
+    found = compare(chain(), ["era/time", "least_squares/time"], orders=FEW, workers=2)
+    for one, other in zip(before.results, found.results, strict=True):
+        assert np.array_equal(one.modes.poles, other.modes.poles)

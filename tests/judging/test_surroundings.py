@@ -103,3 +103,11 @@ def test_a_mode_near_the_end_of_what_was_sampled_is_not_good() -> None:
     assert above
     assert all(mode.grade != "good" for mode in above)
     assert {OF_NYQUIST, EXPLAINED_NEARBY} <= set(modes.reasons[0])
+
+
+def test_every_one_of_several_bands_is_asked_with_its_own_terms() -> None:
+    """Samples of bands are at rates of their own: modes of all bands together explain nothing there."""
+    record = ms.systems.build("chain5").simulate(inputs="ambient", duration=2000, sampling_rate=20.0, seed=1)
+    result = ms.analyze(record, band=[(0.3, 2.0), (2.0, 7.0)])
+    assert len(result.diagrams) == 2
+    assert min(each[EXPLAINED_NEARBY] for each in result.modes.reasons) > 0.9

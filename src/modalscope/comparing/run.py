@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import partial
 from itertools import chain
-from threading import Lock
+from threading import Event, Lock, Thread
 from typing import Any
 
 import numpy as np
@@ -321,8 +321,11 @@ def run(
 
 @contextmanager
 def _pool(at_once: int) -> Iterator[Callable[[Callable[[Any], Any], Iterable[Any]], list[Any]]]:
-    """Give a `map` that does `at_once` pieces of work at a time, where `working` said: threads do not inherit the context."""
-    if at_once == 1:
+    """Give a `map` that does `at_once` pieces of work at a time, where `working` said: threads do not inherit the context.
+
+    One after the other where no threads can be started: sandboxes and full machines refuse them.
+    """
+    if at_once == 1 or not _can_start(at_once):
         yield lambda do, pieces: [do(piece) for piece in pieces]
         return
     with ThreadPoolExecutor(at_once) as pool:
@@ -332,6 +335,23 @@ def _pool(at_once: int) -> Iterator[Callable[[Callable[[Any], Any], Iterable[Any
             return [one.result() for one in begun]
 
         yield each
+
+
+def _can_start(count: int) -> bool:
+    """Whether so many threads can be started at a time."""
+    done, begun = Event(), []
+    try:
+        for _ in range(count):
+            begun.append(Thread(target=done.wait, daemon=True))
+            begun[-1].start()
+    except RuntimeError:
+        begun.pop()
+        return False
+    finally:
+        done.set()
+        for each in begun:
+            each.join()
+    return True
 
 
 def _sweep(work: _Work, group: _Group, progress: Progress, options: dict[str, Any]) -> None:

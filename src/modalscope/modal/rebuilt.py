@@ -161,6 +161,37 @@ def rebuilt(response: Response, modes: ModalModel) -> Array:
     return response.of_modes(modes)
 
 
+def asked_ends(diagram: StabilizationDiagram) -> tuple[float, float]:
+    """Return the chosen band within the span of the data, Hz; by default the span."""
+    low, high = diagram.response.span
+    band = diagram.settings.get("band")
+    return (low, high) if band is None else (max(low, band[0]), min(high, band[1]))
+
+
+def band_of(diagram: StabilizationDiagram, bands: int) -> tuple[float, float]:
+    """Return the limits of the modes of a diagram, Hz: of several bands the chosen one, which its data may exceed."""
+    return asked_ends(diagram) if bands > 1 else diagram.response.span
+
+
+def inside(modes: ModalModel, diagram: StabilizationDiagram, bands: int) -> ModalModel:
+    """Return the modes of a band: of several bands those inside."""
+    if bands == 1:
+        return modes
+    low, high = band_of(diagram, bands)
+    return modes.take((modes.frequencies >= low) & (modes.frequencies <= high))
+
+
+def of_band(modes: ModalModel, diagram: StabilizationDiagram, bands: int) -> ModalModel:
+    """Return what the response of a diagram is rebuilt from: on lines all modes, whose tails reach inside.
+
+    Samples of one of several bands are at a rate of their own: they hold its modes, and the terms that were fitted to them.
+    """
+    if bands == 1 or diagram.response.grid is not None:
+        return modes
+    terms = tuple(each for each in modes.residual_terms if each.band == asked_ends(diagram))
+    return replace(inside(modes, diagram, bands), residual_terms=terms)
+
+
 def fit_of(modes: ModalModel, response: Response) -> float:
     """Return norm(measured - rebuilt from the modes) / norm(measured) over all channels; lines of noise alone count not (`heard_lines`)."""
     return fit_error_heard(response, rebuilt(response, modes))[0]

@@ -14,11 +14,12 @@ from modalscope.data import ModalModel, StabilizationDiagram
 from modalscope.data.mode_fields import NORMAL_HALF_WIDTH
 from modalscope.judging.description import decimals
 from modalscope.modal.indicators import mac
+from modalscope.modal.rebuilt import asked_ends
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.plot._camera import AXES, View, view_of
 from modalscope.plot.shapes import in_order, spaced
 from modalscope.plot.web.alive import Drawing
-from modalscope.plot.web.fits import Lines, asked_ends, strongest
+from modalscope.plot.web.fits import Lines, strongest
 from modalscope.plot.web.poles import behind, decibels, pole_arrays
 from modalscope.plot.web.svg import MARKS, Panel, Scale, chart, key, scale_of, shortened
 from modalscope.preprocess.singular_spectra import Decomposition

@@ -14,9 +14,9 @@ from modalscope.identification.identify import Identification
 from modalscope.identification.method_names import cell_label
 from modalscope.judging.description import HEADS, WORDS, decimals, described
 from modalscope.judging.grades import Grade
-from modalscope.modal.rebuilt import explains_enough, unexplained
+from modalscope.modal.rebuilt import asked_ends, explains_enough, unexplained
 from modalscope.numerics.checks import BoolArray
-from modalscope.plot.web.fits import Fit, asked_ends
+from modalscope.plot.web.fits import Fit
 from modalscope.plot.web.verdict import notes_that_matter, verdict_of
 from modalscope.reporting.figures import certificate_svg, intervals_svg
 from modalscope.reporting.html import Section, figure, folded, paragraph, table

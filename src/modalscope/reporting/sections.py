@@ -14,9 +14,10 @@ from modalscope.data.response import Response
 from modalscope.data.shown import frequency, percent
 from modalscope.identification.identify import Identification
 from modalscope.judging.description import described
+from modalscope.modal.rebuilt import band_of, inside
 from modalscope.numerics.checks import Array, BoolArray, RealArray
 from modalscope.plot.web.alive import Drawing, alive_blob, front_end
-from modalscope.plot.web.fits import Fit, Lines, band_of, inside
+from modalscope.plot.web.fits import Fit, Lines
 from modalscope.plot.web.modes import modes_parts
 from modalscope.preprocess.singular_spectra import Decomposition
 from modalscope.reporting.figures import (

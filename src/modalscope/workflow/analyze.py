@@ -21,7 +21,15 @@ from modalscope.identification.orders import MAX_ORDERS
 from modalscope.judging.select import selected
 from modalscope.judging.surroundings import EXPLAINED_NEARBY, OF_NYQUIST, explained_nearby, with_reasons
 from modalscope.modal.joint_fit import for_judging
-from modalscope.modal.rebuilt import explains_enough, fit_error_heard, of_noise, rebuilt, share_explained, unexplained
+from modalscope.modal.rebuilt import (
+    explains_enough,
+    fit_error_heard,
+    of_band,
+    of_noise,
+    rebuilt,
+    share_explained,
+    unexplained,
+)
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, check_each, check_kind
 from modalscope.numerics.log import LOG, tell
@@ -208,16 +216,16 @@ def _explained(
 
     A warning where they explain little, and the lines of noise that are not counted.
     """
-    responses = [diagram.response for diagram in diagrams]
     if not len(modes):
-        return modes, of_noise(responses[0]) if len(responses) == 1 else ()
+        return modes, of_noise(diagrams[0].response) if len(diagrams) == 1 else ()
     nearby, notes = np.full(len(modes), np.nan), tuple[Note, ...]()
-    for response in responses:
-        fitted = rebuilt(response, for_judging(response, modes))
+    for diagram in diagrams:
+        response = diagram.response
+        fitted = rebuilt(response, for_judging(response, of_band(modes, diagram, len(diagrams))))
         nearby = np.fmax(nearby, explained_nearby(response, fitted, modes))
-        notes = _unexplained(response, fitted) if len(responses) == 1 else ()
+        notes = _unexplained(response, fitted) if len(diagrams) == 1 else ()
     rate = getattr(getattr(data, "parts", (data,))[0], "sampling_rate", None)
-    highest = rate / 2 if rate is not None and responses[0].ambient else np.nan
+    highest = rate / 2 if rate is not None and diagrams[0].response.ambient else np.nan
     return with_reasons(modes, {EXPLAINED_NEARBY: nearby, OF_NYQUIST: modes.frequencies / highest}), notes
 
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.modal.rebuilt import fit_error, rebuilt, unexplained
+from modalscope.modal.rebuilt import fit_error, inside, rebuilt, unexplained
 from modalscope.plot.web.alive import alive_blob, drawing_of, front_end
-from modalscope.plot.web.fits import inside, lines_of_response, rebuilt_lines
+from modalscope.plot.web.fits import lines_of_response, rebuilt_lines
 from modalscope.plot.web.modes import modes_parts, over_points
 from modalscope.plot.web.poles import poles_blob, spectra_of
 from modalscope.preprocess.singular_spectra import decomposition

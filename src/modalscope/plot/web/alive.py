@@ -14,12 +14,13 @@ from modalscope.data.results import Result
 from modalscope.identification.method_names import cell_label
 from modalscope.judging.grades import grades
 from modalscope.judging.select import select
+from modalscope.modal.rebuilt import asked_ends, band_of
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, BoolArray, IntArray
 from modalscope.numerics.errors import optional_package
 from modalscope.plot._style import unit_of
 from modalscope.plot.web.blob import pack
-from modalscope.plot.web.fits import Fit, Lines, asked_ends, band_of, fit_of_bands, lines_of, strongest
+from modalscope.plot.web.fits import Fit, Lines, fit_of_bands, lines_of, strongest
 from modalscope.plot.web.modes import modes_parts, over_points
 from modalscope.plot.web.poles import behind, pole_arrays
 from modalscope.plot.web.verdict import Verdict, verdict_of

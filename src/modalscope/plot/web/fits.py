@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from modalscope.data import DataError, ImpulseResponse, ModalModel, StabilizationDiagram
 from modalscope.data.response import Response
-from modalscope.modal.rebuilt import fit_error, fit_error_heard, heard_lines, rebuilt
+from modalscope.modal.rebuilt import band_of, fit_error, fit_error_heard, heard_lines, of_band, rebuilt
 from modalscope.numerics.checks import Array
 from modalscope.plot._style import unit_of
 from modalscope.plot.web.blob import pack
@@ -20,37 +19,6 @@ _MAX_POINTS = 200_000
 
 #: Fit error in all and per channel (l, m), or None if the modes cannot be rebuilt.
 Fit = tuple[float, Array] | None
-
-
-def asked_ends(diagram: StabilizationDiagram) -> tuple[float, float]:
-    """Return the chosen band within the span of the data, Hz; by default the span."""
-    low, high = diagram.response.span
-    band = diagram.settings.get("band")
-    return (low, high) if band is None else (max(low, band[0]), min(high, band[1]))
-
-
-def band_of(diagram: StabilizationDiagram, bands: int) -> tuple[float, float]:
-    """Return the limits of the modes of a diagram, Hz: of several bands the chosen one, which its data may exceed."""
-    return asked_ends(diagram) if bands > 1 else diagram.response.span
-
-
-def inside(modes: ModalModel, diagram: StabilizationDiagram, bands: int) -> ModalModel:
-    """Return the modes of a band: of several bands those inside."""
-    if bands == 1:
-        return modes
-    low, high = band_of(diagram, bands)
-    return modes.take((modes.frequencies >= low) & (modes.frequencies <= high))
-
-
-def of_band(modes: ModalModel, diagram: StabilizationDiagram, bands: int) -> ModalModel:
-    """Return what the response of a diagram is rebuilt from: on lines all modes, whose tails reach inside.
-
-    Samples of one of several bands are at a rate of their own: they hold its modes, and the terms that were fitted to them.
-    """
-    if bands == 1 or diagram.response.grid is not None:
-        return modes
-    terms = tuple(each for each in modes.residual_terms if each.band == asked_ends(diagram))
-    return replace(inside(modes, diagram, bands), residual_terms=terms)
 
 
 def cut_to_band(lines: tuple[Array, ...], diagram: StabilizationDiagram, bands: int) -> tuple[Array, ...]:

@@ -17,10 +17,11 @@ from modalscope.identification.stabilize import stable_against
 from modalscope.identification.sweep import Cut, Sweep
 from modalscope.io.arrays import plain
 from modalscope.modal.indicators import mmif
+from modalscope.modal.rebuilt import asked_ends, band_of
 from modalscope.numerics.checks import Array
 from modalscope.plot.diagrams import indicator_curves
 from modalscope.plot.web.blob import pack
-from modalscope.plot.web.fits import asked_ends, band_of, cut_to_band
+from modalscope.plot.web.fits import cut_to_band
 from modalscope.preprocess import decomposition, estimate_frf
 from modalscope.preprocess.singular_spectra import Decomposition
 
