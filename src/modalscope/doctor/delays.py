@@ -20,7 +20,7 @@ from modalscope.doctor.findings import finding, thinned
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.preprocess.correlation import spanning_outputs
-from modalscope.preprocess.excitation import find_excitation, without_dead_forces
+from modalscope.preprocess.excitation import dead_forces, find_excitation
 from modalscope.preprocess.spectra import Segments, cross_spectra, fast_length
 
 #: Maximum number of samples of a run, and of runs, that are examined.
@@ -94,11 +94,13 @@ def lateness(signals: Signals) -> tuple[bool, dict[str, int]]:
     The impulse response of acceleration begins with the direct term at lag 0, that of velocity with the shapes at lag 1; that of
     displacement grows from zero and shows no delay. Recorders that started apart, and buffers, shift it.
     """
-    outputs, inputs = without_dead_forces(signals)[0].by_run()
+    outputs, inputs = signals.by_run()
     length = min(signals.samples // (_SEGMENTS // 2 + 1), _MAX_SEGMENT)
-    if inputs is None or length < _MIN_SEGMENT:
+    dead = dead_forces(signals)
+    if inputs is None or len(dead) == inputs.shape[2] or length < _MIN_SEGMENT:
         return False, {}
-    y, u = _examined(outputs), _examined(inputs)
+    moving = [i for i, dof in enumerate(signals.input_dofs) if dof not in dead]
+    y, u = _examined(outputs), _examined(inputs[:, :, moving])
     size = _responses(y, u, length)
     mean = np.sqrt(np.mean((size / np.maximum(size.max(axis=0), 1e-300)) ** 2, axis=1))
     lag = _onset(mean, _MEAN_ONSET_DEVIATIONS)

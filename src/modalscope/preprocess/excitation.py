@@ -85,10 +85,21 @@ def moved_by_base(signals: Signals) -> tuple[Signals, tuple[Note, ...]]:
     return driven, (Note("base", {"inputs": float(len(names))}, text),)
 
 
-def without_dead_forces(data: Signals | Records) -> tuple[Any, tuple[Note, ...]]:
-    """Return records without the inputs that are constant in every run, and a note; without all of them no force was measured.
+def dead_forces(data: Signals | Records) -> dict[str, float]:
+    """Return the inputs that are constant in every run, with their values; one that rests in some runs alone is none: these are decays."""
+    moving: set[str] = set()
+    levels: dict[str, float] = {}
+    for record in data.recordings:
+        for forces in record.by_run()[1] if record.inputs is not None else ():  # type: ignore[union-attr]
+            levels |= dict(zip(record.input_dofs, forces[0].tolist(), strict=True))
+            moving |= set(record.input_dofs) - {record.input_dofs[i] for i in constant_channels(forces)}
+    return {dof: level for dof, level in levels.items() if dof not in moving}
 
-    A force that never changes drives nothing. One that rests in some runs alone stays: these are free decays.
+
+def without_dead_forces(data: Signals | Records) -> tuple[Any, tuple[Note, ...]]:
+    """Return records none of whose inputs ever changes without them, and a note: no force was measured.
+
+    Beside others such an input stays: it has no participation.
 
     Examples
     --------
@@ -97,23 +108,14 @@ def without_dead_forces(data: Signals | Records) -> tuple[Any, tuple[Note, ...]]
     >>> print(alone.inputs, note)
     None Taken as no force, for it never changes: input u1. Check cable and sensor if it was to be one
     """
-    moving: set[str] = set()
-    levels: dict[str, float] = {}
-    for record in data.recordings:
-        for forces in record.by_run()[1] if record.inputs is not None else ():  # type: ignore[union-attr]
-            levels |= dict(zip(record.input_dofs, forces[0].tolist(), strict=True))
-            moving |= set(record.input_dofs) - {record.input_dofs[i] for i in constant_channels(forces)}
-    dead = {dof: level for dof, level in levels.items() if dof not in moving}
-    if not dead:
+    dead = dead_forces(data)
+    if not dead or len(dead) < len(data.input_dofs):
         return data, ()
     text = (
         f"Taken as no force, for it never changes: input {', '.join(dead)}. Check cable and sensor if it was to be one"
     )
-    note = Note(_DEAD_FORCE, dead, text)
-    if moving:
-        return data.select(inputs=[dof for dof in data.input_dofs if dof in moving]), (note,)
     alone = data.select(inputs=[]) if isinstance(data, Signals) else data._mapped(lambda run: run.select(inputs=[]))
-    return alone, (note,)
+    return alone, (Note(_DEAD_FORCE, dead, text),)
 
 
 def still_there(labels: Iterable[str], notes: Iterable[Note]) -> tuple[str, ...]:
