@@ -50,17 +50,20 @@ def orthogonal_basis(
             f"{np.unique(x).size} lines determine {independent} of them",
             "Use more lines or fewer block rows.",
         )
-    basis = np.zeros((x.size, degree + 1), dtype=complex)
+    rows, squares = np.zeros((degree + 1, 2 * x.size)), np.tile(w**2, 2)  # real parts before imaginary ones
     h = np.zeros((degree + 1, degree))
-    basis[:, 0] = 1 / np.sqrt(np.sum(w**2))
+    rows[0, : x.size] = 1 / np.sqrt(np.sum(w**2))
     for k in range(degree):
-        v = x * basis[:, k]
+        before = x * (rows[k, : x.size] + 1j * rows[k, x.size :])
+        v = np.concatenate([before.real, before.imag])
         for _ in range(2):  # a second orthogonalization makes the basis orthogonal to rounding
-            c = (basis[:, : k + 1].conj().T @ (w**2 * v)).real
+            c = rows[: k + 1] @ (squares * v)
             h[: k + 1, k] += c
-            v = v - basis[:, : k + 1] @ c
-        h[k + 1, k] = np.sqrt(np.sum(w**2 * np.abs(v) ** 2))
-        basis[:, k + 1] = v / h[k + 1, k]
+            v -= c @ rows[: k + 1]
+        h[k + 1, k] = np.sqrt(np.sum(squares * v**2))
+        rows[k + 1] = v / h[k + 1, k]
+    basis = np.empty((x.size, degree + 1), dtype=complex)
+    basis.real, basis.imag = rows[:, : x.size].T, rows[:, x.size :].T
     return basis, h
 
 
