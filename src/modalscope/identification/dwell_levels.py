@@ -49,7 +49,7 @@ def levels_of(records: Records) -> Levels:
     """Return the backbone of the mode that dwells excite: a level each, by rising amplitude.
 
     Raises `DataError`: no forces, fewer than four dwells or too short ones, forces at places that are not measured, or dwells so near
-    each other that mass and stiffness are not told apart.
+    each other that mass and stiffness are not separated.
     """
     if not records.input_dofs:
         raise DataError(
@@ -137,7 +137,7 @@ def _backbone(w: RealArray, q: RealArray, power: ComplexArray) -> tuple[RealArra
         where = (
             "at one frequency" if np.ptp(f) <= _ONE_FREQUENCY * f.mean() else f"from {f.min():.6g} to {f.max():.6g} Hz"
         )
-        have = f"all dwells are {where}: mass and stiffness cannot be told apart there"
+        have = f"all dwells are {where}: mass and stiffness are not separated"
         raise DataError("a tuned dwell was asked", have, "Step through the resonance, to half of its height at least.")
     natural = np.sqrt(np.maximum((power.real + m * w**2) / m, 0))
     return natural / (2 * np.pi), power.imag / (w * 2 * m * np.maximum(natural, 1e-300))
