@@ -24,7 +24,7 @@ def kind_of_test(outputs: RealArray, inputs: RealArray | None) -> str:
     Runs share the kind of most of them, but are a free decay only where all are.
     """
     if inputs is not None:
-        runs = [[force for force in run.T if np.any(force)] for run in inputs]
+        runs = [[force for force in run.T if np.any(force != force[0])] for run in inputs]
         return commonest(["hammer" if all(map(is_impact, run)) else "shaker" for run in runs if run], "shaker")
     return "free decay" if all(decay_of(run) is not None for run in outputs) else "ambient"
 

@@ -221,6 +221,9 @@ def _explained(
     nearby, notes = np.full(len(modes), np.nan), tuple[Note, ...]()
     for diagram in diagrams:
         response = diagram.response
+        channels = None if modes.participation is None else (len(modes.shapes), modes.participation.shape[1])
+        if response.values.shape[1:] != channels:  # setups apart: each has channels of its own
+            continue
         fitted = rebuilt(response, for_judging(response, of_band(modes, diagram, len(diagrams))))
         nearby = np.fmax(nearby, explained_nearby(response, fitted, modes))
         notes = _unexplained(response, fitted) if len(diagrams) == 1 else ()
