@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 import modalscope as ms
+from modalscope.numerics.checks import RealArray
 from modalscope.plot.web.fits import fit_of_bands
 from tools.jobs import JOBS, Missing, Told, face, job, measured, numbers
 from tools.results import SHAPES
@@ -57,6 +58,16 @@ FILES: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
 }
 
 
+#: Deviations of shapes of unit length below this are rounding: of one output the only component is fixed.
+_ROUNDING_OF_SHAPES = 1e-6
+
+
+def _beyond_rounding(deviations: RealArray) -> RealArray:
+    """Return the deviation of every shape (l, n) as a whole, (n,); zero where it is rounding."""
+    whole = np.linalg.norm(deviations, axis=0)
+    return np.asarray(np.where(whole < _ROUNDING_OF_SHAPES, 0.0, whole))
+
+
 def listed(thing: Any, **options: Any) -> Told:
     """Return the list of modes of a whole analysis, or that it was refused."""
     try:
@@ -74,7 +85,7 @@ def listed(thing: Any, **options: Any) -> Told:
         "zeta": numbers(modes.damping_ratios),
         "f_std": numbers(ends[0]),
         "zeta_std": numbers(ends[1]),
-        "shapes_std": None if modes.shapes_std is None else numbers(np.linalg.norm(modes.shapes_std, axis=0)),
+        "shapes_std": None if modes.shapes_std is None else numbers(_beyond_rounding(modes.shapes_std)),
         "grades": [mode.grade for mode in modes],
         SHAPES: [[float(f"{x:.5g}") for z in shape for x in (z.real, z.imag)] for shape in modes.shapes.T],
         "explained": None if fit is None else 1 - float(fit[0]) ** 2,

@@ -364,3 +364,13 @@ def test_without_groups_spreads_and_indicators_are_unknown_and_deviations_are_th
     assert found.frequencies_std[:3].tolist() == [0.5] * 3
     assert found.frequencies_std[3] < 0.01
     assert "not in the diagram" in found.reasons[3]["text"]
+
+
+@pytest.mark.parametrize("nudge", [-1e-12, 0.0, 1e-12])
+def test_rounding_does_not_choose_the_middle_of_a_group(nudge: float) -> None:
+    """Of two, and of the middle two of four, both are as far from the median: whichever is nearer by rounding, the first is taken."""
+    four = poles_of(*(Pole(n, f=10 + 0.01 * n + nudge * (n == 3)) for n in (1, 2, 3, 4)))
+    assert verdict._starts(four, [np.arange(4)]).tolist() == [1]
+    # and what is nearer by more than that is taken, wherever it stands
+    three = poles_of(*(Pole(n, f=f) for n, f in ((1, 10.0), (2, 10.1), (3, 10.05))))
+    assert verdict._starts(three, [np.arange(3)]).tolist() == [2]

@@ -439,6 +439,10 @@ _MIN_GROUP_ORDERS = 3
 #: Minimum distance of starting poles in half bandwidths, unless their MAC is below this; maximum number of them.
 _START_HALF_BANDWIDTHS, _SAME_START_MAC, _MAX_STARTS = 0.3, 0.95, 60
 
+#: Distances that differ by less, relative, are equal, those of two poles to their median say: rounding differs from processor to
+#: processor and must not choose.
+_TIE = 1e-6
+
 #: MAC above which a single pole shows a mode of its frequency: nearer to it than to a right angle.
 _SHOWN_MAC = 0.5
 
@@ -593,7 +597,8 @@ def _starts(poles: Poles, groups: list[Array]) -> IntArray:
     starts: list[int] = []
     for group in sorted(groups, key=lambda g: (-g.size, float(poles.frequency[g[0]]))):
         s = poles.pole[group]
-        middle = int(group[np.argmin(np.abs(s - np.median(s.real) - 1j * np.median(s.imag)))])
+        apart = np.abs(s - np.median(s.real) - 1j * np.median(s.imag))
+        middle = int(group[np.flatnonzero(apart <= apart.min() * (1 + _TIE))[0]])
         if not np.any(_same_start(poles.take(np.array(starts, dtype=int)), poles, middle)):
             starts.append(middle)
     return np.array(starts[:_MAX_STARTS], dtype=int)
