@@ -41,7 +41,8 @@ COMMANDS = {
     "report modes.json -o again.html": ["identifying", *ANALYSIS, "writing again.html"],
     "mac modes.json modes.json -o mac.svg": ["reading", "drawing mac.svg"],
     "compare test.uff --methods era/z lscf --orders 6:10:2 -o -": [
-        *("reading", "comparing", "weighing the candidates of all", "selecting", "factoring", "writing")
+        *("reading", "comparing", "weighing the candidates of all", "selecting", "factoring"),
+        *("identifying by the usual method", "preparing", "refining", "examining", "writing"),
     ],
     "selfcheck": ["recomputing"],
 }

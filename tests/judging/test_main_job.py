@@ -176,10 +176,18 @@ def test_noise_alone_has_no_modes():
 
 
 @pytest.mark.slow
-def test_the_close_pairs_of_a_measured_aircraft_are_separate_modes():
+def test_of_the_close_pairs_of_a_measured_aircraft_one_is_two_modes_and_the_other_is_told():
     with np.load(measured("hati_gvt", "hati_ws3_frf.npz")) as file:
         data = ms.FrequencyResponse(values=file["H"][:, :, None], frequencies=file["freq"], quantity="acceleration")
     modes = ms.select(ms.stabilize(data, band=(3, 36)))
-    # found by independent programs; ten roving runs differ by up to .1 %, and the second pair lies 1.1 % apart
-    for f in (9.175, 9.471, 18.91, 19.12):
+    for f in (9.175, 9.471):
         assert np.sum(np.abs(modes.frequencies / f - 1) < 0.003) == 1
+    # Independent programs find 18.91 and 19.12 Hz; each of the ten roving runs alone shows one mode, at 18.91 to 19.17 Hz. One mode that
+    # shifts by .35 % explains as much as two: it is said, and both are had by name.
+    near = [c for c in modes.left_out if abs(c.frequency / 19.0 - 1) < 0.01]
+    assert np.sum(np.abs(modes.frequencies / 19.0 - 1) < 0.01) == 2 or any(
+        "one mode that shifts" in c.reason for c in near
+    )
+    both = ms.select(ms.stabilize(data, band=(3, 36)), take=[18.91, 19.12], tolerance=0.004).frequencies
+    for f in (18.91, 19.12):
+        assert np.min(np.abs(both / f - 1)) < 0.003

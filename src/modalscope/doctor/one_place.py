@@ -17,9 +17,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy import ndimage, signal
-from scipy.cluster.hierarchy import fcluster, linkage
-from scipy.spatial.distance import squareform
 
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
 
@@ -76,6 +73,8 @@ def white_noise(H: ComplexArray) -> RealArray:
         return np.zeros(H.shape)
     squares = np.abs(np.diff(H, 2, axis=1)) ** 2 / _SECOND_DIFFERENCE
     padded = np.pad(squares, ((0, 0), (1, 1), (0, 0)), mode="edge")
+    from scipy import ndimage
+
     return np.asarray(ndimage.median_filter(padded, size=(1, _NOISE_LINES, 1), mode="nearest"))
 
 
@@ -114,11 +113,16 @@ def decide(H: ComplexArray, noise: RealArray) -> Placed:
 
 
 def _joins(d: RealArray) -> RealArray:
+    from scipy.cluster.hierarchy import linkage  # slow to load
+    from scipy.spatial.distance import squareform
+
     return np.asarray(linkage(squareform(d, checks=False), "average"))
 
 
 def _repeats(d: RealArray) -> list[int]:
     """Return the place of every file of a test of several places: repeats share one where they are clearly apart from all others."""
+    from scipy.cluster.hierarchy import fcluster  # slow to load
+
     joins = _joins(d)
     heights = np.maximum(joins[:, 2], _REPEATED)
     gaps = np.where(heights[:-1] <= ALIKE, heights[1:] / heights[:-1], 0.0)
@@ -133,6 +137,8 @@ def _repeats(d: RealArray) -> list[int]:
 
 def _windows(power: RealArray, noise: RealArray) -> list[slice]:
     """Return the lines of every resonance of a mean power (lines,)."""
+    from scipy import signal  # slow to load
+
     level = 10 * np.log10(np.maximum(power, max(1e-30 * float(power.max()), _TINY)))
     peaks: IntArray = signal.find_peaks(level, prominence=_PROMINENCE_DB)[0]
     peaks = peaks[power[peaks] > _MIN_PEAK_RATIO * noise[peaks]]
