@@ -67,8 +67,11 @@ def refined(
     scaled = with_indicators_of_shapes(replace(model.normalized(_scale(before)), unrefined=before))
     notes = [*notes, *_moved_far(before.poles, poles)]
     # lines of records tell their errors whatever the spectrum
+    averaged = (response.averages or 1) > 1
     doubt = settled.colour.coloured and not point.problem.records
-    return scaled.take(order).noted([*notes, *_told(settled.colour if doubt else None, spread, groups, poles)])
+    return scaled.take(order).noted(
+        [*notes, *_told(settled.colour if doubt else None, spread, groups, poles, averaged)]
+    )
 
 
 def _last_fit(task: Task, settled: Settled) -> JointFit:
@@ -105,7 +108,7 @@ def _moved_far(before: ComplexArray, poles: ComplexArray) -> list[Note]:
     return [Note("moved far", {"modes": int(far.sum())}, text)]
 
 
-def _told(seen: Colour | None, spread: Spread, groups: Groups, poles: ComplexArray) -> list[Note]:
+def _told(seen: Colour | None, spread: Spread, groups: Groups, poles: ComplexArray, averaged: bool) -> list[Note]:
     """Say what the deviations rest on, and which poles are too close to have deviations of their own."""
     notes = []
     if seen is not None:
@@ -116,7 +119,8 @@ def _told(seen: Colour | None, spread: Spread, groups: Groups, poles: ComplexArr
         notes.append(Note("coloured residual", {"correlation": seen.correlation, "uneven": seen.uneven}, text))
     if spread.frequency_between is None:
         count = 0 if groups is None else len(set(groups))
-        why = "single run" if not count else f"{counted(count, 'group')}, {LEAST_GROUPS} are needed"
+        one = "runs averaged into one" if averaged else "single run"
+        why = one if not count else f"{counted(count, 'group')}, {LEAST_GROUPS} are needed"
         text = f"Intervals cover noise and model error only; repeatability unknown ({why})"
         notes.append(Note("noise and model only", {"groups": count}, text))
     f = frequencies_and_damping(poles)[0]
