@@ -10,8 +10,8 @@ import pytest
 
 import modalscope as ms
 from modalscope.functions.poles import poles_from
-from modalscope.likelihood import line_levels, settling
-from modalscope.likelihood.line_levels import UNEVEN, parts_of_level, rows_of_lines
+from modalscope.likelihood import line_levels, settling, whitening
+from modalscope.likelihood.line_levels import parts_of_level, rows_of_lines
 from modalscope.numerics.checks import RealArray
 from tests.likelihood.weak_first import weak_first
 from tests.studies import Study
@@ -137,7 +137,9 @@ def test_levels_make_a_residual_white_that_was_not(monkeypatch: pytest.MonkeyPat
     assert np.ptp(last.descent.point.problem.rows) > 0
 
 
-@pytest.mark.parametrize(("uneven", "levelled"), [(UNEVEN, False), (UNEVEN + 1e-9, True)])
+@pytest.mark.parametrize(
+    ("uneven", "levelled"), [(whitening._LEVEL_DEVIATIONS, False), (whitening._LEVEL_DEVIATIONS + 1e-9, True)]
+)
 def test_lines_have_levels_where_white_noise_would_not_scatter_so(
     uneven: float, levelled: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -69,12 +69,12 @@ class Placed(NamedTuple):
 
 def white_noise(H: ComplexArray) -> RealArray:
     """Return the noise power of responses (files, lines, outputs) on each line, from the second differences of neighbouring lines."""
+    from scipy import ndimage  # slow to load
+
     if H.shape[1] < 3:
         return np.zeros(H.shape)
     squares = np.abs(np.diff(H, 2, axis=1)) ** 2 / _SECOND_DIFFERENCE
     padded = np.pad(squares, ((0, 0), (1, 1), (0, 0)), mode="edge")
-    from scipy import ndimage
-
     return np.asarray(ndimage.median_filter(padded, size=(1, _NOISE_LINES, 1), mode="nearest"))
 
 

@@ -18,6 +18,7 @@ from modalscope.data.channels import AUTO
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.responses import FrequencyResponse
+from modalscope.data.shown import counted
 from modalscope.doctor.one_place import ALIKE, Placed, decide, not_compared, white_noise
 from modalscope.numerics.checks import ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
@@ -125,15 +126,11 @@ def against_labels(parts: Sequence[Any]) -> tuple[Note, ...]:
 
 
 def _apart(found: Placed) -> str:
-    return f"amplitudes at {_resonances(found)} differ by {100 * found.apart:.2g} %"
+    return f"amplitudes at {counted(found.resonances, 'resonance')} differ by {100 * found.apart:.2g} %"
 
 
 def _agree(found: Placed) -> str:
-    return f"amplitudes at {_resonances(found)} agree within {max(1, round(100 * found.apart))} %"
-
-
-def _resonances(found: Placed) -> str:
-    return f"{found.resonances} resonance{'s' if found.resonances > 1 else ''}"
+    return f"amplitudes at {counted(found.resonances, 'resonance')} agree within {max(1, round(100 * found.apart))} %"
 
 
 def _one(found: Placed, names: Sequence[str]) -> str:
@@ -148,7 +145,8 @@ def _one(found: Placed, names: Sequence[str]) -> str:
         k = int(np.argmax(np.abs(np.log(gain))))
         return f"{files} look like one place, but {names[k]} is {gain[k]:.2g} times as large (overload, range or unit?): taken as one"
     few = "only " if found.resonances < 3 else ""
-    return f"{files} look like one place (amplitudes at {few}{_resonances(found)} differ by {100 * found.apart:.2g} %): taken as one"
+    at = f"{few}{counted(found.resonances, 'resonance')}"
+    return f"{files} look like one place (amplitudes at {at} differ by {100 * found.apart:.2g} %): taken as one"
 
 
 def _remedy(files: int) -> str:

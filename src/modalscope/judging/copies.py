@@ -373,7 +373,7 @@ class _Cluster:
         (q, p), m = self.channels, len(start)
         precision = np.repeat(1 / np.maximum(usual[0] * np.abs(start), -usual[1] * start.real) ** 2, 2)
         c, a, b, damping = start[:, None, None], np.zeros((m, q, 1), complex), np.zeros((m, 1, p), complex), _DAMPING
-        at, cost = self._at(c + a + b, slopes=True), np.inf
+        at = self._at(c + a + b, slopes=True)
         cost = self._cost(at, a, b, precision)
         for _ in range(_STEPS):
             centre, rows, columns = self._centred_step(at, a, b, precision, damping)
@@ -408,20 +408,16 @@ class _Cluster:
         # centres stand before the columns: they shift all channels
         across = np.concatenate([N.sum(axis=1)[:, :, None], N.transpose(0, 2, 1, 3)], axis=2).reshape(q, n, (p + 1) * n)
         right = slope.sum(axis=1) - precision * _real(a[:, :, 0].T)
-        rows = np.linalg.solve(
-            _stiff(N.sum(axis=1) + prior, damping), np.concatenate([across, right[:, :, None]], axis=2)
-        )
+        rows = _stiff(N.sum(axis=1) + prior, damping)
         by_column, whole = N.sum(axis=0), N.sum(axis=(0, 1))
         S = np.zeros((p + 1, n, p + 1, n))
         S[0, :, 0] = _stiff(whole, damping)
         S[0, :, 1:], S[1:, :, 0] = by_column.transpose(1, 0, 2), by_column
         S[np.arange(1, p + 1), :, np.arange(1, p + 1)] = _stiff(by_column + prior, damping)
-        S = S.reshape((p + 1) * n, -1) - np.einsum("qni,qnj->ij", across, rows[:, :, :-1])
-        target = np.vstack([slope.sum(axis=(0, 1))[None], slope.sum(axis=0) - precision * _real(b[:, 0].T)]).reshape(-1)
-        found = np.linalg.lstsq(S, target - np.einsum("qni,qn->i", across, rows[:, :, -1]), rcond=_ROUNDING)[0]
-        by_row = _complex(rows[:, :, -1] - rows[:, :, :-1] @ found)
-        centre, *columns = _complex(found.reshape(p + 1, n))
-        return centre[:, None, None], by_row.T[:, :, None], np.array(columns).T[:, None, :]
+        target = np.vstack([slope.sum(axis=(0, 1))[None], slope.sum(axis=0) - precision * _real(b[:, 0].T)])
+        by_row, found = _eliminated(rows, across, right, S, target)
+        centre, *columns = _complex(found)
+        return centre[:, None, None], _complex(by_row).T[:, :, None], np.array(columns).T[:, None, :]
 
     def _shifting(self, starts: dict[str, ComplexArray], *, steps: int = _STEPS, both: bool = True) -> _Fit:
         """Return the likeliest of modes that shift by row, by column, and by both, from the better of these and from its means."""
@@ -504,14 +500,10 @@ class _Cluster:
             return _complex(_damped(N.sum(axis=0), damping, b.sum(axis=0))).T[:, None, :]
         rows, columns = _stiff(N.sum(axis=1), damping), _stiff(N.sum(axis=0), damping)
         across = N.transpose(0, 2, 1, 3).reshape(q, n, p * n)
-        by_rows = np.linalg.solve(rows, np.concatenate([across, b.sum(axis=1)[:, :, None]], axis=2))
         S = np.zeros((p, n, p, n))
         S[np.arange(p), :, np.arange(p)] = columns
-        S = S.reshape(p * n, p * n) - np.einsum("qni,qnj->ij", across, by_rows[:, :, :-1])
-        slope = b.sum(axis=0).reshape(p * n) - np.einsum("qni,qn->i", across, by_rows[:, :, -1])
-        by_column = np.linalg.lstsq(S, slope, rcond=_ROUNDING)[0]
-        by_row = by_rows[:, :, -1] - by_rows[:, :, :-1] @ by_column
-        return _complex(by_row).T[:, :, None] + _complex(by_column.reshape(p, n)).T[:, None, :]
+        by_row, by_column = _eliminated(rows, across, b.sum(axis=1), S, b.sum(axis=0))
+        return _complex(by_row).T[:, :, None] + _complex(by_column).T[:, None, :]
 
 
 def _stiff(N: RealArray, damping: float) -> RealArray:
@@ -519,6 +511,19 @@ def _stiff(N: RealArray, damping: float) -> RealArray:
     own = np.einsum("...ii->...i", N)
     least = _ROUNDING * np.maximum(own.sum(axis=-1, keepdims=True), 1e-300)
     return np.asarray(N + (damping * own + least)[..., None] * np.eye(N.shape[-1]))
+
+
+def _eliminated(
+    rows: RealArray, across: RealArray, right: RealArray, S: RealArray, target: RealArray
+) -> tuple[RealArray, RealArray]:
+    """Solve rows x + across y = right, row by row, and sum across' x + S y = target; return x (q, n) and y, as the target is.
+
+    `rows` (q, n, n), `across` (q, n, k n), `right` (q, n), `S` (k, n, k, n), `target` (k, n).
+    """
+    by_rows = np.linalg.solve(rows, np.concatenate([across, right[:, :, None]], axis=2))
+    left = S.reshape(target.size, -1) - np.einsum("qni,qnj->ij", across, by_rows[:, :, :-1])
+    y = np.linalg.lstsq(left, target.ravel() - np.einsum("qni,qn->i", across, by_rows[:, :, -1]), rcond=_ROUNDING)[0]
+    return by_rows[:, :, -1] - by_rows[:, :, :-1] @ y, y.reshape(target.shape)
 
 
 def _damped(N: RealArray, damping: float, slope: RealArray) -> RealArray:

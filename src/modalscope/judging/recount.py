@@ -19,7 +19,7 @@ from modalscope.judging.selection_problem import MAX_DAMPING_OF_RESONANCES, Sele
 from modalscope.likelihood.descent import Descent
 from modalscope.likelihood.line_levels import parts_of_level
 from modalscope.likelihood.matched import amplitudes_by_channel, apart, grid_of
-from modalscope.likelihood.whitening import free_bound, lag_factor, smoothed
+from modalscope.likelihood.whitening import LEVEL_LINES, free_bound, lag_factor, smoothed
 from modalscope.modal.indicators import mac
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
@@ -31,9 +31,6 @@ from modalscope.numerics.checks import Array, ComplexArray, RealArray
 # of a channel: D its deviations, s^2 the part of the variance that belongs to the response, q^2 = 1 - s^2 that of even noise, A and K what
 # either has in common some lines apart. Noise is often white; errors of calibration, leakage or
 # nonlinearity are smooth and large where the response is, so that each has its own correlation.
-
-#: Lines over which the common level of all channels is smoothed.
-_LEVEL_LINES = 41
 
 #: Maximum lag of a correlation. It ends where the mean of this many lags ahead is below this many standard deviations.
 _MAX_LAGS, _END_DEVIATIONS, _END_LAGS = 200, 2.0, 8
@@ -107,7 +104,7 @@ def errors_of(left: ComplexArray, data: ComplexArray, even: RealArray, unknown: 
     noise, own = parts_of_level(power.reshape(len(left), -1), even, size.reshape(len(left), -1))
     variance = (noise + own).reshape(power.shape)
     share = own.reshape(power.shape) / variance
-    variance *= smoothed(np.mean(power / variance, axis=(1, 2)), _LEVEL_LINES)[:, None, None]
+    variance *= smoothed(np.mean(power / variance, axis=(1, 2)), LEVEL_LINES)[:, None, None]
     A, K = _correlations((left / np.sqrt(variance)).reshape(len(left), -1), share.reshape(len(left), -1))
     rows = 2 * len(left)
     return ColouredErrors(variance * (rows / max(rows - unknown, 1)), share, A, K)

@@ -7,12 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from modalscope.likelihood.whitening import smoothed
+from modalscope.likelihood.whitening import LEVEL_LINES, smoothed
 from modalscope.numerics.checks import RealArray
-
-#: Scatter of the smoothed level of lines, in that of white noise, above which they have levels of their own: white noise exceeds it once
-#: in a thousand sets.
-UNEVEN = 3.0
 
 #: Steps at most, rise of the log likelihood at which they end, and the longest in the logarithm.
 _STEPS, _LEAST_RISE, _LONGEST = 30, 1e-3, 2.0
@@ -22,9 +18,6 @@ _ROUNDING, _LEAST_PART = 1e-9, 1e-12
 
 #: Numbers that are computed at a time: they stay in the cache.
 _NUMBERS_AT_A_TIME = 1 << 16
-
-#: Lines over which a level of another course is smoothed.
-_LEVEL_LINES = 41
 
 
 def parts_of_level(power: RealArray, even: RealArray, size: RealArray) -> tuple[RealArray, RealArray]:
@@ -57,7 +50,7 @@ def rows_of_lines(left: RealArray, data: RealArray, count: int, *, smooth: bool 
     noise, own = parts_of_level(power, np.ones(count), size)
     level = np.mean(noise + own, axis=1)
     if smooth:
-        level = level * smoothed(np.mean(power, axis=1) / level, _LEVEL_LINES)
+        level = level * smoothed(np.mean(power, axis=1) / level, LEVEL_LINES)
     return np.asarray(np.tile(np.sqrt(level / np.exp(np.mean(np.log(level)))), 2))
 
 

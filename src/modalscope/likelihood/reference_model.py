@@ -9,8 +9,9 @@ import scipy.linalg as sla
 
 from modalscope.data.response import Response, fading, window_over_lines
 from modalscope.functions.pole_basis import ModalBasis
-from modalscope.likelihood.line_levels import UNEVEN, parts_of_level, rows_of_lines
+from modalscope.likelihood.line_levels import parts_of_level, rows_of_lines
 from modalscope.likelihood.whitening import (
+    LEVEL_LINES,
     Colour,
     Levels,
     colour,
@@ -27,9 +28,9 @@ _MAX_COLUMN_SHARE = 0.5
 #: Minimum residual degrees of freedom: rows / 8.
 _ROWS_PER_FREEDOM = 8.0
 
-#: Lines over which the level of a coloured residual is smoothed, and the correlation of neighbours; the residual is white below this
-#: many standard deviations; maximum factor in the variance by correlation.
-_LEVEL_LINES, _CORRELATION_LINES, _WHITE_DEVIATIONS, _MAX_CORRELATED_LINES = 41, 81, 2.0, 99.0
+#: Lines over which the correlation of neighbours is smoothed; the residual is white below this many standard deviations; maximum factor in
+#: the variance by correlation.
+_CORRELATION_LINES, _WHITE_DEVIATIONS, _MAX_CORRELATED_LINES = 81, 2.0, 99.0
 
 #: Rounds in which the reference model is fitted again under levels of lines.
 _LINE_ROUNDS = 6
@@ -77,7 +78,7 @@ def floor_of(response: Response, poles: Array) -> Floor:
     floor = _floor(response, basis, taken, np.ones(len(basis.data)) if told is None else told)
     if response.grid is not None:
         for _ in range(0 if told is not None or floor.window > 0 else _LINE_ROUNDS):
-            if floor.colour.uneven <= UNEVEN:
+            if not floor.colour.has_levels:
                 break
             floor = _floor(response, basis, taken, rows_of_lines(floor.left, floor.data, response.count))
         return floor
@@ -167,7 +168,7 @@ def by_line(floor: Floor, count: int) -> Floor:
     power = np.mean(e**2, axis=(0, 2))
     noise, own = parts_of_level(power[:, None], np.ones(count), size[:, None])
     level = (noise + own)[:, 0]
-    level = level * smoothed(power / level, _LEVEL_LINES)
+    level = level * smoothed(power / level, LEVEL_LINES)
     around = smoothed(power, _CORRELATION_LINES)
     neighbours = np.append(np.mean(e[:, 1:] * e[:, :-1], axis=(0, 2)), 0)
     rho = smoothed(neighbours, _CORRELATION_LINES) / around

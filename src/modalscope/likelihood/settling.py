@@ -18,7 +18,7 @@ from modalscope.likelihood.descent import Descent, descend_from
 from modalscope.likelihood.driven import whitened_records
 from modalscope.likelihood.information import residual, residuals, window_noise
 from modalscope.likelihood.likelihood import Whitened, unit_vectors, whitened
-from modalscope.likelihood.line_levels import UNEVEN, rows_of_lines
+from modalscope.likelihood.line_levels import rows_of_lines
 from modalscope.likelihood.whitening import (
     Colour,
     Levels,
@@ -317,7 +317,7 @@ def _uneven(response: Response, task: Task, settled: Settled) -> bool:
     given = task.known is not None or np.ptp(task.rows) > 0
     if given or response.grid is None or window_over_lines(response) > 0:
         return False
-    return settled.colour.uneven > UNEVEN
+    return settled.colour.has_levels
 
 
 @_uneven.register

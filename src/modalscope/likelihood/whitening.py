@@ -13,8 +13,8 @@ from modalscope.numerics.errors import DataError
 #: Minimum level of a channel relative to the loudest residual: a channel fitted to rounding must not decide alone.
 _MIN_RELATIVE_LEVEL = 1e-7
 
-#: Neighbours over which the level of the residual is smoothed before the test for evenness.
-_SMOOTHING_LINES = 41
+#: Lines over which the level of a residual is smoothed.
+LEVEL_LINES = 41
 
 #: Lines over which a scattered variance is averaged: as wide as the narrowest resonance, and as far as noise is stationary.
 _NEAR_LINES, _FAR_LINES = 3, 21
@@ -115,6 +115,11 @@ class Colour:
         """Whether this is no white noise."""
         return self.excess > 1
 
+    @property
+    def has_levels(self) -> bool:
+        """Whether lines have levels of their own: the smoothed level changes by more than that of white noise."""
+        return self.uneven > _LEVEL_DEVIATIONS
+
 
 def colour(left: RealArray, count: int, unknown: float, *, level: bool = True, window: float = 0.0) -> Colour:
     """Judge a whitened residual by how far neighbours agree, and by how its level changes along lines or samples.
@@ -150,10 +155,10 @@ def colour_of_lines(
     rho = together / neighbours if count > 1 else 0.0
     deviation = 1 / np.sqrt(max(neighbours, 1))
     uneven = 0.0
-    if count >= 4 * _SMOOTHING_LINES:
-        smooth = np.convolve(squares / (parts * power.size), np.ones(_SMOOTHING_LINES) / _SMOOTHING_LINES, mode="valid")
+    if count >= 4 * LEVEL_LINES:
+        smooth = np.convolve(squares / (parts * power.size), np.ones(LEVEL_LINES) / LEVEL_LINES, mode="valid")
         # the square of a standard normal number scatters by sqrt 2
-        uneven = float(np.std(np.log(smooth)) * np.sqrt(_SMOOTHING_LINES * parts * power.size / 2))
+        uneven = float(np.std(np.log(smooth)) * np.sqrt(LEVEL_LINES * parts * power.size / 2))
     expected = window**2 / (window**2 + np.pi**2)
     alike = np.sqrt(window / np.tanh(window)) if window > 0 else 1.0
     correlated = abs(rho - expected) / (_CORRELATION_DEVIATIONS * deviation * alike + unknown / (parts * count))

@@ -30,7 +30,8 @@ def joined_frf(parts: Sequence[Signals], **options: Any) -> FrequencyResponse:
 
     Without a segment among the options all parts use the shortest of their defaults, and without an excitation that of most of them.
     """
-    options = {"excitation": excitation_of(parts, "auto"), **options}
+    if "excitation" not in options:
+        options["excitation"] = excitation_of(parts, "auto")
     responses = [estimate_frf(part, **options) for part in parts]
     steps = [float(np.min(np.diff(response.frequencies))) for response in responses]
     lengths = [round(part.sampling_rate / step) for part, step in zip(parts, steps, strict=True)]

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from modalscope.data.shown import percent
 from modalscope.io.columns.table import Column, Table, as_word
 from modalscope.numerics.checks import Array, IntArray
 
@@ -83,7 +84,7 @@ def _of_rows(table: Table, columns: Sequence[Column], filled: Array, taken: Arra
         return []
     short = [c for c, row, take in zip(columns, filled, taken, strict=True) if take and not row.all()]
     above = table.first_row - 1
-    which = f"rows {above + start + 1} to {above + stop} of {above + rows} are taken, {_percent(lost, rows)} are lost"
+    which = f"rows {above + start + 1} to {above + stop} of {above + rows} are taken, {percent(lost / rows)} are lost"
     if not short or len(short) == taken.sum():
         return [f"{which}: the others are blank"]
     words = " ".join(as_word(column.label) for column in short[:6])
@@ -96,7 +97,7 @@ def _of_channels(table: Table, columns: Sequence[Column], left: dict[int, str], 
     for column in columns:
         if column.number in left:
             have = int(np.count_nonzero(~np.isnan(column.values)))
-            lost = _percent(table.rows - have, table.rows)
+            lost = percent((table.rows - have) / table.rows)
             notes.append(
                 f"{column} is left: with it {lost} of the rows would be lost, {have} of {table.rows} have it"
                 + (f' (to take it: --columns "{option}")' if have else "")
@@ -107,7 +108,3 @@ def _of_channels(table: Table, columns: Sequence[Column], left: dict[int, str], 
 def _listed(columns: Sequence[Column]) -> str:
     names = ", ".join(map(str, columns[:3])) + (f" and {len(columns) - 3} more" if len(columns) > 3 else "")
     return f"{names} {'is' if len(columns) == 1 else 'are'}"
-
-
-def _percent(part: int, whole: int) -> str:
-    return f"{100 * part / whole:.3g} %"
