@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+import modalscope as ms
 from modalscope.data import Signals
 from modalscope.preprocess.bands import CHOSEN, at_lower_rate, automatic_bands
 from modalscope.preprocess.spectral_peaks import levels_of
@@ -58,3 +60,36 @@ def test_noise_has_no_band() -> None:
 def test_a_record_of_a_few_samples_has_no_bands_and_no_error() -> None:
     record = Signals(outputs=np.random.default_rng(0).standard_normal((6, 2)), sampling_rate=10.0)
     assert automatic_bands(levels_of(record), record.sampling_rate).parts == ()
+
+
+def tones(highest: float, rate: float = 100.0) -> Signals:
+    """Return a record of two outputs with modes at 8 Hz and at `highest`."""
+    rng, t = np.random.default_rng(4), np.arange(400) / rate
+    kernels = [np.exp(-0.02 * 2 * np.pi * f * t) * np.sin(2 * np.pi * f * t) for f in (8.0, highest)]
+    noise = rng.standard_normal((2, 20_000))
+    moved = [np.convolve(each, kernel)[:20_000] for each, kernel in zip(noise, kernels, strict=True)]
+    y = np.array([[1.0, 0.5], [-0.6, 1.0]]) @ [each / each.std() for each in moved]
+    return Signals(outputs=y.T, sampling_rate=rate)
+
+
+@pytest.mark.parametrize(("highest", "end"), [(38.0, None), (44.0, 40.0)])
+def test_peaks_above_four_fifths_of_half_the_rate_are_no_reason_to_search_there(
+    highest: float, end: float | None
+) -> None:
+    own = automatic_bands(levels_of(tones(highest)), 100.0)
+    if end is None:  # as far as its peaks reach, but not beyond
+        assert own.folded is None
+        assert own.whole is None or own.whole[1] <= 40.0
+        return
+    assert own.whole is not None
+    assert own.whole[1] == own.parts[-1][1] <= end
+    assert "peaks above 0.8 of half the sampling rate may be aliases: to search there, --band 40 50" in str(
+        own.note(own.parts)
+    )
+
+
+def test_an_analysis_ends_where_aliases_begin_unless_it_is_asked() -> None:
+    found = ms.analyze(tones(44.0))
+    assert found.modes.frequencies == pytest.approx([8.0], rel=0.01)
+    assert any("--band 40 50" in str(note) for note in found.notes)
+    assert ms.analyze(tones(44.0), band=(2, 50)).modes.frequencies == pytest.approx([8.0, 44.0], rel=0.01)

@@ -37,15 +37,13 @@ _MAX_ADDED = 8
 _Modes = tuple[ComplexArray, ComplexArray, ComplexArray]
 
 
-def completed(task: Task, modes: ModalModel, participation: ComplexArray) -> ModalModel:
-    """Return the modes, followed by those at significant peaks of the residual, strongest first; `participation` (n, m).
+def completed(task: Task, modes: ModalModel, settled: Settled) -> ModalModel:
+    """Return the modes of an optimum, followed by those at significant peaks of its residual, strongest first.
 
-    The first peak is searched before any refinement: a missing mode biases its neighbours. Nothing is added where the residual remains
-    coloured: poles would then fit the error of the model.
+    Nothing is added where the residual remains coloured: poles would then fit the error of the model.
     """
     count = len(modes)
-    best: _Modes = (modes.poles - task.response.added_damping, modes.shapes, participation)
-    settled = settle(task, *best, most=0)
+    best: _Modes = (settled.descent.point.poles, *settled.residues)
     for _ in range(_MAX_ADDED):
         more = _with_peak(task, settled)
         if more is None:
@@ -262,19 +260,23 @@ def refinement(
         )
         notes.append(Note("held", {"poles": count, "outside": outside}, text))
     start = modes.take(able)
-    if complete and len(start):
-        more = completed(task, start, _participation(task, start))
+    settled, kept, lost = _significant(task, start, confined)
+    start = start.take(kept)
+    if complete and settled is not None:
+        more = completed(task, start, settled)
         added = more.frequencies[len(start) :]
+        if len(added):
+            settled, kept, also = _significant(task, more, confined)
+            start, lost = more.take(kept), [*lost, *also]
         where = ", ".join(f"{f:.5g} Hz" for f in added)
         text = f"Modes added at peaks of the residual: {where}" if where else "no mode was added"
-        notes.append(Note("added", {"modes": len(added)}, text))
-        start = more
-    settled, kept, lost = _significant(task, start, confined)
+        if where or not confined:
+            notes.append(Note("added", {"modes": len(added)}, text))
     if settled is not None and not settled.descent.converged:
         descent = settled.descent
         text = f"Refinement did not converge: {descent.why}; these are the best values so far"
         notes.append(Note("not converged", {"iterations": descent.iterations}, text))
-    return Refinement(task, start.take(kept), settled, chosen, lost, notes)
+    return Refinement(task, start, settled, chosen, lost, notes)
 
 
 def _ambient(data: Any) -> Setups | None:

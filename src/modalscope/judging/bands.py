@@ -17,7 +17,7 @@ from modalscope.data.response import Response
 from modalscope.data.results import DEVIATIONS, StabilizationDiagram
 from modalscope.functions.poles import frequencies_and_damping
 from modalscope.identification.orders import ORDERS_END
-from modalscope.judging.bare_peaks import with_note_on_peaks
+from modalscope.judging.bare_peaks import BARE, with_note_on_peaks
 from modalscope.judging.selection_problem import MAX_DAMPING_OF_RESONANCES
 from modalscope.likelihood.settling import needed_beside, out_of_band_poles
 from modalscope.modal.indicators import mac, with_indicators_of_shapes
@@ -226,6 +226,22 @@ def joined_modes(parts: Sequence[Part], modes: Sequence[ModalModel], whole: Resp
     return with_note_on_peaks(with_indicators_of_shapes(joined), whole, (parts[0].core[0], parts[-1].core[1]))
 
 
+def of_ends(modes: ModalModel, shown: StabilizationDiagram, fitted: StabilizationDiagram) -> ModalModel:
+    """Return the modes of a diagram that end where `shown` does, of `ending_in`; the poles of others are among its residual terms."""
+    if shown is fitted:
+        return modes
+    low, high = shown.settings.band or shown.response.span
+    inside = (modes.frequencies >= low) & (modes.frequencies <= high)
+    kept = replace(modes.take(inside), left_out=tuple(c for c in modes.left_out if low <= c.frequency <= high))
+    if any(note.kind == BARE for note in modes.notes):
+        kept = with_note_on_peaks(kept, shown.response, (low, high))
+    if not len(kept) or shown.response.ambient:
+        return kept
+    poles, powers = terms_of(modes)
+    outside = np.concatenate([modes.poles[~inside], poles])
+    return with_terms_of_bands(kept, [BandData(shown.response, (low, high), outside, powers)])
+
+
 def terms_of(modes: ModalModel) -> tuple[ComplexArray, tuple[int, ...]]:
     """Return the poles (rad/s) and the powers of the residual terms of modes."""
     poles = [np.zeros(0, complex), *(each.poles for each in modes.residual_terms)]
@@ -284,6 +300,15 @@ def _of_core(modes: ModalModel, core: tuple[float, float]) -> ModalModel:
     return replace(kept, left_out=tuple(c for c in modes.left_out if low <= c.frequency < high))
 
 
+def ending_in(diagram: StabilizationDiagram, band: tuple[float, float] | None) -> StabilizationDiagram:
+    """Return the poles and lines of a diagram in a band (Hz) where it was fitted with more lines than that; else the diagram."""
+    if band is None or diagram.settings.band == band or diagram.response.in_band(band) is diagram.response:
+        return diagram
+    whole = diagram.changed(response=diagram.response.in_band(band), settings=replace(diagram.settings, band=band))
+    f = diagram.frequencies
+    return replace(whole, **_together([diagram], [(f >= band[0]) & (f <= band[1])]))
+
+
 def joined_diagram(whole: StabilizationDiagram, parts: Sequence[Part]) -> StabilizationDiagram:
     """Return the poles of all parts as one diagram of the whole band, each part's own within its core.
 
@@ -293,6 +318,18 @@ def joined_diagram(whole: StabilizationDiagram, parts: Sequence[Part]) -> Stabil
     """
     kept = [_in_core(part, first=k == 0, last=k == len(parts) - 1) for k, part in enumerate(parts)]
     diagrams = [part.diagram for part in parts]
+    orders = tuple(sorted(set().union(*(d.orders for d in diagrams))))
+    return replace(
+        whole,
+        **_together(diagrams, kept),
+        orders=orders,
+        fit_errors=_fit_errors(parts, orders),
+        notes=(*(note for note in whole.notes if note.kind != ORDERS_END), _told(parts)),
+    )
+
+
+def _together(diagrams: Sequence[StabilizationDiagram], kept: Sequence[Array]) -> dict[str, Any]:
+    """Return fields of one diagram with the poles that are kept of each of several."""
 
     def together(name: str, axis: int = 0) -> Array:
         return np.concatenate(
@@ -302,7 +339,6 @@ def joined_diagram(whole: StabilizationDiagram, parts: Sequence[Part]) -> Stabil
     named = ("poles", "participation", "stable_frequency", "stable_damping", "stable_shape")
     flat: dict[str, Any] = {name: together(name) for name in named}
     names = set.intersection(*(set(d.indicators) for d in diagrams))
-    orders = tuple(sorted(set().union(*(d.orders for d in diagrams))))
     order = together("order_of_pole")
     by_order = np.argsort(order, kind="stable")
     flat = {name: values[by_order] for name, values in flat.items()} | _joined_deviations(diagrams, kept, by_order)
@@ -310,16 +346,12 @@ def joined_diagram(whole: StabilizationDiagram, parts: Sequence[Part]) -> Stabil
         name: np.concatenate([d.indicators[name][k] for d, k in zip(diagrams, kept, strict=True)])[by_order]
         for name in sorted(names)
     }
-    return replace(
-        whole,
+    return {
         **flat,
-        orders=orders,
-        order_of_pole=order[by_order],
-        shapes=together("shapes", 1)[:, by_order],
-        indicators=indicators,
-        fit_errors=_fit_errors(parts, orders),
-        notes=(*(note for note in whole.notes if note.kind != ORDERS_END), _told(parts)),
-    )
+        "order_of_pole": order[by_order],
+        "shapes": together("shapes", 1)[:, by_order],
+        "indicators": indicators,
+    }
 
 
 def _joined_deviations(
@@ -346,7 +378,9 @@ def _joined_deviations(
 
 
 def _in_core(part: Part, *, first: bool, last: bool) -> Array:
-    f = part.diagram.frequencies
+    """Return which poles lie in the core; the first and the last part have all beyond it where its data end with it."""
+    f, (low, high) = part.diagram.frequencies, part.core if part.band is None else part.band
+    first, last = first and low >= part.core[0], last and high <= part.core[1]
     return np.asarray((first | (f >= part.core[0])) & (last | (f < part.core[1])))
 
 

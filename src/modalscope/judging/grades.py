@@ -27,6 +27,7 @@ from modalscope.judging.evidence import LEAST_PEAK, LEAST_PROMINENCE
 from modalscope.judging.surroundings import EXPLAINED_NEARBY, OF_NYQUIST
 from modalscope.modal.indicators import mac, mpc
 from modalscope.numerics.checks import BoolArray, RealArray
+from modalscope.preprocess.bands import UNFOLDED
 
 #: Best first.
 GRADES = ("good", "look", "doubtful")
@@ -43,9 +44,8 @@ _MAX_DAMPING_UNCERTAINTY = 0.3
 #: Distance of a machine's line relative to the frequency of a mode within which the one may be taken for the other.
 _NEAR_A_LINE = 0.02
 
-#: Share of the response around a mode below which something else is seen there, and frequency relative to half the sampling rate above
-#: which filters against what is folded back let some through.
-_LEAST_EXPLAINED, _MOST_OF_NYQUIST = 0.2, 0.8
+#: Share of the response around a mode below which something else is seen there.
+_LEAST_EXPLAINED = 0.2
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def _surroundings(modes: ModalModel, i: int, reasons: Mapping[str, Any]) -> str:
     explained, share = reasons.get(EXPLAINED_NEARBY, 1.0), reasons.get(OF_NYQUIST, 0.0)
     if explained < _LEAST_EXPLAINED:
         return f"{percent(explained, 2)} of the response around it explained"
-    if share > _MOST_OF_NYQUIST:
+    if share > UNFOLDED:
         return f"at {percent(share, 2)} of half the sampling rate: may be an alias"
     return ""
 

@@ -17,7 +17,7 @@ from modalscope.numerics.checks import BoolArray, RealArray
 from modalscope.preprocess.conditioning import decimate, filter_band
 from modalscope.preprocess.excitation import excitation_of, find_excitation
 from modalscope.preprocess.impacts import find_hits
-from modalscope.preprocess.spectral_peaks import Levels
+from modalscope.preprocess.spectral_peaks import Levels, clear_peaks
 
 Band = tuple[float, float]
 
@@ -40,8 +40,8 @@ _SAMPLES_PER_PERIOD = 4.0
 #: Useful lines have at least this part of the largest power of the force.
 USEFUL_POWER = 0.01
 
-#: A band that reaches this part of half the sampling rate is not cut.
-_WHOLE_BAND = 0.8
+#: A band that reaches this part of half the sampling rate is not cut; above it filters let through some of what is folded back.
+UNFOLDED = 0.8
 
 #: Lines of the spectrum of a pulse, which is smooth.
 _PULSE_LINES = 1025
@@ -55,11 +55,17 @@ class AutomaticBands(NamedTuple):
     drift: float | None = None  # below is drift, to be removed; None where there is little of it
     span: Band | None = None  # the lowest and the highest peak
     below: float = 0.0  # part of all power below the band
+    folded: Band | None = (
+        None  # where there are peaks that may be folded back: from the end of the search to half the sampling rate
+    )
 
     def note(self, parts: tuple[Band, ...]) -> Note:
         """Return the note on the bands used, the whole or its parts."""
         assert self.span is not None
         drift = "" if self.drift is None else f"; drift below ({100 * self.below:.2g} % of the power) removed"
+        if self.folded is not None:
+            end, half = self.folded
+            drift += f"; peaks above {UNFOLDED:g} of half the sampling rate may be aliases: to search there, --band {end:g} {half:g}"
         bands = ", ".join(f"{low:g} to {high:g} Hz" for low, high in parts)
         kind, noun = (CHOSEN, "Band") if len(parts) == 1 else (SPLIT, "Bands")
         text = f"{noun} {bands}: spectral peaks at {self.span[0]:.3g} to {self.span[1]:.3g} Hz{drift}"
@@ -78,8 +84,9 @@ def band_up_to(high: float, text: str) -> tuple[Band, Note]:
 def automatic_bands(levels: Levels, rate: float) -> AutomaticBands:
     """Return the band of an ambient record sampled at `rate` Hz: 0.6 times its lowest peak to 1.25 times the highest.
 
-    A record that is sampled for that band without drift is used unchanged, and so is one without peaks. A band wider than 4 : 1 is cut
-    into parts at the widest gaps.
+    It ends at .8 of half the rate: filters let through some of what lies above half the rate, and its peaks are folded back there. A record
+    that is sampled for that band without drift is used unchanged, and so is one without peaks below that end. A band wider than 4 : 1 is
+    cut into parts at the widest gaps.
 
     Examples
     --------
@@ -90,10 +97,12 @@ def automatic_bands(levels: Levels, rate: float) -> AutomaticBands:
     >>> bool(low < chain5().modes().frequencies.min() and chain5().modes().frequencies.max() < high)
     True
     """
-    peaks = levels.frequencies[levels.in_peak]
+    peaks, end = levels.frequencies[levels.in_peak], rounded(UNFOLDED * rate / 2)
+    folded = (end, rate / 2) if any(f > end for f in clear_peaks(levels)) else None
+    peaks = peaks[peaks <= end]
     if not peaks.size:
         return AutomaticBands()
-    low, high = rounded(_LOW_END * peaks[0]), rounded(min(_HIGH_END * peaks[-1], 0.49 * rate))
+    low, high = rounded(_LOW_END * peaks[0]), min(rounded(_HIGH_END * peaks[-1]), end)
     power: RealArray = levels.levels * levels.widths[:, None]
     total = np.maximum(power.sum(axis=0), np.finfo(float).tiny)
     share = float(np.mean(power[levels.frequencies < low].sum(axis=0) / total))
@@ -101,8 +110,10 @@ def automatic_bands(levels: Levels, rate: float) -> AutomaticBands:
     drift = low if share >= _DRIFT_SHARE else None
     whole = None if rate < _MAX_UNCHANGED_SAMPLES * high and drift is None else (low, high)
     if whole is None and len(parts) == 1:
-        return AutomaticBands()
-    return AutomaticBands(whole, parts, drift, (float(peaks[0]), float(peaks[-1])), share)
+        if folded is None:
+            return AutomaticBands()
+        whole, parts = (0.0, end), ((0.0, end),)
+    return AutomaticBands(whole, parts, drift, (float(peaks[0]), float(peaks[-1])), share, folded)
 
 
 def at_lower_rate(signals: Record, highest: float, drift: float | None) -> Record:
@@ -150,7 +161,7 @@ def struck_band(parts: Sequence[Signals], asked: Band | None = None) -> tuple[Ba
     lines = np.linspace(0.0, half, _PULSE_LINES)
     highest = max(float(lines[useful_lines(part, lines)][-1]) for part in parts)
     high = rounded(highest)
-    if highest >= _WHOLE_BAND * half or (asked is not None and not asked[0] < high < _WHOLE_BAND * asked[1]):
+    if highest >= UNFOLDED * half or (asked is not None and not asked[0] < high < UNFOLDED * asked[1]):
         return None
     above = f"for modes above, give another band: --band {high:g} {min(2 * high, half):g} (band=...)"
     if asked is None:
@@ -170,7 +181,7 @@ def swept_band(parts: Sequence[Signals]) -> tuple[Band, Note] | None:
     lines = np.linspace(0.0, half, max(part.samples for part in parts) // 2 + 1)
     useful = lines[np.any([swept_lines(part, lines) for part in parts], axis=0)]
     low, high = rounded(float(useful[0])), rounded(float(useful[-1]))
-    high = half if high >= _WHOLE_BAND * half else high
+    high = half if high >= UNFOLDED * half else high
     if low == 0 and high == half:
         return None
     return (low, high), _note_on_driven((low, high))

@@ -45,7 +45,8 @@ def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> 
     while stay.mean() >= _MIN_REFINED:
         fixed = np.concatenate([extra, modes.poles[~stay]])
         try:
-            found = refinement(diagram.response.whole, modes.take(stay), fixed=fixed, confined=True)
+            whole = diagram.response.whole
+            found = refinement(whole, modes.take(stay), fixed=fixed, confined=True, complete=not whole.separable)
             refined = found.modes() if found.converged else None
         except Astray as away:
             stay &= ~np.isin(modes.poles, away.homes)
