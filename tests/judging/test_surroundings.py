@@ -12,7 +12,15 @@ from modalscope.data.notes import Harmonic
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.functions.poles import poles_from
 from modalscope.judging.grades import grades
-from modalscope.judging.surroundings import EXPLAINED_NEARBY, OF_NYQUIST, explained_nearby, with_reasons
+from modalscope.judging.surroundings import (
+    DIED,
+    EXPLAINED_NEARBY,
+    LEFT_AT_END,
+    OF_NYQUIST,
+    explained_nearby,
+    note_on_ends,
+    with_reasons,
+)
 from modalscope.numerics.checks import ComplexArray
 from tests.plot import examples
 
@@ -111,3 +119,52 @@ def test_every_one_of_several_bands_is_asked_with_its_own_terms() -> None:
     result = ms.analyze(record, band=[(0.3, 2.0), (2.0, 7.0)])
     assert len(result.diagrams) == 2
     assert min(each[EXPLAINED_NEARBY] for each in result.modes.reasons) > 0.9
+
+
+def struck(damping: float, seconds: float = 2.0, rate: float = 500.0) -> ms.Signals:
+    """Return four hits of a structure with modes at 12 and 55 Hz, the first of the damping, in runs that end after `seconds`."""
+    rng, n = np.random.default_rng(1), int(seconds * rate)
+    t, runs = np.arange(n) / rate, []
+    s = poles_from(np.array([12.0, 55.0]), np.array([damping, 0.02]))
+    for _ in range(4):
+        u = np.zeros(n)
+        start = int(rng.integers(20, 30))
+        u[start : start + 4] = [30.0, 90.0, 90.0, 30.0]
+        moved = [np.convolve(u, np.imag(np.exp(pole * t)))[:n] for pole in s]
+        y = np.array([[1.0, 0.5], [0.6, -1.0]]) @ moved
+        runs.append(np.column_stack([u, (y + 0.002 * y.std() * rng.standard_normal(y.shape)).T]))
+    whole = np.array(runs)
+    return ms.Signals(outputs=whole[:, :, 1:], inputs=whole[:, :, :1], sampling_rate=rate)
+
+
+def test_a_mode_that_goes_on_where_its_record_ends_is_not_good() -> None:
+    modes = ms.analyze(struck(0.01)).modes
+    assert [mode.grade for mode in modes] == ["look", "good"]
+    assert modes.reasons[0][LEFT_AT_END] == pytest.approx(np.exp(-2 * np.pi * 12.0 * 0.01 * 2.0), rel=0.05)
+    assert "left at the end of its blocks: leakage" in grades(modes)[0].reason
+
+
+def test_a_mode_that_a_window_took_or_that_died_is_good() -> None:
+    windowed = ms.analyze(ms.estimate_frf(struck(0.01), excitation="impact", exponential=0.01)).modes
+    assert LEFT_AT_END not in windowed.reasons[0]
+    died = ms.analyze(struck(0.04)).modes
+    assert [mode.grade for mode in died] == ["good", "good"]
+
+
+@pytest.mark.parametrize(("share", "word"), [(DIED * (1 - NUDGE), "good"), (DIED * (1 + NUDGE), "look")])
+def test_more_than_a_hundredth_left_at_the_end_of_blocks_is_leakage(share: float, word: str) -> None:
+    modes = with_reasons(known(), {LEFT_AT_END: np.full(len(known()), share)})
+    assert {grade.word for grade in grades(modes)} == {word}
+
+
+def test_responses_without_records_have_a_note_alone_and_only_on_lines_of_a_transform() -> None:
+    step = 2.0
+    note = note_on_ends(on_lines(np.arange(4, 40, step)), two())
+    assert note is not None
+    assert "blocks of 0.5 s without a window, 2 modes went on at their ends (73 % left at 10 Hz)" in str(note)
+    assert note_on_ends(on_lines(np.arange(4, 40, step) + 0.7), two()) is None
+    assert note_on_ends(on_lines(np.arange(400, 4000) * 0.01), two()) is None
+
+
+def on_lines(lines: np.ndarray) -> FrequencyResponse:
+    return FrequencyResponse(values=answer(two(), lines), frequencies=lines, quantity="displacement")

@@ -7,8 +7,8 @@ The first rule that applies decides. Every limit is one of another rule of the l
 - **look**: its shape is that of a stronger mode (MAC above .8); its interval did not hold in simulations; its refinement did not converge;
   its damping is uncertain by more than 30 %; its shape is complex (MPC below .8); it is weak at its own frequency; a machine's line lies
   within 2 % of it; the modes explain less than a fifth of the response around it; it lies above .8 of half the sampling rate of records
-  without forces, where what is higher is folded back; its refinement moved it by more than the intervals before and after allow; its
-  uncertainty is not known.
+  without forces, where what is higher is folded back; the record shows that it went on where its blocks ended; its refinement moved it by
+  more than the intervals before and after allow; its uncertainty is not known.
 - **good**: no rule applies.
 """
 
@@ -24,7 +24,7 @@ from modalscope.data.mode_fields import half_widths
 from modalscope.data.modes import ModalModel
 from modalscope.data.shown import percent
 from modalscope.judging.evidence import LEAST_PEAK, LEAST_PROMINENCE
-from modalscope.judging.surroundings import EXPLAINED_NEARBY, OF_NYQUIST
+from modalscope.judging.surroundings import DIED, EXPLAINED_NEARBY, LEFT_AT_END, OF_NYQUIST
 from modalscope.modal.indicators import mac, mpc
 from modalscope.numerics.checks import BoolArray, RealArray
 from modalscope.preprocess.bands import UNFOLDED
@@ -135,6 +135,8 @@ def _surroundings(modes: ModalModel, i: int, reasons: Mapping[str, Any]) -> str:
     explained, share = reasons.get(EXPLAINED_NEARBY, 1.0), reasons.get(OF_NYQUIST, 0.0)
     if explained < _LEAST_EXPLAINED:
         return f"{percent(explained, 2)} of the response around it explained"
+    if (left := reasons.get(LEFT_AT_END, 0.0)) > DIED:
+        return f"{percent(left, 2)} of it left at the end of its blocks: leakage"
     if share > UNFOLDED:
         return f"at {percent(share, 2)} of half the sampling rate: may be an alias"
     return ""

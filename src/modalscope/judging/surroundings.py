@@ -1,4 +1,4 @@
-"""Say of each mode how much of the response around it the modes explain, and how near it lies to the end of what was sampled."""
+"""Say what lies around a mode: how much of the response there is explained, the end of what was sampled, and that of its block."""
 
 from __future__ import annotations
 
@@ -9,11 +9,16 @@ from typing import Any
 import numpy as np
 
 from modalscope.data.modes import ModalModel
-from modalscope.data.response import Response
+from modalscope.data.notes import Note
+from modalscope.data.response import Response, line_step
+from modalscope.data.shown import counted, percent
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
 #: Names of what is said, among the reasons of a mode.
-EXPLAINED_NEARBY, OF_NYQUIST = "explained_nearby", "of_nyquist"
+EXPLAINED_NEARBY, OF_NYQUIST, LEFT_AT_END = "explained_nearby", "of_nyquist", "left_at_end"
+
+#: A mode of which this part or less was left where its block ended has died there.
+DIED = 0.01
 
 #: Lines around a mode: so many half bandwidths to either side, and one line at least.
 _REACH, _LEAST_LINES = 2.0, 1.0
@@ -34,6 +39,33 @@ def explained_nearby(response: Response, fitted: Array, modes: ModalModel) -> Re
         if near.any() and f.min() <= at <= f.max() and power[near].sum() > 0:
             found[k] = max(1 - left[near].sum() / power[near].sum(), 0.0)
     return found
+
+
+def left_at_end(response: Response, modes: ModalModel) -> RealArray:
+    """Return exp(-zeta omega T), what is left of each mode after a block of T = 1 / line spacing, (n,); NaN of samples and windowed blocks.
+
+    A transform of what goes on at the end of its block leaks: resonances look wider, or wavy.
+    """
+    grid = response.grid
+    if grid is None or len(grid) < 2 or response.added_damping:
+        return np.full(len(modes), np.nan)
+    return np.asarray(np.exp(np.minimum(modes.poles.real, 0.0) / line_step(response)))
+
+
+def note_on_ends(response: Response, modes: ModalModel) -> Note | None:
+    """Return a note on modes that may not have died within blocks of the length that the lines of a response tell; None where all have."""
+    left, grid = left_at_end(response, modes), response.grid
+    gone_on = np.flatnonzero(left > DIED)
+    if grid is None or not gone_on.size or np.any(np.abs(grid / line_step(response) % 1 - 0.5) < 0.4):
+        return None  # all have died, or these are no lines of a transform
+    most, seconds = int(gone_on[np.argmax(left[gone_on])]), 1 / line_step(response)
+    text = (
+        f"If the responses come from blocks of {seconds:.3g} s without a window, {counted(gone_on.size, 'mode')} went on at their ends "
+        f"({percent(float(left[most]), 2)} left at {modes.frequencies[most]:.4g} Hz): leakage biases damping. Measure longer blocks"
+    )
+    return Note(
+        "leakage", {"modes": gone_on.size, "seconds": seconds, "frequency": float(modes.frequencies[most])}, text
+    )
 
 
 def with_reasons(modes: ModalModel, facts: Mapping[str, RealArray]) -> ModalModel:

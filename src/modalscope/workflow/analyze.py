@@ -19,7 +19,15 @@ from modalscope.doctor.responses import sampled
 from modalscope.identification.options import AllOptions, labels_of
 from modalscope.identification.orders import MAX_ORDERS
 from modalscope.judging.select import selected
-from modalscope.judging.surroundings import EXPLAINED_NEARBY, OF_NYQUIST, explained_nearby, with_reasons
+from modalscope.judging.surroundings import (
+    EXPLAINED_NEARBY,
+    LEFT_AT_END,
+    OF_NYQUIST,
+    explained_nearby,
+    left_at_end,
+    note_on_ends,
+    with_reasons,
+)
 from modalscope.modal.joint_fit import for_judging
 from modalscope.modal.rebuilt import (
     explains_enough,
@@ -165,7 +173,14 @@ def concluded(
         for finding in every
         if finding.kind not in harmless and (not finding.channels or set(finding.channels) - excluded)
     )
-    leakage = leakage_note(data, diagrams[0].response, modes.frequencies, modes.damping_ratios)
+    response = diagrams[0].response
+    if any(finding.kind == "leakage" for finding in findings):
+        modes = with_reasons(modes, {LEFT_AT_END: left_at_end(response, modes)})
+    leakage = (
+        note_on_ends(response, modes)
+        if isinstance(data, Response) and not response.ambient
+        else leakage_note(data, response, modes.frequencies, modes.damping_ratios)
+    )
     notes = [
         *modes.notes,
         *(note for look in looks for note in look.notes),
