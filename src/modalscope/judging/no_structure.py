@@ -9,8 +9,10 @@ import numpy as np
 
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Harmonic, Note
+from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.results import StabilizationDiagram
 from modalscope.judging.evidence import CERTAIN, UNCERTAIN, Candidate
+from modalscope.preprocess.bands import driven_share
 from modalscope.preprocess.harmonics import HARMONIC
 from modalscope.preprocess.spectral_peaks import NOISE, UNSEEN
 
@@ -22,6 +24,10 @@ _LINE_SPREADS, _LINE_FREQUENCY_SHARE = 3.0, 0.002
 
 #: Half width of a normal distribution at half its height, sqrt(2 ln 2) standard deviations: the half bandwidth of a line that wanders.
 _HALF_WIDTH_OF_NORMAL = 1.18
+
+
+#: Forces have no power where it is below this part of their largest: no transducer resolves 80 dB below what it is driven to.
+_NO_POWER = 1e-8
 
 
 def harmonics_of_diagram(diagram: StabilizationDiagram) -> tuple[Harmonic, ...]:
@@ -46,11 +52,16 @@ def with_objections_of_record(diagram: StabilizationDiagram, candidates: Sequenc
     lines = [note for note in diagram.notes if note.kind == HARMONIC]
     alone = next((note for note in diagram.notes if note.kind == NOISE), None)
     unseen = next((note for note in diagram.notes if note.kind == UNSEEN), None)
-    judged = []
-    for c in candidates:
+    response, judged = diagram.response, []
+    driven = np.ones(len(candidates))
+    if isinstance(response, RecordSpectra):
+        driven = driven_share(response, np.array([c.frequency for c in candidates]))
+    for c, share in zip(candidates, driven, strict=True):
         against = [f"harmonic of a rotating machine: {line.text}" for line in lines if _is_line(c, line)]
         if c.facts.get("peak_height", np.inf) < 1:
             against.append("no peak in the spectra of any combination of channels")
+        if share < _NO_POWER:
+            against.append("forces have no power at its frequency")
         if alone is not None:
             against.append(alone.text)
         elif unseen is not None and not c.facts.get("left_open", np.inf) < CERTAIN:

@@ -10,6 +10,7 @@ import scipy
 from scipy import fft
 
 from modalscope.data.notes import Note
+from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.data.stored import Record
@@ -223,7 +224,28 @@ def swept_lines(signals: Signals, frequencies: RealArray) -> BoolArray:
     _, inputs = signals.by_run()
     assert inputs is not None
     power = np.sum(np.abs(fft.rfft(inputs - inputs.mean(axis=1, keepdims=True), axis=1)) ** 2, axis=(0, 2))
-    width = max(len(power) // 100, 1)
-    smooth = scipy.signal.oaconvolve(power, np.ones(width) / width, mode="same")
+    smooth = _over_a_hundredth(power)
     at_lines = np.interp(frequencies, fft.rfftfreq(signals.samples, 1 / signals.sampling_rate), smooth)
     return np.asarray(at_lines >= USEFUL_POWER * smooth.max())
+
+
+def _over_a_hundredth(power: RealArray) -> RealArray:
+    """Return the power of lines smoothed over a hundredth of them."""
+    width = max(len(power) // 100, 1)
+    return np.asarray(scipy.signal.oaconvolve(power, np.ones(width) / width, mode="same"))
+
+
+def driven_share(records: RecordSpectra, frequencies: RealArray) -> RealArray:
+    """Return the power of all forces at frequencies (Hz) relative to its largest, that of the run where it is most, (k,).
+
+    Under a Hann window, W_k = U_k / 2 - (U_k-1 + U_k+1) / 4: what a run begins and ends with would fill lines without any power.
+    """
+    share = np.zeros(len(frequencies))
+    for run in np.unique(records.run):
+        own = records.run == run
+        U = records.drive[own]
+        if len(U) > 2:
+            power = _over_a_hundredth(np.sum(np.abs(U[1:-1] / 2 - (U[:-2] + U[2:]) / 4) ** 2, axis=1))
+            at = np.interp(frequencies, records.frequencies[own][1:-1], power)
+            share = np.maximum(share, at / max(float(power.max()), np.finfo(float).tiny))
+    return share
