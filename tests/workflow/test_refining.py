@@ -12,6 +12,7 @@ from modalscope.identification.refine import Refinement, refinement
 from modalscope.judging.grades import grades
 from modalscope.likelihood.descent import Astray
 from modalscope.likelihood.settling import needed_beside
+from modalscope.systems import chain5
 from modalscope.workflow import refining
 from modalscope.workflow.refining import _with_others
 from tests.support import FIVE, add_noise, match_poles
@@ -137,3 +138,15 @@ def test_where_no_mode_left_its_place_a_descent_that_did_not_end_refines_none(mo
     assert "60 iterations were not enough" in told(found, "not refined")
     assert found.converged is False
     assert {grade.word for grade in grades(found)} == {"look"}
+
+
+def test_deviations_that_are_given_are_not_denied_by_a_note_of_the_diagram() -> None:
+    record = chain5().simulate(inputs="white", duration=200, sampling_rate=20.0, seed=0)
+    noise = 0.01 * record.outputs.std() * np.random.default_rng(0).standard_normal(record.outputs.shape)
+    result = ms.analyze(replace(record, outputs=record.outputs + noise), method="n4sid")
+    assert result.modes.frequencies_std is not None
+    assert np.all(np.isfinite(result.modes.frequencies_std))
+    assert any("withheld" in note.numbers for note in result.diagram.notes)
+    assert not any("withheld" in note.numbers for note in result.notes)
+    plain = ms.analyze(record, method="n4sid", refine=False)
+    assert any("withheld" in note.numbers for note in plain.notes)

@@ -6,6 +6,7 @@ Every kind is one contraction with the influence of the data on the poles (`moda
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -334,3 +335,10 @@ def withheld(modes: ModalModel) -> tuple[Note, ...]:
         count = float(np.count_nonzero(np.isnan(values)))
         notes.append(Note(KIND, {"withheld": count}, f"no standard deviation of the {what} at {names} Hz"))
     return tuple(notes)
+
+
+def undenied(modes: ModalModel, notes: Iterable[Note]) -> tuple[Note, ...]:
+    """Return notes without those that deny deviations, where all modes have theirs from elsewhere."""
+    each = modes.frequencies_std, modes.damping_ratios_std
+    known = all(values is not None and bool(np.all(np.isfinite(values))) for values in each)
+    return tuple(note for note in notes if not (known and note.kind == KIND and "withheld" in note.numbers))

@@ -28,6 +28,7 @@ from modalscope.judging.surroundings import (
     note_on_ends,
     with_reasons,
 )
+from modalscope.likelihood.noise import undenied
 from modalscope.modal.joint_fit import for_judging
 from modalscope.modal.rebuilt import (
     explains_enough,
@@ -189,7 +190,7 @@ def concluded(
         *sampled(data),
         *([] if leakage is None else [leakage]),
         *fit,
-        *(note for diagram in diagrams for note in diagram.notes),
+        *undenied(modes, (note for diagram in diagrams for note in diagram.notes)),
     ]
     return Result(
         modes=modes,

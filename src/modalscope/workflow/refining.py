@@ -14,6 +14,7 @@ from modalscope.data.results import StabilizationDiagram
 from modalscope.identification.refine import in_place, refinement
 from modalscope.judging.bands import evened, terms_of
 from modalscope.likelihood.descent import Astray
+from modalscope.likelihood.noise import undenied
 from modalscope.modal.indicators import with_indicators_of_shapes
 from modalscope.numerics.checks import ComplexArray
 from modalscope.numerics.errors import DataError
@@ -67,7 +68,8 @@ def _placed(diagram: StabilizationDiagram, modes: ModalModel, extra: ComplexArra
     if diagram.response.separable:
         return modes
     found = in_place(diagram.response.whole, modes, extra)
-    return replace(modes, **{name: getattr(found, name) for name in _STD_FIELDS})
+    placed = replace(modes, **{name: getattr(found, name) for name in _STD_FIELDS})
+    return replace(placed, notes=undenied(placed, placed.notes))
 
 
 def _with_others(
