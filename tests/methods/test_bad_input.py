@@ -7,6 +7,8 @@ import pytest
 
 from modalscope.data import DataError, ImpulseResponse, StateSpace
 from modalscope.identification.identify import identify
+from modalscope.identification.pipeline import factor
+from modalscope.identification.prepare import prepare
 from tests.support import FIVE, add_noise, match_poles, relative
 
 CHAIN = FIVE["chain5"]()
@@ -57,6 +59,19 @@ def test_too_few_blocks_are_named(method):
     with pytest.raises(DataError, match="observability index"):
         identify(response, block_rows=5, **options)
     assert match_poles(identify(response, block_rows=6, **options).modes.poles, truth).frequency_error < 1e-9
+
+
+def test_orders_below_one_without_rank_have_the_coordinates_of_their_factors():
+    """ring5 by five block rows, as above: E0 P loses its rank at order 10 alone, and A = d^-1/2 (E0 P)# (E1 P) d^1/2 stays below."""
+    response = FIVE["ring5"]().impulse_response(100, outputs=[0, 1])
+    asked = prepare(response, method="alternate", form="observable", block_rows=5, block_columns=40)
+    pipeline = factor(asked, 10)
+    assert np.linalg.cond(pipeline.realization.gram) > 1e13
+    for n in (4, 8, 9):
+        P, root = pipeline.factors.P[:, :n], np.sqrt(pipeline.factors.d[:n])
+        A = np.linalg.pinv(P[:-2]) @ P[2:] * root / root[:, None]
+        # lost: the conditions of (E0 P)'(E0 P), 90 at most, and of root, below 30
+        assert relative(pipeline.triple(n).A, A) < 1e-11
 
 
 def test_prce_below_the_controllability_index_is_refused_and_above_it_is_exact():

@@ -64,23 +64,20 @@ class Shift(Realization):
         self.factors.check_order(n)
         if not self._sound:
             check_blocks(self.gram, n, self.block_rows)
+        over, under = self._triangles if self._sound else self._triangles_of(n)
         B = None if self.B is None else self.B[:n]
-        if self._sound:
-            over, under = self._triangles
-            A = over[:n, :n] @ under[:n, :n]
-        else:
-            root = np.sqrt(self.factors.d[:n])
-            A = sla.solve(self.gram[:n, :n], self.cross[:n, :n], assume_a="pos", check_finite=False)
-            A = A * root / root[:, None]
-        return Triple(np.asarray(A), B, self.C[:, :n], n, self.factors)
+        return Triple(over[:n, :n] @ under[:n, :n], B, self.C[:, :n], n, self.factors)
 
     @cached_property
     def _triangles(self) -> tuple[RealArray, RealArray]:
-        """d^-1/2 L^-T and L^-1 (E0 P)'(E1 P) d^1/2 with (E0 P)'(E0 P) = L L': A is the product of leading blocks."""
-        root = np.sqrt(self.factors.d)
-        L = np.linalg.cholesky(self.gram)
-        inverse = sla.solve_triangular(L, np.eye(len(L)), lower=True, check_finite=False)
-        return inverse.T / root[:, None], inverse @ self.cross * root
+        return self._triangles_of(len(self.gram))
+
+    def _triangles_of(self, n: int) -> tuple[RealArray, RealArray]:
+        """Return d^-1/2 L^-T and L^-1 (E0 P)'(E1 P) d^1/2 with (E0 P)'(E0 P) = L L': A is the product of leading blocks."""
+        root = np.sqrt(self.factors.d[:n])
+        L = np.linalg.cholesky(self.gram[:n, :n])
+        inverse = sla.solve_triangular(L, np.eye(n), lower=True, check_finite=False)
+        return inverse.T / root[:, None], inverse @ self.cross[:n, :n] * root
 
     def sides(self, n: int, eigen: Eigen) -> Sides:
         """Return F = y d^-1/2 (E0 P)# and v = Q d^-1/2 x."""
