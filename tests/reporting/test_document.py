@@ -28,7 +28,7 @@ from modalscope.reporting.figures import pictures_of, shape_svg
 from modalscope.reporting.html import Section
 from modalscope.reporting.modes import figures_of
 from modalscope.reporting.record import data_section, identification_script, stabilization_script
-from modalscope.reporting.sections import bands_of, mode_pictures
+from modalscope.reporting.sections import mode_pictures
 from modalscope.systems import chain5
 from tests.judging.ambient_records import random_structure
 from tests.plot import examples
@@ -425,9 +425,16 @@ def test_every_band_of_a_record_has_its_diagram_and_its_own_modes(tmp_path: Path
         assert text.count(f'<section id="{anchor}"') == text.count(f'<section id="{anchor}-2"') == 1
     low, high = result.diagrams[1].settings["band"]
     assert f"Stabilization, {low:.4g} to {high:.4g} Hz" in text
-    shown = bands_of(result.modes, result.diagrams)
-    assert sum(len(each.modes) for each in shown) == len(result.modes)
-    assert all(low <= f <= high for f in shown[1].modes.frequencies)
+
+
+def test_modes_of_several_bands_have_the_numbers_of_their_table(tmp_path: Path) -> None:
+    data = chain5().frequency_response(np.linspace(0.3, 7.5, 300), quantity="acceleration", noise=0.01, seed=0)
+    result = ms.analyze(data, band=[(0.3, 4.5), (4.5, 7.5)])
+    below = int(np.count_nonzero(result.modes.frequencies < 4.5))
+    assert 0 < below < len(result.modes) == 5
+    text = ms.report(result, tmp_path / "bands.html").read_text()
+    drawn = [re.findall(r'mode dashed"[^<]*<text[^>]*>(\d+)<', part) for part in text.split('id="stabilization')[1:]]
+    assert drawn == [[str(k) for k in numbers] for numbers in (range(1, below + 1), range(below + 1, 6))]
 
 
 def test_one_output_has_neither_shapes_nor_their_similarity() -> None:

@@ -207,7 +207,7 @@ def _methods(result: Result) -> list[str]:
     from modalscope.identification.method_names import cell_label
     from modalscope.reporting.sections import bands_of
 
-    apart, bands = result.analysis.apart, bands_of(result.modes, result.diagrams)
+    apart, bands = result.analysis.apart, bands_of(result.diagrams)
     lines = []
     for band in bands:
         diagram = band.diagram

@@ -233,7 +233,7 @@ def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, ori
     """Yield the sections on a diagram and its modes in the order of reading, each drawn when it is asked for."""
     holds = None if origin.certificate is None else origin.certificate.holds
     judged = grades(modes, holds)
-    bands = sections.bands_of(modes, origin.diagrams if len(origin.diagrams) > 1 else (diagram,))
+    bands = sections.bands_of(origin.diagrams if len(origin.diagrams) > 1 else (diagram,))
     diagrams, several, spectra = [band.diagram for band in bands], len(bands) > 1, origin.spectra
     drawing = drawing_of(modes, *diagrams, spectra=spectra, holds=holds)
     yield summary_section(modes, diagrams, drawing.fit, band=_limits(bands), judged=judged)
@@ -244,7 +244,7 @@ def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, ori
     if origin.certificate is not None:
         yield certificate_section(origin.certificate)
     for band in bands:
-        yield band.named(sections.stabilization_section(band.diagram, band.modes, spectra), several)
+        yield band.named(sections.stabilization_section(band.diagram, modes, spectra), several)
     yield from sections.mode_pictures(modes, drawing.arrays, holds, points=drawing.points)
     for band in bands:
         band_fit, band_lines = drawing.fit, drawing.lines

@@ -14,7 +14,7 @@ from modalscope.data.response import Response
 from modalscope.data.shown import frequency, percent
 from modalscope.identification.identify import Identification
 from modalscope.judging.description import described
-from modalscope.modal.rebuilt import band_of, inside
+from modalscope.modal.rebuilt import band_of
 from modalscope.numerics.checks import Array, BoolArray, RealArray
 from modalscope.plot.web.alive import Drawing, alive_blob, front_end
 from modalscope.plot.web.fits import Fit, Lines
@@ -43,13 +43,9 @@ _ALIVE_STYLE = """body:not(.alive) #explore, body:not(.alive) a[href="#explore"]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Band:
-    """One band of a report.
-
-    `modes`: those inside the band. `number`: counted from 1. `words`: its limits.
-    """
+    """One band of a report; `number`: counted from 1, `words`: its limits."""
 
     diagram: StabilizationDiagram
-    modes: ModalModel
     number: int
     words: str
 
@@ -61,15 +57,12 @@ class Band:
         return replace(section, anchor=anchor, title=f"{section.title}, {self.words}")
 
 
-def bands_of(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> list[Band]:
-    """Return every band with the modes inside.
-
-    `modes`: of all bands. `diagrams`: one a band.
-    """
+def bands_of(diagrams: Sequence[StabilizationDiagram]) -> list[Band]:
+    """Return every band of the diagrams, one a band."""
     bands = []
     for k, diagram in enumerate(diagrams):
         low, high = band_of(diagram, len(diagrams))
-        bands.append(Band(diagram, inside(modes, diagram, len(diagrams)), k + 1, f"{low:.4g} to {high:.4g} Hz"))
+        bands.append(Band(diagram, k + 1, f"{low:.4g} to {high:.4g} Hz"))
     return bands
 
 
@@ -95,7 +88,10 @@ def alive_section(drawing: Drawing) -> Iterator[Section]:
 def stabilization_section(
     diagram: StabilizationDiagram, modes: ModalModel, spectra: Decomposition | None = None
 ) -> Section:
-    """Draw the diagram with the selected modes over the mode indicator or given spectra, singular values and the misfit of every order."""
+    """Draw the diagram with the selected modes over the mode indicator or given spectra, singular values and the misfit of every order.
+
+    `modes`: of all bands; those inside are drawn, by the numbers that they have in every table and picture.
+    """
     curves = "the singular values of the spectra" if spectra is not None else "the mode indicator"
     caption = f"Poles of all orders over {curves}; lines mark the selected modes."
     if diagram.tolerances:
@@ -104,7 +100,7 @@ def stabilization_section(
             for name, limit in diagram.tolerances.items()
         )
         caption += f" Marks state what agrees with a pole of the previous order. Tolerances: {tolerances}."
-    body = figure(stabilization_svg(diagram, modes, spectra, f"Stabilization diagram with {len(modes)} modes"), caption)
+    body = figure(stabilization_svg(diagram, modes, spectra, "Stabilization diagram with the selected modes"), caption)
     pictures = singular_values_picture(diagram.singular_values, diagram.orders)
     if len(diagram.orders) > 1:
         caption = (
