@@ -186,3 +186,17 @@ def test_a_document_of_0_2_0_is_repeated_by_later_rules_and_what_differs_is_list
     assert f"new: {result.modes.frequencies[1]:.5g} Hz" in note.text
     (note,) = (n for n in ms.replay(replace(result.analysis, schema=1)).notes if n.kind == "later rules")
     assert note.text.endswith("choice of modes")
+
+
+@pytest.mark.slow
+def test_a_measured_test_is_its_name_its_file_and_its_data(tmp_path: Path) -> None:
+    data = ms.datasets.load("beam_hammer")
+    asked: dict[str, Any] = {"band": (100, 300), "orders": range(4, 9, 2), "refine": False}
+    of_data, of_name = ms.analyze(data, **asked), ms.analyze("beam_hammer", **asked)
+    assert of_name.analysis.files[0].path == "beam_hammer"
+    for first, given in ((of_data, ("beam_hammer", data.source_path, data)), (of_name, (None, "beam_hammer", data))):
+        ms.write(tmp_path / "modes.json", first)
+        for each in given:
+            equal(ms.replay(tmp_path / "modes.json", each).modes, of_data.modes)
+    with pytest.raises(ms.DataError, match="these are others"):
+        ms.replay(of_data.analysis, "palisaden")

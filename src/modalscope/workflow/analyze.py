@@ -77,7 +77,7 @@ def analyze(
     ----------
     data : path, sequence of paths, FrequencyResponse, ImpulseResponse, Signals, or an object of pandas or xarray
         Several files are parts of one test: of the same outputs runs, of others setups (see `merge`). Objects of pandas and xarray are
-        taken as `from_frame` takes them.
+        taken as `from_frame` takes them. The name of a measured test that comes with the program stands for its file.
     method, domain : str, optional
         A row of the table, or a name from the literature, and a column; by default what suits the data.
     orders : iterable of int, optional

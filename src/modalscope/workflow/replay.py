@@ -20,7 +20,7 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_kind
 from modalscope.numerics.errors import DataError, printable
 from modalscope.workflow.analyze import Progress, analyzed
-from modalscope.workflow.sources import are_paths, opened, source_of_data, source_of_file
+from modalscope.workflow.sources import are_paths, file_at, opened, source_of_data, source_of_file
 
 
 @named()
@@ -44,7 +44,7 @@ def replay(
     document : Analysis or path
         The document, `x.analysis.json`, or a result that was written as .json.
     data : path or data object, optional
-        The data, if they are not in the file that the document names.
+        The data, if they are not in the file that the document names; the name of a measured test stands for its file.
     force : bool
         Whether to accept data that differ from those that were analysed.
     allow_outside : bool
@@ -73,6 +73,9 @@ def replay(
     check_kind("document", document, Analysis)
     files = document.files or (SourceFile(),)
     given = _named(files, force) if data is None else data
+    of_arrays = not any(file.path for file in files)  # and so is their hash
+    if of_arrays and are_paths(given) and not force:
+        given = [read(file_at(path)) for path in given] if isinstance(given, list | tuple) else read(file_at(given))
     from_files = are_paths(given)
     outside: list[str] = []
     if not allow_outside:

@@ -120,9 +120,9 @@ def _opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tup
             raise DataError(asked, have, "Give a path, or make the data with these values.")
         runs = as_test(data) if isinstance(data, list | tuple) else data
         return runs, source_of_data(runs), ()
-    path = Path(data)
+    path = file_at(data)
     with stage("reading"):
-        found, source = survey(path, **reading), source_of_file(path, reading)
+        found, source = survey(path, **reading), replace(source_of_file(path, reading), path=str(Path(data)))
     if isinstance(found.thing, ModalModel):
         change = "Give a file of responses or records."
         raise DataError(f"modes in {path} were asked", "the file contains modes already", change)
@@ -134,6 +134,14 @@ def _opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tup
             "Give a file of responses or records.",
         )
     return found.thing, source, found.told
+
+
+def file_at(path: str | Path) -> Path:
+    """Return the file at a path; where there is none, that of the measured test of this name."""
+    from modalscope.datasets.shipped import FILES, folder  # loaded where data are opened, not by the face
+
+    name, place = str(path), Path(path)
+    return folder(name) / FILES[name] if name in FILES and not place.exists() else place
 
 
 def source_of_file(path: Path, reading: Mapping[str, Any]) -> SourceFile:
