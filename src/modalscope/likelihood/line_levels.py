@@ -34,7 +34,8 @@ def parts_of_level(power: RealArray, even: RealArray, size: RealArray) -> tuple[
     step = max(_NUMBERS_AT_A_TIME // max(len(power), 1), 1)
     for k in range(0, power.shape[1], step):
         few = slice(k, k + step)
-        noise[:, few], own[:, few] = _likeliest(power[:, few], even, size[:, few])
+        parts = _likeliest(np.ascontiguousarray(power[:, few].T), even, np.ascontiguousarray(size[:, few].T))
+        noise[:, few], own[:, few] = (part.T for part in parts)
     return noise, own
 
 
@@ -55,39 +56,42 @@ def rows_of_lines(left: RealArray, data: RealArray, count: int, *, smooth: bool 
 
 
 def _likeliest(power: RealArray, even: RealArray, size: RealArray) -> tuple[RealArray, RealArray]:
-    """Return both parts of few channels."""
-    unit = np.maximum(power.mean(axis=0), 1e-300)  # a channel of zeros has no size
-    P, e, s = power / unit, even[:, None] / even.mean(), size / np.maximum(size.mean(axis=0), 1e-300)
-    parts = np.array([np.median(P / np.maximum(each, 1e-300), axis=0) for each in (e, s)])
+    """Return both parts of few channels, (c, F) each: a channel lies in one piece."""
+    unit = np.maximum(power.mean(axis=1), 1e-300)[:, None]  # a channel of zeros has no size
+    P, e, s = power / unit, even / even.mean(), size / np.maximum(size.mean(axis=1), 1e-300)[:, None]
+    parts = np.array([np.median(P / np.maximum(each, 1e-300), axis=1) for each in (e, s)])
     parts = np.clip(parts, _LEAST_PART, 1 / _LEAST_PART)
-    S = parts[0] * e + parts[1] * s
-    reached = _likelihood(P, S)
+    S, ratio, reached = _under(parts, P, e, s)
     for _ in range(_STEPS):
-        quick, slow = _factors(P / S - 1, parts[1] * s / S)
-        tried = parts * quick
-        rises = _likelihood(P, tried[0] * e + tried[1] * s) >= reached
-        parts = np.where(rises, tried, parts * slow)
-        S = parts[0] * e + parts[1] * s
-        before, reached = reached, _likelihood(P, S)
+        quick, slow = _factors(ratio, s / S * parts[1][:, None])
+        before, tried = reached, parts * quick
+        S, ratio, reached = _under(tried, P, e, s)
+        falls = ~(reached >= before)
+        parts = np.where(falls, parts * slow, tried)
+        if falls.any():
+            S[falls], ratio[falls], reached[falls] = _under(parts[:, falls], P[falls], e, s[falls])
         if np.max(reached - before, initial=0.0) < _LEAST_RISE:
             break
-    return unit * parts[0] * e, unit * parts[1] * s
+    return unit * parts[0][:, None] * e, unit * parts[1][:, None] * s
 
 
-def _likelihood(P: RealArray, S: RealArray) -> RealArray:
-    """Return the log likelihood of squares P under the level S, channel by channel; parts of nothing have none."""
-    S = np.maximum(S, 1e-300)
-    return np.asarray(-np.sum(np.log(S) + P / S, axis=0))
+def _under(parts: RealArray, P: RealArray, e: RealArray, s: RealArray) -> tuple[RealArray, RealArray, RealArray]:
+    """Return levels S of parts (2, c), squares over them, (c, F) each, and the log likelihood by channel; parts of nothing have none."""
+    S = parts[1][:, None] * s
+    S += parts[0][:, None] * e
+    np.maximum(S, 1e-300, out=S)
+    ratio = P / S
+    return S, ratio, -(np.log(S).sum(axis=1) + ratio.sum(axis=1))
 
 
-def _factors(rest: RealArray, own: RealArray) -> tuple[RealArray, RealArray]:
+def _factors(ratio: RealArray, own: RealArray) -> tuple[RealArray, RealArray]:
     """Return by which factors scoring changes both parts, and by which steps do that lower nothing, (2, c) each.
 
-    `rest` (F, c): squares over the level, less one. `own` (F, c): share of the part that is the response's.
+    `ratio` (c, F): squares over the level. `own` (c, F): share of the part that is the response's.
     """
-    lines, total, squares = len(own), own.sum(axis=0), np.einsum("fc,fc->c", own, own)
-    second = np.einsum("fc,fc->c", own, rest)
-    slope, sums = np.array([rest.sum(axis=0) - second, second]), np.array([lines - total, total])
+    lines, total, squares = own.shape[1], own.sum(axis=1), np.vecdot(own, own)
+    second = np.vecdot(own, ratio) - total
+    slope, sums = np.array([ratio.sum(axis=1) - lines - second, second]), np.array([lines - total, total])
     a, b, ab = lines - 2 * total + squares + _ROUNDING * lines, squares + _ROUNDING * lines, total - squares
     step = np.array([b * slope[0] - ab * slope[1], a * slope[1] - ab * slope[0]]) / (a * b - ab**2)
     slow = np.sqrt(np.maximum(1 + slope / np.maximum(sums, 1e-300), _LEAST_PART))
