@@ -263,13 +263,15 @@ class _Cluster:
         return np.concatenate([half[self.lines] for half in np.split(rows, 2)])
 
     def _functions(self, poles: ComplexArray) -> tuple[RealArray, RealArray]:
-        """Return the functions of poles on the lines and their derivatives, (K, 2 n) each."""
-        functions, slopes = self.problem.columns(poles)
-        return self._taken(functions), self._taken(slopes)
+        """Return the functions of poles on the lines and their derivatives, (K, 2 n) each; their part in terms is among what is free."""
+        both = self.problem.light.functions(poles, slopes=True, lines=self.lines)
+        both /= self._taken(self.problem.rows)[:, None]
+        return both[:, : 2 * len(poles)], both[:, 2 * len(poles) :]
 
     def _less_free(self, columns: RealArray) -> RealArray:
-        """Return columns (c, K, k) without what all else explains."""
-        return np.asarray(columns - self.free @ (self.free.transpose(0, 2, 1) @ columns))
+        """Return columns (c, K, k), in their own place, without what all else explains."""
+        columns -= self.free @ (self.free.transpose(0, 2, 1) @ columns)
+        return columns
 
     def scattered(self) -> RealArray:
         """Return the scatter of all poles as one mode that shifts by row or by column, and what noise gives of it, (2, 2)."""
@@ -464,10 +466,11 @@ class _Cluster:
     def _at(self, s: ComplexArray, *, slopes: bool = False) -> _Point:
         """Fit residues to poles (m, 1 or q, 1 or p), and with `slopes` prepare a step."""
         own, moved = (self._of_channels(each, s.shape) for each in self._functions(s.ravel()))
-        size = np.maximum(np.linalg.norm(own, axis=1), 1e-300)
-        Q, R = np.linalg.qr(own / size[:, None])
-        seen = np.einsum("cki,ck->ci", Q, self.data)
-        rest = self.data - np.einsum("cki,ci->ck", Q, seen)
+        size = np.maximum(np.sqrt(np.einsum("cki,cki->ci", own, own)), 1e-300)
+        own /= size[:, None]
+        Q, R = np.linalg.qr(own)
+        seen = (self.data[:, None] @ Q)[:, 0]
+        rest = self.data - (Q @ seen[:, :, None])[:, :, 0]
         c = np.einsum("cij,cj->ci", np.linalg.pinv(R, rcond=_ROUNDING), seen) / size
         residues, left = c[:, ::2] + 1j * c[:, 1::2], np.einsum("ck,ck->c", rest, rest)
         if not slopes:
@@ -478,15 +481,15 @@ class _Cluster:
             (each[:, None] for each in (residues.real, residues.imag)),
         )
         J = np.stack([a * first + b * second, a * second - b * first], axis=3).reshape(moved.shape)
-        J = J - Q @ (Q.transpose(0, 2, 1) @ J)
-        return _Point(left, residues, J.transpose(0, 2, 1) @ J, np.einsum("cki,ck->ci", J, rest))
+        J -= Q @ (Q.transpose(0, 2, 1) @ J)
+        return _Point(left, residues, J.transpose(0, 2, 1) @ J, (rest[:, None] @ J)[:, 0])
 
     def _of_channels(self, columns: RealArray, shape: tuple[int, ...]) -> RealArray:
         """Return columns (K, 2 m a b) of poles (m, a, b) as those of every channel, (c, K, 2 m), divided and without all else."""
         (q, p), (m, a, b) = self.channels, shape
-        each = columns.reshape(len(columns), m, a, b, 2).transpose(2, 3, 0, 1, 4)
-        whole = np.broadcast_to(each, (q, p, *each.shape[2:])).reshape(q * p, len(columns), 2 * m)
-        return self._less_free(self.weights[:, :, None] * whole)
+        each = columns.reshape(len(columns), m, a, b, 2).transpose(2, 3, 0, 1, 4).reshape(a, b, len(columns), 2 * m)
+        whole = self.weights.reshape(q, p, -1, 1) * each
+        return self._less_free(whole.reshape(q * p, len(columns), 2 * m))
 
     def _step(self, at: _Point, way: str, damping: float) -> ComplexArray:
         """Return the step of poles (m, 1 or q, 1 or p): shifts by row are eliminated from those by column."""
