@@ -484,7 +484,8 @@ def contest(diagram: StabilizationDiagram, poles: Poles, others: Sequence[Poles]
     seen, more, doubted = floor, held, floor.colour.coloured and not _computed(floor)
     if doubted:
         more = beside(out_of_band_poles(response))
-        seen = floor_of(response, np.concatenate([rich - added, more[more.imag > 0]]))
+        outside = more[more.imag > 0]
+        seen = floor_of(response, np.concatenate([rich - added, outside])) if outside.size else floor
     skirted = doubted and not seen.colour.coloured
     selection = replace(
         _problem_of(response, seen, more) if skirted else _problem_of(response, floor, held), brief=doubted

@@ -45,14 +45,19 @@ def rows_of_lines(left: RealArray, data: RealArray, count: int, *, smooth: bool 
     `left`, `data` (K, l, m): what a model leaves, and the data; H is the difference, the response without its noise. `count`: lines.
     `smooth`: whether what all channels together are of that around a line counts, too.
     """
-    e, whole = (each[:count] + 1j * each[count:] for each in (left, data))
-    power, size = (np.abs(each.reshape(count, -1)) ** 2 for each in (e, whole - e))
+    power, size = (_squares(each, count) for each in (left, data - left))
     power /= np.maximum(power.mean(axis=0), 1e-300)
     noise, own = parts_of_level(power, np.ones(count), size)
     level = np.mean(noise + own, axis=1)
     if smooth:
         level = level * smoothed(np.mean(power, axis=1) / level, LEVEL_LINES)
     return np.asarray(np.tile(np.sqrt(level / np.exp(np.mean(np.log(level)))), 2))
+
+
+def _squares(rows: RealArray, count: int) -> RealArray:
+    """Return the squares of complex values whose real and imaginary parts are rows (2 F, l, m), (F, l m)."""
+    flat = rows.reshape(2, count, -1)
+    return np.asarray(np.einsum("rfc,rfc->fc", flat, flat))
 
 
 def _likeliest(power: RealArray, even: RealArray, size: RealArray) -> tuple[RealArray, RealArray]:

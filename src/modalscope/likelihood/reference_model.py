@@ -32,8 +32,8 @@ _ROWS_PER_FREEDOM = 8.0
 #: the variance by correlation.
 _CORRELATION_LINES, _WHITE_DEVIATIONS, _MAX_CORRELATED_LINES = 81, 2.0, 99.0
 
-#: Rounds in which the reference model is fitted again under levels of lines.
-_LINE_ROUNDS = 6
+#: Rounds in which the reference model is fitted again under levels of lines, at most, and their relative change that tells nothing.
+_LINE_ROUNDS, _LINE_TOLERANCE = 6, 1e-7
 
 #: Minimum significance of a decay rate of the noise, in standard deviations; lowest noise level relative to the first sample; maximum
 #: number of rounds until rows converge to this relative tolerance.
@@ -80,7 +80,10 @@ def floor_of(response: Response, poles: Array) -> Floor:
         for _ in range(0 if told is not None or floor.window > 0 else _LINE_ROUNDS):
             if not floor.colour.has_levels:
                 break
-            floor = _floor(response, basis, taken, rows_of_lines(floor.left, floor.data, response.count))
+            by_row = rows_of_lines(floor.left, floor.data, response.count)
+            if np.allclose(by_row, floor.rows, rtol=_LINE_TOLERANCE, atol=0):
+                break
+            floor = _floor(response, basis, taken, by_row)
         return floor
     for _ in range(_MAX_ROUNDS):
         if floor.colour.coloured:
