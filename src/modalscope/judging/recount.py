@@ -18,7 +18,7 @@ from modalscope.functions.poles import frequencies_and_damping, overlap
 from modalscope.judging.selection_problem import MAX_DAMPING_OF_RESONANCES, SelectionProblem
 from modalscope.likelihood.descent import Descent
 from modalscope.likelihood.line_levels import parts_of_level
-from modalscope.likelihood.matched import amplitudes_by_channel, apart, grid_of
+from modalscope.likelihood.matched import apart, explained_by_channel, grid_of, residues_by_channel
 from modalscope.likelihood.whitening import LEVEL_LINES, free_bound, lag_factor, smoothed
 from modalscope.modal.indicators import mac
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
@@ -444,14 +444,14 @@ class Recount:
             & (2 * self.selection.half_bandwidths_in_lines(grid) >= _MIN_PEAK_LINES)
         ]
         grid = grid[~np.any(np.abs(grid[:, None] - known) < -known.real, axis=1)]
-        residues, each = amplitudes_by_channel(problem.light, self.left, 2 / self.errors.variance, problem.rows, grid)
+        given = problem.light, self.left, self.errors.variance, problem.rows, grid
         lines = problem.light.grid
         assert lines is not None
         near = np.searchsorted(lines, grid.imag / (2 * np.pi)).clip(max=lines.size - 1)
         half = self.selection.half_bandwidths_in_lines(grid)
-        gain = each.sum(axis=(1, 2)) / lag_factor(self.errors.common(near), half)
+        gain = explained_by_channel(*given) / lag_factor(self.errors.common(near), half)
         first = apart(grid, gain, self.bar / 4, most)
-        sides = [np.linalg.svd(residues[k], full_matrices=False)[2][0] for k in first]
+        sides = [np.linalg.svd(R, full_matrices=False)[2][0] for R in residues_by_channel(*given, first)]
         return grid[first], np.array(sides, dtype=complex).reshape(-1, self.left.shape[2])
 
 

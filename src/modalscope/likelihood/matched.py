@@ -66,6 +66,9 @@ _MIN_RELATIVE_SAMPLE = 1e-25
 #: Maximum count of numbers stored at a time, and of a function of some poles, so that it stays in the cache.
 _MAX_STORED_NUMBERS, _CACHE_NUMBERS = 1 << 23, 48_000
 
+#: Numbers of channels that are weighted at a time.
+_CHANNEL_NUMBERS = 1 << 19
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Peak:
@@ -147,25 +150,50 @@ def _amplitudes(
         yield some, _sums(g, used, divided) / np.sqrt(np.maximum(squares @ quiet[used], 1e-300))[:, None]
 
 
-def amplitudes_by_channel(
-    response: Response, left: RealArray, weights: RealArray, rows: RealArray, poles: Array
-) -> tuple[ComplexArray, RealArray]:
-    """Return the residue of every pole alone by weighted least squares, and what it explains in each channel, (n, l, m) each.
+def explained_by_channel(
+    response: Response, left: RealArray, variance: RealArray, rows: RealArray, poles: Array
+) -> RealArray:
+    """Return what every pole explains alone, by weighted least squares with a residue in every channel, (n,).
 
-    `response`, `left`, `rows`: as in `strongest_peaks`. `weights` (F, l, m): one over the variance of every value that is left, of either
-    part of a line. `poles` (n,).
+    `response`, `left`, `rows`: as in `strongest_peaks`. `variance` (F, l, m): of every complex value that is left. `poles` (n,).
     """
-    shape, w = (poles.size, *left.shape[1:]), weights.reshape(len(weights), -1)
-    A, sizes = np.empty((poles.size, w.shape[1]), dtype=complex), np.empty((poles.size, w.shape[1]))
-    weighted = (weights / rows.reshape(-1, len(weights), 1, 1) * left.reshape(-1, *weights.shape)).reshape(
-        len(left), -1
-    )
-    w = w / _of_places(response, rows)[:, None] ** 2
-    for some, used, g, squares in _side_by_side(response, poles, len(left)):
-        sizes[some] = squares @ w[used]
-        A[some] = _sums(g, used, weighted)
-    sizes = np.maximum(sizes, 1e-300)
-    return (A / sizes).reshape(shape), ((A.real**2 + A.imag**2) / sizes).reshape(shape)
+    found = np.zeros(poles.size)
+    for some, _, A, sizes in _by_channel(response, left, variance, rows, poles):
+        found[some] += np.sum((A.real**2 + A.imag**2) / sizes, axis=1)
+    return found
+
+
+def residues_by_channel(
+    response: Response, left: RealArray, variance: RealArray, rows: RealArray, poles: Array, which: Sequence[int]
+) -> ComplexArray:
+    """Return the residues of some of these poles in those fits, (k, l, m)."""
+    found = np.empty((len(which), left[0].size), dtype=complex)
+    for some, few, A, sizes in _by_channel(response, left, variance, rows, poles, which):
+        told, at = np.nonzero(np.asarray(which, dtype=int)[:, None] == some)
+        found[told, few] = A[at] / sizes[at]
+    return found.reshape(-1, *left.shape[1:])
+
+
+def _by_channel(
+    response: Response,
+    left: RealArray,
+    variance: RealArray,
+    rows: RealArray,
+    poles: Array,
+    wanted: Sequence[int] | None = None,
+) -> Iterator[tuple[IntArray, slice, ComplexArray, RealArray]]:
+    """Yield some poles, some channels, and sums of the poles' functions with what is left of these, and with themselves, (poles, channels).
+
+    `wanted`: see `_amplitudes`.
+    """
+    flat, whole = (each.reshape(len(each), -1) for each in (left, variance))
+    parts, step = rows.reshape(-1, len(whole), 1), max(_CHANNEL_NUMBERS // len(left), 1)
+    for few in (slice(first, first + step) for first in range(0, flat.shape[1], step)):
+        weights = 2 / whole[:, few]
+        weighted = (weights / parts * flat[:, few].reshape(len(parts), len(whole), -1)).reshape(len(left), -1)
+        weights /= parts[0] ** 2
+        for some, used, g, squares in _side_by_side(response, poles, len(left), wanted):
+            yield some, few, _sums(g, used, weighted), np.maximum(squares @ weights[used], 1e-300)
 
 
 def _of_places(response: Response, rows: RealArray) -> RealArray:
