@@ -100,7 +100,7 @@ def errors_of(left: ComplexArray, data: ComplexArray, even: RealArray, unknown: 
     `left`, `data` (F, q, p): what a fit leaves, and the whole response. `even` (F,): squares of what is even noise, up to a factor.
     `unknown`: real unknowns a channel.
     """
-    power, size = np.abs(left) ** 2, np.abs(data - left) ** 2
+    power, size = (each.real**2 + each.imag**2 for each in (left, data - left))
     noise, own = parts_of_level(power.reshape(len(left), -1), even, size.reshape(len(left), -1))
     variance = (noise + own).reshape(power.shape)
     share = own.reshape(power.shape) / variance

@@ -5,6 +5,8 @@ Calibration, leakage and shifts leave errors that grow with the response: one pe
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from modalscope.likelihood.whitening import LEVEL_LINES, smoothed
@@ -31,9 +33,7 @@ def parts_of_level(power: RealArray, even: RealArray, size: RealArray) -> tuple[
     Source of the latter: C. Févotte and J. Idier, Neural Computation 23, 2011.
     """
     noise, own = np.empty(power.shape), np.empty(power.shape)
-    step = max(_NUMBERS_AT_A_TIME // max(len(power), 1), 1)
-    for k in range(0, power.shape[1], step):
-        few = slice(k, k + step)
+    for few in _few(*power.shape):
         parts = _likeliest(np.ascontiguousarray(power[:, few].T), even, np.ascontiguousarray(size[:, few].T))
         noise[:, few], own[:, few] = (part.T for part in parts)
     return noise, own
@@ -45,19 +45,28 @@ def rows_of_lines(left: RealArray, data: RealArray, count: int, *, smooth: bool 
     `left`, `data` (K, l, m): what a model leaves, and the data; H is the difference, the response without its noise. `count`: lines.
     `smooth`: whether what all channels together are of that around a line counts, too.
     """
-    power, size = (_squares(each, count) for each in (left, data - left))
-    power /= np.maximum(power.mean(axis=0), 1e-300)
-    noise, own = parts_of_level(power, np.ones(count), size)
-    level = np.mean(noise + own, axis=1)
+    flat, whole = (each.reshape(2, count, -1) for each in (left, data))
+    level, total = np.zeros((2, count))
+    for few in _few(count, flat.shape[2]):
+        power, size = _squares(flat[..., few]), _squares(whole[..., few] - flat[..., few])
+        power /= np.maximum(power.mean(axis=1), 1e-300)[:, None]
+        noise, own = _likeliest(power, np.ones(count), size)
+        level += np.sum(noise + own, axis=0)
+        total += np.sum(power, axis=0)
     if smooth:
-        level = level * smoothed(np.mean(power, axis=1) / level, LEVEL_LINES)
+        level = level * smoothed(total / level, LEVEL_LINES)
     return np.asarray(np.tile(np.sqrt(level / np.exp(np.mean(np.log(level)))), 2))
 
 
-def _squares(rows: RealArray, count: int) -> RealArray:
-    """Return the squares of complex values whose real and imaginary parts are rows (2 F, l, m), (F, l m)."""
-    flat = rows.reshape(2, count, -1)
-    return np.asarray(np.einsum("rfc,rfc->fc", flat, flat))
+def _squares(parts: RealArray) -> RealArray:
+    """Return the squares of complex values by their real and imaginary parts (2, F, c), (c, F)."""
+    return np.ascontiguousarray(np.einsum("rfc,rfc->fc", parts, parts).T)
+
+
+def _few(lines: int, channels: int) -> Iterator[slice]:
+    """Yield some channels after others."""
+    step = max(_NUMBERS_AT_A_TIME // max(lines, 1), 1)
+    return (slice(k, k + step) for k in range(0, channels, step))
 
 
 def _likeliest(power: RealArray, even: RealArray, size: RealArray) -> tuple[RealArray, RealArray]:
