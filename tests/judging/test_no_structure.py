@@ -10,6 +10,7 @@ import pytest
 import modalscope as ms
 from modalscope.judging.evidence import Candidate
 from modalscope.judging.no_structure import CORRELATED, with_note_on_errors, with_objections_of_record
+from modalscope.preprocess.bands import driven_share
 from modalscope.systems import chain5
 from tests.judging.ambient_records import beside_a_machine
 
@@ -87,3 +88,19 @@ def test_a_mode_beside_a_wandering_line_is_wider_than_its_wandering() -> None:
     mode, part_of_line = with_objections_of_record(diagram, close)
     assert mode.against == ()
     assert part_of_line.against == ("harmonic of a rotating machine: a line",)
+
+
+def test_where_forces_have_no_power_no_mode_is_listed() -> None:
+    """Forces that end at 6 Hz of 10; what a run begins and ends with fills the lines above it with 1e-5 of their power."""
+    record = chain5().simulate(inputs="white", duration=200, sampling_rate=20.0, seed=0)
+    U = np.fft.rfft(record.inputs, axis=0)
+    U[np.fft.rfftfreq(record.samples, 1 / 20.0) > 6.0] = 0
+    cut = slice(500, 3500)
+    forces = np.fft.irfft(U, record.samples, axis=0)
+    outputs = np.random.default_rng(0).standard_normal((3000, 2))
+    diagram = ms.stabilize(ms.Signals(outputs=outputs, inputs=forces[cut], sampling_rate=20.0), orders=[4, 6, 8])
+    share = driven_share(diagram.response, np.array([3.0, 5.8, 6.2, 8.0]))
+    assert np.all(share[:2] > 0.1)
+    assert np.all(share[2:] < 1e-9)
+    found = with_objections_of_record(diagram, [Candidate(np.zeros(0, int), f, 0.01, {}, ()) for f in (5.8, 6.2, 8.0)])
+    assert [c.against for c in found] == [(), *2 * [("forces have no power at its frequency",)]]
