@@ -100,21 +100,34 @@ def errors_of(left: ComplexArray, data: ComplexArray, even: RealArray, unknown: 
     `left`, `data` (F, q, p): what a fit leaves, and the whole response. `even` (F,): squares of what is even noise, up to a factor.
     `unknown`: real unknowns a channel.
     """
-    power, size = (each.real**2 + each.imag**2 for each in (left, data - left))
-    noise, own = parts_of_level(power.reshape(len(left), -1), even, size.reshape(len(left), -1))
-    variance = (noise + own).reshape(power.shape)
-    share = own.reshape(power.shape) / variance
-    variance *= smoothed(np.mean(power / variance, axis=(1, 2)), LEVEL_LINES)[:, None, None]
-    A, K = _correlations((left / np.sqrt(variance)).reshape(len(left), -1), share.reshape(len(left), -1))
+    variance, share = _levels(left.reshape(len(left), -1), data.reshape(len(left), -1), even)
+    A, K = _correlations(left.reshape(len(left), -1), variance, share)
     rows = 2 * len(left)
-    return ColouredErrors(variance * (rows / max(rows - unknown, 1)), share, A, K)
+    variance *= rows / max(rows - unknown, 1)
+    return ColouredErrors(variance.reshape(left.shape), share.reshape(left.shape), A, K)
 
 
-def _correlations(u: ComplexArray, share: RealArray) -> tuple[RealArray, RealArray]:
+def _levels(left: ComplexArray, data: ComplexArray, even: RealArray) -> tuple[RealArray, RealArray]:
+    """Return the variance of errors of channels (F, c), and the share of the response's own in it."""
+    power, size = (each.real**2 + each.imag**2 for each in (left, data - left))
+    variance, own = parts_of_level(power, even, size)
+    variance += own
+    own /= variance
+    variance *= smoothed(np.mean(power / variance, axis=1), LEVEL_LINES)[:, None]
+    return variance, own
+
+
+def _correlations(left: ComplexArray, variance: RealArray, share: RealArray) -> tuple[RealArray, RealArray]:
     """Return the correlations of the even part and of the response's own, one line apart, two lines apart, ..., to where each ends."""
-    s, q = np.sqrt(share), np.sqrt(1 - share)
-    products = np.stack([_at_lags(q * u), _at_lags(s * u)], axis=1)
-    qq, ss, qs = _at_lags(q**2), _at_lags(s**2), _at_lags(q * s)
+
+    def sums(few: slice) -> RealArray:
+        s, q = np.sqrt(share[:, few]), np.sqrt(1 - share[:, few])
+        u = left[:, few] / np.sqrt(variance[:, few])
+        return np.array([_at_lags(each) for each in (q * u, s * u, q**2, s**2, q * s)])
+
+    step = max(_NUMBERS_AT_A_TIME // len(left), 1)
+    even, own, qq, ss, qs = np.sum([sums(slice(k, k + step)) for k in range(0, left.shape[1], step)], axis=0)
+    products = np.stack([even, own], axis=1)
     gram = np.stack([np.stack([qq, qs], axis=1), np.stack([qs, ss], axis=1)], axis=1)
     spread = np.linalg.inv(gram + _VARIANCE_OF_PRODUCT * np.eye(2))
     both = np.clip(np.einsum("kij,kj->ki", spread, products), -1, 1)
@@ -136,12 +149,9 @@ def _ended(r: RealArray, known: RealArray) -> RealArray:
 def _at_lags(u: Array) -> RealArray:
     """Return sum Re u_k conj u_k+i of columns (F, c) for i = 1, 2, ..."""
     lags = min(_MAX_LAGS, len(u))
-    size = sfft.next_fast_len(len(u) + lags)
-    whole, step = np.iscomplexobj(u), max(_NUMBERS_AT_A_TIME // size, 1)
-    power = np.zeros(size if whole else size // 2 + 1)
-    for channels in (u.T[k : k + step] for k in range(0, u.shape[1], step)):
-        parts = (sfft.fft(channels, size) if whole else sfft.rfft(channels, size)).view(np.float64)
-        power += np.einsum("ck,ck->k", parts, parts).reshape(-1, 2).sum(axis=1)
+    size, whole = sfft.next_fast_len(len(u) + lags), np.iscomplexobj(u)
+    parts = (sfft.fft(u.T, size) if whole else sfft.rfft(u.T, size)).view(np.float64)
+    power = np.einsum("ck,ck->k", parts, parts).reshape(-1, 2).sum(axis=1)
     back = sfft.ifft(power).real if whole else sfft.irfft(power, size)
     return np.asarray(back[1:lags])
 
