@@ -6,6 +6,7 @@ that a mode is more significant there.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -109,12 +110,21 @@ def errors_of(left: ComplexArray, data: ComplexArray, even: RealArray, unknown: 
 
 def _levels(left: ComplexArray, data: ComplexArray, even: RealArray) -> tuple[RealArray, RealArray]:
     """Return the variance of errors of channels (F, c), and the share of the response's own in it."""
-    power, size = (each.real**2 + each.imag**2 for each in (left, data - left))
-    variance, own = parts_of_level(power, even, size)
-    variance += own
-    own /= variance
-    variance *= smoothed(np.mean(power / variance, axis=1), LEVEL_LINES)[:, None]
-    return variance, own
+    variance, share, excess = np.empty(left.shape), np.empty(left.shape), np.zeros(len(left))
+    for few in _few(*left.shape):
+        power, size = (each.real**2 + each.imag**2 for each in (left[:, few], data[:, few] - left[:, few]))
+        noise, own = parts_of_level(power, even, size)
+        variance[:, few] = noise + own
+        share[:, few] = own / variance[:, few]
+        excess += np.sum(power / variance[:, few], axis=1)
+    variance *= smoothed(excess / left.shape[1], LEVEL_LINES)[:, None]
+    return variance, share
+
+
+def _few(lines: int, channels: int) -> Iterator[slice]:
+    """Yield some channels after others."""
+    step = max(_NUMBERS_AT_A_TIME // lines, 1)
+    return (slice(k, k + step) for k in range(0, channels, step))
 
 
 def _correlations(left: ComplexArray, variance: RealArray, share: RealArray) -> tuple[RealArray, RealArray]:
@@ -125,8 +135,7 @@ def _correlations(left: ComplexArray, variance: RealArray, share: RealArray) -> 
         u = left[:, few] / np.sqrt(variance[:, few])
         return np.array([_at_lags(each) for each in (q * u, s * u, q**2, s**2, q * s)])
 
-    step = max(_NUMBERS_AT_A_TIME // len(left), 1)
-    even, own, qq, ss, qs = np.sum([sums(slice(k, k + step)) for k in range(0, left.shape[1], step)], axis=0)
+    even, own, qq, ss, qs = np.sum([sums(few) for few in _few(*left.shape)], axis=0)
     products = np.stack([even, own], axis=1)
     gram = np.stack([np.stack([qq, qs], axis=1), np.stack([qs, ss], axis=1)], axis=1)
     spread = np.linalg.inv(gram + _VARIANCE_OF_PRODUCT * np.eye(2))
