@@ -18,6 +18,7 @@ from modalscope.judging.surroundings import (
     LEFT_AT_END,
     OF_NYQUIST,
     explained_nearby,
+    left_at_end,
     note_on_ends,
     with_reasons,
 )
@@ -147,6 +148,9 @@ def test_a_mode_that_goes_on_where_its_record_ends_is_not_good() -> None:
 def test_a_mode_that_a_window_took_or_that_died_is_good() -> None:
     windowed = ms.analyze(ms.estimate_frf(struck(0.01), excitation="impact", exponential=0.01)).modes
     assert LEFT_AT_END not in windowed.reasons[0]
+    windowed_lines = ms.estimate_frf(struck(0.01), excitation="impact", exponential=0.01)
+    assert np.all(np.isnan(left_at_end(windowed_lines, windowed)))
+    assert np.all(left_at_end(ms.estimate_frf(struck(0.01), excitation="impact"), windowed) > 0)
     died = ms.analyze(struck(0.04)).modes
     assert [mode.grade for mode in died] == ["good", "good"]
 

@@ -88,6 +88,17 @@ def test_peaks_above_four_fifths_of_half_the_rate_are_no_reason_to_search_there(
     )
 
 
+def test_a_record_with_peaks_above_that_end_alone_has_no_band() -> None:
+    rng, t = np.random.default_rng(4), np.arange(400) / 100.0
+    kernel = np.exp(-0.01 * 2 * np.pi * 46.0 * t) * np.sin(2 * np.pi * 46.0 * t)
+    moved = np.convolve(rng.standard_normal(20_000), kernel)[:20_000]
+    record = Signals(outputs=(moved + 3 * rng.standard_normal(20_000))[:, None], sampling_rate=100.0)
+    levels = levels_of(record)
+    assert np.any(levels.in_peak)
+    assert levels.frequencies[levels.in_peak].min() > 40.0
+    assert automatic_bands(levels, 100.0).whole is None
+
+
 def test_an_analysis_ends_where_aliases_begin_unless_it_is_asked() -> None:
     found = ms.analyze(tones(44.0))
     assert found.modes.frequencies == pytest.approx([8.0], rel=0.01)

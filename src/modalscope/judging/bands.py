@@ -227,7 +227,7 @@ def joined_modes(parts: Sequence[Part], modes: Sequence[ModalModel], whole: Resp
 
 
 def of_ends(modes: ModalModel, shown: StabilizationDiagram, fitted: StabilizationDiagram) -> ModalModel:
-    """Return the modes of a diagram that end where `shown` does, of `ending_in`; the poles of others are among its residual terms."""
+    """Return the modes of a diagram that end where `shown` does, of `ending_in`, with residual terms fitted to its lines."""
     if shown is fitted:
         return modes
     low, high = shown.settings.band or shown.response.span
@@ -237,9 +237,7 @@ def of_ends(modes: ModalModel, shown: StabilizationDiagram, fitted: Stabilizatio
         kept = with_note_on_peaks(kept, shown.response, (low, high))
     if not len(kept) or shown.response.ambient:
         return kept
-    poles, powers = terms_of(modes)
-    outside = np.concatenate([modes.poles[~inside], poles])
-    return with_terms_of_bands(kept, [BandData(shown.response, (low, high), outside, powers)])
+    return with_terms_of_bands(kept, [BandData(shown.response, (low, high), *terms_of(modes))])
 
 
 def terms_of(modes: ModalModel) -> tuple[ComplexArray, tuple[int, ...]]:
