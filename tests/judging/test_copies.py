@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.judging.copies import _Cluster, _clusters, _Point, copies_of
+from modalscope.judging.copies import _MAX_COLUMNS, _MAX_ROWS, _Cluster, _clusters, _Point, copies_of
 from modalscope.judging.recount import Recount, recount_of
 from modalscope.judging.selection_problem import SelectionProblem
 from modalscope.likelihood.descent import descend
@@ -280,6 +280,27 @@ def test_rows_and_columns_are_solved_as_the_whole_system_is() -> None:
     whole = np.linalg.solve(N + 0.01 * np.diag(np.diag(N)), b).reshape(7, 4)
     steps = (whole[:, ::2] + 1j * whole[:, 1::2]).T
     assert np.allclose(made._step(at, "both", 0.01), steps[:, :4, None] + steps[:, None, 4:], rtol=1e-6)
+
+
+@pytest.mark.parametrize("more", [(0, 0), (1, 0), (0, 1), (1, 1)])
+def test_of_more_rows_and_columns_than_are_examined_those_strongest_beside_their_noise_are(
+    more: tuple[int, int],
+) -> None:
+    """The last but one of each is half as strong, or as strong in noise three times as large."""
+    q, p = _MAX_ROWS + more[0], _MAX_COLUMNS + more[1]
+    u, v = np.ones(q), np.ones(p)
+    v[-2] = 0.5
+    made = shifting(u, v, np.zeros(q), np.zeros(p))
+    errors = np.random.default_rng(3).standard_normal((2, len(GRID), p)) * 3e-3 * np.abs(made).max()
+    made[:, -2] += errors[0] + 1j * errors[1]
+    recount = recounted(made, np.array([POLE]))
+    cluster = _Cluster(recount, np.array([0]))
+    variance = recount.errors.on(cluster.lines).variance
+    for axis in np.flatnonzero(more) + 1:
+        variance = np.delete(variance, -2, axis=axis)
+    assert cluster.channels == (_MAX_ROWS, _MAX_COLUMNS)
+    weights = np.tile(np.sqrt(2 / variance), (2, 1, 1)).reshape(-1, _MAX_ROWS * _MAX_COLUMNS).T
+    assert np.allclose(cluster.weights, weights, rtol=1e-12, atol=0)
 
 
 @pytest.mark.parametrize(("apart", "count"), [(2 - NUDGE, 1), (2 + NUDGE, 0)])

@@ -39,8 +39,8 @@ _LEAST_SHIFT = 0.02
 #: Modes more damped than this, and those narrower than this many lines at half their power, tell nothing of the scatter of a test.
 _MAX_DAMPING, _MIN_HALF_BANDWIDTH_LINES = 0.1, 0.5
 
-#: Maximum number of rows of a cluster that are examined, the strongest: others shift as these do.
-_MAX_ROWS = 200
+#: Maximum number of rows and of columns of a cluster that are examined, the strongest: others shift as these do.
+_MAX_ROWS, _MAX_COLUMNS = 48, 16
 
 #: What poles may shift by.
 _WAYS = ("row", "column")
@@ -230,14 +230,14 @@ class _Cluster:
             [own.real, own.imag], axis=1
         ).reshape(2 * len(which), -1)
         rows = rows.reshape(len(rows), *own.shape[1:]) + self._taken(residual(point, fitted))
-        strongest = np.sort(np.argsort(-np.sum(np.abs(own) ** 2, axis=(0, 2)), kind="stable")[:_MAX_ROWS])
-        self.channels = (len(strongest), own.shape[2])
-        errors = recount.errors.on(self.lines)
-        weights = np.tile(np.sqrt(2 / errors.variance[:, strongest]), (2, 1, 1))
-        self.weights = weights.reshape(len(rows), -1).T
+        precision = 2 / recount.errors.on(self.lines).variance
+        strength = np.sum(np.abs(own) ** 2, axis=0) * precision.mean(axis=0)
+        taken = _strongest(strength.sum(axis=1), _MAX_ROWS)[:, None], _strongest(strength.sum(axis=0), _MAX_COLUMNS)
+        self.channels = (len(taken[0]), len(taken[1]))
+        self.weights = np.tile(np.sqrt(precision[:, *taken]), (2, 1, 1)).reshape(len(rows), -1).T
         beside = np.hstack([self._taken(self.problem.terms), self._functions(self.poles[self._others()])[0]])
         self.free = np.linalg.qr(_unit(self.weights[:, :, None] * beside))[0]
-        self.data = self._less_free((self.weights * rows[:, strongest].reshape(len(rows), -1).T)[:, :, None])[:, :, 0]
+        self.data = self._less_free((self.weights * rows[:, *taken].reshape(len(rows), -1).T)[:, :, None])[:, :, 0]
         middle, half = (
             np.arange(self.lines.start, self.lines.stop),
             recount.selection.half_bandwidths_in_lines(self.poles[which]),
@@ -507,6 +507,11 @@ class _Cluster:
         S[np.arange(p), :, np.arange(p)] = columns
         by_row, by_column = _eliminated(rows, across, b.sum(axis=1), S, b.sum(axis=0))
         return _complex(by_row).T[:, :, None] + _complex(by_column).T[:, None, :]
+
+
+def _strongest(strength: RealArray, most: int) -> IntArray:
+    """Return which are strongest, `most` of them, in their order."""
+    return np.sort(np.argsort(-strength, kind="stable")[:most])
 
 
 def _stiff(N: RealArray, damping: float) -> RealArray:
