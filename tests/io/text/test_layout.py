@@ -144,3 +144,10 @@ def test_decimal_commas_between_blanks_part_no_cells() -> None:
     lines = [f"  {2000 * k},00    0,{1879 + k}195    0,{k:02d}000000" for k in range(9)]
     found = dialect_of("a.txt", lines)
     assert (found.delimiter, found.decimal) == ("", ",")
+
+
+@pytest.mark.parametrize(("semicolons", "sign"), [(49, ","), (51, ";")])
+def test_the_first_hundred_lines_of_digits_say_what_parts_cells(semicolons: int, sign: str) -> None:
+    """Lines of text before them are none of these, however many."""
+    lines = ["Remark"] * 120 + ["1.5;2.5"] * semicolons + ["1.5,2.5"] * 300
+    assert dialect_of("a.csv", lines).delimiter == sign

@@ -9,6 +9,7 @@ import codecs
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from itertools import compress, count
 from pathlib import Path
 
 from modalscope.io.contents import unreadable
@@ -25,6 +26,9 @@ _BYTE_ORDER_MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-
 DELIMITERS = ("\t", ";", ",", "|", "")
 
 _WORDS_OF_DELIMITERS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", "": "blanks"}
+#: Lines of digits and signs alone that are tried with every delimiter: further ones are written as these are.
+_PLAIN_LINES = 100
+_PLAIN = re.compile(r"[-+\d\s.,;:|/eEdDTZ]*\Z")
 _ONE_SIGN = re.compile(r"[+-]?(\d*)([.,])(\d*)([eEdD][+-]?\d+)?\Z")
 _GROUPS = re.compile(r"[+-]?\d{1,3}(?:([.,'’\u00a0\u202f ])\d{3})(?:\1\d{3})*(?:([.,])\d+)?\Z")
 _ONE_COMMA = re.compile(r"\s*[+-]?\d+,\d+(?:[eE][+-]?\d+)?\s*\Z")
@@ -85,23 +89,27 @@ def value_rows(rows: Sequence[Sequence[str]]) -> tuple[int, list[bool]]:
     >>> value_rows([["t", "note"], ["0", "start"], ["1", ""], ["2", ""]])
     (2, [False, True, True, True])
     """
-    numbers = [sum(is_value(cell) and not is_missing(cell) for cell in row) for row in rows]
+    return _weighed(rows)[:2]
+
+
+def _weighed(rows: Sequence[Sequence[str]]) -> tuple[int, list[bool], set[int], list[list[int]]]:
+    """Return what `value_rows` does, the columns of which most cells that are filled are text, and what each cell is.
+
+    One of a value, zero where it says that there is none, minus one of text.
+    """
+    kinds = [[0 if is_missing(cell) else 1 if is_value(cell) else -1 for cell in row] for row in rows]
     filled = [sum(cell != "" for cell in row) for row in rows]
-    widths = Counter(len(row) for row, n, of in zip(rows, numbers, filled, strict=True) if n and 2 * n >= of)
+    widths = Counter(len(row) for row, of in zip(kinds, filled, strict=True) if 1 in row and 2 * row.count(1) >= of)
     if not widths:
-        return 0, [False] * len(rows)
+        return 0, [False] * len(rows), set(), kinds
     width = max(widths, key=lambda n: (widths[n], n))
-    texts = _text_columns(rows, width)
-    return width, [
-        n > 0 and is_wide(row, width) and all(k in texts or is_value(cell) for k, cell in enumerate(row[:width]))
-        for row, n in zip(rows, numbers, strict=True)
+    whole = zip(*[row for row in kinds if len(row) == width and 1 in row], strict=True)
+    texts = {k for k, column in enumerate(whole) if column.count(1) < column.count(-1)}
+    of_values = [
+        1 in kind and is_wide(row, width) and all(k in texts or each >= 0 for k, each in enumerate(kind[:width]))
+        for row, kind in zip(rows, kinds, strict=True)
     ]
-
-
-def _text_columns(rows: Sequence[Sequence[str]], width: int) -> set[int]:
-    """Return the columns of which most cells that are filled are text, in rows of so many cells with a number."""
-    whole = [row for row in rows if len(row) == width and any(is_value(cell) and not is_missing(cell) for cell in row)]
-    return {k for k, cells in enumerate(zip(*whole, strict=True)) if _mostly_text(cells)}
+    return width, of_values, texts, kinds
 
 
 def is_wide(row: Sequence[str], width: int) -> bool:
@@ -109,18 +117,12 @@ def is_wide(row: Sequence[str], width: int) -> bool:
     return len(row) == width or (len(row) > width > 1 and not any(map(is_value, row[width:])))
 
 
-def _mostly_text(cells: Sequence[str]) -> bool:
-    present = [cell for cell in cells if not is_missing(cell)]
-    return 2 * sum(map(is_value, present)) < len(present)
-
-
 def _score(rows: Sequence[Sequence[str]]) -> int:
     """Return how many cells are values in the rows of values, less those that are none: words in columns of words do not count."""
-    width, of_values = value_rows(rows)
-    texts = _text_columns(rows, width)
-    good = [row for row, of_value in zip(rows, of_values, strict=True) if of_value]
-    cells = [(k, cell) for row in good for k, cell in enumerate(row) if not is_missing(cell)]
-    return sum(1 if is_value(cell) else -2 * (k not in texts or cell[:1] in "0123456789+-.,") for k, cell in cells)
+    _, of_values, texts, kinds = _weighed(rows)
+    good = [row for row, of_value in zip(zip(rows, kinds, strict=True), of_values, strict=True) if of_value]
+    cells = [(k, *each) for row in good for k, each in enumerate(zip(*row, strict=True)) if each[1]]
+    return sum(1 if kind > 0 else -2 * (k not in texts or cell[:1] in "0123456789+-.,") for k, cell, kind in cells)
 
 
 def dialect_of(where: str, lines: Sequence[str], delimiter: str | None = None, decimal: str | None = None) -> Dialect:
@@ -143,16 +145,18 @@ def dialect_of(where: str, lines: Sequence[str], delimiter: str | None = None, d
     stated = next((line[4:5] for line in lines[:1] if line.lower().startswith("sep=")), None)  # as Excel reads it
     delimiter = stated if delimiter is None and stated else delimiter
     best, most = Dialect(delimiter="", quoted=quoted), 0
+    plain = count()
+    tried = [line for line in lines if not _PLAIN.match(line) or next(plain) < _PLAIN_LINES]
     for sign in DELIMITERS if delimiter is None else (delimiter,):
         dialect = Dialect(delimiter=sign, quoted=quoted)
-        score = _score([split(line, dialect) for line in lines])
+        score = _score([split(line, dialect) for line in tried])
         if score > (most if sign else 2 * most):  # blanks stand within stamps and beside other signs, too
             best, most = dialect, score
     if best.delimiter == "," and delimiter is None and decimal != ".":
         best = _commas(where, lines, best, decimal)
-    _, of_values = value_rows([split(line, best) for line in lines])
-    rows = [split(line, best) for line, good in zip(lines, of_values, strict=True) if good]
-    sign, thousands = decimal_sign(where, [cell for row in rows for cell in row], decimal)
+    rows = [split(line, best) for line in lines]
+    good = value_rows(rows)[1]
+    sign, thousands = decimal_sign(where, [cell for row in compress(rows, good) for cell in row], decimal)
     return Dialect(delimiter=best.delimiter, decimal=sign, thousands=thousands, quoted=quoted, paired=best.paired)
 
 
@@ -200,9 +204,9 @@ def decimal_sign(where: str, cells: Sequence[str], decimal: str | None = None) -
     """
     allowed, thousands, grouping = {".", ","}, "", ""
     for cell in cells:
-        if is_complex(cell):
-            allowed -= {"."} if "," in cell and "." not in cell else {","} if "." in cell else set()
         if not is_number(cell):
+            if is_complex(cell):
+                allowed -= {"."} if "," in cell and "." not in cell else {","} if "." in cell else set()
             continue
         single, groups = _ONE_SIGN.match(cell), _GROUPS.match(cell)
         if single and not (groups and single[1] not in ("", "0")):
