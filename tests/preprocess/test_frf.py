@@ -11,7 +11,7 @@ from modalscope.doctor import examine
 from modalscope.preprocess import estimate_frf, exponential_decay
 from modalscope.preprocess.excitation import find_excitation
 from modalscope.preprocess.impacts import find_hits, room_of, whole_series
-from modalscope.preprocess.spectra import Segments, cross_spectra, effective_averages
+from modalscope.preprocess.spectra import WINDOWS, Segments, cross_spectra, effective_averages, window_of
 from modalscope.systems import chain5
 from tests.support import random_system, relative
 
@@ -154,6 +154,13 @@ def test_no_line_is_ever_nan():
     for kind in ("random", "burst", "sweep"):
         frf = estimate_frf(record(u), excitation=kind)
         assert np.all(np.isfinite(frf.values))
+
+
+@pytest.mark.parametrize("length", [1, 2, 3, 256, 1001])
+def test_windows_are_those_of_scipy(length: int):
+    for name in WINDOWS:
+        expected = signal.get_window("boxcar" if name == "none" else name, length)
+        assert np.array_equal(window_of(name, length), expected)
 
 
 def test_spectra_are_those_of_scipy():

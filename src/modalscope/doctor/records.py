@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import scipy
 from scipy import fft
 
 from modalscope.data.notes import Finding
@@ -248,7 +247,7 @@ def _peakedness(runs: RealArray) -> RealArray:
 
 def _slowest(signals: Signals, power: RealArray, lines: RealArray) -> tuple[float, float] | None:
     """Return frequency (Hz) and decay time (s) of the strongest resonance where the record is short for it."""
-    smooth = scipy.signal.oaconvolve(power, np.ones(17) / 17, mode="same")
+    smooth = np.convolve(power, np.ones(17) / 17)[8:-8]
     first = int(np.searchsorted(lines, _MIN_PERIODS / signals.duration))
     if first >= smooth.size:  # a record of a few samples
         return None

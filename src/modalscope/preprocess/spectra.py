@@ -34,6 +34,15 @@ def check_window(window: str | None) -> str:
     return check_choice("window", window, WINDOWS)
 
 
+def window_of(name: str, length: int) -> RealArray:
+    """Return a periodic window by its name."""
+    if name == "none" or length == 1:
+        return np.ones(length)
+    if name == "hann":  # SciPy's package of signals takes a third of a second to import
+        return np.asarray(0.5 + 0.5 * np.cos(np.linspace(-np.pi, np.pi, length + 1)[:-1]))
+    return np.asarray(scipy.signal.get_window(name, length))
+
+
 def segment_starts(samples: int, segment: int, overlap: float) -> list[int]:
     """Return the first samples of all whole segments of a run.
 
@@ -80,7 +89,7 @@ class Segments(NamedTuple):
     def of(cls, samples: int, length: int, overlap: float = 0.5, window: str = "hann") -> Segments:
         """Return the whole segments of a run under a (periodic) window by name; each shares a part `overlap` with the next."""
         name, starts = check_window(window), segment_starts(samples, length, overlap)  # which checks the length, too
-        w = np.asarray(scipy.signal.get_window("boxcar" if name == "none" else name, length))
+        w = window_of(name, length)
         return cls(starts, w, w)
 
 
@@ -244,6 +253,6 @@ class Spectrum(NamedTuple):
         y -= y.mean(axis=1, keepdims=True)
         y -= t[:, None] * slope[:, None, :]
         power = float(np.einsum("rnl,rnl->", y, y)) / (len(y) * y.shape[1])
-        window = scipy.signal.get_window("hann", y.shape[1])
+        window = window_of("hann", y.shape[1])
         y *= (window * np.sqrt(2 / (y.shape[1] * float(window @ window))))[:, None]
         return cls(np.asarray(fft.rfft(y, axis=1)), signals.sampling_rate / y.shape[1], power, signals.sampling_rate)
