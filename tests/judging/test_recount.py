@@ -101,7 +101,8 @@ def test_white_noise_and_smooth_errors_of_the_response_each_have_their_own_corre
     smooth = 0.1 * np.abs(H) * (sums[9:] - sums[:-9]) / np.sqrt(18)
     sigma = 0.1 * np.abs(H).mean(axis=0) / np.sqrt(2)
     noise = sigma * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape))
-    errors = told_errors(smooth + noise, H + smooth + noise, np.ones(count), 0)
+    left, whole = (np.concatenate([each.real, each.imag]) for each in (smooth + noise, H + smooth + noise))
+    errors = told_errors(left, whole, np.ones(count), 0)
     assert np.abs(errors.even).max(initial=0) < 0.1
     assert errors.own[:7] == pytest.approx(1 - np.arange(1, 8) / 9, abs=0.12)
     truth = np.abs(H) ** 2 / (np.abs(H) ** 2 + np.mean(np.abs(H), axis=0) ** 2)

@@ -309,6 +309,7 @@ def _with_significant_peaks(
             return State(descent, state.variance, state.selection), recount, rounds
         kept = np.setdiff1d(np.arange(len(rounds)), gone)
         candidates, rounds = (point.poles[kept], point.sides[kept]), rounds[kept]
+        del descent, point, recount  # before the next take their room
     return None
 
 

@@ -91,28 +91,31 @@ class ColouredErrors:
         return even + own
 
 
-def errors_of(left: ComplexArray, data: ComplexArray, even: RealArray, unknown: int) -> ColouredErrors:
+def errors_of(left: RealArray, data: RealArray, even: RealArray, unknown: int) -> ColouredErrors:
     """Estimate the errors from the residual of a fit.
 
     Of every channel a + b |H|^2, the likeliest for squares of complex normal numbers, times what all channels together are of that around
     a line. With u what is left, divided by its deviations, E Re u_k u*_k+i = q_k q_k+i A_i + s_k s_k+i K_i over all lines and channels: two
     unknowns a lag, as likely as any before they are seen (their variance is one, that of a product a half).
 
-    `left`, `data` (F, q, p): what a fit leaves, and the whole response. `even` (F,): squares of what is even noise, up to a factor.
+    `left`, `data` (2 F, q, p): what a fit leaves, and the whole response, real parts above imaginary ones.
+    `even` (F,): squares of what is even noise, up to a factor.
     `unknown`: real unknowns a channel.
     """
-    variance, share = _levels(left.reshape(len(left), -1), data.reshape(len(left), -1), even)
-    A, K = _correlations(left.reshape(len(left), -1), variance, share)
-    rows = 2 * len(left)
+    rows, *shape = left.shape
+    left = left.reshape(rows, -1)
+    variance, share = _levels(left, data.reshape(rows, -1), even)
+    A, K = _correlations(left, variance, share)
     variance *= rows / max(rows - unknown, 1)
-    return ColouredErrors(variance.reshape(left.shape), share.reshape(left.shape), A, K)
+    return ColouredErrors(variance.reshape(-1, *shape), share.reshape(-1, *shape), A, K)
 
 
-def _levels(left: ComplexArray, data: ComplexArray, even: RealArray) -> tuple[RealArray, RealArray]:
+def _levels(left: RealArray, data: RealArray, even: RealArray) -> tuple[RealArray, RealArray]:
     """Return the variance of errors of channels (F, c), and the share of the response's own in it."""
-    variance, share, excess = np.empty(left.shape), np.empty(left.shape), np.zeros(len(left))
-    for few in _few(*left.shape):
-        power, size = (each.real**2 + each.imag**2 for each in (left[:, few], data[:, few] - left[:, few]))
+    (variance, share), excess = np.empty((2, len(even), left.shape[1])), np.zeros(len(even))
+    for few in _few(*variance.shape):
+        squares = (each**2 for each in (left[:, few], data[:, few] - left[:, few]))
+        power, size = (real + imag for real, imag in (np.split(each, 2) for each in squares))
         noise, own = parts_of_level(power, even, size)
         variance[:, few] = noise + own
         share[:, few] = own / variance[:, few]
@@ -127,15 +130,15 @@ def _few(lines: int, channels: int) -> Iterator[slice]:
     return (slice(k, k + step) for k in range(0, channels, step))
 
 
-def _correlations(left: ComplexArray, variance: RealArray, share: RealArray) -> tuple[RealArray, RealArray]:
+def _correlations(left: RealArray, variance: RealArray, share: RealArray) -> tuple[RealArray, RealArray]:
     """Return the correlations of the even part and of the response's own, one line apart, two lines apart, ..., to where each ends."""
 
     def sums(few: slice) -> RealArray:
         s, q = np.sqrt(share[:, few]), np.sqrt(1 - share[:, few])
-        u = left[:, few] / np.sqrt(variance[:, few])
+        u = lines_of_rows(left[:, few]) / np.sqrt(variance[:, few])
         return np.array([_at_lags(each) for each in (q * u, s * u, q**2, s**2, q * s)])
 
-    even, own, qq, ss, qs = np.sum([sums(few) for few in _few(*left.shape)], axis=0)
+    even, own, qq, ss, qs = np.sum([sums(few) for few in _few(*variance.shape)], axis=0)
     products = np.stack([even, own], axis=1)
     gram = np.stack([np.stack([qq, qs], axis=1), np.stack([qs, ss], axis=1)], axis=1)
     spread = np.linalg.inv(gram + _VARIANCE_OF_PRODUCT * np.eye(2))
@@ -230,12 +233,12 @@ class ChannelFits:
             weights[without] = 0
         a, B = np.empty((channels, len(which), 2)), np.empty((channels, told, 2, 2))
         parts = _side_by_side(columns)
-        weighted = (weights * self._data.reshape(-1, *weights.shape)).reshape(self._data.shape)
         step = max(_BLOCK_NUMBERS // (columns.shape[1] * max(2 * told, 1)), 1)
         for some in (slice(first, first + step) for first in range(0, channels, step)):
             # rows are those of a symmetric matrix
             back = self._inverses(some, without, beside)[:, own]
-            a[some] = np.einsum("cik,kc->ci", back, columns @ weighted[:, some]).reshape(-1, len(which), 2)
+            weighted = np.tile(weights[:, some], (2, 1)) * self._data[:, some]
+            a[some] = np.einsum("cik,kc->ci", back, columns @ weighted).reshape(-1, len(which), 2)
             rows = (back[:, : 2 * told].reshape(-1, len(columns)) @ parts).view(np.complex128)
             if without is not None:
                 rows[:, without] = 0
@@ -480,10 +483,11 @@ def recount_of(selection: SelectionProblem, descent: Descent) -> Recount:
     columns = np.hstack([problem.columns(descent.point.poles, slopes=False)[0], problem.terms])
     Q = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))[0]
     flat = problem.data.reshape(len(problem.data), -1)
-    left = (flat - Q @ (Q.T @ flat)).reshape(problem.data.shape)
-    whole = lines_of_rows(problem.data if selection.whole is None else selection.whole)
+    left = Q @ (Q.T @ flat)
+    left = np.subtract(flat, left, out=left).reshape(problem.data.shape)
+    whole = problem.data if selection.whole is None else selection.whole
     even = lines_of_rows(1 / problem.rows[:, None]).real[:, 0] ** 2
-    return Recount(selection, descent, left, errors_of(lines_of_rows(left), whole, even, columns.shape[1]))
+    return Recount(selection, descent, left, errors_of(left, whole, even, columns.shape[1]))
 
 
 def lines_of_rows(rows: RealArray) -> ComplexArray:
