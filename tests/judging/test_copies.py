@@ -13,6 +13,7 @@ from modalscope.judging.copies import _MAX_COLUMNS, _MAX_ROWS, _Cluster, _cluste
 from modalscope.judging.recount import Recount, recount_of
 from modalscope.judging.selection_problem import SelectionProblem
 from modalscope.likelihood.descent import descend
+from modalscope.likelihood.information import residual, residual_of
 from modalscope.likelihood.likelihood import unit_vectors, whitened
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
 from modalscope.systems import chain5
@@ -266,6 +267,15 @@ def test_steps_of_shifts_by_row_and_by_column_lower_the_misfit_as_their_linear_m
     parts = np.stack([step.real, step.imag], axis=-1).reshape(-1, 2)
     rise = (cluster._at(s + step).left - cluster._at(s - step).left) / 2
     assert rise == pytest.approx(-2 * np.sum(at.slope * parts, axis=1), rel=1e-4, abs=1e-6 * np.abs(rise).max())
+
+
+def test_the_residual_of_some_channels_is_that_of_all_there() -> None:
+    (u, v), none = random_sides(0), (np.zeros(6), np.zeros(3))
+    descent = recounted(shifting(u, v, *none), np.array([POLE, POLE + 3j])).descent
+    some = np.array([[0], [2], [5]]), np.array([1, 2])
+    whole = residual(descent.point, descent.fitted)
+    found = residual_of(descent.point, descent.fitted, some)
+    assert np.allclose(found, whole[:, *some], rtol=0, atol=1e-12 * np.abs(descent.point.problem.rows).max())
 
 
 def test_rows_and_columns_are_solved_as_the_whole_system_is() -> None:

@@ -18,7 +18,7 @@ from itertools import combinations
 import numpy as np
 
 from modalscope.judging.recount import UNCERTAINTY_OF_VARIANCE, Recount
-from modalscope.likelihood.information import residual
+from modalscope.likelihood.information import residual_of
 from modalscope.likelihood.whitening import chi_squared_bound, lag_factor
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.statistics import assign
@@ -226,18 +226,17 @@ class _Cluster:
         self.problem, self.which, self.poles = recount.selection.problem, which, point.poles
         self.lines = self._lines()
         own = np.einsum("qn,np->nqp", fitted.linear[:, which], point.sides[which])
-        rows = self._taken(self.problem.columns(self.poles[which], slopes=False)[0]) @ np.stack(
-            [own.real, own.imag], axis=1
-        ).reshape(2 * len(which), -1)
-        rows = rows.reshape(len(rows), *own.shape[1:]) + self._taken(residual(point, fitted))
         precision = 2 / recount.errors.on(self.lines).variance
         strength = np.sum(np.abs(own) ** 2, axis=0) * precision.mean(axis=0)
         taken = _strongest(strength.sum(axis=1), _MAX_ROWS)[:, None], _strongest(strength.sum(axis=0), _MAX_COLUMNS)
-        self.channels = (len(taken[0]), len(taken[1]))
+        own, self.channels = own[:, *taken], (len(taken[0]), len(taken[1]))
+        parts = np.stack([own.real, own.imag], axis=1).reshape(2 * len(which), -1)
+        left = self._taken(residual_of(point, fitted, taken)).reshape(2 * len(precision), -1)
+        rows = self._taken(self.problem.columns(self.poles[which], slopes=False)[0]) @ parts + left
         self.weights = np.tile(np.sqrt(precision[:, *taken]), (2, 1, 1)).reshape(len(rows), -1).T
         beside = np.hstack([self._taken(self.problem.terms), self._functions(self.poles[self._others()])[0]])
         self.free = np.linalg.qr(_unit(self.weights[:, :, None] * beside))[0]
-        self.data = self._less_free((self.weights * rows[:, *taken].reshape(len(rows), -1).T)[:, :, None])[:, :, 0]
+        self.data = self._less_free((self.weights * rows.T)[:, :, None])[:, :, 0]
         middle, half = (
             np.arange(self.lines.start, self.lines.stop),
             recount.selection.half_bandwidths_in_lines(self.poles[which]),

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.fft as sfft
 
 from modalscope.data.response import Response, window_over_lines
-from modalscope.likelihood.likelihood import Fitted, Point
+from modalscope.likelihood.likelihood import Fitted, Point, WhitenedResponse
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 
 
@@ -62,6 +62,17 @@ def residual(point: Point, fitted: Fitted) -> RealArray:
         found[rows] = left
     assert found is not None
     return found
+
+
+def residual_of(point: Point, fitted: Fitted, channels: tuple[IntArray, IntArray]) -> RealArray:
+    """Return the whitened residual of a response on all rows and some channels, (K, a, b).
+
+    `channels`: rows (a, 1) and columns (b,) of them.
+    """
+    assert isinstance(point.problem, WhitenedResponse)
+    explained = _explained(point, fitted).reshape(-1, *point.data.shape[1:])[:, *channels]
+    rows = point.span @ explained.reshape(len(explained), -1)
+    return np.asarray(point.problem.data[:, *channels] - rows.reshape(-1, *explained.shape[1:]))
 
 
 def residuals(point: Point, fitted: Fitted) -> Iterator[tuple[slice | IntArray, RealArray]]:
