@@ -16,7 +16,7 @@ from modalscope.data.residual_terms import ResidualTerms
 from modalscope.data.response import Response
 from modalscope.data.results import DEVIATIONS, StabilizationDiagram
 from modalscope.functions.poles import frequencies_and_damping
-from modalscope.identification.orders import ORDERS_END
+from modalscope.identification.orders import ORDERS_END, usable_orders
 from modalscope.judging.bare_peaks import BARE, with_note_on_peaks
 from modalscope.judging.selection_problem import MAX_DAMPING_OF_RESONANCES
 from modalscope.likelihood.settling import needed_beside, out_of_band_poles
@@ -237,7 +237,9 @@ def of_ends(modes: ModalModel, shown: StabilizationDiagram, fitted: Stabilizatio
         kept = with_note_on_peaks(kept, shown.response, (low, high))
     if not len(kept) or shown.response.ambient:
         return kept
-    return with_terms_of_bands(kept, [BandData(shown.response, (low, high), *terms_of(modes))])
+    poles, powers = terms_of(modes)
+    last = fitted.poles[fitted.order_of_pole == usable_orders(fitted)[0][-1]]
+    return with_terms_of_bands(kept, [BandData(shown.response, (low, high), np.append(poles, last), powers)])
 
 
 def terms_of(modes: ModalModel) -> tuple[ComplexArray, tuple[int, ...]]:

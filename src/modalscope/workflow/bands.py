@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import singledispatch
 from itertools import groupby
 from operator import attrgetter
 from typing import Any
@@ -148,10 +149,10 @@ def _fitted(data: Any, band: Band) -> Band:
 
     The same band where no lines are cut to it.
     """
-    if band is None or not isinstance(data, FrequencyResponse | Signals | Records):
+    seen = None if band is None else _level(data)
+    if band is None or seen is None:
         return band
-    f, level = _level(data)
-    low, high = band
+    (f, level), (low, high) = seen, band
     below, above = (f >= low * (1 - _BEYOND)) & (f <= low), (f >= high) & (f <= high * (1 + _BEYOND))
     ends = [
         float(f[side][np.argmin(level[side])]) if side.any() else end for end, side in ((low, below), (high, above))
@@ -159,11 +160,22 @@ def _fitted(data: Any, band: Band) -> Band:
     return ends[0], ends[1]
 
 
-def _level(data: FrequencyResponse | Signals | Records) -> tuple[RealArray, RealArray]:
-    """Return frequencies (Hz) and the mean square of the outputs there, each relative to its own: of records that of the longest run."""
-    if isinstance(data, FrequencyResponse):
-        relative = np.abs(data.values / output_scale(data)[:, None]) ** 2
-        return data.frequencies, np.asarray(relative.mean(axis=(1, 2)))
+@singledispatch
+def _level(data: Any) -> tuple[RealArray, RealArray] | None:
+    """Return frequencies (Hz) and the mean square of the outputs there, each relative to its own; None of data without lines."""
+    return None
+
+
+@_level.register
+def _(data: FrequencyResponse) -> tuple[RealArray, RealArray]:
+    relative = np.abs(data.values / output_scale(data)[:, None]) ** 2
+    return data.frequencies, np.asarray(relative.mean(axis=(1, 2)))
+
+
+@_level.register(Signals)
+@_level.register(Records)
+def _(data: Signals | Records) -> tuple[RealArray, RealArray]:
+    """Of the longest run."""
     seen = levels_of(max(as_records(data).runs, key=lambda run: run.samples))
     return seen.frequencies, np.asarray(seen.levels.mean(axis=1))
 
