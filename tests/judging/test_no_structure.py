@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from modalscope.functions.poles import poles_from
 from modalscope.judging.evidence import Candidate
-from modalscope.judging.no_structure import CORRELATED, with_note_on_errors, with_objections_of_record
+from modalscope.judging.no_structure import CORRELATED, with_note_on_errors, with_objections_of_record, without_unforced
 from modalscope.preprocess.bands import driven_share
 from modalscope.systems import chain5
 from tests.judging.ambient_records import beside_a_machine
@@ -102,5 +103,16 @@ def test_where_forces_have_no_power_no_mode_is_listed() -> None:
     share = driven_share(diagram.response, np.array([3.0, 5.8, 6.2, 8.0]))
     assert np.all(share[:2] > 0.1)
     assert np.all(share[2:] < 1e-9)
-    found = with_objections_of_record(diagram, [Candidate(np.zeros(0, int), f, 0.01, {}, ()) for f in (5.8, 6.2, 8.0)])
-    assert [c.against for c in found] == [(), *2 * [("forces have no power at its frequency",)]]
+    f = np.array([5.8, 6.2, 8.0, 9.0])
+    zeta = np.full(4, 0.01)
+    modes = ms.ModalModel(
+        poles=poles_from(f, zeta),
+        shapes=np.eye(2)[:, [0, 1, 0, 1]],
+        frequencies_std=1e-4 * f,
+        damping_ratios_std=np.array([1.0, 1.0, 0.01, 1.0]) * zeta,
+    )
+    # of doubtful ones, those where forces act stay, and of those where none act, one that is known
+    found = without_unforced(diagram, modes)
+    assert found.frequencies == pytest.approx([5.8, 8.0])
+    assert [c.frequency for c in found.left_out] == pytest.approx([6.2, 9.0])
+    assert {c.reason for c in found.left_out} == {"forces have no power at its frequency"}

@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from modalscope.data.modes import ModalModel
-from modalscope.data.notes import Harmonic, Note
+from modalscope.data.notes import Candidate as LeftOut, Harmonic, Note
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.results import StabilizationDiagram
 from modalscope.judging.evidence import CERTAIN, UNCERTAIN, Candidate
+from modalscope.judging.grades import grades
 from modalscope.preprocess.bands import driven_share
 from modalscope.preprocess.harmonics import HARMONIC
 from modalscope.preprocess.spectral_peaks import NOISE, UNSEEN
@@ -52,22 +53,42 @@ def with_objections_of_record(diagram: StabilizationDiagram, candidates: Sequenc
     lines = [note for note in diagram.notes if note.kind == HARMONIC]
     alone = next((note for note in diagram.notes if note.kind == NOISE), None)
     unseen = next((note for note in diagram.notes if note.kind == UNSEEN), None)
-    response, judged = diagram.response, []
-    driven = np.ones(len(candidates))
-    if isinstance(response, RecordSpectra):
-        driven = driven_share(response, np.array([c.frequency for c in candidates]))
-    for c, share in zip(candidates, driven, strict=True):
+    judged = []
+    for c in candidates:
         against = [f"harmonic of a rotating machine: {line.text}" for line in lines if _is_line(c, line)]
         if c.facts.get("peak_height", np.inf) < 1:
             against.append("no peak in the spectra of any combination of channels")
-        if share < _NO_POWER:
-            against.append("forces have no power at its frequency")
         if alone is not None:
             against.append(alone.text)
         elif unseen is not None and not c.facts.get("left_open", np.inf) < CERTAIN:
             against.append(unseen.text)
         judged.append(replace(c, against=(*c.against, *against)) if against else c)
     return judged
+
+
+def without_unforced(diagram: StabilizationDiagram, modes: ModalModel) -> ModalModel:
+    """Return modes without those that are doubtful where the forces of a record have no power.
+
+    What a run begins with shows modes there, too: those that it determines stay.
+    """
+    response = diagram.response
+    if not isinstance(response, RecordSpectra) or not len(modes):
+        return modes
+    doubtful = np.array([grade.word == "doubtful" for grade in grades(modes)])
+    gone = doubtful & (driven_share(response, modes.frequencies) < _NO_POWER)
+    if not gone.any():
+        return modes
+    left = tuple(
+        LeftOut(
+            frequency=float(modes.frequencies[j]),
+            damping_ratio=float(modes.damping_ratios[j]),
+            gain=np.nan if modes.gain is None else float(modes.gain[j]),
+            reason="forces have no power at its frequency",
+            remedy="Excite the structure there.",
+        )
+        for j in np.flatnonzero(gone)
+    )
+    return replace(modes.take(~gone), left_out=(*modes.left_out, *left))
 
 
 def _is_line(c: Candidate, line: Note) -> bool:

@@ -36,6 +36,7 @@ from modalscope.judging.bands import (
     terms_of,
     with_terms_of_bands,
 )
+from modalscope.judging.no_structure import without_unforced
 from modalscope.judging.select import between_groups, selected
 from modalscope.likelihood.refine_setups import refine_setups
 from modalscope.modal.setups import merge_modes, with_repeatability
@@ -301,7 +302,9 @@ def _of_band(document: Analysis, look: Look, choose: Choose) -> ModalModel:
         if not document.refine:
             return between_groups(diagram, modes)
         with stage("refining"):
-            return refined_where_it_helps(diagram, modes)
+            found = refined_where_it_helps(diagram, modes)
+            by_hand = document.frequencies is not None or document.taken
+            return found if by_hand else without_unforced(diagram, found)
 
     if not look.parts:
         by_hand = {"frequencies": document.frequencies, "take": document.taken, "refuse": document.refused}
