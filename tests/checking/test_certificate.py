@@ -119,7 +119,7 @@ def test_records_with_inputs_are_certified_under_their_own_forces():
 @pytest.mark.slow
 def test_records_with_forces_between_samples_and_coloured_noise_are_certified() -> None:
     """Replicates that leave out the terms beside the modes would scatter forty times as far."""
-    data, _ = record(4502, "AR(.95)", seconds=20.0)
+    data, _ = record(4502, "AR(.95)", seconds=8.0)
     result = ms.analyze(data)
     certificate = ms.certify(result, replicates=5)
     assert np.mean(certificate.holds) >= 0.7
