@@ -77,3 +77,12 @@ def test_a_mode_that_stands_out_of_what_is_left_of_a_record_is_added() -> None:
     assert found.modes.frequencies == pytest.approx(np.sort(np.abs(case.poles)) / (2 * np.pi), rel=0.003)
     assert any(note.kind == "added" for note in found.notes)
     assert not any(note.kind == "added" for note in ms.analyze(record(93000).data).notes)
+
+
+def test_a_dead_channel_is_named_with_a_band_too() -> None:
+    response = chain5().frequency_response(np.linspace(0.4, 7.0, 300))
+    values = np.array(response.values)
+    values[:, 1] = 0
+    dead = ms.FrequencyResponse(values=values, frequencies=response.frequencies)
+    with pytest.raises(ms.DataError, match="output y2 is zero throughout"):
+        ms.analyze(dead, band=(1.0, 5.0))

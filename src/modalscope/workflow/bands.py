@@ -169,7 +169,7 @@ def _level(data: Any) -> tuple[RealArray, RealArray] | None:
 
 @_level.register
 def _(data: FrequencyResponse) -> tuple[RealArray, RealArray]:
-    relative = np.abs(data.values / output_scale(data)[:, None]) ** 2
+    relative = np.abs(data.values / np.maximum(output_scale(data), np.finfo(float).tiny)[:, None]) ** 2
     return data.frequencies, np.asarray(relative.mean(axis=(1, 2)))
 
 
