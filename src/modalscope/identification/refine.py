@@ -54,9 +54,7 @@ def completed(task: Task, modes: ModalModel, settled: Settled) -> ModalModel:
         best = (settled.descent.point.poles, *settled.residues)
     if len(best[0]) == count:
         return modes
-    # an insignificant mode of the list drifts, and is no evidence against the others
-    significant = _pruned(task, settled, 0)
-    if significant.colour.coloured or not significant.descent.converged:
+    if settled.colour.coloured or not settled.descent.converged:
         return modes
     poles, shapes, participation = best
     return joined([modes, _added_modes(task, modes, poles[count:], shapes[:, count:], participation[count:])])
