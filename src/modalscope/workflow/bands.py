@@ -136,9 +136,10 @@ def looked_at(
         found = [(band, swept(_fitted(seen, band))) for band in bands or (None,)]
         return [Look(ending_in(each, band), each, band, notes=told, seen=ambient) for band, each in found]
     band = bands[0] if bands else None
-    whole = _with_clear_peaks(seen, sweep, _fitted(seen, band), choose)
+    ends = _fitted(seen, band)
+    whole = _with_clear_peaks(seen, sweep, ends, choose)
     by_line = not isinstance(document.options.get("weights"), str | None)  # they belong to the lines of the whole band
-    parts = _parts(sweep, choose, _part(choose, _fitted(seen, band), whole, band), 0 if by_line else _MAX_CUTS)
+    parts = _parts(sweep, choose, _part(choose, ends, whole, band), 0 if by_line else _MAX_CUTS)
     shown = ending_in(whole, band)
     return [
         Look(shown if len(parts) == 1 else joined_diagram(shown, parts), whole, band, tuple(parts), told, seen=ambient)
