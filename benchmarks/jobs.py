@@ -123,7 +123,7 @@ STAGES = {
         "likelihood.refined.spread_of",
         "likelihood.refine_setups.deviations",
         "workflow.ambient_lines.line_shapes",
-        "identification.sweep.deviations_of",
+        "likelihood.deviations.deviations_of",
     ),
     "report": ("cli.output.write_outputs",),
 }

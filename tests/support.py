@@ -26,6 +26,7 @@ from modalscope.functions.poles import frequencies_and_damping, one_of_each_pair
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
 from modalscope.identification.sweep import Cut, Shared
+from modalscope.likelihood.deviations import OfPipeline
 
 #: The project, and the measured beam that comes with it.
 ROOT = Path(__file__).resolve().parents[1]
@@ -62,7 +63,7 @@ def wanted_extra(error: str) -> str | None:
 
 def cut_order(pipeline: Pipeline, order: int, *, deviations: bool = True) -> Cut:
     """Return one order of a pipeline."""
-    return Shared(pipeline, deviations).of_order(order)
+    return Shared(pipeline, OfPipeline(pipeline) if deviations else None).of_order(order)
 
 
 def built(data: Signals | Response, order: int, **options: Any) -> Pipeline:

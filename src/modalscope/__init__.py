@@ -12,6 +12,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 from warnings import warn
 
+from modalscope.numerics.handed import hand_down
+
 if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the same place when it is first asked for
     from modalscope import (
         datasets as datasets,
@@ -50,11 +52,11 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
     from modalscope.identification.method_names import methods as methods
     from modalscope.identification.pipeline import factor as factor
     from modalscope.identification.prepare import prepare as prepare
-    from modalscope.identification.refine import refine as refine
     from modalscope.identification.stabilize import stabilize as stabilize
     from modalscope.identification.sweep import sweep as sweep
     from modalscope.io import from_frame as from_frame, read as read, write as write
     from modalscope.judging.bands import merge_bands as merge_bands
+    from modalscope.judging.refine import refine as refine
     from modalscope.judging.select import select as select
     from modalscope.modal import indicators as indicators
     from modalscope.modal.indicators import mac as mac, mac_std as mac_std
@@ -91,7 +93,7 @@ _HOMES = {
     "identification.identify": ("Identification", "identify"),
     "identification.pipeline": ("factor",),
     "identification.prepare": ("prepare",),
-    "identification.refine": ("refine",),
+    "judging.refine": ("refine",),
     "identification.sweep": ("sweep",),
     "identification.method_names": ("methods",),
     "io": ("from_frame", "read", "write"),
@@ -137,6 +139,19 @@ _HOMES = {
     "workflow.realize": ("realize",),
     "workflow.replay": ("replay",),
 }
+
+#: What data classes, preprocessing and sweeps ask of packages above them: see `modalscope.numerics.handed`.
+hand_down(
+    columns_of="modalscope.judging.description:columns_of",
+    deviating="modalscope.likelihood.deviations:OfPipeline",
+    drawn="modalscope.plot.shown:drawn",
+    examine="modalscope.doctor:examine",
+    grades="modalscope.judging.grades:grades",
+    living="modalscope.plot.web.alive:living",
+    table_of="modalscope.judging.description:table_of",
+    text_of="modalscope.judging.description:text_of",
+    verdict_of_result="modalscope.plot.web.verdict:verdict_of_result",
+)
 
 #: What else there is, in namespaces.
 _NAMESPACES = {

@@ -14,9 +14,10 @@ from modalscope.blocks.polynomials import orthogonal_basis
 from modalscope.blocks.records import RecordInfluence
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import Records
+from modalscope.identification.deviating import Asked
 from modalscope.identification.sweep import Cut
 from modalscope.likelihood.covariance import PoleInfluence, influence_on
-from modalscope.likelihood.deviations import Asked, deviations_of
+from modalscope.likelihood.deviations import deviations_of
 from modalscope.likelihood.noise import White
 from tests.blocks.test_record_lines import runs_of
 from tests.support import built, cut_order, random_system, relative

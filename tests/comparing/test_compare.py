@@ -16,12 +16,12 @@ from modalscope.comparing.kinship import SAME, kinship, pole_distance, subspace_
 from modalscope.comparing.routes import plan
 from modalscope.comparing.run import MethodResult, find_by_name
 from modalscope.data import DataError, FrequencyResponse, ImpulseResponse
-from modalscope.identification import sweep as cut
 from modalscope.identification.method_names import cell_label
 from modalscope.identification.pipeline import factored
 from modalscope.identification.stabilize import stabilize, swept
 from modalscope.identification.table import methods
 from modalscope.judging.select import select
+from modalscope.likelihood import deviations
 from modalscope.likelihood.deviations import deviations_of
 from modalscope.preprocess import estimate_correlation
 
@@ -117,7 +117,7 @@ def test_rows_of_the_same_poles_have_deviations_in_common_and_shapes_of_their_ow
     projected = Hankel.projected
     monkeypatch.setattr(Hankel, "projected", lambda *given: between.append(given) or projected(*given))
     monkeypatch.setattr(
-        cut,
+        deviations,
         "deviations_of",
         lambda *given: asked.extend((one.order, k) for one in given[2:] for k in one.which) or deviations_of(*given),
     )

@@ -8,9 +8,9 @@ import pytest
 
 from modalscope import systems
 from modalscope.data.results import StabilizationDiagram
-from modalscope.identification import sweep
 from modalscope.identification.stabilize import stabilize
 from modalscope.judging.select import select
+from modalscope.likelihood import deviations
 from modalscope.likelihood.deviations import deviations_of
 
 ORDERS = range(6, 21, 2)
@@ -21,7 +21,7 @@ def computed(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int]]:
     """Return a list that grows with every pole whose deviation is computed: its order, its index there."""
     found: list[tuple[int, int]] = []
     monkeypatch.setattr(
-        sweep,
+        deviations,
         "deviations_of",
         lambda *given: (
             found.extend((one.order, int(k)) for one in given[2:] for k in one.which) or deviations_of(*given)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from modalscope.data.kind_of_test import kind_of_test
 from modalscope.functions.damped_tones import release_of, slower, unexplained_by_decay
-from modalscope.functions.kind_of_test import kind_of_test
 from modalscope.numerics.checks import RealArray
 
 F, ZETA = np.array([1.7, 4.1, 6.6]), np.array([0.006, 0.01, 0.004])

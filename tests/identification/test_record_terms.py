@@ -14,8 +14,8 @@ from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import as_records
 from modalscope.likelihood.settling import Settled, settle, task_of
 from modalscope.numerics.checks import RealArray
-from tests.identification.test_refine_records import runs_of, system
 from tests.judging.hard import QUANTITIES, random_structure
+from tests.judging.test_refine_records import runs_of, system
 from tests.studies import Study
 
 RATE, FASTER, HIGHEST = 100.0, 8, 38.0

@@ -9,7 +9,7 @@ import modalscope as ms
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import as_records
 from modalscope.likelihood.settling import settle, task_of
-from tests.identification.test_refine_records import runs_of, system
+from tests.judging.test_refine_records import runs_of, system
 from tests.likelihood.interval_cases import record
 
 

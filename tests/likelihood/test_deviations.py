@@ -11,9 +11,10 @@ import scipy.linalg as sla
 
 import modalscope as ms
 from modalscope.blocks.influence import Moments
+from modalscope.identification.deviating import Asked
 from modalscope.likelihood import deviations, noise as noise_module
 from modalscope.likelihood.covariance import deviations_of_poles, influence_on
-from modalscope.likelihood.deviations import Asked, deviations_of, lines_for_all, residual_variance
+from modalscope.likelihood.deviations import deviations_of, lines_for_all, residual_variance
 from modalscope.likelihood.noise import Parts, Residual, Unknown, White, noise_of, typical_deviation
 from modalscope.systems import chain5
 from tests.likelihood.cases import TRUTH, errors, lines, windowed

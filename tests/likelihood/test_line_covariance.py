@@ -39,7 +39,7 @@ from modalscope.likelihood.information import (
 from modalscope.likelihood.likelihood import Fitted, Point, Whitened, whitened
 from modalscope.likelihood.lines_told import told_by_lines
 from modalscope.numerics.checks import ComplexArray, RealArray
-from tests.identification.test_refine_records import runs_of, started, system
+from tests.judging.test_refine_records import runs_of, started, system
 from tests.likelihood.cases import TRUTH
 
 CHAIN = ms.systems.chain5()

@@ -108,7 +108,7 @@ def first_settled(monkeypatch: pytest.MonkeyPatch, **options: object) -> settlin
         found.append(settle(*given, **more))
         return found[-1]
 
-    monkeypatch.setattr("modalscope.identification.refine.settle", spy)
+    monkeypatch.setattr("modalscope.judging.refine.settle", spy)
     test = weak_first(2)
     modes = ms.ModalModel(
         poles=poles_from(test.frequencies, test.damping_ratios), shapes=np.ones((1, 6)), participation=np.ones((6, 1))

@@ -9,7 +9,7 @@ import numpy as np
 import modalscope as ms
 from modalscope.likelihood.information import correlated, inverse, normal, window_noise
 from modalscope.likelihood.likelihood import whitened
-from tests.identification.test_refine import lines, model, noise_under_window
+from tests.judging.test_refine import lines, model, noise_under_window
 
 TRUTH = model(4, 2)
 DATA = lines(TRUTH, 0.3)

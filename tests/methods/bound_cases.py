@@ -11,7 +11,7 @@ from modalscope.data import FrequencyResponse, ImpulseResponse, ModalModel
 from modalscope.functions.poles import frequencies_and_damping, poles_from
 from modalscope.identification.method import Method, Takes
 from modalscope.numerics.statistics import assign
-from tests.identification.bound import compressed_bound
+from tests.judging.bound import compressed_bound
 from tests.support import add_noise
 
 Data = FrequencyResponse | ImpulseResponse

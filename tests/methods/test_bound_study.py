@@ -9,7 +9,7 @@ import pytest
 
 from modalscope.identification.method import Method
 from modalscope.identification.method_names import find_method
-from tests.identification.bound import bound
+from tests.judging.bound import bound
 from tests.methods.bound_cases import DECIBEL, KINDS, Case, identified, random_case, rows_of, selected
 from tests.studies import Study
 

@@ -16,6 +16,7 @@ from modalscope.identification import sweep as cutting
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
 from modalscope.identification.sweep import Cut, Shared, Sweep, judged
+from modalscope.likelihood.deviations import OfPipeline
 from modalscope.modal.rebuilt import fit_error, rebuilt
 from tests.support import FIVE, cut_order, relative
 
@@ -69,7 +70,7 @@ CASES = [
 @pytest.mark.parametrize(("name", "made"), CASES)
 def test_orders_judged_together_are_what_each_is_alone(name: str, made: Any) -> None:
     pipeline = made()
-    shared = Shared(pipeline, deviations=True)
+    shared = Shared(pipeline, OfPipeline(pipeline))
     several = judged(pipeline, ORDERS, shared)
     assert len(several) > 10
     due = [cut.due[1] for cut in several if isinstance(cut, Cut) and cut.due is not None]
@@ -93,7 +94,7 @@ def test_orders_judged_together_are_what_each_is_alone(name: str, made: Any) -> 
 
 def test_the_strongest_mode_of_every_order_is_one() -> None:
     pipeline = pipeline_of(response(), method="era")
-    for found in judged(pipeline, ORDERS[1:], Shared(pipeline, deviations=False)):
+    for found in judged(pipeline, ORDERS[1:], Shared(pipeline, None)):
         assert not isinstance(found, DataError)
         assert found.indicators["msv"].max() == 1
 
@@ -101,19 +102,19 @@ def test_the_strongest_mode_of_every_order_is_one() -> None:
 def test_large_data_are_judged_order_by_order(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cutting, "_MAX_NUMBERS_TOGETHER", 1)
     pipeline = pipeline_of(response(), method="era")
-    assert len(judged(pipeline, ORDERS, Shared(pipeline, deviations=False))) == 1
+    assert len(judged(pipeline, ORDERS, Shared(pipeline, None))) == 1
 
 
 def test_models_whose_states_are_rows_are_judged_one_by_one() -> None:
     pipeline = pipeline_of(response(), method="polyreference")
-    assert len(judged(pipeline, ORDERS[3:], Shared(pipeline, deviations=False))) == 1
+    assert len(judged(pipeline, ORDERS[3:], Shared(pipeline, None))) == 1
 
 
 def test_an_order_that_cannot_be_given_is_left_out_in_its_place() -> None:
     pipeline = factor(prepare(FIVE["chain5"]().impulse_response(80)), 12)
     rank = pipeline.factors.rank
     orders = [rank - 1, rank, rank + 1]
-    found = judged(pipeline, orders, Shared(pipeline, deviations=False))
+    found = judged(pipeline, orders, Shared(pipeline, None))
     assert [isinstance(part, DataError) for part in found] == [False, False, True]
     sweep = Sweep(pipeline, orders, deviations=False)
     assert [cut.order for cut in sweep] == orders[:2]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.identification.refine import Refinement, refinement
 from modalscope.judging.grades import grades
+from modalscope.judging.refine import Refinement, refinement
 from modalscope.likelihood.descent import Astray
 from modalscope.likelihood.settling import needed_beside
 from modalscope.systems import chain5

@@ -22,10 +22,10 @@ from modalscope.data.shown import Shown, counted, summary_of, text_table
 from modalscope.identification.method_names import find_method
 from modalscope.identification.pipeline import factor
 from modalscope.identification.prepare import Measured, pose
-from modalscope.identification.refine import refine
 from modalscope.identification.stabilize import stabilized
 from modalscope.identification.sweep import Sweep
 from modalscope.judging.bands import terms_of
+from modalscope.judging.refine import refine
 from modalscope.judging.select import selected
 from modalscope.likelihood.descent import astray
 from modalscope.likelihood.deviations import residual_variance, unexplained_energy

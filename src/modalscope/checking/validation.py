@@ -14,7 +14,7 @@ from modalscope.data.setups import as_test
 from modalscope.data.shown import Shown, summary_of
 from modalscope.data.statespace import StateSpace
 from modalscope.identification.prepare import measure
-from modalscope.identification.refine import refine
+from modalscope.judging.refine import refine
 from modalscope.likelihood.whitening import Colour, colour
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import RealArray, check_kind

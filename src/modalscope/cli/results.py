@@ -120,7 +120,7 @@ def refine(options: argparse.Namespace) -> None:
     """Refine modes to the maximum of the likelihood, with standard deviations."""
     from modalscope.cli.output import check_outputs, write_outputs
     from modalscope.cli.reading import choices, read_modes, read_test
-    from modalscope.identification.refine import refine
+    from modalscope.judging.refine import refine
     from modalscope.modal.pairing import pair_modes
 
     check_outputs(options, (*options.files, options.modes))

@@ -79,10 +79,9 @@ class Moved:
 
 def moved_by_noise(sweep: Sweep, diagram: StabilizationDiagram, modes: ModalModel) -> Moved | None:
     """Return the effect of the noise on modes that were selected from the diagram of a sweep; None where it is unknown."""
-    if sweep.noise is None or not len(modes):
-        return None
-    pipeline, asked = sweep.pipeline, sweep.asked(nearest_order(diagram, modes))
-    if asked is None:
+    known, pipeline = sweep.deviating, sweep.pipeline
+    asked = None if known is None or not len(modes) else sweep.asked(nearest_order(diagram, modes))
+    if known is None or asked is None:
         return None
     response = pipeline.matrix.judged
     poles = asked.poles + response.added_damping
@@ -90,7 +89,7 @@ def moved_by_noise(sweep: Sweep, diagram: StabilizationDiagram, modes: ModalMode
     nearest = np.argmin(distance, axis=0)
     matched = distance[nearest, np.arange(len(modes))] < 1
     if modes.frequencies_std is not None:  # a split mode is not the mode
-        matched &= ~(sweep.deviations(asked).frequency[nearest] > SPLIT * modes.frequencies_std)
+        matched &= ~(known.deviations(asked)[0].frequency[nearest] > SPLIT * modes.frequencies_std)
     index = nearest[matched]
     if not index.size:  # modes of the residual, which no order has
         return None
@@ -362,7 +361,9 @@ def _sweep(work: _Work, group: _Group, progress: Progress, options: dict[str, An
     sweep = start(problem, list(cell.orders), automatic=False, indicators=False, given=given)
     work.twin = group.with_modes_of(sweep)
     if work.twin is None:
-        sweep.take_deviations_of(group.with_poles_of(sweep))
+        same = group.with_poles_of(sweep)
+        if same is not None and same.deviating is not None and sweep.deviating is not None:
+            sweep.deviating.take_from(same.deviating)
         work.sweep, work.diagram = sweep, swept(sweep, cell.orders, progress=progress)
         group.keep(sweep, work)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from importlib import import_module
 from typing import Any, overload
 
 import numpy as np
@@ -24,6 +23,7 @@ from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.numerics.arguments import between, named
 from modalscope.numerics.checks import ComplexArray, RealArray, check_positive, stays_locked
 from modalscope.numerics.errors import DataError, optional_package
+from modalscope.numerics.handed import handed
 
 #: What shapes can be scaled to (see `ModalModel.normalized`).
 NORMALIZATIONS = ("unit", "max", "mass", "none")
@@ -392,7 +392,7 @@ class ModalModel(ModeFields):
         wide : bool
             Whether spreads over orders, significance and indicators are columns, too.
         """
-        return str(_description().text_of(self, wide=wide))
+        return str(handed("text_of")(self, wide=wide))
 
     def to_dataframe(self) -> Any:
         """Return the table as a pandas DataFrame, in the columns of the files.
@@ -410,14 +410,9 @@ class ModalModel(ModeFields):
 
         Frequencies and damping ratios with deviations and 95 % intervals, indicators, grade and reason, each (n,).
         """
-        return dict(_description().columns_of(self))
+        return dict(handed("columns_of")(self))
 
 
 def _graded(modes: ModalModel) -> Any:
     """Return the grade of every mode."""
-    return _description().grades(modes)
-
-
-def _description() -> Any:
-    """Return the module that describes modes: it grades them, stands above the data classes, and is loaded when it is needed."""
-    return import_module("modalscope.judging.description")
+    return handed("grades")(modes)

@@ -25,9 +25,9 @@ from modalscope.data.channels import (
     source_of,
 )
 from modalscope.data.geometry import Geometry
+from modalscope.data.kind_of_test import commonest, kind_of_test
 from modalscope.data.shown import Shown
 from modalscope.data.units import Convertible
-from modalscope.functions.kind_of_test import commonest, kind_of_test
 from modalscope.numerics.arguments import also_called
 from modalscope.numerics.checks import (
     RealArray,

@@ -20,6 +20,7 @@ from modalscope.data.whitening import Whitening
 from modalscope.functions.poles import HasPoles
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, freeze, locked, stays_locked
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.handed import handed
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -290,12 +291,7 @@ class Result(Shown):
         bundle = {"text/plain": repr(self), "text/html": self._repr_html_()}
         if not self.diagrams or not len(self.modes) or find_spec("anywidget") is None:
             return bundle
-        # what draws stands above the data classes, and is only loaded where something is drawn
-        alive = import_module("modalscope.plot.web.alive")
-        if alive.front_end("widget.js") is None:
-            return bundle
-        living = alive.widget(self)._repr_mimebundle_()
-        return {**bundle, **(living[0] if isinstance(living, tuple) else living), "text/html": bundle["text/html"]}
+        return {**bundle, **handed("living")(self), "text/html": bundle["text/html"]}
 
     @property
     def settings(self) -> tuple[Settings, ...]:

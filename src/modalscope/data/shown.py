@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Container, Iterable, Sequence
 from functools import singledispatch
 from html import escape
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from modalscope.numerics.checks import Array
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.handed import handed
 
 _WIDTH_PIXELS, _HEIGHT_PIXELS, _MAX_COLUMNS = 420, 90, 400
 
@@ -50,8 +50,7 @@ class Shown:
         if ax is not None and not hasattr(ax, "transData"):
             found = f"ax is {type(ax).__name__}"
             raise DataError("a picture was asked", found, "Give Matplotlib axes, or leave ax out.")
-        # what draws stands above the data classes, and is only loaded where something is drawn
-        return import_module("modalscope.plot.shown").drawn(self, ax)
+        return handed("drawn")(self, ax)
 
     def _repr_html_(self) -> str:
         said = "".join(f"<p>{escape(sentence)}</p>" for sentence in said_of(self))

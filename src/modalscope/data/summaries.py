@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-
 import numpy as np
 
 from modalscope.data.geometry import Geometry
@@ -16,6 +14,7 @@ from modalscope.data.setups import Setups
 from modalscope.data.shown import cells_of, counted, curve, dots, said_of, sketch_of, summary_of
 from modalscope.data.statespace import StateSpace
 from modalscope.data.stored import StoredResponse, StoredSignals
+from modalscope.numerics.handed import handed
 
 
 @summary_of.register
@@ -128,16 +127,14 @@ def _(thing: Result) -> str:
 
 @cells_of.register
 def _(thing: ModalModel | Result) -> list[list[str]]:
-    # grades stand above the data classes, and are only loaded where modes are shown
-    table_of = import_module("modalscope.judging.description").table_of
-    return list(table_of(thing.modes if isinstance(thing, Result) else thing))
+    return list(handed("table_of")(thing.modes if isinstance(thing, Result) else thing))
 
 
 @said_of.register
 def _(thing: Result) -> tuple[str, ...]:
     if not thing.diagrams:
         return ()
-    verdict = import_module("modalscope.plot.web.verdict").verdict_of_result(thing)
+    verdict = handed("verdict_of_result")(thing)
     return (*verdict.taken, *verdict.unexplained, *verdict.graded, *verdict.warnings)
 
 

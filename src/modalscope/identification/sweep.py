@@ -6,8 +6,8 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from itertools import pairwise
-from typing import Any, NamedTuple
+from itertools import pairwise, starmap
+from typing import Any
 
 import numpy as np
 
@@ -17,25 +17,22 @@ from modalscope.data.notes import Note
 from modalscope.data.response import output_scale
 from modalscope.functions.pole_basis import ModalBasis
 from modalscope.functions.poles import frequencies_and_damping
+from modalscope.identification.deviating import Asked, Deviating, Deviations
 from modalscope.identification.method import Problem
 from modalscope.identification.options import AllOptions
 from modalscope.identification.orders import checked_orders
 from modalscope.identification.pipeline import Factored, Pipeline, factor, realized
 from modalscope.identification.prepare import prepare
-from modalscope.likelihood.deviations import Asked, Deviations, deviations_of, residual_variance, unexplained_energy
-from modalscope.likelihood.noise import Noise, Unknown, noise_of
 from modalscope.modal.eigenmodes import Eigenmodes, eigenmodes, indicators_of_all, split_extraneous
 from modalscope.modal.rebuilt import modal_model
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
+from modalscope.numerics.checks import IntArray, RealArray
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.handed import handed
 from modalscope.numerics.resources import one_thread
 
 #: Maximum sum of states times lines or samples of orders that are computed together: their arrays fit into the cache.
 _MAX_NUMBERS_TOGETHER = 100_000
-
-#: Relative distance below which poles are the same: standard deviations are given to three digits.
-_SAME_POLE = 1e-8
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -55,15 +52,15 @@ class Cut:
     reported: IntArray
     indicators: Mapping[str, RealArray]
     misfit: float
-    due: tuple[Shared, Asked] | None = None
+    due: tuple[Deviating, Asked] | None = None
 
     @cached_property
     def std(self) -> Deviations | None:
         """Standard deviations of the reported poles, NaN at others, computed on first use; None where not asked."""
         if self.due is None:
             return None
-        shared, asked = self.due
-        return shared.deviations(asked)[0]
+        known, asked = self.due
+        return known.deviations(asked)[0]
 
     @cached_property
     def modes(self) -> ModalModel:
@@ -99,35 +96,18 @@ def judged(pipeline: Pipeline, orders: Sequence[int], measured: Shared) -> list[
     return [result if isinstance(result, DataError) else next(cuts) for result in results]
 
 
-class _Computed(NamedTuple):
-    """Standard deviations of the poles of an order, and which of them are known."""
-
-    poles: ComplexArray
-    known: Array
-    deviations: Deviations
-
-
-def _same(one: ComplexArray, other: ComplexArray) -> bool:
-    """Return whether poles are the same, in the same order."""
-    return one.shape == other.shape and bool(np.all(np.abs(one - other) <= _SAME_POLE * np.abs(other)))
-
-
 class Shared:
-    """The data that every order is fitted to and the noise in them, computed once for all orders."""
+    """The data that every order is fitted to, and who tells the deviations of their poles: the same for all orders."""
 
-    def __init__(self, pipeline: Pipeline, deviations: bool, indicators: bool = True) -> None:
-        self._indicated = indicators
+    def __init__(self, pipeline: Pipeline, deviating: Deviating | None, indicators: bool = True) -> None:
+        self._indicated, self.deviating = indicators, deviating
         self._pipeline, self._matrix = pipeline, pipeline.matrix.fitted
         self._response = self._matrix.judged
         whitening = pipeline.problem.whitening
         self._compared = pipeline.response if whitening is None else self._response
         self._misfit = Misfit(self._compared, output_scale(self._compared))
-        self._complex = bool(np.iscomplexobj(self._response.values))
         self._weighted = getattr(self._matrix, "weights", None) is not None
-        self.noise = noise_of(self._response, pipeline.problem.records, whitening) if deviations else None
-        self._computed: dict[int, _Computed] = {}
-        self.asked: dict[int, Asked | None] = {}
-        self._alike: dict[int, Asked | None] = {}
+        self.asked: dict[int, Asked] = {}
 
     def cuts(self, parts: Sequence[tuple[int, Triple, Eigenmodes]]) -> list[Cut]:
         """Return orders, computed together, with their indicators."""
@@ -136,43 +116,10 @@ class Shared:
         of_parts = [part[1:] for part in parts]
         indicators = indicators_of_all(self._pipeline.matrix, of_parts) if self._indicated else [{} for _ in parts]
         reported = [self._reported(model, modal) for _, model, modal in parts]
-        self.asked |= {part[0]: self._asked(part, which) for part, which in zip(parts, reported, strict=True)}
+        if self.deviating is not None:
+            asked = starmap(self.deviating.ask, [(*part, which) for part, which in zip(parts, reported, strict=True)])
+            self.asked |= {one.order: one for one in asked}
         return [self._cut(*each) for each in zip(parts, reported, indicators, strict=True)]
-
-    def _asked(self, part: tuple[int, Triple, Eigenmodes], reported: IntArray) -> Asked | None:
-        """Return what deviations of the poles of an order are computed of: its basis tells its noise. None where not asked."""
-        order, model, modal = part
-        alike = self._alike.get(order)
-        noise = self._noise_beside(modal) if alike is None or not _same(alike.poles, modal.poles) else alike.noise
-        return None if noise is None else Asked(order, model, modal.poles, modal.eigen, reported, noise)
-
-    def deviations(self, *asked: Asked) -> list[Deviations]:
-        """Return the standard deviations of some poles of orders, NaN at others that are not known; each pole is computed once."""
-        kept, missing = [], []
-        for one in asked:
-            computed = self._computed.get(one.order)
-            if computed is None or not _same(computed.poles, one.poles):
-                count = one.poles.size
-                unknown = Deviations(np.full(count, np.nan), np.full(count, np.nan))
-                computed = _Computed(one.poles, np.zeros(count, bool), unknown)
-                self._computed[one.order] = computed
-            kept.append(computed)
-            missing.append(one._replace(which=one.which[~computed.known[one.which]]))
-        found = deviations_of(self._matrix, self._pipeline.realization, *(m for m in missing if m.which.size))
-        for computed, one in ((c, m) for c, m in zip(kept, missing, strict=True) if m.which.size):
-            std = found.pop(0)
-            computed.known[one.which] = True
-            for to, values in zip(computed.deviations, std, strict=True):
-                to[one.which] = values[one.which]
-        return [computed.deviations for computed in kept]
-
-    def any_known(self, asked: Iterable[Asked]) -> bool:
-        """Return whether the standard deviation of any pole is known; computes no more orders than that takes."""
-        return any(np.any(np.isfinite(self.deviations(one)[0].frequency)) for one in asked)
-
-    def take_deviations_of(self, other: Shared) -> None:
-        """Share the standard deviations of another sweep, and its noise: they depend on poles and data alone."""
-        self._computed, self._alike = other._computed, other.asked
 
     def _reported(self, model: Triple, modal: Eigenmodes) -> IntArray:
         """Return the indices of the poles in the band that are not extraneous."""
@@ -185,7 +132,6 @@ class Shared:
         self, part: tuple[int, Triple, Eigenmodes], reported: IntArray, indicators: Mapping[str, RealArray]
     ) -> Cut:
         order, model, modal = part
-        asked = self.asked[order]
         bare = _with_basis(modal, None)  # the columns of all orders would need much memory
         return Cut(
             order=order,
@@ -195,7 +141,7 @@ class Shared:
             reported=reported,
             indicators=indicators,
             misfit=self.misfit(modal),
-            due=None if asked is None else (self, asked),
+            due=None if self.deviating is None else (self.deviating, self.asked[order]),
         )
 
     def of_order(self, order: int) -> Cut:
@@ -224,19 +170,6 @@ class Shared:
             return modes.fit.misfit
         return self._misfit.of_fit(modes.poles, modes.fit.fitted or modes.fit)
 
-    def _noise_beside(self, modal: Eigenmodes) -> Noise | None:
-        """Return the noise of the residual of free residues at the poles of a model."""
-        if self.noise is None or not self.noise.of_residual:
-            return self.noise
-        fit = modal.fit if self._pipeline.problem.whitening is None else modal.fit.fitted or modal.fit
-        rows = self._response.count * (1 + self._complex)  # not those of a compressed basis
-        if fit.unexplained is not None and np.all(np.isfinite(fit.unexplained)):
-            unknown = len(fit.terms) + 2 * modal.poles.size
-            return self.noise.beside(residual_variance(fit.unexplained, rows - unknown, self._complex))
-        basis = (None if self._weighted else fit.basis) or self._response.basis(modal.poles, fit.powers)
-        unknown = basis.terms.shape[1] + basis.functions.shape[1]
-        return self.noise.beside(residual_variance(unexplained_energy(basis), rows - unknown, self._complex))
-
 
 def _with_basis(modes: Eigenmodes, basis: ModalBasis | None) -> Eigenmodes:
     """Return modes whose fit has this basis, or the fit of the whitened channels where there is one."""
@@ -259,20 +192,16 @@ class Sweep:
         self.notes: list[Note] = []
         self._pending = deque(self.orders)
         self._ahead: deque[Cut | DataError] = deque()
-        self._measured = Shared(pipeline, deviations, indicators)
+        self._measured = Shared(pipeline, handed("deviating")(pipeline) if deviations else None, indicators)
 
     @property
-    def noise(self) -> Noise | None:
-        """The noise model of the data; None without standard deviations."""
-        return self._measured.noise
+    def deviating(self) -> Deviating | None:
+        """Who tells the standard deviations of the poles; None where nobody was asked."""
+        return self._measured.deviating
 
     def asked(self, order: int) -> Asked | None:
         """Return what standard deviations of an order are computed of, with its noise; None without, or where it is not computed."""
         return self._measured.asked.get(order)
-
-    def deviations(self, asked: Asked) -> Deviations:
-        """Return the standard deviations of the poles that are asked of an order, NaN at others that are not known."""
-        return self._measured.deviations(asked)[0]
 
     def has_poles_of(self, other: Sweep) -> bool:
         """Whether another sweep over the same factors has the same poles at every order."""
@@ -291,23 +220,14 @@ class Sweep:
         """The model of the largest order, as it was realized."""
         return self.pipeline.realization.triple(self.orders[-1])
 
-    def take_deviations_of(self, other: Sweep | None) -> None:
-        """Take the standard deviations of a sweep with the same poles."""
-        if other is not None:
-            self._measured.take_deviations_of(other._measured)
-
     def cut(self, order: int) -> Cut:
         """Return one order; the sweep stays where it is."""
         return self._measured.of_order(order)
 
     def notes_on(self, cuts: Iterable[Cut]) -> tuple[Note, ...]:
         """Return a note on how the standard deviations were estimated, or why there are none."""
-        if self.noise is None:
-            return ()
-        asked = [cut.due[1] for cut in cuts if cut.due is not None]
-        if isinstance(self.noise, Unknown) or self._measured.any_known(asked):
-            return (self.noise.note,)
-        return (Unknown("this method has no propagation of errors to its poles, or the data have no residual").note,)
+        known = self.deviating
+        return () if known is None else (known.note_on(cut.due[1] for cut in cuts if cut.due is not None),)
 
     @property
     def remaining(self) -> tuple[int, ...]:

@@ -12,7 +12,6 @@ from modalscope.data.channels import AUTO, check_groups
 from modalscope.data.modes import ModalModel
 from modalscope.data.results import StabilizationDiagram
 from modalscope.identification.orders import usable_orders
-from modalscope.identification.refine import in_place
 from modalscope.judging.bare_peaks import with_note_on_peaks
 from modalscope.judging.evidence import Candidate, Gathered, counted, evidence_of, oscillations
 from modalscope.judging.no_structure import (
@@ -22,6 +21,7 @@ from modalscope.judging.no_structure import (
     with_objections_of_record,
 )
 from modalscope.judging.outcome import compared_with, modes_of, paired_with
+from modalscope.judging.refine import in_place
 from modalscope.judging.tracking import Poles
 from modalscope.judging.verdict import Contest, contest, has_likelihood, likely
 from modalscope.likelihood.covariance import LEAST_GROUPS

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from modalscope.blocks.influence import Lines, Moments
 from modalscope.blocks.matrix import DataMatrix
-from modalscope.blocks.triple import Eigen, Triple
+from modalscope.blocks.triple import Triple
+from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.functions.pole_basis import ModalBasis
+from modalscope.identification.deviating import Asked, Deviating, Deviations
+from modalscope.identification.pipeline import Pipeline
 from modalscope.likelihood.covariance import PoleInfluence, deviations_of_poles, influence_on_all
-from modalscope.likelihood.noise import Noise, White
+from modalscope.likelihood.noise import Noise, Unknown, White, noise_of
+from modalscope.modal.eigenmodes import Eigenmodes
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.orthonormal import energy_left
@@ -52,38 +56,6 @@ _LINES_PER_HALF_WAVE = 8
 
 #: Maximum product of poles, samples and channels computed at a time: larger temporary arrays are slower.
 _BLOCK_NUMBERS = 100_000
-
-
-class Deviations(NamedTuple):
-    """Standard deviations of frequencies (Hz) and damping ratios, (k,) each; NaN where they are withheld."""
-
-    frequency: RealArray
-    damping_ratio: RealArray
-
-
-class Asked(NamedTuple):
-    """Poles of a model whose deviations are asked.
-
-    Attributes
-    ----------
-    order : int
-    model : Triple
-        Of that order.
-    poles : array of complex
-        All of that order, rad/s, as they are in the data.
-    eigen : Eigen
-        The same in the plane of the data matrix.
-    which : array of int
-        Those that are asked; the others are NaN.
-    noise : Noise
-    """
-
-    order: int
-    model: Triple
-    poles: ComplexArray
-    eigen: Eigen
-    which: IntArray
-    noise: Noise
 
 
 #: What is asked, and where it is put.
@@ -181,3 +153,89 @@ def lines_for_all(response: Response, poles: Array, degree: int) -> Lines | None
         each[starts + size // 2] = size
     index = np.flatnonzero(each)
     return Lines(index, each[index])
+
+
+# --------------------------------------------------------------------------------------------------------- of one sweep
+
+
+#: Relative distance below which poles are the same: standard deviations are given to three digits.
+_SAME_POLE = 1e-8
+
+
+class _Computed(NamedTuple):
+    """Standard deviations of the poles of an order, and which of them are known."""
+
+    poles: ComplexArray
+    known: Array
+    deviations: Deviations
+
+
+def _same(one: ComplexArray, other: ComplexArray) -> bool:
+    """Return whether poles are the same, in the same order."""
+    return one.shape == other.shape and bool(np.all(np.abs(one - other) <= _SAME_POLE * np.abs(other)))
+
+
+class OfPipeline(Deviating):
+    """Standard deviations of the poles of a pipeline, each computed once, by the noise of its data."""
+
+    def __init__(self, pipeline: Pipeline) -> None:
+        self._pipeline, self._matrix = pipeline, pipeline.matrix.fitted
+        self._response = self._matrix.judged
+        self._complex = bool(np.iscomplexobj(self._response.values))
+        self._weighted = getattr(self._matrix, "weights", None) is not None
+        self.noise = noise_of(self._response, pipeline.problem.records, pipeline.problem.whitening)
+        self._computed: dict[int, _Computed] = {}
+        self._asked: dict[int, Asked] = {}
+        self._alike: dict[int, Asked] = {}
+
+    def ask(self, order: int, model: Triple, modal: Eigenmodes, which: IntArray) -> Asked:
+        """Return what the deviations of some poles of an order are computed of; its fit tells its noise."""
+        alike = self._alike.get(order)
+        noise = self._noise_beside(modal) if alike is None or not _same(alike.poles, modal.poles) else alike.noise
+        self._asked[order] = Asked(order, model, modal.poles, modal.eigen, which, noise)
+        return self._asked[order]
+
+    def deviations(self, *asked: Asked) -> list[Deviations]:
+        """Return the deviations of some poles of orders, NaN at others that are not known."""
+        kept, missing = [], []
+        for one in asked:
+            computed = self._computed.get(one.order)
+            if computed is None or not _same(computed.poles, one.poles):
+                count = one.poles.size
+                unknown = Deviations(np.full(count, np.nan), np.full(count, np.nan))
+                computed = _Computed(one.poles, np.zeros(count, bool), unknown)
+                self._computed[one.order] = computed
+            kept.append(computed)
+            missing.append(one._replace(which=one.which[~computed.known[one.which]]))
+        found = deviations_of(self._matrix, self._pipeline.realization, *(m for m in missing if m.which.size))
+        for computed, one in ((c, m) for c, m in zip(kept, missing, strict=True) if m.which.size):
+            std = found.pop(0)
+            computed.known[one.which] = True
+            for to, values in zip(computed.deviations, std, strict=True):
+                to[one.which] = values[one.which]
+        return [computed.deviations for computed in kept]
+
+    def take_from(self, other: Any) -> None:
+        """Share the deviations of another pipeline with the same poles, and its noise."""
+        self._computed, self._alike = other._computed, other._asked
+
+    def note_on(self, asked: Iterable[Asked]) -> Note:
+        """Return how the deviations were estimated, or why there are none; computes no more orders than that takes."""
+        if isinstance(self.noise, Unknown):
+            return self.noise.note
+        if any(np.any(np.isfinite(self.deviations(one)[0].frequency)) for one in asked):
+            return self.noise.note
+        return Unknown("this method has no propagation of errors to its poles, or the data have no residual").note
+
+    def _noise_beside(self, modal: Eigenmodes) -> Noise:
+        """Return the noise of the residual of free residues at the poles of a model."""
+        if not self.noise.of_residual:
+            return self.noise
+        fit = modal.fit if self._pipeline.problem.whitening is None else modal.fit.fitted or modal.fit
+        rows = self._response.count * (1 + self._complex)  # not those of a compressed basis
+        if fit.unexplained is not None and np.all(np.isfinite(fit.unexplained)):
+            unknown = len(fit.terms) + 2 * modal.poles.size
+            return self.noise.beside(residual_variance(fit.unexplained, rows - unknown, self._complex))
+        basis = (None if self._weighted else fit.basis) or self._response.basis(modal.poles, fit.powers)
+        unknown = basis.terms.shape[1] + basis.functions.shape[1]
+        return self.noise.beside(residual_variance(unexplained_energy(basis), rows - unknown, self._complex))

@@ -1,7 +1,6 @@
 """From records to responses: spectra, frequency responses, correlations, Markov parameters, conditioning, bands, setups."""
 
 from collections.abc import Callable
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from modalscope.data.notes import Finding
@@ -10,6 +9,7 @@ from modalscope.data.response import Response
 from modalscope.data.setups import Setups
 from modalscope.data.stored import StoredResponse, StoredSignals
 from modalscope.numerics.arguments import plain_methods
+from modalscope.numerics.handed import handed
 from modalscope.preprocess.conditioning import decimate, detrend, differentiate, filter_band, integrate
 from modalscope.preprocess.correlation import correlation_blocks, estimate_correlation, half_spectra
 from modalscope.preprocess.forces import PrincipalForces, force_correlation, partial_coherence, principal_forces
@@ -60,7 +60,7 @@ plain_methods(Decomposition, Finding, Observer)
 if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> Any:
-        """Give `examine` of `modalscope.doctor`, a layer above, under its public name."""
+        """Give `examine` of the doctor, a layer above, under its public name."""
         if name == "examine":
-            return import_module("modalscope.doctor").examine
+            return handed("examine")
         raise AttributeError(f"module 'modalscope.preprocess' has no attribute {name!r}")

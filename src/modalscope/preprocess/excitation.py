@@ -11,11 +11,11 @@ import numpy as np
 from scipy import fft
 
 from modalscope.data.channels import names_base
+from modalscope.data.kind_of_test import commonest, is_impact
 from modalscope.data.notes import Note
 from modalscope.data.record_transform import half_transform
 from modalscope.data.records import Records, Signals
 from modalscope.data.sizes import check_size, constant_channels
-from modalscope.functions.kind_of_test import commonest, is_impact
 from modalscope.numerics.checks import Array, RealArray, check_count
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import scratch

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import pdtrc
 
-from modalscope.functions.kind_of_test import PULSE_DEVIATIONS
+from modalscope.data.kind_of_test import PULSE_DEVIATIONS
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, RealArray, check_count
 from modalscope.numerics.errors import DataError

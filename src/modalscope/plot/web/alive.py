@@ -142,6 +142,14 @@ def _shown(f: Array, modes: ModalModel, most: int) -> IntArray:
 
 
 @named()
+def living(result: Result) -> dict[str, Any]:
+    """Return what a notebook shows of a result that lives; nothing where the front end is not built."""
+    if front_end("widget.js") is None:
+        return {}
+    bundle = widget(result)._repr_mimebundle_()
+    return dict(bundle[0] if isinstance(bundle, tuple) else bundle)
+
+
 def widget(thing: Any) -> Any:
     """Show a result in a notebook: interactive diagram, modes, animated shapes, responses and AutoMAC.
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.identification.refine import in_place
+from modalscope.judging.refine import in_place
 from tests.support import FIVE, add_noise
 
 NAMES = ("frequencies_std", "damping_ratios_std", "frequencies_repeatability", "damping_ratios_repeatability")

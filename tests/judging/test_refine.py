@@ -13,7 +13,7 @@ import modalscope as ms
 from modalscope.data import FrequencyResponse, ImpulseResponse, ModalModel
 from modalscope.functions.poles import poles_from
 from modalscope.modal.rebuilt import fit_of
-from tests.identification.bound import bound, shape_bound
+from tests.judging.bound import bound, shape_bound
 from tests.support import BEAM, FIVE, add_noise, refused
 
 F, ZETA = np.array([3.0, 5.0, 5.3]), np.array([0.02, 0.03, 0.01])

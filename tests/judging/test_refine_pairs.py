@@ -10,8 +10,8 @@ import pytest
 
 import modalscope as ms
 from modalscope.functions.poles import frequencies_and_damping
-from tests.identification.bound import compressed_bound
-from tests.identification.test_refine import clean_data, start
+from tests.judging.bound import compressed_bound
+from tests.judging.test_refine import clean_data, start
 from tests.studies import Study
 from tests.support import add_noise
 

@@ -13,7 +13,7 @@ from modalscope.data.records import Records, as_records
 from modalscope.functions.poles import poles_from
 from modalscope.likelihood.driven import whitened_records
 from modalscope.likelihood.information import normal
-from tests.identification.driven_bound import record_bound
+from tests.judging.driven_bound import record_bound
 from tests.shaker import shaker
 from tests.support import match_poles, random_system, refused
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope.data import Records, Signals
-from modalscope.functions.kind_of_test import commonest, is_impact, kind_of_test
+from modalscope.data.kind_of_test import commonest, is_impact, kind_of_test
 from modalscope.numerics.checks import Array
 from modalscope.preprocess.excitation import excitation_of, find_excitation
 from tests.support import measured
