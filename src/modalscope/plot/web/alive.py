@@ -141,7 +141,6 @@ def _shown(f: Array, modes: ModalModel, most: int) -> IntArray:
     return np.unique(np.concatenate([even, peaks]))
 
 
-@named()
 def living(result: Result) -> dict[str, Any]:
     """Return what a notebook shows of a result that lives; nothing where the front end is not built."""
     if front_end("widget.js") is None:
@@ -150,6 +149,7 @@ def living(result: Result) -> dict[str, Any]:
     return dict(bundle[0] if isinstance(bundle, tuple) else bundle)
 
 
+@named()
 def widget(thing: Any) -> Any:
     """Show a result in a notebook: interactive diagram, modes, animated shapes, responses and AutoMAC.
 
