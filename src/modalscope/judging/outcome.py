@@ -204,15 +204,15 @@ def _reasons(model: ModalModel, response: Response, facts: list[dict[str, Any]])
     size = np.linalg.norm(response.values)
     model = replace(model, residual_terms=())  # poles besides the modes may explain what a mode would
     left = response.values - rebuilt(response, model)
-    error = np.linalg.norm(left) / size
+    rest = np.linalg.norm(left)
     no_terms: dict[str, Any] = dict.fromkeys(DIRECT)
     reasons = []
     for j, known in enumerate(facts):
         alone = replace(model.take([j]), **no_terms)
         more = rebuilt(response, alone)
-        together = np.linalg.norm(left) ** 2 + np.linalg.norm(more) ** 2 + 2 * np.vdot(left, more).real
+        together = rest**2 + np.linalg.norm(more) ** 2 + 2 * np.vdot(left, more).real
         del more  # of long records each is large: there are never three
-        loss = np.sqrt(max(float(together), 0.0)) / size - error
+        loss = np.sqrt(max(float(together), 0.0)) / size - rest / size
         text = known.get("text") or sentence(known, float(loss))
         reasons.append({**known, "fit_loss": float(loss), "text": text})
     return tuple(reasons)

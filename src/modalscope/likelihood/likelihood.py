@@ -229,12 +229,14 @@ def whitened(
     of the data.
     """
     basis = response.basis(fixed, powers)
-    data = basis.data / rows[:, None, None] / outputs[:, None] / inputs
+    data = basis.data / rows[:, None, None]
+    data /= outputs[:, None]
+    data /= inputs
     terms = scaled_span(basis.columns / rows[:, None])
     turned = len(outputs) < len(inputs)
     data = data.transpose(0, 2, 1) if turned else data
     flat = np.ascontiguousarray(data).reshape(len(data), -1)
-    flat = flat - terms @ (terms.T @ flat)
+    flat -= terms @ (terms.T @ flat)
     sides = (inputs, outputs) if turned else (outputs, inputs)
     light = response.select(outputs=[0], inputs=[0])
     energy = np.einsum("kq,kq->q", flat, flat) if swift else None

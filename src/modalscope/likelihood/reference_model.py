@@ -104,15 +104,19 @@ def _floor(
     size = np.linalg.norm(columns, axis=0)
     Q = np.asarray(sla.qr(columns[:, size > 0] / size[size > 0], mode="economic", check_finite=False)[0])
     flat = basis.data.reshape(rows, -1) / by_row[:, None]
-    left = (flat - Q @ (Q.T @ flat)).reshape(basis.data.shape)
-    least = _MIN_RELATIVE_NOISE * np.sqrt(np.mean(flat**2))
-    sigma = np.maximum(np.sqrt(np.sum(left**2, axis=0) / max(rows - taken, rows / _ROWS_PER_FREEDOM, 1)), least)
+    least = _MIN_RELATIVE_NOISE * np.sqrt(np.vdot(flat, flat) / flat.size)
+    left = np.asarray(Q @ (Q.T @ flat))  # of many channels each is large
+    left = np.subtract(flat, left, out=left).reshape(basis.data.shape)
+    sigma = np.maximum(
+        np.sqrt(np.einsum("kom,kom->om", left, left) / max(rows - taken, rows / _ROWS_PER_FREEDOM, 1)), least
+    )
     levels = known or levels_of(sigma)
     variance = float(np.mean((sigma / np.outer(levels.outputs, levels.inputs)) ** 2))
     # a model that is too rich follows the noise of samples while its poles last, and not later: there the level tells nothing
     window = window_over_lines(response)
     seen = colour(left, response.count, taken, level=response.grid is not None, window=window)
-    return Floor(by_row, levels, variance, seen, left * by_row[:, None, None], basis.data, window=window)
+    left *= by_row[:, None, None]
+    return Floor(by_row, levels, variance, seen, left, basis.data, window=window)
 
 
 def _taken(response: Response, poles: Array, unknown: int) -> float:

@@ -18,7 +18,7 @@ from modalscope.likelihood.descent import Descent, descend_from
 from modalscope.likelihood.driven import whitened_records
 from modalscope.likelihood.information import residual, residuals, window_noise
 from modalscope.likelihood.likelihood import Whitened, unit_vectors, whitened
-from modalscope.likelihood.line_levels import rows_of_lines
+from modalscope.likelihood.line_levels import rows_of_lines, telling
 from modalscope.likelihood.whitening import (
     Colour,
     Levels,
@@ -78,6 +78,9 @@ _SEPARATION_DECAY_RATES = 3.0
 #: Chance of any false pole in a data set of noise.
 _CHANCE_OF_ANY = 1e-3
 
+#: Numbers of data that are taken at a time.
+_NUMBERS_AT_A_TIME = 1 << 22
+
 
 def needed_beside(response: Response, modes: Array, candidates: Array) -> ComplexArray:
     """Return the candidates that are significant given the modes, all residues free.
@@ -127,10 +130,15 @@ def _projected(response: Response, poles: Array) -> _Projected:
     """Return the data in the span of poles with free residues, as they are in the data, and terms."""
     basis = response.whole_basis(poles, response.refined_powers)
     columns = _unit(_columns_of(basis))
-    flat = (basis.data / _level(response)[:, None]).reshape(len(columns), -1)
     Q, R = (np.asarray(each, float) for each in sla.qr(columns, mode="economic", check_finite=False))
-    Z = Q.T @ flat
-    return _Projected(R, Z, float(np.sum((flat - Q @ Z) ** 2)), len(flat), basis.by_pole.shape[2])
+    Z, left, outputs = np.empty((R.shape[0], *basis.data.shape[1:])), 0.0, basis.data.shape[1]
+    step = max(_NUMBERS_AT_A_TIME // basis.data[:, 0].size, 1)
+    for few in (slice(k, k + step) for k in range(0, outputs, step)):
+        flat = (basis.data[:, few] / _level(response)[few, None]).reshape(len(columns), -1)
+        own = Q.T @ flat
+        flat -= Q @ own
+        left, Z[:, few] = left + float(np.vdot(flat, flat)), own.reshape(Z[:, few].shape)
+    return _Projected(R, Z.reshape(len(Z), -1), left, len(columns), basis.by_pole.shape[2])
 
 
 @_projected.register
@@ -334,9 +342,13 @@ def _levels(response: Response, task: Task, settled: Settled) -> RealArray:
     """Return the standard deviation of every row by what is left of lines, (K,)."""
     point = settled.descent.point
     outputs, inputs = point.problem.sides
-    left = residual(point, settled.descent.fitted) * point.problem.rows[:, None, None]
+    left = residual(point, settled.descent.fitted)
     left = left.transpose(0, 2, 1) if point.problem.turned else left
-    whole = np.concatenate([response.values.real, response.values.imag]) / outputs[:, None] / inputs
+    some = telling(left[0].size)
+    left = left.reshape(len(left), -1)[:, some] * point.problem.rows[:, None]
+    values = response.values.reshape(response.count, -1)[:, some]
+    sizes = (np.broadcast_to(each, response.values.shape[1:]).ravel()[some] for each in (outputs[:, None], inputs))
+    whole = np.concatenate([values.real, values.imag]) / next(sizes) / next(sizes)
     return rows_of_lines(left, whole, response.count, smooth=True)
 
 
