@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.cli import main
+from modalscope.systems import chain5
 from modalscope.workflow.sources import opened
 from tests.doctor.test_places import hits
 
@@ -67,3 +69,12 @@ def test_remedies_that_are_printed_read_the_files(tmp_path: Path, capsys: pytest
     assert "as those of one place" in capsys.readouterr().out
     assert main(["identify", *paths, "--input-dofs", "in1", *few]) == 0
     assert "places" not in capsys.readouterr().out
+
+
+def test_a_force_that_never_changes_is_left_out_whatever_the_route() -> None:
+    driven = chain5().simulate(inputs="white", duration=20, sampling_rate=20.0, seed=0)
+    resting = replace(driven, inputs=np.ones((400, 2)))
+    for data in (resting, ms.Records(runs=(resting, resting))):
+        alone, _, notes = opened(data, {})
+        assert alone.input_dofs == ()
+        assert [note.kind for note in notes] == ["dead force"]

@@ -11,26 +11,22 @@ from modalscope.data.records import Signals
 from modalscope.data.responses import ImpulseResponse
 from modalscope.data.sizes import check_size
 from modalscope.functions.damped_tones import Decay, decay_of
-from modalscope.preprocess.excitation import without_dead_forces
 
 
 def as_free_decay(signals: Signals) -> tuple[Signals | ImpulseResponse, tuple[Note, ...]]:
     """Return a record as free decays, one column a run, and notes; unchanged where a run is none, or a force was measured.
 
-    Forces none of which ever changes were none, and are left out of either.
-
     The modes of a decay are exponentials themselves. As ambient vibration its correlations would average over what is left of it.
     """
     check_size(signals)
-    alone, left = without_dead_forces(signals)
-    outputs, inputs = alone.by_run()
+    outputs, inputs = signals.by_run()
     if inputs is not None:
         return signals, ()
     decays: list[Decay] = []
     for run in outputs:
         decay = decay_of(run)
         if decay is None or (decays and decay.step != decays[0].step):
-            return alone, left
+            return signals, ()
         decays.append(decay)
     step, start = decays[0].step, decays[0].first / signals.sampling_rate
     shortest = min(len(decay.samples) for decay in decays)
@@ -52,4 +48,4 @@ def as_free_decay(signals: Signals) -> tuple[Signals | ImpulseResponse, tuple[No
         **fields,
     )
     what = "cut to its free decay" + ("" if step == 1 else f", low-pass filtered, one sample in {step} kept")
-    return response.processed(what), (*left, Note("free decay", {"start": start, "step": step}, text))
+    return response.processed(what), (Note("free decay", {"start": start, "step": step}, text),)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.data import Geometry, ModalModel, Note, Signals, StoredSignals
+from modalscope.data import Geometry, ModalModel, Note, Records, Signals, StoredSignals
 from modalscope.data.analysis import SourceFile
 from modalscope.data.setups import as_test, setups_of
 from modalscope.data.units import si_form
@@ -23,7 +23,7 @@ from modalscope.numerics.checks import check_each, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.progress import stage
 from modalscope.preprocess.decays import as_free_decay
-from modalscope.preprocess.excitation import moved_by_base
+from modalscope.preprocess.excitation import moved_by_base, without_dead_forces
 from modalscope.preprocess.merging import merge
 
 #: Options of reading, of all files or of each.
@@ -82,11 +82,14 @@ def _alike(notes: Sequence[Note]) -> list[Note]:
 
 
 def _as_what_it_is(data: Any, decays: bool) -> tuple[Any, tuple[Note, ...]]:
-    """Return a record of an earthquake with the channels of the base as inputs, and one of a free decay as that."""
-    if not isinstance(data, Signals):
+    """Return records without forces that never change, of an earthquake with the channels of the base as inputs, a free decay as that."""
+    if not isinstance(data, Signals | Records):
         return data, ()
-    driven, notes = moved_by_base(data)
-    return (driven, notes) if notes or not decays else as_free_decay(driven)
+    alone, left = without_dead_forces(data)
+    driven, notes = moved_by_base(alone) if isinstance(alone, Signals) else (alone, ())
+    if isinstance(driven, Signals) and decays and not notes:
+        driven, notes = as_free_decay(driven)
+    return driven, (*left, *notes)
 
 
 def _of_each(reading: Reading, count: int) -> list[Mapping[str, Any]]:
