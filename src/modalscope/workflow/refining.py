@@ -11,9 +11,8 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
-from modalscope.judging.refine import in_place, refinement, residues_in_place
 from modalscope.judging.bands import evened, terms_of
-from modalscope.judging.refine import in_place, refinement
+from modalscope.judging.refine import in_place, refinement, residues_in_place
 from modalscope.likelihood.descent import Astray
 from modalscope.likelihood.noise import undenied
 from modalscope.modal.indicators import with_indicators_of_shapes
