@@ -127,7 +127,7 @@ licences: setup
 	@$(BIN)/python -m tools.licences $(if $(SBOM),--sbom > $(SBOM))
 
 # Each in an environment of its own. Earlier packages beside newer ones warn of each other: that is nobody's fault here.
-VERSIONED := tests/io tests/data tests/blocks tests/realizations tests/plot tests/methods/test_exact_identities.py
+VERSIONED := tests/io tests/data tests/identification/matrices tests/identification/realizations tests/interfaces/plot tests/methods/test_exact_identities.py
 
 versions: setup
 	@for which in min:lowest-direct new:highest; do \
@@ -168,5 +168,5 @@ study: setup
 	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m pytest -m study -s -v $(if $(WORD),-k "$(WORD)")
 
 clean:
-	rm -rf page/node_modules src/modalscope/app/static .venv .venv-min .venv-new build dist docs/generated docs/_static/mathjax .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf page/node_modules src/modalscope/interfaces/app/static .venv .venv-min .venv-new build dist docs/generated docs/_static/mathjax .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
 	find src tests tools examples benchmarks -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true

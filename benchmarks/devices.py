@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 import modalscope as ms
-from modalscope.blocks.block_hankel import BlockHankel
+from modalscope.identification.matrices.block_hankel import BlockHankel
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import LargeMatrix
 from modalscope.numerics.resources import DEVICES, device_named
 from modalscope.numerics.sums import TriangleSum
-from modalscope.preprocess.stored_correlation import LagSum
+from modalscope.signals.preprocess.stored_correlation import LagSum
 
 #: Results are equal to this.
 EQUAL = 1e-9

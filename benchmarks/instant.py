@@ -92,7 +92,7 @@ def cases() -> list[Case]:
         Case(
             "16 x 16 FRFs x 1000 lines, 40 orders",
             lambda: diagram(many),
-            without("modalscope.blocks.transfer._MIN_PRODUCT_ROWS", 10**9, lambda: diagram(many)),
+            without("modalscope.identification.matrices.transfer._MIN_PRODUCT_ROWS", 10**9, lambda: diagram(many)),
         ),
         Case(
             "300 x 2 FRFs x 300 lines, 20 orders",
@@ -102,14 +102,16 @@ def cases() -> list[Case]:
         ),
         Case(
             "1600 x 1600 Hankel matrix, order 40",
-            without("modalscope.blocks.costs._EXACT_OPERATIONS", 0, lambda: diagram(square, 40, **sized)),
+            without(
+                "modalscope.identification.matrices.costs._EXACT_OPERATIONS", 0, lambda: diagram(square, 40, **sized)
+            ),
             lambda: diagram(square, 40, factorization="dense", **sized),
             np.inf,
         ),
         Case(
             "SSI-data, 15 channels x 20 000",
             of_record,
-            without("modalscope.blocks.projections.triangle_of", lambda _: None, of_record),
+            without("modalscope.identification.matrices.projections.triangle_of", lambda _: None, of_record),
         ),
         Case(
             "correlations 8 x 8, 50 000 samples",

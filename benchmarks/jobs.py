@@ -116,16 +116,16 @@ JOBS: dict[str, Callable[[], list[Path]]] = {
 
 #: Stage -> functions that it consists of, where they are looked up. Of stages within each other the inner one counts.
 STAGES = {
-    "reading": ("workflow.analyze.opened",),
-    "doctor": ("doctor.examine._examine_record", "doctor.examine.examine_response"),
-    "identification": ("workflow.analyze.looked_at", "workflow.analyze.modes_chosen"),
+    "reading": ("analysis.workflow.analyze.opened",),
+    "doctor": ("signals.doctor.examine._examine_record", "signals.doctor.examine.examine_response"),
+    "identification": ("analysis.workflow.analyze.looked_at", "analysis.workflow.analyze.modes_chosen"),
     "deviations": (
-        "likelihood.refined.spread_of",
-        "likelihood.refine_setups.deviations",
-        "workflow.ambient_lines.line_shapes",
-        "likelihood.deviations.deviations_of",
+        "selection.likelihood.refined.spread_of",
+        "selection.likelihood.refine_setups.deviations",
+        "analysis.workflow.ambient_lines.line_shapes",
+        "selection.likelihood.deviations.deviations_of",
     ),
-    "report": ("cli.output.write_outputs",),
+    "report": ("interfaces.cli.output.write_outputs",),
 }
 
 
@@ -190,7 +190,7 @@ def _child(files: Sequence[str], report: str) -> None:
 
     timed = clock.timed("imports", plain)
     with clock.stage("imports"):
-        from modalscope.cli import main
+        from modalscope.interfaces.cli import main
     for stage, places in STAGES.items():
         for place in places:
             with suppress(ImportError, AttributeError):  # another checkout may have it elsewhere: it counts as other

@@ -13,7 +13,7 @@ from typing import Any
 
 from playwright.sync_api import sync_playwright
 
-from tests.app.server import built, served
+from tests.interfaces.app.server import built, served
 from tests.support import BROWSER, CHROMIUM
 
 #: What the page tells -> words, unit, and its goal.

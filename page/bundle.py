@@ -1,4 +1,4 @@
-"""Builds the front end into src/modalscope/app/static: `make page`, and what hatch_build.py does when the package is built.
+"""Builds the front end into src/modalscope/interfaces/app/static: `make page`, and what hatch_build.py does when the package is built.
 
 Node 20 or later with its npm is enough; what is bundled, and the tools that bundle it, are in package-lock.json. A bundle that was made of
 the same sources is left as it is, so that an archive of the sources, which holds it, needs no Node at all.
@@ -15,7 +15,7 @@ from pathlib import Path
 __all__ = ["PAGE", "STATIC", "current", "make", "node"]
 
 PAGE = Path(__file__).resolve().parent
-STATIC = PAGE.parent / "src" / "modalscope" / "app" / "static"
+STATIC = PAGE.parent / "src" / "modalscope" / "interfaces" / "app" / "static"
 
 #: What says which sources a bundle was made of.
 _STAMP = STATIC / "SOURCES"

@@ -17,9 +17,9 @@ import pytest
 
 import modalscope as ms
 from modalscope import preprocess, systems
-from modalscope.doctor import Finding
+from modalscope.analysis.monitoring.entries import Entry
 from modalscope.identification.options import AllOptions
-from modalscope.monitoring.entries import Entry
+from modalscope.signals.doctor import Finding
 from tests.test_docstrings import CALLABLES
 
 pd = pytest.importorskip("pandas")

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.signal import butter, chirp, fftconvolve, firwin, lfilter
 
 from modalscope.data import Signals
-from modalscope.functions.poles import poles_from
+from modalscope.numerics.functions.poles import poles_from
 
 __all__ = ["Shaker", "forces_of", "shaker"]
 

@@ -22,11 +22,11 @@ from scipy.optimize import linear_sum_assignment
 from modalscope import systems
 from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, Signals, StateSpace
 from modalscope.data.response import Response
-from modalscope.functions.poles import frequencies_and_damping, one_of_each_pair, poles_from
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
 from modalscope.identification.sweep import Cut, Shared
-from modalscope.likelihood.deviations import OfPipeline
+from modalscope.numerics.functions.poles import frequencies_and_damping, one_of_each_pair, poles_from
+from modalscope.selection.likelihood.deviations import OfPipeline
 
 #: The project, and the measured beam that comes with it.
 ROOT = Path(__file__).resolve().parents[1]

@@ -10,13 +10,13 @@ import pytest
 
 import modalscope as ms
 from modalscope.identification.table import methods
+from modalscope.interfaces.reporting.modes import figures_of, modes_section
 from modalscope.io.formats import FORMATS
-from modalscope.reporting.modes import figures_of, modes_section
 from modalscope.systems import chain5
 from tests.support import ROOT
 
 #: Files in which a method is compared with a textbook formula, an identity, or structures of known modes.
-PROOFS = ("methods", "blocks", "judging")
+PROOFS = ("methods", "identification/matrices", "selection/judging")
 
 #: Modules that give reasons against a mode of a record without inputs.
 RULES = ("evidence", "no_structure")
@@ -69,7 +69,7 @@ def test_indicators_are_a_real_number_a_mode_and_explained(domain: str, outputs:
     assert [
         name for name in modes.indicators if f"{name.replace('_', ' ')}:" not in text and f"{name}:" not in text
     ] == []
-    tests = words_of("modal")
+    tests = words_of("identification/modal")
     assert [name for name in modes.indicators if not re.search(rf"\b{name}\b", tests)] == [], "test its definition"
 
 
@@ -83,8 +83,8 @@ def test_every_column_of_the_reports_table_is_explained() -> None:
 
 @pytest.mark.parametrize("module", RULES)
 def test_every_reason_against_a_mode_is_tried(module: str) -> None:
-    source = (ROOT / "src" / "modalscope" / "judging" / f"{module}.py").read_text(encoding="utf-8")
-    tests = words_of("judging")
+    source = (ROOT / "src" / "modalscope" / "selection" / "judging" / f"{module}.py").read_text(encoding="utf-8")
+    tests = words_of("selection/judging")
     added = [
         node.args[0]
         for node in ast.walk(ast.parse(source))
@@ -94,4 +94,4 @@ def test_every_reason_against_a_mode_is_tried(module: str) -> None:
     for reason in added:
         parts = [n.value for n in ast.walk(reason) if isinstance(n, ast.Constant) and isinstance(n.value, str)]
         longest = max(parts, key=len, default="").strip(" :,;")  # none where the text is that of a note
-        assert longest in tests, f"test both sides of the limit of {longest!r} in tests/judging"
+        assert longest in tests, f"test both sides of the limit of {longest!r} in tests/selection/judging"

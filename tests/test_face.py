@@ -87,7 +87,7 @@ def test_type_checkers_see_the_names_in_the_modules_that_they_are_loaded_from() 
 
 def test_importing_the_package_loads_no_numerical_library() -> None:
     heavy = "[m for m in ('numpy', 'scipy', 'matplotlib', 'tqdm') if m in sys.modules]"
-    assert fresh(f"import sys, modalscope, modalscope.cli; print({heavy})") == "[]"
+    assert fresh(f"import sys, modalscope, modalscope.interfaces.cli; print({heavy})") == "[]"
 
 
 @pytest.mark.slow
@@ -125,3 +125,35 @@ def test_a_name_that_moved_works_and_tells_its_new_place(name: str, place: str) 
 def test_a_name_that_was_never_there_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
         ms.nonsense  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    ("name", "place"),
+    [
+        ("data", "data"),
+        ("doctor", "signals.doctor"),
+        ("indicators", "identification.modal.indicators"),
+        ("io", "io"),
+        ("likelihood", "selection.likelihood"),
+        ("monitoring", "analysis.monitoring"),
+        ("numerics", "numerics"),
+        ("plot", "interfaces.plot"),
+        ("preprocess", "signals.preprocess"),
+        ("systems", "systems"),
+    ],
+)
+def test_a_namespace_is_imported_by_its_name_and_by_its_place(name: str, place: str) -> None:
+    program = f"""
+import modalscope.{name}
+from modalscope import {name} as given
+import modalscope.{place} as room
+assert given is modalscope.{name} is room, given
+assert room.__spec__.name == room.__name__ == "modalscope.{place}"
+print(all(getattr(given, each) is getattr(room, each) for each in getattr(room, "__all__", ())))
+"""
+    assert fresh(program) == "True"
+
+
+def test_a_module_of_a_namespace_is_no_second_copy() -> None:
+    program = "from modalscope.plot.web import alive; from modalscope.interfaces.plot.web import alive as own; print(alive is own)"
+    assert fresh(program) == "True"

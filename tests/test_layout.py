@@ -10,11 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from modalscope.cli.commands import names
+from modalscope.interfaces.cli.commands import names
 from tests.support import ROOT
 from tools.house import circles, imported, modules
 
 SOURCE, TESTS = ROOT / "src" / "modalscope", ROOT / "tests"
+
+CLI = Path("interfaces/cli")
 
 #: Facts on every method of the table, files of every kind of export, and attacks on all of it.
 ACROSS = {"methods", "io/exports", "attack"}
@@ -37,8 +39,8 @@ def test_every_folder_of_tests_is_a_package(folder: str) -> None:
 def test_a_test_named_after_a_module_lies_in_its_folder(file: Path) -> None:
     """Tests of commands take the names of these, which say nothing about a place."""
     module = module_of(file)
-    of_command = file.parent == Path("cli") and module.name in names()
-    namesakes = {other for other in MODULES if other.name == module.name and other.parent != Path("cli")}
+    of_command = file.parent == CLI and module.name in names()
+    namesakes = {other for other in MODULES if other.name == module.name and other.parent != CLI}
     assert module in MODULES or of_command or not namesakes, (
         f"{file} may be meant for {', '.join(map(str, sorted(namesakes)))}"
     )

@@ -26,7 +26,7 @@ def test_every_kind_is_collected(kind: str) -> None:
 
 
 def test_texts_are_read_as_the_program_joins_them() -> None:
-    place = SOURCE / "cli" / "reading.py"
+    place = SOURCE / "interfaces" / "cli" / "reading.py"
     texts = {text.words for text in collect([place])}
     assert "their form is FIRST:LAST:STEP, FIRST at least 1" in texts
     assert "orders {...} were asked" in texts

@@ -83,7 +83,7 @@ def _read(call: ast.Call, package: str, errors: set[str]) -> Iterator[tuple[str,
         yield from (("note", value) for value in (*call.args[2:], *filter(None, [keywords.get("text")])))
     elif package == "cli" and "help" in keywords:
         yield "help", keywords["help"]
-    elif package in ("plot", "reporting"):
+    elif package in ("plot", "web", "reporting"):
         read = call.args[1:] if name == "Section" else call.args if name in _LABELLING else []
         yield from (("label", value) for value in (*read, *(v for k, v in keywords.items() if k in _LABELS)))
 
@@ -96,7 +96,7 @@ def collect(files: Iterable[Path] | None = None) -> list[Text]:
     listed: list[Text] = []
     texts: set[tuple[str, str]] = set()
     for path, tree in trees.items():
-        place, package = path.relative_to(SOURCE).as_posix(), path.relative_to(SOURCE).parts[0]
+        place, package = path.relative_to(SOURCE).as_posix(), path.parent.name
         units = [unit for part in tree.body for unit in (part.body if isinstance(part, ast.ClassDef) else [part])]
         constants = _assigned(ast.Module([u for u in units if isinstance(u, ast.Assign)], []))
         for unit in units:
@@ -104,7 +104,7 @@ def collect(files: Iterable[Path] | None = None) -> list[Text]:
             for call in (node for node in ast.walk(unit) if isinstance(node, ast.Call)):
                 for kind, value in _read(call, package, errors):
                     texts |= {(kind, words) for words in _resolved(value, names) if " " in words and "<" not in words}
-        if place == "doctor/findings.py":
+        if place == "signals/doctor/findings.py":
             cells = (node for node in ast.walk(constants["ROWS"][0]) if isinstance(node, ast.Tuple))
             texts |= {("finding", words) for row in cells for cell in row.elts for words in _resolved(cell, constants)}
         if package == "cli" and any(isinstance(unit, ast.FunctionDef) and unit.name == "add" for unit in units):

@@ -9,8 +9,8 @@ from scipy.linalg import expm
 from scipy.signal import lfilter, ss2tf
 
 from modalscope.data import ModalModel, Signals
-from modalscope.functions.poles import poles_from
 from modalscope.numerics.checks import Array, RealArray
+from modalscope.numerics.functions.poles import poles_from
 
 #: Storeys, each with a place in x and one in y.
 STOREYS = 16

@@ -37,13 +37,13 @@ def layers(container: str, text: str) -> list[Layer]:
     Parameters
     ----------
     container : str
-        The package, such as modalscope.judging.
+        The package, such as modalscope.selection.judging.
     text : str
         Of the project file.
     """
     notes = dict(_LAYER.findall(text))
     contracts = tomllib.loads(text)["tool"]["importlinter"]["contracts"]
-    whole = next(one for one in contracts if one["containers"] == [container] and one.get("exhaustive"))
+    whole = next(one for one in contracts if one.get("containers") == [container])
     found = []
     for layer in whole["layers"]:
         names = [name.strip(" ()") for name in re.split("[:|]", layer)]
@@ -62,25 +62,30 @@ def _is_there(container: str, name: str) -> bool:
 
 
 def tree(text: str) -> str:
-    """Return the packages as a tree with what happens in each, and the floors inside those that have some."""
-    inner = {one["containers"][0] for one in tomllib.loads(text)["tool"]["importlinter"]["contracts"]}
+    """Return the packages as a tree with what happens in each, and in those inside them."""
+    inner = {
+        one["containers"][0] for one in tomllib.loads(text)["tool"]["importlinter"]["contracts"] if "containers" in one
+    }
     lines = ["```", "src/modalscope/", "  __init__.py       the face: names, each loaded when it is first asked for"]
     for layer in layers("modalscope", text):
         for name, note in zip(*layer, strict=True):
             lines.append(f"  {name + '/':18s}{note}")
-            if f"modalscope.{name}" in inner:
-                inside = [", ".join(below.names) for below in layers(f"modalscope.{name}", text)]
-                lines.append(f"{'':20s}{' > '.join(inside)}")
+            below = layers(f"modalscope.{name}", text) if f"modalscope.{name}" in inner else []
+            lines += [f"    {one + '/':16s}{said}" for layer in below for one, said in zip(*layer, strict=True) if said]
     return "\n".join([*lines, "```"])
 
 
 def table(text: str) -> str:
     """Return the floors as a table, numbered from the ground."""
+    inner = {
+        one["containers"][0] for one in tomllib.loads(text)["tool"]["importlinter"]["contracts"] if "containers" in one
+    }
     found = layers("modalscope", text)
-    rows = ["| floor | packages | what happens there |", "|---|---|---|"]
-    for k, (names, notes) in enumerate(found):
-        packages = ", ".join(f"`{name}`" for name in names)
-        rows.append(f"| {len(found) - 1 - k} | {packages} | {'; '.join(note for note in notes if note)} |")
+    rows = ["| floor | package | what happens there | packages inside, the highest first |", "|---|---|---|---|"]
+    for k, ((name, *_), notes) in enumerate(found):
+        below = layers(f"modalscope.{name}", text) if f"modalscope.{name}" in inner else []
+        inside = ", ".join(f"`{one}`" for layer in below for one, said in zip(*layer, strict=True) if said)
+        rows.append(f"| {len(found) - 1 - k} | `{name}` | {'; '.join(note for note in notes if note)} | {inside} |")
     return "\n".join(rows)
 
 

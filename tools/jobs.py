@@ -18,7 +18,7 @@ import numpy as np
 
 import modalscope as ms
 from modalscope import systems
-from modalscope.cli import main
+from modalscope.interfaces.cli import main
 
 __all__ = ["JOBS", "Missing"]
 

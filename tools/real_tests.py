@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 import modalscope as ms
+from modalscope.interfaces.plot.web.fits import fit_of_bands
 from modalscope.numerics.checks import RealArray
-from modalscope.plot.web.fits import fit_of_bands
 from tools.jobs import JOBS, Missing, Told, face, job, measured, numbers
 from tools.results import SHAPES
 

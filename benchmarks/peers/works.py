@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
-from modalscope.functions.poles import poles_from
+from modalscope.numerics.functions.poles import poles_from
 
 __all__ = ["WORKS", "Data", "Work", "ambient", "lines", "samples"]
 

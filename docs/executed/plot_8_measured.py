@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib import pyplot
 
 import modalscope as ms
-from modalscope.comparing.identities import check_identities
+from modalscope.analysis.comparing.identities import check_identities
 
 data = ms.datasets.load("beam_hammer").band(100, 1700)
 found = [i for i in check_identities(data, 16) if np.isfinite(i.residual)]

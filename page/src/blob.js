@@ -1,4 +1,4 @@
-// Blobs of modalscope.app.blob: four bytes with the length of the head, the head as JSON, then the arrays.
+// Blobs of modalscope.interfaces.app.blob: four bytes with the length of the head, the head as JSON, then the arrays.
 
 const KINDS = { f4: Float32Array, f8: Float64Array, i4: Int32Array, u1: Uint8Array, f2: Uint16Array };
 

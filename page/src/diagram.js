@@ -4,7 +4,7 @@ import { axis, decibels, fitted, uPlot, wheelZoom } from "./chart.js";
 import { colour, fill, h, hertz, number, rgb, soon } from "./dom.js";
 import { makePixels, packed, stamped } from "./pixels.js";
 
-/** Kinds as modalscope.plot.web.poles numbers them. */
+/** Kinds as modalscope.interfaces.plot.web.poles numbers them. */
 export const KINDS = [
   { letter: "o", words: "new", colour: "pole-new" },
   { letter: "f", words: "frequency", colour: "pole-f" },

@@ -1,6 +1,6 @@
 // Peaks of a curve: local maxima that stand out of what lies between them and higher ones.
 
-/** Least prominence of a peak: 6 dB, as of the peaks of spectra (modalscope.preprocess.singular_spectra). */
+/** Least prominence of a peak: 6 dB, as of the peaks of spectra (modalscope.signals.preprocess.singular_spectra). */
 const PROMINENCE = 6;
 
 /** Peaks that are marked at most. */

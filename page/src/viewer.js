@@ -9,7 +9,7 @@ import { makeShape } from "./shape.js";
 
 /**
  * @param {HTMLElement} root
- * @param {any} data  a blob of modalscope.plot.web.alive
+ * @param {any} data  a blob of modalscope.interfaces.plot.web.alive
  * @param {{select?: (mode: number) => void}} acts
  */
 export function makeViewer(root, data, acts = {}) {

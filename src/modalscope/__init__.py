@@ -8,26 +8,28 @@ of J.-N. Juang, Mathematical Correlation of Modal Parameter Identification Metho
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 from warnings import warn
 
 from modalscope.numerics.handed import hand_down
 
 if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the same place when it is first asked for
-    from modalscope import (
-        datasets as datasets,
-        likelihood as likelihood,
-        monitoring as monitoring,
-        plot as plot,
-        preprocess as preprocess,
-        systems as systems,
-    )
-    from modalscope.checking.certificate import Certificate as Certificate
-    from modalscope.checking.certify import certify as certify
-    from modalscope.checking.selfcheck import selfcheck as selfcheck
-    from modalscope.checking.validation import Validation as Validation, validate as validate
-    from modalscope.comparing import Comparison as Comparison, compare as compare
+    from modalscope import datasets as datasets, systems as systems
+    from modalscope.analysis import monitoring as monitoring
+    from modalscope.analysis.checking.certificate import Certificate as Certificate
+    from modalscope.analysis.checking.certify import certify as certify
+    from modalscope.analysis.checking.selfcheck import selfcheck as selfcheck
+    from modalscope.analysis.checking.validation import Validation as Validation, validate as validate
+    from modalscope.analysis.comparing import Comparison as Comparison, compare as compare
+    from modalscope.analysis.workflow.analyze import analyze as analyze
+    from modalscope.analysis.workflow.full_field import FullField as FullField, full_field as full_field
+    from modalscope.analysis.workflow.realize import realize as realize
+    from modalscope.analysis.workflow.replay import replay as replay
     from modalscope.data import (
         DataError as DataError,
         FrequencyResponse as FrequencyResponse,
@@ -50,63 +52,62 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
     from modalscope.identification.dwell import Dwell as Dwell, tuned_dwell as tuned_dwell
     from modalscope.identification.identify import Identification as Identification, identify as identify
     from modalscope.identification.method_names import methods as methods
+    from modalscope.identification.modal import indicators as indicators
+    from modalscope.identification.modal.indicators import mac as mac, mac_std as mac_std
+    from modalscope.identification.modal.mass_change import scale_by_mass as scale_by_mass
+    from modalscope.identification.modal.pairing import comac as comac, pair_modes as pair_modes
+    from modalscope.identification.modal.setups import merge_modes as merge_modes
+    from modalscope.identification.modal.shapes import fit_residues as fit_residues
     from modalscope.identification.pipeline import factor as factor
     from modalscope.identification.prepare import prepare as prepare
+    from modalscope.identification.realizations.sensors import (
+        EquationsOfMotion as EquationsOfMotion,
+        equations_of_motion as equations_of_motion,
+        first_order_form as first_order_form,
+    )
     from modalscope.identification.stabilize import stabilize as stabilize
     from modalscope.identification.sweep import sweep as sweep
+    from modalscope.interfaces import plot as plot
+    from modalscope.interfaces.plot.web.alive import widget as widget
+    from modalscope.interfaces.reporting import report as report
     from modalscope.io import from_frame as from_frame, read as read, write as write
-    from modalscope.judging.bands import merge_bands as merge_bands
-    from modalscope.judging.refine import refine as refine
-    from modalscope.judging.select import select as select
-    from modalscope.modal import indicators as indicators
-    from modalscope.modal.indicators import mac as mac, mac_std as mac_std
-    from modalscope.modal.mass_change import scale_by_mass as scale_by_mass
-    from modalscope.modal.pairing import comac as comac, pair_modes as pair_modes
-    from modalscope.modal.setups import merge_modes as merge_modes
-    from modalscope.modal.shapes import fit_residues as fit_residues
     from modalscope.numerics.executors import working as working
-    from modalscope.plot.web.alive import widget as widget
-    from modalscope.preprocess import (
+    from modalscope.selection import likelihood as likelihood
+    from modalscope.selection.judging.bands import merge_bands as merge_bands
+    from modalscope.selection.judging.refine import refine as refine
+    from modalscope.selection.judging.select import select as select
+    from modalscope.signals import preprocess as preprocess
+    from modalscope.signals.preprocess import (
         estimate_correlation as estimate_correlation,
         estimate_frf as estimate_frf,
         estimate_markov as estimate_markov,
         merge as merge,
     )
-    from modalscope.preprocess.ods import ods as ods
-    from modalscope.realizations.sensors import (
-        EquationsOfMotion as EquationsOfMotion,
-        equations_of_motion as equations_of_motion,
-        first_order_form as first_order_form,
-    )
-    from modalscope.reporting import report as report
-    from modalscope.workflow.analyze import analyze as analyze
-    from modalscope.workflow.full_field import FullField as FullField, full_field as full_field
-    from modalscope.workflow.realize import realize as realize
-    from modalscope.workflow.replay import replay as replay
+    from modalscope.signals.preprocess.ods import ods as ods
 
 __version__ = "0.2.0"
 
 #: Where each name of the face lives.
 _HOMES = {
-    "comparing": ("Comparison", "compare"),
+    "analysis.comparing": ("Comparison", "compare"),
     "identification.dwell": ("Dwell", "tuned_dwell"),
     "identification.identify": ("Identification", "identify"),
     "identification.pipeline": ("factor",),
     "identification.prepare": ("prepare",),
-    "judging.refine": ("refine",),
+    "selection.judging.refine": ("refine",),
     "identification.sweep": ("sweep",),
     "identification.method_names": ("methods",),
     "io": ("from_frame", "read", "write"),
-    "judging.bands": ("merge_bands",),
-    "checking.certificate": ("Certificate",),
-    "judging.select": ("select",),
+    "selection.judging.bands": ("merge_bands",),
+    "analysis.checking.certificate": ("Certificate",),
+    "selection.judging.select": ("select",),
     "identification.stabilize": ("stabilize",),
-    "checking.validation": ("Validation", "validate"),
-    "modal.indicators": ("mac", "mac_std"),
-    "modal.mass_change": ("scale_by_mass",),
-    "modal.pairing": ("comac", "pair_modes"),
-    "modal.setups": ("merge_modes",),
-    "modal.shapes": ("fit_residues",),
+    "analysis.checking.validation": ("Validation", "validate"),
+    "identification.modal.indicators": ("mac", "mac_std"),
+    "identification.modal.mass_change": ("scale_by_mass",),
+    "identification.modal.pairing": ("comac", "pair_modes"),
+    "identification.modal.setups": ("merge_modes",),
+    "identification.modal.shapes": ("fit_residues",),
     "data": (
         "DataError",
         "FrequencyResponse",
@@ -127,40 +128,41 @@ _HOMES = {
     "numerics.executors": ("working",),
     "data.analysis": ("Analysis",),
     "data.results": ("Result",),
-    "plot.web.alive": ("widget",),
-    "checking.selfcheck": ("selfcheck",),
-    "preprocess": ("estimate_correlation", "estimate_frf", "estimate_markov", "merge"),
-    "preprocess.ods": ("ods",),
-    "realizations.sensors": ("EquationsOfMotion", "equations_of_motion", "first_order_form"),
-    "reporting": ("report",),
-    "workflow.analyze": ("analyze",),
-    "checking.certify": ("certify",),
-    "workflow.full_field": ("FullField", "full_field"),
-    "workflow.realize": ("realize",),
-    "workflow.replay": ("replay",),
+    "interfaces.plot.web.alive": ("widget",),
+    "analysis.checking.selfcheck": ("selfcheck",),
+    "signals.preprocess": ("estimate_correlation", "estimate_frf", "estimate_markov", "merge"),
+    "signals.preprocess.ods": ("ods",),
+    "identification.realizations.sensors": ("EquationsOfMotion", "equations_of_motion", "first_order_form"),
+    "interfaces.reporting": ("report",),
+    "analysis.workflow.analyze": ("analyze",),
+    "analysis.checking.certify": ("certify",),
+    "analysis.workflow.full_field": ("FullField", "full_field"),
+    "analysis.workflow.realize": ("realize",),
+    "analysis.workflow.replay": ("replay",),
 }
 
 #: What data classes, preprocessing and sweeps ask of packages above them: see `modalscope.numerics.handed`.
 hand_down(
-    columns_of="modalscope.judging.description:columns_of",
-    deviating="modalscope.likelihood.deviations:OfPipeline",
-    drawn="modalscope.plot.shown:drawn",
-    examine="modalscope.doctor:examine",
-    grades="modalscope.judging.grades:grades",
-    living="modalscope.plot.web.alive:living",
-    table_of="modalscope.judging.description:table_of",
-    text_of="modalscope.judging.description:text_of",
-    verdict_of_result="modalscope.plot.web.verdict:verdict_of_result",
+    columns_of="modalscope.selection.judging.description:columns_of",
+    deviating="modalscope.selection.likelihood.deviations:OfPipeline",
+    drawn="modalscope.interfaces.plot.shown:drawn",
+    examine="modalscope.signals.doctor:examine",
+    grades="modalscope.selection.judging.grades:grades",
+    living="modalscope.interfaces.plot.web.alive:living",
+    table_of="modalscope.selection.judging.description:table_of",
+    text_of="modalscope.selection.judging.description:text_of",
+    verdict_of_result="modalscope.interfaces.plot.web.verdict:verdict_of_result",
 )
 
-#: What else there is, in namespaces.
+#: Packages by the names that documents give them, until 1.0; so do their modules.
 _NAMESPACES = {
     "datasets": "datasets",
-    "indicators": "modal.indicators",
-    "likelihood": "likelihood",
-    "monitoring": "monitoring",
-    "plot": "plot",
-    "preprocess": "preprocess",
+    "doctor": "signals.doctor",
+    "indicators": "identification.modal.indicators",
+    "likelihood": "selection.likelihood",
+    "monitoring": "analysis.monitoring",
+    "plot": "interfaces.plot",
+    "preprocess": "signals.preprocess",
     "systems": "systems",
 }
 
@@ -176,7 +178,34 @@ _MOVED = {
 
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
-__all__ = sorted([*_HOME_OF, *_NAMESPACES])
+__all__ = sorted([*_HOME_OF, *(set(_NAMESPACES) - {"doctor"})])
+
+
+class _Namespaces(MetaPathFinder, Loader):
+    """Imports of a package by the name that documents give it: `import modalscope.plot` is that of its room."""
+
+    def find_spec(self, fullname: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
+        """Return how a name of a namespace, or of a module in one, is loaded; None of all others."""
+        head, _, rest = fullname.partition(".")
+        name, _, inner = rest.partition(".")
+        place = _NAMESPACES.get(name, name) if head == "modalscope" else name
+        if place == name:
+            return None
+        return ModuleSpec(fullname, self, loader_state=f"modalscope.{place}{inner and '.'}{inner}")
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType:
+        """Return the module itself, not a copy."""
+        module = import_module(spec.loader_state)
+        spec.loader_state = module.__spec__
+        return module
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Give the module, which ran when it was imported, its own specification back."""
+        given = module.__spec__
+        module.__spec__ = None if given is None else given.loader_state
+
+
+sys.meta_path.insert(0, _Namespaces())
 
 if not TYPE_CHECKING:  # so that a name that is not there is a type checker's error, not Any
 

@@ -2,7 +2,7 @@
 
 import sys
 
-from modalscope.cli import main
+from modalscope.interfaces.cli import main
 
 if __name__ == "__main__":  # not when a process of its own is started from it
     sys.exit(main())

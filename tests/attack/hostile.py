@@ -148,7 +148,7 @@ def made(place: Path) -> None:
 
 def run(place: Path, note: Path) -> None:
     """Run every command on the folder at a place, and note what Python opens."""
-    from modalscope.cli import main
+    from modalscope.interfaces.cli import main
 
     with note.open("w") as told:
 
@@ -165,7 +165,7 @@ def run(place: Path, note: Path) -> None:
 
 def show(place: Path) -> None:
     """Open every file of the folder on the page, and wait for what is computed of it."""
-    from tests.app.server import served
+    from tests.interfaces.app.server import served
 
     with served(place / "folder", place / "out" / "page") as server:
         for path in sorted((place / "folder").iterdir()):

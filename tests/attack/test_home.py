@@ -23,7 +23,7 @@ sys.addaudithook(watch)
 if "--control" in sys.argv:
     import socket
     socket.create_connection(("127.0.0.1", 9))
-from modalscope.cli import main
+from modalscope.interfaces.cli import main
 sys.exit(main())
 """
 
@@ -59,7 +59,7 @@ def test_the_watch_notices_a_connection(tmp_path: Path) -> None:
 SHOWN = """
 import sys
 from pathlib import Path
-from tests.app.server import served
+from tests.interfaces.app.server import served
 with served(Path(sys.argv[1]), Path(sys.argv[1], "place")) as server:
     print(server.settled(server.open("a.npz"))["stage"]["stage"])
 """

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from modalscope.analysis.monitoring import History, Store
 from modalscope.data import DataError, StoredSignals
-from modalscope.monitoring import History, Store
 from modalscope.numerics.executors import working
-from modalscope.preprocess import stored_correlation
+from modalscope.signals.preprocess import stored_correlation
 from tests.io.mutations import mutated
 
 Damage = Callable[[Path, Path, np.random.Generator], None]

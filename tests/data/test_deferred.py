@@ -9,9 +9,9 @@ import pytest
 from modalscope import systems
 from modalscope.data.results import StabilizationDiagram
 from modalscope.identification.stabilize import stabilize
-from modalscope.judging.select import select
-from modalscope.likelihood import deviations
-from modalscope.likelihood.deviations import deviations_of
+from modalscope.selection.judging.select import select
+from modalscope.selection.likelihood import deviations
+from modalscope.selection.likelihood.deviations import deviations_of
 
 ORDERS = range(6, 21, 2)
 

@@ -8,7 +8,7 @@ import pytest
 from modalscope.data import Records, Signals
 from modalscope.data.kind_of_test import commonest, is_impact, kind_of_test
 from modalscope.numerics.checks import Array
-from modalscope.preprocess.excitation import excitation_of, find_excitation
+from modalscope.signals.preprocess.excitation import excitation_of, find_excitation
 from tests.support import measured
 
 RNG = np.random.default_rng(0)

@@ -14,7 +14,7 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
     """A thousand lines count as long."""
     monkeypatch.setattr("modalscope.data.record_spectra._MAX_JUDGED_LINES", 1000)
     monkeypatch.setattr("modalscope.data.record_spectra._MAX_REFINED_LINES", 2000)
-    monkeypatch.setattr("modalscope.blocks.records._MAX_ORTHOGONAL_LINES", 500)
+    monkeypatch.setattr("modalscope.identification.matrices.records._MAX_ORTHOGONAL_LINES", 500)
 
 
 def long_record(noise: float) -> tuple[ms.StateSpace, ms.Signals]:

@@ -11,9 +11,9 @@ import pytest
 
 import modalscope as ms
 from modalscope.data.residual_terms import ResidualTerms
-from modalscope.functions.poles import poles_from
-from modalscope.modal.joint_fit import with_terms
-from tests.modal.test_joint_fit import BESIDES, KINDS, made
+from modalscope.identification.modal.joint_fit import with_terms
+from modalscope.numerics.functions.poles import poles_from
+from tests.identification.modal.test_joint_fit import BESIDES, KINDS, made
 from tests.support import refused, relative
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.functions.poles import poles_from
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.functions.poles import poles_from
 
 F, ZETA = 10.0, 0.01
 

@@ -10,14 +10,14 @@ import pytest
 import modalscope as ms
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import as_records
-from modalscope.likelihood.whitening import levels_of
-from modalscope.modal.indicators import mac
-from modalscope.modal.joint_fit import joint_fit
-from modalscope.modal.rebuilt import fit_of
+from modalscope.identification.modal.indicators import mac
+from modalscope.identification.modal.joint_fit import joint_fit
+from modalscope.identification.modal.rebuilt import fit_of
+from modalscope.selection.likelihood.whitening import levels_of
+from tests.analysis.workflow.last_fit import left_by_free_residues
 from tests.identification.test_record_terms import record
-from tests.judging.coloured import coloured_response
-from tests.judging.hard import impulse_response, lines_of, random_structure
-from tests.workflow.last_fit import left_by_free_residues
+from tests.selection.judging.coloured import coloured_response
+from tests.selection.judging.hard import impulse_response, lines_of, random_structure
 
 
 @pytest.mark.parametrize("seed", [3, 4])

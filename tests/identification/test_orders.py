@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from modalscope import DataError
-from modalscope.blocks.factor import Factors
-from modalscope.blocks.fraction import fraction
 from modalscope.data import FrequencyResponse, ImpulseResponse
+from modalscope.identification.matrices.factor import Factors
+from modalscope.identification.matrices.fraction import fraction
 from modalscope.identification.orders import BLOCKS, DEGREES, STATES, checked_orders
 
 

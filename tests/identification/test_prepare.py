@@ -16,8 +16,8 @@ from modalscope.identification.ambient_records import looked_through
 from modalscope.identification.method_names import find_method
 from modalscope.identification.prepare import measure, pose, prepare
 from modalscope.identification.table import methods
-from modalscope.preprocess import decimate, detrend, estimate_correlation
-from modalscope.preprocess.excitation import find_excitation
+from modalscope.signals.preprocess import decimate, detrend, estimate_correlation
+from modalscope.signals.preprocess.excitation import find_excitation
 from tests.support import built
 
 RNG = np.random.default_rng(0)

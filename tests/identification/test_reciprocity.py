@@ -13,7 +13,7 @@ from modalscope.data import FrequencyResponse, ImpulseResponse, Signals
 from modalscope.data.analysis import Analysis
 from modalscope.identification.reciprocity import by_reciprocity
 from modalscope.io.analysis import analysis_from, analysis_to
-from modalscope.preprocess import merge
+from modalscope.signals.preprocess import merge
 from modalscope.systems import chain5
 
 CHAIN = chain5()

@@ -12,10 +12,10 @@ import modalscope as ms
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import as_records
-from modalscope.likelihood.settling import Settled, settle, task_of
 from modalscope.numerics.checks import RealArray
-from tests.judging.hard import QUANTITIES, random_structure
-from tests.judging.test_refine_records import runs_of, system
+from modalscope.selection.likelihood.settling import Settled, settle, task_of
+from tests.selection.judging.hard import QUANTITIES, random_structure
+from tests.selection.judging.test_refine_records import runs_of, system
 from tests.studies import Study
 
 RATE, FASTER, HIGHEST = 100.0, 8, 38.0
@@ -110,7 +110,7 @@ def test_powers_are_added_where_they_explain_more_than_noise_may(
     lower = (cost[0] - cost[1]) / cost[1] * (ends[1].descent.point.problem.freedom - unknowns)
     monkeypatch.setattr(RecordSpectra, "refined_powers", tuple(range(6)))
     monkeypatch.setattr(RecordSpectra, "max_powers", 9)
-    monkeypatch.setattr("modalscope.likelihood.settling.chi_squared_bound", lambda *_: share * lower)
+    monkeypatch.setattr("modalscope.selection.likelihood.settling.chi_squared_bound", lambda *_: share * lower)
     assert len(settled(signals, truth, most=0).powers) == powers
 
 

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from modalscope import DataError, stabilize
-from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.data import FrequencyResponse, ImpulseResponse, ModalModel, Signals
+from modalscope.identification.matrices.triple import Eigen, ModalFit, Triple
+from modalscope.identification.modal.eigenmodes import Eigenmodes
 from modalscope.identification.stabilize import TOLERANCES, stable_against
 from modalscope.identification.sweep import Cut
-from modalscope.modal.eigenmodes import Eigenmodes
-from tests.judging.made import NUDGE, Pole, at_angle, response_of
+from tests.selection.judging.made import NUDGE, Pole, at_angle, response_of
 
 ONE = Pole(2, 8, 0.02, shape=(1, 0.2), part=(0.5, 1, -2))
 TWO = Pole(2, 14, 0.01, shape=(3, -0.1), part=(1, 0.5, 1))

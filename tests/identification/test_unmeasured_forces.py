@@ -8,9 +8,9 @@ import pytest
 import modalscope as ms
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import as_records
-from modalscope.likelihood.settling import settle, task_of
-from tests.judging.test_refine_records import runs_of, system
-from tests.likelihood.interval_cases import record
+from modalscope.selection.likelihood.settling import settle, task_of
+from tests.selection.judging.test_refine_records import runs_of, system
+from tests.selection.likelihood.interval_cases import record
 
 
 @pytest.mark.slow

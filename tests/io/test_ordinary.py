@@ -12,8 +12,8 @@ import pytest
 
 import modalscope as ms
 import modalscope.io as mio
-from modalscope.cli.commands import build_parser
-from modalscope.cli.reading import reading_options
+from modalscope.interfaces.cli.commands import build_parser
+from modalscope.interfaces.cli.reading import reading_options
 from tests.io.ordinary import CASES, FREQUENCIES, HITS, RATE, RESPONSES, Case
 
 #: Options that take no value.

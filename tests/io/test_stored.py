@@ -111,7 +111,7 @@ def test_the_command_finds_the_modes_of_a_stored_record(
         json.dump(head, file)
         file.truncate()
     monkeypatch.setattr("modalscope.io.stored._PARTS_OF_MEMORY", 10**9)  # it counts as large
-    from modalscope.cli import main
+    from modalscope.interfaces.cli import main
 
     assert main(["identify", str(path), "-o", str(tmp_path / "modes.json"), "--no-refine"]) == 0
     printed = capsys.readouterr()

@@ -11,9 +11,9 @@ import pytest
 
 import modalscope as ms
 from modalscope.data import stored as stored_response
-from modalscope.functions.poles import poles_from
 from modalscope.io import survey
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.functions.poles import poles_from
 from tests.support import relative
 
 zarr = pytest.importorskip("zarr", reason="zarr is not installed: pip install 'modalscope[zarr]'")

@@ -8,10 +8,10 @@ import numpy as np
 
 import modalscope as ms
 from modalscope.data import FrequencyResponse, ImpulseResponse, ModalModel
-from modalscope.functions.poles import frequencies_and_damping, poles_from
 from modalscope.identification.method import Method, Takes
+from modalscope.numerics.functions.poles import frequencies_and_damping, poles_from
 from modalscope.numerics.statistics import assign
-from tests.judging.bound import compressed_bound
+from tests.selection.judging.bound import compressed_bound
 from tests.support import add_noise
 
 Data = FrequencyResponse | ImpulseResponse

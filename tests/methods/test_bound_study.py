@@ -9,8 +9,8 @@ import pytest
 
 from modalscope.identification.method import Method
 from modalscope.identification.method_names import find_method
-from tests.judging.bound import bound
 from tests.methods.bound_cases import DECIBEL, KINDS, Case, identified, random_case, rows_of, selected
+from tests.selection.judging.bound import bound
 from tests.studies import Study
 
 #: Structures of every length of record.

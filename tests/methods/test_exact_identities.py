@@ -8,15 +8,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.blocks.factor import Factors, factorize, left_factor
-from modalscope.blocks.hankel import hankel
-from modalscope.blocks.sides import random_projection
 from modalscope.data import ImpulseResponse
 from modalscope.identification.identify import identify
-from modalscope.realizations.balanced import balanced, projected_general
-from modalscope.realizations.companion import null_space_companion
-from modalscope.realizations.regression import regression
-from modalscope.realizations.shift import shift
+from modalscope.identification.matrices.factor import Factors, factorize, left_factor
+from modalscope.identification.matrices.hankel import hankel
+from modalscope.identification.matrices.sides import random_projection
+from modalscope.identification.realizations.balanced import balanced, projected_general
+from modalscope.identification.realizations.companion import null_space_companion
+from modalscope.identification.realizations.regression import regression
+from modalscope.identification.realizations.shift import shift
 from tests.support import add_noise, built, random_system, relative
 
 #: The identities hold to rounding; what is lost is the conditioning of the data, and 400 random systems stayed below 6e-13.
@@ -264,8 +264,8 @@ def test_i13_indicators_do_not_depend_on_coordinates(case):
 
 def test_i13_evolution_is_invariant_under_similarity(case):
     """The factors' own sides: V T and T^-1 W with the model (T^-1 A T, T^-1 B, C T)."""
-    from modalscope.blocks.triple import Eigen, ModalFit, Triple
-    from modalscope.modal.eigenmodes import followed
+    from modalscope.identification.matrices.triple import Eigen, ModalFit, Triple
+    from modalscope.identification.modal.eigenmodes import followed
 
     def sides(model: Triple, X: np.ndarray) -> list[np.ndarray]:
         Xi = np.linalg.inv(X)

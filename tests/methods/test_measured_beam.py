@@ -10,8 +10,8 @@ import pytest
 
 from modalscope import FrequencyResponse, ModalModel, identify, read, select, stabilize
 from modalscope.identification.dwell import tuned_dwell
-from modalscope.judging.bands import merge_bands
-from modalscope.modal.shapes import fit_residues
+from modalscope.identification.modal.shapes import fit_residues
+from modalscope.selection.judging.bands import merge_bands
 from tests.support import BEAM
 
 #: The responses' own spread, Hz below and above 3 kHz (examples/beam_hammer/README.md), and what damping may differ by.

@@ -7,11 +7,11 @@ import pytest
 from scipy.optimize import least_squares
 
 import modalscope as ms
-from modalscope.blocks.factor import factorize
-from modalscope.blocks.projections import projection
 from modalscope.data import ImpulseResponse
 from modalscope.identification.identify import identify
-from modalscope.realizations.shift import shift
+from modalscope.identification.matrices.factor import factorize
+from modalscope.identification.matrices.projections import projection
+from modalscope.identification.realizations.shift import shift
 from tests.support import FIVE, add_noise, built, relative
 
 #: One formula against another on the same numbers: rounding, times the condition of the data at 20 dB.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope import DataError, FrequencyResponse, identify
-from modalscope.judging.bands import merge_bands
+from modalscope.selection.judging.bands import merge_bands
 from tests.support import FIVE
 
 

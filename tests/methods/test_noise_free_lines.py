@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from modalscope import DataError, FrequencyResponse, Identification, StateSpace
-from modalscope.blocks.shifted import model_transfer
 from modalscope.identification.identify import assemble
+from modalscope.identification.matrices.shifted import model_transfer
 from tests.support import EPS, FIVE, built, random_system
 
 QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 
 from modalscope.data import ImpulseResponse, StateSpace
-from modalscope.functions.poles import to_continuous
 from modalscope.identification.identify import identify
+from modalscope.numerics.functions.poles import to_continuous
 from tests.support import FIVE, match_poles, pole_tolerance, random_systems, relative
 
 METHODS = [
@@ -75,7 +75,7 @@ def test_random_systems(method, form):
 @pytest.mark.parametrize(("outputs", "inputs"), [(4, 2), (30, 3)])
 def test_a_mode_of_a_ten_millionth_is_found_by_default(method, outputs, inputs):
     """Without an order and without block sizes, on the dense route and on the structured one."""
-    from tests.blocks.test_factor import response_of
+    from tests.identification.matrices.test_factor import response_of
 
     response, s = response_of(1e-7, outputs, inputs)
     match = match_poles(identify(response, method=method).modes.poles, s)

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from modalscope.functions.poles import frequencies_and_damping
 from modalscope.identification.identify import identify
+from modalscope.numerics.functions.poles import frequencies_and_damping
 from tests.studies import Study
 from tests.support import FIVE, add_noise
 

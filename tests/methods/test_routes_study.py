@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.preprocess import estimate_frf
+from modalscope.signals.preprocess import estimate_frf
 from tests.studies import Study
 from tests.support import match_poles
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modalscope.blocks.sides import leading_directions, random_projection, selection, sums
 from modalscope.data import DataError
 from modalscope.identification.identify import identify
+from modalscope.identification.matrices.sides import leading_directions, random_projection, selection, sums
 from modalscope.numerics.operators import DenseMatrix
 from modalscope.systems import Structure
 from tests.support import FIVE, match_poles, relative

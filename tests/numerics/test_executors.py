@@ -96,7 +96,7 @@ def test_work_that_ends_its_workers_is_said_in_words(cluster: Any, monkeypatch: 
 
 
 def test_a_scheduler_without_workers_is_said_in_words(capsys: pytest.CaptureFixture[str]) -> None:
-    from modalscope.cli.identify import _client
+    from modalscope.interfaces.cli.identify import _client
 
     with (
         distributed.LocalCluster(n_workers=0, dashboard_address=None, host="127.0.0.1", silence_logs=50) as empty,
@@ -118,7 +118,7 @@ def test_a_scheduler_that_is_gone_is_said_in_words() -> None:
 
 @pytest.mark.slow
 def test_the_command_gives_the_work_to_a_scheduler(path: Path, cluster: Any, tmp_path: Path) -> None:
-    from modalscope.cli import main
+    from modalscope.interfaces.cli import main
 
     modes = tmp_path / "modes.json"
     choices = ["--band", "0.2", "12", "--orders", "8:14:2", "--no-refine", "--resume", str(tmp_path / "sums")]
@@ -132,7 +132,7 @@ def test_the_command_gives_the_work_to_a_scheduler(path: Path, cluster: Any, tmp
 
 @pytest.mark.slow
 def test_what_is_no_scheduler_is_said(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from modalscope.cli import main
+    from modalscope.interfaces.cli import main
 
     with pytest.raises(DataError, match="a Dask client"):
         ms.stabilize(ms.read(path), client="tcp://here:1")

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import modalscope as ms
-from modalscope.cli import main
+from modalscope.interfaces.cli import main
 from modalscope.systems import chain5
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 import modalscope as ms
-from modalscope.blocks.fraction import fraction
-from modalscope.realizations.companion import fraction_companion
+from modalscope.identification.matrices.fraction import fraction
+from modalscope.identification.realizations.companion import fraction_companion
 
 
 def _response(data):

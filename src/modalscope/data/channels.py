@@ -12,9 +12,9 @@ from typing import Any, Self, TypeAlias
 
 from modalscope.data.geometry import DofLike, Geometry, check_labels, indices_of
 from modalscope.data.shown import Shown
-from modalscope.functions.poles import QUANTITIES
 from modalscope.numerics.checks import check_each, check_kind, check_path, freeze
 from modalscope.numerics.errors import DataError, check_choice
+from modalscope.numerics.functions.poles import QUANTITIES
 
 #: One file; several where data of several were put together; None where data were made.
 SourcePath: TypeAlias = Path | tuple[Path, ...] | None

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from modalscope.functions.damped_tones import decay_of
 from modalscope.numerics.checks import Array, RealArray
+from modalscope.numerics.functions.damped_tones import decay_of
 from modalscope.numerics.statistics import NORMAL
 
 #: An impact puts this part of its energy into this part of the record.

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.functions.poles import is_real
 from modalscope.numerics.checks import BoolArray, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.functions.poles import is_real
 from modalscope.numerics.linear_systems import sampled, scaled, state_scale
 
 #: An eigenvalue whose sensitivity (1 / cosine of the angle between its left and right eigenvectors) is above this has lost half

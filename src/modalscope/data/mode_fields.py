@@ -13,7 +13,6 @@ from scipy.special import stdtrit
 from modalscope.data.channels import Channels, check_quantity, derivatives_between, source_of
 from modalscope.data.notes import Candidate, Harmonic, Note, candidates_of, harmonics_of, notes_of
 from modalscope.data.residual_terms import ResidualTerms, residual_terms_of
-from modalscope.functions.poles import HasPoles, is_real, to_discrete
 from modalscope.numerics.checks import (
     BoolArray,
     ComplexArray,
@@ -30,6 +29,7 @@ from modalscope.numerics.checks import (
     sealed,
 )
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.functions.poles import HasPoles, is_real, to_discrete
 
 #: Column -> field: one number a mode, or nothing.
 COLUMNS = {

@@ -114,7 +114,7 @@ class Finding(NamedTuple):
     Attributes
     ----------
     kind : str
-        One of `KINDS` of `modalscope.doctor.findings`.
+        One of `KINDS` of `modalscope.signals.doctor.findings`.
     channels : tuple of str
         Labels of the channels concerned.
     reason : str

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.data.shown import Shown
-from modalscope.functions.poles import to_continuous
 from modalscope.numerics.checks import (
     Array,
     ComplexArray,
@@ -21,6 +20,7 @@ from modalscope.numerics.checks import (
     real_array,
 )
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.functions.poles import to_continuous
 from modalscope.numerics.linear_systems import gramian, krylov, markov_parameters, transfer
 from modalscope.numerics.resources import check_fits
 

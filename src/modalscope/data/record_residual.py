@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from modalscope.data.notes import Note
-from modalscope.functions.poles import is_real
 from modalscope.numerics.checks import Array, RealArray
+from modalscope.numerics.functions.poles import is_real
 
 #: Kinds of the notes on a residual that stands out at the modes, and on channels that come late.
 UNMEASURED, DELAY = "unmeasured forces", "delay"

@@ -18,10 +18,10 @@ from modalscope.data.record_residual import excess, excess_notes, pole_notes
 from modalscope.data.residual_terms import ResidualTerms
 from modalscope.data.response import INSEPARABLE, Conversion, Response, output_scale
 from modalscope.data.responses import FrequencyResponse, lines_inside
-from modalscope.functions.driven_basis import DrivenBasis, DrivenLines, Run, driven_basis
-from modalscope.functions.poles import to_discrete
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, freeze, locked
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.functions.driven_basis import DrivenBasis, DrivenLines, Run, driven_basis
+from modalscope.numerics.functions.poles import to_discrete
 
 #: Neighbouring lines on either side of which one value of the smoothed spectrum is made.
 _NEIGHBOURS = 3

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.functions.pole_functions import line_functions, sample_functions
 from modalscope.numerics import documents
 from modalscope.numerics.checks import (
     ComplexArray,
@@ -25,6 +24,7 @@ from modalscope.numerics.checks import (
     stays_locked,
 )
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.functions.pole_functions import line_functions, sample_functions
 
 #: Largest power of the frequency.
 _MAX_POWER = 100

@@ -14,8 +14,8 @@ from modalscope.data.mode_fields import ModeFields
 from modalscope.data.notes import Note
 from modalscope.data.quadruple import Quadruple
 from modalscope.data.units import Convertible
-from modalscope.functions.pole_basis import ModalBasis
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.functions.pole_basis import ModalBasis
 
 #: How steps of `processing` name correlations, and half spectra.
 CORRELATED, HALF = "correlated", "half spectra"

@@ -22,15 +22,6 @@ from modalscope.data.channels import (
 from modalscope.data.mode_fields import ModeFields, values_on_lines, values_on_samples
 from modalscope.data.quadruple import Quadruple
 from modalscope.data.response import HALF, Conversion, Response
-from modalscope.functions.pole_basis import (
-    ModalBasis,
-    line_basis,
-    line_data,
-    residual_powers,
-    sample_basis,
-    scaled_terms,
-)
-from modalscope.functions.pole_functions import line_functions, sample_functions
 from modalscope.numerics.checks import (
     Array,
     ComplexArray,
@@ -48,6 +39,15 @@ from modalscope.numerics.checks import (
     stays_locked,
 )
 from modalscope.numerics.errors import DataError, check_choice
+from modalscope.numerics.functions.pole_basis import (
+    ModalBasis,
+    line_basis,
+    line_data,
+    residual_powers,
+    sample_basis,
+    scaled_terms,
+)
+from modalscope.numerics.functions.pole_functions import line_functions, sample_functions
 from modalscope.numerics.linear_systems import HELD, markov_parameters
 
 #: Samples of a model that are computed together at least: C is read once for each such step.

@@ -17,9 +17,9 @@ from modalscope.data.notes import Note, notes_of
 from modalscope.data.response import Response
 from modalscope.data.shown import Shown
 from modalscope.data.whitening import Whitening
-from modalscope.functions.poles import HasPoles
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, freeze, locked, stays_locked
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.functions.poles import HasPoles
 from modalscope.numerics.handed import handed
 
 

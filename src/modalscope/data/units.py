@@ -16,8 +16,8 @@ import numpy as np
 
 from modalscope.data.channels import Channels
 from modalscope.data.notes import Note
-from modalscope.functions.poles import QUANTITIES
 from modalscope.numerics.checks import RealArray
+from modalscope.numerics.functions.poles import QUANTITIES
 
 _FOOT, _INCH, _GRAVITY, _POUND = 0.3048, 0.0254, 9.80665, 0.45359237
 _POUND_FORCE = _POUND * _GRAVITY

@@ -16,8 +16,8 @@ from modalscope.numerics.checks import Array, RealArray
 _MIN_EIGENVALUE = 1e-10
 
 #: Components weaker than this part of the largest are raised to it: a mode of a third of the largest amplitude is found as well.
-#: Of 16 + 16 records of `tests/judging/dominated.py` 1, .3 and .1 find 85, 86 and 83 of 97 modes, .03 finds 72; 1 and .3 raise noise
-#: more, so that two of eleven measured and simulated records lose a mode.
+#: Of 16 + 16 records of `tests/selection/judging/dominated.py` 1, .3 and .1 find 85, 86 and 83 of 97 modes, .03 finds 72; 1 and .3 raise
+#: noise more, so that two of eleven measured and simulated records lose a mode.
 _RAISED_EIGENVALUE = 0.1
 
 #: Responses of one kind.

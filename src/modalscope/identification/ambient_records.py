@@ -19,14 +19,21 @@ from modalscope.data.sizes import check_moving, check_size, check_upright
 from modalscope.data.stored import StoredSignals
 from modalscope.identification.routes import one_record
 from modalscope.identification.sizes import SETUP_ROWS
-from modalscope.preprocess.bands import AutomaticBands, at_lower_rate, automatic_bands
-from modalscope.preprocess.conditioning import straightened
-from modalscope.preprocess.harmonics import Line, harmonic_notes, lines_in
-from modalscope.preprocess.harmonics_removed import without_lines
-from modalscope.preprocess.modeless import modeless_notes
-from modalscope.preprocess.spectra import Spectrum
-from modalscope.preprocess.spectral_peaks import Levels, clear_peaks, levels_in, levels_of, noise_notes, uncorrelated
-from modalscope.preprocess.steady import steadied
+from modalscope.signals.preprocess.bands import AutomaticBands, at_lower_rate, automatic_bands
+from modalscope.signals.preprocess.conditioning import straightened
+from modalscope.signals.preprocess.harmonics import Line, harmonic_notes, lines_in
+from modalscope.signals.preprocess.harmonics_removed import without_lines
+from modalscope.signals.preprocess.modeless import modeless_notes
+from modalscope.signals.preprocess.spectra import Spectrum
+from modalscope.signals.preprocess.spectral_peaks import (
+    Levels,
+    clear_peaks,
+    levels_in,
+    levels_of,
+    noise_notes,
+    uncorrelated,
+)
+from modalscope.signals.preprocess.steady import steadied
 
 Band = tuple[float, float]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, NamedTuple, Protocol
 
-from modalscope.blocks.triple import Eigen, Triple
 from modalscope.data.notes import Note
-from modalscope.modal.eigenmodes import Eigenmodes
+from modalscope.identification.matrices.triple import Eigen, Triple
+from modalscope.identification.modal.eigenmodes import Eigenmodes
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
 
 

@@ -14,12 +14,12 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.responses import FrequencyResponse
-from modalscope.functions.poles import QUANTITIES, poles_from
 from modalscope.identification.dwell_levels import Levels, levels_of
-from modalscope.modal.indicators import mac, mmif, mpc
+from modalscope.identification.modal.indicators import mac, mmif, mpc
 from modalscope.numerics.arguments import POSITIVE, named
 from modalscope.numerics.checks import ComplexArray, RealArray, check_band, check_kind
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.functions.poles import QUANTITIES, poles_from
 
 #: Minimum number of lines on either side of a minimum for the single-mode fit.
 _MIN_LINES = 3

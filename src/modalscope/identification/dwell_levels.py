@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modalscope.data.records import Records, Signals
-from modalscope.functions.poles import QUANTITIES
 from modalscope.numerics.checks import ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.functions.poles import QUANTITIES
 
 #: Powers of the squared amplitude that K has at most, and dwells for each of its unknowns.
 _MAX_POWER, _DWELLS_AN_UNKNOWN = 3, 2

@@ -6,21 +6,21 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Unpack
 
-from modalscope.blocks.factor import Factors
-from modalscope.blocks.matrix import DataMatrix
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.data.shown import Shown, cells_of, summary_of
 from modalscope.data.statespace import StateSpace
+from modalscope.identification.matrices.factor import Factors
+from modalscope.identification.matrices.matrix import DataMatrix
 from modalscope.identification.method import Problem
 from modalscope.identification.method_names import cell_label
+from modalscope.identification.modal.eigenmodes import split_extraneous, state_space
+from modalscope.identification.modal.rebuilt import fit_error_of
 from modalscope.identification.options import AllOptions, Options
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
 from modalscope.identification.sweep import Sweep
-from modalscope.modal.eigenmodes import split_extraneous, state_space
-from modalscope.modal.rebuilt import fit_error_of
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import ComplexArray, RealArray, check_count
 from modalscope.numerics.resources import one_thread
@@ -130,16 +130,17 @@ def identify(
     weights : array (lines,), {"coherence", "variance", "level"}, optional
         Weights of the lines.
     initial_values, basis, source : optional
-        Known initial terms, the polynomials and where shifted transfer functions come from, see `modalscope.blocks.transfer`;
-        source is "samples" (of impulse responses; of a sampled system's full grid of lines, periodised) or "elimination" (any lines).
+        Known initial terms, the polynomials and where shifted transfer functions come from, see
+        `modalscope.identification.matrices.transfer`; source is "samples" (of impulse responses; of a sampled system's full grid of
+        lines, periodised) or "elimination" (any lines).
     references : labels, optional
         Outputs of the past, of "ssi-data".
     factorization : {"auto", "dense", "gram", "randomized", "lanczos"}, optional
         The route to the singular vectors.
     reduction : {"projection", "markov", "reversed"}, optional
-        Of polyreference in the time domain to minimum order, see `modalscope.realizations.companion`.
+        Of polyreference in the time domain to minimum order, see `modalscope.identification.realizations.companion`.
     row_shifts, column_shifts, row_subsets, column_subsets, row_weights, column_weights, row_compression, column_compression : optional
-        The data matrix in its generality, see `modalscope.blocks.hankel`.
+        The data matrix in its generality, see `modalscope.identification.matrices.hankel`.
     **options
         Those from `band` on.
 

@@ -9,18 +9,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modalscope.blocks.factor import Factors
-from modalscope.blocks.matrix import DataMatrix
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.results import Settings
 from modalscope.data.stored import StoredSignals
 from modalscope.data.whitening import Whitening
+from modalscope.identification.matrices.factor import Factors
+from modalscope.identification.matrices.matrix import DataMatrix
 from modalscope.identification.options import Options
 from modalscope.identification.orders import OrderRule
+from modalscope.identification.realizations.realization import Realization
 from modalscope.numerics.errors import DataError
-from modalscope.realizations.realization import Realization
 
 #: Maximum share of the energy in the last tenth of a response that has decayed.
 _MAX_LATE_ENERGY = 1e-3

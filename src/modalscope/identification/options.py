@@ -12,9 +12,9 @@ from typing import Any, ClassVar, TypedDict
 
 from numpy.typing import ArrayLike
 
-from modalscope.blocks.factor import FACTORIZATIONS
 from modalscope.data.geometry import Dof
 from modalscope.data.results import Settings
+from modalscope.identification.matrices.factor import FACTORIZATIONS
 from modalscope.numerics.checks import check_band, check_count, check_each, check_kind, freeze
 from modalscope.numerics.errors import check_choice
 
@@ -109,7 +109,7 @@ def labels_of(exclude: Any) -> tuple[Any, ...]:
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class HankelOptions(Options):
-    """Of a Hankel matrix of samples; see `modalscope.blocks.hankel`.
+    """Of a Hankel matrix of samples; see `modalscope.identification.matrices.hankel`.
 
     `block_rows`, `block_columns`: blocks of H(0). `form`: which side the shift is read off. `reduction`: of the canonical form to minimum
     order. `row_shifts`, `column_shifts`, `row_subsets`, `column_subsets`, `row_weights`, `column_weights`, `row_compression`,
@@ -154,7 +154,7 @@ class HankelOptions(Options):
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class LineOptions(Options):
-    """Of a matrix of transfer functions, on lines or on those of a window of samples; see `modalscope.blocks.transfer` and `shifted`.
+    """Of a matrix of transfer functions, on lines or on those of a window of samples; see `transfer` and `shifted` of the matrices.
 
     `block_rows`: the degree of the polynomials. `block_columns`: samples in the window, with source="samples". `form`: "observable".
     `weights` (lines,).
@@ -179,7 +179,7 @@ class LineOptions(Options):
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class FractionOptions(Options):
-    """Of a matrix fraction; see `modalscope.blocks.fraction`.
+    """Of a matrix fraction; see `modalscope.identification.matrices.fraction`.
 
     `form`: "controllable". `weights` (lines,).
     """
@@ -192,7 +192,7 @@ class FractionOptions(Options):
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class PointOptions(Options):
-    """Of a Loewner matrix; see `modalscope.blocks.loewner`.
+    """Of a Loewner matrix; see `modalscope.identification.matrices.loewner`.
 
     `form`: "observable". `weights` (lines,).
     """
@@ -205,7 +205,7 @@ class PointOptions(Options):
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class DrivenOptions(Options):
-    """Of records with inputs projected on their past; see `modalscope.blocks.driven`.
+    """Of records with inputs projected on their past; see `modalscope.identification.matrices.driven`.
 
     `block_rows`, `block_columns`: blocks of the future and of the past. `form`: "observable".
     """
@@ -219,7 +219,7 @@ class DrivenOptions(Options):
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class RecordOptions(DrivenOptions):
-    """Of records projected on their past; see `modalscope.blocks.projections`.
+    """Of records projected on their past; see `modalscope.identification.matrices.projections`.
 
     `block_rows`, `block_columns`: blocks of the future and of the past. `form`: "observable". `references`: outputs of the past;
     all by default. `weighting`: "cva": both sides are whitened, so that the singular values are canonical correlations.
@@ -236,7 +236,7 @@ class RecordOptions(DrivenOptions):
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class SpectraOptions(Options):
-    """Of records on lines; see `modalscope.blocks.records`.
+    """Of records on lines; see `modalscope.identification.matrices.records`.
 
     `block_rows`: the degree of the polynomials. `form`: "observable".
     """

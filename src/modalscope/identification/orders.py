@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.blocks.factor import Factors
-from modalscope.blocks.matrix import DataMatrix
-from modalscope.blocks.normal_equations import largest_degree
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
+from modalscope.identification.matrices.factor import Factors
+from modalscope.identification.matrices.matrix import DataMatrix
+from modalscope.identification.matrices.normal_equations import largest_degree
+from modalscope.identification.realizations.order import recommend_order
 from modalscope.numerics.checks import check_count, check_each
 from modalscope.numerics.errors import DataError
-from modalscope.realizations.order import recommend_order
 
 #: Largest number of states tried by default, by the origin of the response; impulse responses 60.
 _MAX_STATES = {"lines": 80, "records": 80, "correlation": 40}

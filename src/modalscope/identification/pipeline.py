@@ -6,18 +6,18 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from modalscope.blocks.factor import Factors
-from modalscope.blocks.matrix import DataMatrix, OfCombinations
-from modalscope.blocks.triple import Eigen, ModalFit, Triple
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.data.whitening import Whitening
+from modalscope.identification.matrices.factor import Factors
+from modalscope.identification.matrices.matrix import DataMatrix, OfCombinations
+from modalscope.identification.matrices.triple import Eigen, ModalFit, Triple
 from modalscope.identification.method import Built, Method, Problem
+from modalscope.identification.realizations.realization import Realization
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_count, check_kind
 from modalscope.numerics.resources import one_thread
-from modalscope.realizations.realization import Realization
 
 
 @dataclass(frozen=True, eq=False)

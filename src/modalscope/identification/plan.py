@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.blocks.combinations import enough
-from modalscope.blocks.costs import Cost, speed
 from modalscope.data.response import Response
 from modalscope.data.shown import counted
+from modalscope.identification.matrices.combinations import enough
+from modalscope.identification.matrices.costs import Cost, speed
 from modalscope.identification.method import Problem
 from modalscope.identification.options import HankelOptions, LineOptions
 from modalscope.identification.orders import checked_orders

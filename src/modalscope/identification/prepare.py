@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, fields, replace
 from functools import singledispatch
 from typing import Any, NamedTuple
 
-from modalscope.blocks.combinations import combined
 from modalscope.data.channels import excluded_labels
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals, as_records
@@ -24,6 +23,7 @@ from modalscope.identification.ambient_records import (
     conditioned_setups,
     seen_record,
 )
+from modalscope.identification.matrices.combinations import combined
 from modalscope.identification.method import Method, Problem, Takes
 from modalscope.identification.method_names import find_method
 from modalscope.identification.options import ROUTES, AllOptions, Options, delays_of, reciprocity_of
@@ -34,12 +34,12 @@ from modalscope.identification.table import methods
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_band, check_kind
 from modalscope.numerics.errors import DataError, check_choice, check_option_names
-from modalscope.preprocess.bands import driven_lines
-from modalscope.preprocess.conditioning import slower_correlation
-from modalscope.preprocess.correlation import estimate_correlation, spanning_outputs
-from modalscope.preprocess.excitation import still_there, without_dead_forces
-from modalscope.preprocess.setups import joined_setups
-from modalscope.preprocess.spectral_peaks import whitening_of
+from modalscope.signals.preprocess.bands import driven_lines
+from modalscope.signals.preprocess.conditioning import slower_correlation
+from modalscope.signals.preprocess.correlation import estimate_correlation, spanning_outputs
+from modalscope.signals.preprocess.excitation import still_there, without_dead_forces
+from modalscope.signals.preprocess.setups import joined_setups
+from modalscope.signals.preprocess.spectral_peaks import whitening_of
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -126,7 +126,7 @@ def measure(
     """Return the response of the data in a band (Hz) without the excluded channels; records become responses here.
 
     `route`: from records with inputs, see `modalscope.identification.routes`; the automatic one serves `method` and `domain`. `delays`:
-    samples by which outputs are late, see `modalscope.doctor.delays`. `reciprocal`: see `modalscope.identification.reciprocity`.
+    samples by which outputs are late, see `modalscope.signals.doctor.delays`. `reciprocal`: see `modalscope.identification.reciprocity`.
     """
     checked = None if band is None else check_band(band)
     asked = "auto" if route is None else check_choice("route", route, ROUTES)

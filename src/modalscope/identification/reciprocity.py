@@ -14,8 +14,8 @@ from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.data.shown import counted
 from modalscope.data.units import in_si
-from modalscope.doctor.polarity import check_polarity
 from modalscope.numerics.errors import DataError
+from modalscope.signals.doctor.polarity import check_polarity
 
 #: Findings at points that were both driven and measured which contradict reciprocity; a sign alone does not.
 _CONTRADICTIONS = ("reciprocity", "swapped")

@@ -15,22 +15,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modalscope.blocks.costs import record_cost, refuse_beyond_memory
 from modalscope.data.notes import Note
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import Records, Signals
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
-from modalscope.doctor.delays import aligned, common_delays
+from modalscope.identification.matrices.costs import record_cost, refuse_beyond_memory
 from modalscope.identification.method_names import find_method
 from modalscope.identification.table import methods
 from modalscope.numerics.errors import DataError
-from modalscope.preprocess import estimate_markov
-from modalscope.preprocess.bands import driven_band, struck_band
-from modalscope.preprocess.excitation import excitation_of, find_period
-from modalscope.preprocess.line_noise import level_lines
-from modalscope.preprocess.merging import joined_frf
-from modalscope.preprocess.resonant_band import resonant_band
+from modalscope.signals.doctor.delays import aligned, common_delays
+from modalscope.signals.preprocess import estimate_markov
+from modalscope.signals.preprocess.bands import driven_band, struck_band
+from modalscope.signals.preprocess.excitation import excitation_of, find_period
+from modalscope.signals.preprocess.line_noise import level_lines
+from modalscope.signals.preprocess.merging import joined_frf
+from modalscope.signals.preprocess.resonant_band import resonant_band
 
 #: Route -> default row and domain.
 USUAL = {

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from modalscope.blocks.block_hankel import BlockHankel
-from modalscope.blocks.combinations import enough
-from modalscope.blocks.costs import costs_of
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
+from modalscope.identification.matrices.block_hankel import BlockHankel
+from modalscope.identification.matrices.combinations import enough
+from modalscope.identification.matrices.costs import costs_of
 
 #: The short side of a truncation spans one in so many samples: a sixth, see `default_windows`.
 _SHORT_SIDE_SHARE = 6

@@ -13,22 +13,22 @@ from modalscope.data.notes import Note
 from modalscope.data.record_residual import UNMEASURED
 from modalscope.data.results import DEVIATIONS, StabilizationDiagram
 from modalscope.data.shown import counted
-from modalscope.functions.poles import frequencies_and_damping
 from modalscope.identification.ambient_records import looked_through
 from modalscope.identification.method import Problem
+from modalscope.identification.modal.indicators import mac
 from modalscope.identification.options import AllOptions
 from modalscope.identification.orders import grown
 from modalscope.identification.pipeline import Pipeline
 from modalscope.identification.prepare import prepare
 from modalscope.identification.sweep import Cut, Sweep, over_pipeline, resolved_orders, start
-from modalscope.modal.indicators import mac
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, IntArray, RealArray, check_kind, check_positive
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.executors import working
+from modalscope.numerics.functions.poles import frequencies_and_damping
 from modalscope.numerics.progress import stage
 from modalscope.numerics.resources import one_thread
-from modalscope.preprocess.spectral_peaks import PEAK, peak_heights
+from modalscope.signals.preprocess.spectral_peaks import PEAK, peak_heights
 
 #: Maximum difference of a stable pole to one of the previous order: relative frequency, relative damping, 1 - MAC.
 TOLERANCES = {"frequency": 0.01, "damping": 0.05, "shape": 0.05}

@@ -11,23 +11,23 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.blocks.triple import Misfit, Triple
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.response import output_scale
-from modalscope.functions.pole_basis import ModalBasis
-from modalscope.functions.poles import frequencies_and_damping
 from modalscope.identification.deviating import Asked, Deviating, Deviations
+from modalscope.identification.matrices.triple import Misfit, Triple
 from modalscope.identification.method import Problem
+from modalscope.identification.modal.eigenmodes import Eigenmodes, eigenmodes, indicators_of_all, split_extraneous
+from modalscope.identification.modal.rebuilt import modal_model
 from modalscope.identification.options import AllOptions
 from modalscope.identification.orders import checked_orders
 from modalscope.identification.pipeline import Factored, Pipeline, factor, realized
 from modalscope.identification.prepare import prepare
-from modalscope.modal.eigenmodes import Eigenmodes, eigenmodes, indicators_of_all, split_extraneous
-from modalscope.modal.rebuilt import modal_model
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import IntArray, RealArray
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.functions.pole_basis import ModalBasis
+from modalscope.numerics.functions.poles import frequencies_and_damping
 from modalscope.numerics.handed import handed
 from modalscope.numerics.resources import one_thread
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from modalscope.identification import matrices
+from modalscope.identification.matrices import of_method as matrices
 from modalscope.identification.method import Method, Takes
 from modalscope.identification.options import (
     DrivenOptions,
@@ -22,12 +22,16 @@ from modalscope.identification.options import (
 )
 from modalscope.identification.orders import BLOCKS, COMPANIONS, DEGREES, STATES
 from modalscope.identification.point_orders import INTERPOLANTS, POLES
-from modalscope.realizations.balanced import balanced
-from modalscope.realizations.companion import fraction_companion, least_squares_companion, null_space_companion
-from modalscope.realizations.predictor_fit import predictor_fit
-from modalscope.realizations.regression import regression
-from modalscope.realizations.shift import shift
-from modalscope.realizations.zeros import zeros
+from modalscope.identification.realizations.balanced import balanced
+from modalscope.identification.realizations.companion import (
+    fraction_companion,
+    least_squares_companion,
+    null_space_companion,
+)
+from modalscope.identification.realizations.predictor_fit import predictor_fit
+from modalscope.identification.realizations.regression import regression
+from modalscope.identification.realizations.shift import shift
+from modalscope.identification.realizations.zeros import zeros
 
 #: Fields of `Method` that a column of the table fixes, for rows whose realization suits every data matrix.
 _COLUMNS: dict[str, dict[str, Any]] = {

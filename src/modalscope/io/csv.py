@@ -9,7 +9,7 @@ sampling_rate, kind, first_sample).
 | `frequency_hz` | `real 3:+Z / 1:+Z [m/s2 / N]`, `imag 3:+Z / 1:+Z`, for every output and input | a frequency response |
 | `time_s` | `out 3:+Z [m/s2]`, `in 1:+Z [N]` | records |
 | `time_s` | `3:+Z / 1:+Z [m/s2 / N]`, for every output and input | an impulse response |
-| `mode` | what `columns_of` of `modalscope.judging.description` gives, then `real 3:+Z`, `imag 3:+Z` of the shapes | modes |
+| `mode` | what `columns_of` of `modalscope.selection.judging.description` gives, then `real 3:+Z`, `imag 3:+Z` of the shapes | modes |
 
 Tables of responses and records also say how many rows they have, and the SHA-256 of all lines but comments: `# rows: 300`. Another number
 of rows, or samples that do not follow at the rate of the header, is refused; another sum alone is a note. Tables of 0.2.0 say neither.
@@ -35,15 +35,15 @@ import numpy as np
 from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, ModalModel, Signals
 from modalscope.data.mode_fields import COLUMNS, DEGREES
 from modalscope.data.response import Response
-from modalscope.functions.poles import poles_from
 from modalscope.io import text
 from modalscope.io.arrays import joined
 from modalscope.io.atomic import MARK
 from modalscope.io.columns.words import is_unit
 from modalscope.io.contents import Contents, DataObject, Finding, Options, needs, unreadable
 from modalscope.io.limits import Room, room
-from modalscope.judging.description import DERIVED, columns_of
 from modalscope.numerics.checks import Array, RealArray
+from modalscope.numerics.functions.poles import poles_from
+from modalscope.selection.judging.description import DERIVED, columns_of
 
 _PAIR = re.compile(
     r"^(?:(?P<part>real|imag)\s+)?(?P<out>[^/\[\]]+?)\s*/\s*(?P<in>[^/\[\]]+?)\s*(?:\[(?P<unit>.*?)(?: / (?P<unit_in>.*))?\])?$"

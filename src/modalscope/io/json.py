@@ -35,16 +35,16 @@ from modalscope.data import DataError, Geometry, ModalModel, StabilizationDiagra
 from modalscope.data.analysis import VERSION
 from modalscope.data.mode_fields import COLUMNS
 from modalscope.data.results import Result
-from modalscope.functions.poles import poles_from
 from modalscope.io.analysis import analysis_to
 from modalscope.io.arrays import FIELD_FAULTS, joined, plain, to_arrays
 from modalscope.io.contents import Contents, Finding, Options, damage_as_error, unreadable
 from modalscope.io.diagrams import DIAGRAM, document_contents, write_document
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import room
-from modalscope.judging.description import columns_of
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.documents import entries, made, mapping, number, numbers
+from modalscope.numerics.functions.poles import poles_from
+from modalscope.selection.judging.description import columns_of
 
 #: What the caller may add: how the modes were found, and the data they were found in.
 WRITE_OPTIONS = ("method", "domain", "orders", "route", "data", "result")

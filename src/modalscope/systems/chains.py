@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike
 
 from modalscope.data.geometry import Geometry
 from modalscope.data.modes import ModalModel
-from modalscope.functions.poles import QUANTITIES, poles_from
 from modalscope.numerics.arguments import COUNT, POSITIVE, named, plainly
 from modalscope.numerics.checks import RealArray, check_each, real_array
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.functions.poles import QUANTITIES, poles_from
 from modalscope.systems.modal import modal_damping
 from modalscope.systems.structure import Structure
 

@@ -8,10 +8,10 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.data.modes import ModalModel
-from modalscope.functions.poles import QUANTITIES, one_of_each_pair
 from modalscope.numerics.arguments import plainly
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.functions.poles import QUANTITIES, one_of_each_pair
 
 #: Coupling of modes through damping below this fraction of the largest entry is rounding of the matrices' entries.
 _UNCOUPLED = 1e-12

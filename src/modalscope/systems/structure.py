@@ -15,10 +15,10 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.records import Signals
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.statespace import INPUTS, StateSpace
-from modalscope.functions.poles import QUANTITIES
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import ComplexArray, RealArray, check_positive, freeze, real_array, stays_locked
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.functions.poles import QUANTITIES
 from modalscope.systems.modal import modal_model, undamped_modes
 from modalscope.systems.records import Inputs, Seed, add_noise, simulate
 

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 import modalscope as ms
-from modalscope.cli.commands import build_parser
-from modalscope.cli.reading import reading_options
 from modalscope.data.units import in_si
+from modalscope.interfaces.cli.commands import build_parser
+from modalscope.interfaces.cli.reading import reading_options
 from tests.io.exports.draw import HALVES, PLAIN, Choices, draw_choices
 from tests.io.exports.write import Drawn, write
 

@@ -11,7 +11,6 @@ import numpy as np
 from modalscope.data import DataError, ImpulseResponse, Signals
 from modalscope.data.channels import names_base
 from modalscope.data.geometry import label_of
-from modalscope.functions.poles import QUANTITIES
 from modalscope.io.columns.axis import longest_even, parts_of_second, records_of, rises, same_rate, sampling_of
 from modalscope.io.columns.clock import evened
 from modalscope.io.columns.table import Column, Table, as_word, span
@@ -19,6 +18,7 @@ from modalscope.io.columns.weights import likeliest_force
 from modalscope.io.columns.words import factor_to_base, ignored_columns, kind_of_unit
 from modalscope.io.contents import Options, needs, unreadable
 from modalscope.numerics.checks import RealArray, check_positive
+from modalscope.numerics.functions.poles import QUANTITIES
 
 #: Relative uncertainty of a rate by the digits of the times, at most: frequencies have the same.
 _MAX_DOUBT_OF_RATE = 1e-3

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from modalscope.data import DataError, ModalModel, parse_dof
-from modalscope.functions.poles import poles_from
 from modalscope.io.limits import Room
 from modalscope.io.uff.layout import (
     CODES,
@@ -29,6 +28,7 @@ from modalscope.io.uff.layout import (
 )
 from modalscope.io.uff.scan import Block
 from modalscope.numerics.checks import ComplexArray, RealArray
+from modalscope.numerics.functions.poles import poles_from
 
 _TEXT: Record = (Field("text", 80, "a"),)
 _DEFINITION = (

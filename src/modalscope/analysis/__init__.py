@@ -1,0 +1,1 @@
+"""Whole jobs: a test analysed, compared, certified, and followed over months."""

@@ -1,0 +1,430 @@
+"""Tell a change of the structure: control charts on what weather leaves of the frequencies, with a stated rate of false alarms.
+
+The limit of a chart is that at which simulated years without a change give as many alarms as stated. They have the spectra of the
+reference, of single records (Hotelling's T2) the records of the reference in blocks (D. Politis and J. Romano, "The stationary bootstrap",
+1994), and the errors of the coefficients of the weather, at the weather of the records that are judged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import chdtri
+
+from modalscope.analysis.monitoring.tracks import Explained, Tracks, explain
+from modalscope.analysis.monitoring.weather import inflation, inside_of
+from modalscope.data.shown import Shown, summary_of
+from modalscope.numerics.arguments import POSITIVE, at_least, named
+from modalscope.numerics.checks import BoolArray, RealArray
+from modalscope.numerics.errors import DataError
+
+#: A record counts as one of this probability at most: a single one, however spoilt, is no change.
+_USUAL = 0.99
+
+#: Allowance of a cumulative sum, in deviations: half the shift that it is to find (E. Page, 1954).
+_ALLOWANCE = 0.5
+
+#: Simulated years that a limit is counted in, and the most values that they may have.
+_YEARS, _MOST = 60.0, 40_000_000
+
+#: Records of a reference at least, and the part of them that a track must have.
+_LEAST, _SHARE = 100, 0.5
+
+_YEAR = 365.25 * 24.0
+
+#: Shifts beyond so many deviations are told.
+_CLEAR = 3.0
+
+
+def _when(seconds: float, unit: str) -> str:
+    """Return seconds since 1970 as an ISO text, cut at a unit of numpy."""
+    return str(np.datetime64(round(1000 * seconds), "ms").astype(f"datetime64[{unit}]"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Alarm:
+    """An alarm.
+
+    Parameters
+    ----------
+    time : float
+        When the chart went beyond its limit, seconds since 1970 (UTC), as the times of the records were given.
+    change : float
+        When the change began, most likely.
+    interval : (float, float)
+        Within which it began, with 95 % probability.
+    statistic : float
+        The chart at its highest, in limits.
+    shifts, shifts_std : mapping of track to float
+        Relative change of each frequency, and its standard deviation.
+    """
+
+    time: float
+    change: float
+    interval: tuple[float, float]
+    statistic: float
+    shifts: Mapping[str, float]
+    shifts_std: Mapping[str, float]
+
+    @property
+    def tracks(self) -> tuple[str, ...]:
+        """The tracks whose frequencies changed by more than three deviations, the clearest first."""
+        clear = {
+            name: abs(shift) / self.shifts_std[name] for name, shift in self.shifts.items() if self.shifts_std[name] > 0
+        }
+        return tuple(sorted((name for name, z in clear.items() if z > _CLEAR), key=lambda name: -clear[name]))
+
+    @property
+    def text(self) -> str:
+        """The alarm in words."""
+        return str(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the alarm as JSON has it: times as ISO texts, the changes of the tracks that changed."""
+        changed = {name: {"relative_change": self.shifts[name], "std": self.shifts_std[name]} for name in self.tracks}
+        when = [_when(t, "s") for t in (self.time, self.change, *self.interval)]
+        return {
+            "alarm": when[0],
+            "change": when[1],
+            "interval": when[2:],
+            "statistic": self.statistic,
+            "tracks": changed,
+        }
+
+    def __str__(self) -> str:
+        when = [_when(t, "m").replace("T", " ") for t in (self.time, self.change, *self.interval)]
+        changes = ", ".join(
+            f"{name} {100 * self.shifts[name]:+.3g} +- {100 * self.shifts_std[name]:.2g} %" for name in self.tracks
+        )
+        return (
+            f"alarm at {when[0]}: change at {when[1]} ({when[2]} to {when[3]}): {changes or 'no single track is clear'}"
+        )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
+class Alarms(Shown):
+    """A control chart and its alarms.
+
+    Parameters
+    ----------
+    explained : Explained
+        What weather leaves.
+    chart : str
+    statistic : array, (R,)
+        The chart: distance of the averaged residuals from zero, in limits; 1 is the limit.
+    novelty : array, (R,)
+        Distance of each single record from the reference, root of the mean square over its tracks, in deviations; NaN without tracks.
+    alarms : tuple of Alarm
+    false_per_year : float
+        The rate that the limit is set for.
+    notes : tuple of str
+    """
+
+    explained: Explained
+    chart: str
+    statistic: RealArray
+    novelty: RealArray
+    alarms: tuple[Alarm, ...]
+    false_per_year: float
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        """Return the number of alarms."""
+        return len(self.alarms)
+
+    def table(self) -> str:
+        """Return the alarms, one a line, and the notes."""
+        return "\n".join([*(map(str, self.alarms) if self.alarms else ["no alarm"]), *self.notes])
+
+
+@summary_of.register
+def _(found: Alarms) -> str:
+    return f"{len(found)} alarms of {found.chart} at {found.false_per_year:g} false ones a year"
+
+
+@named(
+    tracks=Tracks,
+    covariates=Mapping,
+    deviations=Mapping,
+    chart=("ewma", "cusum", "t2"),
+    false_per_year=POSITIVE,
+    memory=POSITIVE,
+    seed=at_least(0),
+)
+def alarms(
+    tracks: Tracks,
+    *,
+    false_per_year: float = 1.0,
+    reference: Any = None,
+    covariates: Mapping[str, ArrayLike] | None = None,
+    deviations: Mapping[str, float] | None = None,
+    chart: str = "ewma",
+    memory: float = 24.0,
+    seed: int = 0,
+) -> Alarms:
+    """Tell changes of frequencies that weather does not explain, with a stated rate of false alarms.
+
+    Tracks that stand in fewer than half of the records of the reference are left out. Damping is not used.
+
+    Parameters
+    ----------
+    tracks : Tracks
+    false_per_year : float
+        Alarms a year without any change.
+    reference : (first, last) times or array of bool (R,), optional
+        Records of the sound structure, 100 at least; by default the first half of the time.
+    covariates, deviations : mapping, optional
+        As of `explain`.
+    chart : {"ewma", "cusum", "t2"}
+        Exponentially weighted average, cumulative sum, or single records (Hotelling's T2).
+    memory : float
+        Hours that the average reaches back.
+    seed : int
+        Of the simulated years.
+
+    Returns
+    -------
+    Alarms
+
+    Raises
+    ------
+    DataError
+        Too few records or tracks in the reference.
+
+    Examples
+    --------
+    >>> import modalscope as ms
+    >>> draw, hours = np.random.default_rng(0), np.arange(1000)
+    >>> f = np.where(hours < 800, 1, 0.999) * (1 + 5e-4 * draw.standard_normal(1000))
+    >>> history = ms.monitoring.History(times=3600 * hours, record=hours, frequencies=f)
+    >>> found = ms.monitoring.alarms(ms.monitoring.track(history), covariates={"none": 0 * hours})
+    >>> len(found), abs(found.alarms[0].change / 3600 - 800) < 10
+    (1, True)
+    """
+    times = tracks.history.times
+    notes: list[str] = []
+    if reference is None:
+        reference = (times[0], times[0] + (times[-1] - times[0]) / 2)
+        notes.append(
+            f"the first half of the time, up to {str(reference[1].astype('datetime64[m]')).replace('T', ' ')}, is taken for sound"
+        )
+    inside = inside_of(times, reference)
+    seen = np.isfinite(tracks.frequencies[inside]).mean(axis=0)
+    left = [name for name, share in zip(tracks.names, seen, strict=True) if share < _SHARE]
+    if inside.sum() < _LEAST or len(left) == len(tracks):
+        have = f"it has {int(inside.sum())} records, and {len(tracks) - len(left)} tracks stand in half of them"
+        raise DataError("a reference of the sound structure was asked", have, f"Give {_LEAST} records, or more.")
+    if left:
+        notes.append(f"in fewer than half of the records of the reference, left out: {', '.join(left)}")
+    kept = tracks.pick(seen >= _SHARE)
+    found = explain(kept, covariates, deviations=deviations, during=inside)
+    scale = np.maximum(found.residual_std, 1e-9)
+    z = found.residual / scale
+    hours = tracks.history.seconds / 3600
+    build = _Chart(chart, _bounded(z[inside]), memory)
+    value = build.run(_bounded(z)[None], hours)[0]
+    judged = ~inside if (~inside).any() else inside
+    limit = _limit(build, found, z[inside], judged, hours, false_per_year, np.random.default_rng(seed))
+    value = np.where(judged, value, np.where(inside, value, 0))
+    over = value > limit
+    over &= judged
+    starts = np.flatnonzero(_events(over[None], hours, 2 * memory)[0])
+    # an alarm ends with its last record beyond the limit
+    ends = [int(np.flatnonzero(over[:stop])[-1]) + 1 for stop in (*starts[1:], over.size)] if starts.size else []
+    first = [int(np.flatnonzero(~judged[:k])[-1]) + 1 if (~judged[:k]).any() else 0 for k in starts]
+    first = [max(a, b) for a, b in zip(first, [0, *ends[:-1]], strict=True)] if starts.size else []
+    each = [_alarm(found, z, value / limit, *where) for where in zip(first, map(int, starts), ends, strict=True)]
+    known = np.isfinite(z)
+    square = np.where(known, z, 0) ** 2
+    novelty = np.sqrt(square.sum(axis=1) / np.where(known.any(axis=1), known.sum(axis=1), np.nan))
+    return Alarms(
+        explained=found,
+        chart=chart,
+        statistic=value / limit,
+        novelty=novelty,
+        alarms=tuple(each),
+        false_per_year=false_per_year,
+        notes=(*notes, *found.notes),
+    )
+
+
+def _bounded(z: RealArray) -> RealArray:
+    """Return residuals in deviations (..., T) of records whose length is bounded by that of 99 % of normal ones."""
+    size = np.sqrt(np.nansum(z**2, axis=-1, keepdims=True))
+    usual = np.sqrt(chdtri(np.maximum(np.isfinite(z).sum(axis=-1, keepdims=True), 1), 1 - _USUAL))
+    return np.asarray(z * np.minimum(1, usual / np.maximum(size, 1e-300)))
+
+
+class _Chart:
+    """A chart: what it makes of residuals in deviations, each path by itself."""
+
+    def __init__(self, kind: str, z: RealArray, memory: float) -> None:
+        self.kind, self.memory = kind, memory
+        filled = np.where(np.isfinite(z), z, 0)
+        together = np.isfinite(z).T.astype(float) @ np.isfinite(z)
+        covariance = filled.T @ filled / np.maximum(together, 1)
+        # shrunk towards its diagonal as far as so few records leave it uncertain
+        part = len(covariance) / (len(covariance) + len(z))
+        covariance = (1 - part) * covariance + part * np.diag(np.diag(covariance))
+        values, vectors = np.linalg.eigh(covariance)
+        self.root = vectors / np.sqrt(np.maximum(values, 1e-3 * values[-1]))
+
+    def run(self, z: RealArray, hours: RealArray) -> RealArray:
+        """Return the chart of paths of residuals (S, R, T), (S, R); where a track was not seen it stays as it was."""
+        steps = np.diff(hours, prepend=hours[0] - max(float(np.median(np.diff(hours))), 1e-6))
+        state, found = np.zeros((len(z), z.shape[2])), np.zeros(z.shape[:2])
+        for k, step in enumerate(steps):
+            x = z[:, k]
+            known = np.isfinite(x)
+            x = np.where(known, x, 0)
+            if self.kind == "t2":
+                state = x
+            elif self.kind == "ewma":
+                part = 1 - np.exp(-step / self.memory)
+                state = state + np.where(known, part * (x - state), 0)
+            else:  # R. Crosier, "Multivariate generalizations of cumulative sum quality-control schemes", 1988
+                state = state + x
+                size = np.linalg.norm(state @ self.root, axis=1, keepdims=True)
+                state = state * np.maximum(0, 1 - _ALLOWANCE / np.maximum(size, 1e-300))
+            found[:, k] = np.linalg.norm(state @ self.root, axis=1)
+        return found
+
+
+def _limit(
+    chart: _Chart,
+    found: Explained,
+    z: RealArray,
+    judged: BoolArray,
+    hours: RealArray,
+    rate: float,
+    draw: np.random.Generator,
+) -> float:
+    """Return the limit that simulated paths of the judged records without a change pass at the rate, a year."""
+    when = hours[judged]
+    step = max(float(np.median(np.diff(when))) if when.size > 1 else 1.0, 1e-6)
+    years = min((when[-1] - when[0] + step), step * when.size * 2) / _YEAR
+    size = int(when.size * z.shape[1])
+    paths = int(np.clip(np.ceil(_YEARS / years), 8, max(_MOST // size, 8)))
+    like = (
+        _spoilt_again(z, paths, when.size, draw)
+        if chart.kind == "t2"
+        else _spectra_again(chart, z, step, paths, when.size, draw)
+    )
+    together = np.corrcoef(np.where(np.isfinite(z), z, 0).T) if z.shape[1] > 1 else np.ones((1, 1))
+    root = np.linalg.cholesky(together + 1e-6 * np.eye(len(together)))
+    scale = np.maximum(found.residual_std, 1e-9)
+    design = found.design[judged]
+    simulated = np.empty((paths, when.size, z.shape[1]))
+    values, vectors = np.linalg.eigh(found.covariance)
+    spread = vectors * np.sqrt(np.maximum(values, 0))[:, None]
+    for s in range(paths):
+        # twice: the errors of the coefficients are in the records that are judged, and are missing in those of the reference
+        errors = np.sqrt(2) * root @ draw.standard_normal(found.coefficients.shape)
+        errors = np.einsum("tij,tj->ti", spread, errors)
+        simulated[s] = like[s] + design @ errors.T / scale
+    value = chart.run(_bounded(simulated), when)
+    low, high = 0.0, float(value.max())
+    for _ in range(30):
+        middle = (low + high) / 2
+        many = _events(value > middle, when, 2 * chart.memory).sum() / (paths * years) > rate
+        low, high = (middle, high) if many else (low, middle)
+    return max(high, 1e-9)
+
+
+def _spoilt_again(z: RealArray, paths: int, records: int, draw: np.random.Generator) -> RealArray:
+    """Return records of the reference in random blocks (S, R, T), each with what is spoilt in it: for charts that remember none."""
+    block = 4 * max(inflation(column[np.isfinite(column)]) for column in z.T)
+    index, now = np.empty((paths, records), int), draw.integers(len(z), size=paths)
+    for k in range(records):
+        index[:, k] = now
+        now = np.where(draw.random(paths) < 1 / block, draw.integers(len(z), size=paths), (now + 1) % len(z))
+    return np.asarray(z[index])
+
+
+def _spectra_again(
+    chart: _Chart, z: RealArray, step: float, paths: int, records: int, draw: np.random.Generator
+) -> RealArray:
+    """Return normal errors with the spectra of the reference, and those between tracks (S, R, T): what an average makes of any errors.
+
+    Each line is that of the reference times a normal number, the same for all tracks (after D. Prichard and J. Theiler, "Generating
+    surrogate data for time series with several simultaneously measured variables", 1994). The variance of averages is known from few of
+    them: so uncertain is the size of each path.
+    """
+    x = _bounded(z)
+    x = np.where(np.isfinite(x), x, 0) / np.sqrt(np.isfinite(x).mean(axis=0))
+    spectrum = np.fft.rfft(x - x.mean(axis=0), axis=0)
+    part = 1 - np.exp(-step / chart.memory)
+    averages, mean = np.empty_like(x), np.zeros(x.shape[1])
+    for k, row in enumerate(x):
+        mean = mean + part * (row - mean)
+        averages[k] = mean
+    degrees = len(z) / np.array([inflation(column**2) for column in averages.T])
+    pieces = []
+    for _ in range(-(-records // len(z))):
+        lines = draw.standard_normal((2, paths, len(spectrum), 1))
+        turned = spectrum * (lines[0] + 1j * lines[1]) / np.sqrt(2)
+        pieces.append(np.fft.irfft(turned, len(z), axis=1))
+    sizes = np.sqrt(degrees / draw.chisquare(degrees, (paths, 1, degrees.size)))
+    return np.asarray(np.concatenate(pieces, axis=1)[:, :records] * sizes)
+
+
+def _events(over: BoolArray, hours: RealArray, gap: float) -> BoolArray:
+    """Return where an alarm begins: beyond the limit, and not within the hours before.
+
+    Examples
+    --------
+    >>> _events(np.array([[True, True, False, True, False, False, True]]), np.arange(7.0), 2.5).astype(int)
+    array([[1, 0, 0, 0, 0, 0, 1]])
+    """
+    last = np.maximum.accumulate(np.where(over, hours, -np.inf), axis=1)
+    before = np.column_stack([np.full(len(over), -np.inf), last[:, :-1]])
+    return np.asarray(over & (hours - before > gap))
+
+
+def _alarm(found: Explained, z: RealArray, statistic: RealArray, first: int, k: int, end: int) -> Alarm:
+    """Return the alarm at record k with the time of its change: the step of all means that is most likely.
+
+    `first`: the earliest record of the change. `end`: past the last record of the alarm.
+    """
+    times = found.tracks.times
+    x = _bounded(z[first:end])
+    known = np.isfinite(x)
+    filled = np.where(known, x, 0)
+    reference = z[found.reference]
+    after, count = filled[::-1].cumsum(axis=0)[::-1], known[::-1].cumsum(axis=0)[::-1]
+    fewer = _of_means(_bounded(reference), len(filled))[::-1]
+    gain = (after**2 / np.maximum(count, 1) / fewer).sum(axis=1) / 2
+    weight = np.exp(gain - gain.max())
+    share = np.cumsum(weight) / weight.sum()
+    at = int(gain[: k + 1 - first].argmax())
+    low, high = (int(np.searchsorted(share, level)) for level in (0.025, 0.975))
+    # shifts by the median, which spoilt records do not move: pi / 2 times the variance of a mean
+    there = np.isfinite(z[first + at : end]).sum(axis=0)
+    seen = np.flatnonzero(there)
+    shift = np.nanmedian(found.residual[first + at : end, seen], axis=0)
+    std = found.residual_std[seen] * np.sqrt(np.pi / 2 * fewer[at, seen] / there[seen])
+    names = [found.tracks.names[t] for t in seen]
+    return Alarm(
+        time=float(times[k]),
+        change=float(times[first + at]),
+        interval=(float(times[first + low]), float(times[first + min(high, len(x) - 1)])),
+        statistic=float(statistic[k:end].max()),
+        shifts=dict(zip(names, map(float, shift), strict=True)),
+        shifts_std=dict(zip(names, map(float, std), strict=True)),
+    )
+
+
+def _of_means(z: RealArray, most: int) -> RealArray:
+    """Return the variance of the mean of 1 to `most` records times their number, (most, T): it grows as errors follow each other."""
+    x = np.where(np.isfinite(z), z, 0) / np.sqrt(np.isfinite(z).mean(axis=0))
+    sizes = 2 ** np.arange(max(int(np.log2(len(x) / 8)), 0) + 1)
+    variances = []
+    for n in sizes:
+        means = x[: len(x) // n * n].reshape(-1, n, x.shape[1]).mean(axis=1)
+        variances.append(n * np.mean(means**2, axis=0))
+    grown = np.maximum.accumulate(np.array(variances), axis=0)
+    return np.column_stack([np.interp(np.log2(np.arange(1, most + 1)), np.log2(sizes), column) for column in grown.T])

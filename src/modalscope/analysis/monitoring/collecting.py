@@ -1,0 +1,104 @@
+"""Identify files in this process, in several, or by the workers of a Dask scheduler: what `Store.add` and `collect` have in common."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from modalscope.analysis.monitoring.entries import Entry, entry_of, time_of_file
+from modalscope.io.formats import FORMATS
+from modalscope.numerics.errors import DataError
+from modalscope.numerics.executors import each, executor
+
+#: Seconds that size and date of a file must stay, before it counts as written.
+_SETTLED = 2.0
+
+#: Records given to workers ahead of what they have done, for each of them: memory does not grow with the folder.
+_AHEAD = 2
+
+
+class Task(NamedTuple):
+    """A file to identify, known by the SHA-256 of its content; `time`: seconds since 1970, None where its name or date says it."""
+
+    path: Path
+    sha256: str
+    name: str
+    time: float | None = None
+    covariates: Mapping[str, float] | None = None
+
+
+def settled(folder: Path) -> tuple[list[Path], list[str]]:
+    """Return the files of a folder that `read` knows, and the names of those that are still being written."""
+
+    def look() -> dict[Path, tuple[int, int]]:
+        found = {}
+        for path in sorted(folder.rglob("*")):
+            try:
+                if path.is_file() and path.suffix.lower() in FORMATS:
+                    state = path.stat()
+                    found[path] = (state.st_size, state.st_mtime_ns)
+            except OSError:  # gone meanwhile
+                continue
+        return found
+
+    first = look()
+    if any(time.time() - changed * 1e-9 < _SETTLED for _, changed in first.values()):
+        time.sleep(_SETTLED)
+    second = look()
+    same = [path for path, state in second.items() if first.get(path) == state]
+    return same, [path.name for path in second if path not in same]
+
+
+def identified(tasks: Sequence[Task], workers: int, options: Mapping[str, Any]) -> Iterator[Entry]:
+    """Give the entries of files as they are done: by the scheduler that `working` names, else by this process or by several."""
+    work = partial(_entry, options=dict(options))
+    if executor().client is not None:
+        yield from (entry for _, entry in each(work, tasks))
+        return
+    if workers == 1 or len(tasks) < 2:
+        yield from map(work, tasks)
+        return
+    workers = min(workers, len(tasks), os.cpu_count() or 1)  # more would only wait for each other
+    # not forked: a library's threads do not survive that
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+        under_way: set[Future[Entry]] = set()
+        left = iter(tasks)
+        try:
+            while True:
+                while len(under_way) < _AHEAD * workers and (task := next(left, None)) is not None:
+                    under_way.add(pool.submit(work, task))
+                if not under_way:
+                    return
+                done, under_way = wait(under_way, return_when=FIRST_COMPLETED)
+                yield from (future.result() for future in done)
+        except BrokenProcessPool:
+            found = "a worker was ended by the system"
+            raise DataError(
+                "the records could not all be identified", found, "Use fewer workers; what is done is stored."
+            ) from None
+
+
+def _entry(task: Task, options: Mapping[str, Any]) -> Entry:
+    """Return the entry of one file."""
+    try:
+        when, origin = time_of_file(task.path) if task.time is None else (task.time, "given")
+    except OSError as error:
+        refused = f"the file is gone ({error.strerror})"
+        return Entry(sha256=task.sha256, name=task.name, time=0.0, refused=refused)
+    return entry_of(
+        task.path,
+        sha=task.sha256,
+        name=task.name,
+        time=when,
+        covariates=task.covariates,
+        origin={"time": origin},
+        options=options,
+    )

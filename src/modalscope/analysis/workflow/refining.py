@@ -1,0 +1,110 @@
+"""Refine selected modes to the maximum of the likelihood."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from modalscope.data.mode_fields import joined
+from modalscope.data.modes import ModalModel
+from modalscope.data.notes import Note
+from modalscope.data.response import Response
+from modalscope.data.results import StabilizationDiagram
+from modalscope.identification.modal.indicators import with_indicators_of_shapes
+from modalscope.numerics.checks import ComplexArray
+from modalscope.numerics.errors import DataError
+from modalscope.selection.judging.bands import evened, terms_of
+from modalscope.selection.judging.refine import in_place, refinement, residues_in_place
+from modalscope.selection.likelihood.descent import Astray
+from modalscope.selection.likelihood.noise import undenied
+
+_STD_FIELDS = (
+    *("frequencies_std", "damping_ratios_std", "frequencies_repeatability", "damping_ratios_repeatability"),
+    *("degrees", "damping_ratios_lower"),
+)
+
+#: Modes that drift away are fixed at once and the others refined again: minimum share of refined modes.
+_MIN_REFINED = 0.5
+
+
+def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> ModalModel:
+    """Return the modes selected from a diagram refined, or as they are with a note of the reason.
+
+    Poles that the data need in addition (real ones, and those not selected) are fixed at their values in the diagram.
+    """
+    if not len(modes):
+        return modes
+    why = _unfit(diagram)
+    if why:
+        return modes.noted(_kept(why))
+    extra = terms_of(modes)[0]
+    stay = np.ones(len(modes), bool)
+    while stay.mean() >= _MIN_REFINED:
+        fixed = np.concatenate([extra, modes.poles[~stay]])
+        try:
+            whole = diagram.response.whole
+            found = refinement(whole, modes.take(stay), fixed=fixed, confined=True, complete=not whole.separable)
+            refined = found.modes() if found.converged else None
+        except Astray as away:
+            stay &= ~np.isin(modes.poles, away.homes)
+            continue
+        except DataError as error:
+            return modes.noted(_kept(error.fault))
+        if refined is not None:
+            return refined if stay.all() else _with_others(diagram.response, modes, refined, modes.take(~stay), extra)
+        reasons = [str(note) for note in found.notes if note.kind == "not converged"]
+        return replace(_placed(diagram, modes, extra), converged=False).noted(_kept(*reasons))
+    where = ", ".join(f"{abs(s) / (2 * np.pi):.5g} Hz" for s in modes.poles[~stay])
+    kept = _kept(f"the optimum is far from {where}: the data contain more than these modes")
+    return _placed(diagram, modes, extra).noted(kept)
+
+
+def _placed(diagram: StabilizationDiagram, modes: ModalModel, extra: ComplexArray) -> ModalModel:
+    """Return modes of records that are not refined with the deviations that the likelihood gives at their values; others as they are."""
+    if diagram.response.separable:
+        return modes
+    found = in_place(diagram.response.whole, modes, extra)
+    placed = replace(modes, **{name: getattr(found, name) for name in _STD_FIELDS})
+    return replace(placed, notes=undenied(placed, placed.notes))
+
+
+def _with_others(
+    response: Response, modes: ModalModel, refined: ModalModel, others: ModalModel, extra: ComplexArray
+) -> ModalModel:
+    """Return the refined modes with others at their unrefined values, which the likelihood leads to other modes.
+
+    These have no interval: their standard deviations are those of the selection, and none of the likelihood is computed.
+    """
+    parts = evened([replace(part, left_out=(), shapes_std=None, unrefined=None) for part in (refined, others)])
+    # the likelihood leads away from these values: there is no interval around them
+    merged = joined([parts[0], replace(parts[1], degrees=np.zeros((len(others), 2)), converged=True)])
+    order = np.argsort(merged.frequencies, kind="stable")
+    # the refinement may leave modes out, and frequencies may pass each other
+    started = others.poles if refined.unrefined is None else np.append(refined.unrefined.poles, others.poles)
+    before = modes.take([int(np.argmin(np.abs(modes.poles - s))) for s in started[order]])
+    where = ", ".join(f"{f:.5g} Hz" for f in others.frequencies)
+    text = f"Not refined: {where} (their optimum lies at other modes); no intervals"
+    note = Note("not refined", {"modes": len(others)}, text)
+    fitted = residues_in_place(response.whole, joined(parts), extra)
+    both = replace(merged, left_out=refined.left_out, **fitted).normalized("unit")
+    unknown = np.full(others.shapes.shape, np.nan)
+    shapes_std = None if refined.shapes_std is None else np.hstack([refined.shapes_std, unknown])
+    found = replace(both, shapes_std=shapes_std).take(order)
+    return with_indicators_of_shapes(replace(found, unrefined=before)).noted(note)
+
+
+def _unfit(diagram: StabilizationDiagram) -> str:
+    """Return why the modes of a diagram cannot be refined; "" where they can."""
+    response, band = diagram.response, diagram.settings.band
+    if response.ambient:
+        return "errors of correlations are correlated between lags. Use refine(record, modes), which works on the lines of the record"
+    if any(note.kind == "transformed" for note in diagram.notes):
+        return "the data were transformed; choose a domain that uses them as measured"
+    if band is not None and response.in_band(band) is response:
+        return "samples are not filtered, and contain modes outside the band"
+    return ""
+
+
+def _kept(why: str) -> Note:
+    return Note("not refined", {}, f"Not refined: {why}")

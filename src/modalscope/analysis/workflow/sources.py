@@ -1,0 +1,183 @@
+"""Open the data of an analysis, given as paths or objects, and hash them so that later changes are detected."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from modalscope.data import Geometry, ModalModel, Note, Records, Signals, StoredSignals
+from modalscope.data.analysis import SourceFile
+from modalscope.data.setups import as_test, setups_of
+from modalscope.data.units import si_form
+from modalscope.io import from_frame, survey
+from modalscope.io.arrays import to_arrays
+from modalscope.io.beside import check_links
+from modalscope.io.frames import is_frame
+from modalscope.numerics.checks import check_each, check_kind
+from modalscope.numerics.errors import DataError
+from modalscope.numerics.progress import stage
+from modalscope.signals.doctor.places import against_labels, label_by_place, with_hits
+from modalscope.signals.preprocess.decays import as_free_decay
+from modalscope.signals.preprocess.excitation import moved_by_base, without_dead_forces
+from modalscope.signals.preprocess.merging import merge
+
+#: Options of reading, of all files or of each.
+Reading = Mapping[str, Any] | Sequence[Mapping[str, Any]]
+
+#: Bytes of a file that are hashed at a time.
+_CHUNK_BYTES = 1 << 20
+
+
+def opened(
+    data: Any, reading: Reading, *, decays: bool = False
+) -> tuple[Any, tuple[SourceFile, ...], tuple[Note, ...]]:
+    """Return the data in SI, their sources and the notes of reading; several files are merged (see `merge`).
+
+    `reading`: options of `read`, of all files or of each. `decays`: whether records that are free decays become that.
+
+    Raises `DataError`: a file of modes, options for data that are no file.
+    """
+    several = isinstance(data, list | tuple) and are_paths(data)
+    each = _of_each(reading, len(data) if several else 1)
+    if several:
+        parts = [_opened(path, options) for path, options in zip(data, each, strict=True)]
+        named, places = _placed([part for part, _, _ in parts], [Path(path).stem for path in data], each)
+        merged, units = si_form(named[0] if len(named) == 1 else merge(named))
+        merged, kind = _as_what_it_is(merged, decays)
+        said = _alike([note for _, _, read_notes in parts for note in read_notes])
+        return merged, tuple(source for _, source, _ in parts), tuple(dict.fromkeys([*said, *places, *units, *kind]))
+    single, source, notes = _opened(data, each[0])
+    single, units = si_form(single)
+    single, kind = _as_what_it_is(single, decays)
+    return single, (source,), (*notes, *units, *kind)
+
+
+def _placed(
+    parts: Sequence[Any], names: Sequence[str], each: Sequence[Mapping[str, Any]]
+) -> tuple[list[Any], tuple[Note, ...]]:
+    """Return the parts of a test that can be used, their inputs labelled by place where the user did not, and notes."""
+    used, unusable = with_hits(parts, names)
+    kept = [parts[k] for k in used]
+    if any("input_dofs" in options for options in each):
+        return kept, (*unusable, *against_labels(kept))
+    labelled, places = label_by_place(kept, [names[k] for k in used], len(parts))
+    return labelled, (*unusable, *places)
+
+
+def _alike(notes: Sequence[Note]) -> list[Note]:
+    """Return the notes on files; what several files have in common once, with the name of the first."""
+    together: dict[tuple[str, str], list[Note]] = {}
+    for note in notes:
+        together.setdefault((note.kind, note.text.partition(": ")[2]), []).append(note)
+    found = []
+    for (_, text), same in together.items():
+        name = same[0].text.partition(": ")[0]
+        found.append(same[0] if len(same) == 1 else replace(same[0], text=f"{name} and {len(same) - 1} more: {text}"))
+    return found
+
+
+def _as_what_it_is(data: Any, decays: bool) -> tuple[Any, tuple[Note, ...]]:
+    """Return records without forces that never change, of an earthquake with the channels of the base as inputs, a free decay as that."""
+    if not isinstance(data, Signals | Records):
+        return data, ()
+    alone, left = without_dead_forces(data)
+    driven, notes = moved_by_base(alone) if isinstance(alone, Signals) else (alone, ())
+    if isinstance(driven, Signals) and decays and not notes:
+        driven, notes = as_free_decay(driven)
+    return driven, (*left, *notes)
+
+
+def _of_each(reading: Reading, count: int) -> list[Mapping[str, Any]]:
+    """Return the options of reading of every file."""
+    if isinstance(reading, Mapping):
+        return [reading] * count
+    each = list(check_each("reading", reading, "options of reading, or a list of them"))
+    for options in each:
+        check_kind("options of reading one file", options, Mapping)
+    if len(each) != count:
+        have = f"the number of files is {count}"
+        raise DataError(
+            f"{len(each)} sets of reading options are given", have, "Give one for all files, or one for each."
+        )
+    return each
+
+
+def are_paths(data: Any) -> bool:
+    """Whether data are a path, or a sequence of nothing but paths."""
+    several = data if isinstance(data, list | tuple) else (data,)
+    return bool(several) and all(isinstance(each, str | Path) for each in several)
+
+
+def _opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tuple[Note, ...]]:
+    if is_frame(data):
+        made = from_frame(data, **reading)
+        return made, source_of_data(made), ()
+    if not isinstance(data, str | Path):
+        if reading:
+            asked, have = f"reading with {', '.join(reading)} was asked", f"the data are {type(data).__name__} already"
+            raise DataError(asked, have, "Give a path, or make the data with these values.")
+        runs = as_test(data) if isinstance(data, list | tuple) else data
+        return runs, source_of_data(runs), ()
+    path = file_at(data)
+    with stage("reading"):
+        found, source = survey(path, **reading), replace(source_of_file(path, reading), path=str(Path(data)))
+    if isinstance(found.thing, ModalModel):
+        change = "Give a file of responses or records."
+        raise DataError(f"modes in {path} were asked", "the file contains modes already", change)
+    if isinstance(found.thing, Geometry):
+        left = ", ".join(dict.fromkeys(finding.kind for finding in found.left if finding.kind))
+        raise DataError(
+            f"modes in {path} were asked",
+            f"the file gives a {found.result}{f', and no method identifies from its {left}' if left else ''}",
+            "Give a file of responses or records.",
+        )
+    return found.thing, source, found.told
+
+
+def file_at(path: str | Path) -> Path:
+    """Return the file at a path; where there is none, that of the measured test of this name."""
+    from modalscope.datasets.shipped import FILES, folder  # loaded where data are opened, not by the face
+
+    name, place = str(path), Path(path)
+    return folder(name) / FILES[name] if name in FILES and not place.exists() else place
+
+
+def source_of_file(path: Path, reading: Mapping[str, Any]) -> SourceFile:
+    """Return size and hash of a file, in pieces; of a folder, of all files in it with their names."""
+    digest, size = sha256(), 0
+    if path.is_dir():
+        check_links(path)
+    for part in sorted(each for each in path.rglob("*") if each.is_file()) if path.is_dir() else (path,):
+        if part is not path:
+            digest.update(f"{part.relative_to(path).as_posix()}\n".encode())
+        size += part.stat().st_size
+        with part.open("rb") as file:
+            while chunk := file.read(_CHUNK_BYTES):
+                digest.update(chunk)
+    return SourceFile(path=str(path), size=size, sha256=digest.hexdigest(), reading=dict(reading))
+
+
+def source_of_data(data: Any) -> SourceFile:
+    """Return size and hash of the arrays of a data object, of a stored record those of its name, size and date; empty without arrays."""
+    if parts := setups_of(data):
+        each = [source_of_data(part) for part in parts]
+        whole = sha256(" ".join(part.sha256 for part in each).encode())
+        return SourceFile(size=sum(part.size for part in each), sha256=whole.hexdigest())
+    if isinstance(data, StoredSignals):
+        return SourceFile(size=data.size, sha256=sha256(data.rows.identity.encode()).hexdigest())
+    try:
+        arrays = to_arrays(data)
+    except (TypeError, AttributeError, DataError):
+        return SourceFile()
+    digest, size = sha256(), 0
+    for name in sorted(arrays):
+        array = np.ascontiguousarray(arrays[name])
+        digest.update(f"{name} {array.dtype.str} {array.shape}".encode())
+        digest.update(array.tobytes())
+        size += array.nbytes
+    return SourceFile(size=size, sha256=digest.hexdigest())

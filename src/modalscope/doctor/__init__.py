@@ -1,6 +1,0 @@
-"""What is wrong with measured data, before anything is identified from them: one list of findings."""
-
-from modalscope.data.notes import Finding
-from modalscope.doctor.examine import examine
-
-__all__ = ["Finding", "examine"]

@@ -1,0 +1,317 @@
+"""Merge the modes of several setups: average poles, and scale parts of shapes to each other by common outputs (PoSER)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from modalscope.data.channels import AUTO, Groups, check_groups, source_of
+from modalscope.data.modes import ModalModel
+from modalscope.data.notes import Candidate, Note
+from modalscope.data.response import Response
+from modalscope.identification.modal.indicators import mac
+from modalscope.identification.modal.shapes import free_residues
+from modalscope.numerics.arguments import POSITIVE, named
+from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_each, check_kind
+from modalscope.numerics.errors import DataError
+from modalscope.numerics.functions.poles import poles_from
+from modalscope.numerics.statistics import assign
+
+#: Minimum number of groups whose scatter is estimated.
+_MIN_GROUPS = 4
+
+
+def with_repeatability(modes: ModalModel, response: Response) -> ModalModel:
+    """Return modes with the deviation of the mean over the groups of the response's inputs, s / sqrt(G); as they are without four groups.
+
+    `modes`: identified from all groups together. `response`: with `groups`: one label an input.
+    """
+    labels = response.groups
+    if labels is None or len(set(labels)) < _MIN_GROUPS or not len(modes):
+        return modes
+    steps = steps_of_groups(modes.poles, response)
+    moved = modes.poles + steps
+    f = np.abs(moved) / (2 * np.pi)
+    zeta = -moved.real / np.abs(moved)
+    count = np.sqrt(len(steps))
+    return replace(
+        modes,
+        frequencies_repeatability=np.asarray(f.std(axis=0, ddof=1) / count),
+        damping_ratios_repeatability=np.asarray(zeta.std(axis=0, ddof=1) / count),
+    )
+
+
+def steps_of_groups(poles: Array, response: Response) -> ComplexArray:
+    """Return how far every group of inputs would move the poles, (groups, n), in rad/s.
+
+    Residues R are fitted to the columns of the group with the poles given. Then ds is that of the least
+    |(1 - Q Q')(E - sum_r ds_r R_r dg_r/ds)|^2 over its pairs, with E what is left and Q an orthonormal basis of the functions g:
+    the residues are free in this step, too.
+
+    `poles` (n,).
+    """
+    assert response.groups is not None
+    basis = response.basis(poles, response.outside_powers)
+    columns = np.hstack([basis.terms, basis.functions])
+    Q = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny))[0]
+    slopes = response.derivatives(poles)
+    slopes = slopes - Q @ (Q.T @ slopes)
+    steps = []
+    for label in dict.fromkeys(response.groups):
+        chosen = [k for k, own in enumerate(response.groups) if own == label]
+        data = basis.data[:, :, chosen].reshape(len(basis.data), -1)
+        own = np.linalg.lstsq(columns, data, rcond=None)[0][basis.terms.shape[1] :].reshape(len(poles), 2, -1)
+        steps.append(_step(slopes, data - Q @ (Q.T @ data), own[:, 0] + 1j * own[:, 1]))
+    return np.array(steps)
+
+
+def _step(slopes: RealArray, left: RealArray, residues: ComplexArray) -> ComplexArray:
+    """Return ds (n,) of the least squares of `left` (rows, pairs) by residue times slope, real and imaginary part of each.
+
+    With e1 and e2 the slopes of 2 Re and -2 Im, a residue R and a step d give Re(R d) e1 + Im(R d) e2.
+    """
+    n = len(residues)
+    gram = (slopes.T @ slopes).reshape(n, 2, n, 2)
+    seen = (slopes.T @ left).reshape(n, 2, -1)
+    # what a unit step along the real and the imaginary axis does, as factors of e1 and e2: (n, step, slope, pairs)
+    factors = np.array([[residues.real, residues.imag], [-residues.imag, residues.real]]).transpose(2, 0, 1, 3)
+    A = np.einsum("asip,aibj,btjp->asbt", factors, gram, factors, optimize=True).reshape(2 * n, 2 * n)
+    b = np.einsum("asip,aip->as", factors, seen, optimize=True).ravel()
+    x = np.linalg.lstsq(A, b, rcond=None)[0].reshape(n, 2)
+    return np.asarray(x[:, 0] + 1j * x[:, 1])
+
+
+#: Rounds in which shapes and the scales of their parts are fitted alternately.
+_MAX_ROUNDS = 10
+
+#: One mode: its index in every setup that has it.
+_Mode = dict[int, int]
+
+
+@named(tolerance=POSITIVE)
+def merge_modes(
+    results: Sequence[ModalModel],
+    *,
+    responses: Sequence[Response] | None = None,
+    tolerance: float = 0.03,
+    groups: Groups = AUTO,
+) -> ModalModel:
+    """Put together the modes of setups that share some outputs and were identified one by one (PoSER).
+
+    A mode that more than half of the setups have is reported: f and zeta are the means of its setups, weighted by their variances where all
+    are known. Its shape minimizes sum_j |a_j x_j - phi_j|^2 over the scales a_j of the parts x_j, phi_j being the outputs of setup j. The
+    deviation between setups is s / sqrt(J), s that of J setups.
+
+    Parameters
+    ----------
+    results : sequence of ModalModel
+        One a setup. Shapes are carried over by the outputs that all have.
+    responses : sequence of FrequencyResponse or ImpulseResponse, optional
+        What each was measured as: the parts of the shapes are then fitted to these by least squares with the poles of all modes, also
+        where a setup lacks a mode. Without them they are those of the results, and a mode that a setup lacks is left out.
+    tolerance : float
+        Largest relative distance of frequencies of one mode.
+    groups : sequence of labels, "auto" or None
+        One label a setup; by default every setup is a group. Fewer than four say nothing of repeatability.
+
+    Returns
+    -------
+    ModalModel
+        Of all outputs; `reasons` says which setups found a mode, `left_out` which modes too few found.
+
+    Raises
+    ------
+    DataError
+        No result, or no output that all have.
+
+    References
+    ----------
+    Reynders, Magalhaes, De Roeck and Cunha, "Merging strategies for multi-setup operational modal analysis: application to the Luiz I
+    steel arch bridge", IMAC XXVII, 2009: post separate estimation re-scaling.
+
+    Examples
+    --------
+    >>> from modalscope.systems import chain5
+    >>> modes = chain5().modes()
+    >>> parts = [modes.select(outputs=["1:+X", "2:+X"]), modes.select(outputs=["1:+X", "4:+X", "5:+X"])]
+    >>> merged = merge_modes(parts)
+    >>> merged.output_dofs == modes.output_dofs, float(np.diag(mac(merged.shapes, modes.shapes)).min().round(9))
+    (True, 1.0)
+    """
+    parts = check_each("results", results, "modes, one a setup")
+    for part in parts:
+        check_kind("each of the results", part, ModalModel)
+    common = _common(parts)
+    labels = check_groups(groups, len(parts), "a setup", tuple(f"setup {j + 1}" for j in range(len(parts))))
+    given = None if responses is None else check_each("responses", responses, "one a setup")
+    if given is not None and len(given) != len(parts):
+        raise DataError(f"{len(parts)} responses were asked", f"{len(given)} are given", "Give one a result.")
+    found = _together(parts, common, tolerance)
+    enough = [mode for mode in found if 2 * len(mode) > len(parts)]
+    kept = [mode for mode in enough if given is not None or len(mode) == len(parts)]
+    left = [_candidate(mode, parts, mode in enough) for mode in found if mode not in kept]
+    f, zeta = (np.array([_mean(mode, parts, name) for mode in kept]) for name in ("frequencies", "damping_ratios"))
+    order = np.argsort(f)
+    kept, f, zeta = [kept[k] for k in order], f[order], zeta[order]
+    poles = poles_from(f, zeta)
+    outputs = tuple(dict.fromkeys(dof for part in parts for dof in part.output_dofs))
+    pieces = _pieces(parts, kept, poles, given)
+    places = [[outputs.index(dof) for dof in part.output_dofs] for part in parts]
+    shapes = np.array([_glued(x, places, len(outputs)) for x in pieces], dtype=complex).reshape(-1, len(outputs)).T
+    repeated = None if labels is None or len(set(labels)) < _MIN_GROUPS else labels
+    return ModalModel(
+        poles=poles,
+        shapes=shapes,
+        output_dofs=outputs,
+        quantity=parts[0].quantity,
+        **_deviations(kept, parts, repeated),
+        reasons=tuple(_reason(mode, parts) for mode in kept),
+        left_out=tuple(left),
+        notes=_notes(kept, parts, repeated),
+        units=_units(parts, outputs),
+        geometry=next((part.geometry for part in parts if part.geometry is not None), None),
+        source_path=source_of(parts),
+        scaling="as in the first setup",
+        processing=(f"modes of {len(parts)} setups merged through {', '.join(common)}",),
+    )
+
+
+def _pieces(
+    parts: Sequence[ModalModel], kept: Sequence[_Mode], poles: ComplexArray, responses: Sequence[Response] | None
+) -> list[list[ComplexArray]]:
+    """Return of every mode the part of its shape in each setup: of the results, or fitted to the responses with the poles of all."""
+    if responses is None:
+        return [[part.shapes[:, mode[j]] for j, part in enumerate(parts)] for mode in kept]
+    whole = [_residues(response, poles) for response in responses]
+    return [[shapes[:, k] for shapes in whole] for k in range(len(kept))]
+
+
+def _common(parts: Sequence[ModalModel]) -> tuple[str, ...]:
+    if not parts:
+        raise DataError("modes of several setups were asked", "the list is empty", "Give the modes of each.")
+    common = tuple(dof for dof in parts[0].output_dofs if all(dof in part.output_dofs for part in parts))
+    if not common:
+        raise DataError(
+            "setups are merged through outputs that all have",
+            "they have none in common",
+            "Give references the same labels in all.",
+        )
+    return common
+
+
+def _together(parts: Sequence[ModalModel], common: tuple[str, ...], tolerance: float) -> list[_Mode]:
+    """Return which modes of which setups are one: pairs of least cost |df| / tolerance + 1 - MAC, no pair costs more than one."""
+    shapes = [part.shapes[[part.output_dofs.index(dof) for dof in common]] for part in parts]
+    found: list[_Mode] = []
+    for j in sorted(range(len(parts)), key=lambda j: -len(parts[j])):
+        first = [next(iter(mode.items())) for mode in found]
+        cost = np.full((len(found), len(parts[j])), 2.0 * (1 + len(found)))
+        if found and len(parts[j]):
+            f = np.array([np.mean([parts[k].frequencies[i] for k, i in mode.items()]) for mode in found])
+            like = mac(np.stack([shapes[k][:, i] for k, i in first], axis=1), shapes[j])
+            near = np.abs(parts[j].frequencies / f[:, None] - 1) / tolerance + 1 - like
+            cost = np.where(near <= 1, near, cost)
+        rows, columns = assign(cost)
+        pairs = {int(b): int(a) for a, b in zip(rows, columns, strict=True) if cost[a, b] <= 1}
+        for i in range(len(parts[j])):
+            if i in pairs:
+                found[pairs[i]][j] = i
+            else:
+                found.append({j: i})
+    return found
+
+
+def _values(mode: _Mode, parts: Sequence[ModalModel], name: str) -> tuple[RealArray, RealArray, RealArray | None]:
+    """Return what the setups give, the weights of their mean, and their variances where all are known."""
+    x = np.array([getattr(parts[j], name)[i] for j, i in mode.items()])
+    std = [getattr(parts[j], f"{name}_std") for j in mode]
+    if any(each is None for each in std):
+        return x, np.full(x.size, 1 / x.size), None
+    variance = np.array([each[i] ** 2 for each, i in zip(std, mode.values(), strict=True)])
+    if not np.all(np.isfinite(variance) & (variance > 0)):
+        return x, np.full(x.size, 1 / x.size), None
+    return x, 1 / variance / np.sum(1 / variance), variance
+
+
+def _mean(mode: _Mode, parts: Sequence[ModalModel], name: str) -> float:
+    x, weights, _ = _values(mode, parts, name)
+    return float(weights @ x)
+
+
+def _deviations(kept: list[_Mode], parts: Sequence[ModalModel], labels: Groups) -> dict[str, Any]:
+    """Return deviations of the means, from the noise and between groups of setups."""
+    fields: dict[str, Any] = {}
+    for name in ("frequencies", "damping_ratios"):
+        values = [_values(mode, parts, name) for mode in kept]
+        known = bool(kept) and all(variance is not None for _, _, variance in values)
+        fields[f"{name}_std"] = np.array([np.sqrt(w**2 @ v) for _, w, v in values if v is not None]) if known else None
+        between = labels and [_between(x, [labels[j] for j in m]) for (x, _, _), m in zip(values, kept, strict=True)]
+        fields[f"{name}_repeatability"] = None if between is None else np.array(between)
+    return fields
+
+
+def _between(x: RealArray, labels: list[str]) -> float:
+    """Return the deviation of the mean of groups; NaN of fewer than four."""
+    means = np.array(
+        [np.mean([a for a, own in zip(x, labels, strict=True) if own == label]) for label in dict.fromkeys(labels)]
+    )
+    return float(means.std(ddof=1) / np.sqrt(means.size)) if means.size >= _MIN_GROUPS else np.nan
+
+
+def _residues(response: Response, poles: ComplexArray) -> ComplexArray:
+    """Return the shapes of modes with these poles in a response, (l, n): leading vectors of the residues by least squares."""
+    if not poles.size:
+        return np.zeros((len(response.output_dofs), 0), dtype=complex)
+    residues = free_residues(response.basis(poles, response.outside_powers))
+    return np.linalg.svd(residues, full_matrices=False)[0][:, :, 0].T
+
+
+def _glued(pieces: list[ComplexArray], places: list[list[int]], outputs: int) -> ComplexArray:
+    """Return the shape of which the pieces are multiples: scales and shape by least squares in turn, the first piece as it is."""
+    phi, seen = np.zeros(outputs, dtype=complex), np.zeros(outputs, dtype=bool)
+    phi[places[0]], seen[places[0]] = pieces[0], True
+    for _ in range(_MAX_ROUNDS):
+        total, count = np.zeros(outputs, dtype=complex), np.zeros(outputs)
+        for x, place in zip(pieces, places, strict=True):
+            known = seen[place]
+            own = x[known]
+            scale = np.vdot(own, phi[place][known]) / max(np.vdot(own, own).real, np.finfo(float).tiny)
+            total[place] += scale * x
+            count[place] += 1
+        phi, seen = total / count, count > 0
+    return phi
+
+
+def _reason(mode: _Mode, parts: Sequence[ModalModel]) -> dict[str, object]:
+    x = _values(mode, parts, "frequencies")[0]
+    scatter = f"{100 * x.std(ddof=1) / x.mean():.3f} %" if x.size > 1 else "-"
+    return {"setups": f"found in {len(mode)} of {len(parts)}", "scatter of f": scatter}
+
+
+def _candidate(mode: _Mode, parts: Sequence[ModalModel], enough: bool) -> Candidate:
+    where = ", ".join(str(j + 1) for j in sorted(mode))
+    return Candidate(
+        frequency=_mean(mode, parts, "frequencies"),
+        damping_ratio=_mean(mode, parts, "damping_ratios"),
+        reason=f"only {len(mode)} of {len(parts)} setups have it: {where}",
+        remedy="Give the responses, too: its shape is then fitted where it is lacking"
+        if enough
+        else "Give its frequency: frequencies=[...] in every setup, or identify the setups together",
+    )
+
+
+def _notes(kept: list[_Mode], parts: Sequence[ModalModel], labels: Groups) -> tuple[Note, ...]:
+    lacking = sum(len(mode) < len(parts) for mode in kept)
+    notes = [] if labels else [Note("groups", {}, "fewer than four setups: their repeatability is not known")]
+    if lacking:
+        text = f"{lacking} modes are lacking in some setups: their shapes there are fitted with their poles given"
+        notes.append(Note("shapes", {"modes": lacking}, text))
+    return tuple(notes)
+
+
+def _units(parts: Sequence[ModalModel], outputs: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    known = {dof: unit for part in parts for dof, unit in zip(part.output_dofs, part.units[0], strict=True)}
+    return tuple(known[dof] for dof in outputs), ()

@@ -1,0 +1,71 @@
+"""Realize models by balanced projection: the eigensystem realization algorithm (Eqs. 24-28, 39-41)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from modalscope.identification.matrices.factor import Factors
+from modalscope.identification.matrices.matrix import DataMatrix
+from modalscope.identification.matrices.triple import Eigen, Triple
+from modalscope.identification.realizations.realization import Realization, Sides
+from modalscope.numerics.checks import Array, RealArray
+
+
+def first_blocks(matrix: DataMatrix, factors: Factors) -> tuple[RealArray, RealArray | None]:
+    """Return C = E_l' H(0) Q d^-1/2 and B = d^1/2 Q' E_m for all kept directions (Eq. 28; 37 and 39 after compression)."""
+    C, first = matrix.first_of_states(factors), matrix.first_columns(factors)
+    return C, None if first is None else np.ascontiguousarray((first * np.sqrt(factors.d)).T)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Balanced(Realization):
+    """Balanced projection: the model of order n is the leading n x n block of the largest one.
+
+    `A`, `B`, `C`: of the largest order; B is None where columns are lines.
+    """
+
+    A: RealArray
+    B: RealArray | None
+    C: RealArray
+
+    def triple(self, n: int) -> Triple:
+        """Return the leading block of order n."""
+        self.factors.check_order(n)
+        B = None if self.B is None else self.B[:n]
+        return Triple(self.A[:n, :n], B, self.C[:, :n], n, self.factors)
+
+    def sides(self, n: int, eigen: Eigen) -> Sides:
+        """Return F = y d^-1/2 P' and v = Q d^-1/2 x."""
+        root = np.sqrt(self.factors.d[:n])
+        return Sides(eigen.left / root, eigen.vectors / root[:, None])
+
+
+def balanced(matrix: DataMatrix, factors: Factors) -> Balanced:
+    """Balanced projection: A = d^-1/2 P' H(1) Q d^-1/2 (Eq. 28, the eigensystem realization algorithm).
+
+    `factors`: of H(0), the largest order.
+
+    Returns
+    -------
+    Balanced
+    """
+    K, root = matrix.between(factors), np.sqrt(factors.d)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        A = K / np.outer(root, root)
+    C, B = first_blocks(matrix, factors)
+    return Balanced(factors=factors, matrix=matrix, A=A, B=B, C=C)
+
+
+def projected_general(P: Array, d: Array, Q: Array, shifted: Array, first_row: Array, first_column: Array) -> Triple:
+    """Realize from any factorization H(0) = P diag(d) Q', orthonormal or not: A = d^-1/2 P# H(1) (Q')# d^-1/2 (28, corrected).
+
+    B = d^1/2 Q' E_m keeps Q', C = E_l' P d^1/2 keeps P.
+
+    `P` (rows, n). `d` (n,). `Q` (columns, n). `shifted` (rows, columns): h(1). `first_row`: rows of the first block (outputs).
+    `first_column`: columns of the first block (inputs).
+    """
+    root = np.sqrt(np.asarray(d, dtype=float))
+    A = np.linalg.pinv(P) @ shifted @ np.linalg.pinv(np.asarray(Q).T) / np.outer(root, root)
+    return Triple(A, root[:, None] * np.asarray(Q)[first_column].T, np.asarray(P)[first_row] * root, root.size)

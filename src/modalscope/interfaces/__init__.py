@@ -1,0 +1,1 @@
+"""How people meet the program: pictures, written results, the page, commands."""

@@ -1,0 +1,89 @@
+"""Commands on the program itself: its methods, its published figures, its completion in shells."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+
+from modalscope.interfaces.cli.parser import Parser, add_force
+from modalscope.interfaces.cli.process import progress, say
+
+
+def add_methods(parser: Parser) -> None:
+    """Add the arguments of `methods`."""
+    parser.add_argument("name", nargs="?", help="a method, or its name in the literature: show only this one")
+
+
+def methods(options: argparse.Namespace) -> None:
+    """Print the table of methods."""
+    from modalscope.data.shown import text_table
+    from modalscope.identification.method_names import methods
+
+    rows = [("name", "method", "domain", "realization", "report", "known as")]
+    rows += [
+        (m.common, m.name, m.domain, m.realization, m.section, "; ".join(m.known_as)) for m in methods(options.name)
+    ]
+    print(text_table(rows, left=range(6)))
+
+
+def add_selfcheck(parser: Parser) -> None:
+    """`selfcheck` takes no argument."""
+
+
+def selfcheck(options: argparse.Namespace) -> None:
+    """Recompute published tables with this installation, value by value."""
+    from modalscope.analysis.checking.selfcheck import selfcheck
+    from modalscope.data import DataError
+
+    with progress("recomputing"):
+        check = selfcheck()
+    print(check.table())
+    wrong = [value for value in check.values if not value.same]
+    if wrong:
+        first = f"the first in {wrong[0].table}: {wrong[0].computed:.8g}, not {wrong[0].published:g}"
+        asked, differences = f"{len(check.values)} published values were recomputed", f"{len(wrong)} differ, {first}"
+        raise DataError(asked, differences, "Check the versions of numpy and scipy, and report the difference.")
+
+
+def add_reproduce(parser: Parser) -> None:
+    """Add the arguments of `reproduce`."""
+    where = "page to write (default: report-reproduced.html)"
+    parser.add_argument("-o", "--output", type=Path, default=Path("report-reproduced.html"), metavar="FILE", help=where)
+    add_force(parser)
+
+
+def reproduce(options: argparse.Namespace) -> None:
+    """Recompute published tables and run the founding report section by section, and write one page of all."""
+    from modalscope.data import DataError
+    from modalscope.interfaces.cli.output import check_output
+    from modalscope.interfaces.reporting.reproduction import reproduce
+
+    os.environ.setdefault("MPLBACKEND", "Agg")  # pictures are written: no window is opened
+    check_output(options.output, (), options.force, (".html", ".htm"))
+    with progress("reproducing", "page") as show:
+        done = reproduce(options.output, progress=show)
+    say(
+        f"{sum(v.same for v in done.check.values)} of {len(done.check.values)} published values agree",
+        f"{len(done.pages) - sum(map(bool, done.pages.values()))} of {len(done.pages)} sections of the report ran",
+        f"written: {done.path}",
+    )
+    if done.faults:
+        asked = "the report was to be reproduced"
+        raise DataError(asked, f"{len(done.faults)} differ, first {done.faults[0]}", "Report this, with your versions.")
+
+
+def add_completion(parser: Parser) -> None:
+    """Add the arguments of `completion`."""
+    parser.add_argument("shell", choices=("bash", "zsh", "fish", "tcsh"), help="bash, zsh, fish or tcsh")
+
+
+def completion(options: argparse.Namespace) -> None:
+    """Print the script that lets a shell complete commands, options and files.
+
+    For bash: modalscope completion bash > ~/.local/share/bash-completion/completions/modalscope
+    """
+    from modalscope.numerics.errors import optional_package
+
+    shtab = optional_package("shell completion", "shtab", "completion")
+    say(shtab.complete(options.parser, shell=options.shell))

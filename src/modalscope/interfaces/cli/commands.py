@@ -1,0 +1,103 @@
+"""List the commands and build the parser of them all."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from inspect import cleandoc
+from itertools import groupby
+from textwrap import fill
+from typing import Any, NamedTuple
+
+from modalscope import __version__
+from modalscope.interfaces.cli import about, app, demo, files, identify, results, spectra, watch
+from modalscope.interfaces.cli.parser import Parser, add_common
+
+
+class Command(NamedTuple):
+    """A command: `run` gives its name, and its docstring the help; `add` adds its arguments to a parser."""
+
+    run: Callable[[argparse.Namespace], None]
+    add: Callable[[Parser], None]
+    group: str = ""
+
+    @property
+    def name(self) -> str:
+        """The name that is typed."""
+        return self.run.__name__
+
+    @property
+    def title(self) -> str:
+        """What it does, in one line."""
+        return cleandoc(self.run.__doc__ or self.name).partition("\n")[0].rstrip(".")
+
+
+#: The groups of the help, and the commands in each. `run` imports what it needs, so that the help loads no numerical library.
+COMMANDS = (
+    Command(demo.demo, demo.add_demo, "first"),
+    Command(app.app, app.add_app, "first"),
+    Command(files.info, files.add_info, "look"),
+    Command(results.plot, results.add_plot, "look"),
+    Command(spectra.psd, spectra.add_psd, "look"),
+    Command(spectra.ods, spectra.add_ods, "look"),
+    Command(identify.identify, identify.add_identify, "identify"),
+    Command(watch.watch, watch.add_watch, "identify"),
+    Command(results.refine, results.add_refine, "identify"),
+    Command(results.certify, results.add_certify, "identify"),
+    Command(results.report, results.add_report, "identify"),
+    Command(results.compare, results.add_compare, "compare"),
+    Command(results.mac, results.add_mac, "compare"),
+    Command(about.methods, about.add_methods, "compare"),
+    Command(about.selfcheck, about.add_selfcheck, "compare"),
+    Command(about.reproduce, about.add_reproduce, "compare"),
+    Command(results.realize, results.add_realize, "models"),
+    Command(results.validate, results.add_validate, "models"),
+    Command(files.simulate, files.add_simulate, "models"),
+    Command(spectra.frf, spectra.add_frf, "files"),
+    Command(files.merge, files.add_merge, "files"),
+    Command(files.convert, files.add_convert, "files"),
+    Command(files.plan, files.add_plan, "files"),
+    Command(about.completion, about.add_completion, "files"),
+)
+
+_EXAMPLE = "modalscope identify test.uff -o report.html"
+
+
+def names() -> tuple[str, ...]:
+    """Return the names of the commands."""
+    return tuple(command.name for command in COMMANDS)
+
+
+class Overview(Parser):
+    """The parser of all commands: its help lists them by what they are for."""
+
+    def format_help(self) -> str:
+        """Return the commands in groups, one example, and how to learn more."""
+        parts = ["usage: modalscope COMMAND ...", self.description or "", f"  {_EXAMPLE}"]
+        for group, members in groupby(COMMANDS, key=lambda command: command.group):
+            lines = [fill(f"{c.name:11} {c.title}", 96, **_INDENT) for c in members]
+            parts.append("\n".join([group, *lines]))
+        parts.append(
+            "modalscope COMMAND --help lists the options of a command; modalscope --version prints the version."
+        )
+        return "\n\n".join(parts) + "\n"
+
+
+_INDENT: dict[str, Any] = {"initial_indent": "    ", "subsequent_indent": 16 * " "}
+
+
+def build_parser() -> Parser:
+    """Return the parser; each command carries the function that runs it."""
+    parser = Overview(
+        prog="modalscope", description="Modal identification: from measured data to modes of a structure."
+    )
+    parser.add_argument("--version", action="version", version=__version__)
+    commands = parser.add_subparsers(metavar="COMMAND", parser_class=Parser)
+    for command in COMMANDS:
+        added = commands.add_parser(command.name, description=cleandoc(command.run.__doc__ or ""))
+        added.set_defaults(run=command.run)
+        command.add(added)
+        add_common(added)
+        added.arrange()
+    parser.set_defaults(parser=parser, run=lambda _: parser.print_help(), quiet=False, verbose=False, log=None)
+    return parser

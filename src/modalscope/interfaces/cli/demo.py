@@ -1,0 +1,104 @@
+"""The command `demo`: a measured beam, its modes beside the published ones, and how far methods agree."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from modalscope.interfaces.cli.parser import Parser, add_force
+from modalscope.interfaces.cli.process import progress, remark, say
+
+if TYPE_CHECKING:
+    from modalscope.data import FrequencyResponse, ModalModel
+    from modalscope.data.modes import Mode
+
+#: The data set, and the band in which its modes were published.
+_SET, _BAND = "beam_hammer", (100.0, 4500.0)
+
+#: Methods are compared on the first hammer point in a band of two published modes: the whole would take minutes.
+_SHORT_BAND = (400.0, 1000.0)
+
+
+def add_demo(parser: Parser) -> None:
+    """Add the arguments of `demo`."""
+    where = "report to write: .html, .docx or .pptx (default: demo-report.html)"
+    parser.add_argument("-o", "--output", type=Path, default=Path("demo-report.html"), metavar="FILE", help=where)
+    add_force(parser)
+
+
+def demo(options: argparse.Namespace) -> None:
+    """Identify a measured beam, compare with the published modes, and write a report.
+
+    The data come with the program: seven accelerometers and six hammer points, measured by the authors of sdypy-EMA (MIT). Only the
+    band is set.
+    """
+    from modalscope.analysis.workflow.analyze import analyze
+    from modalscope.datasets import load, reference
+    from modalscope.interfaces.cli.output import check_output
+    from modalscope.interfaces.reporting import report
+
+    check_output(options.output, (), options.force)
+    data, published = load(_SET), reference(_SET)
+    outputs, inputs = len(data.output_dofs), len(data.input_dofs)
+    remark(
+        f"{_SET}: {outputs} accelerometers, {inputs} hammer points, {data.lines} lines; band {_BAND[0]:g} to {_BAND[1]:g} Hz",
+        "",
+    )
+    with progress("identifying") as show:
+        result = analyze(data, band=_BAND, progress=show)
+    say(_table(result.modes, published), "", _inside(result.modes, published), _agreement(data))
+    with progress(f"writing {options.output.name}"):
+        report(result, options.output, title="Modes of a measured beam")
+    say(f"Pictures, reasons and settings: {options.output.resolve()}. Your own file: modalscope app test.uff")
+
+
+def _beside(modes: ModalModel, published: ModalModel) -> dict[int, int]:
+    """Return which published mode stands nearest to a mode, by the number of the mode."""
+    return {int(abs(modes.frequencies - f).argmin()): k for k, f in enumerate(published.frequencies)}
+
+
+def _table(modes: ModalModel, published: ModalModel) -> str:
+    """Return the modes with their 95 % intervals and grades, and the published values beside them."""
+    from modalscope.data.shown import text_table
+    from modalscope.selection.judging.description import table_of
+
+    head, *rows = table_of(modes)
+    width, nearest = head.index("grade") + 1, _beside(modes, published)
+    lines = [[*head[:width], "published: f [Hz]", "damping [%]"]]
+    for k, row in enumerate(rows):
+        known = nearest.get(k)
+        texts = ("-", "-") if known is None else _as_published(published[known])
+        lines.append([*row[:width], *texts])
+    return text_table(lines, left=[width - 1])
+
+
+def _as_published(mode: Mode) -> tuple[str, str]:
+    return f"{mode.frequency:.1f}", f"{100 * mode.damping_ratio:.2f}"
+
+
+def _inside(modes: ModalModel, published: ModalModel) -> str:
+    """Return how many published values, which are rounded to .1 Hz and .01 %, their modes' intervals reach."""
+    ends, pairs = modes.interval(0.95), _beside(modes, published)
+    counts = []
+    for name, values, rounding in (
+        ("frequency", published.frequencies, 0.05),
+        ("damping_ratio", published.damping_ratios, 0.5e-4),
+    ):
+        low, high = ends[name].T
+        counts.append(sum(bool(low[i] - rounding <= values[k] <= high[i] + rounding) for i, k in pairs.items()))
+    n = len(published)
+    return f"Within the 95 % intervals: {counts[0]} of {n} published frequencies, {counts[1]} of {n} damping ratios."
+
+
+def _agreement(data: FrequencyResponse) -> str:
+    """Return how many methods there are, which are one and the same, and how many find the modes of a short band."""
+    from modalscope.analysis.comparing import compare
+
+    with progress("comparing methods") as show:
+        found = compare(data.select(inputs=data.input_dofs[:1]), band=_SHORT_BAND, progress=show)
+    agreed = [group for group, trust in zip(found.groups, found.trust, strict=True) if trust.agreed]
+    least = min((len(group.members) for group in agreed), default=0)
+    where = " and ".join(f"{group.frequency:.1f} Hz" for group in agreed)
+    band = f"one hammer point, {_SHORT_BAND[0]:g} to {_SHORT_BAND[1]:g} Hz"
+    return f"{found.headline}.\n{least} of them find {where} ({band})."

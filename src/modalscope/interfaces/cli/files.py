@@ -1,0 +1,159 @@
+"""Commands on files: contents, conversion, merging, simulation, cost."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from modalscope.interfaces.cli.parser import (
+    Parser,
+    add_choices,
+    add_files,
+    add_force,
+    add_method,
+    add_orders,
+    add_outputs,
+    add_reading,
+)
+from modalscope.interfaces.cli.process import progress, remark, say
+
+
+def add_info(parser: Parser) -> None:
+    """Add the arguments of `info`."""
+    add_files(parser)
+    parser.add_argument(
+        "--whole",
+        action="store_true",
+        help="search every pair of many channels for outlying lines, and every output for a wrong quantity",
+    )
+
+
+def info(options: argparse.Namespace) -> None:
+    """Print the contents of a file, how they are interpreted, and their quality; of several files what they are together."""
+    from modalscope.data import Geometry, ModalModel, StabilizationDiagram, StateSpace
+    from modalscope.data.shown import summary_of
+    from modalscope.data.units import si_form
+    from modalscope.interfaces.cli.reading import read_test, reading_options
+    from modalscope.io import survey
+    from modalscope.signals.doctor import examine
+
+    with progress("reading"):
+        surveys = [survey(path, **reading_options(options, path)) for path in options.files]
+    data = surveys[0].thing
+    if len(surveys) > 1:
+        say(*(f"{contents.path.name}: {contents.result}" for contents in surveys))
+        data, notes = read_test(options)
+        say(f"together: {summary_of(data)}", *(f"note: {note}" for note in notes))
+    else:
+        say(surveys[0])
+    if isinstance(data, ModalModel):
+        say(data.table())
+        return
+    if isinstance(data, Geometry | StateSpace | StabilizationDiagram):  # not measured
+        return
+    measured, units = si_form(data)
+    with progress("examining"):
+        findings = examine(measured, whole=options.whole)
+    say(*(f"units: {note}" for note in units), "quality:" if findings else "quality: no data problem found")
+    say(*(f"  {finding}" for finding in findings))
+
+
+def add_convert(parser: Parser) -> None:
+    """Add the arguments of `convert`."""
+    parser.add_argument("input", type=Path, help="file to read")
+    parser.add_argument("output", type=Path, help="file to write; its suffix is the format")
+    add_reading(parser)
+    add_force(parser)
+
+
+def convert(options: argparse.Namespace) -> None:
+    """Convert a file to another format."""
+    from modalscope.interfaces.cli.output import check_output, write_data
+    from modalscope.interfaces.cli.reading import read_data
+
+    check_output(options.output, (options.input,), options.force)
+    data, notes = read_data(options, options.input)
+    written = write_data(options.output, data)
+    remark(*notes)
+    say(written)
+
+
+def add_merge(parser: Parser) -> None:
+    """Add the arguments of `merge`."""
+    add_files(parser)
+    add_outputs(parser, "write .uff, .npz, .mat or .h5")
+
+
+def merge(options: argparse.Namespace) -> None:
+    """Merge the files of one test, runs or setups, into one file."""
+    from modalscope.data import Setups
+    from modalscope.interfaces.cli.output import DATA, check_outputs, require_output, write_data
+    from modalscope.interfaces.cli.reading import read_test
+    from modalscope.signals.preprocess.setups import correlations, merge_setups
+
+    require_output(options, "test.npz")
+    check_outputs(options, options.files, DATA)
+    data, notes = read_test(options)
+    if isinstance(data, Setups):  # no format stores several records: their merged correlation is one
+        with progress("merging"):
+            data = merge_setups(correlations(data))
+    written = [write_data(path, data) for path in options.outputs]
+    remark(*notes)
+    say(*written)
+
+
+def add_simulate(parser: Parser) -> None:
+    """Add the arguments of `simulate`."""
+    parser.add_argument("system", help="a structure of the catalog; 'list' prints the catalog")
+    parser.add_argument("-o", "--output", type=Path, help="file to write")
+    add_force(parser)
+    parser.add_argument("--kind", default="frf", help="frf, impulse, records or ambient (default: frf)")
+    samples = "samples or lines (default: 1000 lines, 2000 samples, 20000 samples of a record)"
+    parser.add_argument("--samples", type=int, help=samples)
+    parser.add_argument("--quantity", default="acceleration", help="displacement, velocity or acceleration (default)")
+    parser.add_argument("--noise", type=float, metavar="DB", help="signal-to-noise ratio in dB (default: no noise)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the noise (default: 0)")
+
+
+def simulate(options: argparse.Namespace) -> None:
+    """Write a simulated test of a known structure."""
+    from modalscope import systems
+    from modalscope.data import DataError
+    from modalscope.interfaces.cli.output import check_output, write_data
+    from modalscope.systems.listing import trial
+
+    if options.system == "list":
+        for name, make in systems.catalog().items():
+            say(f"{name:15s} {(make.__doc__ or '').strip().splitlines()[0]}")
+        return
+    structure = systems.build(options.system)
+    if options.output is None:
+        raise DataError(f"simulating {options.system} needs an output file", "none was given", "Add -o test.npz.")
+    check_output(options.output, (), options.force)
+    size = {"samples": options.samples, "quantity": options.quantity}
+    with progress("simulating"):
+        data = trial(structure, options.kind, **size, snr_db=options.noise, seed=options.seed)
+    say(write_data(options.output, data))
+
+
+def add_plan(parser: Parser) -> None:
+    """Add the arguments of `plan`."""
+    add_files(parser)
+    add_method(parser)
+    add_orders(parser)
+    add_choices(parser)
+
+
+def plan(options: argparse.Namespace) -> None:
+    """Estimate the cost of a stabilization diagram: matrix, factorization, time and memory.
+
+    Nothing of the size of the data matrix is computed.
+    """
+    from modalscope.identification.plan import plan
+    from modalscope.interfaces.cli.reading import choices, parse_orders, read_test
+
+    data, _ = read_test(options)
+    orders = parse_orders(options.orders)
+    with progress("estimating the cost"):
+        planned = plan(data, method=options.method, domain=options.domain, orders=orders, **choices(options))
+    say(planned)

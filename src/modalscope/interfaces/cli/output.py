@@ -1,0 +1,201 @@
+"""Write results to the output files, or as JSON to stdout."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from pathlib import Path
+from tempfile import mkstemp
+from typing import TYPE_CHECKING, Any
+
+from modalscope.data import DataError, ModalModel, StabilizationDiagram
+from modalscope.data.results import Result
+from modalscope.interfaces.cli.process import STDOUT, progress
+from modalscope.io.atomic import MARK, PENDING, check_target, is_ours, replacing
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from modalscope.analysis.checking.certificate import Certificate
+    from modalscope.data.statespace import StateSpace
+
+#: Suffixes of reports, data, pictures and results.
+_PAGES = (".html", ".htm", ".docx", ".pptx")
+DATA = (".uff", ".unv", ".npz", ".mat", ".h5", ".hdf5", ".csv")
+PICTURES = (".png", ".svg", ".pdf")
+_RESULTS = (".json", ".csv", ".uff", ".unv", *_PAGES, ".npz", ".h5", ".hdf5", ".mat")
+
+
+def is_page(path: Path) -> bool:
+    """Whether the file is a report."""
+    return path.suffix.lower() in _PAGES
+
+
+def check_outputs(options: argparse.Namespace, sources: Iterable[Path], suffixes: tuple[str, ...] = _RESULTS) -> None:
+    """Raise for output names that cannot be written, before the work is done."""
+    for path in options.outputs:
+        if str(path) != STDOUT:
+            check_output(path, sources, options.force, suffixes)
+        elif ".json" not in suffixes:
+            raise DataError("JSON on stdout was asked", f"the formats are {', '.join(suffixes)}", "Name a file.")
+
+
+def check_output(path: Path, sources: Iterable[Path], force: bool, suffixes: tuple[str, ...] = _RESULTS) -> None:
+    """Raise for a name that cannot be written: never overwrite a source, and only with --force a file of another program."""
+    asked = f"writing {str(path)!r} was asked"
+    if path.suffix.lower() not in suffixes:
+        raise DataError(asked, f"the formats are {', '.join(suffixes)}", "Choose one of these suffixes.")
+    target = check_target(path, tuple(sources))
+    if not target.parent.is_dir():
+        raise DataError(asked, f"there is no folder {target.parent}", "Name a file in an existing folder.")
+    if not force and target.exists() and target.stat().st_size and not is_ours(target):
+        raise DataError(
+            asked, "the file exists and modalscope did not write it", "Choose another name, or use --force."
+        )
+
+
+def write_outputs(
+    options: argparse.Namespace, result: Any, certificate: Certificate | None = None, record: Any = None, **fields: Any
+) -> list[str]:
+    """Write a result to every output file, print JSON for stdout, and return a message per file.
+
+    `options`: `files`, `outputs`, and the `command_line` of the report. `certificate`, `record`: for the report. `**fields`: written into
+    JSON with the modes.
+    """
+    source = ", ".join(map(str, options.files))
+    fields = {"data": {"file": Path(source).name}, **fields}
+    named = [path for path in options.outputs if str(path) != STDOUT]
+    messages = [write_file(options, path, result, source, certificate, fields, record) for path in named]
+    if STDOUT in map(str, options.outputs):
+        with progress("writing"):
+            document = _document(result, fields)
+        print(document)
+    return messages
+
+
+def write_file(
+    options: argparse.Namespace,
+    path: Path,
+    result: Any,
+    source: str,
+    certificate: Certificate | None = None,
+    fields: dict[str, Any] | None = None,
+    record: Any = None,
+) -> str:
+    """Write a result to one file, a report or data, and return the message."""
+    with progress(f"writing {path.name}"):
+        if not is_page(path):
+            return _write(path, result, fields or {})
+        from modalscope.interfaces.reporting import report
+
+        report(result, path, source=source, command=options.command_line, certificate=certificate, data=record)
+        return f"written: {path}"
+
+
+def _document(result: Any, fields: dict[str, Any]) -> str:
+    """Return the text of the JSON file."""
+    handle, name = mkstemp(suffix=".json")
+    os.close(handle)
+    place = Path(name)
+    PENDING.add(place)
+    try:
+        _write(place, result, fields)
+        return place.read_text(encoding="utf-8")
+    finally:
+        place.unlink()
+        PENDING.discard(place)
+
+
+def require_output(options: argparse.Namespace, example: str) -> None:
+    """Raise if a command that only writes files has no output."""
+    if not options.outputs:
+        raise DataError("this command writes a file", "no -o was given", f"Add for instance -o {example}.")
+
+
+def write_picture(path: Path, draw: Callable[..., Axes], *given: Any, **options: Any) -> str:
+    """Draw a picture, write it with the mark of the program, and return the message."""
+    from matplotlib.figure import Figure
+
+    where = {".png": "Software", ".svg": "Creator", ".pdf": "Creator"}[path.suffix.lower()]
+    with progress(f"drawing {path.name}"), replacing(path) as temporary:
+        figure = draw(*given, **options).figure
+        assert isinstance(figure, Figure)
+        figure.savefig(temporary, format=path.suffix.lower()[1:], dpi=150, metadata={where: MARK}, bbox_inches="tight")
+    return f"written: {path}"
+
+
+def write_simulation(path: Path, model: StateSpace, record: Any) -> str:
+    """Write a picture of measured and simulated outputs with the mark of the program, and return the message."""
+    from modalscope.interfaces.reporting.simulations import simulation_svg
+
+    with progress(f"drawing {path.name}"), replacing(path) as temporary:
+        head, tag, body = simulation_svg(model, record).partition(">")
+        title = f'<metadata xmlns:dc="http://purl.org/dc/elements/1.1/"><dc:title>{MARK}</dc:title></metadata>'
+        temporary.write_text(f"{head}{tag}{title}{body}", encoding="utf-8")
+    return f"written: {path}"
+
+
+def write_pictures(
+    options: argparse.Namespace, outputs: Sequence[Path], modes: ModalModel, diagrams: Sequence[StabilizationDiagram]
+) -> list[str]:
+    """Write the pictures of a result, named after its first output, and return a message per file.
+
+    `options`: `files`, `pictures` (a suffix or None), `force`.
+    """
+    if options.pictures is None:
+        return []
+    from matplotlib.figure import Figure
+
+    from modalscope.interfaces import plot
+    from modalscope.interfaces.plot._style import DPI, SIZE
+
+    named = [path for path in outputs if str(path) != STDOUT]
+    if not named:
+        raise DataError(
+            "--pictures names its files after an output", "no -o was given", "Add for instance -o report.html."
+        )
+    drawn: dict[str, Callable[[Axes], Axes]] = {}
+    for k, diagram in enumerate(diagrams):
+        number = str(k + 1) if len(diagrams) > 1 else ""
+        drawn[f"diagram{number}"] = partial(plot.stabilization, diagram, modes)
+    if len(modes.output_dofs) > 1:
+        drawn |= {f"mode{k + 1}": partial(plot.shape, modes, k, None) for k in range(len(modes))}
+        drawn["mac"] = partial(plot.mac, modes, None)
+    if modes.participation is not None and len(modes):
+        drawn["response"] = partial(plot.response, diagrams[0].response, modes, None, None)
+    messages = []
+    for name, draw in drawn.items():
+        path = named[0].with_name(f"{named[0].stem}_{name}.{options.pictures}")
+        check_output(path, options.files, options.force, PICTURES)
+        axes = Figure(figsize=SIZE, dpi=DPI, layout="constrained").add_subplot()
+        messages.append(write_picture(path, draw, axes))
+    return messages
+
+
+def write_data(path: Path, data: Any) -> str:
+    """Write data and return the message."""
+    from modalscope.data.shown import summary_of
+    from modalscope.io import write
+
+    with progress(f"writing {path.name}"):
+        write(path, data)
+    return f"written: {path}, {summary_of(data)}{_loss(path, data)}"
+
+
+def _write(path: Path, result: Any, fields: dict[str, Any]) -> str:
+    """Write a result or its modes, in JSON with the fields, and return the message."""
+    from modalscope.io import write
+
+    modes = getattr(result, "modes", result)
+    more = fields if path.suffix.lower() == ".json" and not isinstance(result, Result) else {}
+    write(path, result if isinstance(result, Result) else modes, **more)
+    return f"written: {path}{_loss(path, modes)}"
+
+
+def _loss(path: Path, data: Any) -> str:
+    """Return what a universal file does not store of modes."""
+    if not isinstance(data, ModalModel) or path.suffix.lower() not in (".uff", ".unv"):
+        return ""
+    return "\nuniversal files store poles and shapes only: participation, spreads, indicators and reasons are left out (use .json)"

@@ -1,0 +1,375 @@
+"""Commands on results: refined, certified, compared, drawn, reported."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from modalscope.interfaces.cli.parser import (
+    Parser,
+    add_band,
+    add_choices,
+    add_file,
+    add_files,
+    add_geometry,
+    add_method,
+    add_orders,
+    add_outputs,
+    add_outside,
+    add_pictures,
+    add_reading,
+)
+from modalscope.interfaces.cli.process import explain, progress, remark, say
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from modalscope.analysis.comparing.run import MethodResult
+    from modalscope.data.results import Result
+
+
+def add_realize(parser: Parser) -> None:
+    """Add the arguments of `realize`."""
+    add_files(parser)
+    parser.add_argument("--order", type=int, help="number of states (default: chosen by the data)")
+    part = "share of records with inputs held out to judge candidates (default .25; 0: none)"
+    parser.add_argument("--holdout", type=float, default=0.25, metavar="PART", help=part)
+    parser.add_argument("--unstable", action="store_true", help="keep poles that grow")
+    add_method(parser)
+    add_choices(parser)
+    add_outputs(parser, "write A, B, C, D as .mat, .npz, .h5 or .json, or a report of records with inputs, .html")
+
+
+def realize(options: argparse.Namespace) -> None:
+    """Identify a state-space model for control design, of records with inputs the one that simulates best what it was not fitted to."""
+    from modalscope.analysis.workflow.realize import realize
+    from modalscope.data.shown import summary_of
+    from modalscope.interfaces.cli.output import check_outputs, require_output, write_outputs
+    from modalscope.interfaces.cli.reading import choices, read_test
+
+    require_output(options, "model.mat")
+    check_outputs(options, options.files, (".mat", ".npz", ".h5", ".hdf5", ".json", ".html"))
+    data, notes = read_test(options)
+    with progress("identifying"):
+        model = realize(
+            data,
+            method=options.method,
+            domain=options.domain,
+            order=options.order,
+            stable=not options.unstable,
+            holdout=options.holdout,
+            **choices(options),
+        )
+    written = write_outputs(options, model, record=data, data={"file": ""})
+    remark(*notes, *model.notes)
+    if model.validation is not None:
+        explain(model.validation.table())
+    said = [] if model.validation is None else [summary_of(model.validation)]
+    say(summary_of(model), *said, *written)
+
+
+def add_validate(parser: Parser) -> None:
+    """Add the arguments of `validate`."""
+    parser.add_argument(
+        "model", type=Path, metavar="MODEL", help="state-space model, as `modalscope realize` writes it, or modes"
+    )
+    add_files(parser)
+    sides = "of modes: sides that are left out in turn (default: inputs)"
+    parser.add_argument("--leaving", choices=("inputs", "outputs"), default="inputs", help=sides)
+    add_outputs(parser, "of a model: draw measured against simulated outputs, .svg")
+
+
+def validate(options: argparse.Namespace) -> None:
+    """Say how well a model simulates and predicts a record, or how well modes explain what they are not fitted to.
+
+    Of a state-space model: variance of every output explained by simulation from the inputs alone, and one sample ahead, and whether the
+    errors of prediction are white. Of modes: what they leave of each input or output that is left out in turn.
+    """
+    from modalscope.analysis.checking.validation import validate
+    from modalscope.analysis.workflow.simulation import ModelValidation
+    from modalscope.data.shown import summary_of
+    from modalscope.interfaces.cli.output import check_outputs, write_simulation
+    from modalscope.interfaces.cli.reading import read_data, read_test
+
+    check_outputs(options, (options.model, *options.files), (".svg",))
+    model, told = read_data(options, options.model)
+    data, notes = read_test(options)
+    with progress("validating"):
+        seen = validate(model, data, leaving=options.leaving)
+    remark(*told, *notes)
+    if not isinstance(seen, ModelValidation):
+        say(summary_of(seen), "", seen.table())
+        return
+    written = [write_simulation(path, model, data) for path in options.outputs]
+    say(summary_of(seen), "", seen.table_of_outputs(), *written)
+
+
+def add_refine(parser: Parser) -> None:
+    """Add the arguments of `refine`."""
+    add_files(parser)
+    parser.add_argument("--modes", type=Path, required=True, help="modes to start from: .json, .npz, .mat or .h5")
+    add_choices(parser)
+    complete = "add poles that are significant in the residual, where it is white"
+    parser.add_argument("--complete", action="store_true", help=complete)
+    add_outputs(parser, "write .json, .csv, .uff, .npz, .mat or .h5")
+
+
+def refine(options: argparse.Namespace) -> None:
+    """Refine modes to the maximum of the likelihood, with standard deviations."""
+    from modalscope.identification.modal.pairing import pair_modes
+    from modalscope.interfaces.cli.output import check_outputs, write_outputs
+    from modalscope.interfaces.cli.reading import choices, read_modes, read_test
+    from modalscope.selection.judging.refine import refine
+
+    check_outputs(options, (*options.files, options.modes))
+    data, notes = read_test(options)
+    modes = read_modes(options, options.modes)
+    with progress("refining") as show:
+        refined = refine(data, modes, complete=options.complete, settings=choices(options), progress=show)
+    written = write_outputs(options, refined, method="refined")
+    remark(*dict.fromkeys((*notes, *refined.notes)))
+    say(refined.table(), "", "before (a) and after (b):", pair_modes(modes, refined).table(), *written)
+
+
+def add_certify(parser: Parser) -> None:
+    """Add the arguments of `certify`."""
+    add_files(parser)
+    add_method(parser)
+    add_orders(parser)
+    add_choices(parser, bands=True)
+    parser.add_argument("--no-refine", dest="refine", action="store_false", help="certify the values of the diagram")
+    parser.add_argument("--replicates", type=int, default=40, metavar="N", help="number of simulations (default: 40)")
+    parser.add_argument("--select", action="store_true", help="repeat the selection of modes in each simulation")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the simulations (default: 0)")
+    add_outside(parser)
+    add_outputs(parser, "write the modes with corrected intervals (.json, .csv, .uff), or an .html report")
+    parser.set_defaults(frequencies=None, take=None, refuse=None, apart=False)
+
+
+def certify(options: argparse.Namespace) -> None:
+    """Check the intervals of the modes by simulations of the same case.
+
+    The modes of a file are identified, the same case is simulated repeatedly, and the coverage of each interval is counted.
+    """
+    from modalscope.analysis.checking.certify import certify
+    from modalscope.interfaces.cli.output import check_outputs, write_outputs
+
+    check_outputs(options, options.files)
+    result = _certified(options)
+    with progress("simulating", "replicate") as show:
+        certificate = certify(
+            result, replicates=options.replicates, select=options.select, seed=options.seed, progress=show
+        )
+    written = write_outputs(options, replace(result, modes=certificate.modes), certificate=certificate)
+    diagram = result.diagram
+    say(f"{diagram.method} ({diagram.domain}), simulated at order {certificate.order}\n\n{certificate.table()}")
+    say(*(f"  {note}" for note in certificate.notes))
+    passed = bool(certificate.holds.all())
+    say("\nall intervals hold" if passed else f"\nwith corrected intervals:\n\n{certificate.modes.table()}", *written)
+
+
+def _certified(options: argparse.Namespace) -> Result:
+    """Return the result of a saved analysis, repeated, or of data."""
+    from modalscope.analysis.workflow.replay import replay
+    from modalscope.interfaces.cli.identify import result_of
+
+    if options.files[0].suffix.lower() != ".json":
+        return result_of(options, options.files)
+    with progress("identifying") as show:
+        return replay(options.files[0], allow_outside=options.allow_outside, progress=show)
+
+
+def add_compare(parser: Parser) -> None:
+    """Add the arguments of `compare`."""
+    add_files(parser)
+    methods = "rows or cells of the table, such as era alternate/s (default: all)"
+    parser.add_argument("--methods", nargs="+", default=["all"], metavar="METHOD", help=methods)
+    parser.add_argument("--all-sets", action="store_true", help="also run the rows without a vote, and show them")
+    add_orders(parser)
+    add_choices(parser)
+    replicates = "certify the intervals by this many simulations (see certify)"
+    parser.add_argument("--replicates", type=int, default=0, metavar="N", help=replicates)
+    add_outputs(parser, "write .json, .csv, .uff (the consensus) or an .html report")
+
+
+def compare(options: argparse.Namespace) -> None:
+    """Identify a file by every method, and report on which modes they agree.
+
+    All methods of the table are run; the output states where they agree, where they differ, and the likely causes. Intervals are no
+    narrower than those of `modalscope identify`, and grades are its grades.
+    """
+    from modalscope.analysis.comparing import compare
+    from modalscope.interfaces.cli.output import check_outputs, write_outputs
+    from modalscope.interfaces.cli.reading import choices, parse_orders, read_test
+
+    orders = parse_orders(options.orders)
+    check_outputs(options, options.files)
+    data, notes = read_test(options)
+    with progress("comparing") as show:
+        comparison = compare(
+            data,
+            "all" if options.methods == ["all"] else options.methods,
+            orders=orders,
+            progress=show,
+            replicates=options.replicates,
+            all_sets=options.all_sets,
+            partial=_remark_result,
+            **choices(options),
+        )
+    comparison = replace(comparison, notes=(*notes, *comparison.notes))
+    written = write_outputs(options, comparison, method="consensus", domain="all", orders=orders or ())
+    remark(*notes)
+    hint = () if options.verbose or options.quiet else ("\n-v prints the values of every method",)
+    say(comparison.table(each=options.verbose), *hint, *written)
+
+
+def _remark_result(result: MethodResult) -> None:
+    """Print a line on the result of one method of a comparison."""
+    from modalscope.data.shown import counted
+
+    found = result.failure if result.modes is None else counted(len(result.modes), "mode")
+    remark(f"{result.route + ': ' if result.route else ''}{result.label}: {found}")
+
+
+def add_mac(parser: Parser) -> None:
+    """Add the arguments of `mac`."""
+    parser.add_argument("first", type=Path, help="modes: .json, .uff, .npz, .mat or .h5")
+    parser.add_argument("second", type=Path, help="modes to compare with")
+    tolerance = "maximum relative difference of two frequencies (default: 0.1)"
+    parser.add_argument("--tolerance", type=float, default=0.1, help=tolerance)
+    add_reading(parser)
+    add_outputs(parser, "write the MAC matrix as a picture, .png, .svg or .pdf")
+
+
+def mac(options: argparse.Namespace) -> None:
+    """Pair two sets of modes: differences, MAC and COMAC."""
+    from modalscope.identification.modal.pairing import pair_modes
+    from modalscope.interfaces.cli.output import PICTURES, check_outputs, write_picture
+    from modalscope.interfaces.cli.reading import read_modes
+    from modalscope.interfaces.plot import mac
+
+    check_outputs(options, (options.first, options.second), PICTURES)
+    first, second = (read_modes(options, path) for path in (options.first, options.second))
+    pairs = pair_modes(first, second, tolerance=options.tolerance)
+    say(pairs.table(), *(write_picture(path, mac, pairs.a, pairs.b) for path in options.outputs))
+
+
+def add_plot(parser: Parser) -> None:
+    """Add the arguments of `plot`."""
+    add_file(parser)
+    parser.add_argument("--modes", type=Path, metavar="FILE", help="modes to draw over a response or a diagram")
+    add_band(parser)
+    parser.add_argument("--mode", type=int, default=1, metavar="K", help="number of the mode, from one (default: 1)")
+    parser.add_argument("--channel", metavar="DOF", help="output to draw (default: the strongest)")
+    parser.add_argument("--input", metavar="DOF", help="input to draw (default: the strongest)")
+    add_outputs(parser, "write .png, .svg or .pdf")
+
+
+def plot(options: argparse.Namespace) -> None:
+    """Draw the contents of a file: responses, spectra, mode shapes, a stabilization diagram, poles of a model, tracks of a store.
+
+    A response is drawn with the modes of another file over it, records by their spectra, modes by the shape of one of them.
+    """
+    from modalscope.interfaces.cli.output import PICTURES, check_outputs, require_output, write_picture
+    from modalscope.interfaces.cli.reading import read_data, read_modes
+
+    require_output(options, "picture.png")
+    check_outputs(options, [path for path in (options.file, options.modes) if path is not None], PICTURES)
+    if options.file.suffix.lower() == ".modes":
+        say(*_pictures_of_store(options))
+        return
+    data, notes = read_data(options, options.file)
+    modes = None if options.modes is None else read_modes(options, options.modes)
+    written = [write_picture(path, _picture, data, modes, options) for path in options.outputs]
+    remark(*notes)
+    say(*written)
+
+
+def _pictures_of_store(options: argparse.Namespace) -> list[str]:
+    """Draw the modes of a store over time, joined into tracks."""
+    from modalscope.analysis.monitoring import Store, track
+    from modalscope.data import DataError
+    from modalscope.interfaces.cli.output import write_picture
+    from modalscope.interfaces.plot import tracks
+
+    if not options.file.exists():
+        raise DataError(f"the store {options.file} was asked", "there is no such file", "Make it: modalscope watch.")
+    with progress("following modes"), Store(options.file) as store:
+        found = track(store.history())
+    remark(found.table())
+    return [write_picture(path, tracks, found) for path in options.outputs]
+
+
+def _picture(data: Any, modes: Any, options: argparse.Namespace) -> Axes:
+    from modalscope.data import ModalModel, Signals, StabilizationDiagram
+    from modalscope.data.response import Response
+    from modalscope.interfaces import plot
+    from modalscope.interfaces.plot.shown import drawn
+    from modalscope.signals.preprocess import decomposition
+
+    if isinstance(data, ModalModel):
+        return plot.shape(data, options.mode - 1)
+    if isinstance(data, StabilizationDiagram):
+        return plot.stabilization(data, modes)
+    if isinstance(data, Response):
+        band = None if options.band is None else tuple(options.band)
+        return plot.response(data.in_band(band), modes, options.channel, options.input)
+    if isinstance(data, Signals):
+        return plot.spectra(decomposition(data))
+    return drawn(data)
+
+
+def add_report(parser: Parser) -> None:
+    """Add the arguments of `report`."""
+    parser.add_argument("file", type=Path, help="a result of identify (.json), an .analysis.json, or a diagram")
+    parser.add_argument("--data", type=Path, nargs="+", metavar="FILE", help="the data files, if they were moved")
+    add_outside(parser)
+    parser.add_argument("--title", help="heading of the report")
+    add_geometry(parser)
+    add_outputs(parser, "write .html, .docx or .pptx")
+    add_pictures(parser)
+
+
+def report(options: argparse.Namespace) -> None:
+    """Write a report on a saved result; its analysis is repeated on the same data.
+
+    The result is a .json file of identify, an .analysis.json document or a stabilization diagram. The data file must be unchanged.
+    """
+    from modalscope.interfaces.cli.output import check_outputs, require_output, write_pictures
+    from modalscope.interfaces.reporting import report
+    from modalscope.io import set_max_memory
+    from modalscope.selection.judging.select import select
+
+    require_output(options, "report.html")
+    set_max_memory(options.max_memory)
+    check_outputs(options, (options.file, *(options.data or ())), (".html", ".htm", ".docx", ".pptx"))
+    with progress("identifying") as show:
+        result = _saved(options, show)
+    for path in options.outputs:
+        with progress(f"writing {path.name}"):
+            report(result, path, title=options.title, command=options.command_line)
+        say(f"written: {path}")
+    if options.pictures is not None:
+        options.files = [options.file, *(options.data or ())]
+        with progress("selecting"):
+            modes, diagrams = (
+                (result.modes, result.diagrams) if hasattr(result, "modes") else (select(result), (result,))
+            )
+        say(*write_pictures(options, options.outputs, modes, diagrams))
+
+
+def _saved(options: argparse.Namespace, show: Any) -> Any:
+    """Return the diagram of a file, or the result of its analysis on the data."""
+    from modalscope.analysis.workflow.replay import replay
+    from modalscope.data import DataError, StabilizationDiagram
+    from modalscope.io import survey
+
+    try:
+        saved = survey(options.file).thing
+    except DataError:
+        saved = None  # a document alone contains no data: the error of `replay` says so
+    if isinstance(saved, StabilizationDiagram):
+        return saved
+    return replay(options.file, options.data, allow_outside=options.allow_outside, progress=show)

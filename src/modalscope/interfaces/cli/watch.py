@@ -1,0 +1,183 @@
+"""The command `watch`: new records of a folder into a store, and changes told."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from modalscope.interfaces.cli.parser import Parser, add_choices, add_method, add_orders, add_reading
+from modalscope.interfaces.cli.process import complain, progress, remark, say
+
+if TYPE_CHECKING:
+    from modalscope.analysis.monitoring import Store
+
+#: Exit status where a change was told.
+EXIT_ALARM = 3
+
+
+def add_watch(parser: Parser) -> None:
+    """Add the arguments of `watch`."""
+    add = parser.add_argument
+    add("folder", type=Path, help="folder of records, a file a record; their times stand in the names of the files")
+    add("--store", type=Path, required=True, metavar="FILE", help="store of modes, such as bridge.modes")
+    add("--once", action="store_true", help="store what is there and stop (default: wait for more)")
+    add("--again", action="store_true", help="try files again that could not be used before")
+    add(
+        "--every",
+        type=float,
+        default=10.0,
+        metavar="SECONDS",
+        help="seconds between two checks of the folder (default: 10)",
+    )
+    add("--jobs", type=int, default=1, metavar="N", help="number of processes (default: 1)")
+    add("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers identify; local:4 starts four processes")
+    words = "report of the period, .html: tracks, covariates, control chart, records that could not be used"
+    add("-o", "--output", type=Path, metavar="REPORT", help=words)
+    add(
+        "--reference",
+        nargs=2,
+        metavar=("FIRST", "LAST"),
+        help="times of the sound structure, UTC: changes after them are alarms",
+    )
+    add("--false-per-year", type=float, default=1.0, metavar="N", help="rate of false alarms (default: 1)")
+    add("--chart", type=Path, metavar="PICTURE", help="with --reference: draw the control chart, .png, .svg or .pdf")
+    add(
+        "--call",
+        metavar="COMMAND",
+        help="with --reference: command run at each alarm; it reads the alarm as JSON from its input",
+    )
+    add("--force", action="store_true", help="replace a picture or report that modalscope did not write")
+    add("--covariates", type=Path, metavar="CSV", help="table of temperature, wind ...: time, then a column for each")
+    add_reading(parser)
+    add_method(parser)
+    add_orders(parser)
+    add_choices(parser, bands=True)
+
+
+def watch(options: argparse.Namespace) -> None:
+    """Identify every new record of a folder, store its modes, and tell changes.
+
+    Files that cannot be used are listed with their reasons; the rest goes on. Every record is stored once, whatever ends the command.
+    With --reference, modes are followed through all records, and each alarm is a line of JSON; with --once, the exit status is 3 then.
+    With -o, a report of the period is written after every look that found something new.
+    """
+    import time
+
+    from modalscope.analysis.monitoring import Store, read_covariates
+    from modalscope.interfaces.cli.identify import workers_of
+
+    pause = _checked(options)
+    told: set[str] = set()
+    with Store(options.store) as store, workers_of(options):
+        if options.covariates is not None:
+            times, columns = read_covariates(options.covariates)
+            for name, values in columns.items():
+                store.add_covariates(name, times, values)
+        if options.again:
+            store.forget_refused()
+        while True:
+            if _look(options, store) or options.once:
+                _tell(options, store, told)
+            if options.once:
+                remark(f"{options.store}: {store.history()!r}")
+                if told:
+                    raise SystemExit(EXIT_ALARM)
+                return
+            time.sleep(pause)
+
+
+def _checked(options: argparse.Namespace) -> float:
+    """Raise for options that cannot be met, before the work is done; return the seconds between two looks."""
+    from modalscope.interfaces.cli.output import PICTURES, check_output
+    from modalscope.numerics.checks import check_positive
+    from modalscope.numerics.errors import DataError
+
+    if options.reference is None and (options.chart or options.call):
+        raise DataError("a chart of changes needs --reference", "none was given", "Add --reference FIRST LAST.")
+    for path, suffixes in ((options.chart, PICTURES), (options.output, (".html", ".htm"))):
+        if path is not None:
+            check_output(path, (), options.force, suffixes)
+    return check_positive("--every", options.every)
+
+
+def _tell(options: argparse.Namespace, store: Store, told: set[str]) -> None:
+    """Write the report and tell changes, where they were asked for; too few records yet are no end of waiting."""
+    from modalscope.numerics.errors import DataError
+
+    try:
+        _report(options, store)
+        if options.reference is not None:
+            _judge(options, store, told)
+    except DataError as error:
+        if options.once:
+            raise
+        complain(error)
+
+
+def _report(options: argparse.Namespace, store: Store) -> None:
+    """Write the report of the period, where one was asked for."""
+    if options.output is None:
+        return
+    from modalscope.interfaces.reporting.document import write_page
+    from modalscope.interfaces.reporting.months import months_sections
+
+    with progress(f"writing {options.output.name}"):
+        parts = months_sections(store, reference=options.reference, false_per_year=options.false_per_year)
+        written = write_page(options.output, store.path.name, "Months of records", parts, [store.path])
+    remark(str(written))
+
+
+def _judge(options: argparse.Namespace, store: Store, told: set[str]) -> None:
+    """Follow the modes of all records, and tell the alarms that were not told before."""
+    import subprocess
+
+    from modalscope.analysis.monitoring import alarms, track
+    from modalscope.interfaces.cli.output import write_picture
+
+    with progress("following modes"):
+        tracks = track(store.history())
+        found = alarms(tracks, reference=options.reference, false_per_year=options.false_per_year)
+    remark(tracks.table(), *found.notes)
+    for alarm in found.alarms:
+        line = json.dumps(alarm.to_dict())
+        if (key := str(alarm.time)) not in told:
+            told.add(key)
+            say(line)
+            if options.call is not None:
+                subprocess.run(options.call, input=line.encode(), shell=True, check=False)  # as the user's shell would
+    if options.chart is not None:
+        from modalscope.interfaces.plot import control_chart
+
+        remark(write_picture(options.chart, control_chart, found))
+
+
+def _look(options: argparse.Namespace, store: Store) -> bool:
+    """Store what is new, and list what cannot be used; return whether anything is new."""
+    from modalscope.analysis.monitoring import collect
+
+    with progress("identifying", "record") as show:
+        found = collect(options.folder, store, jobs=options.jobs, options=_choices(options), progress=show)
+    for name, reason in found.refused:
+        complain(f"{name}: {reason}")
+    if found.added or found.refused or options.once:
+        remark(f"{found.added} stored, {found.known} known before, {len(found.refused)} cannot be used")
+    if found.waiting and options.once:
+        complain(f"still being written, left for the next run: {', '.join(found.waiting)}")
+    return found.added > 0
+
+
+def _choices(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the choices of the command line as `analyze` takes them."""
+    from modalscope.interfaces.cli.reading import choices, parse_orders, reading_options
+
+    bands = [tuple(band) for band in options.band or ()]
+    given = choices(options) | {"band": bands[0] if len(bands) == 1 else bands or None}
+    reading = reading_options(options, options.folder)
+    return given | {
+        "method": options.method,
+        "domain": options.domain,
+        "orders": parse_orders(options.orders),
+        "reading": reading or None,
+    }

@@ -1,0 +1,172 @@
+"""Compare the measured responses with those that the modes rebuild, band by band."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from modalscope.data import DataError, ImpulseResponse, ModalModel, StabilizationDiagram
+from modalscope.data.response import Response
+from modalscope.identification.modal.rebuilt import band_of, fit_error, fit_error_heard, heard_lines, of_band, rebuilt
+from modalscope.interfaces.plot._style import unit_of
+from modalscope.interfaces.plot.web.blob import pack
+from modalscope.numerics.checks import Array
+
+#: Maximum points of a drawn response: more than a screen has.
+_MAX_POINTS = 200_000
+
+#: Fit error in all and per channel (l, m), or None if the modes cannot be rebuilt.
+Fit = tuple[float, Array] | None
+
+
+def cut_to_band(lines: tuple[Array, ...], diagram: StabilizationDiagram, bands: int) -> tuple[Array, ...]:
+    """Return lines and their values, of several bands those inside: neighbours may overlap, and a curve never runs back."""
+    if bands == 1:
+        return lines
+    low, high = band_of(diagram, bands)
+    kept = (lines[0] >= low) & (lines[0] <= high)
+    return tuple(values[kept] for values in lines)
+
+
+class Lines(NamedTuple):
+    """Lines (F,) in Hz with measured and rebuilt values (F, l, m)."""
+
+    frequencies: Array
+    measured: Array
+    rebuilt: Array
+
+
+def lines_of(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> Lines:
+    """Return the lines of all bands, one after the other."""
+    parts = [rebuilt_lines(modes, diagram, len(diagrams)) for diagram in diagrams]
+    return Lines(*(np.concatenate(side) for side in zip(*parts, strict=True)))
+
+
+def rebuilt_lines(
+    modes: ModalModel, diagram: StabilizationDiagram, bands: int, *, falling: bool = True
+) -> tuple[Array, Array, Array]:
+    """Return lines (F,), measured and rebuilt values (F, l, m) of one of several bands, rebuilt from the modes of all.
+
+    `falling`: as in `lines_of_response`.
+    """
+    chosen = of_band(modes, diagram, bands)
+    f, measured, fitted = cut_to_band(lines_of_response(chosen, diagram.response, falling=falling), diagram, bands)
+    return f, measured, fitted
+
+
+def lines_of_response(modes: ModalModel, response: Response, *, falling: bool = True) -> Lines:
+    """Return the lines of a response; samples are transformed.
+
+    `falling`: correlations, which are truncated before they decay, are first multiplied by the falling half of a Hann window. Without it
+    their transform swings about the spectrum.
+    """
+    response = response.picture()
+    fitted = rebuilt(response, modes)
+    if not isinstance(response, ImpulseResponse):
+        f, measured = response.spectrum()
+        return Lines(np.asarray(f), measured, fitted)
+    sides = (_transformed(response, side, falling) for side in (response.values, fitted))
+    return Lines(_grid(response), *sides)
+
+
+def _grid(response: ImpulseResponse) -> Array:
+    return np.asarray(np.fft.rfftfreq(8 * response.samples, 1 / response.sampling_rate), dtype=float)
+
+
+def _transformed(response: ImpulseResponse, values: Array, falling: bool) -> Array:
+    """Return the transform of samples (N, ...) on `_grid`, as `ImpulseResponse.spectrum` is; `falling`: see `lines_of_response`."""
+    count = response.samples
+    fall = 0.5 + 0.5 * np.cos(np.pi * np.arange(count) / count) if falling and response.ambient else np.ones(count)
+    windowed = values * fall.reshape(-1, *[1] * (values.ndim - 1))
+    return np.asarray(np.fft.rfft(windowed, n=8 * count, axis=0) / response.sampling_rate)
+
+
+def fit_of(modes: ModalModel, response: Response) -> Fit:
+    """Return the fit error of the modes, in all and per channel; None if they cannot be rebuilt."""
+    return None if modes.participation is None else fit_error_heard(response, rebuilt(response, modes))
+
+
+def fit_of_bands(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> Fit:
+    """Return the fit error of all bands together, each on the lines above its noise, rebuilt from all modes."""
+    if len(diagrams) == 1 or modes.participation is None:
+        return fit_of(modes, diagrams[0].response)
+    parts = []
+    for diagram in diagrams:
+        lines, measured, fitted = rebuilt_lines(modes, diagram, len(diagrams), falling=False)
+        heard = heard_lines(diagram.response)
+        kept = ... if heard.all() else np.isin(lines, np.asarray(diagram.response.spectrum()[0])[heard])
+        parts.append((measured[kept], fitted[kept]))
+    measured, fitted = (np.concatenate(side) for side in zip(*parts, strict=True))
+    return fit_error(measured, fitted)
+
+
+def strongest(values: Array) -> tuple[int, int]:
+    """Return the output and the column of the channel with the most power, which is shown first; `values` (F, l, m)."""
+    power = np.sum(np.abs(values) ** 2, axis=0)
+    output, column = np.unravel_index(int(np.argmax(power)), power.shape)
+    return int(output), int(column)
+
+
+def channel_blob(diagrams: Sequence[StabilizationDiagram], modes: ModalModel, output: int, column: int) -> bytes:
+    """Return one channel on the lines of all bands, measured and rebuilt from the modes, with its coherence where that is known.
+
+    Between two bands stands a line without values: curves do not join there.
+    """
+    parts = []
+    for diagram in diagrams:
+        response = diagram.response
+        outputs, columns = response.values.shape[1:]
+        if not (0 <= output < outputs and 0 <= column < columns):
+            counts = f"there are {outputs} outputs and {columns} inputs"
+            raise DataError(f"channel {output}, {column} was asked", counts, "Choose one of these.")
+        chosen = of_band(modes, diagram, len(diagrams))
+        curves = _channel_lines(response, chosen, output, column)
+        parts.append(cut_to_band(curves, diagram, len(diagrams)))
+    measured, fitted = (np.concatenate(side) for side in list(zip(*parts, strict=True))[1:3])
+    f, *sides = (_apart(side) for side in zip(*parts, strict=True))
+    every = max(1, -(-len(f) // _MAX_POINTS))
+    first = diagrams[0].response
+    head = {
+        "output": first.output_dofs[output],
+        "input": list(first.columns)[column],
+        "quantity": first.quantity,
+        "unit": unit_of(first.picture(), output, column).strip(" []"),
+        "fit": float(np.linalg.norm(measured - fitted) / max(float(np.linalg.norm(measured)), 1e-300)),
+    }
+    arrays = {
+        f"{name}_{part}": getattr(side[::every], part)
+        for name, side in zip(("measured", "rebuilt"), sides, strict=False)
+        for part in ("real", "imag")
+    }
+    if np.isfinite(sides[2]).any():
+        arrays["coherence"] = sides[2][::every]
+    return pack(head, {"lines": f[::every], **arrays}, exact=("lines",))
+
+
+def _apart(bands: Sequence[Array]) -> Array:
+    """Return the values of all bands with NaN between two; frequencies have their mean there."""
+    first, *others = bands
+    joined = [first]
+    for band in others:
+        rising = np.isrealobj(band) and np.isfinite(band).all() and band[0] > joined[-1][-1]
+        joined += [np.array([(joined[-1][-1] + band[0]) / 2 if rising else np.nan]), band]
+    return np.concatenate(joined)
+
+
+def _channel_lines(response: Response, modes: ModalModel, output: int, column: int) -> tuple[Array, ...]:
+    """Return lines, measured and rebuilt values and coherence of one channel; samples are transformed, and have no coherence."""
+    complete = len(modes) and modes.participation is not None
+    shown = response.picture()
+    fitted = rebuilt(shown, modes) if complete else np.full_like(shown.values, np.nan)
+    if isinstance(shown, ImpulseResponse):
+        f = _grid(shown)
+        own, G = (_transformed(shown, side[:, output, column], True) for side in (shown.values, fitted))
+        return f, own, G, np.full(len(f), np.nan)
+    f, values = shown.spectrum()
+    coherence = np.full(len(f), np.nan)
+    if shown.coherence is not None and len(shown.coherence) == len(f):
+        each = shown.coherence.reshape(*shown.coherence.shape[:2], -1)
+        coherence = each[:, output, min(column, each.shape[2] - 1)]
+    return np.asarray(f), values[:, output, column], fitted[:, output, column], coherence

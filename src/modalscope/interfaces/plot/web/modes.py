@@ -1,0 +1,180 @@
+"""Collect the modes for the page: values, intervals, reasons and shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from modalscope.data import DataError, Geometry, ModalModel
+from modalscope.data.analysis import named_near
+from modalscope.data.response import Response
+from modalscope.identification.modal.indicators import mac
+from modalscope.interfaces.plot._camera import extent
+from modalscope.interfaces.plot.shapes import has_channels, turned
+from modalscope.interfaces.plot.web.blob import pack
+from modalscope.io.geometry import neighbour_lines, points_table
+from modalscope.numerics.checks import Array, ComplexArray
+from modalscope.selection.judging.description import HEADS, ModeDescription, described
+
+#: Maximum number of nodes that are joined by lines between neighbours.
+_MAX_JOINED = 2000
+
+#: Maximum number of nodes that are edited as a table.
+_MAX_EDITED = 500
+
+
+def modes_blob(
+    modes: ModalModel,
+    names: Mapping[str, str],
+    head: Mapping[str, Any],
+    response: Response | None = None,
+    *,
+    preliminary: bool = False,
+) -> bytes:
+    """Return modes and their arrays as a blob.
+
+    `head`: entries on the whole result. `response`: as in `over_points`. `preliminary`: the values will be refined.
+    """
+    parts, arrays = modes_parts(modes, names, points=over_points(modes, response), preliminary=preliminary)
+    return pack({**head, **parts}, arrays)
+
+
+def over_points(modes: ModalModel, response: Response | None) -> ModalModel:
+    """Return modes with the shapes that are drawn: over the inputs where these are forces at more points than were measured.
+
+    Of a roving hammer the inputs are the points. By H_ij = H_ji the participation of a mode is its shape over them.
+    """
+    inputs = modes.input_dofs
+    if (
+        response is None
+        or not response.reciprocal
+        or modes.participation is None
+        or len(inputs) <= len(modes.output_dofs)
+    ):
+        return modes
+    return ModalModel(
+        poles=modes.poles,
+        shapes=modes.participation.T,
+        output_dofs=inputs,
+        geometry=modes.geometry,
+        scaling=modes.scaling,
+    )
+
+
+def modes_parts(
+    modes: ModalModel,
+    names: Mapping[str, str],
+    holds: Array | None = None,
+    *,
+    points: ModalModel | None = None,
+    preliminary: bool = False,
+) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Return the entries and the arrays of modes; `points`: as of `over_points`. `holds`, `preliminary`: as in `described`."""
+    points = modes if points is None else points
+    entries = {
+        "heads": HEADS,
+        "modes": _rows(modes, names, described(modes, holds, preliminary=preliminary)),
+        "left_out": [candidate.to_dict() for candidate in modes.left_out],
+        "harmonics": [harmonic.to_dict() for harmonic in modes.harmonics],
+        "outputs": list(modes.output_dofs),
+        "points": list(points.output_dofs),
+        "over": "outputs" if points is modes else "inputs",
+        "converged": modes.converged,
+    }
+    shapes = turned(points.shapes)
+    arrays = {
+        "shape_real": shapes.T.real,
+        "shape_imag": shapes.T.imag,
+        "mac": mac(points.shapes) if len(modes) else np.zeros((0, 0)),
+    }
+    if points.shapes_std is not None:
+        size = np.linalg.norm(shapes, axis=0) / np.maximum(np.linalg.norm(points.shapes, axis=0), 1e-300)
+        arrays["shape_std"] = np.nan_to_num(points.shapes_std * size).T
+    if points.geometry is not None and len(points.geometry.nodes) <= _MAX_EDITED:
+        entries["table"] = points_table(points.geometry)
+    drawn = _moved(points.geometry, points.output_dofs, shapes)
+    if drawn is None:
+        return {**entries, "nodes": None}, arrays
+    return {**entries, "nodes": list(drawn[0])}, arrays | drawn[1]
+
+
+def _rows(modes: ModalModel, names: Mapping[str, str], shown: Sequence[ModeDescription]) -> list[dict[str, Any]]:
+    """Return one row per mode: what is shown of it, values, 95 % intervals, indicators and why it is a mode."""
+    try:
+        intervals = modes.interval(0.95)
+    except DataError:  # no standard deviations
+        intervals = {}
+    rows = []
+    for j, mode in enumerate(modes):
+        row = {
+            "frequency": mode.frequency,
+            "damping": mode.damping_ratio,
+            "shown": shown[j].to_dict(),
+            "kind": mode.kind,
+            "indicators": {name: float(values[j]) for name, values in modes.indicators.items()},
+            "text": str(mode.reason.get("text", "")),
+            "name": named_near(names, mode.frequency),
+            **{name: float(values[j]) for name, values in _measures(modes).items()},
+        }
+        for name, ends in intervals.items():
+            row[f"{name}_interval"] = ends[j]
+        rows.append(row)
+    return rows
+
+
+def _measures(modes: ModalModel) -> dict[str, Array]:
+    """Return significance, deviations, spreads and the unrefined values, as far as they are known."""
+    measures: dict[str, Any] = {
+        "gain": modes.gain,
+        "frequency_std": modes.frequencies_std,
+        "damping_std": modes.damping_ratios_std,
+        "frequency_spread": modes.frequencies_spread,
+        "damping_spread": modes.damping_ratios_spread,
+    }
+    if modes.unrefined is not None and len(modes.unrefined) == len(modes):
+        measures |= {"frequency_before": modes.unrefined.frequencies, "damping_before": modes.unrefined.damping_ratios}
+    return {name: values for name, values in measures.items() if values is not None}
+
+
+def _moved(
+    geometry: Geometry | None, labels: tuple[str, ...], shapes: ComplexArray
+) -> tuple[tuple[str, ...], dict[str, Array]] | None:
+    """Return nodes and motion, scaled to a structure of size 1 and a largest motion of 1; None if the geometry has no channel."""
+    if not has_channels(geometry, labels):
+        return None
+    size = extent(geometry.coordinates) or 1.0
+    middle = (geometry.coordinates.max(axis=0) + geometry.coordinates.min(axis=0)) / 2
+    motion = np.array([geometry.displaced(labels, phi) for phi in shapes.T]).reshape(-1, len(geometry.nodes), 3)
+    largest = np.max(np.linalg.norm(motion, axis=2), axis=1, initial=0.0)
+    motion = motion / np.where(largest > 0, largest, 1.0)[:, None, None]
+    signed = np.array([_signed(u) for u in motion]).reshape(len(motion), len(geometry.nodes))
+    moved = {node for label in labels for node, _ in geometry.motion_of(label)}
+    faces = geometry.faces
+    if faces.shape[1] == 4:
+        faces = np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
+    return geometry.nodes, {
+        "rest": (geometry.coordinates - middle) / size,
+        "lines": _lines_of(geometry),
+        "faces": faces,
+        "measured": np.array([node in moved for node in geometry.nodes]),
+        "moved_real": motion.real,
+        "moved_imag": motion.imag,
+        "signed_real": signed.real,
+        "signed_imag": signed.imag,
+    }
+
+
+def _lines_of(geometry: Geometry) -> Array:
+    """Return the lines of a geometry, those between neighbouring nodes where it has neither lines nor faces."""
+    if geometry.lines.size or geometry.faces.size or len(geometry.nodes) > _MAX_JOINED:
+        return geometry.lines
+    return np.array(neighbour_lines(geometry.coordinates), dtype=int).reshape(-1, 2)
+
+
+def _signed(motion: Array) -> ComplexArray:
+    """Return the motion of every node along the direction of the largest motion, (nodes,)."""
+    direction = np.linalg.svd(motion.real, full_matrices=False)[2][0]
+    along = motion @ direction
+    return np.asarray(along * (np.sign(along.real[np.argmax(np.abs(along.real))]) or 1.0))

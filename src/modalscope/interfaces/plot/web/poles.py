@@ -1,0 +1,193 @@
+"""Collect the poles and curves that the page draws."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from modalscope.data import DataError, FrequencyResponse, StabilizationDiagram
+from modalscope.data.response import Response
+from modalscope.data.shown import summary_of
+from modalscope.identification.method_names import cell_label
+from modalscope.identification.modal.indicators import mmif
+from modalscope.identification.modal.rebuilt import asked_ends, band_of
+from modalscope.identification.stabilize import stable_against
+from modalscope.identification.sweep import Cut, Sweep
+from modalscope.interfaces.plot.diagrams import indicator_curves
+from modalscope.interfaces.plot.web.blob import pack
+from modalscope.interfaces.plot.web.fits import cut_to_band
+from modalscope.io.arrays import plain
+from modalscope.numerics.checks import Array
+from modalscope.numerics.functions.poles import frequencies_and_damping
+from modalscope.signals.preprocess import decomposition, estimate_frf
+from modalscope.signals.preprocess.singular_spectra import Decomposition
+
+#: Maximum number of curves of an indicator, and maximum points of each: more than a screen has.
+_MAX_CURVES, _MAX_POINTS = 3, 200_000
+
+#: Maximum number of drawn singular values of spectra.
+_MAX_SPECTRA = 4
+
+
+def curves_of(data: Any, kind: str = "cmif", spectra: Decomposition | None = None) -> tuple[Array, Array]:
+    """Return lines (F,) and indicator curves (F, k) of any data: CMIF, or singular values of the spectra of ambient records.
+
+    `kind`: of responses, as in `indicator_curves`, or "mmif". `spectra`: those of `spectra_of`, if they are known.
+    """
+    runs = getattr(data, "recordings", ())
+    if runs:
+        longest = max(runs, key=lambda run: run.samples)
+        if longest.inputs is None:
+            spectra = decomposition(longest) if spectra is None else spectra
+            return spectra.frequencies, np.sqrt(spectra.singular_values)
+        data = estimate_frf(longest)
+    picture = data.picture()
+    return (picture.frequencies, mmif(picture)[0]) if kind == "mmif" else indicator_curves(picture, kind)
+
+
+def spectra_of(data: Any) -> Decomposition | None:
+    """Return the singular values of the spectra of an ambient record, of runs the longest; None of other data."""
+    runs = getattr(data, "recordings", ())
+    if not runs or runs[0].inputs is not None:
+        return None
+    return decomposition(max(runs, key=lambda run: run.samples))
+
+
+def overview_blob(data: Any, spectra: Decomposition | None = None) -> bytes:
+    """Return the indicator over the full range, with a summary of the data; `spectra`: those of `spectra_of`."""
+    try:
+        lines, curves = curves_of(data, spectra=spectra)
+    except DataError:  # no response can be estimated from these records
+        lines, curves = np.zeros(0), np.zeros((0, 1))
+    head = {"summary": summary_of(data), "span": [lines[0], lines[-1]] if len(lines) else None}
+    lines, level = thinned(lines, curves[:, :_MAX_CURVES], _MAX_POINTS)
+    return pack(head, {"lines": lines, "curves": level}, exact=("lines",))
+
+
+def cut_view(sweep: Sweep, cut: Cut, before: Cut | None) -> dict[str, Any]:
+    """Return the poles of one order for the page while a sweep runs.
+
+    `before`: the previous order.
+    """
+    index = cut.reported
+    f, zeta = frequencies_and_damping(cut.modes.poles[index])
+    flags = np.zeros((3, index.size), bool) if before is None else stable_against(before, cut)
+    return {
+        "order": cut.order,
+        "frequency": plain(f),
+        "damping": plain(zeta),
+        "kind": _kinds(np.asarray(cut.modes.kinds)[index], flags).tolist(),
+        "done": len(sweep.orders) - len(sweep.remaining),
+        "total": len(sweep.orders),
+    }
+
+
+#: Curves that can stand behind the poles: name -> words of the choice, label of their axis, whether that is linear.
+_INDICATORS = {
+    "spectra": ("singular values", "singular values of the spectra", False),
+    "cmif": ("CMIF", "mode indicator", False),
+    "mmif": ("MIF", "MIF, 0 at a resonance", True),
+    "sum": ("sum", "sum of responses", False),
+}
+
+
+def _indicators(
+    diagrams: Sequence[StabilizationDiagram], spectra: Decomposition | None
+) -> Iterator[tuple[str, Array, Array]]:
+    """Yield the curves that can stand behind the poles: name, lines and values; spectra, where there are, first."""
+    if spectra is not None:
+        yield "spectra", *behind(diagrams, _MAX_POINTS, spectra)
+    responses = [d.response for d in diagrams]
+    for name in ("cmif", "mmif", "sum") if all(map(_has_mif, responses)) else ("cmif", "sum"):
+        with suppress(DataError):  # too large for another decomposition
+            yield name, *behind(diagrams, _MAX_POINTS, kind=name)
+
+
+def _has_mif(response: Response) -> bool:
+    """Whether some forces cannot make a response of fewer outputs fall out of phase everywhere, and the phase at resonance is known."""
+    lines = isinstance(response, FrequencyResponse) and response.reciprocal and response.quantity is not None
+    return lines and len(response.input_dofs) <= len(response.output_dofs)
+
+
+def poles_blob(diagrams: Sequence[StabilizationDiagram], spectra: Decomposition | None = None) -> bytes:
+    """Return the poles of all orders and bands, with the indicators behind them; `spectra`: those of `spectra_of`."""
+    first, arrays = diagrams[0], pole_arrays(diagrams)
+    indicators = []
+    for name, lines, curves in _indicators(diagrams, spectra):
+        words, level, linear = _INDICATORS[name]
+        indicators.append({"name": name, "words": words, "level": level, "linear": linear})
+        arrays |= {f"{name}_lines": lines, f"{name}_curves": curves}
+    head = {
+        "indicators": indicators,
+        "label": cell_label(first.method, first.domain),
+        "method": first.method,
+        "domain": first.domain,
+        "orders": sorted({order for d in diagrams for order in d.orders}),
+        "bands": [list(band_of(d, len(diagrams))) for d in diagrams],
+        "tolerances": dict(first.tolerances),
+    }
+    return pack(head, arrays, exact=("frequency", *(f"{each['name']}_lines" for each in indicators)))
+
+
+def pole_arrays(diagrams: Sequence[StabilizationDiagram]) -> dict[str, Array]:
+    """Return frequency, damping, order, kind and standard deviations of all poles."""
+
+    def or_nan(values: Array | None, count: int) -> Array:
+        return np.full(count, np.nan) if values is None else values
+
+    joined = {
+        "frequency": [d.frequencies for d in diagrams],
+        "damping": [d.damping_ratios for d in diagrams],
+        "order": [np.asarray(d.order_of_pole, dtype=int) for d in diagrams],
+        "kind": [
+            _kinds(np.asarray(d.kinds), np.stack([d.stable_frequency, d.stable_damping, d.stable_shape]))
+            for d in diagrams
+        ],
+        "std": [or_nan(d.frequencies_std, len(d.poles)) for d in diagrams],
+        "damping_std": [or_nan(d.damping_ratios_std, len(d.poles)) for d in diagrams],
+    }
+    return {name: np.concatenate(parts) for name, parts in joined.items()}
+
+
+def behind(
+    diagrams: Sequence[StabilizationDiagram], points: int, spectra: Decomposition | None = None, kind: str = "cmif"
+) -> tuple[Array, Array]:
+    """Return lines (F,) and indicator curves (k, F) of diagrams, thinned to `points`.
+
+    `spectra`: square roots of their largest singular values, which are amplitudes, instead of the indicator, in the chosen bands.
+    `kind`: as in `curves_of`.
+    """
+    if spectra is not None:
+        f = spectra.frequencies
+        kept = np.any([(low <= f) & (f <= high) for low, high in map(asked_ends, diagrams)], axis=0)
+        return thinned(f[kept], np.sqrt(spectra.singular_values[kept, :_MAX_SPECTRA]), points)
+    curves = [cut_to_band(curves_of(d.response, kind), d, len(diagrams)) for d in diagrams]
+    count = min(_MAX_CURVES, *(c.shape[1] for _, c in curves))
+    return thinned(np.concatenate([f for f, _ in curves]), np.concatenate([c[:, :count] for _, c in curves]), points)
+
+
+def decibels(values: Array) -> Array:
+    """Return 20 log10 of what is positive, NaN elsewhere."""
+    return 20 * np.log10(values, out=np.full(np.shape(values), np.nan), where=np.asarray(values) > 0)
+
+
+def thinned(lines: Array, curves: Array, points: int) -> tuple[Array, Array]:
+    """Return at most `points` lines (P,) and curves (k, P), the maximum of each group of neighbours: no peak is lost.
+
+    `lines` (F,). `curves` (F, k).
+    """
+    every = max(1, -(-len(lines) // points))
+    if every == 1:
+        return lines, curves.T
+    starts = np.arange(0, len(lines), every)
+    return lines[starts], np.maximum.reduceat(curves, starts, axis=0).T
+
+
+def _kinds(kinds: Array, flags: Array) -> Array:
+    """Return 0 new, 1 stable in frequency, 2 in frequency and damping, 3 in frequency and shape, 4 in all, 5 no oscillation."""
+    frequency, damping, shape = flags
+    rank = np.where(frequency, 1 + damping + 2 * shape, 0)
+    return np.where(np.isin(kinds, ("mode", "unstable")), rank, 5).astype(int)

@@ -1,0 +1,321 @@
+"""Assemble a report and write it to a file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from datetime import date
+from itertools import takewhile
+from pathlib import Path
+from typing import Protocol
+
+from modalscope.analysis.checking.certificate import Certificate
+from modalscope.analysis.comparing import Comparison
+from modalscope.analysis.monitoring.store import Store
+from modalscope.data import DataError, ModalModel, Signals, StabilizationDiagram, StateSpace
+from modalscope.data.analysis import VERSION
+from modalscope.data.notes import Note
+from modalscope.data.records import Records
+from modalscope.data.response import Response
+from modalscope.data.results import Result
+from modalscope.data.shown import counted
+from modalscope.identification.identify import Identification
+from modalscope.identification.method_names import cell_label
+from modalscope.identification.modal.rebuilt import fit_error
+from modalscope.interfaces.plot.web.alive import drawing_of
+from modalscope.interfaces.plot.web.fits import Lines, fit_of, lines_of_response, rebuilt_lines
+from modalscope.interfaces.reporting import record, sections
+from modalscope.interfaces.reporting.comparison import comparison_sections
+from modalscope.interfaces.reporting.html import Section, listing, page
+from modalscope.interfaces.reporting.modes import (
+    certificate_section,
+    identification_summary,
+    intervals_section,
+    modes_section,
+    summary_section,
+)
+from modalscope.interfaces.reporting.simulations import model_sections
+from modalscope.io.atomic import replacing
+from modalscope.io.formats import sources_of
+from modalscope.numerics.arguments import named
+from modalscope.numerics.checks import check_kind, check_path
+from modalscope.selection.judging.grades import grades
+from modalscope.selection.judging.select import select
+from modalscope.signals.doctor import Finding
+from modalscope.signals.preprocess.singular_spectra import Decomposition, decomposition
+
+#: Suffixes of documents of office programs.
+SUFFIXES = (".docx", ".pptx")
+
+
+class _Result(Protocol):
+    """A result with selected modes and their diagram."""
+
+    @property
+    def modes(self) -> ModalModel: ...
+
+    @property
+    def diagram(self) -> StabilizationDiagram: ...
+
+
+Reported = (
+    Store
+    | Comparison
+    | StateSpace
+    | Identification
+    | StabilizationDiagram
+    | tuple[ModalModel, StabilizationDiagram]
+    | _Result
+)
+
+
+@named()
+def report(
+    thing: Reported,
+    path: str | Path,
+    *,
+    title: str | None = None,
+    source: str | None = None,
+    command: str | None = None,
+    certificate: Certificate | None = None,
+    data: Signals | Records | None = None,
+) -> Path:
+    """Write a report on modes, a diagram, an identification, a comparison, a model or months of records: one HTML file with its pictures.
+
+    The file loads nothing from outside and can be read without a network.
+
+    Parameters
+    ----------
+    thing : StabilizationDiagram, (ModalModel, StabilizationDiagram), Identification, Comparison, StateSpace, Store, result with a diagram
+        A diagram, whose modes are selected automatically; or with its selected modes; one order; a comparison of methods; a model, with
+        `data`; or a store of months of records.
+    path : path
+        Ends in .html; or in .docx or .pptx for a document or slides, which need the extra `office`, of modes with a diagram. An existing
+        file is replaced only by a complete new one.
+    title, source, command : str, optional
+        Heading, source of the data, and the command line that gave the result.
+    certificate : Certificate, optional
+        Of a result: whether its intervals hold; the modes are reported with its standard deviations.
+    data : Signals or Records, optional
+        With inputs: what a model is simulated beside.
+
+    Returns
+    -------
+    Path
+        The file written.
+
+    Raises
+    ------
+    DataError
+        An object without modes or diagram, another suffix, or a file that cannot be written.
+    """
+    if source is not None:
+        check_kind("source of a report", source, (str, Path))
+        source = str(source)
+    for name, text in (("title", title), ("command", command)):
+        check_kind(f"{name} of a report", "" if text is None else text, str)
+    if isinstance(thing, Store):
+        from modalscope.interfaces.reporting.months import months_sections
+
+        return write_page(path, title or thing.path.name, "Months of records", months_sections(thing), [thing.path])
+    if isinstance(thing, StateSpace):
+        check_kind("data of a report on a model", data, (Signals, Records))
+        assert data is not None
+        heading = title or _heading("State-space model", " of ", source)
+        parts = model_sections(thing, data, command)
+        return write_page(path, heading, date.today().isoformat(), parts, sources_of(data))
+    if isinstance(thing, Comparison):
+        heading = title or _heading("Methods compared", " on ", source)
+        parts = comparison_sections(thing, source=source, command=command)
+        return write_page(path, heading, _subtitle(thing.response), parts, sources_of(thing))
+    if isinstance(thing, Identification):
+        heading = title or _heading(f"{cell_label(thing.method, thing.domain)}, order {thing.order}", ": ", source)
+        parts = identification_sections(thing, source=source, command=command)
+        return write_page(path, heading, _subtitle(thing.response), parts, sources_of(thing))
+    origin = _origin(thing, source, command) if isinstance(thing, Result) else Origin(source, command)
+    modes, diagram = _selected(thing)
+    if certificate is not None:
+        check_kind("certificate of report", certificate, Certificate)
+        modes, origin = certificate.modes, replace(origin, certificate=certificate)
+    heading = title or _heading("Modes" if origin.source else "Modal identification", " of ", origin.source)
+    sources = (*sources_of(thing), *sources_of(diagram))
+    if Path(path).suffix.lower() in SUFFIXES:
+        return _office(Path(path), heading, modes, diagram, origin, sources)
+    parts = stabilization_sections(modes, diagram, origin)
+    return write_page(path, heading, _subtitle(diagram.response), parts, sources)
+
+
+def _office(
+    path: Path, heading: str, modes: ModalModel, diagram: StabilizationDiagram, origin: Origin, sources: Iterable[Path]
+) -> Path:
+    """Write a report as a document of an office program; an existing file is unchanged until the new one is complete."""
+    from modalscope.interfaces.reporting.office import write_document
+
+    holds = None if origin.certificate is None else origin.certificate.holds
+    notes = diagram.notes if origin.notes is None else origin.notes
+    with replacing(path, sources) as temporary:
+        write_document(
+            temporary,
+            heading,
+            _subtitle(diagram.response),
+            modes,
+            origin.diagrams or (diagram,),
+            holds=holds,
+            findings=origin.findings or (),
+            notes=notes,
+        )
+    return path
+
+
+def _selected(thing: object) -> tuple[ModalModel, StabilizationDiagram]:
+    """Return the modes and the diagram of a result, of a pair in either order, or of a diagram alone."""
+    if isinstance(thing, StabilizationDiagram):
+        return select(thing), thing
+    pair = thing if isinstance(thing, tuple) else (getattr(thing, "modes", None), getattr(thing, "diagram", None))
+    if len(pair) == 2:
+        modes, diagram = pair if isinstance(pair[0], ModalModel) else pair[::-1]
+        if isinstance(modes, ModalModel) and isinstance(diagram, StabilizationDiagram):
+            return modes, diagram
+    remedy = "Give a diagram (of stabilize), the pair (modes, diagram), a result, an identification or a comparison."
+    raise DataError("a report needs modes or a diagram", f"it was given {type(thing).__name__}", remedy)
+
+
+def _heading(what: str, joint: str, source: str | None) -> str:
+    return f"{what}{joint}{_name_of_test(source.split(', '))}" if source else what
+
+
+def _name_of_test(files: Sequence[str]) -> str:
+    """Return the name of a file; of several what their names have in common, or their folder, and how many they are."""
+    places = [Path(file) for file in files]
+    if len(places) == 1:
+        return places[0].name
+    letters = zip(*(place.stem for place in places), strict=False)
+    same = "".join(each[0] for each in takewhile(lambda each: len(set(each)) == 1, letters))
+    common = same.rstrip(" _-.0123456789")
+    folder = places[0].resolve().parent.name
+    return f"{common if len(common) > 2 else folder} ({len(places)} files)"
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Origin:
+    """The origin of a result.
+
+    `source`, `command`: the file, and the command line. `findings`, `notes`, `script`: of the whole analysis; by default those of the
+    diagram. `data`: the measurement; the spectra of ambient records are drawn behind the diagram. `diagrams`: of all bands, if several.
+    """
+
+    source: str | None = None
+    command: str | None = None
+    findings: Sequence[Finding] | None = None
+    notes: Sequence[Note] | None = None
+    script: str | None = None
+    certificate: Certificate | None = None
+    data: object = None
+    diagrams: Sequence[StabilizationDiagram] = ()
+
+    @property
+    def spectra(self) -> Decomposition | None:
+        """Singular values of the spectra of a record without inputs; else None."""
+        record = self.data
+        return decomposition(record) if isinstance(record, Signals) and record.inputs is None else None
+
+
+def _origin(result: Result, source: str | None, command: str | None) -> Origin:
+    if result.analysis.apart:
+        remedy = "Write .json or .csv, report on the setups together (apart=False), or on each by itself."
+        raise DataError("a report shows one diagram", "setups identified apart have one each", remedy)
+    source = source or ", ".join(file.path for file in result.analysis.files if file.path) or None
+    script = record.result_script(result)
+    return Origin(source, command, result.findings, result.notes, script, data=result.data, diagrams=result.diagrams)
+
+
+def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, origin: Origin) -> Iterator[Section]:
+    """Yield the sections on a diagram and its modes in the order of reading, each drawn when it is asked for."""
+    holds = None if origin.certificate is None else origin.certificate.holds
+    judged = grades(modes, holds)
+    bands = sections.bands_of(origin.diagrams if len(origin.diagrams) > 1 else (diagram,))
+    diagrams, several, spectra = [band.diagram for band in bands], len(bands) > 1, origin.spectra
+    drawing = drawing_of(modes, *diagrams, spectra=spectra, holds=holds)
+    yield summary_section(modes, diagrams, drawing.fit, band=_limits(bands), judged=judged)
+    yield from sections.alive_section(drawing)
+    yield modes_section(modes, holds)
+    if len(modes):
+        yield intervals_section(modes)
+    if origin.certificate is not None:
+        yield certificate_section(origin.certificate)
+    for band in bands:
+        yield band.named(sections.stabilization_section(band.diagram, modes, spectra), several)
+    yield from sections.mode_pictures(modes, drawing.arrays, holds, points=drawing.points)
+    for band in bands:
+        band_fit, band_lines = drawing.fit, drawing.lines
+        if several and drawing.fit is not None:
+            band_lines = Lines(*rebuilt_lines(modes, band.diagram, len(bands)))
+            band_fit = fit_error(band_lines.measured, band_lines.rebuilt)
+        yield band.named(sections.responses_section(band.diagram.response, band_fit, band_lines), several)
+    if modes.reasons:
+        yield sections.reasons_section(modes)
+    if modes.left_out:
+        yield sections.left_out_section(modes)
+    yield record.data_section(diagram.response, origin.source, origin.findings, origin.data)
+    for band in bands:
+        yield band.named(record.settings_section(band.diagram), several)
+    yield record.notes_section(diagram.notes if origin.notes is None else origin.notes, diagram.kinds)
+    yield record.repeat_section(origin.script or record.stabilization_script(diagram, origin.source), origin.command)
+
+
+def _limits(bands: Sequence[sections.Band]) -> str:
+    """Return a sentence on the bands."""
+    if len(bands) > 1:
+        return f"Identified in {len(bands)} bands: {', '.join(band.words for band in bands)}."
+    limits = getattr(bands[0].diagram.settings, "band", None)
+    return "Band: full range." if limits is None else f"Band: {limits[0]:g} to {limits[1]:g} Hz."
+
+
+def identification_sections(
+    identified: Identification, *, source: str | None = None, command: str | None = None
+) -> Iterator[Section]:
+    """Yield the sections on one identification in the order of reading, each drawn when it is asked for."""
+    modes, response = identified.modes, identified.response
+    fit = fit_of(modes, response) if len(modes) else None
+    yield identification_summary(identified)
+    yield modes_section(modes)
+    yield sections.model_section(identified)
+    yield from sections.mode_pictures(modes)
+    lines = None if fit is None else lines_of_response(modes, response)
+    yield sections.responses_section(response, fit, lines)
+    yield record.data_section(response, source)
+    settings = {
+        "method": cell_label(identified.method, identified.domain),
+        "domain": identified.domain,
+        "order": str(identified.order),
+    }
+    yield Section("settings", "Settings", listing((settings | record.settings_listed(identified.settings)).items()))
+    yield record.notes_section(identified.notes)
+    yield record.repeat_section(record.identification_script(identified, source), command)
+
+
+def _subtitle(response: Response) -> str:
+    outputs = counted(len(response.output_dofs), "output")
+    return f"{outputs}, {counted(len(response.input_dofs), response.column_word)}, {date.today().isoformat()}"
+
+
+def write_page(
+    path: str | Path, title: str, subtitle: str, parts: Iterable[Section], sources: Iterable[Path] = ()
+) -> Path:
+    """Write sections as a page; an existing file is unchanged until the new one is complete.
+
+    The target is checked before a generator of sections draws its first picture. The sources of the data are never overwritten.
+
+    Raises `DataError`: another suffix than .html or .htm, or a file that cannot be written.
+    """
+    target = check_path(path)
+    if target.suffix.lower() not in (".html", ".htm"):
+        raise DataError(
+            f"a report in {target.name!r} was asked",
+            "reports are .html files, of results also .docx and .pptx",
+            "End the name in .html.",
+        )
+    with replacing(target, sources) as temporary:
+        text = page(title, subtitle, parts, f"written by modalscope {VERSION}")
+        temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
+    return target

@@ -1,5 +1,0 @@
-"""The written result: one self-contained HTML file that can be sent to anybody."""
-
-from modalscope.reporting.document import report
-
-__all__ = ["report"]

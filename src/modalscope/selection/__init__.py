@@ -1,0 +1,1 @@
+"""Which poles are modes, and how sure: noise, likelihood, standard deviations, grades."""

@@ -1,0 +1,173 @@
+"""Grade each mode by one word and the reason that decides it.
+
+The first rule that applies decides. Every limit is one of another rule of the library, or a bound of its own meaning:
+
+- **doubtful**: the pole does not decay; its frequency is uncertain (95 %) by more than its half-power half-bandwidth; its damping is
+  uncertain by its whole value, so that its sign is not known.
+- **look**: its shape is that of a stronger mode (MAC above .8); its interval did not hold in simulations; its refinement did not converge;
+  its damping is uncertain by more than 30 %; its shape is complex (MPC below .8); it is weak at its own frequency; a machine's line lies
+  within 2 % of it; the modes explain less than a fifth of the response around it; it lies above .8 of half the sampling rate of records
+  without forces, where what is higher is folded back; the record shows that it went on where its blocks ended; its refinement moved it by
+  more than the intervals before and after allow; its uncertainty is not known.
+- **good**: no rule applies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from modalscope.data.mode_fields import half_widths
+from modalscope.data.modes import ModalModel
+from modalscope.data.shown import percent
+from modalscope.identification.modal.indicators import mac, mpc
+from modalscope.numerics.checks import BoolArray, RealArray
+from modalscope.selection.judging.evidence import LEAST_PEAK, LEAST_PROMINENCE
+from modalscope.selection.judging.surroundings import DIED, EXPLAINED_NEARBY, LEFT_AT_END, OF_NYQUIST
+from modalscope.signals.preprocess.bands import UNFOLDED
+
+#: Best first.
+GRADES = ("good", "look", "doubtful")
+
+#: MAC above which only their frequencies distinguish two modes.
+ALIKE = 0.8
+
+#: MPC below which a shape is complex, or poorly identified.
+_MIN_MPC = 0.8
+
+#: Half-width of the 95 % interval of a damping ratio, relative to its value, above which it is no basis for a decision.
+_MAX_DAMPING_UNCERTAINTY = 0.3
+
+#: Distance of a machine's line relative to the frequency of a mode within which the one may be taken for the other.
+_NEAR_A_LINE = 0.02
+
+#: Share of the response around a mode below which something else is seen there.
+_LEAST_EXPLAINED = 0.2
+
+
+@dataclass(frozen=True)
+class Grade:
+    """The grade of a mode.
+
+    `reason`: the one that decides.
+    """
+
+    word: str
+    reason: str
+
+
+def grades(modes: ModalModel, holds: BoolArray | None = None) -> tuple[Grade, ...]:
+    """Return a grade for each mode by the rules of this module.
+
+    `holds` (n,): whether the interval of each mode held in simulations (see `certify`).
+    """
+    widths, pairs = half_widths(modes), alike_pairs(modes)
+    moved = _moves(modes, widths)
+    graded = []
+    for i in range(len(modes)):
+        f, zeta = float(widths[0][i]), float(widths[1][i])
+        if reason := _doubt(modes, i, f, zeta):
+            graded.append(Grade("doubtful", reason))
+        elif reason := _weakness(modes, i, zeta, pairs, holds, moved[i]):
+            graded.append(Grade("look", reason))
+        else:
+            graded.append(Grade("good", f"damping known within ±{percent(zeta / float(modes.damping_ratios[i]), 2)}"))
+    return tuple(graded)
+
+
+def alike_pairs(modes: ModalModel) -> list[tuple[int, int, float]]:
+    """Return pairs of modes (first, second, MAC) whose shapes are alike, by descending MAC; none of a single output."""
+    if len(modes) < 2 or len(modes.output_dofs) < 2:
+        return []
+    values = mac(modes.shapes)
+    pairs = [(int(i), int(j), float(values[i, j])) for i, j in zip(*np.triu_indices(len(modes), 1), strict=True)]
+    return sorted((pair for pair in pairs if pair[2] > ALIKE), key=lambda pair: -pair[2])
+
+
+def _doubt(modes: ModalModel, i: int, f: float, zeta: float) -> str:
+    value = float(modes.damping_ratios[i])
+    if modes.kinds[i] != "mode":
+        return f"pole is {modes.kinds[i]}: no decaying oscillation"
+    if modes.degrees is not None and modes.degrees[i, 0] == 0:
+        return "not determined by the data: no interval"
+    if f > value * modes.frequencies[i]:
+        return "frequency uncertain beyond its bandwidth"
+    if zeta >= value:
+        return f"damping uncertain by {percent(zeta / value, 2)}: maybe no mode"
+    return ""
+
+
+def _weakness(
+    modes: ModalModel, i: int, zeta: float, pairs: list[tuple[int, int, float]], holds: BoolArray | None, moved: str
+) -> str:
+    for a, b, value in pairs:
+        if i in (a, b) and i not in _stronger(modes, a, b):
+            return f"shape like that of mode {(b if i == a else a) + 1} (MAC {value:.2f})"
+    if holds is not None and i < len(holds) and not holds[i]:
+        return "interval failed in simulations"
+    if modes.converged is False:
+        return "refinement did not converge"
+    uncertainty = zeta / float(modes.damping_ratios[i])
+    if uncertainty > _MAX_DAMPING_UNCERTAINTY:
+        return f"damping uncertain by ±{percent(uncertainty, 2)}"
+    collinearity = float(mpc(modes.shapes[:, [i]])[0]) if len(modes.output_dofs) > 1 else 1.0
+    if collinearity < _MIN_MPC:
+        return f"shape is complex (MPC {collinearity:.2f})"
+    reasons: Mapping[str, Any] = modes.reasons[i] if modes.reasons else {}
+    share, prominence = (reasons.get(key) for key in ("share_of_peak", "indicator_prominence"))
+    if share is not None and prominence is not None and share < LEAST_PEAK and prominence < LEAST_PROMINENCE:
+        return f"weak: {percent(share, 2)} of its response, no peak"
+    if seen := _surroundings(modes, i, reasons) or moved:
+        return seen
+    return "" if np.isfinite(uncertainty) else "uncertainty not known"
+
+
+def _surroundings(modes: ModalModel, i: int, reasons: Mapping[str, Any]) -> str:
+    """Say what is near a mode that may be taken for it."""
+    f = float(modes.frequencies[i])
+    lines = [line.frequency for line in modes.harmonics if abs(line.frequency - f) < _NEAR_A_LINE * f]
+    if lines:
+        nearest = min(lines, key=lambda line: abs(line - f))
+        return f"{percent(abs(nearest / f - 1), 2)} from a machine's line, {nearest:.5g} Hz"
+    explained, share = reasons.get(EXPLAINED_NEARBY, 1.0), reasons.get(OF_NYQUIST, 0.0)
+    if explained < _LEAST_EXPLAINED:
+        return f"{percent(explained, 2)} of the response around it explained"
+    if (left := reasons.get(LEFT_AT_END, 0.0)) > DIED:
+        return f"{percent(left, 2)} of it left at the end of its blocks: leakage"
+    if share > UNFOLDED:
+        return f"at {percent(share, 2)} of half the sampling rate: may be an alias"
+    return ""
+
+
+def _moves(modes: ModalModel, widths: tuple[RealArray, RealArray]) -> list[str]:
+    """Say of each mode that refinement moved it by more than the intervals before and after allow: one of the two values is biased.
+
+    If both were right, the variance of their difference would be no more than the sum of theirs (J. A. Hausman, Econometrica 46, 1978).
+
+    `widths`: of `half_widths`.
+    """
+    before = modes.unrefined
+    if before is None:
+        return [""] * len(modes)
+    f, zeta = (np.hypot(w, np.nan_to_num(v)) for w, v in zip(widths, half_widths(before), strict=True))
+    far = np.abs(modes.frequencies - before.frequencies) > f
+    damped = np.abs(modes.damping_ratios - before.damping_ratios) > zeta
+    return [
+        f"refinement moved it from {before.frequencies[i]:.6g} Hz, by more than its interval"
+        if far[i]
+        else f"refinement moved its damping from {percent(float(before.damping_ratios[i]), 3)}, by more than its interval"
+        if damped[i]
+        else ""
+        for i in range(len(modes))
+    ]
+
+
+def _stronger(modes: ModalModel, a: int, b: int) -> tuple[int, ...]:
+    """Return the more significant of two modes; none if that is not known."""
+    gain = modes.gain
+    if gain is None or not np.all(np.isfinite(np.asarray(gain)[[a, b]])):
+        return ()
+    return (a,) if gain[a] > gain[b] else (b,)

@@ -1,0 +1,300 @@
+"""Build the modal model of the selected groups, paired with a reference where one is given."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from modalscope.data.mode_fields import DIRECT
+from modalscope.data.modes import ModalModel
+from modalscope.data.notes import Candidate as LeftOut, Note
+from modalscope.data.response import Response
+from modalscope.data.results import DEVIATIONS, StabilizationDiagram
+from modalscope.identification.modal.indicators import mac
+from modalscope.identification.modal.joint_fit import joint_fit, joint_residues
+from modalscope.identification.modal.rebuilt import rebuilt
+from modalscope.identification.orders import ORDERS_END, usable_orders
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.functions.poles import poles_from
+from modalscope.numerics.statistics import assign, scatter
+from modalscope.selection.judging.evidence import LEAST_ORDERS, LEAST_SHARE, Candidate, sentence
+from modalscope.selection.judging.tracking import Poles
+from modalscope.selection.likelihood.noise import KIND, typical_deviation, withheld
+from modalscope.selection.likelihood.settling import needed_beside, out_of_band_poles
+
+
+def modes_of(
+    diagram: StabilizationDiagram, poles: Poles, chosen: list[Candidate], left: Sequence[Candidate] = ()
+) -> ModalModel:
+    """Wrap the chosen modes: median poles, and residues fitted together from the shapes that are nearest to all others of a mode."""
+    response = diagram.response
+    values = poles_from([c.frequency for c in chosen], [c.damping for c in chosen])
+    shapes, fitted = _residues(diagram, values, chosen, poles)
+    spreads = [_spread(poles, c) for c in chosen]
+    model = ModalModel(
+        poles=values,
+        shapes=shapes,
+        quantity=response.quantity,
+        dt=diagram.dt,
+        held_input=response.held_input,
+        frequencies_spread=np.array([spread["frequency_spread_hz"] for spread in spreads]),
+        damping_ratios_spread=np.array([spread["damping_ratio_spread"] for spread in spreads]),
+        gain=None if any(np.isnan(c.gain) for c in chosen) else np.array([c.gain for c in chosen]),
+        left_out=left_out(diagram, left, chosen=bool(chosen)),
+        **_deviations(diagram, chosen, poles),
+        indicators=_indicators(diagram, chosen, poles),
+        **response.labelled(),
+        **fitted,
+    )
+    facts = [{**c.facts, **spread} for c, spread in zip(chosen, spreads, strict=True)]
+    reasons = _reasons(model, response, facts)
+    told = [note for note in diagram.notes if note.kind == KIND]
+    notes = (
+        *told,
+        *response.inseparable_inputs,
+        *withheld(model),
+        *_undecided(diagram, left),
+        *_shifting(chosen),
+        *_none(diagram, chosen, left),
+    )
+    return replace(model, reasons=reasons, notes=notes).normalized("unit")
+
+
+def _residues(
+    diagram: StabilizationDiagram, values: ComplexArray, chosen: list[Candidate], poles: Poles
+) -> tuple[ComplexArray, dict[str, Any]]:
+    """Return shapes, and all else that is fitted: residues that are known are the nearest of rank one, and the others follow."""
+    response = diagram.response
+    outputs, inputs = response.values.shape[1], len(response.input_dofs)
+    shapes, participation = np.zeros((outputs, len(chosen)), complex), np.zeros((len(chosen), inputs), complex)
+    known = np.array([c.residue is not None for c in chosen], dtype=bool)
+    for j, c in enumerate(chosen):
+        if c.residue is None:
+            shapes[:, j] = _middle(poles, c)
+        else:
+            U, d, Vh = np.linalg.svd(c.residue, full_matrices=False)
+            shapes[:, j], participation[j] = U[:, 0], d[0] * Vh[0]
+    if response.ambient or not len(chosen):  # errors of correlations are no terms of a fit
+        return joint_residues(response, values, shapes)
+    if known.any():
+        held = values[known], shapes[:, known], participation[known]
+        shapes[:, ~known], fitted = joint_residues(response, values[~known], shapes[:, ~known], held)
+        participation[~known] = fitted["participation"]
+    added = response.added_damping
+    model = values - added, shapes, _poles_besides(diagram, values) - added, response.refined_powers
+    fit = joint_fit(response, *model, participation=participation if known.any() else None)
+    return fit.shapes, fit.fields(response)
+
+
+def _poles_besides(diagram: StabilizationDiagram, values: ComplexArray) -> ComplexArray:
+    """Return the poles that the data need besides modes (n,), rad/s: of the last order, and some for modes outside the band of lines."""
+    last = usable_orders(diagram)[0][-1]
+    found = diagram.poles[diagram.order_of_pole == last]
+    return needed_beside(diagram.response, values, np.concatenate([found, out_of_band_poles(diagram.response)]))
+
+
+def _undecided(diagram: StabilizationDiagram, candidates: Sequence[Candidate]) -> tuple[Note, ...]:
+    """Return a note on what the data need and only the last orders show: where they end it can be no mode yet."""
+    late = sorted(c.frequency for c in candidates if c.facts.get("late"))
+    if not late:
+        return ()
+    where, last = ", ".join(f"{f:.5g} Hz" for f in late), diagram.orders[-1]
+    text = f"Modes at {where} appear at the last orders only (up to {last}): give more orders, or narrower bands"
+    return (Note(ORDERS_END, {"largest": last, "late": len(late)}, text),)
+
+
+def _shifting(chosen: Sequence[Candidate]) -> tuple[Note, ...]:
+    """Return a note on resonances that differ from channel to channel."""
+    known = next((c.facts for c in chosen if "shift_by_output" in c.facts), None)
+    if known is None:
+        return ()
+    by_output, by_input = (100 * known[f"shift_by_{side}"] for side in ("output", "input"))
+    text = (
+        f"Frequencies scatter by about {by_output:.2g} % from output to output and {by_input:.2g} % from input to input: "
+        "the structure or its loading changed during the test"
+    )
+    return (Note("shifts", {"by_output": by_output, "by_input": by_input}, text),)
+
+
+def _none(diagram: StabilizationDiagram, chosen: Sequence[Candidate], left: Sequence[Candidate]) -> tuple[Note, ...]:
+    """Return a note that says why a list is empty."""
+    if chosen:
+        return ()
+    orders = f"orders {diagram.orders[0]} to {diagram.orders[-1]}"
+    if left:
+        strongest = max(left, key=lambda c: c.members.size)
+        text = f"No mode among {len(left)} candidates; the one at most orders, {strongest.frequency:.5g} Hz: {'; '.join(strongest.against)}"
+    elif len(diagram.poles):
+        text = f"No mode: no decaying oscillation is found at three of the {orders}. Try more orders"
+    else:
+        text = f"No mode: the {orders} have no pole in the band"
+    return (Note("no mode", {"candidates": len(left)}, text),)
+
+
+def left_out(diagram: StabilizationDiagram, candidates: Sequence[Candidate], *, chosen: bool) -> tuple[LeftOut, ...]:
+    """Return what looked like a mode and is not reported, with the reason: groups at enough orders, and what the data show without any.
+
+    Where no mode was chosen all groups are told: why there is none is what is asked then.
+    """
+    least = max(min(LEAST_ORDERS, len(diagram.orders)), LEAST_SHARE * len(diagram.orders)) if chosen else 0
+    return tuple(
+        LeftOut(
+            frequency=c.frequency,
+            damping_ratio=c.damping,
+            gain=c.gain,
+            reason="; ".join(c.against) or "refused by the user",
+            remedy=f"take=[{c.frequency:.6g}] reports it anyway" if c.against else "Do not refuse it.",
+        )
+        for c in candidates
+        if c.own is not None or c.members.size >= least
+    )
+
+
+def _middle(poles: Poles, c: Candidate) -> ComplexArray:
+    """Return the shape that is nearest to those of all members."""
+    if c.own is not None:
+        return c.own.shape
+    return np.asarray(poles.shape[c.members[np.argmax(mac(poles.shape[c.members].T).sum(axis=1))]])
+
+
+def _spread(poles: Poles, c: Candidate) -> dict[str, float]:
+    """Return the scatter over orders; one order has none, and no orders have none that is known."""
+    f, zeta = poles.frequency[c.members], poles.damping[c.members]
+    known = c.own is None
+    return {
+        "frequency_spread_hz": scatter(f) if known else np.nan,
+        "damping_ratio_spread": scatter(zeta) if known else np.nan,
+    }
+
+
+def _deviations(diagram: StabilizationDiagram, chosen: list[Candidate], poles: Poles) -> dict[str, Any]:
+    """Return for every mode the deviation of the members that did not split: of those that did it is many times as large."""
+    members = [poles.index[c.members] if c.own is None else np.zeros(0, dtype=int) for c in chosen]
+    ends = np.cumsum([len(index) for index in members])[:-1]
+    found = {}
+    of_members = diagram.deviations_at(np.concatenate([*members, np.zeros(0, dtype=int)]))
+    for name, of_own, values in zip(DEVIATIONS, ("frequency_std", "damping_std"), of_members, strict=True):
+        if values is not None:
+            found[name] = np.array(
+                [
+                    typical_deviation(own) if c.own is None else getattr(c.own, of_own)
+                    for c, own in zip(chosen, np.split(values, ends), strict=True)
+                ]
+                if chosen
+                else []
+            )
+    return found
+
+
+def _indicators(diagram: StabilizationDiagram, chosen: list[Candidate], poles: Poles) -> dict[str, RealArray]:
+    """Return for every mode the median of its members' indicators; NaN without members."""
+    return {
+        name: np.array([float(np.median(column[poles.index[c.members]])) if c.members.size else np.nan for c in chosen])
+        for name, column in diagram.indicators.items()
+    }
+
+
+def _reasons(model: ModalModel, response: Response, facts: list[dict[str, Any]]) -> tuple[dict[str, Any], ...]:
+    """Complete the reasons: what the rebuilt response loses without the mode, and a sentence."""
+    if not len(model):
+        return ()
+    size = np.linalg.norm(response.values)
+    model = replace(model, residual_terms=())  # poles besides the modes may explain what a mode would
+    left = response.values - rebuilt(response, model)
+    rest = np.linalg.norm(left)
+    no_terms: dict[str, Any] = dict.fromkeys(DIRECT)
+    reasons = []
+    for j, known in enumerate(facts):
+        alone = replace(model.take([j]), **no_terms)
+        more = rebuilt(response, alone)
+        together = rest**2 + np.linalg.norm(more) ** 2 + 2 * np.vdot(left, more).real
+        del more  # of long records each is large: there are never three
+        loss = np.sqrt(max(float(together), 0.0)) / size - rest / size
+        text = known.get("text") or sentence(known, float(loss))
+        reasons.append({**known, "fit_loss": float(loss), "text": text})
+    return tuple(reasons)
+
+
+# ----------------------------------------------------------------------------------------------------------- reference
+# Modes paired with those of another program or test: which are the same, and by how much they differ, in deviations too.
+
+#: Cost of a pair that is not allowed; allowed ones stay below 3.
+_COST_OF_NO_PARTNER = 1e3
+
+#: Cost of a rejected candidate, in units of 1 - MAC.
+_COST_OF_REASON = 0.5
+
+
+def paired_with(
+    reference: ModalModel, candidates: list[Candidate], poles: Poles, tolerance: float
+) -> list[tuple[Candidate, int]]:
+    """Return candidates and the reference mode that each is, pairs of least cost in all.
+
+    Frequencies lie within the tolerance or the larger half bandwidth; among these the nearest with the most alike shape is taken, shapes
+    where both have the same outputs.
+
+    `tolerance`: relative distance of frequencies.
+    """
+    if not candidates or not len(reference):
+        return []
+    f, zeta = reference.frequencies, reference.damping_ratios
+    g, eta = (np.array([getattr(c, name) for c in candidates]) for name in ("frequency", "damping"))
+    room = np.maximum(tolerance * f[:, None], np.maximum((f * zeta)[:, None], g * eta))
+    apart = np.abs(f[:, None] - g) / room
+    unlike = 1 - _likeness(reference, candidates, poles)
+    cost = apart + unlike + _COST_OF_REASON * np.array([bool(c.against) for c in candidates])
+    cost = np.where(apart <= 1, cost, _COST_OF_NO_PARTNER)
+    return [(candidates[j], int(i)) for i, j in zip(*assign(cost), strict=True) if cost[i, j] < _COST_OF_NO_PARTNER]
+
+
+def _likeness(reference: ModalModel, candidates: list[Candidate], poles: Poles) -> RealArray:
+    """MAC of each reference mode and candidate, (n, candidates); one where the outputs are others."""
+    if len(reference.shapes) != poles.shape.shape[1]:
+        return np.ones((len(reference), len(candidates)))
+    shapes = [c.own.shape if c.own is not None else poles.shape[c.members[0]] for c in candidates]
+    return mac(reference.shapes, np.array(shapes, dtype=complex).T)
+
+
+def compared_with(modes: ModalModel, reference: ModalModel, which: Array) -> ModalModel:
+    """Return modes whose reasons hold the differences to the reference; what of the reference has no partner is a note.
+
+    `which` (n,): the reference mode of each.
+    """
+    alike = np.ones(len(modes))
+    if len(reference.shapes) == len(modes.shapes):
+        alike = np.array([mac(modes.shapes[:, j], reference.shapes[:, k])[0, 0] for j, k in enumerate(which)])
+    f, zeta = modes.frequencies - reference.frequencies[which], modes.damping_ratios - reference.damping_ratios[which]
+    beside: list[dict[str, Any]] = [
+        {
+            "reference_frequency_hz": float(reference.frequencies[k]),
+            "reference_damping_ratio": float(reference.damping_ratios[k]),
+            "reference_mac": float(alike[j]),
+            "frequency_difference_hz": float(f[j]),
+            "damping_ratio_difference": float(zeta[j]),
+        }
+        for j, k in enumerate(which)
+    ]
+    for word, name, differences in (("frequency", "frequencies", f), ("damping_ratio", "damping_ratios", zeta)):
+        deviations = _together(modes, reference, which, name)
+        for row, difference, deviation in zip(beside, differences, deviations, strict=True):
+            if deviation > 0:
+                row[f"{word}_difference_in_deviations"] = float(abs(difference) / deviation)
+    reasons = tuple({**why, **row} for why, row in zip(modes.reasons, beside, strict=True))
+    missing = np.setdiff1d(np.arange(len(reference)), which)
+    if not missing.size:
+        return replace(modes, reasons=reasons)
+    where = ", ".join(f"{reference.frequencies[k]:.5g} Hz" for k in missing)
+    note = Note("reference", {"missing": float(missing.size)}, f"Reference modes not found: {where}")
+    return replace(modes, reasons=reasons).noted(note)
+
+
+def _together(modes: ModalModel, reference: ModalModel, which: Array, name: str) -> RealArray:
+    """Standard deviation of a difference: of both where both are known, of one where one is, else NaN."""
+    parts = [getattr(modes, f"{name}_std"), getattr(reference, f"{name}_std")]
+    own = np.full(len(modes), np.nan) if parts[0] is None else parts[0]
+    other = np.full(len(modes), np.nan) if parts[1] is None else parts[1][which]
+    both = np.nan_to_num(own) ** 2 + np.nan_to_num(other) ** 2
+    return np.asarray(np.where(np.isnan(own) & np.isnan(other), np.nan, np.sqrt(both)))

@@ -1,0 +1,120 @@
+"""Estimate how large the errors of lines are: noise of a known course, and errors that are a part of the response.
+
+Calibration, leakage and shifts leave errors that grow with the response: one per cent of a strong mode is large beside a weak one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from modalscope.numerics.checks import RealArray
+from modalscope.selection.likelihood.whitening import LEVEL_LINES, smoothed
+
+#: Steps at most, rise of the log likelihood at which they end, and the longest in the logarithm.
+_STEPS, _LEAST_RISE, _LONGEST = 30, 1e-3, 2.0
+
+#: Least information of a step relative to that of its lines, and of a part: one that is not there tells nothing.
+_ROUNDING, _LEAST_PART = 1e-9, 1e-12
+
+#: Channels that tell the levels of lines, evenly among more: a level, a mean over them, is then known to 1 / sqrt(2000).
+_TOLD_BY = 2000
+
+#: Numbers that are computed at a time: they stay in the cache.
+_NUMBERS_AT_A_TIME = 1 << 16
+
+
+def parts_of_level(power: RealArray, even: RealArray, size: RealArray) -> tuple[RealArray, RealArray]:
+    """Return a even and b size of every channel, power ~ S = a even + b size: a, b >= 0 with the largest -sum (log S + power / S).
+
+    That is the likelihood of squares of normal numbers. Steps of scoring in log a and log b are taken where they raise it, elsewhere
+    a *= sqrt(sum even power / S^2 / sum even / S), and b alike, which never lower it.
+
+    `power` (F, c): squares of the residual. `even` (F,): of what is even noise. `size` (F, c): of the response.
+
+    Source of the latter: C. Févotte and J. Idier, Neural Computation 23, 2011.
+    """
+    noise, own = np.empty(power.shape), np.empty(power.shape)
+    for few in _few(*power.shape):
+        parts = _likeliest(np.ascontiguousarray(power[:, few].T), even, np.ascontiguousarray(size[:, few].T))
+        noise[:, few], own[:, few] = (part.T for part in parts)
+    return noise, own
+
+
+def rows_of_lines(left: RealArray, data: RealArray, count: int, *, smooth: bool = False) -> RealArray:
+    """Return the deviation of every row relative to the others, (K,): the mean over channels of each channel's a + b |H|^2.
+
+    `left`, `data` (K, l, m): what a model leaves, and the data; H is the difference, the response without its noise. `count`: lines.
+    `smooth`: whether what all channels together are of that around a line counts, too.
+    """
+    flat, whole = (each.reshape(2, count, -1)[..., telling(left[0].size)] for each in (left, data))
+    level, total = np.zeros((2, count))
+    for few in _few(count, flat.shape[2]):
+        power, size = _squares(flat[..., few]), _squares(whole[..., few] - flat[..., few])
+        power /= np.maximum(power.mean(axis=1), 1e-300)[:, None]
+        noise, own = _likeliest(power, np.ones(count), size)
+        level += np.sum(noise + own, axis=0)
+        total += np.sum(power, axis=0)
+    if smooth:
+        level = level * smoothed(total / level, LEVEL_LINES)
+    return np.asarray(np.tile(np.sqrt(level / np.exp(np.mean(np.log(level)))), 2))
+
+
+def telling(channels: int) -> slice:
+    """Return every n-th channel, the fewest n that leave no more than tell the levels of lines."""
+    return slice(None, None, -(-channels // _TOLD_BY))
+
+
+def _squares(parts: RealArray) -> RealArray:
+    """Return the squares of complex values by their real and imaginary parts (2, F, c), (c, F)."""
+    return np.ascontiguousarray(np.einsum("rfc,rfc->fc", parts, parts).T)
+
+
+def _few(lines: int, channels: int) -> Iterator[slice]:
+    """Yield some channels after others."""
+    step = max(_NUMBERS_AT_A_TIME // max(lines, 1), 1)
+    return (slice(k, k + step) for k in range(0, channels, step))
+
+
+def _likeliest(power: RealArray, even: RealArray, size: RealArray) -> tuple[RealArray, RealArray]:
+    """Return both parts of few channels, (c, F) each: a channel lies in one piece."""
+    unit = np.maximum(power.mean(axis=1), 1e-300)[:, None]  # a channel of zeros has no size
+    P, e, s = power / unit, even / even.mean(), size / np.maximum(size.mean(axis=1), 1e-300)[:, None]
+    parts = np.array([np.median(P / np.maximum(each, 1e-300), axis=1) for each in (e, s)])
+    parts = np.clip(parts, _LEAST_PART, 1 / _LEAST_PART)
+    S, ratio, reached = _under(parts, P, e, s)
+    for _ in range(_STEPS):
+        quick, slow = _factors(ratio, s / S * parts[1][:, None])
+        before, tried = reached, parts * quick
+        S, ratio, reached = _under(tried, P, e, s)
+        falls = ~(reached >= before)
+        parts = np.where(falls, parts * slow, tried)
+        if falls.any():
+            S[falls], ratio[falls], reached[falls] = _under(parts[:, falls], P[falls], e, s[falls])
+        if np.max(reached - before, initial=0.0) < _LEAST_RISE:
+            break
+    return unit * parts[0][:, None] * e, unit * parts[1][:, None] * s
+
+
+def _under(parts: RealArray, P: RealArray, e: RealArray, s: RealArray) -> tuple[RealArray, RealArray, RealArray]:
+    """Return levels S of parts (2, c), squares over them, (c, F) each, and the log likelihood by channel; parts of nothing have none."""
+    S = parts[1][:, None] * s
+    S += parts[0][:, None] * e
+    np.maximum(S, 1e-300, out=S)
+    ratio = P / S
+    return S, ratio, -(np.log(S).sum(axis=1) + ratio.sum(axis=1))
+
+
+def _factors(ratio: RealArray, own: RealArray) -> tuple[RealArray, RealArray]:
+    """Return by which factors scoring changes both parts, and by which steps do that lower nothing, (2, c) each.
+
+    `ratio` (c, F): squares over the level. `own` (c, F): share of the part that is the response's.
+    """
+    lines, total, squares = own.shape[1], own.sum(axis=1), np.vecdot(own, own)
+    second = np.vecdot(own, ratio) - total
+    slope, sums = np.array([ratio.sum(axis=1) - lines - second, second]), np.array([lines - total, total])
+    a, b, ab = lines - 2 * total + squares + _ROUNDING * lines, squares + _ROUNDING * lines, total - squares
+    step = np.array([b * slope[0] - ab * slope[1], a * slope[1] - ab * slope[0]]) / (a * b - ab**2)
+    slow = np.sqrt(np.maximum(1 + slope / np.maximum(sums, 1e-300), _LEAST_PART))
+    return np.exp(np.clip(step, -_LONGEST, _LONGEST)), slow

@@ -1,0 +1,390 @@
+"""Estimate mode shapes of an ambient record once more on its own lines, with all poles fixed, and what is not known of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from modalscope.data.modes import ModalModel
+from modalscope.data.records import Signals
+from modalscope.numerics.checks import BoolArray, ComplexArray, IntArray, RealArray
+from modalscope.numerics.functions.poles import QUANTITIES
+from modalscope.signals.preprocess.spectra import Spectrum
+
+#: A shape is estimated from the lines within this many half bandwidths; the noise from those in this range of half bandwidths.
+_SHAPE_HALF_BANDWIDTHS, _NOISE_HALF_BANDWIDTHS = 6.0, (1.5, 5.0)
+
+#: A shape is real where all other modes together have this fraction of its power at its frequency or more: forces that are correlated
+#: with theirs add up to that part of its squared length in quadrature.
+_MAX_OVERLAP = 0.01
+
+#: Rounds over all modes, and steps of expectation and maximization for each.
+_ROUNDS, _STEPS_PER_MODE = 2, 10
+
+#: Maximum number of lines of a mode, evenly spread, and minimum.
+_MAX_LINES, _MIN_LINES = 1000, 8
+
+#: Minimum noise of a channel relative to its level next to the mode: channels may be linearly dependent.
+_MIN_NOISE = 1e-8
+
+#: Minimum initial power of a mode, relative to the power of its lines in its shape.
+_MIN_POWER = 0.05
+
+#: Modes whose forces may be correlated with those of a mode: at most so many, with this part of its power on its lines at least; and the
+#: largest correlation.
+_MAX_BESIDE, _MIN_POWER_BESIDE, _MAX_CORRELATION = 4, 1e-3, 0.98
+
+#: Maximum number of passes over the modes that moved by more than this part of a deviation, or beside which others did; scoring steps of
+#: each mode, and times that a step is shortened; damping at first, after a failed step at least, and its factors.
+_MAX_PASSES, _SETTLED, _SCORING_STEPS, _MAX_SHORTENED = 8, 0.5, 2, 5
+_FIRST_DAMPING, _FAILED_DAMPING, _GROWTH, _FALL = 1e-3, 1e-2, 10.0, 0.2
+
+#: Squared correlations of spectral lines 0, 1 and 2 apart under a Hann window: each line stands for one over their sum, both sides counted.
+_CORRELATED_LINES = np.array([1.0, 2 / 3, 1 / 6]) ** 2
+
+#: A shape stays as it is where the mean square of the whitened lines exceeds this: something is on them that is no mode of the list. Of 455
+#: modes of random records, in half of which the strongest mode was missing, lines gave the better shapes below and fits above it.
+_MAX_MISFIT = 10.0
+
+
+class _Lines(NamedTuple):
+    """Lines of a record, channels at a root mean square of one: transforms Y (R, F, l), Hz (F,), responses h of all modes (n, F)."""
+
+    Y: ComplexArray
+    frequencies: RealArray
+    responses: ComplexArray
+
+    @property
+    def powers(self) -> RealArray:
+        """|h|^2, (n, F)."""
+        return np.asarray(np.abs(self.responses) ** 2)
+
+
+class LineShapes(NamedTuple):
+    """Shapes (l, n), and the standard deviations of their components, NaN where lines are too few to tell."""
+
+    shapes: ComplexArray
+    deviations: RealArray
+
+
+def line_shapes(record: Signals, modes: ModalModel, avoided: Sequence[tuple[float, float]] = ()) -> LineShapes:
+    """Return the shapes of modes as the lines of the record have them.
+
+    Lines are Y = sum_j h_j phi_j a_j + e under white modal forces a_j, with h = 2 zeta r^p / (1 - r^2 + 2 i zeta r), r = f / f_j,
+    p = 0, 1, 2 of displacement, velocity and acceleration, and real phi_j. For one mode at a time, the strongest first, with E the
+    spectral matrix of all others and of the noise and P = |h|^2, ten steps of
+
+        v = 1 / (phi' E^-1 phi),  q = v phi' E^-1 Y,  m = q P / (P + v),  p = |m|^2 + P v / (P + v),
+        phi = (sum p E^-1)^-1 Re sum E^-1 Y m*
+
+    are those of expectation and maximization of Whittle's likelihood by phi, with uncorrelated forces. From there Fisher scoring by phi
+    and by the correlations of its force with those of the modes that are strongest on its lines, which are real where forces act at one
+    time, leads to the maximum. The covariance of phi is the inverse of the information there times the misfit where that exceeds one; what
+    only the size of the mode has is no error of its shape. Noise is independent from channel to channel, its size the smallest
+    eigenvalue of the normed spectral matrix beside the mode.
+
+    What is complex in the given shape stays where other modes hardly overlay it. A given shape stays where the misfit says that there is
+    more on the lines than the modes; what the two shapes differ by is then part of its deviation.
+
+    `avoided`: frequencies and half widths (Hz) of lines that are no random vibration.
+    """
+    lines = _lines_of(record, modes, avoided)
+    size = np.sqrt(np.mean(np.abs(lines.Y) ** 2, axis=(0, 1)))
+    size = np.where(size > 0, size, 1.0)
+    lines = lines._replace(Y=lines.Y / size)
+    given = _turned_real(modes.shapes / size[:, None])
+    shapes = _with_power(lines, modes, given.real)
+    for _ in range(_ROUNDS):
+        for j in _strongest_first(shapes):
+            shapes[:, j] = _estimated(lines, modes, shapes, j)
+    shapes, deviations, misfits = _at_maximum(lines, modes, shapes)
+    length = np.einsum("aj,aj->j", given.real, shapes)
+    fitted = given * length
+    found = shapes + 1j * np.where(_overlaid(lines, modes, shapes), 0.0, fitted.imag)
+    strange = misfits > _MAX_MISFIT
+    deviations = np.where(strange, np.hypot(deviations, fitted.real - shapes), deviations)
+    known = np.isfinite(misfits) & (length != 0)
+    return LineShapes(
+        np.where(known, np.where(strange, fitted, found) * size[:, None], modes.shapes),
+        np.where(known, deviations * size[:, None], np.nan),
+    )
+
+
+def _at_maximum(lines: _Lines, modes: ModalModel, shapes: RealArray) -> tuple[RealArray, RealArray, RealArray]:
+    """Return shapes and their deviations where every mode's lines are most likely given all others, and the misfits (n,), NaN unknown."""
+    forces, deviations, misfits = np.eye(len(modes)), np.full(shapes.shape, np.nan), np.full(len(modes), np.nan)
+    depends = np.eye(len(modes), dtype=bool)
+    moved = np.ones(len(modes), dtype=bool)
+    for _ in range(_MAX_PASSES):
+        before = shapes
+        for j in _strongest_first(shapes):
+            found = _scored(lines, modes, shapes, forces, j) if np.any(moved & depends[j]) else None
+            if found is not None:
+                shapes, forces = found.shapes, found.forces
+                depends[j, found.beside] = True
+                deviations[:, j], misfits[j] = found.deviations, found.misfit
+        moved = np.any(np.abs(shapes - before) > _SETTLED * deviations, axis=0)
+    return shapes, deviations, misfits
+
+
+def _strongest_first(shapes: RealArray) -> list[int]:
+    return [int(j) for j in np.argsort(-np.linalg.norm(shapes, axis=0))]
+
+
+def _turned_real(shapes: ComplexArray) -> ComplexArray:
+    """Return shapes turned to be as real as they can, their real parts of length one."""
+    turned = shapes * np.exp(-0.5j * np.angle(np.sum(shapes**2, axis=0)))
+    return np.asarray(turned / np.linalg.norm(turned.real, axis=0))
+
+
+def _lines_of(record: Signals, modes: ModalModel, avoided: Sequence[tuple[float, float]]) -> _Lines:
+    spectrum = Spectrum.of(record)
+    f = spectrum.step * np.arange(spectrum.lines.shape[1])
+    kept = np.arange(len(f)) >= 2  # the first lines hold the remainder of the straight line
+    for frequency, half in avoided:
+        kept &= np.abs(f - frequency) > half
+    r = f[kept] / modes.frequencies[:, None]
+    zeta = modes.damping_ratios[:, None]
+    power = QUANTITIES.get(record.quantity or "acceleration", 2)
+    h = 2 * zeta * r**power / (1 - r**2 + 2j * zeta * r)
+    return _Lines(spectrum.lines[:, kept], np.asarray(f[kept], dtype=np.float64), np.asarray(h))
+
+
+def _with_power(lines: _Lines, modes: ModalModel, real: RealArray) -> RealArray:
+    """Return shapes whose lengths are the roots of the power of the modal forces, each given the stronger ones."""
+    own = [_within(lines, f, 0.0, f * z) for f, z in zip(modes.frequencies, modes.damping_ratios, strict=True)]
+    seen = [
+        float(np.mean(np.abs(lines.Y[:, k] @ phi) ** 2)) if k.size else 0.0 for k, phi in zip(own, real.T, strict=True)
+    ]
+    found = np.zeros_like(real)
+    for j in np.argsort(seen)[::-1]:
+        near = _near(lines, modes, found, int(j))
+        if near is None:
+            continue
+        v = 1 / np.einsum("a,fab,b->f", real[:, j], near.inverse, real[:, j])
+        power = np.mean(np.abs(v * (near.weighted @ real[:, j])) ** 2, axis=0)
+        excess = max(float(np.sum(power - v)), _MIN_POWER * float(np.sum(power)))
+        found[:, j] = real[:, j] * np.sqrt(excess / max(float(np.sum(lines.powers[j, near.own])), 1e-300))
+    return np.asarray(found)
+
+
+def _overlaid(lines: _Lines, modes: ModalModel, shapes: RealArray) -> BoolArray:
+    """Return the modes at whose frequencies the others have more than a fifth of their own power."""
+    power = np.sum(shapes**2, axis=0)
+    at = np.clip(np.searchsorted(lines.frequencies, modes.frequencies), 0, len(lines.frequencies) - 1)
+    there = power[:, None] * lines.powers[:, at]
+    own = np.diag(there).copy()
+    return np.asarray(there.sum(axis=0) - own >= _MAX_OVERLAP * own)
+
+
+def _within(lines: _Lines, f: float, near: float, far: float) -> IntArray:
+    """Return the lines between two distances of a frequency on both sides, evenly spread where they are many."""
+    away = np.abs(lines.frequencies - f)
+    found = np.flatnonzero((away <= far) & (away >= near))
+    return found[:: -(-found.size // _MAX_LINES)] if found.size else found
+
+
+class _Near(NamedTuple):
+    """Lines of one mode `own` (f,), noise (l,), E^-1 of all others and of the noise there (f, l, l), and E^-1 Y (R, f, l)."""
+
+    own: IntArray
+    noise: RealArray
+    inverse: RealArray
+    weighted: ComplexArray
+
+
+def _near(lines: _Lines, modes: ModalModel, shapes: RealArray, j: int) -> _Near | None:
+    """Return the lines of a mode given all others; None where they are too few."""
+    f, outputs = float(modes.frequencies[j]), len(shapes)
+    if len(lines.frequencies) < 2:
+        return None
+    half = max(f * float(modes.damping_ratios[j]), 2 * float(lines.frequencies[1] - lines.frequencies[0]))
+    own, beside = (
+        _within(lines, f, 0.0, _SHAPE_HALF_BANDWIDTHS * half),
+        _within(lines, f, _NOISE_HALF_BANDWIDTHS[0] * half, _NOISE_HALF_BANDWIDTHS[1] * half),
+    )
+    if len(lines.Y) * min(own.size, beside.size) < max(_MIN_LINES, 2 * outputs):
+        return None
+    noise = _noise(lines.Y[:, beside].reshape(-1, outputs))
+    inverse = _inverse_of_others(lines, shapes, j, own, noise)
+    return _Near(own, noise, inverse, np.einsum("fab,rfb->rfa", inverse, lines.Y[:, own]))
+
+
+def _estimated(lines: _Lines, modes: ModalModel, shapes: RealArray, j: int) -> RealArray:
+    """Return the shape of one mode given all others; as it is where its lines are too few, or it has no power in them."""
+    near, phi = _near(lines, modes, shapes, j), shapes[:, j]
+    if near is None or not np.any(phi):
+        return phi
+    runs, P = len(lines.Y), lines.powers[j, near.own]
+    for _ in range(_STEPS_PER_MODE):
+        v = 1 / np.einsum("a,fab,b->f", phi, near.inverse, phi)
+        share = P / (P + v)
+        m = share * v * (near.weighted @ phi)
+        p = np.sum(np.abs(m) ** 2, axis=0) + runs * v * share
+        left = np.einsum("f,fab->ab", p, near.inverse)
+        phi = np.linalg.solve(left, np.einsum("rfa,rf->a", near.weighted, m.conj()).real)
+    return np.asarray(phi)
+
+
+def _noise(Y: ComplexArray) -> RealArray:
+    """Return the noise of every channel, (l,): its level times the smallest eigenvalue of the normed spectral matrix."""
+    S = (Y.T @ Y.conj()).real / len(Y)
+    level = np.maximum(np.diag(S), 1e-300)
+    smallest = float(np.linalg.eigvalsh(S / np.sqrt(np.outer(level, level)))[0])
+    return np.asarray(level * max(smallest, _MIN_NOISE))
+
+
+def _inverse_of_others(lines: _Lines, shapes: RealArray, j: int, own: IntArray, noise: RealArray) -> RealArray:
+    """Return E^-1 on the lines of a mode, (f, l, l): E = sum_k |h_k|^2 phi_k phi_k' over the others, and the noise."""
+    powers = np.delete(lines.powers, j, axis=0)[:, own]
+    unit, Q, T = _in_noise(np.delete(shapes, j, axis=1), noise)
+    inside = np.linalg.inv(np.einsum("ak,kf,bk->fab", T, powers, T, optimize=True) + np.eye(len(T))) - np.eye(len(T))
+    back = unit[:, None] * Q
+    return np.asarray(back @ inside @ back.T + np.diag(unit**2))
+
+
+def _in_noise(shapes: RealArray, noise: RealArray) -> tuple[RealArray, RealArray, RealArray]:
+    """Return N^-1/2 (l,), and Q (l, k) and T (k, n) of N^-1/2 [phi] = Q T: beside what shapes span there is noise of variance one alone."""
+    unit = 1 / np.sqrt(noise)
+    Q, T = np.linalg.qr(unit[:, None] * shapes)
+    return unit, Q, T
+
+
+# ------------------------------------------------------------------------------------------------------------- scoring
+
+
+class _Scored(NamedTuple):
+    """All shapes and correlations of forces with those of one mode at the maximum, the modes beside it, its deviations, and the misfit."""
+
+    shapes: RealArray
+    forces: RealArray
+    beside: list[int]
+    deviations: RealArray
+    misfit: float
+
+
+class _Spectral(NamedTuple):
+    """S = A R A* + N on the lines of a mode, A = [phi_k h_k], in the span of shapes: N^-1/2 S N^-1/2 is L L* in Q, and one beside.
+
+    `back` (l, k): N^-1/2 Q. `root`, `sides`, `driven` (f, k, ...): L^-1, and L^-1 of the coordinates of A and of A R. `seen` (f, k, R),
+    `beside` (R, f, l): L^-1 of those of Y, and what Y N^-1/2 has beside. `squares`: of both. `cost`: -log p.
+    """
+
+    back: RealArray
+    root: ComplexArray
+    sides: ComplexArray
+    driven: ComplexArray
+    seen: ComplexArray
+    beside: ComplexArray
+    squares: float
+    cost: float
+
+
+class _Lobe(NamedTuple):
+    """What is held while one mode is scored: its lines Y (R, f, l), h of all modes there (f, n), noise (l,), itself, those beside it."""
+
+    Y: ComplexArray
+    h: ComplexArray
+    noise: RealArray
+    mode: int
+    beside: list[int]
+
+    def spectral(self, shapes: RealArray, forces: RealArray) -> _Spectral | None:
+        """Return S at shapes (l, n) and correlations (n, n); None where it is not positive definite."""
+        unit, Q, T = _in_noise(shapes, self.noise)
+        A = T * self.h[:, None, :]
+        driven = A @ forces
+        try:
+            L = np.linalg.cholesky(driven @ A.conj().swapaxes(1, 2) + np.eye(len(T)))
+        except np.linalg.LinAlgError:
+            return None
+        root: ComplexArray = np.asarray(np.linalg.inv(L), dtype=np.complex128)
+        Y = self.Y * unit
+        inside = Y @ Q
+        seen, beside = root @ inside.transpose(1, 2, 0), Y - inside @ Q.T
+        squares = float(np.vdot(seen, seen).real + np.vdot(beside, beside).real)
+        logs = 2 * len(Y) * float(np.log(np.einsum("faa->fa", L).real).sum())
+        return _Spectral(unit[:, None] * Q, root, root @ A, root @ driven, seen, beside, squares, logs + squares)
+
+    def equations(self, at: _Spectral) -> tuple[RealArray, RealArray]:
+        """Return Fisher's information and the score of phi and of the correlations, (p, p) and (p,).
+
+        Every derivative of S is u v* + v u*: of a component of phi u = e_a h and v a column of A R, of a correlation u and v are columns
+        of A. The information is the sum of 2 Re (v_p* S^-1 u_q)(v_q* S^-1 u_p) + (v_p* S^-1 v_q)(u_q* S^-1 u_p), the score of
+        2 Re (u* S^-1 y)(y* S^-1 v) - u* S^-1 v. Columns v lie in the span of shapes; e_a has a part beside, too.
+        """
+        h, runs, unit = self.h[:, self.mode, None], len(self.Y), 1 / np.sqrt(self.noise)
+        d, s, B = at.driven[:, :, self.mode], at.sides[:, :, self.mode], at.sides[:, :, self.beside]
+        # products with d, s and B, which are v of all components, u of all correlations, and v of each of these
+        of_d, of_s = (_times(each[:, None], at.root)[:, 0] * h for each in (d, s))
+        of_B = _times(B.swapaxes(1, 2), at.root) * h[:, None]
+        ds, dB, sB = np.einsum("fk,fk->f", d.conj(), s), _times(d[:, None], B)[:, 0], _times(s[:, None], B)[:, 0]
+        size = np.linalg.norm(d, axis=1) * np.abs(h[:, 0])
+        root = (at.root * size[:, None, None]).reshape(-1, at.root.shape[2])
+        inside = of_d.T @ of_d + root.conj().T @ root
+        components = at.back @ inside @ at.back.T + np.sum(size**2) * (np.diag(unit**2) - at.back @ at.back.T)
+        crossed = at.back @ (np.einsum("fka,f->ak", of_B, ds) + of_s.T @ dB)
+        power = np.einsum("fk,fk->f", s.conj(), s)
+        correlations = sB.conj().T @ sB.conj() + np.einsum("f,fkm->km", power, _times(B.swapaxes(1, 2), B))
+        information = np.block([[components, crossed], [crossed.T, correlations]])
+        drawn = _times(d[:, None], at.seen)[:, 0].conj()  # y* S^-1 v of components, (f, R)
+        of_inside = _times((at.seen @ drawn[:, :, None])[:, None, :, 0], at.root)[:, 0].conj() * h.conj()
+        of_beside = unit * np.einsum("rfa,fr->a", at.beside, drawn * h.conj())
+        by_component = at.back @ np.sum(of_inside - runs * of_d.conj(), axis=0) + of_beside
+        each = _times(s[:, None], at.seen) * _times(B.swapaxes(1, 2), at.seen).conj()
+        score = np.concatenate([by_component, np.sum(each.sum(axis=2) - runs * sB, axis=0)])
+        return 2 * runs * information.real, 2 * score.real
+
+    def moved(self, shapes: RealArray, forces: RealArray, step: RealArray) -> tuple[RealArray, RealArray]:
+        """Return shapes and correlations after a step of one shape and its correlations."""
+        l, j = len(shapes), self.mode
+        shapes, forces = shapes.copy(), forces.copy()
+        shapes[:, j] += step[:l]
+        forces[j, self.beside] = np.clip(forces[j, self.beside] + step[l:], -_MAX_CORRELATION, _MAX_CORRELATION)
+        forces[self.beside, j] = forces[j, self.beside]
+        return shapes, forces
+
+
+def _times(rows: ComplexArray, columns: ComplexArray) -> ComplexArray:
+    """Return the products of conjugate rows with columns on every line."""
+    return np.asarray(rows.conj() @ columns)
+
+
+def _scored(lines: _Lines, modes: ModalModel, shapes: RealArray, forces: RealArray, j: int) -> _Scored | None:
+    """Return the shape of one mode at the maximum of the likelihood of its lines; None where they are too few."""
+    near = _near(lines, modes, shapes, j)
+    if near is None or not np.any(shapes[:, j]):
+        return None
+    power = np.sum(shapes**2, axis=0) * np.mean(lines.powers[:, near.own], axis=1)
+    beside = [int(k) for k in np.argsort(-power) if k != j and power[k] >= _MIN_POWER_BESIDE * power[j]][:_MAX_BESIDE]
+    lobe = _Lobe(lines.Y[:, near.own], lines.responses[:, near.own].T, near.noise, j, beside)
+    at, damping = lobe.spectral(shapes, forces), _FIRST_DAMPING
+    if at is None:
+        return None
+    for _ in range(_SCORING_STEPS):
+        information, score = lobe.equations(at)
+        for _ in range(_MAX_SHORTENED):
+            stiff = information + damping * np.diag(np.diag(information))
+            step = np.asarray(np.linalg.solve(stiff, score), dtype=np.float64)
+            there = lobe.moved(shapes, forces, step)
+            new = lobe.spectral(*there) if np.linalg.eigvalsh(there[1])[0] > 0 else None
+            if new is not None and new.cost < at.cost:
+                break
+            damping = max(_GROWTH * damping, _FAILED_DAMPING)
+        else:
+            break
+        (shapes, forces), at, damping = there, new, _FALL * damping
+    misfit = at.squares / lobe.Y.size
+    covariance = np.linalg.pinv(lobe.equations(at)[0], hermitian=True)[: len(shapes), : len(shapes)]
+    unit = shapes[:, j] / np.linalg.norm(shapes[:, j])
+    across = np.eye(len(unit)) - np.outer(unit, unit)
+    variances = np.diag(across @ covariance @ across) * _lines_a_line(near.own) * max(misfit, 1.0)
+    return _Scored(shapes, forces, beside, np.sqrt(np.maximum(variances, 0)), misfit)
+
+
+def _lines_a_line(lines: IntArray) -> float:
+    """Return how many lines count as an independent one, by their distance: 35/18 of neighbours."""
+    step = int(np.diff(lines).min()) if lines.size > 1 else 1
+    return float(2 * np.sum(_CORRELATED_LINES[::step]) - 1)

@@ -1,0 +1,168 @@
+"""Compute standard deviations of refined modes: from lines one by one, from parts in time, and from the scatter between groups."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from modalscope.data.channels import Groups
+from modalscope.data.response import Response
+from modalscope.numerics.checks import ComplexArray, RealArray
+from modalscope.selection.likelihood.covariance import (
+    LEAST_GROUPS,
+    degrees_of_wider,
+    deviations_of_poles,
+    gradients_of_poles,
+    joined,
+    lower_damping,
+    pole_blocks,
+    sandwich,
+    shape_deviations,
+)
+from modalscope.selection.likelihood.information import information_of_channels, inverse, normal, scores, window_noise
+from modalscope.selection.likelihood.likelihood import Fitted, Point, across
+from modalscope.selection.likelihood.lines_told import ToldByLines, told_by_lines
+from modalscope.selection.likelihood.settling import Settled
+
+#: Standard deviation of a frequency in half bandwidths above which the data leave a mode open.
+_MAX_OPEN = 0.3
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Spread:
+    """Standard deviations of refined modes.
+
+    `frequency`, `damping` (n,): from the noise: Hz, ratio. `degrees` (n, 2): of freedom of the wider of these and those between groups;
+    0 where the data leave a mode open.
+    `lower` (n,): see `ModalModel.damping_ratios_lower`. `shapes` (l, n): of the shapes as they were fitted. `frequency_between`,
+    `damping_between` (n,): between groups.
+    """
+
+    frequency: RealArray
+    damping: RealArray
+    degrees: RealArray
+    lower: RealArray
+    shapes: RealArray
+    frequency_between: RealArray | None
+    damping_between: RealArray | None
+
+
+def spread_of(settled: Settled, poles: ComplexArray, response: Response, groups: Groups) -> Spread:
+    """Return the deviations at an optimum.
+
+    Errors of records are independent from line to line, whatever their spectrum and their coherence: lines left out one at a time tell
+    the covariance. White noise of responses has one variance a channel; where their residual is coloured, the widest of this, of lines
+    and of what channels disagree by counts. Where lines have levels of their own, these are no channel's alone, and lines are asked, too.
+    Parts in time show what correlates lines.
+
+    `poles` (n,): rad/s, as the modes are to have them. `response`: that was refined. `groups`: one label an input, or a run.
+    """
+    point, fitted, variance, seen = settled.descent.point, settled.descent.fitted, settled.variance, settled.colour
+    information = normal(point, fitted)[0]
+    C, known = inverse(information), inverse(information, 0.0)
+    asked = point.problem.records or seen.coloured or settled.levelled
+    rows = told_by_lines(point, fitted, known, response) if asked else None
+    between = _between(point, fitted, C, groups, rows)
+    own = variance * np.diag(fitted.spread).reshape(-1, 2).sum(axis=1)
+    candidates: list[_Candidate] = []
+    if not point.problem.records:
+        noise = window_noise(point, fitted, response)
+        meat = information_of_channels(point, fitted, variance, alike=response.variance is not None)
+        found = C @ meat @ C if noise is None else variance * noise.covariance
+        candidates.append(_Candidate(found, np.full((2, len(poles)), float(point.problem.freedom)), own))
+    if rows is not None:
+        free, parts = rows.told(gradients_of_poles(poles), known)
+        candidates.append(_Candidate(rows.covariance(known) + C - known, free, rows.own))
+    if seen.coloured and not point.problem.records and between is None:
+        each = [part for part in _by_channels(point, fitted) if len(part) >= LEAST_GROUPS]
+        candidates += [_Candidate(sandwich(C, part), np.full((2, len(poles)), len(part) - 1.0), own) for part in each]
+    variances = np.array([_of_poles(poles, each.covariance, point) ** 2 for each in candidates])
+    widest = np.argmax(variances, axis=0)[None]
+    degrees = np.take_along_axis(np.array([each.degrees for each in candidates]), widest, axis=0)[0]
+    variances = np.take_along_axis(variances, widest, axis=0)[0]
+    opened = np.sqrt(variances[0]) > _MAX_OPEN * np.abs(poles.real) / (2 * np.pi)
+    lower = np.full(len(poles), np.nan)
+    if rows is not None:
+        lower = lower_damping(poles, variances[0], degrees[0], parts[0])
+        both = [joined(*each) for each in zip(variances, degrees, parts, strict=True)]
+        variances, degrees = (np.array(each) for each in zip(*both, strict=True))
+    f, zeta = np.sqrt(variances)
+    shapes = np.max([_of_shapes(point, fitted, each.covariance, each.own) for each in candidates], axis=0)
+    if between is None or groups is None:
+        return Spread(f, zeta, np.where(opened, 0, degrees).T, lower, shapes, None, None)
+    apart = _of_poles(poles, between, point)
+    degrees = degrees_of_wider(np.sqrt(variances), degrees, apart, len(set(groups)))
+    return Spread(f, zeta, np.where(opened, 0, degrees).T, lower, shapes, *apart)
+
+
+class _Candidate(NamedTuple):
+    """A covariance of the unknowns, its degrees of freedom (2, n), and the variance of the side that follows, all else held."""
+
+    covariance: RealArray
+    degrees: RealArray
+    own: RealArray
+
+
+def _by_channels(point: Point, fitted: Fitted) -> list[RealArray]:
+    """Return the scores of outputs, of inputs and of channels: where no groups are known, model error may lie in any of them."""
+    each = scores(point, fitted)
+    return [each.sum(axis=1), each.sum(axis=0), each.reshape(-1, each.shape[2])]
+
+
+def _of_poles(poles: ComplexArray, covariance: RealArray, point: Point) -> RealArray:
+    """Return the deviations of frequencies and of damping ratios, (2, n)."""
+    n, p = point.sides.shape
+    return np.array(deviations_of_poles(poles, pole_blocks(covariance, 2 * p * np.arange(n))))
+
+
+def _between(
+    point: Point, fitted: Fitted, information: RealArray, groups: Groups, rows: ToldByLines | None
+) -> RealArray | None:
+    """Sandwich over the groups of inputs, or of runs by their lines; None without at least four."""
+    labels = np.unique(groups) if groups is not None else np.zeros(0)
+    if labels.size < LEAST_GROUPS:
+        return None
+    member = np.asarray(groups)[None, :] == labels[:, None]
+    if rows is None or point.problem.parts is None:
+        return sandwich(information, member.astype(float) @ scores(point, fitted).sum(axis=0))
+    return sandwich(information, member.astype(float) @ rows.by_run)
+
+
+# -------------------------------------------------------------------------------------------------------------- shapes
+
+
+def _of_shapes(point: Point, fitted: Fitted, covariance: RealArray, own: RealArray) -> RealArray:
+    """Return the deviations of all shapes, (l, n); `own` (n,) or (q, n): variance of the side that follows, all else held."""
+    shapes, _ = point.problem.scaled_back(point, fitted)
+    turned = point.problem.turned
+    scale = point.problem.varying if turned else point.problem.linear
+    alone = np.zeros(shapes.shape) if turned else np.broadcast_to(own, shapes.shape)
+    moved = _among_unknowns(point) if turned else _by_substitution(point, fitted)
+    each = [
+        shape_deviations(shapes[:, j], alone[:, j] * scale**2, scale[:, None] * A, covariance)
+        for j, A in enumerate(moved)
+    ]
+    return np.stack(each, axis=1)
+
+
+def _among_unknowns(point: Point) -> Iterator[ComplexArray]:
+    """Yield db / d theta of every mode, (p, 2 n p): the shapes themselves are the unknown unit vectors."""
+    n, p = point.sides.shape
+    bases = across(point.sides)
+    for j in range(n):
+        A = np.zeros((p, n, p, 2), dtype=complex)
+        A[:, j, 1:, 0], A[:, j, 1:, 1] = bases[j], 1j * bases[j]
+        yield A.reshape(p, -1)
+
+
+def _by_substitution(point: Point, fitted: Fitted) -> Iterator[ComplexArray]:
+    """Yield dc / d theta of every mode, (q, 2 n p), with c the least-squares solution (but for the sign)."""
+    X = fitted.back @ (fitted.kept.T @ point.directions())  # (2 n, n p)
+    c = np.repeat(fitted.linear, point.sides.shape[1], axis=1)
+    for j in range(len(point.poles)):
+        by_real, by_imag = (c * (X[2 * j + k]) for k in (0, 1))
+        A = np.stack([by_real.real + 1j * by_imag.real, -by_real.imag - 1j * by_imag.imag], axis=-1)
+        yield A.reshape(len(c), -1)

@@ -1,0 +1,1 @@
+"""Records to responses, and what is wrong with data."""

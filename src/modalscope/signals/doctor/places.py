@@ -1,0 +1,233 @@
+"""Name the places of a test of several files: those that were driven at one place are averaged, others are inputs of their own.
+
+Files of a roving test often name all their drive points alike. Taken for one place they would be averaged, and the shape lost; one place
+taken for several stands in the shape several times. Where the user named the inputs, the names stay, and a note tells what the data say
+against them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy import fft
+
+from modalscope.data.channels import AUTO
+from modalscope.data.notes import Note
+from modalscope.data.records import Signals
+from modalscope.data.responses import FrequencyResponse
+from modalscope.data.shown import counted
+from modalscope.numerics.checks import ComplexArray, RealArray
+from modalscope.numerics.errors import DataError
+from modalscope.signals.doctor.one_place import ALIKE, Placed, decide, not_compared, white_noise
+from modalscope.signals.preprocess.bands import USEFUL_POWER
+from modalscope.signals.preprocess.excitation import excitation_of
+from modalscope.signals.preprocess.frf import estimate_frf
+from modalscope.signals.preprocess.impacts import find_hits
+from modalscope.signals.preprocess.plans import plan_hits
+
+#: What the exponential window falls to at the end of a hit, so that vibration which goes on beyond does not depend on the length of the
+#: pulse; and samples ahead of a hit.
+_END_OF_WINDOW, _BEFORE = 0.05, 20
+
+#: Maximum number of samples of a run of random forces that are compared, and its segments.
+_MAX_SAMPLES, _SEGMENTS = 1 << 16, 8
+
+#: Most files whose labels are written out in a remedy.
+_MAX_LISTED = 12
+
+
+def with_hits(parts: Sequence[Any], names: Sequence[str]) -> tuple[list[int], tuple[Note, ...]]:
+    """Return which parts of a hammer test have a usable hit, and a note on each of the others; all of another test.
+
+    Parameters
+    ----------
+    parts : sequence of data objects
+        Records or responses of one test.
+    names : sequence of str
+        Names of their files, for the notes.
+    """
+    every = list(range(len(parts)))
+    if len(parts) < 2 or not all(isinstance(part, Signals) and len(part.input_dofs) == 1 for part in parts):
+        return every, ()
+    if excitation_of(parts) != "impact":
+        return every, ()
+    faults = {k: fault for k, part in enumerate(parts) if (fault := _fault(part)) is not None}
+    if len(faults) == len(parts):
+        return every, ()
+    told = [f"{names[k]}: left out, no usable hit{f' ({fault})' if fault else ''}" for k, fault in faults.items()]
+    return [k for k in every if k not in faults], tuple(Note("file", {}, text) for text in told)
+
+
+def _fault(part: Signals) -> str | None:
+    """Return the fault of the first hit of a record that has no usable one, empty without any hit; None for a record with a usable one."""
+    forces = part.by_run()[1]
+    assert forces is not None
+    hits = find_hits(forces[:, :, 0])
+    return None if any(not hit.unfit for hit in hits) else hits[0].reason if hits else ""
+
+
+def label_by_place(
+    parts: Sequence[Any], names: Sequence[str], files: int | None = None
+) -> tuple[list[Any], tuple[Note, ...]]:
+    """Label the input of each part of a test by its place when parts of one input label were driven at several places.
+
+    The parts are returned unchanged if they have one place; also without a note if they have several inputs, different labels or other
+    outputs.
+
+    Parameters
+    ----------
+    parts : sequence of data objects
+        Records or responses of one test.
+    names : sequence of str
+        Names of their files, for the note.
+    files : int, optional
+        Number of the files of the test with those that were left out, which a remedy labels, too.
+    """
+    found = placed(parts) if _comparable(parts) and len({part.input_dofs for part in parts}) == 1 else None
+    if found is None:
+        return list(parts), ()
+    if found.kind != "several":
+        return list(parts), (
+            Note("places", {"places": 1.0}, f"{_one(found, names)}. If places: {_remedy(files or len(parts))}"),
+        )
+    count = max(found.places) + 1
+    at = [", ".join(name for name, p in zip(names, found.places, strict=True) if p == k) for k in range(count)]
+    listed = "; ".join(f"place {k + 1} ({listing})" for k, listing in enumerate(at))
+    text = (
+        f"{len(parts)} files look like {count} drive points, all labelled {parts[0].input_dofs[0]!r}: {_apart(found)}. Inputs are named "
+        f"{listed}; if one place: --input-dofs 1{_doubt(found, names)}"
+    )
+    named = [
+        replace(part, input_dofs=[f"place {p + 1}"], groups=AUTO) for part, p in zip(parts, found.places, strict=True)
+    ]
+    return named, (Note("places", {"places": float(count)}, text),)
+
+
+def against_labels(parts: Sequence[Any]) -> tuple[Note, ...]:
+    """Return a note where data speak against the labels that a user gave the inputs of the parts of a test; the labels stay."""
+    if not _comparable(parts):
+        return ()
+    alike: dict[str, list[Any]] = {}
+    for part in parts:
+        alike.setdefault(part.input_dofs[0], []).append(part)
+    for label, group in alike.items():
+        found = placed(group) if len(group) > 1 else None
+        if found is not None and found.kind == "several":
+            text = f"{len(group)} files named {label!r} are averaged as asked, but {_apart(found)}, as those of several places"
+            return (Note("places", {"places": float(len(alike))}, text),)
+    found = placed(parts) if len(alike) > 1 else None
+    if found is None or found.kind != "one":
+        return ()
+    text = f"{len(alike)} drive points as asked, but {_agree(found)}, as those of one place"
+    return (Note("places", {"places": float(len(alike))}, text),)
+
+
+def _apart(found: Placed) -> str:
+    return f"amplitudes at {counted(found.resonances, 'resonance')} differ by {100 * found.apart:.2g} %"
+
+
+def _agree(found: Placed) -> str:
+    return f"amplitudes at {counted(found.resonances, 'resonance')} agree within {max(1, round(100 * found.apart))} %"
+
+
+def _one(found: Placed, names: Sequence[str]) -> str:
+    """Return why files are taken for one place, in words."""
+    files = f"{len(names)} files"
+    if found.kind == "one":
+        return f"{files} were driven at one place ({_agree(found)}): averaged"
+    if found.kind == "unknown":
+        return f"{files} are taken as one place, as they are labelled: no resonance shows their places"
+    if found.kind == "size":
+        gain = np.exp(np.median(np.log(found.gains), axis=1))
+        k = int(np.argmax(np.abs(np.log(gain))))
+        return f"{files} look like one place, but {names[k]} is {gain[k]:.2g} times as large (overload, range or unit?): taken as one"
+    few = "only " if found.resonances < 3 else ""
+    at = f"{few}{counted(found.resonances, 'resonance')}"
+    return f"{files} look like one place (amplitudes at {at} differ by {100 * found.apart:.2g} %): taken as one"
+
+
+def _remedy(files: int) -> str:
+    """Return the option that makes every file a place."""
+    if files > _MAX_LISTED:
+        return f"--input-dofs with {files} labels, one per file"
+    return f"--input-dofs {' '.join(str(k + 1) for k in range(files))}"
+
+
+def _doubt(found: Placed, names: Sequence[str]) -> str:
+    """Return a question about the most similar files that are taken for two places, in words; empty where no two are alike."""
+    other = np.where(np.not_equal.outer(found.places, found.places), found.distances, np.inf)
+    i, j = sorted(divmod(int(np.argmin(other)), len(names)))
+    if other[i, j] > ALIKE:
+        return ""
+    return (
+        f". Are {names[i]} and {names[j]} one place? They differ by {100 * other[i, j]:.2g} %: if so, name them alike"
+    )
+
+
+def _comparable(parts: Sequence[Any]) -> bool:
+    """Whether parts are records of one rate, or responses on one set of lines, with the same outputs and one input each."""
+    first = parts[0]
+    if len(parts) < 2 or not isinstance(first, Signals | FrequencyResponse):
+        return False
+    alike = all(
+        type(part) is type(first) and len(part.input_dofs) == 1 and part.output_dofs == first.output_dofs
+        for part in parts
+    )
+    if not alike or isinstance(first, Signals):
+        return alike and len({part.sampling_rate for part in parts}) == 1
+    return all(np.array_equal(part.frequencies, first.frequencies) for part in parts)
+
+
+def placed(parts: Sequence[Any]) -> Placed:
+    """Return the decision on parts with the same outputs and lines, or sampling rate, and one input each."""
+    if isinstance(parts[0], FrequencyResponse):
+        return decide(*_of_responses(parts))
+    kind, count = excitation_of(parts), min(_MAX_SAMPLES, *(part.samples for part in parts))
+    try:
+        if kind == "impact":
+            return decide(*_of_hits(parts))
+        return decide(*_of_responses([_response(part, count, kind) for part in parts]))
+    except DataError:  # a file without a usable hit, or without a force
+        return not_compared(len(parts))
+
+
+def _response(part: Signals, count: int, kind: str) -> FrequencyResponse:
+    """Return the response of the first `count` samples of every run."""
+    y, u = part.by_run()
+    assert u is not None
+    cut = replace(part, outputs=y[:, :count], inputs=u[:, :count])
+    return estimate_frf(cut, excitation=kind, segment=count // _SEGMENTS if kind == "random" else None)
+
+
+def _of_responses(parts: Sequence[FrequencyResponse]) -> tuple[ComplexArray, RealArray]:
+    """Return responses (files, lines, outputs) and their noise: the variances that they state, or that of second differences."""
+    lines = set.intersection(*(set(part.frequencies.tolist()) for part in parts))
+    parts = [part.at_lines(np.isin(part.frequencies, list(lines))) for part in parts]
+    values = np.stack([part.values[:, :, 0] for part in parts])
+    stated = [part.variance[:, :, 0] for part in parts if part.variance is not None]
+    return values, np.stack(stated) if len(stated) == len(parts) else white_noise(values)
+
+
+def _of_hits(parts: Sequence[Signals]) -> tuple[ComplexArray, RealArray]:
+    """Return the responses of hammer hits (files, lines, outputs) on the lines that all hits reach, and their noise.
+
+    Each hit is cut to the same length. The window w makes the noise of neighbouring lines alike, with the correlations r_1 and r_2 of
+    the transform of w^2, and second differences 3 - 4 r_1 + r_2 of three times its variance.
+    """
+    plans = [plan_hits(part, None, "good", _BEFORE, None) for part in parts]
+    count = min(plan.outputs.shape[1] for plan in plans)
+    window = _END_OF_WINDOW ** (np.arange(count) / count)
+    powers, values = [], []
+    for plan in plans:
+        y, u = plan.outputs[:, :count] * window[:, None], plan.inputs[:, :count, 0] * window
+        Y, U = (fft.rfft(x, axis=1)[:, 1:-1] for x in (y, u))
+        powers.append(np.sum(np.abs(U) ** 2, axis=0))
+        values.append(np.einsum("kfi,kf->fi", Y, U.conj()) / np.maximum(powers[-1], np.finfo(float).tiny)[:, None])
+    power = np.stack(powers)
+    useful = np.all(power >= USEFUL_POWER * power.max(axis=1, keepdims=True), axis=0)
+    H = np.stack(values)[:, useful]
+    r = np.real(fft.rfft(window**2)[:3]) / np.sum(window**2)
+    return H, white_noise(H) * 3 / float(3 - 4 * r[1] + r[2])

@@ -1,0 +1,35 @@
+"""Files and ranges as users write them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import modalscope as ms
+from modalscope.interfaces.cli import main
+from modalscope.interfaces.cli.reading import parse_orders
+
+
+def test_both_ends_of_a_range_of_orders_belong_to_it():
+    assert list(parse_orders("2:60:2")) == list(range(2, 61, 2))
+    assert list(parse_orders("4:6")) == [4, 5, 6]
+
+
+def test_arrays_with_other_names_and_axes_are_read(tmp_path):
+    clean = ms.systems.chain5().frequency_response(np.linspace(0.3, 8, 200), quantity="acceleration")
+    path = tmp_path / "other.npz"
+    np.savez(path, freq=clean.frequencies, H=clean.values.transpose(2, 1, 0))
+    words = ["--rename", "freq=frequencies", "--rename", "H=values", "--axes", "values=inputs,outputs,lines"]
+    assert main(["identify", str(path), *words, "--quantity", "acceleration"]) == 0
+
+
+def test_units_are_converted_and_what_is_not_known_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    place = tmp_path / "run.npz"
+    rng = np.random.default_rng(0)
+    np.savez(place, outputs=rng.standard_normal((200, 2)), inputs=rng.standard_normal((200, 1)), sampling_rate=10.0)
+    assert main(["info", str(place), "--units", "y1=100 mV/g,y2=furlong,inputs=lbf"]) == 0
+    out = capsys.readouterr().out
+    assert "y1 from 100 mV/g to m/s2 (times 0.0980665); u1 from lbf to N" in out
+    assert "the unit furlong of y2 is not known" in out

@@ -1,0 +1,39 @@
+"""Pictures of months: every mode is drawn once, in its track or in none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from modalscope import plot
+from modalscope.analysis.monitoring import alarms, explain, track
+from modalscope.data import DataError
+from tests.analysis.monitoring.years import tracked, year
+
+
+def points(ax: object) -> int:
+    return sum(len(line.get_xdata()) for line in ax.get_lines() if line.get_linestyle() == "None")  # type: ignore[attr-defined]
+
+
+def test_every_mode_is_drawn_once() -> None:
+    drawn = year(60, seed=1)
+    ax = plot.tracks(track(drawn.history))
+    assert points(ax) == drawn.history.frequencies.size
+    assert ax.get_ylabel() == "frequency [Hz]"
+
+
+def test_changes_are_drawn_against_a_covariate_that_is_there() -> None:
+    found = explain(tracked(400, 0))
+    ax = plot.against(found)
+    assert points(ax) == 8 * 400
+    assert ax.get_xlabel().startswith("temperature")
+    with pytest.raises(DataError, match="there are only temperature"):
+        plot.against(found, "wind")
+
+
+def test_a_chart_shows_its_limit_and_its_alarms() -> None:
+    found = alarms(tracked(1200, 3, shift=-2e-3, at=1000), reference=("1970-01-01", "1970-01-31"))
+    ax = plot.control_chart(found)
+    assert points(ax) == 1200
+    assert np.isclose([line.get_ydata()[0] for line in ax.get_lines()], 1).any()
+    assert len(found) == len([text for text in ax.texts if "1970-02" in text.get_text()]) == 1

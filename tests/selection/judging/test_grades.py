@@ -1,0 +1,138 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from modalscope.data import ModalModel, Signals
+from modalscope.interfaces.reporting.document import Origin
+from modalscope.interfaces.reporting.html import table
+from modalscope.interfaces.reporting.modes import modes_section, summary_section
+from modalscope.interfaces.reporting.record import data_section
+from modalscope.numerics.functions.poles import poles_from
+from modalscope.selection.judging.grades import ALIKE, alike_pairs, grades, half_widths
+from tests.interfaces.plot import examples
+
+#: Half width of a 95 % interval in standard deviations.
+Z = 1.959964
+
+
+def known(damping: float = 0.01, frequency: float = 1e-4) -> ModalModel:
+    """Return the chain's modes with relative deviations of frequencies and damping ratios."""
+    modes = examples.modes()
+    return replace(
+        modes, frequencies_std=frequency * modes.frequencies, damping_ratios_std=damping * modes.damping_ratios
+    )
+
+
+def words(modes: ModalModel) -> list[str]:
+    return [grade.word for grade in grades(modes)]
+
+
+def test_modes_known_to_a_per_cent_with_shapes_of_their_own_are_good_and_say_how_well_they_are_known() -> None:
+    found = grades(known())
+    assert {grade.word for grade in found} == {"good"}
+    assert all("damping known within ±2" in grade.reason for grade in found)  # 1.96 times 1 %
+
+
+def test_without_deviations_nothing_is_good() -> None:
+    assert all(grade.word == "look" and "not known" in grade.reason for grade in grades(examples.modes()))
+    assert all(np.isnan(half).all() for half in half_widths(examples.modes()))
+
+
+@pytest.mark.parametrize(("open_by", "word"), [(0.29, "good"), (0.31, "look"), (0.99, "look"), (1.01, "doubtful")])
+def test_damping_open_by_thirty_per_cent_wants_a_look_and_open_by_its_value_is_doubtful(
+    open_by: float, word: str
+) -> None:
+    assert set(words(known(damping=open_by / Z))) == {word}
+
+
+@pytest.mark.parametrize(("share", "word"), [(0.99, "good"), (1.01, "doubtful")])
+def test_a_frequency_open_by_more_than_its_half_bandwidth_is_doubtful(share: float, word: str) -> None:
+    modes = known()
+    std = share / Z * modes.damping_ratios * modes.frequencies
+    assert set(words(replace(modes, frequencies_std=std))) == {word}
+
+
+def test_of_two_alike_shapes_the_weaker_wants_a_look() -> None:
+    modes = known()
+    shapes = np.array(modes.shapes)
+    shapes[:, 3] = shapes[:, 1]
+    alike = replace(modes, shapes=shapes, gain=np.array([9.0, 9.0, 9.0, 5.0, 9.0]))
+    assert words(alike) == ["good", "good", "good", "look", "good"]
+    assert "mode 2 (MAC 1.00)" in grades(alike)[3].reason
+    assert words(replace(alike, gain=None))[1] == "look"  # which is the weaker is not known
+    assert alike_pairs(alike)[0][:2] == (1, 3)
+    assert all(value > ALIKE for *_, value in alike_pairs(alike))
+
+
+def test_alike_shapes_are_a_warning_of_the_summary_and_shapes_of_their_own_are_not() -> None:
+    modes = known()
+    shapes = np.array(modes.shapes)
+    shapes[:, 3] = shapes[:, 1]
+    body = summary_section(replace(modes, shapes=shapes), [examples.diagram()], None).body
+    assert 'class="loud">WARNING: the shapes of modes 2 and 4' in body
+    assert "WARNING" not in summary_section(modes, [examples.diagram()], None).body
+
+
+def test_a_pole_that_grows_is_doubtful() -> None:
+    modes = known()
+    grows = replace(modes, poles=np.where(np.arange(5) == 2, -np.conj(modes.poles), modes.poles))
+    assert words(grows)[2] == "doubtful"
+
+
+def test_a_shape_of_all_phases_wants_a_look() -> None:
+    modes = known()
+    shapes = np.array(modes.shapes, dtype=complex)
+    shapes[:, 0] = np.exp(1j * np.pi / 2 * np.arange(shapes.shape[0]))  # a travelling wave: no phase is preferred
+    assert "shape is complex" in grades(replace(modes, shapes=shapes))[0].reason
+
+
+def test_the_table_of_modes_opens_with_grades_and_folds_the_figures_behind() -> None:
+    body = modes_section(known()).body
+    first, _, behind = body.partition("<details>")
+    assert first.count('class="grade good"') == 5
+    assert "spread" not in first
+    assert "noise [Hz]" in behind
+
+
+def test_a_grade_cannot_become_markup() -> None:
+    assert "<b x" not in table(["a"], [['"><b x']], graded=0)
+
+
+def test_a_record_tells_its_own_length_rate_and_processing() -> None:
+    data = Signals(outputs=np.ones((120_000, 4)), sampling_rate=100.0, processing=("drift removed",))
+    body = data_section(examples.response(), None, (), data).body
+    assert "120000 samples at 100 Hz: 20 min" in body
+    assert "drift removed" in body
+
+
+def test_only_a_record_without_inputs_has_spectra_behind_its_diagram() -> None:
+    noise = np.random.default_rng(0).standard_normal((2000, 2))
+    assert Origin(data=Signals(outputs=noise, sampling_rate=10.0)).spectra is not None
+    assert Origin(data=Signals(outputs=noise, inputs=noise, sampling_rate=10.0)).spectra is None
+    assert Origin().spectra is None
+
+
+@pytest.mark.parametrize(("moved", "word"), [(0.99, "good"), (1.01, "look")])
+@pytest.mark.parametrize("damping", [False, True])
+def test_a_mode_that_refinement_moved_by_more_than_the_intervals_allow_wants_a_look(
+    moved: float, word: str, damping: bool
+) -> None:
+    modes = known(damping=1e-3)
+    f, zeta = modes.frequencies.copy(), modes.damping_ratios.copy()
+    both = moved * np.hypot(Z, Z)  # both values have the same deviation
+    if damping:
+        zeta[2] *= 1 + 1e-3 * both
+    else:
+        f[2] *= 1 + 1e-4 * both
+    before = replace(modes, poles=poles_from(f, zeta))
+    refined = replace(modes, unrefined=before, converged=True)
+    assert words(refined) == ["good", "good", word, "good", "good"]
+    if word == "look":
+        assert ("moved its damping from" if damping else f"moved it from {f[2]:.6g} Hz") in grades(refined)[2].reason
+
+
+def test_modes_of_a_refinement_that_did_not_converge_want_a_look() -> None:
+    assert {grade.reason for grade in grades(replace(known(), converged=False))} == {"refinement did not converge"}

@@ -1,0 +1,92 @@
+"""Which poles take part in the noise model beside the modes, and data without noise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from modalscope.data import FrequencyResponse
+from modalscope.identification.stabilize import stabilize
+from modalscope.numerics.functions.poles import poles_from
+from modalscope.selection.judging import verdict as likely
+from modalscope.selection.judging.evidence import evidence_of, oscillations
+from modalscope.selection.judging.select import contest_of, select
+from modalscope.selection.judging.selection_problem import SelectionProblem
+from modalscope.selection.likelihood.reference_model import floor_of
+from modalscope.systems import chain5
+from tests.selection.judging.hard import lines_of, random_structure, score
+from tests.selection.judging.made import NUDGE, diagram_of, poles_of
+from tests.selection.judging.test_joint_selection import F, data
+from tests.selection.judging.test_verdict import ALL, OFF, ORDERS, POLES
+
+
+@pytest.mark.parametrize("white", [True, False])
+def test_skirts_take_part_only_where_what_is_left_beside_them_is_white(
+    white: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # a mode at 26 Hz, 5 % damped, lies outside the band of 5 to 25 Hz and is in no order: what four poles leave is coloured.
+    # Poles for its skirts leave white noise, but not where neighbouring lines share an error, a mean of nine independent ones
+    x, outside = 2j * np.pi * F[:, None, None], poles_from(26.0, 0.05)
+    values = data().values + 0.5 * np.ones((3, 2)) * (1 / (x - outside) + 1 / (x - outside.conj()))
+    if not white:
+        e = np.random.default_rng(1).standard_normal((2, F.size + 8, 3, 2))
+        sums = np.cumsum(np.pad(e[0] + 1j * e[1], ((1, 0), (0, 0), (0, 0))), axis=0)
+        values = values + 0.01 * (sums[9:] - sums[:-9]) / 3
+    response = replace(data(), values=values)
+    diagram, poles = diagram_of(*ALL, response=response, orders=ORDERS), poles_of(*ALL, orders=ORDERS)
+    arenas: list[SelectionProblem] = []
+    monkeypatch.setattr(likely, "select_jointly", lambda selection, *_, **__: arenas.append(selection))
+    likely.likely(diagram, poles, evidence_of(diagram))
+    assert floor_of(response, POLES * OFF).colour.coloured
+    # beside the terms for all that is far outside every pole that takes part has two columns
+    columns = arenas[0].problem.terms.shape[1]
+    assert (columns > response.basis(np.zeros(0), response.outside_powers).columns.shape[1]) is white
+
+
+def test_data_without_noise_have_their_modes_and_no_others() -> None:
+    # poles of lscf are good to 1e-6 here: what they leave is misfit, and no noise
+    structure = random_structure(1)
+    f = np.linspace(0.7 * np.abs(structure.poles).min(), 1.15 * np.abs(structure.poles).max(), 500) / (2 * np.pi)
+    response = FrequencyResponse(values=lines_of(structure, f), frequencies=f, quantity=structure.quantity)
+    found = score(structure, select(stabilize(response, method="lscf")))
+    assert found.found.all()
+    assert found.spurious == 0
+
+
+@pytest.mark.parametrize(("part", "computed"), [(1 - NUDGE, True), (1 + NUDGE, False)])
+def test_a_millionth_of_the_data_is_no_noise_of_a_measurement(part: float, computed: bool) -> None:
+    floor = floor_of(data(), POLES)
+    assert likely._computed(replace(floor, left=1e-6 * part * floor.data)) is computed
+
+
+@pytest.mark.parametrize(("largest", "listed"), [(8, True), (14, False)])
+def test_a_mode_that_the_data_need_is_of_a_diagram_that_shows_it_or_has_no_room_for_it(
+    largest: int, listed: bool
+) -> None:
+    lines = chain5().frequency_response(np.arange(30, 751) * 0.01, quantity="acceleration", noise=0.01, seed=0)
+    decided = contest_of([stabilize(lines, method="era", domain="z", orders=range(8, 17, 2))])
+    assert decided is not None
+    assert len(decided.found.poles) == 5
+    diagram = stabilize(lines, method="alternate", domain="z", orders=range(2, largest + 1, 2))
+    every = oscillations(diagram)
+    poles = every.take(np.flatnonzero(np.abs(every.frequency - 4.168) > 0.5))  # as if the third mode were at no order
+    _, found = likely.likely(diagram, poles, evidence_of(diagram), decided)
+    (third,) = (c for c in found if abs(c.frequency - 4.168) < 0.02)
+    assert third.against == (() if listed else ("needed by the data, but shown at no orders of this diagram",))
+    others = [c for c in found if not c.against and c is not third]
+    if not listed:  # what shows the others is its own
+        assert [round(c.frequency, 1) for c in others] == [0.9, 2.6, 5.4, 6.1]
+        assert all(c.members.size for c in others)
+
+
+def test_further_diagrams_add_the_candidates_that_the_first_does_not_have() -> None:
+    poles = poles_of(*ALL, orders=ORDERS)
+    some, first = poles.take(np.flatnonzero(poles.frequency < 11)), float(poles.frequency.min())
+    assert 0 < some.pole.size < poles.pole.size
+    both = likely._starts_of(some, [poles])
+    alone = likely._starts_of(poles, [])
+    assert np.allclose(np.sort(both.frequency), np.sort(alone.frequency))
+    assert both.frequency[0] == pytest.approx(first)
+    assert likely._starts_of(poles, [poles, some]).pole.size == alone.pole.size

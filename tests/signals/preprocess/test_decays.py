@@ -1,0 +1,75 @@
+"""A record without force that is a free decay is analysed as one, and may be taken as ambient."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from modalscope import DataError, analyze, replay, stabilize
+from modalscope.data import ImpulseResponse, Records, Signals
+from modalscope.signals.preprocess.decays import as_free_decay
+from modalscope.systems import chain5
+
+CHAIN = chain5()
+RATE = 20.0
+
+
+def plucked(samples: int = 1500, rate: float = RATE, seed: int = 0) -> Signals:
+    decay = CHAIN.free_decay(samples, displacement=[0.2, 0.4, 1.0, -0.3, 0.1], sampling_rate=rate, outputs=range(5))
+    y = decay.values[:, :, 0]
+    noise = 1e-3 * np.abs(y).max() * np.random.default_rng(seed).standard_normal(y.shape)
+    return Signals(outputs=y + noise, sampling_rate=rate, quantities="displacement", output_dofs=CHAIN.dofs)
+
+
+def test_the_modes_of_a_decay_are_found_with_nothing_set() -> None:
+    assert plucked().kind_of_test == "free decay"
+    result = analyze(plucked(), refine=False)
+    assert isinstance(result.data, ImpulseResponse)
+    assert result.data.kind_of_test == "free decay"
+    (note,) = [note for note in result.notes if note.kind == "free decay"]
+    assert "from 0 s on" in note.text
+    assert np.allclose(result.modes.frequencies, CHAIN.modes().frequencies, rtol=2e-3)
+    assert result.analysis is not None
+    assert np.array_equal(replay(result.analysis, plucked()).modes.poles, result.modes.poles)
+
+
+def test_the_remedy_that_is_printed_takes_it_as_ambient() -> None:
+    diagram = stabilize(plucked(), route="correlation", orders=[10])
+    assert diagram.response.ambient
+    assert analyze(plucked(), route="correlation", orders=[10], refine=False).data.kind_of_test == "free decay"
+    with pytest.raises(DataError, match="route='correlation'"):
+        stabilize(CHAIN.impulse_response(100), route="correlation")
+
+
+def test_runs_are_columns_and_all_must_decay() -> None:
+    runs = np.stack([plucked(seed=k).outputs for k in range(2)])
+    both, notes = as_free_decay(Signals(outputs=runs, sampling_rate=RATE, quantities="displacement"))
+    assert isinstance(both, ImpulseResponse)
+    assert both.input_dofs == ("run 1", "run 2")
+    assert "of 2 runs" in notes[0].text
+    mixed = Signals(
+        outputs=np.stack([runs[0], np.random.default_rng(0).standard_normal(runs[0].shape)]), sampling_rate=RATE
+    )
+    assert as_free_decay(mixed) == (mixed, ())
+
+
+def test_a_force_makes_it_no_decay_and_several_records_have_one_kind() -> None:
+    struck = Signals(outputs=plucked().outputs, inputs=np.eye(1500, 1), sampling_rate=RATE)
+    assert as_free_decay(struck) == (struck, ())
+    assert Records(runs=[plucked(), plucked(seed=1)]).kind_of_test == "free decay"
+    assert CHAIN.impulse_response(50).kind_of_test is None
+
+
+def test_a_force_that_never_changes_is_none_and_is_told() -> None:
+    resting = Signals(
+        outputs=plucked().outputs,
+        inputs=np.full((1500, 1), -3.1),
+        sampling_rate=RATE,
+        quantities="displacement",
+        output_dofs=CHAIN.dofs,
+    )
+    for options in ({}, {"exclude": ["u1"]}):  # what the finding of the doctor says to do
+        result = analyze(resting, refine=False, orders=[10], **options)
+        assert isinstance(result.data, ImpulseResponse)
+        assert {note.kind: dict(note.numbers) for note in result.notes}["dead force"] == {"u1": -3.1}
+    assert np.array_equal(replay(result.analysis, resting).modes.poles, result.modes.poles)
