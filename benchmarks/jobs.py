@@ -117,7 +117,7 @@ JOBS: dict[str, Callable[[], list[Path]]] = {
 #: Stage -> functions that it consists of, where they are looked up. Of stages within each other the inner one counts.
 STAGES = {
     "reading": ("analysis.workflow.analyze.opened",),
-    "doctor": ("signals.doctor.examine._examine_record", "signals.doctor.examine.examine_response"),
+    "doctor": ("signals.doctor.examine_record.examine_record", "signals.doctor.examine.examine_response"),
     "identification": ("analysis.workflow.analyze.looked_at", "analysis.workflow.analyze.modes_chosen"),
     "deviations": (
         "selection.likelihood.refined.spread_of",

@@ -5,7 +5,7 @@ from importlib import import_module
 from modalscope.data.analysis import Analysis
 from modalscope.data.geometry import Dof, Geometry, parse_dof
 from modalscope.data.modes import ModalModel, Mode
-from modalscope.data.notes import Candidate, Harmonic, Note
+from modalscope.data.notes import Candidate, Finding, Harmonic, Note
 from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.results import Result, StabilizationDiagram
@@ -43,4 +43,4 @@ __all__ = [
 import_module("modalscope.data.summaries")  # what data show of themselves
 
 _classes = [globals()[name] for name in __all__ if isinstance(globals()[name], type) and name != "DataError"]
-plain_methods(Analysis, Result, *_classes)
+plain_methods(Analysis, Finding, Result, *_classes)

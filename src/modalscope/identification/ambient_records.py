@@ -17,8 +17,8 @@ from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.setups import Setups
 from modalscope.data.sizes import check_moving, check_size, check_upright
 from modalscope.data.stored import StoredSignals
-from modalscope.identification.routes import one_record
 from modalscope.identification.sizes import SETUP_ROWS
+from modalscope.numerics.errors import DataError
 from modalscope.signals.preprocess.bands import AutomaticBands, at_lower_rate, automatic_bands
 from modalscope.signals.preprocess.conditioning import straightened
 from modalscope.signals.preprocess.harmonics import Line, harmonic_notes, lines_in
@@ -47,6 +47,18 @@ class Conditioned(NamedTuple):
     records: Signals | StoredSignals
     band: Band | None
     notes: tuple[Note, ...]
+
+
+def one_record(records: Records, what: str) -> Signals:
+    """Return runs of one length and the same inputs as one record, or raise `DataError` about `what` was asked."""
+    stacks = records.stacked()
+    if len(stacks) > 1:
+        raise DataError(
+            f"{what} of {len(records.runs)} runs were asked",
+            "they differ in length or inputs",
+            "Use route='records', which accepts any runs, or cut them to one length.",
+        )
+    return stacks[0]
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -7,39 +7,25 @@ from dataclasses import dataclass, field, fields, replace
 from functools import singledispatch
 from typing import Any, NamedTuple
 
-from modalscope.data.channels import excluded_labels
 from modalscope.data.notes import Note
-from modalscope.data.records import Records, Signals, as_records
+from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
-from modalscope.data.responses import FrequencyResponse, ImpulseResponse
+from modalscope.data.responses import ImpulseResponse
 from modalscope.data.setups import Setups, as_test
-from modalscope.data.sizes import check_alive, check_size, check_upright
-from modalscope.data.stored import StoredResponse, StoredSignals
+from modalscope.data.sizes import check_alive, check_size
+from modalscope.data.stored import StoredSignals
 from modalscope.data.whitening import Whitening
-from modalscope.identification.ambient_records import (
-    Conditioned,
-    SeenRecord,
-    conditioned,
-    conditioned_setups,
-    seen_record,
-)
-from modalscope.identification.matrices.combinations import combined
 from modalscope.identification.method import Method, Problem, Takes
 from modalscope.identification.method_names import find_method
 from modalscope.identification.options import ROUTES, AllOptions, Options, delays_of, reciprocity_of
 from modalscope.identification.reciprocity import by_reciprocity
-from modalscope.identification.routes import USUAL, by_route, chosen_route, one_record, without_delays
-from modalscope.identification.sizes import setup_blocks
 from modalscope.identification.table import methods
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import check_band, check_kind
+from modalscope.numerics.checks import check_band
 from modalscope.numerics.errors import DataError, check_choice, check_option_names
+from modalscope.numerics.handed import handed
 from modalscope.signals.preprocess.bands import driven_lines
 from modalscope.signals.preprocess.conditioning import slower_correlation
-from modalscope.signals.preprocess.correlation import estimate_correlation, spanning_outputs
-from modalscope.signals.preprocess.excitation import still_there, without_dead_forces
-from modalscope.signals.preprocess.setups import joined_setups
-from modalscope.signals.preprocess.spectral_peaks import whitening_of
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -131,14 +117,14 @@ def measure(
     checked = None if band is None else check_band(band)
     asked = "auto" if route is None else check_choice("route", route, ROUTES)
     test = as_test(data) if isinstance(data, list | tuple) else data
-    test, left = _chosen(test, exclude)
-    rate = getattr(test.record if isinstance(test, SeenRecord) else test, "sampling_rate", None)
+    rate = getattr(getattr(test, "record", test), "sampling_rate", None)
     if checked is not None and rate is not None and checked[0] >= rate / 2:
         asked_for, have = f"the band {checked[0]:g} to {checked[1]:g} Hz was asked", f"they are sampled at {rate:g} Hz"
         raise DataError(asked_for, f"{have}: nothing lies above {rate / 2:g} Hz", "Choose a band below.")
     late = None if delays is None else delays_of(delays)
     sides = None if reciprocal is None else reciprocity_of(reciprocal)
-    measured = _measured(test, checked, _Asked(asked, method, domain, late, sides))
+    given = Asked(exclude, asked, method, domain, late, sides)
+    measured = (of_response if isinstance(test, Response) else handed("of_records"))(test, checked, given)
     taken = "correlation" if measured.response.ambient else measured.route
     if asked not in ("auto", taken) or (delays and measured.route is None):
         what = f"delays={delays!r}" if asked in ("auto", taken) else f"route={asked!r}"
@@ -146,23 +132,13 @@ def measure(
     if reciprocal and not measured.response.exchanged:
         have = f"the data are {measured.given}, not responses to single forces"
         raise DataError("reciprocal=True was asked", have, "Omit it, or estimate frequency responses: route='frf'.")
-    band, notes = measured.band if checked is None else checked, (*left, *measured.notes)
-    return replace(measured, band=band, exclude=exclude, notes=notes)
+    return replace(measured, band=measured.band if checked is None else checked, exclude=exclude)
 
 
-def _chosen(test: Any, exclude: Any) -> tuple[Any, tuple[Note, ...]]:
-    """Return data without the excluded channels and without forces that never change, and a note on these."""
-    left: tuple[Note, ...] = ()
-    if isinstance(test, Signals | Records):
-        out = excluded_labels(test.output_dofs, test.input_dofs, exclude)
-        test, left = without_dead_forces(test)
-        exclude = still_there(out, left) or None
-    return test if exclude is None or not hasattr(test, "select") else test.select(exclude=exclude), left
+class Asked(NamedTuple):
+    """Channels to leave out, arguments that decide the route from records with inputs, and which side of a response is which."""
 
-
-class _Asked(NamedTuple):
-    """Arguments that decide the route from records with inputs, and which side of a response is which."""
-
+    exclude: Any
     route: str
     method: str | None
     domain: str | None
@@ -170,133 +146,40 @@ class _Asked(NamedTuple):
     reciprocal: bool | None
 
 
-@singledispatch
-def _measured(data: Any, band: tuple[float, float] | None, asked: _Asked) -> Measured:
-    check_kind(
-        "data", data, (FrequencyResponse, ImpulseResponse, Signals, StoredSignals, StoredResponse, Records, Setups)
-    )
-    raise AssertionError("one of these has no route to a response")
-
-
 #: Default row and domain by the origin of a response and whether its input was held; impulse responses "era", time.
 _USUAL = {("lines", False): ("alternate", "s"), ("lines", True): ("alternate", "z")}
 
 
-@_measured.register
-def _(data: Response, band: tuple[float, float] | None, asked: _Asked) -> Measured:
+def of_response(data: Any, band: tuple[float, float] | None, asked: Asked) -> Measured:
+    """Return a response in a band; what records become stands in `of_records`."""
+    data = data if asked.exclude is None else data.select(exclude=asked.exclude)
     check_size(data)
-    chosen, notes = driven_lines(data) if band is None else (band, ())
+    response, chosen, notes = _inside(data, band)
     row, domain = _USUAL.get((data.origin, data.held_input), ("era", "time"))
-    return _exchanged(
-        Measured(data.in_band(chosen), None, type(data).__name__, row, domain, chosen, notes=notes), asked
-    )
+    return exchanged(Measured(response, None, type(data).__name__, row, domain, chosen, notes=notes), asked)
 
 
-def _exchanged(measured: Measured, asked: _Asked) -> Measured:
+@singledispatch
+def _inside(
+    data: Response, band: tuple[float, float] | None
+) -> tuple[Response, tuple[float, float] | None, tuple[Note, ...]]:
+    """Return a response in a band, the band, and notes on it."""
+    chosen, notes = driven_lines(data) if band is None else (band, ())
+    return data.in_band(chosen), chosen, notes
+
+
+@_inside.register
+def _(
+    data: ImpulseResponse, band: tuple[float, float] | None
+) -> tuple[Response, tuple[float, float] | None, tuple[Note, ...]]:
+    return data if band is None else slower_correlation(data, band[1]), None, ()
+
+
+def exchanged(measured: Measured, asked: Asked) -> Measured:
     """Return a response to forces, each by itself, with inputs and outputs exchanged where that was asked or helps."""
     response, notes = by_reciprocity(measured.response, asked.reciprocal)
     reciprocal = True if response.exchanged else asked.reciprocal
     return replace(measured, response=response, reciprocal=reciprocal, notes=(*measured.notes, *notes))
-
-
-@_measured.register
-def _(data: ImpulseResponse, band: tuple[float, float] | None, asked: _Asked) -> Measured:
-    check_size(data)
-    slower = data if band is None else slower_correlation(data, band[1])
-    return _exchanged(Measured(slower, None, type(data).__name__, "era", "time"), asked)
-
-
-@_measured.register
-def _(data: Signals, band: tuple[float, float] | None, asked: _Asked) -> Measured:
-    return _measured(as_records(data), band, asked)
-
-
-@_measured.register
-def _(data: Records, band: tuple[float, float] | None, asked: _Asked) -> Measured:
-    check_size(data)
-    check_upright(data)
-    if data.input_dofs:
-        route = chosen_route(data, asked.method, asked.domain, asked.route)
-        driven, delays, notes = without_delays(data, asked.delays)
-        way, (row, domain) = by_route(driven, route, band), USUAL[route]
-        measured = Measured(
-            way.response,
-            None,
-            "records with inputs",
-            row,
-            domain,
-            way.band,
-            route=route,
-            driven=driven,
-            delays=delays,
-            notes=(*notes, *way.notes),
-        )
-        alone = route == "frf" and all(len(run.input_dofs) == 1 for run in driven.runs)
-        return _exchanged(measured, asked) if alone else measured
-    return _measured(seen_record(one_record(data, "correlations")), band, asked)
-
-
-@_measured.register
-def _(data: StoredSignals, band: tuple[float, float] | None, asked: _Asked) -> Measured:
-    return _measured(seen_record(data), band, asked)
-
-
-@_measured.register
-def _(data: SeenRecord, band: tuple[float, float] | None, asked: _Asked) -> Measured:
-    inside, excerpt = conditioned(data, band), data.excerpt
-    if not isinstance(data.record, StoredSignals):
-        return _ambient(inside, excerpt, "records without inputs")
-    text = f"band and noise estimated from {excerpt.duration:.4g} s in the middle of {data.record.duration:.4g} s"
-    notes = (Note("excerpt", {"seconds": excerpt.duration}, text),) if excerpt.samples < data.record.samples else ()
-    records = inside.records.settled() if isinstance(inside.records, StoredSignals) else inside.records
-    inside = inside._replace(records=records, notes=(*notes, *inside.notes))
-    return _ambient(inside, excerpt, "a stored record without inputs")
-
-
-def _ambient(inside: Conditioned, excerpt: Signals, given: str) -> Measured:
-    """Return the correlations of records without inputs, with references chosen before any band, the same for all bands."""
-    references, count = spanning_outputs(excerpt), len(inside.records.output_dofs)
-    which = "all channels"
-    if len(references) < count:
-        which = f"{len(references)} of {count} channels, which explain most of the others,"
-    text = f"correlations with {which} as references were estimated from the records"
-    note = Note("estimated", {"references": float(len(references))}, text)
-    return Measured(
-        estimate_correlation(inside.records, references=references),
-        inside.records,
-        given,
-        "alternate",
-        "time",
-        band=inside.band,
-        notes=(*inside.notes, note),
-        whitening=whitening_of(inside.records.excerpt(), references, inside.band),
-    )
-
-
-@_measured.register
-def _(data: StoredResponse, band: tuple[float, float] | None, asked: _Asked) -> Measured:
-    few, note = combined(data)
-    measured = _measured(few, band, asked)
-    return replace(measured, given="stored responses", notes=(note, *measured.notes))
-
-
-@_measured.register
-def _(data: Setups, band: tuple[float, float] | None, asked: _Asked) -> Measured:
-    check_size(data)
-    inside = conditioned_setups(data, band)
-    text = f"correlations of {len(data.parts)} setups were merged through the references {', '.join(data.references)}"
-    note = Note("estimated", {"setups": len(data.parts)}, text)
-    response = joined_setups(inside.setups)
-    return Measured(
-        response,
-        None,
-        "ambient setups",
-        "alternate",
-        "time",
-        band=inside.band,
-        notes=(*inside.notes, note),
-        sizes=setup_blocks(response, inside.lowest),
-    )
 
 
 def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem:

@@ -18,8 +18,9 @@ import numpy as np
 from modalscope.data.notes import Note
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.record_transform import record_spectra
-from modalscope.data.records import Records, Signals
+from modalscope.data.records import Records
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
+from modalscope.identification.ambient_records import one_record
 from modalscope.identification.matrices.costs import record_cost, refuse_beyond_memory
 from modalscope.identification.method_names import find_method
 from modalscope.identification.table import methods
@@ -130,18 +131,6 @@ def _level(spectra: RecordSpectra, band: tuple[float, float] | None, note: Note)
     chosen, notes = (band, ()) if automatic is None else (automatic[0], (automatic[1],))
     levelled, drift = level_lines(spectra if automatic is None else spectra.in_band(chosen))
     return Way(levelled, chosen, (*notes, *drift, note))
-
-
-def one_record(records: Records, what: str) -> Signals:
-    """Return runs of one length and the same inputs as one record, or raise `DataError` about `what` was asked."""
-    stacks = records.stacked()
-    if len(stacks) > 1:
-        raise DataError(
-            f"{what} of {len(records.runs)} runs were asked",
-            "they differ in length or inputs",
-            "Use route='records', which accepts any runs, or cut them to one length.",
-        )
-    return stacks[0]
 
 
 def _periodic(records: Records) -> int | None:

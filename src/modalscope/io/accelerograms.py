@@ -18,13 +18,11 @@ from pathlib import Path
 import numpy as np
 
 from modalscope.data import DataError
-from modalscope.io.columns import COLUMN_OPTIONS, Column, Table, contents_from_table
+from modalscope.io.columns import Column, Table, contents_from_table
 from modalscope.io.contents import Contents, Options, needs, unreadable
 from modalscope.io.limits import Room, room
 from modalscope.io.text.dialect import encoding_of, lines_of
 from modalscope.numerics.checks import RealArray
-
-ACCELEROGRAM_OPTIONS = COLUMN_OPTIONS
 
 Lines = Sequence[str]
 

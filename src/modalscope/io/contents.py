@@ -222,3 +222,10 @@ def chosen(where: str, what: str, names: Iterable[str], tables: Sequence[str], o
     if not names:
         raise unreadable(where, f"it has no {what}")
     return tables[0] if tables else names[0]
+
+
+def is_frame(thing: object) -> bool:
+    """Whether an object is one of pandas or xarray that `from_frame` takes."""
+    kind = type(thing)
+    names = ("DataFrame", "Series", "Dataset", "DataArray")
+    return kind.__module__.partition(".")[0] in ("pandas", "xarray") and kind.__name__ in names

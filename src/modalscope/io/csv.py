@@ -41,6 +41,7 @@ from modalscope.io.atomic import MARK
 from modalscope.io.columns.words import is_unit
 from modalscope.io.contents import Contents, DataObject, Finding, Options, needs, unreadable
 from modalscope.io.limits import Room, room
+from modalscope.io.options import TEXT
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.functions.poles import poles_from
 from modalscope.selection.judging.description import DERIVED, columns_of
@@ -88,7 +89,7 @@ class _Line:
 
 def read(path: Path, options: Options) -> Contents:
     """Read a response or a record: in the layout above, or as anybody writes it."""
-    if set(text.TEXT_OPTIONS) & set(options) or not _is_own(path):
+    if set(TEXT) & set(options) or not _is_own(path):
         return text.read(path, options)
     table = _table(path, room(path.name, path.stat().st_size))
     _check_rows(path, table)

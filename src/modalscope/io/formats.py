@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any, get_args
 
@@ -21,61 +22,66 @@ from modalscope.data.analysis import Analysis
 from modalscope.data.channels import files_of
 from modalscope.data.results import Result
 from modalscope.data.shown import summary_of
-from modalscope.io import (
-    accelerograms,
-    csv,
-    geometry,
-    hdf5,
-    json,
-    mat,
-    meshes,
-    npz,
-    recorders,
-    seismic,
-    text,
-    uff,
-    zarr,
-)
-from modalscope.io.analysis import write_analysis
 from modalscope.io.atomic import check_texts, replacing
 from modalscope.io.contents import Contents, DataObject, Format, Options, Survey, damage_as_error, unreadable
-from modalscope.io.from_arrays import ARRAY_OPTIONS, FIELD_OPTIONS, overridden
-from modalscope.io.stored import STORED_OPTIONS
+from modalscope.io.given import overridden
+from modalscope.io.options import (
+    ARRAYS,
+    COLUMNS,
+    FIELDS,
+    JSON_WRITTEN,
+    MESHES,
+    RECORDERS,
+    SOUND,
+    STORED,
+    TEXT,
+    UNIVERSAL,
+    UNIVERSAL_WRITTEN,
+    WORKBOOKS,
+)
 from modalscope.numerics import plugins
 from modalscope.numerics.arguments import plainly
 from modalscope.numerics.checks import check_kind, check_path
 from modalscope.numerics.plugins import added, names_added
 
-_UNIVERSAL = Format("universal file", uff.read, uff.write, uff.READ_OPTIONS, uff.WRITE_OPTIONS)
-_TEXT = Format("text table", text.read, None, text.TEXT_OPTIONS)
-_MDF = Format("MDF file", recorders.read_mdf, None, recorders.RECORDER_OPTIONS)
-_ACCELEROGRAM = Format("accelerogram", accelerograms.read, None, accelerograms.ACCELEROGRAM_OPTIONS)
-_HDF5 = Format("HDF5", hdf5.read, hdf5.write, (*ARRAY_OPTIONS, *STORED_OPTIONS))
+
+def _of(module: str, name: str) -> Callable[..., Any]:
+    """Return a function of a module of this package, which is loaded when a file of its kind is met."""
+    return lambda *given: getattr(import_module(f"modalscope.io.{module}"), name)(*given)
+
+
+_UNIVERSAL = Format(
+    "universal file", _of("uff.reader", "read"), _of("uff.writer", "write"), UNIVERSAL, UNIVERSAL_WRITTEN
+)
+_TEXT = Format("text table", _of("text", "read"), None, TEXT)
+_MDF = Format("MDF file", _of("recorders", "read_mdf"), None, RECORDERS)
+_ACCELEROGRAM = Format("accelerogram", _of("accelerograms", "read"), None, COLUMNS)
+_HDF5 = Format("HDF5", _of("hdf5", "read"), _of("hdf5", "write"), STORED)
 
 #: Suffix -> format.
 FORMATS: dict[str, Format] = {
-    ".npz": Format("NumPy archive", npz.read, npz.write, ARRAY_OPTIONS),
+    ".npz": Format("NumPy archive", _of("npz", "read"), _of("npz", "write"), ARRAYS),
     **dict.fromkeys((".uff", ".unv"), _UNIVERSAL),
-    ".json": Format("JSON", json.read, json.write, write_options=json.WRITE_OPTIONS),
-    ".csv": Format("CSV table", csv.read, csv.write, text.TEXT_OPTIONS),
+    ".json": Format("JSON", _of("json", "read"), _of("json", "write"), write_options=JSON_WRITTEN),
+    ".csv": Format("CSV table", _of("csv", "read"), _of("csv", "write"), TEXT),
     **dict.fromkeys((".txt", ".asc", ".tsv", ".dat", ".lvm", ".at2", ".vt2", ".dt2"), _TEXT),
     **dict.fromkeys((".v1", ".v2", ".v3", ".v1c", ".v2c", ".cosmos"), _ACCELEROGRAM),
     **dict.fromkeys(
-        (".mseed", ".miniseed", ".msd"), Format("miniSEED file", seismic.read_miniseed, None, seismic.SEISMIC_OPTIONS)
+        (".mseed", ".miniseed", ".msd"), Format("miniSEED file", _of("seismic", "read_miniseed"), None, COLUMNS)
     ),
-    ".sac": Format("SAC file", seismic.read_sac, None, seismic.SEISMIC_OPTIONS),
-    ".smc": replace(_ACCELEROGRAM, reader=accelerograms.read_smc),
-    ".npy": Format("NumPy array", npz.read_npy, None, npz.NPY_OPTIONS),
-    ".parquet": Format("Parquet table", recorders.read_parquet, None, recorders.RECORDER_OPTIONS),
-    ".nc": Format("netCDF file", recorders.read_netcdf, None, recorders.RECORDER_OPTIONS),
-    ".tdms": Format("TDMS file", recorders.read_tdms, None, recorders.RECORDER_OPTIONS),
+    ".sac": Format("SAC file", _of("seismic", "read_sac"), None, COLUMNS),
+    ".smc": replace(_ACCELEROGRAM, reader=_of("accelerograms", "read_smc")),
+    ".npy": Format("NumPy array", _of("npz", "read_npy"), None, COLUMNS),
+    ".parquet": Format("Parquet table", _of("recorders", "read_parquet"), None, RECORDERS),
+    ".nc": Format("netCDF file", _of("recorders", "read_netcdf"), None, RECORDERS),
+    ".tdms": Format("TDMS file", _of("recorders", "read_tdms"), None, RECORDERS),
     **dict.fromkeys((".mf4", ".mdf"), _MDF),
-    **dict.fromkeys(meshes.MESHES, Format("mesh", meshes.read_mesh)),
-    ".wav": Format("sound file", recorders.read_wav, None, recorders.WAV_OPTIONS),
-    ".xlsx": Format("Excel workbook", recorders.read_excel, None, recorders.EXCEL_OPTIONS),
-    ".mat": Format("MATLAB file", mat.read, mat.write, ARRAY_OPTIONS),
+    **dict.fromkeys(MESHES, Format("mesh", _of("meshes", "read_mesh"))),
+    ".wav": Format("sound file", _of("recorders", "read_wav"), None, SOUND),
+    ".xlsx": Format("Excel workbook", _of("recorders", "read_excel"), None, WORKBOOKS),
+    ".mat": Format("MATLAB file", _of("mat", "read"), _of("mat", "write"), ARRAYS),
     **dict.fromkeys((".h5", ".hdf5"), _HDF5),
-    ".zarr": Format("Zarr folder", zarr.read, None, (*ARRAY_OPTIONS, *STORED_OPTIONS), folder=True),
+    ".zarr": Format("Zarr folder", _of("zarr", "read"), None, STORED, folder=True),
 }
 
 
@@ -173,17 +179,19 @@ def _whole_contents(path: Path, options: Options) -> Contents:
     row = format_of(path, "reading")
     if not path.exists():
         raise unreadable(repr(str(path)), "there is no such file", "Check the name and the folder.")
-    check_options(path, options, (*row.read_options, *FIELD_OPTIONS, "exact_nodes"), "reading")
+    check_options(path, options, (*row.read_options, *FIELDS, "exact_nodes"), "reading")
     for name in {"rename", "axes"} & set(options):
         _check_names(name, options[name])
     if path.stat().st_size == 0:
         raise unreadable(path.name, "the file is empty", "Copy or write it again.")
-    options, notes = geometry.with_geometry(options, _geometry_in)
+    notes: tuple[str, ...] = ()
+    if options.get("geometry") is not None:
+        options, notes = _of("geometry", "with_geometry")(options, _geometry_in)
     contents = row.reader(path, options)
     whole = replace(contents, thing=overridden(contents.thing, options, path), notes=(*contents.notes, *notes))
     if options.get("geometry") is None:
         return whole
-    return geometry.with_places(whole, exact=bool(options.get("exact_nodes")))
+    return _of("geometry", "with_places")(whole, bool(options.get("exact_nodes")))  # type: ignore[no-any-return]
 
 
 def is_data(path: Path) -> bool:
@@ -289,7 +297,7 @@ def write(path: str | Path, thing: Any, **options: Any) -> None:
             asked = f"writing an analysis as {file.suffix or file.name} was asked"
             raise DataError(asked, "its document is JSON", "End the name in .analysis.json.")
         with replacing(file, sources) as temporary:
-            write_analysis(temporary, thing)
+            _of("analysis", "write_analysis")(temporary, thing)
         return
     if isinstance(thing, Result):
         options = {**options, "result": thing} if file.suffix.lower() == ".json" else options

@@ -11,20 +11,13 @@ from modalscope.data import DataError
 from modalscope.io.columns import Column, Table, contents_from_table
 from modalscope.io.columns.weights import role_by_words
 from modalscope.io.columns.words import kind_of_unit, split_head
-from modalscope.io.contents import DataObject, unreadable
-from modalscope.io.from_arrays import overridden
+from modalscope.io.contents import DataObject, is_frame, unreadable
+from modalscope.io.given import overridden
 from modalscope.numerics.arguments import plainly
 from modalscope.numerics.checks import Array
 
 #: Names of attributes that hold a rate.
 _RATES = ("sampling_rate", "sampling_frequency", "sample_rate", "fs", "Fs")
-
-
-def is_frame(thing: object) -> bool:
-    """Whether an object is one of pandas or xarray that `table_of_frame` takes."""
-    kind = type(thing)
-    names = ("DataFrame", "Series", "Dataset", "DataArray")
-    return kind.__module__.partition(".")[0] in ("pandas", "xarray") and kind.__name__ in names
 
 
 def table_of_frame(frame: Any, where: str) -> Table:

@@ -6,25 +6,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from difflib import get_close_matches
 from itertools import islice
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from modalscope.data import (
-    DataError,
-    FrequencyResponse,
-    Geometry,
-    ImpulseResponse,
-    ModalModel,
-    Signals,
-    StabilizationDiagram,
-    StateSpace,
-    StoredSignals,
-)
-from modalscope.data.channels import AUTO, Channels, input_groups
-from modalscope.data.geometry import label_of
-from modalscope.data.shown import counted, summary_of
+from modalscope.data import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals, StateSpace
+from modalscope.data.shown import counted
 from modalscope.io.arrays import (
     AXES,
     FIELD_FAULTS,
@@ -40,16 +27,8 @@ from modalscope.io.columns import contents_from_table
 from modalscope.io.contents import Contents, DataObject, Finding, Options, chosen, damage_as_error, needs
 from modalscope.io.loose import meaning_of, with_vectors
 from modalscope.io.members import Lists, experiments_of, lists_of, names_selecting, stacked_runs
+from modalscope.io.options import FIELDS
 from modalscope.numerics.checks import Array
-
-#: Options of the formats that hold named arrays.
-ARRAY_OPTIONS = ("rename", "axes", "ignore", "columns", "transpose", "rows", "resample", "sheet")
-
-#: Fields of a data object that may be given, or overridden, while it is read from any format.
-FIELD_OPTIONS = (
-    *("quantity", "quantities", "sampling_rate", "kind", "output_dofs", "input_dofs", "units", "geometry", "averages"),
-    *("added_damping", "groups"),
-)
 
 #: The arrays without which there is no such data object.
 _NEEDED: dict[type[Any], set[str]] = {
@@ -82,7 +61,7 @@ def contents_from_arrays(
 
     `arrays`: name -> array, as they stand in the file. `options`: `rename` (name in the file -> name of the layout), `axes` (name of the
     layout -> the axes as they stand in the file, such as "inputs outputs lines"; an axis that is not named has length 1), `ignore` (names
-    to leave), and any of `FIELD_OPTIONS`. `members`: whether names such as `runs{2}` and `test(2).acc` are those of members of lists
+    to leave), and any of `FIELDS`. `members`: whether names such as `runs{2}` and `test(2).acc` are those of members of lists
     (`modalscope.io.members`).
 
     Raises `DataError`: unknown arrays, none that make a data object, text where numbers belong, or whatever the data class refuses.
@@ -148,7 +127,7 @@ def _of_one_experiment(
 
 def _fields(options: Options) -> dict[str, Any]:
     """Return the fields that were given, without units of single channels: these need the labels."""
-    given = {name: options[name] for name in FIELD_OPTIONS if options.get(name) is not None}
+    given = {name: options[name] for name in FIELDS if options.get(name) is not None}
     return {name: value for name, value in given.items() if not (name == "units" and isinstance(value, Mapping))}
 
 
@@ -156,7 +135,7 @@ def _by_evidence(
     where: str, arrays: dict[str, Array], unknown: list[str], data_class: type[Any] | None, options: Options
 ) -> Contents:
     """Return the data that arrays of other names hold by names and shapes, or raise where these say nothing."""
-    given = {name for name in FIELD_OPTIONS if options.get(name) is not None}
+    given = {name for name in FIELDS if options.get(name) is not None}
     complete = data_class is not None and _NEEDED[data_class] <= {*arrays, *given}
     notes: tuple[str, ...] = ()
     if not complete:
@@ -286,41 +265,3 @@ def _check_fields(where: str, data_class: type[Any], values: dict[str, Any], giv
     if refused:
         fault = f"a {data_class.__name__} has no such field"
         raise DataError(f"the options {', '.join(refused)} were asked", fault, "Leave them out.")
-
-
-def _units_by_label(thing: DataObject, given: Mapping[str, str]) -> tuple[list[str], list[str]] | None:
-    """Return the units of all channels with those given by label, or for all outputs or inputs; None where no channel is named.
-
-    Columns of tables have theirs already, by their number or name.
-    """
-    if not isinstance(thing, Channels):
-        return None
-    sides = (list(thing.units[0]), list(thing.units[1]))
-    changed = False
-    for name, unit in given.items():
-        for word, side, dofs in zip(("outputs", "inputs"), sides, (thing.output_dofs, thing.input_dofs), strict=True):
-            for i, dof in enumerate(dofs):
-                if name == word or dof in (name, label_of(name)):
-                    side[i], changed = unit, True
-    return sides if changed else None
-
-
-def overridden(thing: DataObject, options: Options, path: Path | None) -> DataObject:
-    """Return the data with the fields that the caller gave, which replace those of the file, and their source."""
-    given = {name: options[name] for name in FIELD_OPTIONS if options.get(name) is not None}
-    if isinstance(given.get("units"), Mapping):
-        units = _units_by_label(thing, given.pop("units"))
-        given |= {} if units is None else {"units": units}
-    if isinstance(thing, Signals | StoredSignals) and "quantity" in given:
-        given["quantities"] = given.pop("quantity")
-    refused = sorted(set(given) - {field.name for field in fields(thing)})
-    if refused:
-        fault = f"the file gives {summary_of(thing)}, which has no such field"
-        raise DataError(f"the options {', '.join(refused)} were asked", fault, "Leave them out.")
-    if isinstance(thing, Channels):
-        given |= {} if path is None else {"source_path": path.absolute()}
-        if "input_dofs" in given and getattr(thing, "groups", None) == input_groups(thing.input_dofs):
-            given.setdefault("groups", AUTO)
-    if isinstance(thing, StabilizationDiagram) and path is not None:
-        given["response"] = replace(thing.response, source_path=path.absolute())
-    return replace(thing, **given) if given else thing

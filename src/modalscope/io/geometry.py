@@ -28,7 +28,7 @@ from modalscope.data.geometry import Motion
 from modalscope.io.columns.words import split_head
 from modalscope.io.contents import DAMAGED, Contents, Options, needs, unreadable
 from modalscope.io.limits import room
-from modalscope.io.meshes import MESHES
+from modalscope.io.options import MESHES
 from modalscope.io.recorders import rows_of_workbook
 from modalscope.io.text.cells import Dialect, is_number, number_of, split, uncommented
 from modalscope.io.text.dialect import dialect_of, encoding_of, lines_of
@@ -153,7 +153,7 @@ def _joins(path: Path, nodes: set[str]) -> bool:
     return bool(rows) and all(cell in nodes for row in rows for cell in row if cell)
 
 
-def with_places(contents: Contents, *, exact: bool) -> Contents:
+def with_places(contents: Contents, exact: bool) -> Contents:
     """Return the contents with channels placed by the number of their node, and a note on those that have no place in their geometry.
 
     `exact`: channels belong only to nodes that they name.

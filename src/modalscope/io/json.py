@@ -47,7 +47,6 @@ from modalscope.numerics.functions.poles import poles_from
 from modalscope.selection.judging.description import columns_of
 
 #: What the caller may add: how the modes were found, and the data they were found in.
-WRITE_OPTIONS = ("method", "domain", "orders", "route", "data", "result")
 
 _DIRECT = ("feedthrough", "lower_residual", "upper_residual")
 _OF_DATA = ("quantity", "dt", "held_input", "scaling")

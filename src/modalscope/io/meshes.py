@@ -23,8 +23,6 @@ from modalscope.numerics.checks import Array
 
 _Row = TypeVar("_Row")
 
-#: Suffixes of meshes.
-MESHES = (".msh", ".vtk", ".vtu", ".inp", ".bdf", ".nas", ".fem", ".med", ".stl", ".obj", ".ply")
 
 #: Bytes that a node or a cell of a mesh becomes as names.
 _BYTES_OF_NODE = 400

@@ -14,14 +14,12 @@ import numpy as np
 from modalscope.data import StabilizationDiagram
 from modalscope.io.arrays import to_arrays
 from modalscope.io.atomic import MARK
-from modalscope.io.columns import COLUMN_OPTIONS, Column, Table, contents_from_table
+from modalscope.io.columns import Column, Table, contents_from_table
 from modalscope.io.contents import ArrayData, Contents, Options, check_characters, damage_as_error, needs, unreadable
 from modalscope.io.diagrams import DIAGRAM, diagram_arrays, diagram_contents
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import Room, room
 from modalscope.numerics.checks import Array
-
-NPY_OPTIONS = COLUMN_OPTIONS
 
 _MAGIC = b"\x93NUMPY"
 #: Bytes of the head of an array at most, as NumPy has it.

@@ -13,7 +13,7 @@ from threading import Lock
 
 import numpy as np
 
-from modalscope.io.columns import COLUMN_OPTIONS, Column, Table, contents_from_table
+from modalscope.io.columns import Column, Table, contents_from_table
 from modalscope.io.contents import Contents, Options, chosen, damage_as_error, unreadable
 from modalscope.io.foreign import read_apart
 from modalscope.io.frames import table_of_frame
@@ -21,10 +21,6 @@ from modalscope.io.limits import Room, room
 from modalscope.io.text import contents_of_lines
 from modalscope.io.text.cells import is_value
 from modalscope.numerics.errors import optional_package
-
-RECORDER_OPTIONS = (*COLUMN_OPTIONS, "sheet")
-EXCEL_OPTIONS = (*COLUMN_OPTIONS, "skip", "sheet")
-WAV_OPTIONS = ("columns", "ignore", "rows")
 
 _SIGNATURES = {".nc": (b"CDF", b"\x89HDF"), ".tdms": (b"TDSm",), **dict.fromkeys((".mf4", ".mdf"), (b"MDF ",))}
 _EXPORT = "Export it again, or as text (.csv)."

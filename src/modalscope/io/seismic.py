@@ -18,12 +18,10 @@ import numpy as np
 
 from modalscope.data import Signals
 from modalscope.data.shown import counted
-from modalscope.io.columns import COLUMN_OPTIONS, Column, Table, contents_from_table
+from modalscope.io.columns import Column, Table, contents_from_table
 from modalscope.io.contents import Contents, Options, damage_as_error, needs, unreadable
 from modalscope.io.limits import Room, room
 from modalscope.numerics.checks import RealArray
-
-SEISMIC_OPTIONS = COLUMN_OPTIONS
 
 #: Records begin at multiples of 128 bytes.
 _BYTES_OF_HEAD, _BYTES_BETWEEN, _BYTES_OF_FRAME, _BYTES_OF_SAC = 48, 128, 64, 632

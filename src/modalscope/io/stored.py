@@ -18,8 +18,6 @@ from modalscope.numerics.checks import Array
 from modalscope.numerics.errors import optional_package
 from modalscope.numerics.resources import allowed_memory
 
-STORED_OPTIONS = ("stored",)
-
 #: A record larger than the memory divided by this stays in its file.
 _PARTS_OF_MEMORY = 4
 

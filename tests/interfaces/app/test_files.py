@@ -11,7 +11,7 @@ import pytest
 from modalscope.data import DataError
 from modalscope.interfaces.app.files import FileStore
 from modalscope.io.formats import FORMATS
-from modalscope.io.meshes import MESHES
+from modalscope.io.options import MESHES
 from tests.support import refused
 
 

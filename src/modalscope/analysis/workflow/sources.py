@@ -14,10 +14,10 @@ from modalscope.data import Geometry, ModalModel, Note, Records, Signals, Stored
 from modalscope.data.analysis import SourceFile
 from modalscope.data.setups import as_test, setups_of
 from modalscope.data.units import si_form
-from modalscope.io import from_frame, survey
+from modalscope.io import survey
 from modalscope.io.arrays import to_arrays
 from modalscope.io.beside import check_links
-from modalscope.io.frames import is_frame
+from modalscope.io.contents import is_frame
 from modalscope.numerics.checks import check_each, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.progress import stage
@@ -115,6 +115,8 @@ def are_paths(data: Any) -> bool:
 
 def _opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tuple[Note, ...]]:
     if is_frame(data):
+        from modalscope.io.frames import from_frame  # most tests are files
+
         made = from_frame(data, **reading)
         return made, source_of_data(made), ()
     if not isinstance(data, str | Path):

@@ -1,11 +1,14 @@
-"""Build and factor the data matrix of each method for its problem, with default block sizes."""
+"""Build and factor the data matrix of each method for its problem, with default block sizes.
+
+A kind of matrix is loaded when a row of it runs.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from modalscope.data.notes import Note
 from modalscope.data.record_spectra import RecordSpectra
@@ -13,18 +16,11 @@ from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.identification.matrices.combinations import Combinations, CombinedOutputs, combinations, enough
-from modalscope.identification.matrices.common_poles import CommonPoles, aaa, vector_fitting
 from modalscope.identification.matrices.costs import DENSE_ENTRIES, record_cost, refuse_beyond_memory
-from modalscope.identification.matrices.driven import driven_projection
 from modalscope.identification.matrices.factor import Factors, factorize, left_factor
-from modalscope.identification.matrices.fraction import Fraction, fraction
 from modalscope.identification.matrices.hankel import TurnedHankel, hankel
 from modalscope.identification.matrices.lines import line_weights
-from modalscope.identification.matrices.loewner import loewner
 from modalscope.identification.matrices.matrix import DataMatrix
-from modalscope.identification.matrices.projections import Projection, canonical_projection, projection
-from modalscope.identification.matrices.records import record_lines
-from modalscope.identification.matrices.shifted import shifted
 from modalscope.identification.matrices.transfer import transfer
 from modalscope.identification.method import Built, Problem
 from modalscope.identification.options import DrivenOptions, HankelOptions, LineOptions, SpectraOptions
@@ -40,9 +36,15 @@ from modalscope.identification.sizes import (
 )
 from modalscope.numerics.errors import DataError
 
+if TYPE_CHECKING:
+    from modalscope.identification.matrices.common_poles import CommonPoles
+    from modalscope.identification.matrices.fraction import Fraction
+
 
 def matrix_fraction(problem: Problem, order: int) -> Built:
     """Return the normal equations of a matrix fraction; the order is its degree."""
+    from modalscope.identification.matrices.fraction import fraction
+
     options = problem.options
     assert isinstance(problem.response, FrequencyResponse)
     weights = line_weights(problem.response, options.weights)
@@ -61,6 +63,8 @@ def transfer_of_response(problem: Problem, order: int) -> Built:
 
 
 def _of_window(problem: Problem, order: int) -> Built:
+    from modalscope.identification.matrices.shifted import shifted
+
     options: LineOptions = problem.options
     shifts = options.block_rows or default_shifts(problem.response, order, truncates=problem.method.orders.truncates)
     _refuse(options, "shifted transfer functions of samples have no initial terms", "initial_values", "basis")
@@ -109,16 +113,22 @@ def transfer_of_lines(problem: Problem, order: int) -> Built:
 
 def loewner_of_lines(problem: Problem, order: int) -> Built:
     """Return the Loewner matrix of the lines of any band."""
+    from modalscope.identification.matrices.loewner import loewner
+
     return _of_points(loewner, problem, order)
 
 
 def interpolant(problem: Problem, order: int) -> Built:
     """Return barycentric interpolants; the order counts lines."""
+    from modalscope.identification.matrices.common_poles import aaa
+
     return _of_points(aaa, problem, order)
 
 
 def moving_poles(problem: Problem, order: int) -> Built:
     """Return vector fits; the order counts poles."""
+    from modalscope.identification.matrices.common_poles import vector_fitting
+
     return _of_points(vector_fitting, problem, order)
 
 
@@ -259,18 +269,16 @@ def _transposed(response: ImpulseResponse) -> ImpulseResponse:
     )
 
 
-#: Weighting -> projection.
-_PROJECTIONS: dict[str | None, Callable[..., Projection]] = {None: projection, "cva": canonical_projection}
-
-
 def projected_records(problem: Problem, order: int) -> Built:
     """Return the projection of the future of records on their past; participation is that of their correlation."""
+    from modalscope.identification.matrices.projections import canonical_projection, projection
+
     options = problem.options
     assert isinstance(problem.records, Signals)
     correlation = _samples(problem)
     rows, columns = default_projection(problem.records, correlation, order, options.block_rows, options.block_columns)
     correlation, notes = _lags_read(correlation, rows + columns)
-    project = _PROJECTIONS[options.weighting]
+    project = canonical_projection if options.weighting == "cva" else projection
     references = correlation.input_dofs if options.references is None else options.references
     matrix = project(problem.records, references, rows, columns, correlation)
     return Built(matrix, replace(options, block_rows=rows, block_columns=columns, form="observable"), notes)
@@ -278,6 +286,8 @@ def projected_records(problem: Problem, order: int) -> Built:
 
 def records_on_lines(problem: Problem, order: int) -> Built:
     """Return the lines of records, inputs and end effects eliminated."""
+    from modalscope.identification.matrices.records import record_lines
+
     options: SpectraOptions = problem.options
     assert isinstance(problem.response, RecordSpectra)
     truncates = problem.method.orders.truncates
@@ -295,6 +305,8 @@ def records_on_lines(problem: Problem, order: int) -> Built:
 
 def driven_records(problem: Problem, order: int) -> Built:
     """Return the projection of records with inputs on their past; the band restricts the lines of the fit error."""
+    from modalscope.identification.matrices.driven import driven_projection
+
     options: DrivenOptions = problem.options
     assert problem.driven is not None
     assert isinstance(problem.response, RecordSpectra)

@@ -10,14 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.linalg as sla
 
 from modalscope.data.statespace import StateSpace
 from modalscope.identification.matrices.factor import Factors, factorize
-from modalscope.identification.matrices.fraction import Fraction
 from modalscope.identification.matrices.hankel import hankel
 from modalscope.identification.matrices.matrix import DataMatrix, RowShift
 from modalscope.identification.matrices.triple import Eigen, Triple
@@ -27,6 +26,9 @@ from modalscope.identification.realizations.shift import check_blocks, shift_gra
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.operators import times_real
+
+if TYPE_CHECKING:
+    from modalscope.identification.matrices.fraction import Fraction
 
 
 @dataclass(frozen=True, eq=False)

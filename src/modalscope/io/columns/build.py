@@ -20,7 +20,6 @@ from modalscope.io.columns.words import ignored_columns, named_columns, roles_of
 from modalscope.io.contents import Contents, Finding, Options, needs
 
 #: Options of every format that gives columns.
-COLUMN_OPTIONS = ("columns", "ignore", "transpose", "rows", "resample")
 
 #: Why a column is what `--columns` says.
 _REASON_OF_OPTION = "--columns says so"

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from modalscope.data import DataError
-from modalscope.io.columns import COLUMN_OPTIONS, Column, Table, contents_from_table
+from modalscope.io.columns import Column, Table, contents_from_table
 from modalscope.io.columns.axis import rises, same_rate
 from modalscope.io.columns.facts import Statement, stated_by, steps_of
 from modalscope.io.columns.weights import even_step, role_by_words
@@ -30,8 +30,6 @@ from modalscope.io.text.layout import Layout, layout_of
 from modalscope.io.text.wrapped import gathered, head_of, runs_on, wrapped_contents
 from modalscope.numerics.checks import Array, check_count, check_positive
 from modalscope.numerics.errors import check_choice
-
-TEXT_OPTIONS = (*COLUMN_OPTIONS, "skip", "decimal", "delimiter")
 
 #: Lines, and characters of them, from which the layout is determined.
 _LINES_EXAMINED, _CHARACTERS_EXAMINED = 1000, 1 << 20

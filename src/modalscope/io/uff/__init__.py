@@ -7,8 +7,3 @@ the files that are written, and those read, are compared with pyuff in the tests
 What is taken, in this order unless `want` says otherwise: frequency responses, impulse responses (correlations, and time
 functions over a force), records, modes, geometry.
 """
-
-from modalscope.io.uff.reader import READ_OPTIONS, read
-from modalscope.io.uff.writer import WRITE_OPTIONS, write
-
-__all__ = ["READ_OPTIONS", "WRITE_OPTIONS", "read", "write"]

@@ -17,8 +17,6 @@ from modalscope.io.uff.scan import Block, scan
 from modalscope.io.uff.shapes import Shape, modes_of, read_shape
 from modalscope.numerics.errors import check_choice
 
-READ_OPTIONS = ("want", "repeated")
-
 _WANTS = ("frequency response", "impulse response", "records", "modes", "geometry")
 _GEOMETRY = (15, 82, 2411, 2412, 2420)
 _SHAPES = (55, 2414)

@@ -17,8 +17,6 @@ from modalscope.io.uff.nodes import write_lines, write_nodes
 from modalscope.io.uff.shapes import write_shapes
 from modalscope.numerics.errors import check_choice
 
-WRITE_OPTIONS = ("text", "dataset", "nodes", "lines")
-
 _TIME, _FRF, _COHERENCE, _CORRELATION, _MULTIPLE = 1, 4, 6, 8, 26
 _FORCE, _TIME_AXIS, _FREQUENCY_AXIS = 13, 17, 18
 _SI = {"m", "m/s", "m/s2", "m/s^2", "N"}

@@ -1,28 +1,51 @@
 """From records to responses: spectra, frequency responses, correlations, Markov parameters, conditioning, bands, setups."""
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from modalscope.data.notes import Finding
-from modalscope.data.records import Records, Signals
-from modalscope.data.response import Response
-from modalscope.data.setups import Setups
-from modalscope.data.stored import StoredResponse, StoredSignals
-from modalscope.numerics.arguments import plain_methods
-from modalscope.numerics.handed import handed
-from modalscope.signals.preprocess.conditioning import decimate, detrend, differentiate, filter_band, integrate
-from modalscope.signals.preprocess.correlation import correlation_blocks, estimate_correlation, half_spectra
-from modalscope.signals.preprocess.forces import PrincipalForces, force_correlation, partial_coherence, principal_forces
-from modalscope.signals.preprocess.frf import estimate_frf
-from modalscope.signals.preprocess.harmonics_removed import remove_harmonics
-from modalscope.signals.preprocess.impacts import exponential_decay
-from modalscope.signals.preprocess.local_models import LocalEstimate, local_models
-from modalscope.signals.preprocess.markov import Observer, estimate_markov, estimate_observer
-from modalscope.signals.preprocess.merging import merge
-from modalscope.signals.preprocess.setups import merge_setups
-from modalscope.signals.preprocess.singular_spectra import Decomposition, decomposition
+from modalscope.numerics.handed import handed, later
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from modalscope.data.notes import Finding as Finding
+    from modalscope.data.records import Records, Signals
+    from modalscope.data.response import Response
+    from modalscope.data.setups import Setups
+    from modalscope.data.stored import StoredResponse, StoredSignals
+    from modalscope.signals.preprocess.conditioning import (
+        decimate as decimate,
+        detrend as detrend,
+        differentiate as differentiate,
+        filter_band as filter_band,
+        integrate as integrate,
+    )
+    from modalscope.signals.preprocess.correlation import (
+        correlation_blocks as correlation_blocks,
+        estimate_correlation as estimate_correlation,
+        half_spectra as half_spectra,
+    )
+    from modalscope.signals.preprocess.forces import (
+        PrincipalForces as PrincipalForces,
+        force_correlation as force_correlation,
+        partial_coherence as partial_coherence,
+        principal_forces as principal_forces,
+    )
+    from modalscope.signals.preprocess.frf import estimate_frf as estimate_frf
+    from modalscope.signals.preprocess.harmonics_removed import remove_harmonics as remove_harmonics
+    from modalscope.signals.preprocess.impacts import exponential_decay as exponential_decay
+    from modalscope.signals.preprocess.local_models import LocalEstimate as LocalEstimate, local_models as local_models
+    from modalscope.signals.preprocess.markov import (
+        Observer as Observer,
+        estimate_markov as estimate_markov,
+        estimate_observer as estimate_observer,
+    )
+    from modalscope.signals.preprocess.merging import merge as merge
+    from modalscope.signals.preprocess.setups import merge_setups as merge_setups
+    from modalscope.signals.preprocess.singular_spectra import (
+        Decomposition as Decomposition,
+        decomposition as decomposition,
+    )
+
     examine: Callable[[Signals | StoredSignals | StoredResponse | Records | Setups | Response], tuple[Finding, ...]]
 
 __all__ = [
@@ -54,13 +77,27 @@ __all__ = [
     "remove_harmonics",
 ]
 
-plain_methods(Decomposition, Finding, Observer)
-
+#: Names of each module.
+_HOMES: dict[str, tuple[str, ...]] = {
+    "modalscope.data.notes": ("Finding",),
+    "conditioning": ("decimate", "detrend", "differentiate", "filter_band", "integrate"),
+    "correlation": ("correlation_blocks", "estimate_correlation", "half_spectra"),
+    "forces": ("PrincipalForces", "force_correlation", "partial_coherence", "principal_forces"),
+    "frf": ("estimate_frf",),
+    "harmonics_removed": ("remove_harmonics",),
+    "impacts": ("exponential_decay",),
+    "local_models": ("LocalEstimate", "local_models"),
+    "markov": ("Observer", "estimate_markov", "estimate_observer"),
+    "merging": ("merge",),
+    "setups": ("merge_setups",),
+    "singular_spectra": ("Decomposition", "decomposition"),
+}
 
 if not TYPE_CHECKING:
+    _later = later(
+        "modalscope.preprocess", {f"{__name__}.{home}" if "." not in home else home: n for home, n in _HOMES.items()}
+    )
 
     def __getattr__(name: str) -> Any:
-        """Give `examine` of the doctor, a layer above, under its public name."""
-        if name == "examine":
-            return handed("examine")
-        raise AttributeError(f"module 'modalscope.preprocess' has no attribute {name!r}")
+        """Load what is asked for; `examine` is that of the doctor, a layer above, under its public name."""
+        return handed("examine") if name == "examine" else _later(name)

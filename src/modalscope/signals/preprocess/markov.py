@@ -24,7 +24,7 @@ import scipy.linalg as sla
 from modalscope.data.records import Signals
 from modalscope.data.responses import ImpulseResponse
 from modalscope.data.statespace import StateSpace
-from modalscope.numerics.arguments import COUNT, at_least, named
+from modalscope.numerics.arguments import COUNT, at_least, named, plain_methods
 from modalscope.numerics.checks import IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
@@ -275,3 +275,6 @@ def _least_squares(signals: Signals, samples: int | None) -> ImpulseResponse:
         sla.lstsq(joined[:, :unknowns], joined[:, unknowns:], cond=RANK)[0].reshape(count + 1, m, -1).transpose(0, 2, 1)
     )
     return _pulse_response(signals, steps[1:], steps[0], f"least squares for {count} samples of the response")
+
+
+plain_methods(Observer)

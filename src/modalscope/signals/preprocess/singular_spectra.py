@@ -9,7 +9,7 @@ import scipy
 
 from modalscope.data.records import Signals
 from modalscope.data.sizes import check_size
-from modalscope.numerics.arguments import named
+from modalscope.numerics.arguments import named, plain_methods
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray, check_count
 from modalscope.signals.preprocess.spectra import Segments, cross_spectra, segment_transforms
 
@@ -164,3 +164,6 @@ def decomposition(
     spectra = cross_spectra(y, None, signals.sampling_rate, segments, whole=True)
     vectors, values, _ = np.linalg.svd(spectra.outputs, hermitian=True)
     return Decomposition(spectra.frequencies, values, vectors, averages, segments.output_window)
+
+
+plain_methods(Decomposition)
