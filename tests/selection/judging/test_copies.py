@@ -305,12 +305,33 @@ def test_of_more_rows_and_columns_than_are_examined_those_strongest_beside_their
     made[:, -2] += errors[0] + 1j * errors[1]
     recount = recounted(made, np.array([POLE]))
     cluster = _Cluster(recount, np.array([0]))
-    variance = recount.errors.on(cluster.lines).variance
+    variance = np.add.reduceat(recount.errors.on(cluster.lines).variance, cluster.starts, axis=0)
+    variance /= cluster.sizes[:, None, None]
     for axis in np.flatnonzero(more) + 1:
         variance = np.delete(variance, -2, axis=axis)
     assert cluster.channels == (_MAX_ROWS, _MAX_COLUMNS)
     weights = np.tile(np.sqrt(2 / variance), (2, 1, 1)).reshape(-1, _MAX_ROWS * _MAX_COLUMNS).T
     assert np.allclose(cluster.weights, weights, rtol=1e-12, atol=0)
+
+
+@pytest.mark.parametrize("scale", [0.01, 0.3])
+def test_lines_far_from_all_poles_tell_added_up_what_they_tell_alone(
+    scale: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What poles leave differs by less than what errors decide; so do the poles of a mode that shifts."""
+    (u, v), a = random_sides(2), scale * np.random.default_rng(2).standard_normal(6)
+    recount = recounted(shifting(u, v, a, np.zeros(3)), np.array([POLE, POLE + 0.3j * POLE.real]))
+    fits, lines = [], []
+    for most in (64, 1):
+        monkeypatch.setattr("modalscope.selection.judging.copies._MAX_LINES_OF_BLOCK", most)
+        cluster = _Cluster(recount, np.array([0, 1]))
+        lines.append(cluster.data.shape[1] // 2)
+        fits.append((cluster.as_one(), cluster.fitted(cluster._best)))
+    assert lines[0] < lines[1] / 3
+    (one, shared), (one_alone, shared_alone) = fits
+    assert np.allclose(one.poles, one_alone.poles, rtol=0, atol=0.02 * abs(POLE.real))
+    gained, gained_alone = shared.misfit - one.misfit, shared_alone.misfit - one_alone.misfit
+    assert gained == pytest.approx(gained_alone, rel=0.05, abs=10)
 
 
 @pytest.mark.parametrize(("apart", "count"), [(2 - NUDGE, 1), (2 + NUDGE, 0)])

@@ -20,6 +20,7 @@ import numpy as np
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.statistics import assign
 from modalscope.selection.judging.recount import UNCERTAINTY_OF_VARIANCE, Recount
+from modalscope.selection.likelihood.deviations import blocks_of_lines
 from modalscope.selection.likelihood.information import residual_of
 from modalscope.selection.likelihood.whitening import chi_squared_bound, lag_factor
 
@@ -38,6 +39,9 @@ _LEAST_SHIFT = 0.02
 
 #: Modes more damped than this, and those narrower than this many lines at half their power, tell nothing of the scatter of a test.
 _MAX_DAMPING, _MIN_HALF_BANDWIDTH_LINES = 0.1, 0.5
+
+#: Maximum number of lines far from all poles that are added up: one number tells of them what they tell.
+_MAX_LINES_OF_BLOCK = 64
 
 #: Maximum number of rows and of columns of a cluster that are examined, the strongest: others shift as these do.
 _MAX_ROWS, _MAX_COLUMNS = 48, 16
@@ -217,8 +221,8 @@ class _Point:
 class _Cluster:
     """Poles that hang together on the lines around them, all other poles and terms free in every channel.
 
-    `data` (c, K): divided by the deviations of lines, without what all else explains. `weights`, `free` (c, K), (c, K, t): of the
-    channels, row by row. `factor`: how correlated errors raise the variance of a residue.
+    Far from all poles lines are added up: K remain. `data` (c, K): divided by the deviations of lines, without what all else explains.
+    `weights`, `free` (c, K), (c, K, t): of the channels, row by row. `factor`: how correlated errors raise the variance of a residue.
     """
 
     def __init__(self, recount: Recount, which: IntArray) -> None:
@@ -226,7 +230,10 @@ class _Cluster:
         self.problem, self.which, self.poles = recount.selection.problem, which, point.poles
         self.lines = self._lines()
         own = np.einsum("qn,np->nqp", fitted.linear[:, which], point.sides[which])
-        precision = 2 / recount.errors.on(self.lines).variance
+        grid = np.asarray(self.problem.light.grid)[self.lines]
+        self.starts, self.sizes = blocks_of_lines(grid, self.poles, _MAX_LINES_OF_BLOCK)
+        precision = 2 / np.add.reduceat(recount.errors.on(self.lines).variance, self.starts, axis=0)
+        precision *= self.sizes[:, None, None]
         strength = np.sum(np.abs(own) ** 2, axis=0) * precision.mean(axis=0)
         taken = _strongest(strength.sum(axis=1), _MAX_ROWS)[:, None], _strongest(strength.sum(axis=0), _MAX_COLUMNS)
         own, self.channels = own[:, *taken], (len(taken[0]), len(taken[1]))
@@ -258,13 +265,21 @@ class _Cluster:
         return np.setdiff1d(np.flatnonzero((w >= low) & (w <= high)), self.which)
 
     def _taken(self, rows: RealArray) -> RealArray:
-        """Return rows (K, ...) on the lines."""
+        """Return rows of all lines on those of the cluster, (2 K, ...), blocks of them added up."""
+        return self._added(self._inside(rows))
+
+    def _inside(self, rows: RealArray) -> RealArray:
         return np.concatenate([half[self.lines] for half in np.split(rows, 2)])
+
+    def _added(self, rows: RealArray) -> RealArray:
+        """Return rows of lines (2 L, ...) as those of blocks (2 K, ...): sums over the root of their number, whose errors are as large."""
+        root = np.sqrt(self.sizes).reshape(-1, *[1] * (rows.ndim - 1))
+        return np.concatenate([np.add.reduceat(half, self.starts, axis=0) / root for half in np.split(rows, 2)])
 
     def _functions(self, poles: ComplexArray) -> tuple[RealArray, RealArray]:
         """Return the functions of poles on the lines and their derivatives, (K, 2 n) each; their part in terms is among what is free."""
         both = self.problem.light.functions(poles, slopes=True, lines=self.lines)
-        both /= self._taken(self.problem.rows)[:, None]
+        both = self._added(both / self._inside(self.problem.rows)[:, None])
         return both[:, : 2 * len(poles)], both[:, 2 * len(poles) :]
 
     def _less_free(self, columns: RealArray) -> RealArray:

@@ -135,24 +135,28 @@ def lines_for_all(response: Response, poles: Array, degree: int) -> Lines | None
         return (
             None  # lines of records differ with what drove them, and lines that a window correlates share their noise
         )
-    step, count = np.gradient(grid), grid.size
+    most = min(_MAX_LINES_PER_POINT, grid.size // (_LINES_PER_HALF_WAVE * max(degree, 1)))
+    starts, sizes = blocks_of_lines(grid, poles, most)
+    return Lines(starts + sizes // 2, sizes.astype(float))
+
+
+def blocks_of_lines(grid: RealArray, poles: Array, most: int) -> tuple[IntArray, IntArray]:
+    """Return where blocks of lines begin (n,), and how many lines each has: a third of the distance to the nearest pole spans as many.
+
+    `grid` (K,): Hz. `poles`: rad/s. `most`: lines of a block at most; they have 1, 2, 4, ... lines.
+    """
     nearest = np.min(np.abs(2j * np.pi * grid[:, None] - poles), axis=1, initial=np.inf) / (2 * np.pi)
-    spanned = nearest / (_POLE_DISTANCES * step)
-    each, left = np.ones(count), np.ones(count, bool)
-    most = min(_MAX_LINES_PER_POINT, count // (_LINES_PER_HALF_WAVE * max(degree, 1)))
-    for size in (
-        _MAX_LINES_PER_POINT >> k
-        for k in range(_MAX_LINES_PER_POINT.bit_length() - 1)
-        if _MAX_LINES_PER_POINT >> k <= most
-    ):
-        blocks = count // size
+    spanned = nearest / (_POLE_DISTANCES * np.gradient(grid))
+    sizes, left = np.ones(grid.size, dtype=int), np.ones(grid.size, bool)
+    for size in (1 << k for k in range(most.bit_length() - 1, 0, -1)):
+        blocks = grid.size // size
         free = (left & (spanned >= size))[: blocks * size].reshape(blocks, size).all(axis=1)
         starts = np.flatnonzero(free) * size
         covered = (starts[:, None] + np.arange(size)).ravel()
-        left[covered], each[covered] = False, 0
-        each[starts + size // 2] = size
-    index = np.flatnonzero(each)
-    return Lines(index, each[index])
+        left[covered], sizes[covered] = False, 0
+        sizes[starts] = size
+    starts = np.flatnonzero(sizes)
+    return starts, sizes[starts]
 
 
 # --------------------------------------------------------------------------------------------------------- of one sweep

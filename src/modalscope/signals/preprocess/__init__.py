@@ -33,7 +33,10 @@ if TYPE_CHECKING:
     from modalscope.signals.preprocess.frf import estimate_frf as estimate_frf
     from modalscope.signals.preprocess.harmonics_removed import remove_harmonics as remove_harmonics
     from modalscope.signals.preprocess.impacts import exponential_decay as exponential_decay
-    from modalscope.signals.preprocess.local_models import LocalEstimate as LocalEstimate, local_models as local_models
+    from modalscope.signals.preprocess.local_polynomials import (
+        LocalEstimate as LocalEstimate,
+        local_models as local_models,
+    )
     from modalscope.signals.preprocess.markov import (
         Observer as Observer,
         estimate_markov as estimate_markov,
@@ -86,7 +89,7 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "frf": ("estimate_frf",),
     "harmonics_removed": ("remove_harmonics",),
     "impacts": ("exponential_decay",),
-    "local_models": ("LocalEstimate", "local_models"),
+    "local_polynomials": ("LocalEstimate", "local_models"),
     "markov": ("Observer", "estimate_markov", "estimate_observer"),
     "merging": ("merge",),
     "setups": ("merge_setups",),

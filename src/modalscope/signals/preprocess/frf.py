@@ -26,7 +26,7 @@ from modalscope.signals.preprocess.estimators import (
     synchronous,
 )
 from modalscope.signals.preprocess.excitation import driven_records, find_excitation, find_period
-from modalscope.signals.preprocess.local_models import LOCAL, local_models
+from modalscope.signals.preprocess.local_polynomials import LOCAL, local_models
 from modalscope.signals.preprocess.plans import (
     ZOOMS,
     Plan,
@@ -78,7 +78,7 @@ def estimate_frf(
     estimator : {"h1", "h2", "hv", "lpm", "lrm"}
         Where the noise is: on the outputs (H1 = S_yu S_uu^-1), on the inputs (H2), or on both (Hv, total least squares).
         Correlated inputs are solved for together. "lpm" and "lrm" fit local polynomials or rational functions to the lines of whole
-        runs, without window, average or leakage (`modalscope.signals.preprocess.local_models`); noise is on the outputs.
+        runs, without window, average or leakage (`modalscope.signals.preprocess.local_polynomials`); noise is on the outputs.
     excitation : {"auto", "random", "burst", "sweep", "periodic", "impact"}
         Kind of the forces; by default detected, except for periodic ones. Random forces are averaged over overlapping
         segments; runs of bursts and sweeps, which begin and end within the run, are transformed whole; periodic forces are averaged
