@@ -87,6 +87,7 @@ page: setup
 
 lint: style
 	@$(BIN)/mypy
+	@$(BIN)/python -m tools.house --budgets
 
 style: setup
 	@$(BIN)/ruff check .

@@ -1,4 +1,4 @@
-"""Measure the house: modules, lines, lines of code, and circles of imports. `python -m tools.house` prints them.
+"""Measure the house: modules, lines, lines of code, circles of imports, and its budgets. `python -m tools.house` prints them.
 
 Imports inside functions count, those for types and those of a package's `__init__` too.
 """
@@ -7,11 +7,19 @@ from __future__ import annotations
 
 import ast
 import io
+import subprocess
+import sys
 import tokenize
+import tomllib
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 SOURCE = Path(__file__).resolve().parents[1] / "src"
+
+#: The most that each measure of the house may be.
+BUDGETS = Path(__file__).with_name("budgets.toml")
 
 
 def modules(source: Path = SOURCE) -> dict[str, Path]:
@@ -102,8 +110,98 @@ def code_lines(text: str) -> int:
     return len(lines)
 
 
+class Measure(NamedTuple):
+    """What is measured of the house, and the most it may be."""
+
+    name: str
+    found: int
+    most: int
+
+
+def room_of(module: str) -> str:
+    """Return the room of a module: the first package below the root; modules of the root itself have the root's name.
+
+    Examples
+    --------
+    >>> room_of("modalscope.signals.doctor.examine"), room_of("modalscope")
+    ('signals', 'modalscope')
+    """
+    inner = module.removesuffix(".__main__").split(".")[1:]
+    return inner[0] if inner else "modalscope"
+
+
+def arrows(imports: Mapping[str, set[str]]) -> set[tuple[str, str]]:
+    """Return which rooms import which others, the face left out: it names all of them.
+
+    Examples
+    --------
+    >>> arrows({"modalscope.io.npz": {"modalscope.data", "modalscope.io"}, "modalscope.data": set()})
+    {('io', 'data')}
+    """
+    pairs = {(room_of(module), room_of(other)) for module, others in imports.items() for other in others}
+    return {(one, other) for one, other in pairs if one != other and "modalscope" not in (one, other)}
+
+
+def _said_by(program: str) -> int:
+    """Return the number that a program prints in an interpreter of its own."""
+    run = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
+    return int(run.stdout)
+
+
+#: A small test of responses, and what reading and analysing it loads, or identifying it at one order runs.
+_RESPONSES = """
+import sys, tempfile, modalscope as ms
+from pathlib import Path
+from modalscope.systems import chain5
+made = chain5().frequency_response([0.01 * k for k in range(30, 751, 2)], noise=0.01, seed=0)
+"""
+_LOADED = """
+import subprocess
+with tempfile.TemporaryDirectory() as folder:
+    path = Path(folder) / "test.uff"
+    ms.write(path, made)
+    code = f"import sys, modalscope as ms; ms.analyze({str(path)!r}); print(sum(m.startswith('modalscope') for m in sys.modules))"
+    print(subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout)
+"""
+_RUN = """
+ms.identify(made, order=10)
+seen = set()
+sys.setprofile(lambda frame, event, _: event == "call" and seen.add(frame.f_code))
+ms.identify(made, order=10)
+sys.setprofile(None)
+inner = ("<lambda>", "<genexpr>", "<listcomp>", "<setcomp>", "<dictcomp>")
+print(sum("modalscope" in code.co_filename and code.co_name not in inner for code in seen))
+"""
+
+
+def measures() -> list[Measure]:
+    """Return what `tools/budgets.toml` holds, with what is found: lines of code, rooms, arrows, modules loaded, functions run."""
+    most = tomllib.loads(BUDGETS.read_text(encoding="utf-8"))
+    files = modules()
+    texts = {name: path.read_text(encoding="utf-8") for name, path in files.items()}
+    drawn = arrows({name: imported(text, files) for name, text in texts.items()})
+    code: Counter[str] = Counter()
+    for name, text in texts.items():
+        code[room_of(name)] += code_lines(text)
+    found = {
+        "lines of code": code.total(),
+        "rooms": len(code) - 1,
+        "arrows between rooms": len(drawn),
+        "modules that reading and analysing responses loads": _said_by(_RESPONSES + _LOADED),
+        "functions that one identification runs": _said_by(_RESPONSES + _RUN),
+    } | {f"lines of code of {room}": lines for room, lines in code.items()}
+    return [Measure(name, found.get(name, 0), figure) for name, figure in most.items()]
+
+
 def main() -> None:
-    """Print the measures, a line a package, and every circle."""
+    """Print the measures, a line a package, the budgets and every circle; with `--budgets` these alone."""
+    if "--budgets" not in sys.argv[1:]:
+        _print_packages()
+    for measure in measures():
+        print(f"{measure.name:52s} {measure.found:6d} of {measure.most}")
+
+
+def _print_packages() -> None:
     files = modules()
     texts = {name: path.read_text(encoding="utf-8") for name, path in files.items()}
     packages: dict[str, list[str]] = {}
