@@ -1138,7 +1138,6 @@ def _() -> Told:
         told[kind] = {
             "simulate": command("simulate", "chain5", "--kind", kind, "--samples", "3000", "--noise", "30", "-o", test),
             "info": command("info", test),
-            "plan": command("plan", test, "--orders", "2:30:4"),
             "identify": command("identify", test, "--orders", "4:24:4", "-o", f"{kind}.json", "-o", f"{kind}.csv"),
             "files": [file(test), file(f"{kind}.json"), file(f"{kind}.csv")],
         }

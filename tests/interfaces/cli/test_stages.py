@@ -21,7 +21,6 @@ COMMANDS = {
     "info record.npz": ["reading", "examining"],
     "convert record.npz other.npz": ["reading", "writing other.npz"],
     "merge record.npz record.npz -o both.npz": ["reading", "writing both.npz"],
-    "plan record.npz": ["reading", "estimating the cost"],
     "simulate chain5 -o new.npz": ["simulating", "writing new.npz"],
     "frf record.npz -o frf.npz -o frf.svg": [
         *("reading", "estimating responses", "writing frf.npz", "drawing frf.svg", "examining")

@@ -1,18 +1,13 @@
-"""Predict operations, seconds and memory of factorizations from the shape of a matrix and the cost of its products."""
+"""Predict operations and memory of factorizations from the shape of a matrix and the cost of its products."""
 
 from __future__ import annotations
 
 import os
-import time
-from functools import cache
 from typing import NamedTuple
-
-import numpy as np
 
 from modalscope.data.notes import Note
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import Operator
-from modalscope.numerics.resources import one_thread
 
 #: Directions in excess of the wanted ones, so that the last wanted one is as accurate as the first.
 EXTRA = 20
@@ -22,9 +17,9 @@ EXTRA = 20
 DENSE_ENTRIES, _DENSE_SIDE = 250_000, 400
 
 
-#: Measured cost of an operation, on one thread, in operations of a matrix product: of reflections, of an orthogonalization by two
-#: Cholesky factors, of eigenvectors, of a singular value decomposition.
-_QR_COST, _CHOLESKY_COST, _EIGEN_COST, _SVD_COST = 5.0, 2.0, 2.0, 4.0
+#: Measured cost of an operation, on one thread, in operations of a matrix product: of an orthogonalization by two Cholesky
+#: factors, of eigenvectors, of a singular value decomposition.
+_CHOLESKY_COST, _EIGEN_COST, _SVD_COST = 2.0, 2.0, 4.0
 
 
 #: Below this number of operations, half a second, exact directions of the noise are preferred.
@@ -52,11 +47,6 @@ class Cost(NamedTuple):
         """Whether it gives every direction to rounding and takes little time."""
         return self.route in ("gram", "dense") and self.operations < _EXACT_OPERATIONS
 
-    @property
-    def seconds(self) -> float:
-        """On this machine, one thread."""
-        return self.operations / speed()
-
 
 def costs_of(matrix: Operator, wanted: int) -> tuple[Cost, ...]:
     """Return the ways that there are for the leading triplets of a tall matrix, in the order in which they are tried.
@@ -82,24 +72,6 @@ def costs_of(matrix: Operator, wanted: int) -> tuple[Cost, ...]:
         memory = 8.0 * 3 * columns**2 + 2 * both
         costs.append(Cost("gram", matrix.gram_operations + eigen + refined, memory, refined))
     return tuple(sorted(costs, key=lambda cost: (not cost.exact_enough, cost.operations)))
-
-
-def cost_of_triangle(rows: int, columns: int, together: int) -> Cost:
-    """Return what a matrix of many columns costs through its triangular factor, `together` columns at a time."""
-    operations = _QR_COST * 2.0 * columns * rows**2 + _SVD_COST * 6.0 * rows**3
-    return Cost("triangular factor", operations, 8.0 * (3 * together * rows + 2 * rows**2))
-
-
-@cache
-@one_thread
-def speed() -> float:
-    """Return operations a second of a matrix product on one thread, measured once (some milliseconds)."""
-    a, times = np.ones((400, 400)), []
-    for _ in range(5):
-        start = time.process_time()
-        a @ a
-        times.append(time.process_time() - start)
-    return float(2 * 400**3 / min(times))
 
 
 #: Products of two columns per second of a core, with the columns themselves: measured from 1e10 to 1e12 of them.

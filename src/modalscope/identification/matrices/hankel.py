@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike
 
 from modalscope.data.responses import ImpulseResponse
 from modalscope.identification.matrices.block_hankel import BlockHankel
-from modalscope.identification.matrices.costs import Cost, costs_of
 from modalscope.identification.matrices.evolved import Evolved, ModalSide, RowSums
 from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.influence import ConvolvedInfluence, Influence, Lines, convolved
@@ -152,10 +151,6 @@ class Hankel(SampledMatrix):
     def tall(self) -> Operator:
         """Return H(0) with one more block row, the rows of H(0) and of H(1) together."""
         return BlockHankel(self.values, self.block_rows + 1, self.block_columns)
-
-    def costs(self, wanted: int) -> tuple[Cost, ...]:
-        """Return what the ways of factoring it cost; see `DataMatrix.costs`."""
-        return costs_of(self.tall(), wanted)
 
     @property
     def row_shift(self) -> RowShift:

@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike
 
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse
-from modalscope.identification.matrices.costs import Cost, cost_of_triangle
 from modalscope.identification.matrices.evolved import ModalSide, OnLines
 from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.influence import LineInfluence, Lines, Outer, all_lines
@@ -256,11 +255,6 @@ class LineMatrix(RowsOnLines):
         for i in range(self.inputs):
             total.add(self.columns_array(i))
         return np.ascontiguousarray(total.finish().T)
-
-    def costs(self, wanted: int) -> tuple[Cost, ...]:
-        """Return what the triangular factor costs; see `DataMatrix.costs`."""
-        rows, columns = self.outputs * (self.block_rows + 1), 2 * len(self.level)
-        return (cost_of_triangle(rows, columns * self.inputs, columns),)
 
     @cached_property
     def compared_lines(self) -> IntArray:

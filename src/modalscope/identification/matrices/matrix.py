@@ -10,7 +10,6 @@ from typing import Any, ClassVar, NoReturn
 import numpy as np
 
 from modalscope.data.statespace import StateSpace
-from modalscope.identification.matrices.costs import Cost
 from modalscope.identification.matrices.evolved import Evolved, ModalSide
 from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.influence import Influence, Lines
@@ -141,10 +140,6 @@ class DataMatrix(ABC):
     def observable(self) -> DataMatrix:
         """The matrix that is factored: this one, or in the controllable form that of the transposed response."""
         return self
-
-    def costs(self, wanted: int) -> tuple[Cost, ...]:
-        """What the ways of factoring it for so many states cost, in the order in which they are tried; nothing where that is not known."""
-        return ()
 
     @property
     def fitted(self) -> DataMatrix:

@@ -18,7 +18,6 @@ from numpy.typing import ArrayLike
 from modalscope.data.channels import derivatives_between, known_quantity
 from modalscope.data.response import output_scale
 from modalscope.data.responses import FrequencyResponse
-from modalscope.identification.matrices.costs import Cost, costs_of
 from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.line_products import LineProducts
 from modalscope.identification.matrices.lines import (
@@ -170,10 +169,6 @@ class Transfer(PolynomialRows, LineMatrix, FittedToLines):
     def tall(self) -> Operator:
         """Return all q + 1 block rows."""
         return self._operator(self.basis) if self.products else super().tall()
-
-    def costs(self, wanted: int) -> tuple[Cost, ...]:
-        """Return what the ways of factoring it cost; see `DataMatrix.costs`."""
-        return costs_of(self.tall(), wanted) if self.products else super().costs(wanted)
 
     def _operator(self, functions: ComplexArray) -> LineProducts:
         weighted = functions if self.weights is None else functions * self.weights[:, None]

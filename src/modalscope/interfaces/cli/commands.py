@@ -56,7 +56,6 @@ COMMANDS = (
     Command(spectra.frf, spectra.add_frf, "files"),
     Command(files.merge, files.add_merge, "files"),
     Command(files.convert, files.add_convert, "files"),
-    Command(files.plan, files.add_plan, "files"),
     Command(about.completion, about.add_completion, "files"),
 )
 

@@ -1,20 +1,11 @@
-"""Commands on files: contents, conversion, merging, simulation, cost."""
+"""Commands on files: contents, conversion, merging, simulation."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from modalscope.interfaces.cli.parser import (
-    Parser,
-    add_choices,
-    add_files,
-    add_force,
-    add_method,
-    add_orders,
-    add_outputs,
-    add_reading,
-)
+from modalscope.interfaces.cli.parser import Parser, add_files, add_force, add_outputs, add_reading
 from modalscope.interfaces.cli.process import progress, remark, say
 
 
@@ -134,26 +125,3 @@ def simulate(options: argparse.Namespace) -> None:
     with progress("simulating"):
         data = trial(structure, options.kind, **size, snr_db=options.noise, seed=options.seed)
     say(write_data(options.output, data))
-
-
-def add_plan(parser: Parser) -> None:
-    """Add the arguments of `plan`."""
-    add_files(parser)
-    add_method(parser)
-    add_orders(parser)
-    add_choices(parser)
-
-
-def plan(options: argparse.Namespace) -> None:
-    """Estimate the cost of a stabilization diagram: matrix, factorization, time and memory.
-
-    Nothing of the size of the data matrix is computed.
-    """
-    from modalscope.identification.plan import plan
-    from modalscope.interfaces.cli.reading import choices, parse_orders, read_test
-
-    data, _ = read_test(options)
-    orders = parse_orders(options.orders)
-    with progress("estimating the cost"):
-        planned = plan(data, method=options.method, domain=options.domain, orders=orders, **choices(options))
-    say(planned)

@@ -160,7 +160,7 @@ EXPERT: dict[str, dict[str, Any]] = {
     "weighting": {"choices": ("cva",), "help": "of projected records: canonical variates"},
     "factorization": {
         "choices": ("auto", "dense", "gram", "randomized", "lanczos"),
-        "help": "how singular vectors are found (see `modalscope plan`)",
+        "help": "how singular vectors are found",
     },
 }
 
