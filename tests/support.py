@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -177,3 +177,25 @@ def pole_tolerance(singular_values: ArrayLike, order: int) -> float:
     """Return max(1e-10, 100 eps sigma_1 / sigma_n), what rounding costs a realization of this order."""
     d = np.asarray(singular_values)
     return max(1e-10, float(100 * EPS * d[0] / d[order - 1]))
+
+
+def model_transfer(model: StateSpace, frequencies: ArrayLike, shift: int = 0) -> np.ndarray:
+    """Return C A^i (x I - A)^-1 B on lines in Hz: the i-th derivative (Eqs. 71, 75), or the shift by i samples (Eq. 81)."""
+    power = np.linalg.matrix_power(model.A, shift)
+    rest = StateSpace(A=model.A, B=model.B, C=model.C @ power, dt=model.dt)
+    return rest.frequency_response(frequencies).values
+
+
+def row_selection(kept: Sequence[int], rows: int) -> np.ndarray:
+    """Return T that keeps some rows, (len(kept), rows)."""
+    return np.eye(rows)[list(kept)]
+
+
+def row_sums(groups: Sequence[Sequence[int]], rows: int) -> np.ndarray:
+    """Return T whose rows sum groups of rows, (groups, rows)."""
+    return np.array([row_selection(group, rows).sum(axis=0) for group in groups])
+
+
+def random_projection(kept: int, rows: int, *, seed: int = 0) -> np.ndarray:
+    """Return T with orthonormal random rows, (kept, rows), the same for the same seed."""
+    return np.linalg.qr(np.random.default_rng(seed).standard_normal((rows, kept)))[0].T

@@ -28,9 +28,7 @@ LEAST, TIMES = 500_000_000, 20
 
 
 def read(path: Path) -> Any:
-    """Read a file by its suffix; folders but those of Zarr are tables, and `.analysis.json` is an analysis."""
-    if path.is_dir() and path.suffix != ".zarr":
-        return mio.geometry_from_tables(path)
+    """Read a file by its suffix; `.analysis.json` is an analysis."""
     return read_analysis(path) if path.name.endswith(".analysis.json") else mio.read(path)
 
 

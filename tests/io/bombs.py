@@ -448,15 +448,3 @@ text(
 text("a line of a million digits.uff", one_set("15", "1" * MB))
 BINARY = "    -1\n    58b     1     2          11999999999999     0     0           0           0\n"
 text("bytes beyond counting.uff", BINARY, "NONE\n" * 11)
-
-
-# --------------------------------------------------------------------------------------------------------------- tables
-
-
-@bomb("one long cell (tables)")
-def _(path: Path) -> None:
-    path.mkdir()
-    rows = "".join(f"p{k} 0 0 0\n" for k in range(50_000))
-    (path / "pts_coord.txt").write_text("point x y z\n" + rows + "q " + "1" * MB + " 0 0\n")
-    for name in ("sens_map.txt", "sens_sign.txt"):
-        (path / name).write_text("point x\np1 1\n")

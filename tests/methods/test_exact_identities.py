@@ -12,12 +12,11 @@ from modalscope.data import ImpulseResponse
 from modalscope.identification.identify import identify
 from modalscope.identification.matrices.factor import Factors, factorize, left_factor
 from modalscope.identification.matrices.hankel import hankel
-from modalscope.identification.matrices.sides import random_projection
 from modalscope.identification.realizations.balanced import balanced, projected_general
 from modalscope.identification.realizations.companion import null_space_companion
 from modalscope.identification.realizations.regression import regression
 from modalscope.identification.realizations.shift import shift
-from tests.support import add_noise, built, random_system, relative
+from tests.support import add_noise, built, random_projection, random_system, relative
 
 #: The identities hold to rounding; what is lost is the conditioning of the data, and 400 random systems stayed below 6e-13.
 EXACT = 1e-9

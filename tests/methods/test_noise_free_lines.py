@@ -8,8 +8,7 @@ from hypothesis import given, settings, strategies as st
 
 from modalscope import DataError, FrequencyResponse, Identification, StateSpace
 from modalscope.identification.identify import assemble
-from modalscope.identification.matrices.shifted import model_transfer
-from tests.support import EPS, FIVE, built, random_system
+from tests.support import EPS, FIVE, built, model_transfer, random_system
 
 QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
 METHODS = ("era", "polyreference", "alternate", "least_squares")

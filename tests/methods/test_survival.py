@@ -7,10 +7,8 @@ import pytest
 
 from modalscope.data import DataError
 from modalscope.identification.identify import identify
-from modalscope.identification.matrices.sides import leading_directions, random_projection, selection, sums
-from modalscope.numerics.operators import DenseMatrix
 from modalscope.systems import Structure
-from tests.support import FIVE, match_poles, relative
+from tests.support import FIVE, match_poles, random_projection, relative, row_selection, row_sums
 
 STRUCTURE = FIVE["chain5"]()
 RESPONSE = STRUCTURE.impulse_response(120)
@@ -30,8 +28,8 @@ OPERATIONS = {
     "weights of rows": ({"row_weights": RNG.uniform(0.5, 2, SIDE["rows"])}, ""),
     "weights of columns": ({"column_weights": RNG.uniform(0.5, 2, SIDE["columns"])}, ""),
     "outputs combined within blocks": ({"row_compression": random_projection(3, OUTPUTS, seed=1)}, ""),
-    "outputs selected within blocks": ({"row_compression": selection([0, 2, 3], OUTPUTS)}, ""),
-    "outputs summed within blocks": ({"row_compression": sums([[0, 1], [2]], OUTPUTS)}, ""),
+    "outputs selected within blocks": ({"row_compression": row_selection([0, 2, 3], OUTPUTS)}, ""),
+    "outputs summed within blocks": ({"row_compression": row_sums([[0, 1], [2]], OUTPUTS)}, ""),
     "inputs combined within blocks": ({"column_compression": random_projection(1, INPUTS, seed=2)}, ""),
     "rows compressed": ({"row_compression": random_projection(N + 4, SIDE["rows"], seed=3)}, "rows"),
     "columns compressed": ({"column_compression": random_projection(N + 4, SIDE["columns"], seed=4)}, "columns"),
@@ -92,9 +90,9 @@ def test_what_survives_what(operation, method, form):
 
 def test_sums_carry_their_warning_into_the_result():
     options = {"block_rows": ROWS, "block_columns": COLUMNS, "order": N}
-    found = identify(RESPONSE, method="era", row_compression=sums([[0, 1], [2, 3]], OUTPUTS), **options)
+    found = identify(RESPONSE, method="era", row_compression=row_sums([[0, 1], [2, 3]], OUTPUTS), **options)
     assert any("antisymmetric" in str(note) for note in found.notes)
-    found = identify(RESPONSE, method="era", row_compression=selection([0, 1], OUTPUTS), **options)
+    found = identify(RESPONSE, method="era", row_compression=row_selection([0, 1], OUTPUTS), **options)
     assert not any("antisymmetric" in str(note) for note in found.notes)
 
 
@@ -105,7 +103,7 @@ def test_sums_do_lose_the_antisymmetric_modes():
     response = symmetric.impulse_response(120)
     options = {"method": "era", "block_rows": 20, "block_columns": 40}
     assert identify(response, **options).order == 10
-    assert identify(response, row_compression=sums([range(5)], 5), **options).order == 6
+    assert identify(response, row_compression=row_sums([range(5)], 5), **options).order == 6
 
 
 @pytest.mark.parametrize("kind", ["random", "leading", "selection"])
@@ -115,11 +113,11 @@ def test_compressed_era_in_noise(kind):
 
     noisy = add_noise(RESPONSE, 40.0)
     plain = identify(noisy, method="era", order=N, block_rows=ROWS, block_columns=COLUMNS)
-    H = DenseMatrix(np.block([[noisy.values[i + j] for j in range(COLUMNS)] for i in range(ROWS)]))
+    H = np.block([[noisy.values[i + j] for j in range(COLUMNS)] for i in range(ROWS)])
     T = {
         "random": random_projection(3 * N, SIDE["rows"], seed=0),
-        "leading": leading_directions(H, 3 * N),
-        "selection": selection(range(3 * N), SIDE["rows"]),
+        "leading": np.linalg.svd(H)[0].T[: 3 * N],
+        "selection": row_selection(range(3 * N), SIDE["rows"]),
     }[kind]
     options = {"order": N, "block_rows": ROWS, "block_columns": COLUMNS, "row_compression": T}
     found = identify(noisy, method="era", **options)

@@ -44,11 +44,6 @@ class PoleGroup:
     observable: int
     controllable: int
 
-    @property
-    def identifiable(self) -> int:
-        """How many of them data of these outputs and inputs can show."""
-        return min(self.observable, self.controllable)
-
 
 def block_diagonal_basis(A: RealArray, frequency: RealArray) -> tuple[RealArray, RealArray, tuple[Block, ...], float]:
     """Return T and block diagonal M with A T = T M, the blocks, and the condition of T in well scaled states.

@@ -316,7 +316,7 @@ class StateSpace(Quadruple):
     def pole_groups(self, tolerance: float = 1e-6) -> tuple[PoleGroup, ...]:
         """Return the poles, coinciding ones together, with how many of each the outputs see and the inputs drive.
 
-        Data of l outputs and m inputs show at most min(l, m) coinciding poles: `identifiable` says how many.
+        Data of l outputs and m inputs show at most min(l, m) coinciding poles: the smaller of both counts.
 
         Parameters
         ----------

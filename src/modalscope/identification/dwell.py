@@ -50,11 +50,6 @@ class Dwell:
     frequencies: RealArray
     levels: Any = None
 
-    @property
-    def linear_within(self) -> float | None:
-        """Largest change of the frequency against that of the lowest level, as a share; None of responses."""
-        return None if self.levels is None else _change(self.levels)
-
 
 @named(threshold=POSITIVE)
 def tuned_dwell(

@@ -32,7 +32,7 @@ from modalscope.io.options import MESHES
 from modalscope.io.recorders import rows_of_workbook
 from modalscope.io.text.cells import Dialect, is_number, number_of, split, uncommented
 from modalscope.io.text.dialect import dialect_of, encoding_of, lines_of
-from modalscope.numerics.checks import Array, RealArray, check_path
+from modalscope.numerics.checks import RealArray, check_path
 
 #: Suffixes of tables.
 TABLES = (".csv", ".txt", ".asc", ".tsv", ".dat", ".xlsx")
@@ -48,8 +48,6 @@ _WORDS = {
 _AFTER_AXIS = {"", "coord", "coordinate", "pos", "position", "m", "mm", "cm", "in", "inch", "inches", "ft"}
 #: Rows of a table of points and characters of a cell, more than any test has.
 _MAX_POINTS, _MAX_CHARACTERS = 200_000, 200
-#: Characters of a cell in a folder of tables: in an array each cell takes the width of the longest.
-_MAX_WIDTH = 400
 #: Candidates for the neighbours of a point: the nearest so many.
 _CANDIDATES = 12
 #: Relative tolerance of equal distances on a measured grid.
@@ -384,103 +382,3 @@ def _lines_and_faces(path: Path) -> dict[str, Any]:
         "lines": [row for row in rows if len(row) == 2] or None,
         "faces": [[*row, *[row[-1]] * (width - len(row))] for row in faces] or None,
     }
-
-
-def geometry_from_tables(folder: str | Path, *, background: bool = True) -> Geometry:
-    """Return the geometry that a folder of text tables describes, with the motion of every channel.
-
-    Parameters
-    ----------
-    folder : path
-        Tables of operational modal analysis programs, cells separated by blanks or tabs: `pts_coord.txt` (header; point, x, y, z),
-        `sens_map.txt` (header; point, and for each of x, y, z the channel that moves it, 0 for none), `sens_sign.txt` (the same shape,
-        signs), and where present `sens_lines.txt` (pairs of point numbers to join). With `background` also `BG_nodes.txt` (x, y, z) and
-        `BG_lines.txt` (pairs of row numbers): the still outline of the structure, whose nodes are called B1, B2, ...
-    background : bool
-        Whether to take the outline.
-
-    Returns
-    -------
-    Geometry
-        Its `motions` hold the channels' own names, so that records need these as `output_dofs`.
-
-    Raises
-    ------
-    DataError
-        A table is missing, ragged or names points that are not there.
-    """
-    place = Path(folder)
-    points, coordinates = _named_cells(place / "pts_coord.txt")
-    if coordinates.shape[1] != 3:
-        fault = f"there are {coordinates.shape[1] + 1} columns"
-        raise _wrong(place / "pts_coord.txt", "point, x, y and z in every row", fault)
-    positions = _numbers(place / "pts_coord.txt", coordinates)
-    lines = [[points[i] for i in row] for row in _pairs(place / "sens_lines.txt", len(points))]
-    nodes = list(points)
-    if background and (place / "BG_nodes.txt").exists():
-        outline = _numbers(place / "BG_nodes.txt", np.array(_cells(place / "BG_nodes.txt"))).reshape(-1, 3)
-        nodes += [f"B{i + 1}" for i in range(len(outline))]
-        lines += [[f"B{i + 1}" for i in row] for row in _pairs(place / "BG_lines.txt", len(outline))]
-        positions = np.vstack([positions, outline])
-    motions = _motions_of_sensors(place, points)
-    return Geometry(nodes=nodes, coordinates=positions, lines=lines or None, motions=motions)  # type: ignore[arg-type]
-
-
-def _motions_of_sensors(place: Path, points: list[str]) -> Motions:
-    axes = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-    header = _cells(place / "sens_map.txt")[0][1:]
-    mapped, channels = _named_cells(place / "sens_map.txt")
-    signed, signs = _named_cells(place / "sens_sign.txt")
-    unknown = sorted(set(mapped) - set(points))
-    if unknown or signed != mapped or signs.shape != channels.shape or not set(header) <= set(axes):
-        need = "the points of pts_coord.txt, columns x, y, z, and sens_sign.txt of the same shape"
-        raise _wrong(place / "sens_map.txt", need, f"unknown points: {', '.join(unknown) or 'none'}")
-    factors = _numbers(place / "sens_sign.txt", signs)
-    motions: Motions = {}
-    for point, row, sign in zip(mapped, channels, factors, strict=True):
-        for axis, channel, factor in zip(header, row, sign, strict=True):
-            if channel != "0":
-                vector = tuple(float(factor) * part for part in axes[axis])
-                motions.setdefault(str(channel), []).append((point, vector))
-    return motions
-
-
-def _cells(path: Path) -> list[list[str]]:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise _wrong(path, "a text table", str(getattr(error, "strerror", None) or "it is not text").lower()) from None
-    rows = [line.split() for line in text.splitlines() if line.strip()]
-    if not rows or len({len(row) for row in rows}) != 1:
-        raise _wrong(path, "rows of equal length", f"their lengths are {sorted({len(row) for row in rows})[:6]}")
-    longest = max(len(cell) for row in rows for cell in row)
-    if longest > _MAX_WIDTH:
-        raise _wrong(path, f"cells of at most {_MAX_WIDTH} characters", f"the longest has {longest}")
-    return rows
-
-
-def _named_cells(path: Path) -> tuple[list[str], Array]:
-    rows = _cells(path)[1:]
-    return [row[0] for row in rows], np.array([row[1:] for row in rows], dtype=np.str_)
-
-
-def _numbers(path: Path, cells: Array) -> Array:
-    try:
-        return cells.astype(float)
-    except ValueError as error:
-        raise _wrong(path, "numbers", str(error)) from None
-
-
-def _pairs(path: Path, count: int) -> list[list[int]]:
-    """Return rows of two numbers from 1 to count as indices; none when there is no such table."""
-    if not path.exists():
-        return []
-    pairs = _numbers(path, np.array(_cells(path)))
-    if pairs.shape[1] != 2 or pairs.min() < 1 or pairs.max() > count or np.any(pairs != np.rint(pairs)):
-        fault = f"they lie between {pairs.min():g} and {pairs.max():g}"
-        raise _wrong(path, f"pairs of numbers from 1 to {count}", fault)
-    return [[int(a) - 1, int(b) - 1] for a, b in pairs]
-
-
-def _wrong(path: Path, need: str, fault: str) -> DataError:
-    return DataError(f"the table {path} needs {need}", fault, "Correct or add the table.")

@@ -244,19 +244,8 @@ def spanning(gram: RealArray) -> tuple[RealArray, RealArray]:
     return W, R
 
 
-def less(data: RealArray, columns: RealArray) -> RealArray:
-    """Return data (K, q) less all that columns (K, k) explain.
-
-    By their products, in a third of the time of an orthogonal basis; twice, as what is left is inexact to rounding times the condition;
-    data that are explained to 1e-4 by the orthogonal basis.
-    """
-    columns = _finite(columns)
-    W = _spanned(columns.T @ columns)[0]
-    return _less(data, columns, W, W.T @ (columns.T @ data))
-
-
 def energy_left(data: RealArray, columns: RealArray) -> RealArray:
-    """Return the sums of squares of `less(data, columns)`, (q,): as differences where digits allow, else of the values themselves."""
+    """Return sums of squares of data less all that columns explain, (q,): as differences where digits allow, else of the rest."""
     columns = _finite(columns)
     W, _, spread = _spanned(columns.T @ columns)
     whole, projected = np.einsum("kq,kq->q", data, data), W.T @ (columns.T @ data)

@@ -8,7 +8,7 @@ import time
 from importlib import import_module
 from pathlib import Path
 from secrets import token_hex
-from typing import IO, Protocol, Self, TypeVar
+from typing import IO, Self
 
 import numpy as np
 import scipy.linalg as sla
@@ -17,21 +17,6 @@ from modalscope.numerics.checks import BoolArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.executors import as_refused, executor
 from modalscope.numerics.resources import fetched, namespace
-
-Result_co = TypeVar("Result_co", covariant=True)
-
-
-class Sums(Protocol[Result_co]):
-    """What is gathered chunk by chunk: the order of the chunks, and who gathered which, changes nothing but rounding."""
-
-    def add(self, chunk: RealArray) -> None:
-        """Take one chunk in."""
-
-    def merge(self, other: Self) -> None:
-        """Take in what another has gathered."""
-
-    def finish(self) -> Result_co:
-        """What the chunks give together."""
 
 
 class TriangleSum:

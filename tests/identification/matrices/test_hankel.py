@@ -9,9 +9,7 @@ from modalscope.data import DataError, ImpulseResponse
 from modalscope.identification.identify import identify
 from modalscope.identification.matrices.block_hankel import BlockHankel
 from modalscope.identification.matrices.hankel import hankel
-from modalscope.identification.matrices.sides import leading_directions, random_projection, selection, sums
-from modalscope.numerics.operators import DenseMatrix
-from tests.support import EPS, FIVE, add_noise, relative
+from tests.support import EPS, FIVE, add_noise, relative, row_selection, row_sums
 
 
 @pytest.fixture
@@ -86,20 +84,9 @@ def test_products_and_gram_recursion_agree_with_the_array(rows, columns):
         np.testing.assert_array_equal(np.vstack(list(operator.row_chunks(5))), H)
 
 
-def test_compressions_are_what_they_say():
-    np.testing.assert_array_equal(selection([2, 0], 3) @ [1, 2, 3], [3, 1])
-    np.testing.assert_array_equal(sums([[0, 2], [1]], 3) @ [1, 2, 3], [4, 2])
-    T = random_projection(3, 8, seed=4)
-    np.testing.assert_array_equal(T, random_projection(3, 8, seed=4))
-    assert relative(T @ T.T, np.eye(3)) < 10 * EPS
-    H = np.random.default_rng(0).standard_normal((6, 9))
-    leading = leading_directions(DenseMatrix(H), 2)
-    assert np.linalg.norm(leading @ H) == pytest.approx(np.linalg.norm(np.linalg.svd(H)[1][:2]))
-
-
 def test_sums_are_warned_of_and_selections_are_not(response):
-    summed = hankel(response, block_rows=4, block_columns=6, row_compression=sums([[0, 2], [1]], 3))
-    chosen = hankel(response, block_rows=4, block_columns=6, row_compression=selection([0, 1], 3))
+    summed = hankel(response, block_rows=4, block_columns=6, row_compression=row_sums([[0, 2], [1]], 3))
+    chosen = hankel(response, block_rows=4, block_columns=6, row_compression=row_selection([0, 1], 3))
     assert "antisymmetric" in summed.warnings[0]
     assert chosen.warnings == ()
 

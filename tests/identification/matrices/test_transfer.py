@@ -10,10 +10,9 @@ from modalscope import DataError, FrequencyResponse, identify, refine
 from modalscope.identification.matrices.factor import factorize
 from modalscope.identification.matrices.lines import line_weights
 from modalscope.identification.matrices.polynomials import evaluate, orthogonal_basis, plane_of, remainders
-from modalscope.identification.matrices.shifted import model_transfer
 from modalscope.identification.matrices.transfer import transfer
 from modalscope.numerics.functions.poles import poles_from
-from tests.support import EPS, FIVE, add_noise, match_poles, random_system, relative
+from tests.support import EPS, FIVE, add_noise, match_poles, model_transfer, random_system, relative
 
 #: Rounding of a few hundred additions and products.
 ROUNDING = 1e-12

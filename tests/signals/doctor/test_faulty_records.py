@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 import modalscope as ms
 from modalscope.signals.doctor import examine
 from modalscope.signals.doctor.delays import delayed, exchanged
-from modalscope.signals.doctor.prediction import gaps_in, isolated_samples, unexplained
+from modalscope.signals.doctor.prediction import _gaps, prediction_of
 from modalscope.signals.doctor.responses import no_complex_values
 from modalscope.signals.doctor.samples import wraps
 from modalscope.signals.preprocess.impacts import clipped_samples
@@ -128,11 +128,11 @@ def test_a_burst_that_leaves_most_of_a_record_quiet_does_not_overflow() -> None:
 def test_blocks_that_were_lost_are_found_and_blows_are_none(quantity: str) -> None:
     record = chain5().simulate(inputs="ambient", samples=12_000, sampling_rate=50.0, quantity=quantity, noise=0.001)
     y = record.outputs
-    assert gaps_in(y[None]) == []
+    assert _gaps(prediction_of(y[None]).first) == []
     short = y
     for k in range(11_000, 900, -1000):
         short = np.delete(short, np.s_[k : k + 5], axis=0)
-    found = gaps_in(short[None])
+    found = _gaps(prediction_of(short[None]).first)
     places = [1000 * (j + 1) - 5 * j for j in range(11)]
     assert sum(any(abs(place - slip.sample) <= 2 for slip in found) for place in places) >= 9
     assert int(np.median([slip.missing for slip in found])) == 5
@@ -145,7 +145,7 @@ def test_blows_are_no_missing_samples() -> None:
     blow = structure.free_decay(600, velocity=np.arange(1.0, 6.0), sampling_rate=50.0).values[:, :, 0]
     for k, size in zip(range(1000, 11_000, 1000), np.geomspace(0.3, 30, 10), strict=True):
         y[k : k + 600] += size * blow * y[:1000].std() / np.abs(blow).max()
-    assert gaps_in(y[None]) == []
+    assert _gaps(prediction_of(y[None]).first) == []
 
 
 def test_a_sample_is_weighed_against_all_others_as_the_inverse_covariance_does() -> None:
@@ -153,20 +153,20 @@ def test_a_sample_is_weighed_against_all_others_as_the_inverse_covariance_does()
     y = np.asarray(lfilter([1.0], [1.0, -1.6, 0.8], rng.standard_normal((6000, 2)), axis=0)) @ [[1.0, 0.4], [0.2, 1.0]]
     noise = 0.3 * y[:, 1].std()
     y[:, 1] += noise * rng.standard_normal(6000)
-    part = unexplained(y[None])
+    part = prediction_of(y[None]).unexplained
     assert part[1] > noise**2 / y[:, 1].var()  # no estimate of a sample is better than its own noise
     assert part[1] < 2 * noise**2 / y[:, 1].var()
     # the spectrum says the same: of one channel alone it is the harmonic mean over the arithmetic one
     a = y[:, :1]
     level = np.abs(1 / np.polyval([0.8, -1.6, 1.0], np.exp(-2j * np.pi * np.arange(4096) / 4096))) ** 2
-    assert unexplained(a[None])[0] == pytest.approx(1 / np.mean(1 / level) / np.mean(level), rel=0.5)
+    assert prediction_of(a[None]).unexplained[0] == pytest.approx(1 / np.mean(1 / level) / np.mean(level), rel=0.5)
 
 
 def test_one_number_that_was_added_is_told_with_what_it_should_be() -> None:
     record = faulty_records.ambient(2)
     y = np.array(record.outputs)
     y[7000, 1] += 2 * y[:, 1].std()
-    (found,) = isolated_samples(replace(record, outputs=y))
+    (found,) = prediction_of(y[None]).isolated
     assert (found.sample, found.channel) == (7000, 1)
     mean = y[:, 1].mean()
     assert found.value + mean == pytest.approx(y[7000, 1], rel=1e-9)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from modalscope.data import Signals
-from modalscope.signals.doctor.prediction import _filtered, gaps_in, isolated_samples
+from modalscope.signals.doctor.prediction import _filtered, _gaps, prediction_of
 from modalscope.systems import chain5
 
 
@@ -20,7 +19,7 @@ def test_an_isolated_sample_exceeds_half_again_what_gaussian_records_reach_once_
     e[k - 60 : k + 60] *= 0.3  # quiet neighbours: no doubt that one number explains them
     y = lfilter([1], [1, -phi], e)
     y[k] = (phi * (y[k - 1] + y[k + 1]) / (1 + phi**2)) + factor * limit / np.sqrt(1 + phi**2)
-    assert len(isolated_samples(Signals(outputs=y[:, None], sampling_rate=1.0))) == count
+    assert len(prediction_of(y[None, :, None]).isolated) == count
 
 
 @pytest.mark.parametrize(("noise", "count"), [(0.02, 1), (0.03, 0)])
@@ -29,7 +28,7 @@ def test_missing_samples_are_said_where_chance_is_below_a_thousandth(noise: floa
     y = chain5().simulate(inputs="ambient", samples=4001, sampling_rate=20.0, quantity="velocity", seed=1).outputs
     y = y + noise * y.std(axis=0) * np.random.default_rng(0).standard_normal(y.shape)
     y = np.delete(y, 2000, axis=0)
-    assert len(gaps_in((y / y.std(axis=0))[None])) == count
+    assert len(_gaps(prediction_of((y / y.std(axis=0))[None]).first)) == count
 
 
 @pytest.mark.parametrize(("samples", "count"), [(5000, 41), (300, 20), (41, 41), (90, 7)])

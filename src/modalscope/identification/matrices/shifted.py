@@ -37,18 +37,6 @@ from modalscope.numerics.functions.poles import to_continuous, to_discrete
 from modalscope.numerics.linear_systems import HELD
 
 
-def model_transfer(model: StateSpace, frequencies: ArrayLike, shift: int = 0) -> ComplexArray:
-    """Return C A^i (x I - A)^-1 B on lines in Hz, (F, l, m): the i-th derivative (Eqs. 71, 75), or the shift by i samples (Eq. 81).
-
-    It is x^i H - sum_k C A^k B x^(i-1-k) - D x^i: what is left of x^i H without its initial-value terms.
-
-    `model`: continuous, x = j 2 pi f, or sampled, x = exp(j 2 pi f dt). `frequencies` (F,). `shift`: i.
-    """
-    power = np.linalg.matrix_power(model.A, check_count("shift", shift, least=0))
-    rest = StateSpace(A=model.A, B=model.B, C=model.C @ power, dt=model.dt)
-    return rest.frequency_response(frequencies).values
-
-
 def window_lines(window: int, sampling_rate: float) -> RealArray:
     """Return the lines of a window of samples from 0 to half the sampling rate, Hz."""
     return np.asarray(np.fft.rfftfreq(window, 1 / sampling_rate), dtype=float)

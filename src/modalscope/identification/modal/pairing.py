@@ -34,11 +34,6 @@ class Pairs:
         return self.b.frequencies[self.second] / self.a.frequencies[self.first] - 1
 
     @property
-    def damping_change(self) -> RealArray:
-        """zeta_b - zeta_a of each pair."""
-        return self.b.damping_ratios[self.second] - self.a.damping_ratios[self.first]
-
-    @property
     def deviations(self) -> dict[str, RealArray]:
         """Differences in standard deviations of the difference, of "frequency" and "damping_ratio"; NaN where none is known."""
         fields = {"frequency": "frequencies", "damping_ratio": "damping_ratios"}

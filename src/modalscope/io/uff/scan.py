@@ -15,7 +15,6 @@ from modalscope.io.contents import unreadable
 from modalscope.io.limits import MOST_PARTS, Room, room
 from modalscope.io.uff.layout import Field, parse
 
-DELIMITER = b"    -1\n"
 #: Records before the data of a dataset 58.
 HEADER_LINES = 11
 

@@ -132,7 +132,9 @@ class Prediction(NamedTuple):
     """What the prediction of outputs from each other shows.
 
     `isolated`: samples, in order. `unexplained` (l,): the part of every channel's variance that no other sample of its group explains; zero
-    where it cannot be estimated. `first`: the correlations of the first group of channels; None without any.
+    where it cannot be estimated: 1 / (W_kk)_ii of the inverse covariance W of p samples on either side of k. White noise of the channel
+    alone cannot exceed it; forces on its own mass show in the later motion. `first`: the correlations of the first group of channels; None
+    without any.
     """
 
     isolated: list[IsolatedSample]
@@ -158,27 +160,15 @@ def prediction_of(runs: RealArray) -> Prediction:
     return Prediction(sorted(samples), part, first)
 
 
-def unexplained(runs: RealArray) -> RealArray:
-    """Return the part of every channel's variance (l,) that no other sample of its group explains; zero where it cannot be estimated.
-
-    1 / (W_kk)_ii of the inverse covariance W of p samples on either side of k: the variance of the best linear estimate of a sample from
-    all others. White noise of the channel alone cannot exceed it; forces on its own mass show in the later motion.
-    """
-    return prediction_of(runs).unexplained
-
-
-def isolated_samples(signals: Signals) -> list[IsolatedSample]:
-    """Return the samples of the outputs that a number added to one sample explains, and a disturbance of the motion does not.
+def _isolated(model: Correlations, W: RealArray) -> list[IsolatedSample]:
+    """Return the samples of a group of channels that a number added to one explains, and a disturbance of the motion does not.
 
     With the inverse covariance W of p samples on either side, (W x)_k is the error of predicting sample k from its neighbours, in time and
     in the other channels, times W_kk: normal with variance W_kk, and of all linear tests for one added number the most powerful. A blow
     disturbs what follows: its size, in standard deviations of the prediction from the past, exceeds that of any such number.
+
+    `model`: normalized to variance one. `W` (l, 2 p + 1, l).
     """
-    return prediction_of(signals.by_run()[0]).isolated
-
-
-def _isolated(model: Correlations, W: RealArray) -> list[IsolatedSample]:
-    """Return the isolated samples of a group of channels, normalized to variance one; `W` (l, 2 p + 1, l): see `isolated_samples`."""
     p, l = model.depth, model.lags.shape[1]
     root = np.sqrt(np.diagonal(W[:, p]))
     limit = _ISOLATED_FACTOR * np.sqrt(2 * np.log(model.runs.shape[0] * model.runs.shape[1] * l / _FALSE_ALARM))
@@ -256,8 +246,8 @@ def missing_samples(signals: Signals, first: Correlations | None) -> list[Findin
     return [finding("missing samples", *signals.output_dofs, count=len(gaps), lost=lost, where=where)]
 
 
-def gaps_in(runs: RealArray) -> list[Gap]:
-    """Return where samples of runs (R, N, l) are missing, the clearest first: the past agrees with what would follow later.
+def _gaps(model: Correlations) -> list[Gap]:
+    """Return where samples of a group of channels are missing, the clearest first: the past agrees with what would follow later.
 
     u and v are the canonical variates of the p samples before and after a time: E u v' = C_0, diagonal, and C_g where g samples lie in
     between. The likelihood of (u, v) with C_g over that with C_0 exceeds x by chance with probability 1 / x at most,
@@ -271,12 +261,6 @@ def gaps_in(runs: RealArray) -> list[Gap]:
     The likelihood ratio's bound is Markov's inequality; canonical variates as in Larimore, "Canonical variate analysis in
     identification, filtering, and adaptive control", 1990.
     """
-    model = next((model for _, model in groups_of(runs)), None)
-    return [] if model is None else _gaps(model)
-
-
-def _gaps(model: Correlations) -> list[Gap]:
-    """Return where samples are missing in the records of a group of channels; see `gaps_in`."""
     U, V, C = _variates(model)
     events = [(r, *event) for r, run in enumerate(model.runs) for event in _events(run, model, U, V, C)]
     if not events:
