@@ -1190,6 +1190,5 @@ def _() -> Told:
         ("plot", "test.npz", "-o", "test.png"),
         ("completion", "bash"),
         ("frf", "test.npz", "-o", "again.npz"),
-        ("selfcheck",),
     )
     return {" ".join(words): command(*words) for words in calls}

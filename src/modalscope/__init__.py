@@ -23,7 +23,6 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
     from modalscope.analysis import monitoring as monitoring
     from modalscope.analysis.checking.certificate import Certificate as Certificate
     from modalscope.analysis.checking.certify import certify as certify
-    from modalscope.analysis.checking.selfcheck import selfcheck as selfcheck
     from modalscope.analysis.checking.validation import Validation as Validation, validate as validate
     from modalscope.analysis.comparing import Comparison as Comparison, compare as compare
     from modalscope.analysis.workflow.analyze import analyze as analyze
@@ -129,7 +128,6 @@ _HOMES = {
     "data.analysis": ("Analysis",),
     "data.results": ("Result",),
     "interfaces.plot.web.alive": ("widget",),
-    "analysis.checking.selfcheck": ("selfcheck",),
     "signals.preprocess": ("estimate_correlation", "estimate_frf", "estimate_markov", "merge"),
     "signals.preprocess.ods": ("ods",),
     "identification.realizations.sensors": ("EquationsOfMotion", "equations_of_motion", "first_order_form"),

@@ -43,7 +43,6 @@ COMMANDS = {
         *("reading", "comparing", "weighing the candidates of all", "selecting", "factoring"),
         *("identifying by the usual method", "preparing", "refining", "examining", "writing"),
     ],
-    "selfcheck": ["recomputing"],
 }
 
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from modalscope.data.modes import ModalModel
 from modalscope.identification.identify import identify
-from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.resources import one_thread
 from modalscope.systems.chains import spring_chain
@@ -98,57 +97,21 @@ class Value:
         return bool(abs(self.computed - self.published) <= _MAX_ROUNDING * 10.0**-self.digits)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class SelfCheck:
-    """Every published value, recomputed."""
-
-    values: tuple[Value, ...]
-
-    @property
-    def passed(self) -> bool:
-        """Whether every value was reproduced."""
-        return all(value.same for value in self.values)
-
-    def table(self) -> str:
-        """Return the values as a text table, table by table."""
-        lines: list[str] = []
-        for table in dict.fromkeys(value.table for value in self.values):
-            own = [value for value in self.values if value.table == table]
-            lines += [f"{table} ({own[0].source})", f"{'':6}{'':8}{'published':>12}{'computed':>14}"]
-            lines += [
-                f"{v.row:6d}{v.column:>8}{v.published:12.{v.digits}f}{v.computed:14.{v.digits + 2}f}"
-                f"  {'same' if v.same else 'DIFFERS'}"
-                for v in own
-            ]
-        good = sum(value.same for value in self.values)
-        return "\n".join([*lines, f"{good} of {len(self.values)} published values reproduced"])
-
-
-@named()
 @one_thread
-def selfcheck() -> SelfCheck:
-    """Recompute the published tables that come with the package.
-
-    Returns
-    -------
-    SelfCheck
-        With every value, published and computed, `passed`, and `table()`.
+def recomputed() -> tuple[Value, ...]:
+    """Return every published value of the tables that come with the package, and what this installation gives.
 
     Examples
     --------
-    >>> selfcheck().passed
+    >>> all(value.same for value in recomputed())
     True
     """
-    return SelfCheck(tuple(value for table in TABLES for value in _recomputed(table)))
-
-
-def _recomputed(table: Table) -> list[Value]:
-    computed = _RECOMPUTED[table.name](np.array(table.rows))
-    return [
-        Value(table.name, table.source, table.columns[k], i + 1, row[k], float(computed[i, k]), table.digits[k])
-        for i, row in enumerate(table.rows)
-        for k in range(len(row))
-    ]
+    values = []
+    for name, source, columns, digits, rows in TABLES:
+        computed = _RECOMPUTED[name](np.array(rows))
+        for (i, k), value in np.ndenumerate(computed):
+            values.append(Value(name, source, columns[k], i + 1, rows[i][k], float(value), digits[k]))
+    return tuple(values)
 
 
 def _nearest(modes: ModalModel, frequencies: Array) -> ModalModel:

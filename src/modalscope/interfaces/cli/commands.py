@@ -48,7 +48,6 @@ COMMANDS = (
     Command(results.compare, results.add_compare, "compare"),
     Command(results.mac, results.add_mac, "compare"),
     Command(about.methods, about.add_methods, "compare"),
-    Command(about.selfcheck, about.add_selfcheck, "compare"),
     Command(about.reproduce, about.add_reproduce, "compare"),
     Command(results.realize, results.add_realize, "models"),
     Command(results.validate, results.add_validate, "models"),

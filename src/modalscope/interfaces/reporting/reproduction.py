@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from modalscope.analysis.checking.selfcheck import SelfCheck, selfcheck
+from modalscope.analysis.checking.selfcheck import Value, recomputed
 from modalscope.interfaces.reporting.document import write_page
 from modalscope.interfaces.reporting.html import Section, escaped, paragraph, table
 from modalscope.numerics.arguments import named
@@ -31,15 +31,15 @@ class Reproduction:
 
     Attributes
     ----------
-    check : SelfCheck
-        The published tables, value by value.
+    values : tuple of Value
+        Every published value, and what this machine gives.
     pages : dict of str to str
         Title of every executed page -> the error that stopped it, or an empty text.
     path : Path
         The page that was written.
     """
 
-    check: SelfCheck
+    values: tuple[Value, ...]
     pages: dict[str, str]
     path: Path
 
@@ -47,9 +47,7 @@ class Reproduction:
     def faults(self) -> tuple[str, ...]:
         """What differs from what was published, or did not run."""
         values = [
-            f"{v.table}: {v.computed:.8g} was computed, {v.published:g} is published"
-            for v in self.check.values
-            if not v.same
+            f"{v.table}: {v.computed:.8g} was computed, {v.published:g} is published" for v in self.values if not v.same
         ]
         return (*values, *(f"{title}: {error}" for title, error in self.pages.items() if error))
 
@@ -72,12 +70,12 @@ def reproduce(path: str | Path, *, progress: Callable[[int, int], None] | None =
     DataError
         Another suffix, or a place that cannot be written.
     """
-    check = selfcheck()
+    values = recomputed()
     scripts = sorted(next(place for place in _PLACES if place.is_dir()).glob("plot_*.py"))
     pages: dict[str, str] = {}
 
     def parts() -> Iterator[Section]:
-        yield _of_tables(check)
+        yield _of_tables(values)
         for done, script in enumerate(scripts):
             section, error = _executed(script)
             pages[section.title] = error
@@ -87,16 +85,16 @@ def reproduce(path: str | Path, *, progress: Callable[[int, int], None] | None =
 
     subtitle = "published tables recomputed, and the report section by section, on this machine"
     written = write_page(check_path(path), "The report, reproduced", subtitle, parts())
-    return Reproduction(check, pages, written)
+    return Reproduction(values, pages, written)
 
 
-def _of_tables(check: SelfCheck) -> Section:
-    same = sum(value.same for value in check.values)
-    text = paragraph(f"{same} of {len(check.values)} published values agree in all printed digits.")
+def _of_tables(values: tuple[Value, ...]) -> Section:
+    same = sum(value.same for value in values)
+    text = paragraph(f"{same} of {len(values)} published values agree in all printed digits.")
     head = ("table", "row", "value", "published", "computed", "same")
     rows = [
         (v.table, str(v.row), v.column, f"{v.published:.{v.digits}f}", f"{v.computed:.8g}", "yes" if v.same else "NO")
-        for v in check.values
+        for v in values
     ]
     return Section("tables", "Published tables", text + table(head, rows, words=(0, 2, 5)))
 
