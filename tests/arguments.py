@@ -260,7 +260,6 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "plot.indicator": lambda t: {"response": t["lines"]},
     "plot.spectra": lambda t: {"found": t["decomposition"]},
     "plot.mac": lambda t: {"a": t["modes"]},
-    "plot.method_distances": lambda t: {"kin": t["comparison"]},
     "plot.method_map": lambda t: {"kin": t["comparison"]},
     "plot.response": lambda t: {"data": t["lines"]},
     "plot.shape": lambda t: {"modes": t["modes"], "index": 0},

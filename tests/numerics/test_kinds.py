@@ -110,7 +110,6 @@ VERBS: dict[str, tuple[Callable[[Any], Any], tuple[str, ...]]] = {
     "plot.indicator": (ms.plot.indicator, ("frf", "pulse")),
     "plot.fit_errors": (ms.plot.fit_errors, ("diagram",)),
     "plot.method_map": (ms.plot.method_map, ()),
-    "plot.method_distances": (ms.plot.method_distances, ()),
     "plot.deviations": (ms.plot.deviations, ()),
 }
 

@@ -89,14 +89,6 @@ def test_the_map_puts_equals_on_one_point_and_names_all(comparison: Comparison) 
     assert len(points) == 3
 
 
-def test_distances_are_written_below_the_diagonal_and_angles_above(comparison: Comparison) -> None:
-    ax = plot.method_distances(comparison)
-    words = {tuple(int(v) for v in text.get_position()): text.get_text() for text in ax.texts}
-    assert words[(0, 1)] == "0"  # ERA and least squares
-    assert words[(1, 0)].endswith("°")
-    assert len(words) == 6
-
-
 def test_deviations_show_every_method_and_the_stated_scatter(comparison: Comparison) -> None:
     upper, lower = plot.deviations(comparison)
     found = sum(len(g.members) for g in comparison.groups)

@@ -45,13 +45,13 @@ def test_many_modes_are_drawn_without_numbers() -> None:
 
 
 def test_singular_values_are_drawn_relative_to_the_largest() -> None:
-    ax = plot.singular_values(examples.diagram(), order=10, noise_floor=1e-4)
+    ax = plot.singular_values(examples.diagram(), order=10)
     values = np.asarray(ax.get_lines()[0].get_ydata())
     assert values == pytest.approx(examples.diagram().singular_values)
     assert values[0] == 1
     legend = ax.get_legend()
     assert legend is not None
-    assert {text.get_text() for text in legend.get_texts()} == {"singular values", "noise floor 0.0001", "order 10"}
+    assert {text.get_text() for text in legend.get_texts()} == {"singular values", "order 10"}
 
 
 def test_singular_values_of_zero_leave_a_gap_on_the_logarithmic_axis() -> None:

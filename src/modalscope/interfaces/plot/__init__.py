@@ -4,7 +4,7 @@ from modalscope.interfaces.plot.animation import animate
 from modalscope.interfaces.plot.diagrams import fit_errors, indicator, stabilization
 from modalscope.interfaces.plot.intervals import certificate, intervals
 from modalscope.interfaces.plot.matrices import mac, singular_values
-from modalscope.interfaces.plot.methods import deviations, method_distances, method_map
+from modalscope.interfaces.plot.methods import deviations, method_map
 from modalscope.interfaces.plot.responses import response, spectra
 from modalscope.interfaces.plot.shapes import complexity, shape
 from modalscope.interfaces.plot.tracks import against, control_chart, tracks
@@ -20,7 +20,6 @@ __all__ = [
     "indicator",
     "intervals",
     "mac",
-    "method_distances",
     "method_map",
     "response",
     "shape",

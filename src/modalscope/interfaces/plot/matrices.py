@@ -11,9 +11,7 @@ from modalscope.data import ModalModel
 from modalscope.identification.modal import indicators
 from modalscope.interfaces.plot._style import (
     DOTTED,
-    GREEN,
     INK,
-    PALE,
     VERMILLION,
     decimals,
     dress,
@@ -109,9 +107,7 @@ def _name_modes(ax: Axes, a: ModalModel | ArrayLike, b: ModalModel | ArrayLike, 
 
 
 @named()
-def singular_values(
-    source: Factored | ArrayLike, ax: Axes | None = None, *, order: int | None = None, noise_floor: float | None = None
-) -> Axes:
+def singular_values(source: Factored | ArrayLike, ax: Axes | None = None, *, order: int | None = None) -> Axes:
     """Draw the singular values of the data matrix, largest first, relative to the largest.
 
     Parameters
@@ -120,8 +116,6 @@ def singular_values(
     ax : Axes, optional
     order : int, optional
         Recommended or chosen order, marked by a line.
-    noise_floor : float, optional
-        Level of the noise, in the unit of the singular values; the region below is shaded.
 
     Raises
     ------
@@ -138,14 +132,7 @@ def singular_values(
         ax.set_yscale("log")
     dress(ax, xlabel="number", ylabel="singular value / largest")
     ax.set_xlim(0, values.size + 1)
-    if noise_floor is not None and noise_floor > 0:
-        level = noise_floor / largest
-        bottom = min(ax.get_ylim()[0], level / 10)
-        ax.axhspan(bottom, level, color=PALE, alpha=0.25, linewidth=0, zorder=0)
-        ax.set_ylim(bottom=bottom)
-        ax.axhline(level, color=GREEN, linewidth=1.0, label=f"noise floor {level:.2g}")
     if order is not None:
         ax.axvline(order + 0.5, color=VERMILLION, linewidth=1.1, linestyle=(0, (5, 3)), label=f"order {order}")
-    if order is not None or noise_floor is not None:
         key(ax)
     return ax

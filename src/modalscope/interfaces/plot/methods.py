@@ -1,4 +1,4 @@
-"""Draw the map of methods, their distances, and their deviations from the consensus."""
+"""Draw the map of methods, and their deviations from the consensus."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modalscope.analysis.comparing import Comparison
-from modalscope.analysis.comparing.kinship import SAME, Kinship
+from modalscope.analysis.comparing.kinship import Kinship
 from modalscope.interfaces.plot._style import (
     BLUE,
     GREEN,
@@ -18,10 +18,8 @@ from modalscope.interfaces.plot._style import (
     aside,
     dodge,
     dress,
-    frameless,
     key,
     new_axes,
-    sequential,
 )
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import RealArray, check_kind
@@ -31,9 +29,6 @@ if TYPE_CHECKING:
 
 #: Colour and marker of each domain.
 _DOMAINS = {"time": (BLUE, "o"), "z": (VERMILLION, "s"), "s": (GREEN, "^")}
-
-#: Degrees below which an angle is zero to rounding.
-_ZERO_ANGLE = 1e-4
 
 
 @named()
@@ -100,40 +95,6 @@ def _name(ax: Axes, kin: Kinship, places: RealArray) -> None:
         at = (float(places[:, 0].max()) + 0.06 * (x1 - x0), y0 + height * (y1 - y0))
         line = {"arrowstyle": "-", "color": PALE, "linewidth": 0.7, "shrinkA": 1, "shrinkB": 5}
         ax.annotate(text, xy=(x, y), xytext=at, fontsize=8.5, color=INK, va="center", arrowprops=line)
-
-
-@named()
-def method_distances(kin: Comparison | Kinship, ax: Axes | None = None) -> Axes:
-    """Draw pole-set distances (below the diagonal) and principal angles in degrees (above it) between all methods.
-
-    Parameters
-    ----------
-    kin : Comparison or Kinship
-    ax : Axes, optional
-    """
-    check_kind("a plot of distances", kin, (Comparison, Kinship))
-    kin = kin.kinship if isinstance(kin, Comparison) else kin
-    ax = new_axes(ax, (8.0, 7.0))
-    k = len(kin.names)
-    lower = np.tril(np.ones((k, k), bool), -1)
-    shown = np.where(lower, kin.distances, kin.angles / 90)
-    ax.imshow(np.sqrt(shown), cmap=sequential(), vmin=0, vmax=1, aspect="equal")
-    for a, b in np.ndindex(k, k):
-        if a == b:
-            continue
-        distance, angle = kin.distances[a, b], kin.angles[a, b]
-        text = f"{angle if angle > _ZERO_ANGLE else 0:.2g}°"
-        if a > b:
-            text = "0" if distance < SAME else f"{distance:.2g}".removeprefix("0")
-        colour, size = "white" if np.sqrt(shown[a, b]) > 0.55 else INK, float(np.clip(100 / k, 5.5, 9))
-        ax.text(b, a, text, ha="center", va="center", fontsize=size, color=colour)
-    dress(ax, title="Distances between methods", grid=False)
-    aside(ax, "below: poles, above: subspaces")
-    ax.set_xticks(range(k), kin.labels, rotation=90)
-    ax.set_yticks(range(k), kin.labels)
-    ax.tick_params(length=0)
-    frameless(ax)
-    return ax
 
 
 @named()
