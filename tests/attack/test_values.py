@@ -104,7 +104,6 @@ CALLS: dict[str, tuple[Callable[[], Any], str]] = {
         "a matrix of 1000000000000 blocks",
     ),
     "elements of a beam": (lambda: ms.systems.clamped_beam(10**12), "a beam of 1000000000000 elements"),
-    "modes of a beam": (lambda: ms.systems.clamped_beam_frequencies(10**12), "modes needs at most 10000"),
     "samples of a record": (
         lambda: CHAIN.simulate(samples=10**12, sampling_rate=9.0),
         "a record of 1000000000000 samples",

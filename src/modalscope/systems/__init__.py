@@ -1,8 +1,8 @@
 """Structures to simulate: with exact modes, exact sampling and records that can be repeated."""
 
 from modalscope.numerics.arguments import plain_methods
-from modalscope.systems.beam import clamped_beam, clamped_beam_frequencies
-from modalscope.systems.chains import chain, chain5, heavy4, over4, spring_chain, spring_chain_modes
+from modalscope.systems.beam import clamped_beam
+from modalscope.systems.chains import chain, chain5, heavy4, over4, spring_chain
 from modalscope.systems.examples import close4, iasc_asce, ring5, three_masses, three_masses_record
 from modalscope.systems.listing import build, catalog, names
 from modalscope.systems.modal import modal_damping
@@ -19,7 +19,6 @@ __all__ = [
     "chain",
     "chain5",
     "clamped_beam",
-    "clamped_beam_frequencies",
     "close4",
     "heavy4",
     "iasc_asce",
@@ -28,7 +27,6 @@ __all__ = [
     "over4",
     "ring5",
     "spring_chain",
-    "spring_chain_modes",
     "three_masses",
     "three_masses_record",
 ]

@@ -1,10 +1,10 @@
-"""Model a clamped beam by Euler-Bernoulli finite elements, with closed-form frequencies."""
+"""Model a clamped beam by Euler-Bernoulli finite elements."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from modalscope.numerics.arguments import COUNT, POSITIVE, named
+from modalscope.numerics.arguments import POSITIVE, named
 from modalscope.numerics.checks import RealArray, check_count
 from modalscope.numerics.resources import check_fits
 from modalscope.systems.chains import row_geometry
@@ -13,9 +13,6 @@ from modalscope.systems.structure import Structure
 
 #: What holds the beam's far end, and which of its two motions (deflection, slope) that leaves free.
 FAR_ENDS = {"free": (True, True), "pinned": (False, True), "clamped": (False, False)}
-
-#: Modes at most: a beam without shear means nothing long before.
-_MOST_MODES = 10_000
 
 #: Aluminium, a bar of 1 m by 40 mm by 10 mm that bends about its weak axis: Pa, kg/m3, m.
 _MODULUS, _DENSITY, _LENGTH, _WIDTH, _HEIGHT = 70e9, 2700.0, 1.0, 0.04, 0.01
@@ -106,39 +103,3 @@ def _element(h: float) -> tuple[RealArray, RealArray]:
         ]
     )
     return K, M
-
-
-@named(modes=COUNT, far_end=tuple(FAR_ENDS), length=POSITIVE, bending_stiffness=POSITIVE, mass_per_length=POSITIVE)
-def clamped_beam_frequencies(
-    modes: int,
-    *,
-    far_end: str = "free",
-    length: float = _LENGTH,
-    bending_stiffness: float = _MODULUS * _WIDTH * _HEIGHT**3 / 12,
-    mass_per_length: float = _DENSITY * _WIDTH * _HEIGHT,
-) -> RealArray:
-    """Return the frequencies f_j = b_j^2 / (2 pi L^2) sqrt(E I / (rho A)) in Hz of the continuous beam.
-
-    b_j are the roots of cos b cosh b = -1 (far end free), cos b cosh b = 1 (clamped), tan b = tanh b (pinned).
-
-    Parameters
-    ----------
-    modes : int
-        How many of the lowest.
-    far_end, length, bending_stiffness, mass_per_length
-        As in `clamped_beam`.
-    """
-    from scipy.optimize import brentq  # slow to load
-
-    def characteristic(b: float) -> float:
-        # divided by cosh b, which would overflow
-        if far_end == "pinned":
-            return float(np.sin(b) - np.cos(b) * np.tanh(b))
-        return float(np.cos(b) + (1 if far_end == "free" else -1) / np.cosh(b))
-
-    # one root in each of these: between neighbouring multiples of pi the cosine (or the tangent) passes once
-    first, count = 0 if far_end == "free" else 1, check_count("modes", modes, most=_MOST_MODES)
-    roots = np.array(
-        [brentq(characteristic, np.pi * (first + j), np.pi * (first + j + 1), xtol=1e-14) for j in range(count)]
-    )
-    return np.asarray(roots**2 * np.sqrt(bending_stiffness / mass_per_length) / (2 * np.pi * length**2))

@@ -8,11 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.data.geometry import Geometry
-from modalscope.data.modes import ModalModel
 from modalscope.numerics.arguments import COUNT, POSITIVE, named, plainly
 from modalscope.numerics.checks import RealArray, check_each, real_array
 from modalscope.numerics.errors import DataError
-from modalscope.numerics.functions.poles import QUANTITIES, poles_from
 from modalscope.systems.modal import modal_damping
 from modalscope.systems.structure import Structure
 
@@ -147,65 +145,3 @@ def spring_chain(n: int = 5, *, mass: float = 25.91, stiffness: float = 1e4, dam
         Of every mode.
     """
     return chain(np.full(n, mass), np.full(n, stiffness), damping_ratios=damping_ratio, dt=0.01, name="spring_chain")
-
-
-@named(n=COUNT, mass=POSITIVE, stiffness=POSITIVE, modes=COUNT, quantity=tuple(QUANTITIES))
-def spring_chain_modes(
-    n: int = 5,
-    *,
-    mass: float = 25.91,
-    stiffness: float = 1e4,
-    damping_ratio: float = 0.02,
-    modes: int | None = None,
-    outputs: ArrayLike | None = None,
-    inputs: ArrayLike | None = None,
-    quantity: str = "displacement",
-) -> ModalModel:
-    """Return the lowest modes of `spring_chain` in closed form; no n x n matrix is formed, so n may be 100 000.
-
-    w_j = 2 sqrt(k / m) sin((2 j - 1) pi / (2 (2 n + 1))), and phi_j(i) = 2 / sqrt(m (2 n + 1)) sin((2 j - 1) i pi / (2 n + 1))
-    for the masses i = 1 ... n: unit modal mass.
-
-    Parameters
-    ----------
-    n, mass, stiffness, damping_ratio
-        As in `spring_chain`; 0 <= damping_ratio < 1.
-    modes : int, optional
-        How many of the lowest; all by default.
-    outputs, inputs : sequence of int, optional
-        Masses counted from zero; all by default.
-    quantity : {"displacement", "velocity", "acceleration"}
-        Of the outputs. The direct term of an acceleration is that of the whole chain, 1 / m at driving points.
-
-    Examples
-    --------
-    >>> spring_chain_modes().frequencies.round(6).tolist()
-    [0.889952, 2.597758, 4.095108, 5.260697, 6.000096]
-    """
-    count = n if modes is None else modes
-    if count > n or not 0 <= damping_ratio < 1:
-        raise DataError(
-            f"{count} oscillating modes of {n} masses were asked",
-            f"there are {n}, and the damping ratio is {damping_ratio}",
-            "Give at most as many modes as masses, and a damping ratio from 0 to below 1.",
-        )
-    w0 = np.sqrt(stiffness / mass)
-    odd = 2 * np.arange(1, count + 1) - 1
-    poles = poles_from(w0 / np.pi * np.sin(odd * np.pi / (2 * (2 * n + 1))), damping_ratio)
-    rows, columns = (
-        np.arange(n) if at is None else np.atleast_1d(np.asarray(at, dtype=int)) for at in (outputs, inputs)
-    )
-    shapes, forced = (
-        2 / np.sqrt(mass * (2 * n + 1)) * np.sin(np.outer(at + 1, odd) * np.pi / (2 * n + 1)) for at in (rows, columns)
-    )
-    power = QUANTITIES[quantity]
-    return ModalModel(
-        poles=poles,
-        shapes=shapes,
-        participation=(poles**power / (2j * poles.imag))[:, None] * forced.T,
-        feedthrough=(rows[:, None] == columns) / mass if power == 2 else None,
-        quantity=quantity,
-        output_dofs=tuple(f"{i + 1}:+X" for i in rows),
-        input_dofs=tuple(f"{i + 1}:+X" for i in columns),
-        scaling="unit modal mass",
-    )
