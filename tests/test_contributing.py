@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.identification.table import methods
+from modalscope.identification.method_names import methods
 from modalscope.interfaces.reporting.modes import figures_of, modes_section
 from modalscope.io.formats import FORMATS
 from modalscope.systems import chain5

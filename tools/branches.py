@@ -22,7 +22,7 @@ from pathlib import Path
 
 from modalscope.data.channels import KINDS
 from modalscope.identification.method import DOMAINS, Takes
-from modalscope.identification.table import methods
+from modalscope.identification.method_names import methods
 
 SOURCE = Path(__file__).resolve().parents[1] / "src" / "modalscope"
 

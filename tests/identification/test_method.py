@@ -9,8 +9,7 @@ import pytest
 
 from modalscope.data import ImpulseResponse
 from modalscope.identification.method import has_decayed
-from modalscope.identification.method_names import find_method
-from modalscope.identification.table import methods
+from modalscope.identification.method_names import find_method, methods
 from modalscope.systems import chain5
 
 SAMPLES = chain5().impulse_response(400)

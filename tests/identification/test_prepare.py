@@ -13,9 +13,8 @@ from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.records import as_records
 from modalscope.data.sizes import check_upright
 from modalscope.identification.ambient_records import looked_through
-from modalscope.identification.method_names import find_method
+from modalscope.identification.method_names import find_method, methods
 from modalscope.identification.prepare import measure, pose, prepare
-from modalscope.identification.table import methods
 from modalscope.signals.preprocess import decimate, detrend, estimate_correlation
 from modalscope.signals.preprocess.excitation import find_excitation
 from tests.support import built

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from modalscope.identification.method_names import cell_label
 from modalscope.numerics import plugins
 from modalscope.systems import chain5
 from tests.support import ROOT
@@ -61,6 +62,21 @@ def test_a_row_of_another_package_is_a_method(installed: None) -> None:
     same = ms.identify(response, method="era", order=10, block_rows=16)
     assert own.method == "short-era"
     assert np.allclose(own.modes.frequencies, same.modes.frequencies, rtol=1e-12)
+
+
+def test_a_row_of_another_package_is_compared_listed_and_read(installed: None, tmp_path: Path) -> None:
+    """Where it is named, and with all sets without a vote: trust was calibrated with the votes of the table."""
+    response = chain5().impulse_response(200, noise=0.001, seed=0)
+    named = ms.compare(response, ["short-era", "era/time"], orders=[10])
+    assert [result.name for result in named.results] == ["short-era (time)", "era (time)"]
+    every = ms.compare(response, orders=[10], all_sets=True)
+    assert [r.method.name for r in every.results if not r.exact and r.method.domain == "time"] == ["short-era"]
+    diagram = ms.stabilize(response, method="short-era", orders=[8, 10])
+    ms.write(tmp_path / "short.npz", diagram)
+    assert type(ms.read(tmp_path / "short.npz").settings) is type(diagram.settings)
+    assert cell_label("short-era", "time") == "ERA with 16 block rows (short-era)"
+    with pytest.raises(ms.DataError, match="Did you mean 'short-era'"):
+        ms.identify(response, method="shrt-era")
 
 
 def test_a_row_that_does_not_load_says_which_package(installed: None, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -96,12 +96,17 @@ def _rows_added() -> tuple[Method, ...]:
 def _rows_named(name: Any) -> tuple[Method, ...]:
     """Return the cells of a row by its name or one of its aliases, in any case, with hyphens, underscores or blanks."""
     wanted = plain(name) if isinstance(name, str) else ""
-    rows = [m for m in table() if plain(m.name) == wanted]
-    rows = rows or [m for m in table() if wanted in {plain(alias) for alias in m.aliases}]
-    rows = rows or [m for m in _rows_added() if wanted in {plain(m.name), *map(plain, m.aliases)}]
-    if not rows:
-        raise _unknown(name)
-    return tuple(rows)
+    for rows in (table, _rows_added):  # those that packages add are looked for where the table has none
+        found = [m for m in rows() if plain(m.name) == wanted]
+        found = found or [m for m in rows() if wanted in {plain(alias) for alias in m.aliases}]
+        if found:
+            return tuple(found)
+    raise _unknown(name)
+
+
+def rows_of(name: str) -> tuple[Method, ...]:
+    """Return the cells of a row by its name in the table, as results and files have it; none of a name that is not there."""
+    return tuple(m for m in table() if m.name == name) or tuple(m for m in _rows_added() if m.name == name)
 
 
 def cell_label(name: str, domain: str) -> str:
@@ -112,7 +117,7 @@ def cell_label(name: str, domain: str) -> str:
     >>> cell_label("alternate", "time"), cell_label("lscf", "z")
     ('SSI-cov (alternate)', 'PolyMAX (lscf, z)')
     """
-    return next((m.label for m in table() if (m.name, m.domain) == (name, domain)), f"{name} ({domain})")
+    return next((m.label for m in rows_of(name) if m.domain == domain), f"{name} ({domain})")
 
 
 def find_method(name: str, domain: str | None, default_domain: str, route: str | None = None) -> Method:
@@ -148,11 +153,11 @@ def find_method(name: str, domain: str | None, default_domain: str, route: str |
 
 
 def _unknown(name: Any) -> DataError:
-    rows = list(dict.fromkeys(m.name for m in table()))
+    rows = list(dict.fromkeys(m.name for m in methods()))
     pointer = POINTERS.get(" ".join(re.split(r"[-_/ ]+", str(name).strip().lower())))
     if pointer is not None:
         return DataError(f"method={name!r} was asked", "it is no row of the table", pointer)
-    words = {plain(word): word for m in table() for word in (m.name, *m.aliases)}
+    words = {plain(word): word for m in methods() for word in (m.name, *m.aliases)}
     near = get_close_matches(plain(str(name)), words, n=1)
     hint = f"Did you mean {words[near[0]]!r}? " if near else ""
     return DataError(

@@ -16,10 +16,9 @@ from modalscope.data.sizes import check_alive, check_size
 from modalscope.data.stored import StoredSignals
 from modalscope.data.whitening import Whitening
 from modalscope.identification.method import Method, Problem, Takes
-from modalscope.identification.method_names import find_method
+from modalscope.identification.method_names import find_method, methods
 from modalscope.identification.options import ROUTES, AllOptions, Options, delays_of, reciprocity_of
 from modalscope.identification.reciprocity import by_reciprocity
-from modalscope.identification.table import methods
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_band
 from modalscope.numerics.errors import DataError, check_choice, check_option_names

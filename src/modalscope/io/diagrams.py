@@ -25,7 +25,7 @@ from modalscope.data import FrequencyResponse, ImpulseResponse, Signals, Stabili
 from modalscope.data.analysis import VERSION
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.results import Settings
-from modalscope.identification.table import methods
+from modalscope.identification.method_names import rows_of
 from modalscope.io.arrays import FIELD_FAULTS, INDICATOR, joined, names_of, plain, to_arrays
 from modalscope.io.contents import Contents, Finding, damage_as_error, unreadable
 from modalscope.io.from_arrays import contents_from_arrays
@@ -155,8 +155,8 @@ def _settings(method: str, domain: str, options: dict[str, Any]) -> Settings:
     route = options.get("route")
     types = [
         m.options_type
-        for m in methods()
-        if (m.name, m.domain) == (method, domain) and (m.served_by(route) if route else not m.driven)
+        for m in rows_of(method)
+        if m.domain == domain and (m.served_by(route) if route else not m.driven)
     ]
     return made(types[0] if types else Settings, options)
 

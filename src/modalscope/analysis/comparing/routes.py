@@ -30,12 +30,12 @@ from modalscope.data.record_residual import UNMEASURED
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response, line_step
 from modalscope.identification.method import DOMAINS, Method
-from modalscope.identification.method_names import find_method
+from modalscope.identification.method_names import find_method, methods, rows_of
 from modalscope.identification.modal.rebuilt import explains_enough
 from modalscope.identification.orders import STATES, checked_orders
 from modalscope.identification.prepare import Measured, measure
 from modalscope.identification.routes import USUAL
-from modalscope.identification.table import methods
+from modalscope.identification.table import methods as table
 from modalscope.numerics.checks import check_each
 from modalscope.numerics.errors import DataError, check_choice
 
@@ -122,20 +122,22 @@ def plan(
             refused.setdefault(why, []).append(str(method))
         return not why
 
-    table = [m for m in methods() if (not m.driven if route is None else m.route == route)]
+    def suits(method: Method) -> bool:
+        return not method.driven if route is None else method.route == route
+
     chosen: list[Method] = []
     if isinstance(wanted, str) and wanted == "all":
-        chosen = [m for m in table if (m.votes or all_sets) and allowed(m)]
+        chosen = [m for m in (methods() if all_sets else table()) if suits(m) and (m.votes or all_sets) and allowed(m)]
     else:
         for item in [wanted] if isinstance(wanted, str) else check_each("methods", wanted, "names of rows or cells"):
-            named = _named(item, table, route is not None, allowed)
+            named = _named(item, suits, route is not None, allowed)
             chosen += [m for m in named if m not in chosen]
     notes = tuple(f"{', '.join(dict.fromkeys(names))} left out: {why}" for why, names in refused.items())
     if not chosen and route is None:
         have = notes[0] if notes else "no method was named"
         raise DataError("a comparison was asked", have, 'Name methods, or methods="all".')
     asked = STATES.ladder(response) if orders is None else checked_orders(orders)
-    aside = [m for m in chosen if all_sets and not m.votes]
+    aside = [m for m in chosen if all_sets and not (m.votes and m in table())]
     cells = (
         Cell(m, *m.orders.compared(asked, response), m.exact_on(response) and m not in aside, m in aside)
         for m in sorted(chosen, key=lambda m: m in aside)
@@ -146,20 +148,20 @@ def plan(
     return tuple(cells), notes
 
 
-def _named(item: Any, table: list[Method], of_route: bool, allowed: Callable[[Method], bool]) -> list[Method]:
-    """Return the cells of a name, of those in the table of a route where there is one."""
+def _named(
+    item: Any, suits: Callable[[Method], bool], of_route: bool, allowed: Callable[[Method], bool]
+) -> list[Method]:
+    """Return the cells of a name that suit the route, where there is one, or are allowed."""
     if isinstance(item, Method):
-        return [item] if not of_route or item in table else []
+        return [item] if not of_route or suits(item) else []
     if not isinstance(item, str) and not (isinstance(item, tuple | list) and len(item) == 2):
         have, change = f"one of methods is {type(item).__name__}", 'Name rows such as "era", or cells such as "era/s".'
         raise DataError("methods need names of rows or cells", have, change)
     name, _, domain = item.partition("/") if isinstance(item, str) else (item[0], "", item[1])
     if domain and not of_route:
         return [find_method(name, check_choice("domain", domain, DOMAINS), domain)]
-    row = find_method(name, None, "time").name  # an unknown name is an error
-    if of_route:
-        return [m for m in table if m.name == row and domain in ("", m.domain)]
-    return [m for m in table if m.name == row and allowed(m)]
+    row = [m for m in rows_of(find_method(name, None, "time").name) if suits(m)]  # an unknown name is an error
+    return [m for m in row if (domain in ("", m.domain) if of_route else allowed(m))]
 
 
 def route_causes(results: Sequence[MethodResult]) -> tuple[tuple[MethodResult, ...], list[Cause]]:

@@ -16,7 +16,7 @@ from starlette.routing import Route
 
 from modalscope.data import DataError
 from modalscope.data.analysis import VERSION
-from modalscope.identification.table import methods
+from modalscope.identification.method_names import methods
 from modalscope.interfaces.app.document import OpenDocument
 from modalscope.interfaces.app.documents import DocumentStore
 from modalscope.interfaces.app.files import FORMATS, safe_name, too_large
