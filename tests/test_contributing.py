@@ -16,7 +16,7 @@ from modalscope.systems import chain5
 from tests.support import ROOT
 
 #: Files in which a method is compared with a textbook formula, an identity, or structures of known modes.
-PROOFS = ("methods", "identification/matrices", "selection/judging")
+PROOFS = ("methods", "extras", "identification/matrices", "selection/judging")
 
 #: Modules that give reasons against a mode of a record without inputs.
 RULES = ("evidence", "no_structure")

@@ -78,7 +78,12 @@ def _names_one(node: ast.expr) -> bool:
 
 def found() -> list[str]:
     """Return all branches, a line each."""
-    classes = CLASSES | classes_of("identification/matrices") | classes_of("identification/realizations")
+    classes = (
+        CLASSES
+        | classes_of("identification/matrices")
+        | classes_of("identification/realizations")
+        | classes_of("extras")
+    )
     lines = []
     for path in sorted(p for stage in STAGES for p in (SOURCE / stage).glob("*.py")):
         place = path.relative_to(SOURCE).as_posix()

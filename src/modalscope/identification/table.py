@@ -21,7 +21,6 @@ from modalscope.identification.options import (
     SpectraOptions,
 )
 from modalscope.identification.orders import BLOCKS, COMPANIONS, DEGREES, STATES
-from modalscope.identification.point_orders import INTERPOLANTS, POLES
 from modalscope.identification.realizations.balanced import balanced
 from modalscope.identification.realizations.companion import (
     fraction_companion,
@@ -31,7 +30,6 @@ from modalscope.identification.realizations.companion import (
 from modalscope.identification.realizations.predictor_fit import predictor_fit
 from modalscope.identification.realizations.regression import regression
 from modalscope.identification.realizations.shift import shift
-from modalscope.identification.realizations.zeros import zeros
 
 #: Fields of `Method` that a column of the table fixes, for rows whose realization suits every data matrix.
 _COLUMNS: dict[str, dict[str, Any]] = {
@@ -256,28 +254,6 @@ _REPORTED: tuple[Method, ...] = (
 )
 
 
-#: Rows with one denominator of all channels.
-_COMMON_POLES: tuple[dict[str, Any], ...] = (
-    {
-        "name": "aaa",
-        "realization": "null space, arrow pencil",
-        "common": "AAA",
-        "known_as": ("set-valued AAA, adaptive barycentric interpolation",),
-        "aliases": ("set-valued aaa", "barycentric interpolation"),
-        "matrix": matrices.interpolant,
-        "orders": INTERPOLANTS,
-    },
-    {
-        "name": "vector-fitting",
-        "realization": "common-denominator fraction, zeros",
-        "common": "Vector fitting",
-        "known_as": ("vector fitting, relaxed, fast", "Sanathanan-Koerner iteration in partial fractions"),
-        "aliases": ("vf", "frvf", "relaxed vector fitting"),
-        "matrix": matrices.moving_poles,
-        "orders": POLES,
-    },
-)
-
 #: Rows on Loewner matrices, a further column of lines in either domain.
 _INTERPOLATING: tuple[Method, ...] = tuple(
     Method(
@@ -300,19 +276,6 @@ _INTERPOLATING: tuple[Method, ...] = tuple(
         options_type=PointOptions,
         votes=False,
     )
-    for domain, takes in _ON_LINES.items()
-) + tuple(
-    Method(
-        domain=domain,
-        takes=takes,
-        section="not in the report",
-        factor=matrices.factors_of,
-        realize=zeros,
-        options_type=PointOptions,
-        votes=False,
-        **row,
-    )
-    for row in _COMMON_POLES
     for domain, takes in _ON_LINES.items()
 )
 

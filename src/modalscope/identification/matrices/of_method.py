@@ -37,7 +37,6 @@ from modalscope.identification.sizes import (
 from modalscope.numerics.errors import DataError
 
 if TYPE_CHECKING:
-    from modalscope.identification.matrices.common_poles import CommonPoles
     from modalscope.identification.matrices.fraction import Fraction
 
 
@@ -115,24 +114,11 @@ def loewner_of_lines(problem: Problem, order: int) -> Built:
     """Return the Loewner matrix of the lines of any band."""
     from modalscope.identification.matrices.loewner import loewner
 
-    return _of_points(loewner, problem, order)
+    return of_points(loewner, problem, order)
 
 
-def interpolant(problem: Problem, order: int) -> Built:
-    """Return barycentric interpolants; the order counts lines."""
-    from modalscope.identification.matrices.common_poles import aaa
-
-    return _of_points(aaa, problem, order)
-
-
-def moving_poles(problem: Problem, order: int) -> Built:
-    """Return vector fits; the order counts poles."""
-    from modalscope.identification.matrices.common_poles import vector_fitting
-
-    return _of_points(vector_fitting, problem, order)
-
-
-def _of_points(made: Callable[..., DataMatrix], problem: Problem, order: int) -> Built:
+def of_points(made: Callable[..., DataMatrix], problem: Problem, order: int) -> Built:
+    """Return the matrix that a function makes of lines of any band as they are."""
     options, response = problem.options, problem.response
     assert isinstance(response, FrequencyResponse)
     few = fewer_outputs(response, order, options)
@@ -335,11 +321,6 @@ def tall_factors(matrix: DataMatrix, order: int, route: str) -> Factors:
 def complete_factors(matrix: DataMatrix, order: int, route: str) -> Factors:
     """Factor the matrix with one block row more, with all columns of the left factor."""
     return left_factor(matrix.tall(), route)
-
-
-def factors_of(matrix: CommonPoles, order: int, route: str) -> Factors:
-    """Return the singular values of the linearized problem of common poles."""
-    return matrix.factors
 
 
 def fraction_factors(matrix: Fraction, order: int, route: str) -> Factors:

@@ -8,16 +8,9 @@ import scipy.linalg as sla
 
 import modalscope as ms
 from modalscope.data import FrequencyResponse, StateSpace
-from modalscope.identification.matrices.common_poles import (
-    Interpolant,
-    VectorFitting,
-    aaa,
-    partial_fractions,
-    vector_fitting,
-)
+from modalscope.extras.common_poles import Interpolant, VectorFitting, aaa, partial_fractions, vector_fitting, zeros
 from modalscope.identification.matrices.fraction import fraction
 from modalscope.identification.matrices.loewner import CauchyProducts, Points
-from modalscope.identification.realizations.zeros import zeros
 from tests.support import FIVE, add_noise, match_poles, random_system, refused, relative
 
 LINES = np.linspace(0.2, 8, 101)

@@ -27,6 +27,7 @@ from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.lines import FittedToLines, OnPlane
 from modalscope.identification.matrices.polynomials import Plane, plane_of
 from modalscope.identification.matrices.triple import Eigen, Triple
+from modalscope.identification.realizations.realization import Realization
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.pole_basis import line_basis
@@ -314,3 +315,27 @@ class VectorFitting(CommonPoles):
     def describe(self) -> str:
         """Say what it is, in words."""
         return self._said("relaxed vector fitting")
+
+
+# ----------------------------------------------------------------------------------------------------------- realizations
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Zeros(Realization):
+    """Eigenvalues of L - b c'/d, of an interpolant those of the arrow pencil [0 c'; b L] - x [0 0; 0 I]."""
+
+    matrix: CommonPoles
+
+    def triple(self, n: int) -> Triple:
+        """Return the model of order n; shapes and residuals come from least squares over the lines."""
+        if not 1 <= n <= self.matrix.largest:
+            raise DataError(
+                f"order={n} was asked",
+                f"the fraction has orders 1 to {self.matrix.largest}",
+                "Ask for a larger order when it is built.",
+            )
+        A = self.matrix.sigma(n).zeros_matrix()
+        return Triple(A, None, np.zeros((0, len(A))), len(A))
+
+
+def zeros(matrix: CommonPoles, factors: Factors) -> Zeros:
+    """Return the zeros of the denominators of every order; their first-order change with the data is not known."""
+    return Zeros(factors=factors, matrix=matrix)
