@@ -7,6 +7,7 @@ from typing import Any
 
 from modalscope.extras.common_poles import CommonPoles, aaa, vector_fitting, zeros
 from modalscope.extras.point_orders import INTERPOLANTS, POLES
+from modalscope.extras.predictor_fit import predictor_fit
 from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.of_method import of_points
 from modalscope.identification.method import Built, Problem
@@ -59,4 +60,19 @@ VECTOR_FITTING = tuple(
         **_COMMON_POLES,
     )
     for row in rows_of("loewner")
+)
+
+WNSF = tuple(
+    replace(
+        row,
+        name="wnsf",
+        realization="weighted null space",
+        section="not in the report",
+        common="WNSF",
+        known_as=("weighted null-space fitting", "high-order ARX reduced with the weight of its own errors"),
+        aliases=("weighted null-space fitting", "predictor fit"),
+        realize=predictor_fit,
+        votes=False,
+    )
+    for row in rows_of("n4sid")
 )

@@ -27,7 +27,6 @@ from modalscope.identification.realizations.companion import (
     least_squares_companion,
     null_space_companion,
 )
-from modalscope.identification.realizations.predictor_fit import predictor_fit
 from modalscope.identification.realizations.regression import regression
 from modalscope.identification.realizations.shift import shift
 
@@ -200,18 +199,6 @@ _REPORTED: tuple[Method, ...] = (
         matrix=matrices.driven_records,
         options_type=DrivenOptions,
         **_PROJECTED,
-    ),
-    Method(
-        name="wnsf",
-        section="not in the report",
-        common="WNSF",
-        known_as=("weighted null-space fitting", "high-order ARX reduced with the weight of its own errors"),
-        aliases=("weighted null-space fitting", "predictor fit"),
-        takes=Takes.DRIVEN,
-        matrix=matrices.driven_records,
-        options_type=DrivenOptions,
-        votes=False,
-        **(_PROJECTED | {"realization": "weighted null space", "realize": predictor_fit}),
     ),
     Method(
         name="prce",

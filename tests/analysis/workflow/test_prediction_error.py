@@ -22,7 +22,7 @@ from modalscope.analysis.workflow.realize import RealizedModel
 from modalscope.analysis.workflow.simulation import driven_outputs, explained, free_run, whitener
 from modalscope.data import StateSpace
 from modalscope.data.records import as_records
-from tests.methods.test_wnsf import record as driven, structure
+from tests.extras.test_wnsf import record as driven, structure
 from tests.support import random_system, relative
 
 A = [[0.9, 0.3, 0], [-0.3, 0.9, 0], [0, 0, 0.5]]

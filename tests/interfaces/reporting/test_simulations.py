@@ -10,7 +10,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.interfaces.cli import main
-from tests.methods.test_wnsf import record, structure
+from tests.extras.test_wnsf import record, structure
 
 
 @pytest.fixture(scope="module")
