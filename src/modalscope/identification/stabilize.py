@@ -11,9 +11,9 @@ import numpy as np
 from modalscope.data.deferred import Deferred
 from modalscope.data.notes import Note
 from modalscope.data.record_residual import UNMEASURED
+from modalscope.data.response import Response
 from modalscope.data.results import DEVIATIONS, StabilizationDiagram
 from modalscope.data.shown import counted
-from modalscope.identification.ambient_records import looked_through
 from modalscope.identification.method import Problem
 from modalscope.identification.modal.indicators import mac
 from modalscope.identification.options import AllOptions
@@ -156,9 +156,18 @@ def stabilize(
         return grown(first, lambda more: diagram(more, **way))
 
     with working(client):
-        examined = looked_through(data, options.get("exclude"))
+        examined = _looked_through(data, options.get("exclude"))
         automatic = method is None and domain is None and options.get("route") in (None, "auto")
         return computed(by_instruments(diagram(), diagram) if automatic else diagram())
+
+
+def _looked_through(data: Any, exclude: Any) -> Any:
+    """Return a record without inputs as it is seen once for all orders; other data as they are."""
+    if isinstance(data, Response):
+        return data
+    from modalscope.identification.ambient_records import looked_through  # responses need none of its checks
+
+    return looked_through(data, exclude)
 
 
 def by_instruments(found: StabilizationDiagram, again: Callable[..., StabilizationDiagram]) -> StabilizationDiagram:

@@ -53,8 +53,8 @@ def clamped_beam(
 
     Examples
     --------
-    >>> clamped_beam().modes().frequencies[:3].round(2).tolist(), clamped_beam_frequencies(3).round(2).tolist()
-    ([8.23, 51.55, 144.33], [8.23, 51.55, 144.33])
+    >>> clamped_beam().modes().frequencies[:3].round(2).tolist()
+    [8.23, 51.55, 144.33]
     """
     free_end = FAR_ENDS[far_end]
     count = check_count("elements", elements, least=1 if far_end != "clamped" else 2)

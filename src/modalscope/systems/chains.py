@@ -130,7 +130,7 @@ def over4() -> Structure:
 def spring_chain(n: int = 5, *, mass: float = 25.91, stiffness: float = 1e4, damping_ratio: float = 0.02) -> Structure:
     """Return n equal masses in a row with one damping ratio in every mode: a five-storey building known in closed form.
 
-    See `spring_chain_modes` for the closed form. With 5 masses, 100 samples per second, white force on every mass and
+    w_j = 2 sqrt(k / m) sin((2 j - 1) pi / (2 (2 n + 1))). With 5 masses, 100 samples per second, white force on every mass and
     measured accelerations it is the example that the pyOMA packages publish results for.
 
     Parameters

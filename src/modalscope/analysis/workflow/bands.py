@@ -7,23 +7,20 @@ from dataclasses import dataclass, replace
 from functools import singledispatch
 from itertools import groupby
 from operator import attrgetter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modalscope.analysis.workflow.ambient_lines import machines_in, peaks_in, with_lines_of_record, without_mode
 from modalscope.analysis.workflow.refining import refined_where_it_helps
 from modalscope.data.analysis import Analysis
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals, as_records
-from modalscope.data.response import output_scale
+from modalscope.data.response import Response, output_scale
 from modalscope.data.responses import FrequencyResponse
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.setups import Setups, setups_of
 from modalscope.data.shown import counted
-from modalscope.identification.ambient_records import SeenRecord, bands_of_record, bands_of_setups, looked_through
-from modalscope.identification.modal.setups import merge_modes, with_repeatability
 from modalscope.identification.orders import usable_orders
 from modalscope.identification.stabilize import Watch, stabilize
 from modalscope.numerics.checks import RealArray
@@ -44,9 +41,11 @@ from modalscope.selection.judging.bands import (
 )
 from modalscope.selection.judging.no_structure import without_unforced
 from modalscope.selection.judging.select import between_groups, selected
-from modalscope.selection.likelihood.refine_setups import refine_setups
 from modalscope.signals.preprocess.correlation import estimate_correlation
 from modalscope.signals.preprocess.spectral_peaks import levels_of
+
+if TYPE_CHECKING:
+    from modalscope.identification.ambient_records import SeenRecord
 
 Progress = Callable[[int, int], None]
 Choose = Callable[..., ModalModel]
@@ -105,8 +104,7 @@ def looked_at(
             for look in looked_at(part, alone, progress, watch, choose)
         ]
 
-    seen = looked_through(data, document.exclude or None)
-    ambient = seen if isinstance(seen, SeenRecord) else None
+    seen, ambient = _seen(data, document)
 
     def sweep(band: Band, orders: Sequence[int] | None = document.orders) -> StabilizationDiagram:
         return stabilize(
@@ -126,18 +124,15 @@ def looked_at(
     bands: tuple[tuple[float, float], ...] = document.bands
     told: tuple[Note, ...] = ()
     if not bands and document.orders is None:
-        if setups_of(seen):
-            bands, told = bands_of_setups(seen.select(exclude=document.exclude) if document.exclude else seen)
-        else:
-            bands, told = bands_of_record(seen)
+        bands, told = _bands_of(seen, document)
     if len(bands) > 1 or document.orders is not None or document.frequencies is not None:
         by_hand = document.orders is not None or document.frequencies is not None
-        swept = sweep if by_hand else lambda band: _with_clear_peaks(seen, sweep, band, choose)
+        swept = sweep if by_hand else lambda band: _with_clear_peaks(ambient, sweep, band, choose)
         found = [(band, swept(_fitted(seen, band))) for band in bands or (None,)]
         return [Look(ending_in(each, band), each, band, notes=told, seen=ambient) for band, each in found]
     band = bands[0] if bands else None
     ends = _fitted(seen, band)
-    whole = _with_clear_peaks(seen, sweep, ends, choose)
+    whole = _with_clear_peaks(ambient, sweep, ends, choose)
     by_line = not isinstance(document.options.get("weights"), str | None)  # they belong to the lines of the whole band
     parts = _parts(sweep, choose, _part(choose, ends, whole, band), 0 if by_line else _MAX_CUTS)
     shown = ending_in(whole, band)
@@ -182,11 +177,37 @@ def _(data: Signals | Records) -> tuple[RealArray, RealArray]:
     return seen.frequencies, np.asarray(seen.levels.mean(axis=1))
 
 
-def _with_clear_peaks(seen: Any, sweep: Sweep, band: Band, choose: Choose) -> StabilizationDiagram:
+def _seen(data: Any, document: Analysis) -> tuple[Any, SeenRecord | None]:
+    """Return data as they are identified, and the same as an examined record without inputs where they are one."""
+    if isinstance(data, Response):
+        return data, None
+    from modalscope.identification.ambient_records import (  # responses need none of its checks
+        SeenRecord,
+        looked_through,
+    )
+
+    seen = looked_through(data, document.exclude or None)
+    return seen, seen if isinstance(seen, SeenRecord) else None
+
+
+def _bands_of(seen: Any, document: Analysis) -> tuple[tuple[tuple[float, float], ...], tuple[Note, ...]]:
+    """Return the bands of records without inputs, none of others, and notes on them."""
+    if isinstance(seen, Response):
+        return (), ()
+    from modalscope.identification.ambient_records import bands_of_record, bands_of_setups
+
+    if setups_of(seen):
+        return bands_of_setups(seen.select(exclude=document.exclude) if document.exclude else seen)
+    return bands_of_record(seen)
+
+
+def _with_clear_peaks(seen: SeenRecord | None, sweep: Sweep, band: Band, choose: Choose) -> StabilizationDiagram:
     """Return the diagram of a band; of more orders as long as clear peaks of an ambient record then get the modes that they lack."""
     found = sweep(band)
-    if not isinstance(seen, SeenRecord):
+    if seen is None:
         return found
+    from modalscope.analysis.workflow.ambient_lines import machines_in, peaks_in, without_mode
+
     peaks = peaks_in(seen.levels, [found.response.reported_band(found.settings.band)], machines_in(seen))
     lacking = len(without_mode(peaks, choose(found)))
     for _ in range(_MAX_DOUBLINGS):
@@ -235,12 +256,17 @@ def modes_chosen(data: Any, document: Analysis, looks: Sequence[Look], choose: C
         found = _of_bands(document, looks, choose)
         if looks[0].seen is None:
             return found
+        from modalscope.analysis.workflow.ambient_lines import with_lines_of_record
+
         diagrams = [look.diagram for look in looks]
         found = with_lines_of_record(looks[0].seen, found, diagrams, chosen=document.frequencies is None)
         return _with_terms_of_correlations(found, looks)
     found = _of_setups(data, replace(document, refine=False), looks, choose)
-    kept = data.select(exclude=document.exclude) if document.exclude else data
-    found = refine_setups(kept, found, apart=document.apart) if document.refine else found
+    if document.refine:
+        from modalscope.selection.likelihood.refine_setups import refine_setups
+
+        kept = data.select(exclude=document.exclude) if document.exclude else data
+        found = refine_setups(kept, found, apart=document.apart)
     return found if document.apart else _with_terms_of_correlations(found, looks)
 
 
@@ -258,6 +284,8 @@ def _of_setups(data: Setups, document: Analysis, looks: Sequence[Look], choose: 
     """Return the modes of setups that were identified together, or one by one and merged."""
     if not document.apart:
         return _of_bands(document, looks, choose, between=True)
+    from modalscope.identification.modal.setups import merge_modes
+
     return merge_modes(
         [_of_bands(document, list(apart), choose) for _, apart in groupby(looks, key=attrgetter("setup"))],
         responses=[estimate_correlation(part) for part in setups_apart(data, document)],
@@ -293,7 +321,11 @@ def _of_bands(document: Analysis, looks: Sequence[Look], choose: Choose, *, betw
 
 
 def _repeated(modes: ModalModel, look: Look, between: bool) -> ModalModel:
-    return with_repeatability(modes, look.diagram.response) if between else modes
+    if not between:
+        return modes
+    from modalscope.identification.modal.setups import with_repeatability
+
+    return with_repeatability(modes, look.diagram.response)
 
 
 def _of_band(document: Analysis, look: Look, choose: Choose) -> ModalModel:

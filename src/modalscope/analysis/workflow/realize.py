@@ -252,7 +252,7 @@ def _folds(records: Records, holdout: float) -> tuple[list[_Fold], str]:
         folds = [_Fold(_of_runs(records, kept), _of_runs(records, held)) for kept, held in ends]
         if all(set(fold.fitted.input_dofs) == set(records.input_dofs) == set(fold.tested.input_dofs) for fold in folds):
             return folds, f"the first and the last {size} of {count} runs"
-    share = _shares(records, holdout)
+    share = _shares(records)
     folds, names = [], []
     ends_of = {"first": (holdout, 1.0, (0.0, holdout)), "last": (0.0, 1 - holdout, (1 - holdout, 1.0))}
     for name, (first, last, tested) in ends_of.items():
@@ -276,7 +276,7 @@ def _cut(records: Records, first: float, last: float) -> Records:
     return _of_runs(records, map(of, records.runs))
 
 
-def _shares(records: Records, holdout: float) -> Callable[[float, float], float]:
+def _shares(records: Records) -> Callable[[float, float], float]:
     """Return the least share of the forces of any run between two fractions of its length."""
     sums = []
     for run in records.runs:

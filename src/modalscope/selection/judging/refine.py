@@ -26,7 +26,6 @@ from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
 from modalscope.selection.likelihood.descent import Astray
 from modalscope.selection.likelihood.information import residual
-from modalscope.selection.likelihood.refine_setups import refine_setups
 from modalscope.selection.likelihood.refined import last_fit, refined
 from modalscope.selection.likelihood.settling import Settled, Task, least_gain, settle, task_of
 
@@ -174,6 +173,8 @@ def refine(
     check_kind("modes of refine", modes, ModalModel)
     setups = _ambient(data)
     if setups is not None:
+        from modalscope.selection.likelihood.refine_setups import refine_setups  # its likelihood is another
+
         missing = [dof for dof in setups.output_dofs if dof not in modes.output_dofs]
         return refine_setups(setups.select(exclude=missing) if missing else setups, modes)
     return refinement(
