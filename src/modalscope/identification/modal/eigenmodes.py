@@ -13,14 +13,13 @@ from modalscope.identification.matrices.evolved import ModalSide
 from modalscope.identification.matrices.matrix import DataMatrix
 from modalscope.identification.matrices.triple import Eigen, ModalFit, Triple, padded
 from modalscope.identification.modal.indicators import (
+    OF_SHAPES,
     agreement,
     cluster_mpc,
     coherence,
     decay_step,
     mac,
     modal_singular_values,
-    mpc,
-    mpd,
     repeated,
 )
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
@@ -197,12 +196,11 @@ def indicators_of_all(matrix: DataMatrix, parts: Sequence[Part]) -> list[dict[st
         return [indicators_of(matrix, *part) for part in parts]
     model, modes = together(parts)
     found = _of_factors(matrix, model, modes)
-    found["mpc"] = mpc(modes.shapes)
+    found |= {name: of(modes.shapes) for name, of in OF_SHAPES.items()}
     # growing poles count as undamped ones
     dt = matrix.dt or 1 / (2 * matrix.judged.span[1])
     z = np.exp(np.minimum(modes.poles.real, 0) * dt + 1j * modes.poles.imag * dt)
     found["msv"] = modal_singular_values(modes.shapes, modes.participation, z, matrix.judged.count)
-    found["mpd"] = mpd(modes.shapes)
     ends = np.cumsum([0, *(modal.poles.size for _, modal in parts)])
     each = [{name: values[a:b] for name, values in found.items()} for a, b in pairwise(ends)]
     for own, (_, modal) in zip(each, parts, strict=True):

@@ -8,6 +8,7 @@ All are invariant under a change of coordinates of the model and lie between 0 a
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -305,7 +306,7 @@ def _same_outputs(a: ModalModel, b: ModalModel) -> None:
 
 def with_indicators_of_shapes(modes: ModalModel) -> ModalModel:
     """Return modes whose MPC, MPD and CMI are those of the shapes that they report, where they have these indicators."""
-    own = {name: of(modes.shapes) for name, of in (("mpc", mpc), ("mpd", mpd)) if name in modes.indicators}
+    own = {name: of(modes.shapes) for name, of in OF_SHAPES.items() if name in modes.indicators}
     if "cmi" in modes.indicators and {"mpc", "emac"} <= set(modes.indicators):
         own["cmi"] = modes.indicators["emac"] * own["mpc"]
     return replace(modes, indicators={**modes.indicators, **own})
@@ -356,6 +357,10 @@ def mpd(shapes: ArrayLike) -> RealArray:
     turn = np.exp(-0.5j * np.angle(sum(np.sum(part**2, axis=0) for part in parts)))
     weighted, total = np.sum([_off_the_line(part, turn) for part in parts], axis=0)
     return np.asarray(np.degrees(np.divide(weighted, total, out=np.zeros_like(total), where=total > 0)))
+
+
+#: Indicators that follow from shapes alone: of every pole, and again of the shapes that modes report.
+OF_SHAPES: dict[str, Callable[[ComplexArray], RealArray]] = {"mpc": mpc, "mpd": mpd}
 
 
 def _off_the_line(phi: ComplexArray, turn: ComplexArray) -> tuple[RealArray, RealArray]:

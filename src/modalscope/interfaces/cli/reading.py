@@ -9,7 +9,7 @@ from typing import Any
 
 from modalscope.data import DataError, ModalModel, Note
 from modalscope.data.shown import summary_of
-from modalscope.interfaces.cli.parser import EXPERT
+from modalscope.interfaces.cli.parser import EXPERT, Parser, add_reading
 from modalscope.interfaces.cli.process import progress, remark
 from modalscope.io import set_max_memory, survey
 
@@ -77,6 +77,9 @@ def parse_shifts(name: str, text: str) -> list[int]:
 
 def reading_options(options: argparse.Namespace, path: Path) -> dict[str, Any]:
     """Return the options of `modalscope.io.read` for one of the files, and set the memory limit of the process."""
+    usual = Parser(add_help=False)
+    add_reading(usual)
+    options = usual.parse_args([], argparse.Namespace(**vars(options)))  # of a command that has none the defaults
     set_max_memory(options.max_memory)
     given: dict[str, Any] = {"quantity": options.quantity} if options.quantity else {}
     given |= {name: value for name in _READ_OPTIONS if (value := getattr(options, name)) not in (None, False)}
