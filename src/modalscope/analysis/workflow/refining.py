@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from modalscope.data.mode_fields import joined
+from modalscope.data.mode_fields import DIRECT, joined
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
@@ -15,7 +15,7 @@ from modalscope.identification.modal.indicators import with_indicators_of_shapes
 from modalscope.numerics.checks import ComplexArray
 from modalscope.numerics.errors import DataError
 from modalscope.selection.judging.bands import evened, terms_of
-from modalscope.selection.judging.refine import in_place, refinement, residues_in_place
+from modalscope.selection.judging.refine import in_place, refinement
 from modalscope.selection.likelihood.descent import Astray
 from modalscope.selection.likelihood.noise import undenied
 
@@ -23,6 +23,9 @@ _STD_FIELDS = (
     *("frequencies_std", "damping_ratios_std", "frequencies_repeatability", "damping_ratios_repeatability"),
     *("degrees", "damping_ratios_lower"),
 )
+
+#: What a fit of residues gives.
+_FITTED_FIELDS = ("shapes", "participation", "residual_terms", *DIRECT)
 
 #: Modes that drift away are fixed at once and the others refined again: minimum share of refined modes.
 _MIN_REFINED = 0.5
@@ -74,11 +77,15 @@ def _with_others(
 ) -> ModalModel:
     """Return the refined modes with others at their unrefined values, which the likelihood leads to other modes.
 
-    These have no interval: their standard deviations are those of the selection, and none of the likelihood is computed.
+    Their standard deviations are those at these values, given the refined modes.
     """
     parts = evened([replace(part, left_out=(), shapes_std=None, unrefined=None) for part in (refined, others)])
+    at_values = in_place(response.whole, joined(parts), extra)
+    own = slice(len(refined), None)
+    std = {name: getattr(at_values, name)[own] for name in _STD_FIELDS if getattr(at_values, name) is not None}
     # the likelihood leads away from these values: there is no interval around them
-    merged = joined([parts[0], replace(parts[1], degrees=np.zeros((len(others), 2)), converged=True)])
+    std["degrees"] = np.zeros((len(others), 2))
+    merged = joined([parts[0], replace(parts[1], **std, converged=True)])
     order = np.argsort(merged.frequencies, kind="stable")
     # the refinement may leave modes out, and frequencies may pass each other
     started = others.poles if refined.unrefined is None else np.append(refined.unrefined.poles, others.poles)
@@ -86,10 +93,10 @@ def _with_others(
     where = ", ".join(f"{f:.5g} Hz" for f in others.frequencies)
     text = f"Not refined: {where} (their optimum lies at other modes); no intervals"
     note = Note("not refined", {"modes": len(others)}, text)
-    fitted = residues_in_place(response.whole, joined(parts), extra)
+    fitted = {name: getattr(at_values, name) for name in _FITTED_FIELDS}
     both = replace(merged, left_out=refined.left_out, **fitted).normalized("unit")
-    unknown = np.full(others.shapes.shape, np.nan)
-    shapes_std = None if refined.shapes_std is None else np.hstack([refined.shapes_std, unknown])
+    widths = [part for part in (refined.shapes_std, at_values.shapes_std) if part is not None]
+    shapes_std = np.hstack([widths[0], widths[1][:, own]]) if len(widths) == 2 else None
     found = replace(both, shapes_std=shapes_std).take(order)
     return with_indicators_of_shapes(replace(found, unrefined=before)).noted(note)
 

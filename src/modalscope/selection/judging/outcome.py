@@ -172,7 +172,7 @@ def _spread(poles: Poles, c: Candidate) -> dict[str, float]:
 
 def _deviations(diagram: StabilizationDiagram, chosen: list[Candidate], poles: Poles) -> dict[str, Any]:
     """Return for every mode the deviation of the members that did not split: of those that did it is many times as large."""
-    members = [poles.index[c.members] if c.own is None else np.zeros(0, dtype=int) for c in chosen]
+    members = [poles.index[c.members] for c in chosen]
     ends = np.cumsum([len(index) for index in members])[:-1]
     found = {}
     of_members = diagram.deviations_at(np.concatenate([*members, np.zeros(0, dtype=int)]))

@@ -26,7 +26,7 @@ from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
 from modalscope.selection.likelihood.descent import Astray
 from modalscope.selection.likelihood.information import residual
-from modalscope.selection.likelihood.refined import last_fit, refined
+from modalscope.selection.likelihood.refined import refined
 from modalscope.selection.likelihood.settling import Settled, Task, least_gain, settle, task_of
 
 #: Maximum number of added modes.
@@ -358,19 +358,8 @@ def in_place(response: Response, modes: ModalModel, fixed: Array, groups: Any = 
 
     `modes`: decaying oscillations. `fixed` (k,): rad/s: further poles. `groups`: as in `refine`.
     """
-    task, settled = _settled_in_place(response, modes, fixed)
-    found = refined(task, modes, settled, check_groups(groups, *response.parts, response.groups), [], [])
-    poles = settled.descent.point.poles + response.added_damping
-    return found.take(np.argsort(np.argsort(np.abs(poles), kind="stable"), kind="stable"))
-
-
-def residues_in_place(response: Response, modes: ModalModel, fixed: Array) -> dict[str, Any]:
-    """Return shapes, participation and terms at the given poles, by the fields of a `ModalModel`; arguments as in `in_place`."""
-    fit = last_fit(*_settled_in_place(response, modes, fixed))
-    return {"shapes": fit.shapes, **fit.fields(response)}
-
-
-def _settled_in_place(response: Response, modes: ModalModel, fixed: Array) -> tuple[Task, Settled]:
     added = response.added_damping
     task = task_of(response, np.asarray(fixed, dtype=np.complex128) - added, None, None)
-    return task, settle(task, modes.poles - added, modes.shapes, _participation(task, modes), most=0)
+    settled = settle(task, modes.poles - added, modes.shapes, _participation(task, modes), most=0)
+    found = refined(task, modes, settled, check_groups(groups, *response.parts, response.groups), [], [])
+    return found.take(np.argsort(np.argsort(np.abs(settled.descent.point.poles + added), kind="stable"), kind="stable"))

@@ -43,7 +43,7 @@ def refined(
     poles = point.poles + response.added_damping
     spread = spread_of(settled, poles, response, groups)
     order = np.argsort(np.abs(poles), kind="stable")
-    fit = last_fit(task, settled)
+    fit = _last_fit(task, settled)
     dt = 1 / response.sampling_rate if response.held_input and response.sampling_rate else before.dt
     model = replace(
         before,
@@ -74,7 +74,7 @@ def refined(
     )
 
 
-def last_fit(task: Task, settled: Settled) -> JointFit:
+def _last_fit(task: Task, settled: Settled) -> JointFit:
     """Return the residues of the very model whose poles are reported: the likelihood's own where its descent came to an end.
 
     Where no descent was made the given sides still hold, and residues are fitted in turn.
