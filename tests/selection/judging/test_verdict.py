@@ -264,6 +264,14 @@ def test_a_mode_with_parts_is_as_sure_as_one_mode_of_both_would_be() -> None:
     assert np.min(both.found.damping_std[3:] / zeta) > 3 * max(expected)
 
 
+def test_of_overlapping_poles_of_one_shape_in_coloured_data_the_strongest_stands_where_copies_are_not_known() -> None:
+    known = shifting(1.0005)[0].contest
+    contest = Contest(replace(known.selection, coloured=True), known.outcome)
+    contest.__dict__["copies"] = None
+    strongest = 3 + int(np.argmax(known.outcome.gain[3:]))
+    assert contest.hosts.tolist() == [0, 1, 2, strongest, strongest]
+
+
 def test_of_coloured_data_poles_that_act_as_one_are_parts_of_the_strongest() -> None:
     # the second pole of a resonance that shifts: a third of a bandwidth off, with the same shape
     everything = verdicts(*shifting(1.008))

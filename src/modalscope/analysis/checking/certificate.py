@@ -319,6 +319,16 @@ class Certificate(Shown):
     notes: tuple[Note, ...] = ()
 
     @property
+    def frequency_holds(self) -> BoolArray:
+        """Whether the interval of each frequency holds, (n,)."""
+        return _holding(self.frequency, self.found)
+
+    @property
+    def damping_ratio_holds(self) -> BoolArray:
+        """Whether the interval of each damping ratio holds, (n,)."""
+        return _holding(self.damping_ratio, self.found)
+
+    @property
     def bias(self) -> RealArray:
         """The larger bias of frequency and damping ratio, in deviations, (n,)."""
         both = np.stack([self.frequency["bias"], self.damping_ratio["bias"]])
