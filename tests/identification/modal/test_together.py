@@ -70,11 +70,12 @@ CASES = [
 @pytest.mark.parametrize(("name", "made"), CASES)
 def test_orders_judged_together_are_what_each_is_alone(name: str, made: Any) -> None:
     pipeline = made()
-    shared = Shared(pipeline, OfPipeline(pipeline))
+    deviating = OfPipeline(pipeline)
+    shared = Shared(pipeline, deviating)
     several = judged(pipeline, ORDERS, shared)
     assert len(several) > 10
     due = [cut.due[1] for cut in several if isinstance(cut, Cut) and cut.due is not None]
-    shared.deviations(*due)  # of all orders at once, as a diagram asks for them
+    deviating.deviations(*due)  # of all orders at once, as a diagram asks for them
     for order, cut in zip(ORDERS, several, strict=False):
         if isinstance(cut, DataError):
             continue
