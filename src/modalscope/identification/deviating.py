@@ -47,8 +47,9 @@ class Asked(NamedTuple):
 class Deviating(Protocol):
     """Standard deviations of the poles of the orders of one pipeline."""
 
-    #: The noise in the data.
+    #: The noise in the data, and what was asked, by order.
     noise: Any
+    asked: dict[int, Asked]
 
     def ask(self, order: int, model: Triple, modal: Eigenmodes, which: IntArray) -> Asked:
         """Return what the deviations of some poles of an order are computed of; its fit tells its noise."""

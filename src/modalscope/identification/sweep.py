@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from itertools import pairwise, starmap
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -107,7 +107,6 @@ class Shared:
         self._compared = pipeline.response if whitening is None else self._response
         self._misfit = Misfit(self._compared, output_scale(self._compared))
         self._weighted = getattr(self._matrix, "weights", None) is not None
-        self.asked: dict[int, Asked] = {}
 
     def cuts(self, parts: Sequence[tuple[int, Triple, Eigenmodes]]) -> list[Cut]:
         """Return orders, computed together, with their indicators."""
@@ -117,8 +116,8 @@ class Shared:
         indicators = indicators_of_all(self._pipeline.matrix, of_parts) if self._indicated else [{} for _ in parts]
         reported = [self._reported(model, modal) for _, model, modal in parts]
         if self.deviating is not None:
-            asked = starmap(self.deviating.ask, [(*part, which) for part, which in zip(parts, reported, strict=True)])
-            self.asked |= {one.order: one for one in asked}
+            for part, which in zip(parts, reported, strict=True):
+                self.deviating.ask(*part, which)
         return [self._cut(*each) for each in zip(parts, reported, indicators, strict=True)]
 
     def _reported(self, model: Triple, modal: Eigenmodes) -> IntArray:
@@ -141,7 +140,7 @@ class Shared:
             reported=reported,
             indicators=indicators,
             misfit=self.misfit(modal),
-            due=None if self.deviating is None else (self.deviating, self.asked[order]),
+            due=None if self.deviating is None else (self.deviating, self.deviating.asked[order]),
         )
 
     def of_order(self, order: int) -> Cut:
@@ -198,10 +197,6 @@ class Sweep:
     def deviating(self) -> Deviating | None:
         """Who tells the standard deviations of the poles; None where nobody was asked."""
         return self._measured.deviating
-
-    def asked(self, order: int) -> Asked | None:
-        """Return what standard deviations of an order are computed of, with its noise; None without, or where it is not computed."""
-        return self._measured.asked.get(order)
 
     def has_poles_of(self, other: Sweep) -> bool:
         """Whether another sweep over the same factors has the same poles at every order."""

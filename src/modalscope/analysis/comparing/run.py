@@ -80,7 +80,7 @@ class Moved:
 def moved_by_noise(sweep: Sweep, diagram: StabilizationDiagram, modes: ModalModel) -> Moved | None:
     """Return the effect of the noise on modes that were selected from the diagram of a sweep; None where it is unknown."""
     known, pipeline = sweep.deviating, sweep.pipeline
-    asked = None if known is None or not len(modes) else sweep.asked(nearest_order(diagram, modes))
+    asked = None if known is None or not len(modes) else known.asked.get(nearest_order(diagram, modes))
     if known is None or asked is None:
         return None
     response = pipeline.matrix.judged

@@ -189,15 +189,15 @@ class OfPipeline(Deviating):
         self._weighted = getattr(self._matrix, "weights", None) is not None
         self.noise = noise_of(self._response, pipeline.problem.records, pipeline.problem.whitening)
         self._computed: dict[int, _Computed] = {}
-        self._asked: dict[int, Asked] = {}
+        self.asked: dict[int, Asked] = {}
         self._alike: dict[int, Asked] = {}
 
     def ask(self, order: int, model: Triple, modal: Eigenmodes, which: IntArray) -> Asked:
         """Return what the deviations of some poles of an order are computed of; its fit tells its noise."""
         alike = self._alike.get(order)
         noise = self._noise_beside(modal) if alike is None or not _same(alike.poles, modal.poles) else alike.noise
-        self._asked[order] = Asked(order, model, modal.poles, modal.eigen, which, noise)
-        return self._asked[order]
+        self.asked[order] = Asked(order, model, modal.poles, modal.eigen, which, noise)
+        return self.asked[order]
 
     def deviations(self, *asked: Asked) -> list[Deviations]:
         """Return the deviations of some poles of orders, NaN at others that are not known."""
@@ -221,7 +221,7 @@ class OfPipeline(Deviating):
 
     def take_from(self, other: Any) -> None:
         """Share the deviations of another pipeline with the same poles, and its noise."""
-        self._computed, self._alike = other._computed, other._asked
+        self._computed, self._alike = other._computed, other.asked
 
     def note_on(self, asked: Iterable[Asked]) -> Note:
         """Return how the deviations were estimated, or why there are none; computes no more orders than that takes."""

@@ -1,5 +1,6 @@
 """From records to responses: spectra, frequency responses, correlations, Markov parameters, conditioning, bands, setups."""
 
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from modalscope.numerics.handed import handed, later
@@ -51,35 +52,6 @@ if TYPE_CHECKING:
 
     examine: Callable[[Signals | StoredSignals | StoredResponse | Records | Setups | Response], tuple[Finding, ...]]
 
-__all__ = [
-    "Decomposition",
-    "Finding",
-    "LocalEstimate",
-    "Observer",
-    "PrincipalForces",
-    "correlation_blocks",
-    "decimate",
-    "decomposition",
-    "detrend",
-    "differentiate",
-    "estimate_correlation",
-    "estimate_frf",
-    "estimate_markov",
-    "estimate_observer",
-    "examine",
-    "exponential_decay",
-    "filter_band",
-    "force_correlation",
-    "half_spectra",
-    "integrate",
-    "local_models",
-    "merge",
-    "merge_setups",
-    "partial_coherence",
-    "principal_forces",
-    "remove_harmonics",
-]
-
 #: Names of each module.
 _HOMES: dict[str, tuple[str, ...]] = {
     "modalscope.data.notes": ("Finding",),
@@ -96,10 +68,10 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "singular_spectra": ("Decomposition", "decomposition"),
 }
 
+__all__ = sorted(["examine", *chain.from_iterable(_HOMES.values())])
+
 if not TYPE_CHECKING:
-    _later = later(
-        "modalscope.preprocess", {f"{__name__}.{home}" if "." not in home else home: n for home, n in _HOMES.items()}
-    )
+    _later = later("modalscope.preprocess", _HOMES)
 
     def __getattr__(name: str) -> Any:
         """Load what is asked for; `examine` is that of the doctor, a layer above, under its public name."""
