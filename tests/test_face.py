@@ -132,7 +132,7 @@ def test_a_name_that_was_never_there_is_an_attribute_error() -> None:
     [
         ("data", "data"),
         ("doctor", "signals.doctor"),
-        ("indicators", "identification.modal.indicators"),
+        ("indicators", "data.indicators"),
         ("io", "io"),
         ("likelihood", "selection.likelihood"),
         ("monitoring", "analysis.monitoring"),

@@ -44,15 +44,15 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
         StateSpace as StateSpace,
         StoredResponse as StoredResponse,
         StoredSignals as StoredSignals,
+        indicators as indicators,
         same_mode as same_mode,
     )
     from modalscope.data.analysis import Analysis as Analysis
+    from modalscope.data.indicators import mac as mac, mac_std as mac_std
     from modalscope.data.results import Result as Result
     from modalscope.identification.dwell import Dwell as Dwell, tuned_dwell as tuned_dwell
     from modalscope.identification.identify import Identification as Identification, identify as identify
     from modalscope.identification.method_names import methods as methods
-    from modalscope.identification.modal import indicators as indicators
-    from modalscope.identification.modal.indicators import mac as mac, mac_std as mac_std
     from modalscope.identification.modal.mass_change import scale_by_mass as scale_by_mass
     from modalscope.identification.modal.pairing import comac as comac, pair_modes as pair_modes
     from modalscope.identification.modal.setups import merge_modes as merge_modes
@@ -102,7 +102,7 @@ _HOMES = {
     "selection.judging.select": ("select",),
     "identification.stabilize": ("stabilize",),
     "analysis.checking.validation": ("Validation", "validate"),
-    "identification.modal.indicators": ("mac", "mac_std"),
+    "data.indicators": ("mac", "mac_std"),
     "identification.modal.mass_change": ("scale_by_mass",),
     "identification.modal.pairing": ("comac", "pair_modes"),
     "identification.modal.setups": ("merge_modes",),
@@ -157,7 +157,7 @@ hand_down(
 _NAMESPACES = {
     "datasets": "datasets",
     "doctor": "signals.doctor",
-    "indicators": "identification.modal.indicators",
+    "indicators": "data.indicators",
     "likelihood": "selection.likelihood",
     "monitoring": "analysis.monitoring",
     "plot": "interfaces.plot",

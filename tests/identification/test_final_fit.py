@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from modalscope.data.indicators import mac
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import as_records
-from modalscope.identification.modal.indicators import mac
 from modalscope.identification.modal.joint_fit import joint_fit
 from modalscope.identification.modal.rebuilt import fit_of
 from modalscope.selection.likelihood.whitening import levels_of

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from modalscope.data import FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Note, Signals
+from modalscope.data.indicators import mpc
 from modalscope.data.notes import Candidate, Harmonic
-from modalscope.identification.modal.indicators import mpc
 
 OUTPUTS, INPUTS = ("1:+Z", "2:+Z", "12:-X"), ("1:+Z", "shaker")
 UNITS = ("m/s2", "N")

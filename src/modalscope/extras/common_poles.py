@@ -25,12 +25,12 @@ from modalscope.data.response import output_scale
 from modalscope.data.responses import FrequencyResponse
 from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.lines import FittedToLines, OnPlane
-from modalscope.identification.matrices.polynomials import Plane, plane_of
 from modalscope.identification.matrices.triple import Eigen, Triple
 from modalscope.identification.realizations.realization import Realization
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.pole_basis import line_basis
+from modalscope.numerics.functions.polynomials import Plane, plane_of
 
 #: Relative error of an interpolant below which further points would fit rounding: the tolerance of the AAA paper.
 _TOLERANCE = 1e-13
@@ -146,7 +146,7 @@ def aaa(
             f"there are {lines} lines",
             f"Lower the order to at most {lines // 2}, or widen the band.",
         )
-    plane = plane_of(domain, response)
+    plane = plane_of(domain, response.span[1], response.sampling_rate)
     scale = output_scale(response) if equal_outputs else np.ones(outputs)
     return Interpolant(response, plane, plane.point(response.frequencies), weights, scale, order)
 
@@ -248,7 +248,7 @@ def vector_fitting(
             f"there are {lines} lines",
             f"Lower the order to at most {lines - 1}, or widen the band.",
         )
-    plane = plane_of(domain, response)
+    plane = plane_of(domain, response.span[1], response.sampling_rate)
     scale = output_scale(response) if equal_outputs else np.ones(outputs)
     return VectorFitting(response, plane, plane.point(response.frequencies), weights, scale, order)
 

@@ -10,12 +10,12 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
+from modalscope.data.indicators import mac, mmif, mpc
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.responses import FrequencyResponse
 from modalscope.identification.dwell_levels import Levels, levels_of
-from modalscope.identification.modal.indicators import mac, mmif, mpc
 from modalscope.numerics.arguments import POSITIVE, named
 from modalscope.numerics.checks import ComplexArray, RealArray, check_band, check_kind
 from modalscope.numerics.errors import DataError

@@ -9,13 +9,13 @@ from typing import Any, Unpack
 import numpy as np
 
 from modalscope.data.deferred import Deferred
+from modalscope.data.indicators import mac
 from modalscope.data.notes import Note
 from modalscope.data.record_residual import UNMEASURED
 from modalscope.data.response import Response
 from modalscope.data.results import DEVIATIONS, StabilizationDiagram
 from modalscope.data.shown import counted
 from modalscope.identification.method import Problem
-from modalscope.identification.modal.indicators import mac
 from modalscope.identification.options import AllOptions
 from modalscope.identification.orders import grown
 from modalscope.identification.pipeline import Pipeline

@@ -7,7 +7,7 @@ import pytest
 
 from modalscope.analysis.comparing.agreement import Group, pair
 from modalscope.analysis.comparing.run import MethodResult
-from modalscope.identification.modal.indicators import mac
+from modalscope.data.indicators import mac
 from tests.analysis.comparing.made import ALL, ALTERNATE, ERA, LEAST, POLY, PRCE, Mode, kin, result
 from tests.selection.judging.made import NUDGE, at_angle
 

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.signal import resample
 
 import modalscope as ms
+from modalscope.data.indicators import mac
 from modalscope.data.response import Response
-from modalscope.identification.modal.indicators import mac
 from modalscope.identification.modal.rebuilt import fit_of
 from modalscope.numerics.checks import ComplexArray, RealArray
 from tests.selection.judging.hard import QUANTITIES, lines_of, random_structure

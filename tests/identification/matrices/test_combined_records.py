@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.identification.modal.indicators import mac
+from modalscope.data.indicators import mac
 from tests.support import match_poles, random_system
 
 

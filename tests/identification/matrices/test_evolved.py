@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from modalscope.data.indicators import amplitude_coherence, decay_step, emac_channels, weighted_mean
 from modalscope.identification.matrices import evolved
 from modalscope.identification.matrices.evolved import Evolved, OnLines
 from modalscope.identification.modal.eigenmodes import followed
-from modalscope.identification.modal.indicators import amplitude_coherence, decay_step, emac_channels, weighted_mean
 
 
 @pytest.fixture(autouse=True)

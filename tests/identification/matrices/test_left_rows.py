@@ -7,7 +7,7 @@ import pytest
 
 from modalscope.identification.matrices.lines import line_pencil
 from modalscope.identification.matrices.matrix import RowShift
-from modalscope.identification.matrices.polynomials import both_sums, orthogonal_basis
+from modalscope.numerics.functions.polynomials import both_sums, orthogonal_basis
 from tests.support import relative
 
 DEGREE, OUTPUTS = 9, 3

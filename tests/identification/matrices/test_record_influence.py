@@ -13,9 +13,9 @@ from modalscope.identification.deviating import Asked
 from modalscope.identification.matrices import record_influence
 from modalscope.identification.matrices.few_points import few_points
 from modalscope.identification.matrices.influence import LineInfluence
-from modalscope.identification.matrices.polynomials import orthogonal_basis
 from modalscope.identification.matrices.records import RecordInfluence
 from modalscope.identification.sweep import Cut
+from modalscope.numerics.functions.polynomials import orthogonal_basis
 from modalscope.selection.likelihood.covariance import PoleInfluence, influence_on
 from modalscope.selection.likelihood.deviations import deviations_of
 from modalscope.selection.likelihood.noise import White

@@ -9,9 +9,9 @@ from hypothesis import given, settings, strategies as st
 from modalscope import DataError, FrequencyResponse, identify, refine
 from modalscope.identification.matrices.factor import factorize
 from modalscope.identification.matrices.lines import line_weights
-from modalscope.identification.matrices.polynomials import evaluate, orthogonal_basis, plane_of, remainders
 from modalscope.identification.matrices.transfer import transfer
 from modalscope.numerics.functions.poles import poles_from
+from modalscope.numerics.functions.polynomials import evaluate, orthogonal_basis, plane_of, remainders
 from tests.support import EPS, FIVE, add_noise, match_poles, model_transfer, random_system, relative
 
 #: Rounding of a few hundred additions and products.
@@ -82,7 +82,7 @@ def test_with_all_initial_values_the_rows_are_the_observability_rows_times_the_s
     terms = np.stack([ss.D, *(ss.C @ np.linalg.matrix_power(ss.A, k) @ ss.B for k in range(q))])
     matrix = transfer(frf, domain=domain, block_rows=q, initial_values=terms, equal_outputs=False)
     assert matrix.eliminated.shape[1] == 0
-    plane = plane_of(domain, frf)
+    plane = plane_of(domain, frf.span[1], frf.sampling_rate)
     scale = plane.scale
     assert scale is not None
     x, A = plane.point(f), ss.A / scale

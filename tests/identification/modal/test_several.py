@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from modalscope.data import DataError, ImpulseResponse, ModalModel
-from modalscope.identification.modal.indicators import mac
+from modalscope.data.indicators import mac
 from modalscope.identification.modal.setups import merge_modes, steps_of_groups, with_repeatability
 from modalscope.numerics.functions.poles import poles_from
 from modalscope.systems import chain5

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from modalscope import plot
-from modalscope.data import DataError
-from modalscope.identification.modal import indicators
+from modalscope.data import DataError, indicators
 from tests.interfaces.plot import examples
 
 

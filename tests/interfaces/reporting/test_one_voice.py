@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.identification.modal.indicators import mpc, mpd
+from modalscope.data.indicators import mpc, mpd
 from modalscope.interfaces.app.steps import result_head
 from modalscope.interfaces.cli.identify import _print
 from modalscope.interfaces.plot.web.alive import alive_blob, drawing_of

@@ -11,7 +11,7 @@ from scipy.linalg import expm
 from scipy.signal import lfilter, ss2tf
 
 from modalscope.data import ModalModel, Signals
-from modalscope.identification.modal.indicators import mac
+from modalscope.data.indicators import mac
 
 Array = NDArray[np.float64]
 

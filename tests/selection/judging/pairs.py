@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data.indicators import mac
 from modalscope.data.modes import ModalModel
-from modalscope.identification.modal.indicators import mac
 from modalscope.numerics.checks import ComplexArray, RealArray
 from modalscope.numerics.functions.poles import poles_from
 from modalscope.selection.likelihood.information import inverse, normal

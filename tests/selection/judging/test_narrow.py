@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.identification.modal.indicators import mac
+from modalscope.data.indicators import mac
 from modalscope.numerics.checks import IntArray
 from tests.selection.judging.hard import score
 from tests.selection.judging.narrow import FEWEST, narrow_case, narrow_gains

@@ -7,7 +7,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.data import FrequencyResponse
-from modalscope.identification.modal.indicators import mac
+from modalscope.data.indicators import mac
 from modalscope.numerics.functions.poles import poles_from
 from modalscope.selection.judging.verdict import one_residue
 

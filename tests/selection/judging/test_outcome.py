@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from modalscope.data import FrequencyResponse, ImpulseResponse
+from modalscope.data.indicators import mac
 from modalscope.data.modes import ModalModel
 from modalscope.data.response import Response
-from modalscope.identification.modal.indicators import mac
 from modalscope.identification.modal.joint_fit import JointFit, joint_fit
 from modalscope.selection.judging import outcome as outcomes
 from modalscope.selection.judging.evidence import Candidate

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from modalscope.data import ModalModel, Signals
-from modalscope.identification.modal.indicators import mac
+from modalscope.data.indicators import mac
 from modalscope.numerics.checks import ComplexArray, RealArray
 from modalscope.numerics.functions.poles import poles_from
 from modalscope.selection.likelihood.line_shapes import _inverse_of_others, _Lines, _Lobe, line_shapes

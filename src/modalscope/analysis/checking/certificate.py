@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import stdtrit
 
+from modalscope.data.indicators import mac
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
@@ -20,7 +21,6 @@ from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.shown import Shown, counted, summary_of, text_table
 from modalscope.identification.method_names import find_method
-from modalscope.identification.modal.indicators import mac
 from modalscope.identification.modal.joint_fit import joint_residues
 from modalscope.identification.modal.rebuilt import rebuilt
 from modalscope.identification.pipeline import factor

@@ -9,7 +9,7 @@ import numpy as np
 
 from modalscope.analysis.comparing.kinship import Kinship
 from modalscope.analysis.comparing.run import MethodResult
-from modalscope.identification.modal.indicators import mac
+from modalscope.data.indicators import mac
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.functions.poles import poles_from
 from modalscope.numerics.statistics import assign, scatter

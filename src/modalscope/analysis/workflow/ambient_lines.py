@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from modalscope.data.indicators import mac, with_indicators_of_shapes
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.stored import StoredSignals
 from modalscope.identification.ambient_records import SeenRecord
-from modalscope.identification.modal.indicators import mac, with_indicators_of_shapes
 from modalscope.selection.likelihood.line_shapes import line_shapes
 from modalscope.signals.preprocess.spectral_peaks import Levels, clear_peaks
 

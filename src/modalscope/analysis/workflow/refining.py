@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from modalscope.data.indicators import with_indicators_of_shapes
 from modalscope.data.mode_fields import DIRECT, joined
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
-from modalscope.identification.modal.indicators import with_indicators_of_shapes
 from modalscope.numerics.checks import ComplexArray
 from modalscope.numerics.errors import DataError
 from modalscope.selection.judging.bands import evened, terms_of

@@ -16,8 +16,8 @@ import scipy.linalg as sla
 from scipy import fft
 from scipy.special import jv
 
-from modalscope.identification.matrices.polynomials import evaluate
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
+from modalscope.numerics.functions.polynomials import evaluate
 
 #: Candidate lines for each of the few points.
 _CANDIDATES_PER_POINT = 8

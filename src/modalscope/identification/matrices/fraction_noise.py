@@ -26,9 +26,9 @@ import scipy.linalg as sla
 from modalscope.identification.matrices.few_points import Arc, arc_of, moments_on, nodes_needed, weights_at
 from modalscope.identification.matrices.influence import LineInfluence, Lines, Moments, Outer
 from modalscope.identification.matrices.normal_equations import NormalEquations
-from modalscope.identification.matrices.polynomials import both_sums
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, freeze
 from modalscope.numerics.functions.poles import powers_of
+from modalscope.numerics.functions.polynomials import both_sums
 
 
 class Weights(NamedTuple):

@@ -21,11 +21,11 @@ from modalscope.identification.matrices.evolved import ModalSide, OnLines
 from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.influence import LineInfluence, Lines, Outer, all_lines
 from modalscope.identification.matrices.matrix import DataMatrix, RowShift
-from modalscope.identification.matrices.polynomials import Plane, both_sums, evaluate
 from modalscope.identification.matrices.triple import Eigen, Misfit, ModalFit, Triple
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, real_array
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.pole_basis import LineData, line_basis, line_data
+from modalscope.numerics.functions.polynomials import Plane, both_sums, evaluate
 from modalscope.numerics.operators import DenseMatrix, Operator, real_times
 from modalscope.numerics.sums import TriangleSum
 

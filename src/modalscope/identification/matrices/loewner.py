@@ -31,9 +31,9 @@ from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.influence import LineInfluence, Lines, Outer, all_lines
 from modalscope.identification.matrices.lines import FittedToLines, OnPlane
 from modalscope.identification.matrices.matrix import RowShift
-from modalscope.identification.matrices.polynomials import Plane, plane_of
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.functions.polynomials import Plane, plane_of
 from modalscope.numerics.operators import Operator, TransposedOperator, real_times, times_real
 
 #: Count of numbers of the kernel that are made at a time.
@@ -66,7 +66,7 @@ def loewner(
             f"{lines} lines, {outputs} outputs and {inputs} inputs carry {max(few, 0)} states",
             "Widen the band or lower the order.",
         )
-    plane = plane_of(domain, response)
+    plane = plane_of(domain, response.span[1], response.sampling_rate)
     return Loewner(
         response=response,
         plane=plane,

@@ -17,8 +17,8 @@ import numpy as np
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.identification.matrices.few_points import Few, few_points
 from modalscope.identification.matrices.influence import LineInfluence, Lines, Moments, Outer
-from modalscope.identification.matrices.polynomials import both_sums
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, freeze
+from modalscope.numerics.functions.polynomials import both_sums
 from modalscope.numerics.operators import times_real
 
 #: Maximum number of lines on which the influence of noise is stored.

@@ -30,7 +30,6 @@ from modalscope.data.statespace import StateSpace
 from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.influence import Lines
 from modalscope.identification.matrices.lines import PolynomialRows
-from modalscope.identification.matrices.polynomials import Plane, evaluate, orthogonal_basis, plane_of
 from modalscope.identification.matrices.record_influence import (
     Driven,
     InfluenceLines,
@@ -40,6 +39,7 @@ from modalscope.identification.matrices.record_influence import (
 from modalscope.identification.matrices.triple import Eigen, ModalFit, Triple
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, check_count
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.functions.polynomials import Plane, evaluate, orthogonal_basis, plane_of
 from modalscope.numerics.operators import LargeMatrix
 from modalscope.numerics.orthonormal import stacked_factor, triangle_of
 
@@ -197,7 +197,7 @@ def record_lines(
     """
     q = check_count("block_rows", block_rows)
     response = spectra if domain == "z" else spectra.continuous()
-    plane = plane_of(domain, response)
+    plane = plane_of(domain, response.span[1], response.sampling_rate)
     scale = output_scale(response) if equal_outputs else np.ones(response.values.shape[1])
     w = resonance_weights(response.power(), response.run)
     every = -(-response.count // _MAX_ORTHOGONAL_LINES)

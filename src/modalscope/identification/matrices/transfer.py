@@ -29,9 +29,9 @@ from modalscope.identification.matrices.lines import (
     line_pencil,
     real_columns,
 )
-from modalscope.identification.matrices.polynomials import Plane, basis_on, plane_of, remainders
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_count, real_array
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.functions.polynomials import Plane, basis_on, plane_of, remainders
 from modalscope.numerics.operators import Operator
 
 
@@ -99,7 +99,7 @@ def transfer(
     lines, outputs, inputs = response.values.shape
     rows = kept_block_rows(row_shifts)
     q = check_count("block_rows", block_rows if rows is None else rows[-1] + 1)
-    plane = plane_of(domain, response)
+    plane = plane_of(domain, response.span[1], response.sampling_rate)
     terms = None if initial_values is None else initial_terms(initial_values, response, plane)
     unknown = q + 1 - (0 if terms is None else min(len(terms), q + 1))
     states = order or 1

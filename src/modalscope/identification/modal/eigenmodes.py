@@ -8,11 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from modalscope.data.statespace import StateSpace
-from modalscope.identification.matrices.evolved import ModalSide
-from modalscope.identification.matrices.matrix import DataMatrix
-from modalscope.identification.matrices.triple import Eigen, ModalFit, Triple, padded
-from modalscope.identification.modal.indicators import (
+from modalscope.data.indicators import (
     OF_SHAPES,
     agreement,
     cluster_mpc,
@@ -22,6 +18,10 @@ from modalscope.identification.modal.indicators import (
     modal_singular_values,
     repeated,
 )
+from modalscope.data.statespace import StateSpace
+from modalscope.identification.matrices.evolved import ModalSide
+from modalscope.identification.matrices.matrix import DataMatrix
+from modalscope.identification.matrices.triple import Eigen, ModalFit, Triple, padded
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.functions.poles import one_of_each_pair
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from modalscope.data.indicators import mac
 from modalscope.data.modes import ModalModel
-from modalscope.identification.modal.indicators import mac
 from modalscope.numerics.arguments import POSITIVE, named
 from modalscope.numerics.checks import IntArray, RealArray, complex_array
 from modalscope.numerics.errors import DataError

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.data.channels import known_quantity
+from modalscope.data.indicators import clusters, mpc, mpd
 from modalscope.data.modes import ModalModel
 from modalscope.data.responses import FrequencyResponse
 from modalscope.data.sizes import check_size
 from modalscope.data.stored import StoredResponse
-from modalscope.identification.modal.indicators import clusters, mpc, mpd
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, optional_array
 from modalscope.numerics.errors import DataError

@@ -74,7 +74,7 @@ def _pictures(result: Result, path: Path) -> Path:
 
 def against(stages: Stages, progress: Progress, path: str) -> dict[str, Any]:
     """Return the MAC of the modes with those of a file, rows ours, and the frequencies of the file."""
-    from modalscope.identification.modal.indicators import mac
+    from modalscope.data.indicators import mac
     from modalscope.io import read
 
     modes, other = stages.finished().modes, read(path)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modalscope.data import FrequencyResponse, ImpulseResponse, ModalModel, StabilizationDiagram
+from modalscope.data.indicators import cmif
 from modalscope.data.response import Response
-from modalscope.identification.modal.indicators import cmif
 from modalscope.interfaces.plot._style import (
     BLUE,
     DOTTED,

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.data import ModalModel
-from modalscope.identification.modal import indicators
+from modalscope.data import ModalModel, indicators
 from modalscope.interfaces.plot._style import (
     DOTTED,
     INK,

@@ -10,7 +10,7 @@ import numpy as np
 
 from modalscope.data import Geometry, ModalModel
 from modalscope.data.geometry import parse_dof
-from modalscope.identification.modal.indicators import mpc
+from modalscope.data.indicators import mpc
 from modalscope.interfaces.plot._camera import AXES, View, extent, oblique, view_of
 from modalscope.interfaces.plot._style import (
     BLUE,

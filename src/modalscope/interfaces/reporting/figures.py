@@ -11,8 +11,8 @@ import numpy as np
 
 from modalscope.analysis.checking.certificate import Certificate
 from modalscope.data import ModalModel, StabilizationDiagram
+from modalscope.data.indicators import mac
 from modalscope.data.mode_fields import NORMAL_HALF_WIDTH
-from modalscope.identification.modal.indicators import mac
 from modalscope.identification.modal.rebuilt import asked_ends
 from modalscope.interfaces.plot._camera import AXES, View, view_of
 from modalscope.interfaces.plot.shapes import in_order, spaced

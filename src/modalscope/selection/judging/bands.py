@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modalscope.data.deferred import Deferred
+from modalscope.data.indicators import mac, with_indicators_of_shapes
 from modalscope.data.mode_fields import PER_MODE, joined
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.residual_terms import ResidualTerms
 from modalscope.data.response import Response
 from modalscope.data.results import DEVIATIONS, StabilizationDiagram
-from modalscope.identification.modal.indicators import mac, with_indicators_of_shapes
 from modalscope.identification.modal.joint_fit import with_terms
 from modalscope.identification.orders import ORDERS_END, usable_orders
 from modalscope.numerics.arguments import named

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data.indicators import mpc
 from modalscope.data.mode_fields import half_widths, interval_ends, known_columns, told
 from modalscope.data.modes import ModalModel
 from modalscope.data.shown import text_table
-from modalscope.identification.modal.indicators import mpc
 from modalscope.numerics.checks import BoolArray, RealArray
 from modalscope.selection.judging.grades import Grade, grades
 

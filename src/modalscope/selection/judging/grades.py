@@ -20,10 +20,10 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data.indicators import mac, mpc
 from modalscope.data.mode_fields import half_widths
 from modalscope.data.modes import ModalModel
 from modalscope.data.shown import percent
-from modalscope.identification.modal.indicators import mac, mpc
 from modalscope.numerics.checks import BoolArray, RealArray
 from modalscope.selection.judging.evidence import LEAST_PEAK, LEAST_PROMINENCE
 from modalscope.selection.judging.surroundings import DIED, EXPLAINED_NEARBY, LEFT_AT_END, OF_NYQUIST

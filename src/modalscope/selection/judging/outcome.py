@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data.indicators import mac
 from modalscope.data.mode_fields import DIRECT
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Candidate as LeftOut, Note
 from modalscope.data.response import Response
 from modalscope.data.results import DEVIATIONS, StabilizationDiagram
-from modalscope.identification.modal.indicators import mac
 from modalscope.identification.modal.joint_fit import joint_fit, joint_residues
 from modalscope.identification.modal.rebuilt import rebuilt
 from modalscope.identification.orders import ORDERS_END, usable_orders

@@ -15,7 +15,7 @@ import scipy.fft as sfft
 from scipy.linalg.lapack import dpotrf, dtrtri
 from scipy.special import ndtri
 
-from modalscope.identification.modal.indicators import mac
+from modalscope.data.indicators import mac
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.functions.poles import frequencies_and_damping, overlap
 from modalscope.selection.judging.selection_problem import MAX_DAMPING_OF_RESONANCES, SelectionProblem

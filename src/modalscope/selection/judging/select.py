@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modalscope.data.channels import AUTO, check_groups
+from modalscope.data.indicators import with_indicators_of_shapes
 from modalscope.data.modes import ModalModel
 from modalscope.data.results import StabilizationDiagram
-from modalscope.identification.modal.indicators import with_indicators_of_shapes
 from modalscope.identification.orders import usable_orders
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_each, check_kind, check_positive

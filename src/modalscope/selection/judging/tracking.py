@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from modalscope.identification.modal.indicators import mac
+from modalscope.data.indicators import mac
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.functions.poles import frequencies_and_damping
 from modalscope.numerics.statistics import assign

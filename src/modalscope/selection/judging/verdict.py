@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from modalscope.data.deferred import Deferred
+from modalscope.data.indicators import mac
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
-from modalscope.identification.modal.indicators import mac
 from modalscope.identification.modal.rebuilt import contributions
 from modalscope.identification.orders import usable_orders
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray

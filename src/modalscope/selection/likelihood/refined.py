@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from modalscope.data.channels import Groups
+from modalscope.data.indicators import with_indicators_of_shapes
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Candidate, Note
 from modalscope.data.response import INSEPARABLE
 from modalscope.data.shown import counted
-from modalscope.identification.modal.indicators import with_indicators_of_shapes
 from modalscope.identification.modal.joint_fit import JointFit, joint_fit
 from modalscope.numerics.checks import ComplexArray
 from modalscope.numerics.functions.poles import frequencies_and_damping

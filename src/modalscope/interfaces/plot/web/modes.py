@@ -9,8 +9,8 @@ import numpy as np
 
 from modalscope.data import DataError, Geometry, ModalModel
 from modalscope.data.analysis import named_near
+from modalscope.data.indicators import mac
 from modalscope.data.response import Response
-from modalscope.identification.modal.indicators import mac
 from modalscope.interfaces.plot._camera import extent
 from modalscope.interfaces.plot.shapes import has_channels, turned
 from modalscope.interfaces.plot.web.blob import pack

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope.data import DataError, FrequencyResponse
-from modalscope.identification.modal.indicators import cmif, mmif, prominence
+from modalscope.data.indicators import cmif, mmif, prominence
 from tests.support import FIVE
 
 

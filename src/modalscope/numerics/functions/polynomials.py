@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.data.response import Response
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.functions.poles import to_continuous, to_discrete
@@ -141,13 +140,14 @@ class Plane:
         return self.made
 
 
-def plane_of(domain: str, response: Response) -> Plane:
+def plane_of(domain: str, highest: float, rate: float | None) -> Plane:
     """Return the plane of a domain: s scaled to the band, z by the exponential for sampled responses, else the bilinear map.
 
     The bilinear map z = (1 + s T/2) / (1 - s T/2), T = 2 / w_max, is exact for continuous responses, the exponential is not.
+
+    `highest`: frequency of the lines, Hz. `rate`: sampling rate of the system, Hz; None where it is continuous.
     """
-    top = 2 * np.pi * response.span[1]
-    rate = response.sampling_rate
+    top = 2 * np.pi * highest
     if domain == "s":
         if rate is not None:
             raise DataError(

@@ -10,7 +10,7 @@ import pytest
 import modalscope as ms
 from modalscope import systems
 from modalscope.data import DataError
-from modalscope.identification.modal.indicators import (
+from modalscope.data.indicators import (
     amplitude_coherence,
     cluster_mpc,
     clusters,
