@@ -149,6 +149,7 @@ hand_down(
     living="modalscope.interfaces.plot.web.alive:living",
     table_of="modalscope.selection.judging.description:table_of",
     of_records="modalscope.identification.of_records:of_records",
+    reduced="modalscope.identification.realizations.reductions:reduced",
     text_of="modalscope.selection.judging.description:text_of",
     verdict_of_result="modalscope.interfaces.plot.web.verdict:verdict_of_result",
 )

@@ -11,7 +11,7 @@ import pytest
 
 from modalscope import DataError, stabilize
 from modalscope.data import FrequencyResponse, ImpulseResponse, ModalModel, Signals
-from modalscope.identification.matrices.triple import Eigen, ModalFit, Triple
+from modalscope.identification.matrices.matrix import Eigen, ModalFit, Triple
 from modalscope.identification.modal.eigenmodes import Eigenmodes
 from modalscope.identification.stabilize import TOLERANCES, stable_against
 from modalscope.identification.sweep import Cut

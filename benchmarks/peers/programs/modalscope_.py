@@ -4,7 +4,7 @@ import numpy as np
 
 import modalscope as ms
 from modalscope.identification.matrices.fraction import fraction
-from modalscope.identification.realizations.companion import fraction_companion
+from modalscope.identification.realizations.fraction_companion import fraction_companion
 
 
 def _response(data):

@@ -25,8 +25,7 @@ from modalscope.data.response import output_scale
 from modalscope.data.responses import FrequencyResponse
 from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.lines import FittedToLines, OnPlane
-from modalscope.identification.matrices.triple import Eigen, Triple
-from modalscope.identification.realizations.realization import Realization
+from modalscope.identification.matrices.matrix import Eigen, Realization, Triple
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.pole_basis import line_basis

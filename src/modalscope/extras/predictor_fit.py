@@ -21,8 +21,7 @@ import scipy.linalg as sla
 
 from modalscope.identification.matrices.driven import DrivenProjection
 from modalscope.identification.matrices.factor import Factors
-from modalscope.identification.matrices.triple import Triple
-from modalscope.identification.realizations.realization import Realization
+from modalscope.identification.matrices.matrix import Realization, Triple
 from modalscope.identification.realizations.shift import Shift, shift
 from modalscope.numerics.checks import ComplexArray, RealArray
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple, Protocol
 
 from modalscope.data.notes import Note
-from modalscope.identification.matrices.triple import Eigen, Triple
+from modalscope.identification.matrices.matrix import Eigen, Triple
 from modalscope.identification.modal.eigenmodes import Eigenmodes
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
 

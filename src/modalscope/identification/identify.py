@@ -12,6 +12,7 @@ from modalscope.data.response import Response
 from modalscope.data.shown import Shown, cells_of, summary_of
 from modalscope.data.statespace import StateSpace
 from modalscope.identification.matrices.factor import Factors
+from modalscope.identification.matrices.full import full
 from modalscope.identification.matrices.matrix import DataMatrix
 from modalscope.identification.method import Problem
 from modalscope.identification.method_names import cell_label
@@ -138,7 +139,7 @@ def identify(
     factorization : {"auto", "dense", "gram", "randomized", "lanczos"}, optional
         The route to the singular vectors.
     reduction : {"projection", "markov", "reversed"}, optional
-        Of polyreference in the time domain to minimum order, see `modalscope.identification.realizations.companion`.
+        Of polyreference in the time domain to minimum order, see `modalscope.identification.realizations.reductions`.
     row_shifts, column_shifts, row_subsets, column_subsets, row_weights, column_weights, row_compression, column_compression : optional
         The data matrix in its generality, see `modalscope.identification.matrices.hankel`.
     **options
@@ -184,7 +185,7 @@ def assemble(
     pending = Sweep(pipeline, [order], deviations=deviations)
     cut = pending.cut(order)
     model = state_space(pipeline.matrix, cut.triple, cut.modal)
-    error, by_channel = fit_error_of(pipeline.matrix.compared(model, cut.modal.poles, cut.modal.fit))
+    error, by_channel = fit_error_of(full(pipeline.matrix).compared(model, cut.modal.poles, cut.modal.fit))
     kept, rest = split_extraneous(cut.modal, cut.triple)
     kinds = cut.modes.kinds
     odd: dict[str, float] = {

@@ -16,10 +16,9 @@ from modalscope.data.results import Settings
 from modalscope.data.stored import StoredSignals
 from modalscope.data.whitening import Whitening
 from modalscope.identification.matrices.factor import Factors
-from modalscope.identification.matrices.matrix import DataMatrix
+from modalscope.identification.matrices.matrix import DataMatrix, Realization
 from modalscope.identification.options import Options
 from modalscope.identification.orders import OrderRule
-from modalscope.identification.realizations.realization import Realization
 from modalscope.numerics.errors import DataError
 
 #: Maximum share of the energy in the last tenth of a response that has decayed.

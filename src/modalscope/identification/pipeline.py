@@ -11,12 +11,12 @@ from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.data.whitening import Whitening
 from modalscope.identification.matrices.factor import Factors
-from modalscope.identification.matrices.matrix import DataMatrix, OfCombinations
-from modalscope.identification.matrices.triple import Eigen, ModalFit, Triple
+from modalscope.identification.matrices.full import FullMatrix, OfCombinations, full
+from modalscope.identification.matrices.matrix import DataMatrix, Eigen, ModalFit, Realization, Triple
 from modalscope.identification.method import Built, Method, Problem
-from modalscope.identification.realizations.realization import Realization
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_count, check_kind
+from modalscope.numerics.handed import handed
 from modalscope.numerics.resources import one_thread
 
 
@@ -29,7 +29,7 @@ class WhitenedChannels(OfCombinations):
 
     response: Response
     whitening: Whitening
-    inner: DataMatrix
+    inner: FullMatrix
 
     @cached_property
     def judged(self) -> Response:
@@ -173,7 +173,7 @@ def built(problem: Problem, largest: int) -> Built:
     response, records = whitening.of_response(problem.response), problem.records
     records = whitening.of_record(records) if problem.method.of_past and isinstance(records, Signals) else records
     inside = problem.method.matrix(replace(problem, response=response, records=records), order)
-    return inside._replace(matrix=WhitenedChannels(problem.response, whitening, inside.matrix))
+    return inside._replace(matrix=WhitenedChannels(problem.response, whitening, full(inside.matrix)))
 
 
 def factored(problem: Problem, largest: int, given: Built | None = None) -> Factored:
@@ -188,7 +188,7 @@ def realized(problem: Problem, given: Factored) -> Pipeline:
     realization = problem.method.realize(matrix.observable, factors)
     reduction = settings.get("reduction")
     if reduction is not None:
-        realization = realization.reduced(reduction)
+        realization = handed("reduced")(realization, reduction)
     participation = _PARTICIPATION.get(problem.response.origin)
     notes = (
         *problem.notes,

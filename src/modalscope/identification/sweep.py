@@ -11,11 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data.misfit import Misfit
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.response import output_scale
 from modalscope.identification.deviating import Asked, Deviating, Deviations
-from modalscope.identification.matrices.triple import Misfit, Triple
+from modalscope.identification.matrices.full import full
+from modalscope.identification.matrices.matrix import Triple
 from modalscope.identification.method import Problem
 from modalscope.identification.modal.eigenmodes import Eigenmodes, eigenmodes, indicators_of_all, split_extraneous
 from modalscope.identification.modal.rebuilt import modal_model
@@ -86,7 +88,7 @@ def judged(pipeline: Pipeline, orders: Sequence[int], measured: Shared) -> list[
             results.append(error)
             continue
         size += len(model.A) * pipeline.response.count
-        if size > _MAX_NUMBERS_TOGETHER or not (pipeline.matrix.fitted.by_mode and model.span is None):
+        if size > _MAX_NUMBERS_TOGETHER or not (full(pipeline.matrix.fitted).by_mode and model.span is None):
             break
     computed = [result for result in results if not isinstance(result, DataError)]
     bases = measured.with_bases([modal for _, _, modal in computed])
@@ -167,7 +169,9 @@ class Shared:
         """Return norm(residual) / norm(data), outputs divided by their root mean square: from the fit where known, else rebuilt."""
         if modes.fit.misfit is not None:
             return modes.fit.misfit
-        return self._misfit.of_fit(modes.poles, modes.fit.fitted or modes.fit)
+        fit = modes.fit.fitted or modes.fit
+        basis = fit.basis or self._compared.basis(modes.poles, fit.powers)
+        return self._misfit.of_modes(basis, fit.shapes, fit.participation, fit.terms)
 
 
 def _with_basis(modes: Eigenmodes, basis: ModalBasis | None) -> Eigenmodes:
@@ -197,23 +201,6 @@ class Sweep:
     def deviating(self) -> Deviating | None:
         """Who tells the standard deviations of the poles; None where nobody was asked."""
         return self._measured.deviating
-
-    def has_poles_of(self, other: Sweep) -> bool:
-        """Whether another sweep over the same factors has the same poles at every order."""
-        return self.orders == other.orders and self._model.has_poles_of(other._model)
-
-    def has_modes_of(self, other: Sweep) -> bool:
-        """Whether another sweep over the same factors has the same modes, notes and settings at every order."""
-        if not self.has_poles_of(other):
-            return False
-        ours, theirs = self.pipeline, other.pipeline
-        alike = ours.notes == theirs.notes and ours.settings == theirs.settings
-        return alike and (ours.matrix.fits_states or self._model.has_ends_of(other._model))
-
-    @cached_property
-    def _model(self) -> Triple:
-        """The model of the largest order, as it was realized."""
-        return self.pipeline.realization.triple(self.orders[-1])
 
     def cut(self, order: int) -> Cut:
         """Return one order; the sweep stays where it is."""

@@ -22,11 +22,8 @@ from modalscope.identification.options import (
 )
 from modalscope.identification.orders import BLOCKS, COMPANIONS, DEGREES, STATES
 from modalscope.identification.realizations.balanced import balanced
-from modalscope.identification.realizations.companion import (
-    fraction_companion,
-    least_squares_companion,
-    null_space_companion,
-)
+from modalscope.identification.realizations.companion import least_squares_companion, null_space_companion
+from modalscope.identification.realizations.fraction_companion import fraction_companion
 from modalscope.identification.realizations.regression import regression
 from modalscope.identification.realizations.shift import shift
 

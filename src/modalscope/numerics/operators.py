@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
 
-from modalscope.numerics.checks import Array, RealArray
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.executors import executor
 from modalscope.numerics.resources import fetched
 
@@ -29,6 +29,15 @@ def times_real(left: Array, right: RealArray) -> Array:
     product = np.empty((len(left), right.shape[1]), dtype=complex)
     product.real, product.imag = np.ascontiguousarray(left.real) @ right, np.ascontiguousarray(left.imag) @ right
     return product
+
+
+def padded(rows: Sequence[Array]) -> ComplexArray:
+    """Return rows of several orders below each other, zeros behind those that are shorter than the longest."""
+    table, start = np.zeros((sum(map(len, rows)), max(part.shape[1] for part in rows)), dtype=complex), 0
+    for part in rows:
+        table[start : start + len(part), : part.shape[1]] = part
+        start += len(part)
+    return table
 
 
 class Operator(Protocol):

@@ -10,7 +10,8 @@ from modalscope.identification.matrices.few_points import Arc, moments_on, nodes
 from modalscope.identification.matrices.fraction import fraction
 from modalscope.identification.matrices.fraction_noise import FractionInfluence
 from modalscope.identification.matrices.influence import LineInfluence
-from modalscope.identification.realizations.companion import fraction_companion
+from modalscope.identification.realizations.fraction_companion import fraction_companion
+from modalscope.identification.realizations.sensitivity import influence_of
 from tests.support import add_noise, random_system, relative
 
 
@@ -24,7 +25,7 @@ def response(inputs: int, low: float, high: float, snr: float = 40.0) -> Frequen
 def influence(frf: FrequencyResponse, degree: int, weights: np.ndarray | None = None) -> FractionInfluence:
     matrix = fraction(frf, degree=degree + 3, weights=weights)
     realization = fraction_companion(matrix, matrix.factors)
-    found = realization.influence([(degree, realization.triple(degree).eigen())])
+    found = influence_of(realization, [(degree, realization.triple(degree).eigen())])
     assert isinstance(found, FractionInfluence)
     return found
 

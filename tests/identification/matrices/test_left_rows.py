@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from modalscope.identification.matrices.full import pencil_of
 from modalscope.identification.matrices.lines import line_pencil
 from modalscope.identification.matrices.matrix import RowShift
 from modalscope.numerics.functions.polynomials import both_sums, orthogonal_basis
@@ -22,7 +23,7 @@ def test_pencils_on_lines_are_those_of_the_recurrence(circle: bool, lines: np.nd
     shape = 4, DEGREE, OUTPUTS
     F, scale = rng.standard_normal(shape) + 1j * rng.standard_normal(shape), rng.uniform(1, 2, OUTPUTS)
     values = 0.9 * np.exp(1j * rng.uniform(0.3, 1.5, 4))
-    rows = RowShift(block=OUTPUTS, recurrence=recurrence).pencil(F.reshape(4, -1), values, OUTPUTS * (DEGREE + 1))
+    rows = pencil_of(RowShift(block=OUTPUTS, recurrence=recurrence), F.reshape(4, -1), values, OUTPUTS * (DEGREE + 1))
     expected = both_sums(basis[lines], rows.reshape(4, -1, OUTPUTS) / scale)
     found = line_pencil(basis[:, :DEGREE], points, F / scale, values).on(lines)
     for own, its in zip(found, expected, strict=True):

@@ -7,7 +7,7 @@ import pytest
 
 from modalscope.identification.identify import identify
 from modalscope.identification.modal.eigenmodes import eigenmodes, split_extraneous
-from modalscope.identification.realizations.companion import reversed_companion
+from modalscope.identification.realizations.reductions import reversed_companion
 from tests.support import FIVE, add_noise, built, match_poles
 
 

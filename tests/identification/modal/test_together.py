@@ -11,7 +11,7 @@ import pytest
 from modalscope import DataError, FrequencyResponse, ImpulseResponse, Signals, estimate_correlation
 from modalscope.data.response import output_scale
 from modalscope.identification import sweep as cutting
-from modalscope.identification.matrices.triple import ModalFit
+from modalscope.identification.matrices.matrix import ModalFit
 from modalscope.identification.modal.rebuilt import fit_error, rebuilt
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare

@@ -27,6 +27,7 @@ from modalscope.identification.modal.rebuilt import fit_of
 from modalscope.identification.options import Options
 from modalscope.identification.pipeline import Factored, built, factored
 from modalscope.identification.prepare import Measured, pose
+from modalscope.identification.same_models import same_modes, same_poles
 from modalscope.identification.stabilize import swept
 from modalscope.identification.sweep import Sweep, start
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
@@ -232,11 +233,11 @@ class _Group:
 
     def with_poles_of(self, sweep: Sweep) -> Sweep | None:
         """Return the sweep of a cell that has the same poles at every order; None without one."""
-        return next((other for other, _ in self._done if other.has_poles_of(sweep)), None)
+        return next((other for other, _ in self._done if same_poles(other, sweep)), None)
 
     def with_modes_of(self, sweep: Sweep) -> _Work | None:
         """Return a cell that has the same modes at every order; None without one."""
-        return next((work for other, work in self._done if other.has_modes_of(sweep)), None)
+        return next((work for other, work in self._done if same_modes(other, sweep)), None)
 
 
 def _same_settings(one: Options, other: Options) -> bool:

@@ -15,12 +15,13 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 import scipy.linalg as sla
 
+from modalscope.data.misfit import Misfit
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.data.responses import ImpulseResponse
 from modalscope.data.stored import StoredResponse
-from modalscope.identification.matrices.matrix import DataMatrix, OfCombinations
-from modalscope.identification.matrices.triple import Eigen, Misfit, ModalFit, Triple
+from modalscope.identification.matrices.full import FullMatrix, OfCombinations
+from modalscope.identification.matrices.matrix import Eigen, ModalFit, Triple
 from modalscope.numerics.checks import Array, RealArray, sealed
 from modalscope.numerics.operators import real_times
 from modalscope.numerics.orthonormal import orthonormal
@@ -257,7 +258,7 @@ class CombinedOutputs(OfCombinations):
 
     response: Response
     few: Combinations
-    inner: DataMatrix
+    inner: FullMatrix
 
     @property
     def judged(self) -> Response:
@@ -280,7 +281,7 @@ class CombinedOutputs(OfCombinations):
     def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
         """Return the fit to the combinations, its shapes and terms spread over all outputs; what was discarded is left as well."""
         fit = self.inner.fit(model, eigen)
-        misfit = self._misfit.of_fit(self.to_s(eigen.values), fit) if fit.misfit is None else fit.misfit
+        misfit = self._missed(eigen, fit) if fit.misfit is None else fit.misfit
         discarded = self.few.discarded
         return replace(
             fit,
@@ -290,6 +291,10 @@ class CombinedOutputs(OfCombinations):
             fitted=replace(fit, basis=None),
             misfit=float(np.sqrt((1 - discarded) * misfit**2 + discarded)),
         )
+
+    def _missed(self, eigen: Eigen, fit: ModalFit) -> float:
+        basis = fit.basis or self.few.response.basis(self.to_s(eigen.values), fit.powers)
+        return self._misfit.of_modes(basis, fit.shapes, fit.participation, fit.terms)
 
     @cached_property
     def _misfit(self) -> Misfit:

@@ -20,8 +20,8 @@ from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import Records
 from modalscope.data.statespace import StateSpace
+from modalscope.identification.matrices.matrix import Eigen, ModalFit, Triple
 from modalscope.identification.matrices.sampled_rows import MixedRows
-from modalscope.identification.matrices.triple import Eigen, ModalFit, Triple
 from modalscope.numerics.checks import Array, RealArray, check_count
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.sums import TriangleSum

@@ -9,15 +9,16 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from modalscope.data.misfit import Misfit
 from modalscope.data.response import output_scale
 from modalscope.data.responses import FrequencyResponse
 from modalscope.data.statespace import StateSpace
 from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.fraction_noise import FractionInfluence, LineSums
+from modalscope.identification.matrices.full import FullMatrix
 from modalscope.identification.matrices.influence import Lines, all_lines
-from modalscope.identification.matrices.matrix import DataMatrix
+from modalscope.identification.matrices.matrix import Eigen, ModalFit, Triple
 from modalscope.identification.matrices.normal_equations import NormalEquations, half_circle
-from modalscope.identification.matrices.triple import Eigen, Misfit, ModalFit, Triple
 from modalscope.numerics.checks import Array, ComplexArray, check_count
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.pole_basis import LineFits
@@ -74,7 +75,7 @@ def fraction(
 
 
 @dataclass(frozen=True, eq=False)
-class Fraction(NormalEquations, DataMatrix):
+class Fraction(NormalEquations, FullMatrix):
     """The data matrix of a right matrix fraction (made by `fraction`): no factor is compared with its modes."""
 
     by_mode = True

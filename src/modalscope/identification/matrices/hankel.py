@@ -17,11 +17,11 @@ from modalscope.data.responses import ImpulseResponse
 from modalscope.identification.matrices.block_hankel import BlockHankel
 from modalscope.identification.matrices.evolved import Evolved, ModalSide, RowSums
 from modalscope.identification.matrices.factor import Factors
+from modalscope.identification.matrices.full import FullMatrix, pencil_of
 from modalscope.identification.matrices.influence import ConvolvedInfluence, Influence, Lines, convolved
-from modalscope.identification.matrices.matrix import DerivedMatrix, RowShift
+from modalscope.identification.matrices.matrix import DerivedMatrix, Eigen, ModalFit, RowShift, Triple
 from modalscope.identification.matrices.sampled_rows import SampledMatrix
 from modalscope.identification.matrices.sides import Side, adds_channels, block_shifts, side_of
-from modalscope.identification.matrices.triple import Eigen, ModalFit, Triple
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import DenseMatrix, Operator, real_times
@@ -316,7 +316,7 @@ class GeneralHankel(Hankel):
         """Return L_j on the rows of whole consecutive blocks, of which the matrix has some."""
         if tall:
             entries = self._tall_rows.entries
-            return _scattered(self.row_shift.pencil(left, values, entries.shape[1]), entries, self.values.shape[1])
+            return _scattered(pencil_of(self.row_shift, left, values, entries.shape[1]), entries, self.values.shape[1])
         F, entries = self.rows.taken_back(left), self.rows.entries
         both = np.hstack([entries, entries + np.array([[1], [0]])])
         return _scattered(np.hstack([-np.asarray(values)[:, None] * F, F]), both, self.values.shape[1])
@@ -363,7 +363,7 @@ def _scattered(rows: Array, entries: IntArray, channels: int) -> ComplexArray:
 
 
 @dataclass(frozen=True, eq=False)
-class TurnedHankel(DerivedMatrix):
+class TurnedHankel(FullMatrix, DerivedMatrix):
     """A Hankel matrix of the transposed response, whose models are turned back: (A, B, C) -> (A', C', B').
 
     `response`: as it was measured. `inner`: of the transposed response.

@@ -15,13 +15,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from modalscope.data.misfit import Misfit
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse
 from modalscope.identification.matrices.evolved import ModalSide, OnLines
 from modalscope.identification.matrices.factor import Factors
+from modalscope.identification.matrices.full import FullMatrix, pencil_of
 from modalscope.identification.matrices.influence import LineInfluence, Lines, Outer, all_lines
-from modalscope.identification.matrices.matrix import DataMatrix, RowShift
-from modalscope.identification.matrices.triple import Eigen, Misfit, ModalFit, Triple
+from modalscope.identification.matrices.matrix import Eigen, ModalFit, RowShift, Triple
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, real_array
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.pole_basis import LineData, line_basis, line_data
@@ -132,7 +133,7 @@ class VectorsOnLines(NamedTuple):
         return real, imaginary
 
 
-class OnPlane(DataMatrix):
+class OnPlane(FullMatrix):
     """A matrix of lines taken to points of a plane: its poles lie there."""
 
     plane: Plane
@@ -151,7 +152,7 @@ class OnPlane(DataMatrix):
         return self.plane.dt
 
 
-class RowsOnLines(DataMatrix):
+class RowsOnLines(FullMatrix):
     """A block matrix that stands for many columns on lines: its rows through one exact triangular factor.
 
     A concrete matrix gives `triangle` and `full_shift`, and what every `DataMatrix` must give.
@@ -203,7 +204,7 @@ class RowsOnLines(DataMatrix):
         """Return L_j on all q + 1 block rows, of which H(0) may keep some."""
         F = np.zeros((len(left), self.outputs * self.block_rows), dtype=complex)
         F[:, self.kept_rows] = left
-        return self.full_shift.pencil(F, values, self.outputs * (self.block_rows + 1))
+        return pencil_of(self.full_shift, F, values, self.outputs * (self.block_rows + 1))
 
     def right_vectors(self, factors: Factors, coefficients: Array) -> Any:
         """Return v_j over the lines, made where they are asked."""
@@ -401,7 +402,7 @@ class PolynomialRows(OnPlane, RowsOnLines):
         return LineInfluence((Outer(at, upper * half),), (Outer(mirrored, lower * half),), kept)
 
 
-class FittedToLines(DataMatrix):
+class FittedToLines(FullMatrix):
     """A matrix of a response on lines whose shapes come from its rows; participation is fitted to the lines.
 
     A concrete matrix has the fields below, and `shapes` of its rows, or `mode_shapes` where it has none.

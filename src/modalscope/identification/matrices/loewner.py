@@ -320,7 +320,7 @@ class Loewner(OnPlane, FittedToLines):
         return self.shifted(0)
 
     @cached_property
-    def row_shift(self) -> RowShift:
+    def row_shift(self) -> BarycentricShift:
         """E0 and E1 by the lines."""
         weighted = np.concatenate([self.rows.root, np.zeros(len(self.rows.root))])
         constant = weighted / np.linalg.norm(weighted)

@@ -1,22 +1,129 @@
-"""Base class of block data matrices, the shift of their rows, and pencils of rows on lines."""
+"""Define what a data matrix offers, the shift of its rows, and the models (A, B, C) that are read off it.
+
+No stage asks for a data matrix whole: factorizations multiply with H(0) and H(1), a realization asks for the shift of the rows and for
+first block rows and columns, and modes are fitted to the response behind it. What else is told of a data matrix, how well its factors
+follow the modes and what noise does to them, stands in `modalscope.identification.matrices.full`.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any, ClassVar, NoReturn
+from dataclasses import dataclass, replace
+from typing import Any, NoReturn
 
 import numpy as np
 
-from modalscope.data.statespace import StateSpace
-from modalscope.identification.matrices.evolved import Evolved, ModalSide
 from modalscope.identification.matrices.factor import Factors
-from modalscope.identification.matrices.influence import Influence, Lines
-from modalscope.identification.matrices.triple import Eigen, ModalFit, Triple
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
-from modalscope.numerics.operators import Operator, real_times, times_real
+from modalscope.numerics.functions.pole_basis import ModalBasis
+from modalscope.numerics.operators import Operator, real_times
+
+#: Maximum condition of eigenvectors for their inverse; above it they are nearly dependent (defective poles).
+_MAX_CONDITION = 1e13
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Eigen:
+    """Eigenvalues of a model in the plane of its data matrix, with right vectors and the matching rows of their inverse.
+
+    `values` (k,). `vectors` (N, k). `left` (k, N).
+    """
+
+    values: ComplexArray
+    vectors: ComplexArray
+    left: ComplexArray
+
+    def dual(self) -> Eigen:
+        """Return the eigenvalues of A' with its vectors."""
+        return Eigen(self.values, self.left.T, self.vectors.T)
+
+    def take(self, index: Array) -> Eigen:
+        """Return some of them."""
+        return Eigen(self.values[index], self.vectors[:, index], self.left[index])
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ModalFit:
+    """Shapes and participation of modes, from the model or fitted to the data.
+
+    `shapes` (l, k). `participation` (k, m): referred to the impulse itself. `terms` (t, l, m): direct term, or residuals of the modes
+    below and above the band. `powers`: powers of the relative frequency j f / f_max that the terms are factors of. `reach` (k,): norm of
+    each mode's function over the lines. `basis`: what it was fitted with, where it is dear to make and small to keep. `misfit`:
+    norm(measured - rebuilt) / norm(measured) of the response that is judged, outputs brought level, where the fit knows it. `unexplained`
+    (l, m): energy that no residues of these poles explain, where the fit knows it; NaN of channels where that is near rounding. `fitted`:
+    the same of the combinations of outputs that it was fitted to, where these stand for many.
+    """
+
+    shapes: ComplexArray
+    participation: ComplexArray
+    terms: RealArray
+    powers: tuple[int, ...] = (0,)
+    reach: RealArray | None = None
+    basis: ModalBasis | None = None
+    misfit: float | None = None
+    unexplained: RealArray | None = None
+    fitted: ModalFit | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Triple:
+    """(A, B, C) of one order; B is None where the columns of the data matrix are lines or times.
+
+    `A` (N, N). `B` (N, m). `C` (l, N). `rank`: states kept from the factorization; canonical forms have more (N > rank). `factors`: what
+    the states were cut from: those of the row factor P d^a and the column factor d^(1-a) Q'. None in canonical forms, whose states are
+    the block rows themselves. `power`: a. `span` (N, rank): orthonormal basis of the states that the truncated factor explains, of a
+    canonical form. `turned`: whether that is a space of left eigenvectors: inputs and outputs have changed places.
+    """
+
+    A: RealArray
+    B: RealArray | None
+    C: RealArray
+    rank: int
+    factors: Factors | None = None
+    power: float = 0.5
+    span: RealArray | None = None
+    turned: bool = False
+
+    def dual(self) -> Triple:
+        """Return (A', C', B'): the model of the transposed response."""
+        assert self.B is not None
+        return replace(self, A=self.A.T, B=self.C.T, C=self.B.T, turned=not self.turned)
+
+    def eigen(self) -> Eigen:
+        """Return eigenvalues and vectors of A."""
+        values, vectors = np.linalg.eig(self.A)
+        return Eigen(values, vectors.astype(complex), inverse_vectors(vectors))
+
+    def row_states(self, vectors: Array) -> ComplexArray:
+        """Return the row factor times vectors of states: [c g_0; c g_1; ...] of modes; for canonical forms the vectors themselves."""
+        if self.factors is None:
+            return np.asarray(vectors)
+        n = self.rank
+        return np.asarray(real_times(self.factors.P[:, :n], self.factors.d[:n, None] ** self.power * vectors))
+
+    def explained(self, eigen: Eigen) -> RealArray | None:
+        """Return the share of each mode's vector, 0 to 1, that the truncated factor explains; None where there is nothing to tell.
+
+        Of a canonical form without noise: 1 for the modes, less for the extraneous poles. In noise it tells them apart better than
+        the amplitude in the first block column, which the noise of that column drives as well.
+        """
+        if self.span is None:
+            return None
+        X = eigen.left.T if self.turned else eigen.vectors
+        return np.asarray(np.linalg.norm(self.span.T @ X, axis=0) / np.linalg.norm(X, axis=0))
+
+
+def inverse_vectors(vectors: Array) -> ComplexArray:
+    """Return X^-1 of eigenvectors as columns; the pseudo-inverse where they have nearly lost independence (defective poles)."""
+    X = np.asarray(vectors, dtype=np.complex128)
+    try:
+        inverse = np.asarray(np.linalg.inv(X), dtype=complex)
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.pinv(X), dtype=complex)
+    if np.linalg.norm(X, 1) * np.linalg.norm(inverse, 1) < _MAX_CONDITION:
+        return inverse
+    return np.asarray(np.linalg.pinv(X), dtype=complex)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,39 +164,15 @@ class RowShift:
         if self.recurrence is None:
             assert self.before is not None
             assert self.after is not None
-            return _rows(V, self.before), _rows(V, self.after)
+            return np.asarray(V[place_of(self.before)]), np.asarray(V[place_of(self.after)])
         h = self.recurrence
         blocks = V.reshape(h.shape[0], self.block, -1)
         combined = np.tensordot(h.T, blocks, axes=1).reshape(h.shape[1] * self.block, -1)
         return V[: h.shape[1] * self.block], combined
 
-    def pencil(self, left: Array, values: Array, rows: int) -> ComplexArray:
-        """Return L_j = F_j E1 - x_j F_j E0 on the rows that E0 and E1 were given, (k, rows), without weights or mixing.
 
-        `left` (k, rows of E0): f_j, one a row. `values` (k,): x_j.
-        """
-        F, x = np.asarray(left), np.asarray(values)[:, None]
-        L = np.zeros((len(F), rows), dtype=complex)
-        if self.recurrence is None:
-            assert self.before is not None
-            assert self.after is not None
-            L[:, _place(self.after)] = F
-            L[:, _place(self.before)] -= x * F
-            return L
-        h = self.recurrence
-        blocks = F.reshape(len(F), h.shape[1], self.block)
-        L += real_times(h, blocks).reshape(len(F), -1)
-        L[:, : F.shape[1]] -= x * F
-        return L
-
-
-def _rows(V: Array, index: IntArray) -> RealArray:
-    """Select rows: a view when they are consecutive, as they are for whole blocks."""
-    return np.asarray(V[_place(index)])
-
-
-def _place(index: IntArray) -> slice | IntArray:
-    """Return rows that are consecutive as a slice, which takes no time, others as they are."""
+def place_of(index: IntArray) -> slice | IntArray:
+    """Return rows that are consecutive, as they are for whole blocks, as a slice, which takes no time; others as they are."""
     first, last = int(index[0]), int(index[-1])
     if last - first + 1 == index.size and np.array_equal(index, np.arange(first, last + 1)):
         return slice(first, last + 1)
@@ -103,13 +186,6 @@ class DataMatrix(ABC):
     structure does not allow is None, or a DataError that says so.
     """
 
-    #: Whether both sides of a mode are known by its own shape and participation: modes of several orders are then compared at once.
-    by_mode: ClassVar[bool] = False
-
-    #: Whether shapes and participation are fitted to the states that the factors give, whatever C and B are.
-    fits_states: ClassVar[bool] = False
-
-    # ------------------------------------------------------------------------------------------------ the matrix itself
     response: Any
 
     @property
@@ -137,12 +213,12 @@ class DataMatrix(ABC):
         return ()
 
     @property
-    def observable(self) -> DataMatrix:
+    def observable(self) -> Any:
         """The matrix that is factored: this one, or in the controllable form that of the transposed response."""
         return self
 
     @property
-    def fitted(self) -> DataMatrix:
+    def fitted(self) -> Any:
         """The matrix in whose channels models are fitted: this one, or that of combinations of outputs."""
         return self
 
@@ -190,48 +266,10 @@ class DataMatrix(ABC):
         """X (m, k) such that B = d^1/2 X', as a rule the first rows of Q; None where columns are lines or times."""
         return None
 
-    def row_blocks(self, P: Array) -> RealArray | None:
-        """A left factor (rows, k) by block rows, (blocks, channels, k); None where the blocks are not whole."""
-        return None
-
     def with_columns(self, factors: Factors) -> Factors:
         """The factors with what the indicators need of the columns, where these are not Q itself."""
         return factors
 
-    # ---------------------------------------------------------------------------------------------------------- influence
-    def pencil(self, left: Array, values: Array, *, tall: bool) -> Any:
-        """Return L_j with L_j dH = F_j (dH(1) - x_j dH(0)), one row on the whole matrix a pole: (k, rows).
-
-        `left` (k, rows of H(0)): f_j. `values` (k,): x_j, eigenvalues. `tall`: whether F_j lies on the rows that E0 selects of `tall()`,
-        without weights, and not on those of `shifted(0)`.
-        """
-        return self.row_shift.pencil(left, values, self.tall().shape[0])
-
-    def right_vectors(self, factors: Factors, coefficients: Array) -> Any:
-        """Return columns v_j of the matrix from their coefficients in the factors' own, Q X: an array, or what `influence` makes one of.
-
-        `coefficients` (n, k).
-        """
-        return times_real(coefficients.T, factors.Q[:, : len(coefficients)].T).T  # a vector lies in one piece
-
-    def influence(self, left: Any, right: Any, lines: Lines | None = None) -> Influence:
-        """Return the gradient of left_j dH right_j by the response: the adjoint of what makes the matrix of the response.
-
-        `left`: as `pencil` gives them. `right`: as `right_vectors` gives them. `lines`: where columns are lines: those that stand for
-        all; by default all.
-        """
-        self._has_no("way back to the response")
-
-    @property
-    def thinned(self) -> bool:
-        """Whether what noise does is summed line by line, so that lines far from all poles may stand for their neighbours."""
-        return True
-
-    def as_measured(self, influence: Influence) -> Influence:
-        """Return the gradient by the response as it was measured, from that of the matrix that was factored."""
-        return influence
-
-    # ---------------------------------------------------------------------------------------------------- poles and modes
     @abstractmethod
     def to_s(self, poles: Array) -> ComplexArray:
         """Continuous poles, rad/s."""
@@ -245,10 +283,6 @@ class DataMatrix(ABC):
     def dt(self) -> float | None:
         """Sampling interval of the identified system; None when it is continuous."""
 
-    def evolution(self, poles: Array, blocks: int) -> ComplexArray:
-        """How a mode runs down the block rows: (blocks, n) factors of its first block."""
-        self._has_no("block rows for a mode to run down")
-
     @abstractmethod
     def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
         """Shapes and participation of the eigenvalues of a model: from C and B, or by least squares on the data."""
@@ -256,34 +290,6 @@ class DataMatrix(ABC):
     def model(self, triple: Triple) -> Triple:
         """The model of the response, from that of the matrix that was factored."""
         return triple
-
-    def of_all_outputs(self, model: Triple) -> Triple:
-        """The same model with the outputs and inputs of the response, where it has combinations of them."""
-        return model
-
-    def with_noise(self, model: StateSpace) -> StateSpace:
-        """Return a model with the gain and the covariance of its innovations, where the data matrix knows them."""
-        return model
-
-    def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> Iterator[tuple[Array, Array]]:
-        """Data and model where the model was fitted: (measured, rebuilt), some lines or samples after the other."""
-        yield from self.judged.with_model(model)
-
-    # --------------------------------------------------------------------------------------------------------- indicators
-    def row_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
-        """The row factor V against c_j g_k; None when its blocks are not whole, or the states are the rows themselves."""
-        if model.factors is None:
-            return None
-        n = model.rank
-        blocks = self.row_blocks(model.factors.P[:, :n])
-        if blocks is None:
-            return None
-        states = model.factors.d[:n, None] ** model.power * eigen.vectors
-        return Evolved(blocks, states, self.first_block(fit.shapes), self.evolution(eigen.values, len(blocks)))
-
-    def column_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
-        """The column factor W against b_j h_k; None where blocks are not whole, and where columns are times of unknown states."""
-        return None
 
     def _has_no(self, what: str) -> NoReturn:
         raise DataError(
@@ -296,61 +302,47 @@ class DataMatrix(ABC):
 class DerivedMatrix(DataMatrix):
     """A data matrix whose poles are those of another one, `inner`."""
 
-    inner: DataMatrix
+    inner: Any
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What a result made from this matrix must say."""
-        return self.inner.warnings
+        return tuple(self.inner.warnings)
 
     def describe(self) -> str:
         """What the matrix is, in words."""
-        return self.inner.describe()
+        return str(self.inner.describe())
 
     def to_s(self, poles: Array) -> ComplexArray:
         """Continuous poles, rad/s."""
-        return self.inner.to_s(poles)
+        return np.asarray(self.inner.to_s(poles))
 
     def from_s(self, poles: Array) -> ComplexArray:
         """Poles in the plane of the inner matrix."""
-        return self.inner.from_s(poles)
+        return np.asarray(self.inner.from_s(poles))
 
     @property
     def dt(self) -> float | None:
         """Sampling interval of the identified system; None when it is continuous."""
-        return self.inner.dt
+        interval: float | None = self.inner.dt
+        return interval
 
 
-class OfCombinations(DerivedMatrix):
-    """A data matrix of combinations of the channels, `inner`: it is factored and judged, and modes are fitted to it, then taken back."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Realization(ABC):
+    """Models of all orders that one method reads off one data matrix, cut from arrays that are computed once.
 
-    @property
-    def fitted(self) -> DataMatrix:
-        """The matrix of the combinations."""
-        return self.inner
+    `factors`: of the matrix that the method factors, or of a stand-in with the same singular values. `matrix`: that was factored.
+    `notes`: what was chosen, in words.
+    """
 
-    @property
-    def observable(self) -> DataMatrix:
-        """The matrix that is factored: that of the combinations."""
-        return self.inner.observable
+    factors: Factors
+    matrix: DataMatrix
+    notes: tuple[str, ...] = ()
 
-    @property
-    def block_rows(self) -> int:
-        """Blocks in a column of H(0)."""
-        return self.inner.block_rows
+    @abstractmethod
+    def triple(self, n: int) -> Triple:
+        """Return the model of order n.
 
-    def model(self, triple: Triple) -> Triple:
-        """Return the model of the combinations, in which all orders are judged."""
-        return self.inner.model(triple)
-
-    def as_measured(self, influence: Influence) -> Influence:
-        """Refuse: the gradient is known by the combinations alone."""
-        self._has_no("way back to single channels")
-
-    def row_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
-        """Return the rows of the combinations."""
-        return self.inner.row_side(model, eigen, fit.fitted or fit)
-
-    def column_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
-        """Return the columns of the combinations."""
-        return self.inner.column_side(model, eigen, fit.fitted or fit)
+        Raises `DataError`: an order beyond the rank, or one that the method cannot have.
+        """

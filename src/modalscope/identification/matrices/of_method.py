@@ -18,6 +18,7 @@ from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.identification.matrices.combinations import Combinations, CombinedOutputs, combinations, enough
 from modalscope.identification.matrices.costs import DENSE_ENTRIES, record_cost, refuse_beyond_memory
 from modalscope.identification.matrices.factor import Factors, factorize, left_factor
+from modalscope.identification.matrices.full import full
 from modalscope.identification.matrices.hankel import TurnedHankel, hankel
 from modalscope.identification.matrices.lines import line_weights
 from modalscope.identification.matrices.matrix import DataMatrix
@@ -106,7 +107,7 @@ def transfer_of_lines(problem: Problem, order: int) -> Built:
         row_shifts=options.row_shifts,
     )
     if few is not None:
-        matrix = CombinedOutputs(response, few, matrix)
+        matrix = CombinedOutputs(response, few, full(matrix))
     return Built(matrix, replace(options, block_rows=matrix.block_rows, source="elimination"))
 
 
@@ -125,7 +126,7 @@ def of_points(made: Callable[..., DataMatrix], problem: Problem, order: int) -> 
     taken: Any = response if few is None else few.response
     weights = line_weights(response, options.weights)
     matrix = made(taken, domain=problem.method.domain, order=order, weights=weights, equal_outputs=few is None)
-    return Built(matrix if few is None else CombinedOutputs(response, few, matrix), options)
+    return Built(matrix if few is None else CombinedOutputs(response, few, full(matrix)), options)
 
 
 def fewer_outputs(response: Response, order: int, options: Any, *given: Any) -> Combinations | None:
@@ -214,7 +215,7 @@ def _hankel(problem: Problem, turned: bool, rows: int, columns: int, order: int)
         matrix: DataMatrix = TurnedHankel(response, hankel(_transposed(response), **exchanged))
     else:
         matrix = hankel(response, **sizes, **general)
-    return Built(matrix if few is None else CombinedOutputs(measured, few, matrix), settings, notes)
+    return Built(matrix if few is None else CombinedOutputs(measured, few, full(matrix)), settings, notes)
 
 
 def _unfiltered(problem: Problem) -> tuple[Note, ...]:
@@ -285,7 +286,7 @@ def records_on_lines(problem: Problem, order: int) -> Built:
     refuse_beyond_memory(cost)
     matrix: DataMatrix = record_lines(taken, domain=problem.method.domain, block_rows=degree, equal_outputs=few is None)
     if few is not None:
-        matrix = CombinedOutputs(problem.response, few, matrix)
+        matrix = CombinedOutputs(problem.response, few, full(matrix))
     return Built(matrix, replace(options, block_rows=degree, form="observable"), (cost.note,))
 
 

@@ -18,8 +18,8 @@ from modalscope.data.geometry import DofLike, indices_of
 from modalscope.data.records import Signals
 from modalscope.data.responses import ImpulseResponse
 from modalscope.identification.matrices.influence import ConvolvedInfluence, Lines, convolved
+from modalscope.identification.matrices.matrix import Eigen, ModalFit, Triple
 from modalscope.identification.matrices.sampled_rows import MixedRows, SampleRows, triangle_of, window_gram
-from modalscope.identification.matrices.triple import Eigen, ModalFit, Triple
 from modalscope.numerics.checks import Array, IntArray, RealArray, check_count
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.sums import TriangleSum

@@ -30,13 +30,13 @@ from modalscope.data.statespace import StateSpace
 from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.influence import Lines
 from modalscope.identification.matrices.lines import PolynomialRows
+from modalscope.identification.matrices.matrix import Eigen, ModalFit, Triple
 from modalscope.identification.matrices.record_influence import (
     Driven,
     InfluenceLines,
     RecordInfluence,
     lines_of_influence,
 )
-from modalscope.identification.matrices.triple import Eigen, ModalFit, Triple
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, check_count
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.polynomials import Plane, evaluate, orthogonal_basis, plane_of

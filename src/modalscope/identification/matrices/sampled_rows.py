@@ -7,7 +7,8 @@ from abc import abstractmethod
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.identification.matrices.matrix import DataMatrix, RowShift
+from modalscope.identification.matrices.full import FullMatrix
+from modalscope.identification.matrices.matrix import RowShift
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.functions.poles import powers_of, to_continuous, to_discrete
 from modalscope.numerics.operators import DenseMatrix
@@ -16,7 +17,7 @@ from modalscope.numerics.operators import DenseMatrix
 _MAX_EXPONENT = 300.0
 
 
-class SampledMatrix(DataMatrix):
+class SampledMatrix(FullMatrix):
     """Block rows are samples, one after the other."""
 
     @property

@@ -28,8 +28,7 @@ from modalscope.identification.matrices.influence import (
     transformed,
 )
 from modalscope.identification.matrices.lines import LineMatrix, VectorsOnLines, kept_block_rows, real_columns
-from modalscope.identification.matrices.matrix import RowShift
-from modalscope.identification.matrices.triple import Eigen, ModalFit, Triple
+from modalscope.identification.matrices.matrix import Eigen, ModalFit, RowShift, Triple
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, check_count
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.functions.pole_basis import stacked_basis

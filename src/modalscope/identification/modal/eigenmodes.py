@@ -20,10 +20,11 @@ from modalscope.data.indicators import (
 )
 from modalscope.data.statespace import StateSpace
 from modalscope.identification.matrices.evolved import ModalSide
-from modalscope.identification.matrices.matrix import DataMatrix
-from modalscope.identification.matrices.triple import Eigen, ModalFit, Triple, padded
+from modalscope.identification.matrices.full import full
+from modalscope.identification.matrices.matrix import DataMatrix, Eigen, ModalFit, Triple
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.functions.poles import one_of_each_pair
+from modalscope.numerics.operators import padded
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -91,13 +92,13 @@ def split_extraneous(modes: Eigenmodes, model: Triple) -> tuple[Array, Array]:
 def state_space(matrix: DataMatrix, model: Triple, modes: Eigenmodes) -> StateSpace:
     """Return the model as it was realized, with the gain of its innovations where the data matrix knows it."""
     made = deterministic(matrix, model, modes)
-    return made if model.B is not None else matrix.with_noise(made)
+    return made if model.B is not None else full(matrix).with_noise(made)
 
 
 def deterministic(matrix: DataMatrix, model: Triple, modes: Eigenmodes) -> StateSpace:
     """Return the model without noise; from lines in real modal coordinates, which do not depend on the polynomials."""
     if model.B is not None:
-        whole = matrix.of_all_outputs(model)
+        whole = full(matrix).of_all_outputs(model)
         assert whole.B is not None
         return StateSpace(A=whole.A, B=whole.B, C=whole.C, D=modes.direct, dt=matrix.dt)
     z = modes.eigen.values
@@ -223,8 +224,8 @@ def _within_order(found: dict[str, RealArray], modes: Eigenmodes) -> None:
 
 def _of_factors(matrix: DataMatrix, model: Triple, modes: Eigenmodes) -> dict[str, RealArray]:
     """Return coherence and EMAC of both factors: where the columns say nothing (NaN, or None for all) the rows alone speak."""
-    columns = matrix.column_side(model, modes.eigen, modes.fit)
-    rows = matrix.row_side(model, modes.eigen, modes.fit)
+    columns = full(matrix).column_side(model, modes.eigen, modes.fit)
+    rows = full(matrix).row_side(model, modes.eigen, modes.fit)
     found: dict[str, RealArray] = {}
     of_inputs = None
     if columns is not None:

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modalscope.identification.matrices.factor import Factors
-from modalscope.identification.matrices.matrix import DataMatrix
-from modalscope.identification.matrices.triple import Eigen, Triple
-from modalscope.identification.realizations.realization import Realization, Sides
+from modalscope.identification.matrices.matrix import DataMatrix, Realization, Triple
 from modalscope.numerics.checks import Array, RealArray
 
 
@@ -35,11 +33,6 @@ class Balanced(Realization):
         self.factors.check_order(n)
         B = None if self.B is None else self.B[:n]
         return Triple(self.A[:n, :n], B, self.C[:, :n], n, self.factors)
-
-    def sides(self, n: int, eigen: Eigen) -> Sides:
-        """Return F = y d^-1/2 P' and v = Q d^-1/2 x."""
-        root = np.sqrt(self.factors.d[:n])
-        return Sides(eigen.left / root, eigen.vectors / root[:, None])
 
 
 def balanced(matrix: DataMatrix, factors: Factors) -> Balanced:

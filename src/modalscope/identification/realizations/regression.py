@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modalscope.identification.matrices.factor import Factors
-from modalscope.identification.matrices.matrix import DataMatrix
-from modalscope.identification.matrices.triple import Eigen, Triple
-from modalscope.identification.realizations.realization import Realization, Sides
+from modalscope.identification.matrices.matrix import DataMatrix, Realization, Triple
 from modalscope.numerics.checks import RealArray
 
 
@@ -30,10 +28,6 @@ class Regression(Realization):
         A = self.A[:n, :n]
         C = np.asarray(np.linalg.lstsq(A.T, self.CA[:, :n].T, rcond=None)[0].T, dtype=float)
         return Triple(A, None if self.B is None else self.B[:n], C, n, self.factors, power=0.0)
-
-    def sides(self, n: int, eigen: Eigen) -> Sides:
-        """Return F = y P' and v = Q d^-1 x."""
-        return Sides(eigen.left, eigen.vectors / self.factors.d[:n, None])
 
 
 def regression(matrix: DataMatrix, factors: Factors) -> Regression:

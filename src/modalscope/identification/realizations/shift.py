@@ -9,21 +9,13 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.identification.matrices.factor import Factors
-from modalscope.identification.matrices.matrix import DataMatrix
-from modalscope.identification.matrices.triple import Eigen, Triple
+from modalscope.identification.matrices.matrix import DataMatrix, Realization, Triple
 from modalscope.identification.realizations.balanced import first_blocks
-from modalscope.identification.realizations.realization import Realization, Sides
 from modalscope.numerics.checks import RealArray
 from modalscope.numerics.errors import DataError
 
 #: Maximum condition of (E0 P)'(E0 P): beyond, there are too few block rows.
 _MAX_CONDITION = 1e13
-
-
-def shift_grams(matrix: DataMatrix, factors: Factors) -> tuple[RealArray, RealArray]:
-    """Return (E0 P)'(E0 P) and (E0 P)'(E1 P) of the unweighted left factor; leading blocks of both serve all orders."""
-    before, after = matrix.row_shift.split(factors.P)
-    return np.asarray(before.T @ before), np.asarray(before.T @ after)
 
 
 def check_blocks(gram: RealArray, n: int, block_rows: int) -> None:
@@ -42,16 +34,15 @@ def check_blocks(gram: RealArray, n: int, block_rows: int) -> None:
 class Shift(Realization):
     """Shift of the row factor: leading blocks of two small Gram matrices serve all orders.
 
-    `gram`, `cross` (k, k): (E0 P)'(E0 P) and (E0 P)'(E1 P). `B`, `C`: of the largest order; B is None where columns are lines or times.
+    `before`: E0 P. `gram`, `cross` (k, k): (E0 P)'(E0 P) and (E0 P)'(E1 P). `B`, `C`: of the largest order; B is None where columns
+    are lines or times.
     """
 
+    before: RealArray
     gram: RealArray
     cross: RealArray
     B: RealArray | None
     C: RealArray
-    block_rows: int
-
-    left_of_tall = True
 
     @cached_property
     def _sound(self) -> bool:
@@ -63,7 +54,7 @@ class Shift(Realization):
         """Return the model of order n from the leading blocks."""
         self.factors.check_order(n)
         if not self._sound:
-            check_blocks(self.gram, n, self.block_rows)
+            check_blocks(self.gram, n, self.matrix.block_rows)
         over, under = self._triangles if self._sound else self._triangles_of(n)
         B = None if self.B is None else self.B[:n]
         return Triple(over[:n, :n] @ under[:n, :n], B, self.C[:, :n], n, self.factors)
@@ -79,17 +70,6 @@ class Shift(Realization):
         inverse = sla.solve_triangular(L, np.eye(n), lower=True, check_finite=False)
         return inverse.T / root[:, None], inverse @ self.cross[:n, :n] * root
 
-    def sides(self, n: int, eigen: Eigen) -> Sides:
-        """Return F = y d^-1/2 (E0 P)# and v = Q d^-1/2 x."""
-        root = np.sqrt(self.factors.d[:n])
-        states = sla.solve(self.gram[:n, :n], (eigen.left / root).T, assume_a="pos", check_finite=False).T
-        return Sides(states, eigen.vectors / root[:, None])
-
-    @cached_property
-    def left_basis(self) -> RealArray:
-        """E0 P."""
-        return self.matrix.row_shift.split(self.factors.P)[0]
-
 
 def shift(matrix: DataMatrix, factors: Factors) -> Shift:
     """Shift of the row factor: A = d^-1/2 (E0 P)# (E1 P) d^1/2 (Eqs. 57 and 62, in the frequency domain 110).
@@ -99,6 +79,7 @@ def shift(matrix: DataMatrix, factors: Factors) -> Shift:
 
     `factors`: of the matrix with one block row more (`tall`), the largest order.
     """
-    gram, cross = shift_grams(matrix, factors)
+    before, after = matrix.row_shift.split(factors.P)
+    gram, cross = before.T @ before, before.T @ after
     C, B = first_blocks(matrix, factors)
-    return Shift(factors=factors, matrix=matrix, gram=gram, cross=cross, B=B, C=C, block_rows=matrix.block_rows)
+    return Shift(factors=factors, matrix=matrix, before=before, gram=gram, cross=cross, B=B, C=C)

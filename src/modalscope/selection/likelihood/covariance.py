@@ -10,10 +10,10 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.special import fdtri, stdtrit
 
+from modalscope.identification.matrices.full import full
 from modalscope.identification.matrices.influence import Influence, Lines, Moments
-from modalscope.identification.matrices.matrix import DataMatrix
-from modalscope.identification.matrices.triple import Eigen, Triple
-from modalscope.identification.realizations.realization import Realization
+from modalscope.identification.matrices.matrix import DataMatrix, Eigen, Realization, Triple
+from modalscope.identification.realizations.sensitivity import influence_of
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
 #: Neighbouring lines on either side over which the cross spectra of a residual are averaged for degrees of freedom.
@@ -271,6 +271,6 @@ def influence_on_all(
         for order, model, eigen in parts
     ]
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        found = realization.influence(factored, lines)
+        found = influence_of(realization, factored, lines)
         values = np.concatenate([eigen.values for _, _, eigen in parts])
-        return PoleInfluence(matrix.as_measured(found), slope_to_s(matrix, values))
+        return PoleInfluence(full(matrix).as_measured(found), slope_to_s(matrix, values))

@@ -11,12 +11,11 @@ import numpy as np
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.identification.deviating import Asked, Deviating, Deviations
+from modalscope.identification.matrices.full import full
 from modalscope.identification.matrices.influence import Lines, Moments
-from modalscope.identification.matrices.matrix import DataMatrix
-from modalscope.identification.matrices.triple import Triple
+from modalscope.identification.matrices.matrix import DataMatrix, Realization, Triple
 from modalscope.identification.modal.eigenmodes import Eigenmodes
 from modalscope.identification.pipeline import Pipeline
-from modalscope.identification.realizations.realization import Realization
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.pole_basis import ModalBasis
@@ -89,7 +88,7 @@ def _groups(some: Sequence[_Some], response: Response) -> list[list[_Some]]:
 def _fill(matrix: DataMatrix, realization: Realization, some: Sequence[_Some]) -> bool:
     """Put the deviations of models in their places; False for a way of reading poles off whose first order is not known."""
     asked = [one for one, _ in some]
-    lines = lines_for_all(matrix.judged, asked[0].poles, matrix.block_rows) if matrix.thinned else None
+    lines = lines_for_all(matrix.judged, asked[0].poles, matrix.block_rows) if full(matrix).thinned else None
     parts = [(one.order, one.model, one.eigen.take(one.which)) for one in asked]
     with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
         try:
