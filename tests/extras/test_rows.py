@@ -13,10 +13,11 @@ from tests.support import ROOT
 
 
 def test_every_entry_point_of_the_project_is_installed_and_its_rows_have_its_name() -> None:
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    listed = project["entry-points"][METHODS]
-    assert set(listed) <= set(names_added(METHODS)), "make setup"
-    for name in listed:
+    points = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["entry-points"]
+    for group, listed in points.items():
+        assert set(listed) <= set(names_added(group)), "make setup"
+        assert all(added(group, name) for name in listed)
+    for name in points[METHODS]:
         assert {row.name for row in added(METHODS, name)} == {name}
         assert set(added(METHODS, name)) <= set(ms.methods())
         assert not any(row.votes for row in added(METHODS, name)), "trust was calibrated with the votes of the table"

@@ -50,6 +50,11 @@ def test_without_the_package_the_suffix_is_unknown(tmp_path: Path) -> None:
         ms.read(written(tmp_path))
 
 
+def test_what_no_installed_package_adds_is_asked_in_vain() -> None:
+    with pytest.raises(ms.DataError, match=r"tea of modalscope\.readings: no installed package adds it"):
+        plugins.added(plugins.READINGS, "tea")
+
+
 def test_a_fault_of_the_reader_names_its_package(installed: None, tmp_path: Path) -> None:
     with pytest.raises(ms.DataError, match=r"vendor_reader.*damaged or of another kind"):
         ms.read(written(tmp_path, "no rate\n"))

@@ -12,14 +12,13 @@ import numpy as np
 
 from modalscope.data.indicators import mac, mmif, mpc
 from modalscope.data.modes import ModalModel
-from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.responses import FrequencyResponse
-from modalscope.identification.dwell_levels import Levels, levels_of
 from modalscope.numerics.arguments import POSITIVE, named
 from modalscope.numerics.checks import ComplexArray, RealArray, check_band, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.poles import QUANTITIES, poles_from
+from modalscope.numerics.plugins import READINGS, added
 
 #: Minimum number of lines on either side of a minimum for the single-mode fit.
 _MIN_LINES = 3
@@ -91,8 +90,8 @@ def tuned_dwell(
     if not isinstance(response, list | tuple):
         check_kind("tuned_dwell", response, (FrequencyResponse, Signals, Records))
     if not hasattr(response, "lines"):
-        records = as_records(cast("Records | Signals", response))
-        return _of_records(records, levels_of(records))
+        found: Dwell = added(READINGS, "dwells")(as_records(cast("Records | Signals", response)))
+        return found
     lines = cast("FrequencyResponse", response)
     cut = lines if band is None else lines.band(*check_band(band))
     least = 2 * _MIN_LINES + 1
@@ -115,42 +114,6 @@ def tuned_dwell(
         indicator=curves,
         frequencies=cut.frequencies,
     )
-
-
-def _of_records(records: Records, levels: Levels) -> Dwell:
-    """Return the mode of dwell records at the lowest level, with all levels."""
-    best, lowest = int(levels.in_phase.argmin()), levels.table[0]
-    mode = ModalModel(
-        poles=poles_from([lowest.frequency], [lowest.damping]),
-        shapes=levels.shape[:, None].astype(complex),
-        quantity=records.quantity,
-        output_dofs=records.output_dofs,
-        processing=("sine dwells, the lowest level",),
-        notes=(_backbone_note(levels.table),),
-        scaling="length 1",
-    ).normalized("unit")
-    return Dwell(
-        modes=mode,
-        forces=levels.forces[best : best + 1],
-        indicator=levels.in_phase[:, None],
-        frequencies=levels.dwell,
-        levels=levels.table,
-    )
-
-
-def _change(levels: Any) -> float:
-    return float(np.abs(levels.frequency / levels.frequency[0] - 1).max())
-
-
-def _backbone_note(levels: Any) -> Note:
-    """Say how frequency and damping go with amplitude."""
-    ends = [levels[name][[0, -1]] for name in ("amplitude", "frequency", "damping")]
-    change = _change(levels)
-    text = (
-        f"linear within {100 * change:.2g} %: amplitudes {ends[0][0]:.3g} to {ends[0][1]:.3g}, "
-        f"{ends[1][0]:.5g} to {ends[1][1]:.5g} Hz, damping {100 * ends[2][0]:.3g} to {100 * ends[2][1]:.3g} %"
-    )
-    return Note("backbone", {"change": change}, text)
 
 
 class _Isolated(NamedTuple):

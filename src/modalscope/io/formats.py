@@ -225,9 +225,9 @@ def format_of(path: Path, doing: str) -> Format:
 
 def _added(suffix: str) -> Format | None:
     """Return the format that an installed package adds for a suffix: a function of a path that returns data."""
-    reader = added(plugins.FORMATS, suffix.removeprefix(".")) if suffix else None
-    if reader is None:
+    if suffix.removeprefix(".") not in names_added(plugins.FORMATS):
         return None
+    reader = added(plugins.FORMATS, suffix.removeprefix("."))
     package = reader.__module__.partition(".")[0]
 
     def contents(path: Path, options: Options) -> Contents:

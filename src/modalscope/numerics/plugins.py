@@ -11,6 +11,8 @@ from modalscope.numerics.errors import DataError
 FORMATS = "modalscope.formats"
 #: Rows of the table of methods by name.
 METHODS = "modalscope.methods"
+#: What few need of the program itself: readings of data by name, and reports by suffix, without its dot.
+READINGS, REPORTS = "modalscope.readings", "modalscope.reports"
 
 
 @cache
@@ -21,21 +23,20 @@ def names_added(group: str) -> tuple[str, ...]:
 
 @cache
 def added(group: str, name: str) -> Any:
-    """Return what an installed package adds to a table under a name, or None.
+    """Return what an installed package adds to a table under a name.
 
     Raises
     ------
     DataError
-        The package cannot be loaded.
+        No package adds it, or the package cannot be loaded.
     """
     point = next((point for point in _points(group) if point.name == name), None)
     if point is None:
-        return None
+        raise DataError(f"{name} of {group} was asked", "no installed package adds it", "Install modalscope again.")
     try:
         return point.load()
     except Exception as error:  # noqa: BLE001 - the code of others may raise anything
-        package = point.dist.name if point.dist is not None else point.value
-        asked = f"{name} of the installed package {package} was asked"
+        asked = f"{name} of the installed package {getattr(point.dist, 'name', point.value)} was asked"
         raise DataError(asked, f"it does not load ({type(error).__name__}: {error})", "Update or remove it.") from None
 
 

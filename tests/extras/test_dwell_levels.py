@@ -7,7 +7,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.data import DataError, Records, Signals
-from modalscope.identification.dwell_levels import _backbone
+from modalscope.extras.dwell_levels import _backbone
 from modalscope.systems import HardeningRig
 from tests.support import refused
 

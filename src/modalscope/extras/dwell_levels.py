@@ -9,14 +9,17 @@ Of the first harmonic K(|q|) is what a spring of any law has in the mean (harmon
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from modalscope.data.modes import ModalModel
+from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals
+from modalscope.identification.dwell import Dwell
 from modalscope.numerics.checks import ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
-from modalscope.numerics.functions.poles import QUANTITIES
+from modalscope.numerics.functions.poles import QUANTITIES, poles_from
 
 #: Powers of the squared amplitude that K has at most, and dwells for each of its unknowns.
 _MAX_POWER, _DWELLS_AN_UNKNOWN = 3, 2
@@ -31,26 +34,40 @@ _HARMONICS, _ROUNDS = 3, 4
 _MIN_PERIODS = 5.0
 
 
-class Levels(NamedTuple):
-    """Amplitudes of the first harmonic at every dwell, and what they say of the mode.
-
-    `dwell` (R,): frequencies, Hz. `shape` (l,): real. `forces` (R, m): of length one. `in_phase` (R,): share of the motion in phase with
-    the forces, 0 at resonance. `table`: amplitude of the largest output, frequency, damping ratio, by rising amplitude.
-    """
-
-    dwell: RealArray
-    shape: RealArray
-    forces: RealArray
-    in_phase: RealArray
-    table: Any
-
-
-def levels_of(records: Records) -> Levels:
-    """Return the backbone of the mode that dwells excite: a level each, by rising amplitude.
+def dwell_of(records: Records) -> Dwell:
+    """Return the mode that dwells excite, at the lowest level, and its backbone: a level each, by rising amplitude.
 
     Raises `DataError`: no forces, fewer than four dwells or too short ones, forces at places that are not measured, or dwells so near
     each other that mass and stiffness are not separated.
     """
+    w, X, F, places = _measured(records)
+    in_phase_with = np.exp(-1j * np.angle(F[np.arange(len(F)), np.abs(F).argmax(axis=1)]))[:, None]
+    driven, turned = (F * in_phase_with).real, X * in_phase_with
+    _, _, Vh = np.linalg.svd(np.vstack([turned.real, turned.imag]), full_matrices=False)
+    shape = Vh[0] / Vh[0][np.abs(Vh[0]).argmax()]
+    q = np.abs(X @ shape) / (shape @ shape)
+    frequency, damping = _backbone(w, q, np.sum(F * X[:, places].conj(), axis=1) / q**2)
+    order = np.argsort(q, kind="stable")
+    rows = list(zip(q[order], frequency[order], damping[order], strict=True))
+    names = [("amplitude", float), ("frequency", float), ("damping", float)]
+    levels = np.array(rows, names).view(np.recarray)
+    in_phase = np.sum(turned.real**2, axis=1) / np.sum(np.abs(X) ** 2, axis=1)
+    best = int(in_phase.argmin())
+    modes = ModalModel(
+        poles=poles_from([levels[0].frequency], [levels[0].damping]),
+        shapes=shape[:, None].astype(complex),
+        quantity=records.quantity,
+        output_dofs=records.output_dofs,
+        processing=("sine dwells, the lowest level",),
+        notes=(_backbone_note(levels),),
+        scaling="length 1",
+    ).normalized("unit")
+    forces = driven[[best]] / np.linalg.norm(driven[[best]], axis=1, keepdims=True)
+    return Dwell(modes=modes, forces=forces, indicator=in_phase[:, None], frequencies=w / (2 * np.pi), levels=levels)
+
+
+def _measured(records: Records) -> tuple[RealArray, ComplexArray, ComplexArray, list[int]]:
+    """Return the circular frequencies of dwells, amplitudes of displacements and forces, and which outputs are at the forces."""
     if not records.input_dofs:
         raise DataError(
             "a tuned dwell was asked", "no forces were measured", "Give the forces of the dwells as inputs."
@@ -61,27 +78,13 @@ def levels_of(records: Records) -> Levels:
     if quantity is None:
         raise DataError("a tuned dwell was asked", "the quantity of the outputs is not known", "Give quantities=...")
     X = np.array([each[1] for each in amplitudes]) / ((1j * w) ** QUANTITIES[quantity])[:, None]
-    F = np.array([each[2] for each in amplitudes])
-    shape = _shape(X, F)
-    q = np.abs(X @ shape) / (shape @ shape)
-    places = [records.output_dofs.index(dof) for dof in records.input_dofs if dof in records.output_dofs]
-    if len(places) < len(records.input_dofs):
-        missing = ", ".join(dof for dof in records.input_dofs if dof not in records.output_dofs)
+    missing = ", ".join(dof for dof in records.input_dofs if dof not in records.output_dofs)
+    if missing:
         raise DataError(
             "a tuned dwell was asked", f"the motion at {missing} is not measured", "Measure it at each force."
         )
-    power = np.sum(F * X[:, places].conj(), axis=1) / q**2
-    frequency, damping = _backbone(w, q, power)
-    order = np.argsort(q, kind="stable")
-    rows = np.array(
-        list(zip(q[order], frequency[order], damping[order], strict=True)),
-        [("amplitude", float), ("frequency", float), ("damping", float)],
-    )
-    driven = F * np.exp(-1j * np.angle(_strongest(F)))[:, None]
-    turned = X * np.exp(-1j * np.angle(_strongest(F)))[:, None]
-    in_phase = np.sum(turned.real**2, axis=1) / np.sum(np.abs(X) ** 2, axis=1)
-    size = np.linalg.norm(driven.real, axis=1, keepdims=True)
-    return Levels(w / (2 * np.pi), shape, driven.real / size, in_phase, rows.view(np.recarray))
+    places = [records.output_dofs.index(dof) for dof in records.input_dofs]
+    return w, X, np.array([each[2] for each in amplitudes]), places
 
 
 def _amplitudes(run: Signals) -> tuple[float, ComplexArray, ComplexArray]:
@@ -109,18 +112,6 @@ def _fitted(w: float, t: RealArray, x: RealArray) -> ComplexArray:
     return np.asarray(found[0] - 1j * found[_HARMONICS])
 
 
-def _strongest(F: ComplexArray) -> ComplexArray:
-    """Return the strongest force of every dwell, (R,)."""
-    return np.asarray(F[np.arange(len(F)), np.abs(F).argmax(axis=1)])
-
-
-def _shape(X: ComplexArray, F: ComplexArray) -> RealArray:
-    """Return the real shape that all dwells have in common, its largest entry one."""
-    turned = X * np.exp(-1j * np.angle(_strongest(F)))[:, None]
-    _, _, Vh = np.linalg.svd(np.vstack([turned.real, turned.imag]), full_matrices=False)
-    return np.asarray(Vh[0] / Vh[0][np.abs(Vh[0]).argmax()])
-
-
 def _backbone(w: RealArray, q: RealArray, power: ComplexArray) -> tuple[RealArray, RealArray]:
     """Return frequency (Hz) and damping ratio at every dwell: K = power.real + m w^2, m by least squares over all of them."""
     if len(w) < 2 * _DWELLS_AN_UNKNOWN:
@@ -141,3 +132,14 @@ def _backbone(w: RealArray, q: RealArray, power: ComplexArray) -> tuple[RealArra
         raise DataError("a tuned dwell was asked", have, "Step through the resonance, to half of its height at least.")
     natural = np.sqrt(np.maximum((power.real + m * w**2) / m, 0))
     return natural / (2 * np.pi), power.imag / (w * 2 * m * np.maximum(natural, 1e-300))
+
+
+def _backbone_note(levels: Any) -> Note:
+    """Say how frequency and damping go with amplitude."""
+    ends = [levels[name][[0, -1]] for name in ("amplitude", "frequency", "damping")]
+    change = float(np.abs(levels.frequency / levels.frequency[0] - 1).max())
+    text = (
+        f"linear within {100 * change:.2g} %: amplitudes {ends[0][0]:.3g} to {ends[0][1]:.3g}, "
+        f"{ends[1][0]:.5g} to {ends[1][1]:.5g} Hz, damping {100 * ends[2][0]:.3g} to {100 * ends[2][1]:.3g} %"
+    )
+    return Note("backbone", {"change": change}, text)
