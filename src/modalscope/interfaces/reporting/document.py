@@ -39,13 +39,11 @@ from modalscope.io.atomic import replacing
 from modalscope.io.formats import sources_of
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_kind, check_path
+from modalscope.numerics.plugins import REPORTS, added, names_added
 from modalscope.selection.judging.grades import grades
 from modalscope.selection.judging.select import select
 from modalscope.signals.doctor import Finding
 from modalscope.signals.preprocess.singular_spectra import Decomposition, decomposition
-
-#: Suffixes of documents of office programs.
-SUFFIXES = (".docx", ".pptx")
 
 
 class _Result(Protocol):
@@ -139,32 +137,13 @@ def report(
         modes, origin = certificate.modes, replace(origin, certificate=certificate)
     heading = title or _heading("Modes" if origin.source else "Modal identification", " of ", origin.source)
     sources = (*sources_of(thing), *sources_of(diagram))
-    if Path(path).suffix.lower() in SUFFIXES:
-        return _office(Path(path), heading, modes, diagram, origin, sources)
+    suffix = Path(path).suffix.lower().removeprefix(".")
+    if suffix in names_added(REPORTS):
+        with replacing(path, sources) as temporary:
+            added(REPORTS, suffix)(temporary, heading, _subtitle(diagram.response), modes, diagram, origin)
+        return Path(path)
     parts = stabilization_sections(modes, diagram, origin)
     return write_page(path, heading, _subtitle(diagram.response), parts, sources)
-
-
-def _office(
-    path: Path, heading: str, modes: ModalModel, diagram: StabilizationDiagram, origin: Origin, sources: Iterable[Path]
-) -> Path:
-    """Write a report as a document of an office program; an existing file is unchanged until the new one is complete."""
-    from modalscope.interfaces.reporting.office import write_document
-
-    holds = None if origin.certificate is None else origin.certificate.holds
-    notes = diagram.notes if origin.notes is None else origin.notes
-    with replacing(path, sources) as temporary:
-        write_document(
-            temporary,
-            heading,
-            _subtitle(diagram.response),
-            modes,
-            origin.diagrams or (diagram,),
-            holds=holds,
-            findings=origin.findings or (),
-            notes=notes,
-        )
-    return path
 
 
 def _selected(thing: object) -> tuple[ModalModel, StabilizationDiagram]:

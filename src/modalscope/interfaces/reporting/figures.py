@@ -1,11 +1,12 @@
-"""Draw the pictures of a report as SVG, from the arrays that the page draws."""
+"""Draw the pictures of a report as SVG, from the arrays that the page draws; those of Matplotlib as PNG."""
 
 from __future__ import annotations
 
+import io
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from modalscope.data.indicators import mac
 from modalscope.data.mode_fields import NORMAL_HALF_WIDTH
 from modalscope.identification.modal.rebuilt import asked_ends
 from modalscope.interfaces.plot._camera import AXES, View, view_of
+from modalscope.interfaces.plot._style import SIZE
 from modalscope.interfaces.plot.shapes import in_order, spaced
 from modalscope.interfaces.plot.web.alive import Drawing
 from modalscope.interfaces.plot.web.fits import Lines, strongest
@@ -24,9 +26,6 @@ from modalscope.numerics.checks import Array, RealArray
 from modalscope.selection.judging.description import decimals
 from modalscope.signals.preprocess.singular_spectra import Decomposition
 
-if TYPE_CHECKING:
-    pass
-
 #: Kind of a pole, as its number in `pole_arrays` -> mark, class and words; drawn from the least to the most.
 _POLES = (
     (0, "dot", "p-new", "new"),
@@ -35,6 +34,9 @@ _POLES = (
     (3, "square", "p-v", "and shape"),
     (4, "dot", "p-s", "all: stable"),
 )
+
+#: Dots an inch of a PNG.
+_DPI = 140
 
 #: Points of a curve behind the poles.
 _MAX_POINTS = 1600
@@ -360,3 +362,14 @@ def _mixed(found: re.Match[str]) -> str:
     share = int(found[2]) / 100
     first, second = (np.array([int(found[k][i : i + 2], 16) for i in (1, 3, 5)]) for k in (1, 3))
     return "#" + "".join(f"{v:02x}" for v in np.round(share * first + (1 - share) * second).astype(int).tolist())
+
+
+def png(draw: Callable[[Any], object], size: tuple[float, float] = SIZE) -> bytes:
+    """Return a picture as PNG."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size, layout="constrained")
+    draw(figure.add_subplot())
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=_DPI)
+    return buffer.getvalue()

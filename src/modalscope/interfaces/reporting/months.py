@@ -15,8 +15,8 @@ from modalscope.analysis.monitoring.tracks import Explained, Tracks
 from modalscope.data import DataError
 from modalscope.data.shown import counted
 from modalscope.interfaces.plot.tracks import against, control_chart, tracks as drawn_tracks
+from modalscope.interfaces.reporting.figures import png
 from modalscope.interfaces.reporting.html import Section, listing, paragraph, picture, table
-from modalscope.interfaces.reporting.office import png
 from modalscope.interfaces.reporting.track_view import track_view
 
 #: Covariates that are drawn, and refused records that are listed, at most.

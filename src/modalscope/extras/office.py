@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from modalscope.data import ModalModel, StabilizationDiagram
-from modalscope.data.notes import Finding, Note
 from modalscope.interfaces import plot
-from modalscope.interfaces.plot._style import SIZE
 from modalscope.interfaces.plot.web.alive import drawing_of
 from modalscope.interfaces.plot.web.verdict import Verdict, grouped, notes_that_matter
-from modalscope.numerics.checks import BoolArray
+from modalscope.interfaces.reporting.document import Origin
+from modalscope.interfaces.reporting.figures import png
 from modalscope.numerics.errors import optional_package, printable
 from modalscope.selection.judging.description import HEADS, ModeDescription, described
 
-#: Dots an inch of the pictures, and maximum number of drawn shapes.
-_DPI, _MAX_SHAPES = 140, 60
+#: Maximum number of drawn shapes.
+_MAX_SHAPES = 60
 
 #: Rows of a table on a slide, and pictures of shapes.
 _MAX_ROWS, _SHAPES_A_SLIDE = 12, 4
@@ -39,20 +38,15 @@ class _Contents:
     """What both kinds of document hold."""
 
     def __init__(
-        self,
-        title: str,
-        subtitle: str,
-        modes: ModalModel,
-        diagrams: Sequence[StabilizationDiagram],
-        holds: BoolArray | None,
-        findings: Sequence[Finding],
-        notes: Sequence[Note],
+        self, title: str, subtitle: str, modes: ModalModel, diagram: StabilizationDiagram, origin: Origin
     ) -> None:
+        holds = None if origin.certificate is None else origin.certificate.holds
+        notes = diagram.notes if origin.notes is None else origin.notes
         self.title, self.subtitle = printable(title), printable(subtitle)
-        self.modes, self.diagrams = modes, diagrams
+        self.modes, self.diagrams = modes, origin.diagrams or (diagram,)
         self.shown: tuple[ModeDescription, ...] = described(modes, holds)
-        self.verdict: Verdict = drawing_of(modes, *diagrams, holds=holds).verdict
-        self.findings = [printable(str(finding)) for finding in grouped(findings)]
+        self.verdict: Verdict = drawing_of(modes, *self.diagrams, holds=holds).verdict
+        self.findings = [printable(str(finding)) for finding in grouped(origin.findings or ())]
         self.notes = [printable(text) for text in notes_that_matter(notes)[0]]
 
     def sentences(self) -> list[str]:
@@ -85,33 +79,14 @@ class _Contents:
 
 
 def write_document(
-    path: Path,
-    title: str,
-    subtitle: str,
-    modes: ModalModel,
-    diagrams: Sequence[StabilizationDiagram],
-    *,
-    holds: BoolArray | None = None,
-    findings: Sequence[Finding] = (),
-    notes: Sequence[Note] = (),
+    path: Path, title: str, subtitle: str, modes: ModalModel, diagram: StabilizationDiagram, origin: Origin
 ) -> None:
     """Write a report to a path that ends in .docx or .pptx.
 
-    `holds`: as in `grades`. Raises `DataError`: the package of the extra `office` is missing.
+    Raises `DataError`: the package of the extra `office` is missing.
     """
-    contents = _Contents(title, subtitle, modes, diagrams, holds, findings, notes)
+    contents = _Contents(title, subtitle, modes, diagram, origin)
     (_word if path.suffix.lower() == ".docx" else _slides)(path, contents)
-
-
-def png(draw: Callable[[Any], object], size: tuple[float, float] = SIZE) -> bytes:
-    """Return a picture as PNG."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=size, layout="constrained")
-    draw(figure.add_subplot())
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=_DPI)
-    return buffer.getvalue()
 
 
 def _word(path: Path, contents: _Contents) -> None:
