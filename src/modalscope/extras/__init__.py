@@ -1,1 +1,1 @@
-"""Methods that are shipped and tested, but out of the way: they register by the entry points of plug-ins (pyproject.toml)."""
+"""What few need, shipped and tested, but out of the way: it registers by the entry points of plug-ins (pyproject.toml)."""

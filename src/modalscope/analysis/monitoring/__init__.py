@@ -1,8 +1,7 @@
 """Months of records: modes stored and followed, weather taken out, change told."""
 
 from modalscope.analysis.monitoring.change import Alarm, Alarms, alarms
-from modalscope.analysis.monitoring.history import History
-from modalscope.analysis.monitoring.netcdf import read_history
+from modalscope.analysis.monitoring.history import History, read_history
 from modalscope.analysis.monitoring.store import Store
 from modalscope.analysis.monitoring.tracking import track
 from modalscope.analysis.monitoring.tracks import Explained, Tracks, explain

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from modalscope.data import ModalModel
 from modalscope.data.shown import Shown, summary_of
+from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import (
     Array,
     ComplexArray,
@@ -18,12 +20,14 @@ from modalscope.numerics.checks import (
     RealArray,
     check_each,
     check_kind,
+    check_path,
     check_shape,
     freeze,
     locked,
     real_array,
 )
 from modalscope.numerics.errors import DataError, optional_package
+from modalscope.numerics.plugins import READINGS, added
 
 #: Columns of the table of modes -> fields.
 _COLUMNS = {
@@ -225,3 +229,28 @@ def assembled(rows: Sequence[Mapping[str, Any]], times: ArrayLike, names: Sequen
         **joined,
         **more,
     )
+
+
+@named(damping=("auto", "ratio", "percent"))
+def read_history(path: str | Path, *, damping: str = "auto") -> History:
+    """Read the modes of many records from a NetCDF file: frequencies (time, mode), and what else is there.
+
+    Parameters
+    ----------
+    path : path
+        With `frequencies`, or another usual name of them, and `time`; damping, deviations (`std_frequencies`, `std_damping`), shapes
+        (`modeshapes`) and `channels` where they are.
+    damping : {"auto", "ratio", "percent"}
+        The unit of damping; by default what the file states, else what its values are like.
+
+    Returns
+    -------
+    History
+
+    Raises
+    ------
+    DataError
+        h5py is missing, a damaged file, no frequencies or times in it.
+    """
+    found: History = added(READINGS, "history")(check_path(path), damping)
+    return found

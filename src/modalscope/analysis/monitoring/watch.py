@@ -13,11 +13,11 @@ import numpy as np
 from modalscope.analysis.monitoring.collecting import Task, identified, settled
 from modalscope.analysis.monitoring.entries import CHOICES
 from modalscope.analysis.monitoring.history import as_times
-from modalscope.analysis.monitoring.netcdf import read_weather
 from modalscope.analysis.monitoring.store import Store
 from modalscope.numerics.arguments import COUNT, named
 from modalscope.numerics.checks import RealArray, check_path
 from modalscope.numerics.errors import DataError, check_option_names
+from modalscope.numerics.plugins import READINGS, added
 
 Progress = Callable[[int, int], None]
 
@@ -137,7 +137,8 @@ def read_covariates(path: str | Path, *, statistic: str = "mean") -> tuple[Any, 
     """
     place = check_path(path)
     if place.suffix.lower() == ".nc":
-        return read_weather(place, statistic)
+        weather: tuple[Any, dict[str, RealArray]] = added(READINGS, "weather")(place, statistic)
+        return weather
     asked = f"a table of covariates in {place.name} was asked"
     remedy = "Give a text table: time, then a column for each, with their names in the first line."
     try:

@@ -13,8 +13,7 @@ from modalscope.analysis.monitoring.history import PER_MODE, History
 from modalscope.io.contents import damage_as_error, unreadable
 from modalscope.io.hdf5 import check_hdf5
 from modalscope.io.limits import room
-from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, RealArray, check_path
+from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import DataError, optional_package
 
 #: Names that programs give what a history holds.
@@ -35,28 +34,8 @@ _SECONDS = {"millisecond": 1e-3, "second": 1.0, "minute": 60.0, "hour": 3600.0, 
 _MAX_MEDIAN_RATIO = 0.2
 
 
-@named(damping=("auto", "ratio", "percent"))
-def read_history(path: str | Path, *, damping: str = "auto") -> History:
-    """Read the modes of many records from a NetCDF file: frequencies (time, mode), and what else is there.
-
-    Parameters
-    ----------
-    path : path
-        With `frequencies`, or another usual name of them, and `time`; damping, deviations (`std_frequencies`, `std_damping`), shapes
-        (`modeshapes`) and `channels` where they are.
-    damping : {"auto", "ratio", "percent"}
-        The unit of damping; by default what the file states, else what its values are like.
-
-    Returns
-    -------
-    History
-
-    Raises
-    ------
-    DataError
-        h5py is missing, a damaged file, no frequencies or times in it.
-    """
-    place = check_path(path)
+def history_in(place: Path, damping: str) -> History:
+    """Return the modes of a NetCDF file: as `read_history`."""
     found = _variables(place)
     values = {name: _named(found, names) for name, names in _NAMES.items()}
     times, f = values["time"], values["frequencies"]
@@ -83,7 +62,7 @@ def read_history(path: str | Path, *, damping: str = "auto") -> History:
     return History(times=when[order], record=rank[by_time], notes=notes, **rows)
 
 
-def read_weather(path: Path, statistic: str) -> tuple[Array, dict[str, RealArray]]:
+def weather_in(path: Path, statistic: str) -> tuple[Array, dict[str, RealArray]]:
     """Return times and the values of every channel of one statistic, or of every variable along time, of a NetCDF file."""
     found = _variables(path)
     times, channels = _named(found, _NAMES["time"]), _named(found, _NAMES["channels"])
