@@ -150,6 +150,7 @@ hand_down(
     table_of="modalscope.selection.judging.description:table_of",
     of_records="modalscope.identification.of_records:of_records",
     reduced="modalscope.identification.realizations.reductions:reduced",
+    rows_of="modalscope.identification.method_names:rows_of",
     text_of="modalscope.selection.judging.description:text_of",
     verdict_of_result="modalscope.interfaces.plot.web.verdict:verdict_of_result",
 )

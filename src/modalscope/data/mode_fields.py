@@ -52,6 +52,16 @@ _MAX_LOG = 700.0
 #: Fields that hold one number a mode, or nothing.
 PER_MODE = tuple(COLUMNS.values())
 
+#: Columns of `ModalModel.columns` that follow from others: readers leave them out.
+DERIVED = (
+    "frequency_95_low_hz",
+    "frequency_95_high_hz",
+    "damping_ratio_95_low",
+    "damping_ratio_95_high",
+    "grade",
+    "reason",
+)
+
 #: Fields that hold one number an output and input, or nothing: they belong to no mode.
 DIRECT = ("feedthrough", "lower_residual", "upper_residual")
 

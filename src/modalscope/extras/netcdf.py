@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.analysis.monitoring.history import PER_MODE, History
 from modalscope.io.contents import damage_as_error, unreadable
 from modalscope.io.hdf5 import check_hdf5
 from modalscope.io.limits import room
@@ -27,6 +26,9 @@ _NAMES = {
     "channels": ("channels", "channel", "sensors", "outputs", "dof"),
 }
 
+#: Names with one number a mode.
+_PER_MODE = ("frequencies", "damping_ratios", "frequencies_std", "damping_ratios_std")
+
 #: Seconds of the units of time.
 _SECONDS = {"millisecond": 1e-3, "second": 1.0, "minute": 60.0, "hour": 3600.0, "day": 86400.0}
 
@@ -34,8 +36,8 @@ _SECONDS = {"millisecond": 1e-3, "second": 1.0, "minute": 60.0, "hour": 3600.0, 
 _MAX_MEDIAN_RATIO = 0.2
 
 
-def history_in(place: Path, damping: str) -> History:
-    """Return the modes of a NetCDF file: as `read_history`."""
+def history_in(place: Path, damping: str) -> dict[str, Any]:
+    """Return the modes of a NetCDF file as the fields of a `History`."""
     found = _variables(place)
     values = {name: _named(found, names) for name, names in _NAMES.items()}
     times, f = values["time"], values["frequencies"]
@@ -43,7 +45,7 @@ def history_in(place: Path, damping: str) -> History:
         fault = f"it has no time, or no frequencies of (time, mode); there are {', '.join(sorted(found)[:12])}"
         raise unreadable(f"{place.name} as modes of many records", fault, "Name the variables time and frequencies.")
     first = f.axes.index(times.axes[0]) if times.axes[0] in f.axes else 0
-    grid = {name: np.moveaxis(v.values, first, 0) for name in PER_MODE if (v := values[name]) is not None}
+    grid = {name: np.moveaxis(v.values, first, 0) for name in _PER_MODE if (v := values[name]) is not None}
     if any(a.shape != grid["frequencies"].shape for a in grid.values()):
         raise unreadable(f"{place.name} as modes", "deviations or damping have other sizes than frequencies")
     record, mode = np.nonzero(np.isfinite(grid["frequencies"]) & (grid["frequencies"] > 0))
@@ -59,7 +61,7 @@ def history_in(place: Path, damping: str) -> History:
     rank = np.argsort(order)[record]
     by_time = np.argsort(rank, kind="stable")
     rows = {name: a[by_time] if isinstance(a, np.ndarray) else a for name, a in rows.items()}
-    return History(times=when[order], record=rank[by_time], notes=notes, **rows)
+    return {"times": when[order], "record": rank[by_time], "notes": notes, **rows}
 
 
 def weather_in(path: Path, statistic: str) -> tuple[Array, dict[str, RealArray]]:

@@ -9,7 +9,7 @@ sampling_rate, kind, first_sample).
 | `frequency_hz` | `real 3:+Z / 1:+Z [m/s2 / N]`, `imag 3:+Z / 1:+Z`, for every output and input | a frequency response |
 | `time_s` | `out 3:+Z [m/s2]`, `in 1:+Z [N]` | records |
 | `time_s` | `3:+Z / 1:+Z [m/s2 / N]`, for every output and input | an impulse response |
-| `mode` | what `columns_of` of `modalscope.selection.judging.description` gives, then `real 3:+Z`, `imag 3:+Z` of the shapes | modes |
+| `mode` | what `ModalModel.columns` gives, then `real 3:+Z`, `imag 3:+Z` of the shapes | modes |
 
 Tables of responses and records also say how many rows they have, and the SHA-256 of all lines but comments: `# rows: 300`. Another number
 of rows, or samples that do not follow at the rate of the header, is refused; another sum alone is a note. Tables of 0.2.0 say neither.
@@ -33,7 +33,7 @@ from typing import Any, NamedTuple, TextIO
 import numpy as np
 
 from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, ModalModel, Signals
-from modalscope.data.mode_fields import COLUMNS, DEGREES
+from modalscope.data.mode_fields import COLUMNS, DEGREES, DERIVED
 from modalscope.data.response import Response
 from modalscope.io import text
 from modalscope.io.arrays import joined
@@ -44,7 +44,6 @@ from modalscope.io.limits import Room, room
 from modalscope.io.options import TEXT
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.functions.poles import poles_from
-from modalscope.selection.judging.description import DERIVED, columns_of
 
 _PAIR = re.compile(
     r"^(?:(?P<part>real|imag)\s+)?(?P<out>[^/\[\]]+?)\s*/\s*(?P<in>[^/\[\]]+?)\s*(?:\[(?P<unit>.*?)(?: / (?P<unit_in>.*))?\])?$"
@@ -420,7 +419,7 @@ def _record_table(record: Signals) -> tuple[list[str], list[list[float]]]:
 
 def _modes_table(modes: ModalModel) -> tuple[list[str], list[list[Any]]]:
     columns: dict[str, Sequence[Any]] = {"mode": list(range(1, len(modes) + 1))}
-    columns |= {name: np.asarray(values).tolist() for name, values in columns_of(modes).items()}
+    columns |= {name: np.asarray(values).tolist() for name, values in modes.columns().items()}
     for label, row in zip(modes.output_dofs, modes.shapes, strict=True):
         columns |= {f"real {label}": row.real.tolist(), f"imag {label}": row.imag.tolist()}
     return list(columns), [list(row) for row in zip(*columns.values(), strict=True)]

@@ -25,13 +25,13 @@ from modalscope.data import FrequencyResponse, ImpulseResponse, Signals, Stabili
 from modalscope.data.analysis import VERSION
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.results import Settings
-from modalscope.identification.method_names import rows_of
 from modalscope.io.arrays import FIELD_FAULTS, INDICATOR, joined, names_of, plain, to_arrays
 from modalscope.io.contents import Contents, Finding, damage_as_error, unreadable
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import Room, room
 from modalscope.numerics.checks import Array
 from modalscope.numerics.documents import entries, made, mapping, numbers
+from modalscope.numerics.handed import handed
 
 #: The text that holds what is no array; where it is, the file holds a diagram.
 DIAGRAM = "diagram"
@@ -155,10 +155,11 @@ def _settings(method: str, domain: str, options: dict[str, Any]) -> Settings:
     route = options.get("route")
     types = [
         m.options_type
-        for m in rows_of(method)
+        for m in handed("rows_of")(method)
         if m.domain == domain and (m.served_by(route) if route else not m.driven)
     ]
-    return made(types[0] if types else Settings, options)
+    found: Settings = made(types[0] if types else Settings, options)
+    return found
 
 
 def _tuples(value: Any) -> Any:

@@ -44,7 +44,6 @@ from modalscope.io.limits import room
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.documents import entries, made, mapping, number, numbers
 from modalscope.numerics.functions.poles import poles_from
-from modalscope.selection.judging.description import columns_of
 
 #: What the caller may add: how the modes were found, and the data they were found in.
 
@@ -108,7 +107,7 @@ def _of_result(result: Result | None) -> dict[str, Any]:
 
 def _rows(modes: ModalModel) -> list[dict[str, Any]]:
     """Return the entries of all modes."""
-    columns = columns_of(modes)
+    columns = modes.columns()
     return [_mode(modes, j, {name: values[j] for name, values in columns.items()}) for j in range(len(modes))]
 
 

@@ -252,5 +252,5 @@ def read_history(path: str | Path, *, damping: str = "auto") -> History:
     DataError
         h5py is missing, a damaged file, no frequencies or times in it.
     """
-    found: History = added(READINGS, "history")(check_path(path), damping)
+    found = History(**added(READINGS, "history")(check_path(path), damping))
     return found

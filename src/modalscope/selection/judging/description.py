@@ -146,17 +146,6 @@ def columns_of(modes: ModalModel) -> dict[str, Any]:
     return {**columns, "grade": [g.word for g in judged], "reason": [g.reason for g in judged]}
 
 
-#: Columns of `columns_of` that follow from others: readers leave them out.
-DERIVED = (
-    "frequency_95_low_hz",
-    "frequency_95_high_hz",
-    "damping_ratio_95_low",
-    "damping_ratio_95_high",
-    "grade",
-    "reason",
-)
-
-
 def _collinearity(modes: ModalModel) -> RealArray:
     """Return the MPC of each reported shape; NaN for a single output, whose shape is one number."""
     return mpc(modes.shapes) if len(modes.output_dofs) > 1 else np.full(len(modes), np.nan)
