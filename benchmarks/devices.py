@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import modalscope as ms
-from modalscope.identification.matrices.block_hankel import BlockHankel
+from modalscope.identification.fast.block_hankel import BlockHankel
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import LargeMatrix
 from modalscope.numerics.resources import DEVICES, device_named

@@ -16,6 +16,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 from warnings import warn
 
+from modalscope.identification.fast import STEPS
 from modalscope.numerics.handed import hand_down
 
 if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the same place when it is first asked for
@@ -140,6 +141,7 @@ _HOMES = {
 }
 
 #: What data classes, preprocessing and sweeps ask of packages above them: see `modalscope.numerics.handed`.
+hand_down(**STEPS)
 hand_down(
     columns_of="modalscope.selection.judging.description:columns_of",
     deviating="modalscope.selection.likelihood.deviations:OfPipeline",

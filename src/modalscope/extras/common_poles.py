@@ -24,7 +24,8 @@ import scipy.linalg as sla
 from modalscope.data.response import output_scale
 from modalscope.data.responses import FrequencyResponse
 from modalscope.identification.matrices.factor import Factors
-from modalscope.identification.matrices.lines import FittedToLines, OnPlane
+from modalscope.identification.matrices.line_columns import FittedToLines
+from modalscope.identification.matrices.lines import OnPlane
 from modalscope.identification.matrices.matrix import Eigen, Realization, Triple
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError

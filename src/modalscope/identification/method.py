@@ -20,6 +20,7 @@ from modalscope.identification.matrices.matrix import DataMatrix, Realization
 from modalscope.identification.options import Options
 from modalscope.identification.orders import OrderRule
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.handed import or_faster
 
 #: Maximum share of the energy in the last tenth of a response that has decayed.
 _MAX_LATE_ENERGY = 1e-3
@@ -144,6 +145,19 @@ class Built(NamedTuple):
     matrix: DataMatrix
     settings: Options
     notes: tuple[Note, ...] = ()
+
+
+@or_faster("fewer_outputs")
+def fewer_outputs(response: Response, order: int, options: Any) -> Any:
+    """Return combinations of the outputs where these far exceed the states; the plain way takes all outputs themselves."""
+    return None
+
+
+def refuse(options: Options, why: str, *names: str) -> None:
+    """Raise `DataError` for a given option that a data matrix does not have."""
+    for name in names:
+        if getattr(options, name) is not None:
+            raise DataError(f"option {name!r} was asked", why, "Omit it, or use another domain.")
 
 
 Matrix = Callable[[Problem, int], Built]

@@ -21,7 +21,7 @@ from modalscope.identification.ambient_records import (
     one_record,
     seen_record,
 )
-from modalscope.identification.matrices.combinations import combined
+from modalscope.identification.fast.combinations import combined
 from modalscope.identification.prepare import Asked, Measured, exchanged, of_response
 from modalscope.identification.routes import USUAL, by_route, chosen_route, without_delays
 from modalscope.identification.sizes import setup_blocks

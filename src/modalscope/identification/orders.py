@@ -12,9 +12,9 @@ import numpy as np
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
+from modalscope.identification.fast.normal_equations import largest_degree
 from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.matrix import DataMatrix
-from modalscope.identification.matrices.normal_equations import largest_degree
 from modalscope.identification.realizations.order import recommend_order
 from modalscope.numerics.checks import check_count, check_each
 from modalscope.numerics.errors import DataError

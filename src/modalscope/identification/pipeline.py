@@ -179,7 +179,9 @@ def built(problem: Problem, largest: int) -> Built:
 def factored(problem: Problem, largest: int, given: Built | None = None) -> Factored:
     """Return the data matrix of a row, or the same one `given` by another row, and its factors."""
     matrix, settings, chosen = built(problem, largest) if given is None else given
-    return Factored(matrix, settings, chosen, problem.method.factor(matrix.observable, largest, settings.factorization))
+    observable = matrix.observable
+    factors = problem.method.factor(observable, largest, settings.factorization)
+    return Factored(matrix, settings, chosen, observable.with_columns(factors))
 
 
 def realized(problem: Problem, given: Factored) -> Pipeline:

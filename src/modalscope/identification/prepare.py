@@ -212,8 +212,25 @@ def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem
         driven=measured.driven,
         whitening=_of_row(measured, row, chosen),
         options=chosen,
-        notes=(*measured.notes, *([Note("transformed", {}, note)] if note else [])),
+        notes=(
+            *measured.notes,
+            *([Note("transformed", {}, note)] if note else []),
+            *(_unfiltered(measured, row, converted)),
+        ),
     )
+
+
+def _unfiltered(measured: Measured, row: Method, response: Response) -> tuple[Note, ...]:
+    """Return a note where a band does not change the data of a row: measured samples are not filtered."""
+    of_samples = row.takes in (Takes.SAMPLES, Takes.DRIVEN)
+    if measured.band is None or measured.records is not None or response is not measured.response or not of_samples:
+        return ()
+    low, high = measured.band
+    inside = f"the diagram those of {low:g} to {high:g} Hz"
+    text = f"Samples are not filtered: the model has all modes, {inside}"
+    if any("low-pass filtered" in step for step in response.processing):
+        text = f"Samples are filtered from above only: the model has modes below the band, too, {inside}"
+    return (Note("not filtered", {"lowest": low, "highest": high}, text),)
 
 
 def _options_of(row: Method, given: Mapping[str, Any]) -> Options:

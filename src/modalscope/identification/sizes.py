@@ -1,4 +1,4 @@
-"""Choose block sizes of data matrices from the number of samples or lines, the channels and the largest order."""
+"""Choose block sizes of the data matrices of records, of joined setups and of windows of samples."""
 
 from __future__ import annotations
 
@@ -7,29 +7,11 @@ import numpy as np
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
-from modalscope.data.responses import FrequencyResponse, ImpulseResponse
-from modalscope.identification.matrices.block_hankel import BlockHankel
-from modalscope.identification.matrices.combinations import enough
-from modalscope.identification.matrices.costs import costs_of
-
-#: The short side of a truncation spans one in so many samples: a sixth, see `default_windows`.
-_SHORT_SIDE_SHARE = 6
-
-#: Maximum number of rows on the short side of a Hankel matrix of samples, and on the long side.
-_MAX_SHORT_ROWS, _MAX_LONG_ROWS = 33_000, 67_000
-
-#: Variances within this factor count as equal; the long side becomes rows where that saves this many operations: five milliseconds.
-_SAME_PRECISION, _MIN_SAVED_OPERATIONS = 2.0, 2e8
+from modalscope.data.responses import ImpulseResponse
+from modalscope.identification.matrices.hankel import MAX_COMPANION_STATES, SHORT_SIDE_SHARE, default_blocks
 
 #: Maximum number of rows of shifted transfer functions, whose triangular factor is complete.
 _MAX_WINDOW_ROWS = 600
-
-#: Maximum number of rows of transfer functions on lines, whose cube counts, and of rows times lines. Rows and degree that are always
-#: allowed.
-_MAX_LINE_ROWS, _MAX_LINE_NUMBERS, _CHEAP_ROWS, _CHEAP_DEGREE = 800, 1_500_000, 600, 48
-
-#: Maximum number of states of a companion form, whose eigenvalues cost their cube.
-_MAX_COMPANION_STATES = 240
 
 #: Maximum ratio of rows of the past to times: prediction by chance lowers damping by 3 % at this ratio, by 12 % at 8 %.
 _MAX_PAST_SHARE = 0.02
@@ -55,89 +37,6 @@ _LAG_PERIODS, _MIN_LAGS = 6.0, 40
 
 #: Maximum number of samples of the past for records with inputs, and of rows of their future.
 _MAX_DRIVEN_PAST, _MAX_DRIVEN_FUTURE = 120, 800
-
-
-def default_windows(
-    response: ImpulseResponse, order: int, block_rows: int | None, block_columns: int | None
-) -> tuple[int, int]:
-    """Return block sizes of a truncation: one side spans a sixth of the samples, the other all the rest.
-
-    With r blocks on the shorter side and s on the longer one, the pole of a mode that does not fade is the difference of two means over r
-    samples that lie s apart, whichever side is which: its variance is N^3 / (6 r s^2) times the least that N samples allow. That is 1.125
-    at a third, 1.44 at a sixth (deviations 1.2 times the least) and 5.4 at a thirtieth of the samples; samples that are not read cost the
-    power of three. Where a mode fades the vectors on both sides fade with it, so that blocks beyond its life add no noise of first
-    order, and the bound itself is reached. Never fewer rows, or columns, than three times as many as states.
-
-    Rows are the short side, whose shapes tell close modes apart, unless columns there cost less: of many outputs the Gram matrix of a
-    short side of inputs is a small one. Of T rows and columns in all, l r + m s, a third belongs to the short side, where r s^2 is
-    largest; of very long records that are held to it, the way is taken that is twice as precise. What is given is kept, and the other
-    side reads the rest. Correlations have errors that do not fade; see `default_blocks`.
-
-    `block_rows`, `block_columns`: as given.
-    """
-    if response.ambient:
-        return default_blocks(response, order, block_rows, block_columns)
-    samples, channels, inputs = response.values.shape
-    outputs = enough(channels, order) or channels
-    lying = _spans(samples, (outputs, inputs), order, (block_rows, block_columns))
-    standing = _spans(samples, (inputs, outputs), order, (block_columns, block_rows))[::-1]
-    if block_rows is not None or block_columns is not None:
-        return lying if block_rows is not None else standing
-    rough, precise = sorted((lying, standing), key=lambda sizes: _precision(*sizes))
-    if _precision(*rough) * _SAME_PRECISION <= _precision(*precise):
-        return precise
-    like = np.broadcast_to(0.0, (samples, outputs, inputs))
-    costs = [costs_of(BlockHankel(like, *sizes), order)[0] for sizes in (lying, standing)]
-    saved = costs[0].operations - costs[0].passing - costs[1].operations + costs[1].passing
-    return standing if saved > _MIN_SAVED_OPERATIONS else lying
-
-
-def _precision(rows: int, columns: int) -> float:
-    """Return r s^2, r the shorter and s the longer side: one over the variance of a pole, but for a factor."""
-    return float(min(rows, columns) * max(rows, columns) ** 2)
-
-
-def _spans(
-    samples: int,
-    channels: tuple[int, int],
-    order: int,
-    given: tuple[int | None, int | None],
-    most: int = _MAX_SHORT_ROWS,
-) -> tuple[int, int]:
-    """Return blocks on the short side and on the long one, of so many channels each; `most` rows in all on the short side."""
-    short, long = given
-    least = min(max(-(-3 * order // channels[0]), 10), max(samples // 2, 1))
-    room = samples if long is None else max(samples - long, 1)
-    short = short or min(max(min(samples // _SHORT_SIDE_SHARE, most // channels[0]), least), room)
-    return short, long or max(min(samples - short, max(_MAX_LONG_ROWS // channels[1], short)), 1)
-
-
-def companion_windows(
-    response: ImpulseResponse, order: int, block_rows: int | None, block_columns: int | None
-) -> tuple[int, int]:
-    """Return those of a truncation whose block rows are all states, 240 of them at most, or three times the order."""
-    if response.ambient:
-        return default_blocks(response, order, block_rows, block_columns)
-    samples, channels, inputs = response.values.shape
-    outputs = enough(channels, order) or channels
-    return _spans(samples, (outputs, inputs), order, (block_rows, block_columns), _MAX_COMPANION_STATES)
-
-
-def default_blocks(
-    response: ImpulseResponse, order: int, block_rows: int | None, block_columns: int | None
-) -> tuple[int, int]:
-    """Return block sizes of correlations, and of regressions without truncation, into which noise comes in squares.
-
-    Three times as many rows as states, and the rest of the samples, up to twenty times, as columns. Both are at least ten blocks where
-    the samples allow it. Correlations get four times as many columns as rows and at least eighty: their errors do not fade with the lag
-    as the modes do, so that long ones harm.
-    """
-    samples, outputs, inputs = response.values.shape
-    room = samples if block_columns is None else max(samples - block_columns, 1)
-    rows = block_rows or min(max(-(-3 * order // outputs), 10), max(samples // 2, 1), room)
-    ample = max(4 * rows, 80) if response.ambient else max(-(-20 * order // inputs), rows, 10)
-    columns = block_columns or max(min(samples - rows, ample), 1)
-    return rows, columns
 
 
 def setup_blocks(response: ImpulseResponse, lowest: float | None = None) -> dict[str, int]:
@@ -177,29 +76,9 @@ def default_shifts(response: Response, order: int, *, truncates: bool = True) ->
     But three times as many rows as states and ten blocks at least, and never more than a third of the samples.
     """
     outputs, samples = response.values.shape[1], response.as_samples().response.count
-    most = _MAX_WINDOW_ROWS if truncates else _MAX_COMPANION_STATES
-    wanted = max(-(-3 * order // outputs), 10, min(samples // _SHORT_SIDE_SHARE, most // outputs))
+    most = _MAX_WINDOW_ROWS if truncates else MAX_COMPANION_STATES
+    wanted = max(-(-3 * order // outputs), 10, min(samples // SHORT_SIDE_SHARE, most // outputs))
     return int(max(min(wanted, samples // 3), 1))
-
-
-def default_degree(response: FrequencyResponse, order: int, *, truncates: bool = True) -> int:
-    """Return the degree q: a third of the lines, less where there are many lines and outputs.
-
-    Real and imaginary parts of F lines are N = 2 F numbers, and the degree stands for the block rows of samples: with q = N / 6 the
-    deviations are 1.2 times the least in z (see `default_windows`). In s, where polynomials have 2 / pi of the zeros in the middle of the
-    band, it is 1.4 there; with many more they would be as many as the lines, and take away all there is, beyond sqrt(1 - (q / N)^2) of it.
-    Work goes with lines times squared rows and with their cube: no more than 800 rows, and 1.5 million rows times lines, but up to 600 rows
-    and a degree of 48 always. The variance goes with 1 / rows: 2000 lines give 1.7 times the least, 48 gave 3 times. Where all block rows
-    are states there are 240 of them, or as many as a degree of 48 has. Never fewer than 8 and what the order needs.
-
-    `truncates`: whether directions are cut off, so that more rows are no more states.
-    """
-    lines, outputs, inputs = response.values.shape
-    most = min(_MAX_LINE_ROWS, _MAX_LINE_NUMBERS // lines) if truncates else _MAX_COMPANION_STATES
-    rows = max(most, min(_CHEAP_ROWS, _CHEAP_DEGREE * outputs))
-    wanted = max(min(2 * lines // _SHORT_SIDE_SHARE, rows // outputs), 8, -(-order // outputs) + 1)
-    carried = (2 * lines * inputs - order) // inputs - 1
-    return int(max(min(wanted, carried), 1))
 
 
 def default_record_degree(spectra: RecordSpectra, order: int, *, truncates: bool = True) -> int:

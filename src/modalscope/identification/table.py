@@ -10,6 +10,9 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from modalscope.identification.matrices import of_method as matrices
+from modalscope.identification.matrices.factor import complete_factors, h0_factors, tall_factors
+from modalscope.identification.matrices.hankel import canonical_hankel, complete_hankel, plain_hankel
+from modalscope.identification.matrices.lines import transfer_of_lines, transfer_of_response
 from modalscope.identification.method import Method, Takes
 from modalscope.identification.options import (
     DrivenOptions,
@@ -31,12 +34,12 @@ from modalscope.identification.realizations.shift import shift
 _COLUMNS: dict[str, dict[str, Any]] = {
     "time": {
         "takes": Takes.SAMPLES,
-        "matrix": matrices.plain_hankel,
+        "matrix": plain_hankel,
         "options_type": HankelOptions,
         "forms": ("observable", "controllable"),
     },
-    "z": {"takes": Takes.RESPONSE, "matrix": matrices.transfer_of_response, "options_type": LineOptions},
-    "s": {"takes": Takes.CONTINUOUS, "matrix": matrices.transfer_of_lines, "options_type": LineOptions},
+    "z": {"takes": Takes.RESPONSE, "matrix": transfer_of_response, "options_type": LineOptions},
+    "s": {"takes": Takes.CONTINUOUS, "matrix": transfer_of_lines, "options_type": LineOptions},
 }
 
 #: Domains of Loewner matrices, and what they take.
@@ -52,7 +55,7 @@ class _Cell(NamedTuple):
     aliases: tuple[str, ...] = ()
 
 
-def _row(name: str, cells: dict[str, _Cell], in_time: Any = matrices.plain_hankel, **shared: Any) -> Iterator[Method]:
+def _row(name: str, cells: dict[str, _Cell], in_time: Any = plain_hankel, **shared: Any) -> Iterator[Method]:
     """Yield the cells of one row of the table by domain; `in_time`: its Hankel matrix in the time domain."""
     for domain, cell in cells.items():
         column = _COLUMNS[domain] | ({"matrix": in_time} if domain == "time" else {})
@@ -63,7 +66,7 @@ def _row(name: str, cells: dict[str, _Cell], in_time: Any = matrices.plain_hanke
 _PROJECTED: dict[str, Any] = {
     "domain": "time",
     "realization": "shift of one factor",
-    "factor": matrices.tall_factors,
+    "factor": tall_factors,
     "realize": shift,
     "orders": STATES,
 }
@@ -84,7 +87,7 @@ _REPORTED: tuple[Method, ...] = (
         },
         realization="balanced projection",
         realize=balanced,
-        factor=matrices.h0_factors,
+        factor=h0_factors,
         orders=STATES,
     ),
     *_row(
@@ -104,10 +107,10 @@ _REPORTED: tuple[Method, ...] = (
                 ("dpi", "direct parameter identification"),
             ),
         },
-        in_time=matrices.canonical_hankel,
+        in_time=canonical_hankel,
         realization="null space, companion form",
         realize=null_space_companion,
-        factor=matrices.tall_factors,
+        factor=tall_factors,
         orders=COMPANIONS,
     ),
     *_row(
@@ -138,7 +141,7 @@ _REPORTED: tuple[Method, ...] = (
         },
         realization="shift of one factor",
         realize=shift,
-        factor=matrices.tall_factors,
+        factor=tall_factors,
         orders=STATES,
     ),
     *_row(
@@ -157,7 +160,7 @@ _REPORTED: tuple[Method, ...] = (
         },
         realization="regression on H(0)",
         realize=regression,
-        factor=matrices.h0_factors,
+        factor=h0_factors,
         orders=STATES,
     ),
     Method(
@@ -211,8 +214,8 @@ _REPORTED: tuple[Method, ...] = (
         ),
         aliases=("lsce", "prony", "polyreference complex exponential", "ptd"),
         takes=Takes.SAMPLES,
-        matrix=matrices.complete_hankel,
-        factor=matrices.complete_factors,
+        matrix=complete_hankel,
+        factor=complete_factors,
         realize=least_squares_companion,
         orders=BLOCKS,
         options_type=HankelOptions,

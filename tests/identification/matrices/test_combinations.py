@@ -7,8 +7,8 @@ import pytest
 
 from modalscope import FrequencyResponse, ImpulseResponse, identify, stabilize
 from modalscope.data.response import output_scale
-from modalscope.identification.matrices import combinations as module
-from modalscope.identification.matrices.combinations import combinations
+from modalscope.identification.fast import combinations as module
+from modalscope.identification.fast.combinations import combinations
 from modalscope.numerics.checks import locked
 from modalscope.numerics.functions.poles import poles_from
 from tests.support import relative

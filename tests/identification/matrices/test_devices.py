@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.identification.matrices.block_hankel import BlockHankel
+from modalscope.identification.fast.block_hankel import BlockHankel
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.operators import LargeMatrix
 from modalscope.numerics.resources import device_named

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from modalscope import DataError, FrequencyResponse, identify
+from modalscope.identification.fast.normal_equations import trigonometric_sums
 from modalscope.identification.matrices.fraction import fraction
-from modalscope.identification.matrices.normal_equations import trigonometric_sums
 from tests.support import FIVE, add_noise, match_poles, random_system, relative
 
 seeds = st.integers(0, 2**32 - 1)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from modalscope import FrequencyResponse
-from modalscope.identification.matrices.few_points import Arc, moments_on, nodes_needed, weights_at
+from modalscope.identification.fast.few_points import Arc, moments_on, nodes_needed, weights_at
+from modalscope.identification.fast.fraction_noise import FractionInfluence
 from modalscope.identification.matrices.fraction import fraction
-from modalscope.identification.matrices.fraction_noise import FractionInfluence
 from modalscope.identification.matrices.influence import LineInfluence
 from modalscope.identification.realizations.fraction_companion import fraction_companion
 from modalscope.identification.realizations.sensitivity import influence_of

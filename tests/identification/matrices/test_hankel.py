@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from modalscope.data import DataError, ImpulseResponse
+from modalscope.identification.fast.block_hankel import BlockHankel
 from modalscope.identification.identify import identify
-from modalscope.identification.matrices.block_hankel import BlockHankel
 from modalscope.identification.matrices.hankel import hankel
 from tests.support import EPS, FIVE, add_noise, relative, row_selection, row_sums
 

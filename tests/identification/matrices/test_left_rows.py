@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope.identification.matrices.full import pencil_of
-from modalscope.identification.matrices.lines import line_pencil
+from modalscope.identification.matrices.line_columns import line_pencil
 from modalscope.identification.matrices.matrix import RowShift
 from modalscope.numerics.functions.polynomials import both_sums, orthogonal_basis
 from tests.support import relative

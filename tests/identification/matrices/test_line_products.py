@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from modalscope import FrequencyResponse, stabilize
-from modalscope.identification.matrices import line_products, transfer as module
-from modalscope.identification.matrices.line_products import LineProducts
+from modalscope.identification.fast import line_products
+from modalscope.identification.fast.line_products import LineProducts
+from modalscope.identification.matrices import transfer as module
 from modalscope.identification.matrices.transfer import transfer
 from modalscope.numerics.functions.poles import poles_from
 from tests.support import relative

@@ -10,8 +10,8 @@ import pytest
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import Records
 from modalscope.identification.deviating import Asked
-from modalscope.identification.matrices import record_influence
-from modalscope.identification.matrices.few_points import few_points
+from modalscope.identification.fast import record_influence
+from modalscope.identification.fast.few_points import few_points
 from modalscope.identification.matrices.influence import LineInfluence
 from modalscope.identification.matrices.records import RecordInfluence
 from modalscope.identification.sweep import Cut

@@ -321,7 +321,7 @@ def test_chunks_of_lines_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None
     whole = record_lines(spectra, domain="z", block_rows=5)
     basis = spectra.basis(poles_of(ss))
     monkeypatch.setattr("modalscope.identification.matrices.records._BLOCK_NUMBERS", 512)
-    monkeypatch.setattr("modalscope.identification.matrices.record_influence._BLOCK_NUMBERS", 512)
+    monkeypatch.setattr("modalscope.identification.fast.record_influence._BLOCK_NUMBERS", 512)
     monkeypatch.setattr("modalscope.numerics.functions.driven_basis._COMPRESSED_NUMBERS", 2048)
     pieces = record_lines(spectra, domain="z", block_rows=5)
     assert relative(pieces.triangle @ pieces.triangle.T, whole.triangle @ whole.triangle.T) < 1e-12

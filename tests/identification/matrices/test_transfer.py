@@ -8,7 +8,7 @@ from hypothesis import given, settings, strategies as st
 
 from modalscope import DataError, FrequencyResponse, identify, refine
 from modalscope.identification.matrices.factor import factorize
-from modalscope.identification.matrices.lines import line_weights
+from modalscope.identification.matrices.line_columns import line_weights
 from modalscope.identification.matrices.transfer import transfer
 from modalscope.numerics.functions.poles import poles_from
 from modalscope.numerics.functions.polynomials import evaluate, orthogonal_basis, plane_of, remainders

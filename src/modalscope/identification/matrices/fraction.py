@@ -13,12 +13,12 @@ from modalscope.data.misfit import Misfit
 from modalscope.data.response import output_scale
 from modalscope.data.responses import FrequencyResponse
 from modalscope.data.statespace import StateSpace
+from modalscope.identification.fast.fraction_noise import FractionInfluence, LineSums
+from modalscope.identification.fast.normal_equations import NormalEquations, half_circle
 from modalscope.identification.matrices.factor import Factors
-from modalscope.identification.matrices.fraction_noise import FractionInfluence, LineSums
 from modalscope.identification.matrices.full import FullMatrix
 from modalscope.identification.matrices.influence import Lines, all_lines
 from modalscope.identification.matrices.matrix import Eigen, ModalFit, Triple
-from modalscope.identification.matrices.normal_equations import NormalEquations, half_circle
 from modalscope.numerics.checks import Array, ComplexArray, check_count
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.pole_basis import LineFits

@@ -1,30 +1,211 @@
-"""Block Hankel matrices of Markov parameters (Eq. 17), of whole consecutive blocks or of chosen ones.
+"""Block Hankel matrices of Markov parameters: block (j, i) of H(k) is Y(j + k + i) = C A^j A^k A^i B (Eq. 17).
 
-Block (j, i) of H(k) is Y(j + k + i) = C A^j A^k A^i B. What acts alike in every block (a weight a channel, a compression T_0) is applied
-to the samples and keeps that structure; anything else is a `GeneralHankel`.
+The rows of the table on samples build theirs here, with default sizes. Structure makes products with it cheap: see
+`modalscope.identification.fast.structured_hankel`. Blocks that are chosen, weighted or combined are in
+`modalscope.identification.matrices.general_hankel`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from abc import abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from modalscope.data.notes import Note
 from modalscope.data.responses import ImpulseResponse
-from modalscope.identification.matrices.block_hankel import BlockHankel
-from modalscope.identification.matrices.evolved import Evolved, ModalSide, RowSums
 from modalscope.identification.matrices.factor import Factors
-from modalscope.identification.matrices.full import FullMatrix, pencil_of
-from modalscope.identification.matrices.influence import ConvolvedInfluence, Influence, Lines, convolved
-from modalscope.identification.matrices.matrix import DerivedMatrix, Eigen, ModalFit, RowShift, Triple
-from modalscope.identification.matrices.sampled_rows import SampledMatrix
-from modalscope.identification.matrices.sides import Side, adds_channels, block_shifts, side_of
-from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
+from modalscope.identification.matrices.matrix import DataMatrix, DerivedMatrix, Eigen, ModalFit, RowShift, Triple
+from modalscope.identification.method import Built, Problem, fewer_outputs
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
-from modalscope.numerics.operators import DenseMatrix, Operator, real_times
+from modalscope.numerics.functions.poles import to_continuous, to_discrete
+from modalscope.numerics.handed import or_faster
+from modalscope.numerics.operators import DenseMatrix, Operator
+
+#: The short side of a truncation spans one in so many samples: a sixth, see `default_windows`.
+SHORT_SIDE_SHARE = 6
+
+#: Maximum number of rows on the short side of a Hankel matrix of samples, and on the long side.
+_MAX_SHORT_ROWS, _MAX_LONG_ROWS = 33_000, 67_000
+
+#: Variances within this factor count as equal.
+_SAME_PRECISION = 2.0
+
+#: Maximum number of states of a companion form, whose eigenvalues cost their cube.
+MAX_COMPANION_STATES = 240
+
+#: Block rows and columns of a response for a largest order, where either is not given.
+_Sizes = Callable[[ImpulseResponse, int, int | None, int | None], tuple[int, int]]
+
+
+# ------------------------------------------------------------------------------------------------------ of a row's problem
+
+
+def plain_hankel(problem: Problem, order: int) -> Built:
+    """Return the Hankel matrix of samples, by default in observable form."""
+    form = problem.options.form
+    return _built(problem, order, form == "controllable" or (form == "smaller" and _fewer_inputs(problem)))
+
+
+def canonical_hankel(problem: Problem, order: int) -> Built:
+    """Return the Hankel matrix whose companion form has fewer states, by default."""
+    form = problem.options.form
+    turned = form == "controllable" or (form != "observable" and _fewer_inputs(problem))
+    return _built(problem, order, turned, companion_windows)
+
+
+def complete_hankel(problem: Problem, order: int) -> Built:
+    """Return the Hankel matrix of a form without truncation, with as many blocks as the order has."""
+    form = problem.options.form
+    turned = form in (None, "controllable") or (form == "smaller" and _fewer_inputs(problem))
+
+    def sizes(
+        response: ImpulseResponse, order: int, block_rows: int | None, block_columns: int | None
+    ) -> tuple[int, int]:
+        return default_blocks(response, order, block_rows or -(-order // response.values.shape[1]), block_columns)
+
+    return _built(problem, order, turned, sizes)
+
+
+def _fewer_inputs(problem: Problem) -> bool:
+    """Whether the side of the inputs is the smaller one; by channels where sizes are not given."""
+    _, outputs, inputs = problem.response.values.shape
+    rows, columns = problem.options.block_rows, problem.options.block_columns
+    return bool(inputs < outputs if rows is None or columns is None else inputs * columns < outputs * rows)
+
+
+def _built(problem: Problem, order: int, turned: bool, states: _Sizes | None = None) -> Built:
+    """Return the matrix with its sizes; `states`: of a companion form, the side of whose states is the one that the order counts."""
+    options, measured = problem.options, problem.response
+    assert isinstance(measured, ImpulseResponse)
+    general = {name: value for name, value in options.general.items() if value is not None}
+    few = None if general else fewer_outputs(measured, order, options)
+    response: ImpulseResponse = measured if few is None else few.response
+    rows, columns = options.spans
+    if turned and states is not None:
+        columns, rows = states(transposed(response), order, columns, rows)
+    else:
+        rows, columns = (states or default_windows)(response, order, rows, columns)
+    settings = replace(options, block_rows=rows, block_columns=columns, form="controllable" if turned else "observable")
+    response, notes = lags_read(response, rows + columns)
+    matrix = (turned_hankel if turned else hankel)(response, block_rows=rows, block_columns=columns, **general)
+    return Built(matrix if few is None else few.whole(measured, matrix), settings, notes)
+
+
+def lags_read(response: ImpulseResponse, read: int) -> tuple[ImpulseResponse, tuple[Note, ...]]:
+    """Return a correlation without the lags that no block contains."""
+    if response.kind != "correlation" or response.samples <= read:
+        return response, ()
+    note = Note("lags used", {"used": read, "there": response.samples}, f"{read} of {response.samples} lags are used")
+    return replace(response, values=response.values[:read]), (note,)
+
+
+def transposed(response: ImpulseResponse) -> ImpulseResponse:
+    """Return the response with inputs and outputs in each other's places."""
+    return replace(
+        response,
+        values=response.values.transpose(0, 2, 1),
+        feedthrough=None,
+        output_dofs=tuple(f"in {dof}" for dof in response.input_dofs),
+        input_dofs=tuple(f"out {dof}" for dof in response.output_dofs),
+        units=response.units[::-1],
+        groups=None,
+    )
+
+
+# ---------------------------------------------------------------------------------------------------------- default sizes
+
+
+def default_windows(
+    response: ImpulseResponse, order: int, block_rows: int | None, block_columns: int | None
+) -> tuple[int, int]:
+    """Return block sizes of a truncation: one side spans a sixth of the samples, the other all the rest.
+
+    With r blocks on the shorter side and s on the longer one, the pole of a mode that does not fade is the difference of two means over r
+    samples that lie s apart, whichever side is which: its variance is N^3 / (6 r s^2) times the least that N samples allow. That is 1.125
+    at a third, 1.44 at a sixth (deviations 1.2 times the least) and 5.4 at a thirtieth of the samples; samples that are not read cost the
+    power of three. Where a mode fades the vectors on both sides fade with it, so that blocks beyond its life add no noise of first
+    order, and the bound itself is reached. Never fewer rows, or columns, than three times as many as states.
+
+    Rows are the short side, whose shapes tell close modes apart, unless columns there cost less: of many outputs the Gram matrix of a
+    short side of inputs is a small one. Of T rows and columns in all, l r + m s, a third belongs to the short side, where r s^2 is
+    largest; of very long records that are held to it, the way is taken that is twice as precise. What is given is kept, and the other
+    side reads the rest. Correlations have errors that do not fade; see `default_blocks`.
+
+    `block_rows`, `block_columns`: as given.
+    """
+    if response.ambient:
+        return default_blocks(response, order, block_rows, block_columns)
+    samples, outputs, inputs = response.values.shape
+    lying = _spans(samples, (outputs, inputs), order, (block_rows, block_columns))
+    standing: tuple[int, int] = _spans(samples, (inputs, outputs), order, (block_columns, block_rows))[::-1]
+    if block_rows is not None or block_columns is not None:
+        return lying if block_rows is not None else standing
+    rough, precise = sorted((lying, standing), key=_precision)
+    if _precision(rough) * _SAME_PRECISION <= _precision(precise):
+        return precise
+    return cheaper_windows(response, order, lying, standing)
+
+
+@or_faster("cheaper_windows")
+def cheaper_windows(
+    response: ImpulseResponse, order: int, lying: tuple[int, int], standing: tuple[int, int]
+) -> tuple[int, int]:
+    """Return block sizes of equal precision that cost least: without structure those whose rows are the short side."""
+    return lying
+
+
+def _precision(sizes: tuple[int, int]) -> float:
+    """Return r s^2, r the shorter and s the longer side: one over the variance of a pole, but for a factor."""
+    return float(min(sizes) * max(sizes) ** 2)
+
+
+def _spans(
+    samples: int,
+    channels: tuple[int, int],
+    order: int,
+    given: tuple[int | None, int | None],
+    most: int = _MAX_SHORT_ROWS,
+) -> tuple[int, int]:
+    """Return blocks on the short side and on the long one, of so many channels each; `most` rows in all on the short side."""
+    short, long = given
+    least = min(max(-(-3 * order // channels[0]), 10), max(samples // 2, 1))
+    room = samples if long is None else max(samples - long, 1)
+    short = short or min(max(min(samples // SHORT_SIDE_SHARE, most // channels[0]), least), room)
+    return short, long or max(min(samples - short, max(_MAX_LONG_ROWS // channels[1], short)), 1)
+
+
+def companion_windows(
+    response: ImpulseResponse, order: int, block_rows: int | None, block_columns: int | None
+) -> tuple[int, int]:
+    """Return those of a truncation whose block rows are all states, 240 of them at most, or three times the order."""
+    if response.ambient:
+        return default_blocks(response, order, block_rows, block_columns)
+    samples, *channels = response.values.shape
+    return _spans(samples, (channels[0], channels[1]), order, (block_rows, block_columns), MAX_COMPANION_STATES)
+
+
+def default_blocks(
+    response: ImpulseResponse, order: int, block_rows: int | None, block_columns: int | None
+) -> tuple[int, int]:
+    """Return block sizes of correlations, and of regressions without truncation, into which noise comes in squares.
+
+    Three times as many rows as states, and the rest of the samples, up to twenty times, as columns. Both are at least ten blocks where
+    the samples allow it. Correlations get four times as many columns as rows and at least eighty: their errors do not fade with the lag
+    as the modes do, so that long ones harm.
+    """
+    samples, outputs, inputs = response.values.shape
+    room = samples if block_columns is None else max(samples - block_columns, 1)
+    rows = block_rows or min(max(-(-3 * order // outputs), 10), max(samples // 2, 1), room)
+    ample = max(4 * rows, 80) if response.ambient else max(-(-20 * order // inputs), rows, 10)
+    columns = block_columns or max(min(samples - rows, ample), 1)
+    return rows, columns
+
+
+# ------------------------------------------------------------------------------------------------------------- the matrix
 
 
 def fit_of_samples(response: ImpulseResponse, model: Triple, eigen: Eigen) -> ModalFit:
@@ -38,372 +219,139 @@ def fit_of_samples(response: ImpulseResponse, model: Triple, eigen: Eigen) -> Mo
     return ModalFit(np.asarray(model.C @ eigen.vectors), participation, direct[None])
 
 
-def hankel(
-    response: ImpulseResponse,
-    *,
-    block_rows: int | None = None,
-    block_columns: int | None = None,
-    row_shifts: Sequence[int] | None = None,
-    column_shifts: Sequence[int] | None = None,
-    row_subsets: Sequence[Sequence[int]] | None = None,
-    column_subsets: Sequence[Sequence[int]] | None = None,
-    row_weights: ArrayLike | None = None,
-    column_weights: ArrayLike | None = None,
-    row_compression: ArrayLike | None = None,
-    column_compression: ArrayLike | None = None,
-) -> Hankel:
-    """Stack Markov parameters into H(0) and H(1); block (j, i) of H(k) is Y(s_j + k + t_i).
+class SampledMatrix(DataMatrix):
+    """Block rows are samples, one after the other."""
 
-    `response`: values of shape (samples, outputs, inputs). `block_rows`, `block_columns`: blocks in a column and in a row of H(0);
-    block_rows + block_columns samples are read. `row_shifts`, `column_shifts`: s_j and t_i, increasing from 0; 0, 1, 2, ... by default.
-    They take the place of block_rows and block_columns. `row_subsets`, `column_subsets`: outputs in each block row and inputs in each
-    block column; the first must be whole. `row_weights`, `column_weights`: positive weights: one an output (an input), or one a row (a
-    column) of H(0). `row_compression`, `column_compression`: t_0 (q, l), applied within every block row, or T_r (q, rows of H(0)),
-    applied to whole columns after the weights (Eq. 31); the same for columns. `modalscope.identification.matrices.hankel` makes them.
+    @property
+    @abstractmethod
+    def dt(self) -> float:
+        """Sampling interval, seconds."""
 
-    Raises `DataError`: A response that is too short, shifts with a common factor, subsets whose first block is not whole, weights or
-    compressions that do not fit.
+    def to_s(self, poles: Array) -> ComplexArray:
+        """Continuous poles ln(z) fs, rad/s."""
+        return to_continuous(poles, self.dt)
 
-    Returns
-    -------
-    Hankel
-
-    Notes
-    -----
-    Source: the report, Eqs. 17, 20-21 and 31.
-
-    Examples
-    --------
-    >>> from modalscope.systems import chain5
-    >>> response = chain5().impulse_response(12, outputs=[0], inputs=[0])
-    >>> hankel(response, block_rows=3, block_columns=4).shifted(1).dense().shape
-    (3, 4)
-    """
-    samples, outputs, inputs = response.values.shape
-    s = block_shifts("row_shifts", row_shifts, block_rows, "block_rows")
-    t = block_shifts("column_shifts", column_shifts, block_columns, "block_columns")
-    need = max(s) + max(t) + 2
-    if need > samples:
-        raise DataError(
-            f"hankel(block_rows={len(s)}, block_columns={len(t)}) reads samples 0 to {need - 1}",
-            f"the response has {samples}",
-            f"Lower block_rows + block_columns to at most {samples}, or measure a longer response."
-            if row_shifts is None and column_shifts is None
-            else f"Lower the sum of the last shifts to {samples - 2}, or measure a longer response.",
-        )
-    rows = side_of("row", outputs, s, row_subsets, row_weights, row_compression)
-    columns = side_of("column", inputs, t, column_subsets, column_weights, column_compression)
-    if rows.structured and columns.structured:
-        return Hankel(response, rows, columns)
-
-    return GeneralHankel(response, rows, columns)
+    def from_s(self, poles: Array) -> ComplexArray:
+        """Poles of the sampled system, exp(s / fs)."""
+        return to_discrete(poles, self.dt)
 
 
 @dataclass(frozen=True, eq=False)
 class Hankel(SampledMatrix):
     """A block Hankel matrix of whole consecutive blocks (made by `hankel`).
 
-    `rows`, `columns`: what is combined within the blocks of each side.
+    `blocks`: r and s, block rows and columns of H(0).
     """
 
     response: ImpulseResponse
-    rows: Side
-    columns: Side
-    by_mode = True
+    blocks: tuple[int, int]
 
     @property
     def block_rows(self) -> int:
-        """Number of different row shifts in H(0)."""
-        return int(self.rows.shifts.size)
+        """Blocks in a column of H(0)."""
+        return self.blocks[0]
 
     @property
     def block_columns(self) -> int:
-        """Number of different column shifts."""
-        return int(self.columns.shifts.size)
-
-    @cached_property
-    def _column_values(self) -> RealArray:
-        """Samples (N, l, m'), combined within block columns only."""
-        T = self.columns.within
-        return self.response.values if T is None else self.response.values @ T.T
-
-    @cached_property
-    def _row_values(self) -> RealArray:
-        """Samples (N, l', m), combined within block rows only."""
-        T = self.rows.within
-        return self.response.values if T is None else np.asarray(T @ self.response.values)
-
-    @cached_property
-    def values(self) -> RealArray:
-        """Samples (N, l', m'), combined within blocks on both sides."""
-        T = self.rows.within
-        return self._column_values if T is None else np.asarray(T @ self._column_values)
-
-    @cached_property
-    def _rows(self) -> BlockHankel:
-        """The matrix of `tall()`, kept for all orders: its samples lie as products take them."""
-        return BlockHankel(self.values, self.block_rows + 1, self.block_columns)
-
-    def shifted(self, k: int) -> Operator:
-        """Return H(k)."""
-        return BlockHankel(self.values, self.block_rows, self.block_columns, first=k)
-
-    def tall(self) -> Operator:
-        """Return H(0) with one more block row, the rows of H(0) and of H(1) together."""
-        return BlockHankel(self.values, self.block_rows + 1, self.block_columns)
-
-    @property
-    def row_shift(self) -> RowShift:
-        """E0 and E1 for factors of `tall()`."""
-        return RowShift.by_block(self.values.shape[1], self.block_rows)
-
-    def projected(self, factors: Factors) -> RealArray:
-        """K = P' H(1) Q, from the Gram matrix where the left vectors are not computed."""
-        if not factors.unmade:
-            return super().projected(factors)
-        # d^-1 Q' (H(0)' H(1)) Q: the block columns of H(0)' H(1) but the last are those of the Gram matrix H(0)' H(0)
-        gram, Q, m, r, s = factors.gram, factors.Q, self.values.shape[2], self.block_rows, self.block_columns
-        assert gram is not None
-        last = self.values[s : s + r].reshape(-1, m)
-        product = gram[:, m:] @ Q[:-m] + self.shifted(0).transposed_times(last) @ Q[-m:]
-        return np.asarray(Q.T @ product / factors.d[:, None])
-
-    def row_blocks(self, P: Array) -> RealArray | None:
-        """Return a left factor (rows, k) by block rows, (blocks, l', k)."""
-        return P.reshape(-1, self.values.shape[1], P.shape[1])
-
-    def column_blocks(self, Q: Array) -> RealArray | None:
-        """Return a right factor (columns, k) by block columns, (blocks, m', k)."""
-        return Q.reshape(-1, self.values.shape[2], Q.shape[1])
-
-    def first_block(self, shapes: Array) -> Array:
-        """Return T_0 C: what the first block row of the factor V holds for shapes (l, n)."""
-        T = self.rows.within
-        return np.asarray(shapes) if T is None else np.asarray(T @ shapes)
-
-    def first_rows(self, right: Array, k: int = 0) -> RealArray:
-        """Return E_l' H(k) X of the uncompressed first block row: C = E_l' H(0) Q d^-1/2 (Eqs. 28, 39)."""
-        row = self._column_values[k : k + self.block_columns].transpose(0, 2, 1)
-        return np.asarray(row.reshape(-1, self.outputs).T @ right)
-
-    def first_block_column(self, *, tall: bool = False) -> RealArray:
-        """Return H(0) E_m, or that of `tall()`, with the inputs themselves: B of the companion forms (Eqs. 53, 54, 65)."""
-        return self._row_values[: self.block_rows + tall].reshape(-1, self.response.values.shape[2])
-
-    def first_columns(self, factors: Factors) -> RealArray:
-        """Return X (m, k) such that B = d^1/2 X' (Eqs. 28, 37): the first rows of Q, or from P where columns are combined."""
-        if self.columns.within is None:
-            return factors.Q[: self.response.values.shape[2]]
-        return self._first_columns_from(factors)
-
-    def _first_columns_from(self, factors: Factors) -> RealArray:
-        """Return X from the left factor, by the first block column before anything was combined."""
-        tall = factors.left.shape[0] != self.rows.size
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(self.first_block_column(tall=tall).T @ factors.P / factors.d)
-
-    def influence(self, left: Array, right: Array, lines: Lines | None = None) -> ConvolvedInfluence:
-        """Return g_j[t] = sum_(a + b = t) L_j[a] (x) v_j[b], with what was combined within blocks taken back to the channels."""
-        _, rows, columns = self.values.shape
-        L, v = left.reshape(len(left), -1, rows), right.T.reshape(len(left), -1, columns)
-        T, U = self.rows.within, self.columns.within
-        return convolved(L if T is None else L @ T, v if U is None else v @ U)
+        """Blocks in a row of H(0)."""
+        return self.blocks[1]
 
     @property
     def dt(self) -> float:
         """Sampling interval, seconds."""
         return 1 / self.response.sampling_rate
 
+    def _of_rows(self, first: int, rows: int) -> DenseMatrix:
+        """Return block rows Y(first + i), Y(first + i + 1), ... of all columns."""
+        i, j = np.ogrid[first : first + rows, : self.block_columns]
+        blocks = self.response.values[i + j].transpose(0, 2, 1, 3)
+        return DenseMatrix(blocks.reshape(rows * blocks.shape[1], -1))
+
+    def shifted(self, k: int) -> Operator:
+        """Return H(k)."""
+        return self._of_rows(k, self.block_rows)
+
+    def tall(self) -> Operator:
+        """Return H(0) with one more block row, the rows of H(0) and of H(1) together."""
+        return self._of_rows(0, self.block_rows + 1)
+
+    @property
+    def row_shift(self) -> RowShift:
+        """E0 and E1 for factors of `tall()`."""
+        return RowShift.by_block(self.outputs, self.block_rows)
+
+    def first_rows(self, right: Array, k: int = 0) -> RealArray:
+        """Return E_l' H(k) X: C = E_l' H(0) Q d^-1/2 (Eqs. 28, 39)."""
+        row = self.response.values[k : k + self.block_columns].transpose(0, 2, 1)
+        return np.asarray(row.reshape(-1, self.outputs).T @ right)
+
+    def first_block_column(self, *, tall: bool = False) -> RealArray:
+        """Return H(0) E_m, or that of `tall()`: B of the companion forms (Eqs. 53, 54, 65)."""
+        return self.response.values[: self.block_rows + tall].reshape(-1, self.response.values.shape[2])
+
+    def first_columns(self, factors: Factors) -> RealArray:
+        """Return X (m, k) such that B = d^1/2 X' (Eqs. 28, 37): the first rows of Q."""
+        return factors.Q[: self.response.values.shape[2]]
+
     def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
         """Return shapes C X and participation X^-1 B, referred to the impulse (Eqs. 15-16)."""
         return fit_of_samples(self.response, model, eigen)
 
-    def row_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
-        """Return V = P d^a against c_j z^k; of left vectors that are not made by sums over the samples."""
-        factors, n = model.factors, model.rank
-        if factors is None or not factors.unmade:
-            return super().row_side(model, eigen, fit)
-        blocks = factors.left.shape[0] // self.values.shape[1]
-        states = factors.d[:n, None] ** model.power * eigen.vectors
-        right = real_times(factors.Q[:, :n], states / factors.d[:n, None])
-        return RowSums(self._rows, right, states, self.first_block(fit.shapes), self.evolution(eigen.values, blocks))
-
-    def column_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
-        """Return W = d^(1-a) Q' against b_j z^k; its columns start from the first sample there is, not from the impulse."""
-        if model.factors is None:
-            return None
-        n = model.rank
-        blocks = self.column_blocks(model.factors.Q[:, :n])
-        if blocks is None:
-            return None
-        participation = fit.participation * eigen.values[:, None] ** self.response.first_sample
-        states = model.factors.d[:n, None] ** (1 - model.power) * eigen.left.T
-        T = self.columns.within
-        first = participation.T if T is None else T @ participation.T
-        return Evolved(blocks, states, first, self.evolution(eigen.values, len(blocks)))
-
     def describe(self) -> str:
         """Say what the matrix is, in words."""
-        shape = f"{self.block_rows} x {self.block_columns} blocks of {self.response.values.shape[1]} x {self.response.values.shape[2]}"
-        extra = [
-            f"{name} {what}" for name, side in (("rows", self.rows), ("columns", self.columns)) for what in side.words()
-        ]
-        return f"Hankel matrix of {shape}" + (f", {', '.join(extra)}" if extra else "")
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What a result made from this matrix must say."""
-        maps = (self.rows.within, self.rows.over, self.columns.within, self.columns.over)
-        if any(T is not None and adds_channels(T) for T in maps):
-            return (
-                "Compression by sums loses modes whose sum over the channels vanishes (antisymmetric ones, and all but one "
-                "of repeated ones), and raises noise",
-            )
-        return ()
+        _, outputs, inputs = self.response.values.shape
+        return f"Hankel matrix of {self.block_rows} x {self.block_columns} blocks of {outputs} x {inputs}"
 
 
 @dataclass(frozen=True, eq=False)
-class GeneralHankel(Hankel):
-    """A block Hankel matrix whose blocks are chosen, weighted or combined as they like (made by `hankel`)."""
-
-    def _matrix(self, rows: Side, k: int) -> DenseMatrix:
-        (s, outputs), (t, inputs) = rows.entries, self.columns.entries
-        H = rows.apply(self.values[s[:, None] + k + t, outputs[:, None], inputs])
-        return DenseMatrix(np.ascontiguousarray(self.columns.apply(H.T).T))
-
-    def shifted(self, k: int) -> DenseMatrix:
-        """Return H(k), weighted and compressed."""
-        return self._matrix(self.rows, k)
-
-    def tall(self) -> DenseMatrix:
-        """Return H(0) with one more block row, the rows of H(0) and of H(1) together.
-
-        Raises `DataError`: shifts that are not consecutive, or compression over whole columns: A cannot be read off a row shift then.
-        """
-        return self._matrix(self._tall_rows, 0)
-
-    @cached_property
-    def _tall_rows(self) -> Side:
-        asked = "a realization from the row shift was asked (alternate, polyreference and prce in this form)"
-        others = "use the other form (controllable when this is the observable one), or method='era' or 'least_squares'"
-        if self.rows.over is not None:
-            raise DataError(
-                asked,
-                "a compression over whole columns has no row shift",
-                f"Compress within blocks (one column a channel), or {others}.",
-            )
-        shifts = self.rows.shifts
-        if not np.array_equal(shifts, np.arange(shifts.size)):
-            last = int(np.flatnonzero(shifts != np.arange(shifts.size))[0]) - 1
-            raise DataError(
-                asked,
-                f"the shifts are not consecutive: {shifts[last + 1]} follows {shifts[last]}",
-                f"Use consecutive shifts, or {others}.",
-            )
-        return self.rows.taller()
-
-    @cached_property
-    def row_shift(self) -> RowShift:
-        """E0 and E1 for factors of `tall()`: every row that has itself one sample later in the matrix, and that row."""
-        side = self._tall_rows
-        place = {(int(a), int(b)): i for i, (a, b) in enumerate(side.entries.T)}
-        pairs = [(i, place[(a + 1, b)]) for (a, b), i in place.items() if (a + 1, b) in place]
-        before, after = np.array(pairs).T
-        whole = self.rows.whole
-        return RowShift(block=self.values.shape[1], before=before, after=after, weight=side.weights, whole=whole)
-
-    def pencil(self, left: Array, values: Array, *, tall: bool) -> ComplexArray:
-        """Return L_j on the rows of whole consecutive blocks, of which the matrix has some."""
-        if tall:
-            entries = self._tall_rows.entries
-            return _scattered(pencil_of(self.row_shift, left, values, entries.shape[1]), entries, self.values.shape[1])
-        F, entries = self.rows.taken_back(left), self.rows.entries
-        both = np.hstack([entries, entries + np.array([[1], [0]])])
-        return _scattered(np.hstack([-np.asarray(values)[:, None] * F, F]), both, self.values.shape[1])
-
-    def influence(self, left: Array, right: Array, lines: Lines | None = None) -> ConvolvedInfluence:
-        """Return the gradient; columns are taken back to whole consecutive blocks first."""
-        v = _scattered(self.columns.taken_back(right.T), self.columns.entries, self.values.shape[2])
-        return super().influence(left, v.T, lines)
-
-    def row_blocks(self, P: Array) -> RealArray | None:
-        """Return a left factor (rows, k) by block rows, (blocks, l', k); None where the blocks are not whole."""
-        return super().row_blocks(P) if self.rows.structured else None
-
-    def column_blocks(self, Q: Array) -> RealArray | None:
-        """Return a right factor (columns, k) by block columns, (blocks, m', k); None where the blocks are not whole."""
-        return super().column_blocks(Q) if self.columns.structured else None
-
-    def first_rows(self, right: Array, k: int = 0) -> RealArray:
-        """Return E_l' H(k) X of the uncompressed, unweighted first block row: C = E_l' H(0) Q d^-1/2 (Eqs. 28, 39)."""
-        t, inputs = self.columns.entries
-        row = self._column_values[t + k, :, inputs]
-        return np.asarray(self.columns.apply(row).T @ right)
-
-    def first_block_column(self, *, tall: bool = False) -> RealArray:
-        """Return H(0) E_m, or that of `tall()`, with the inputs themselves: B of the companion forms (Eqs. 53, 54, 65)."""
-        rows = self._tall_rows if tall else self.rows
-        s, outputs = rows.entries
-        return rows.apply(self._row_values[s, outputs])
-
-    def first_columns(self, factors: Factors) -> RealArray:
-        """Return X (m, k) such that B = d^1/2 X' (Eqs. 28, 37): the first rows of Q, or from P where columns are combined."""
-        if self.columns.within is None and self.columns.over is None:
-            inputs = self.response.values.shape[2]
-            w = self.columns.weights
-            return factors.Q[:inputs] if w is None else factors.Q[:inputs] / w[:inputs, None]
-        return self._first_columns_from(factors)
-
-
-def _scattered(rows: Array, entries: IntArray, channels: int) -> ComplexArray:
-    """Return rows (k, entries) summed into whole blocks by shift and channel, (k, channels x blocks)."""
-    blocks = np.zeros((int(entries[0].max()) + 1, channels, len(rows)), dtype=complex)
-    np.add.at(blocks, (entries[0], entries[1]), rows.T)
-    return np.ascontiguousarray(blocks.reshape(-1, len(rows)).T)
-
-
-@dataclass(frozen=True, eq=False)
-class TurnedHankel(FullMatrix, DerivedMatrix):
+class TurnedHankel(DerivedMatrix):
     """A Hankel matrix of the transposed response, whose models are turned back: (A, B, C) -> (A', C', B').
 
     `response`: as it was measured. `inner`: of the transposed response.
     """
 
     response: ImpulseResponse
-    inner: Hankel
-    by_mode = True
+    inner: Any
 
     @property
-    def observable(self) -> Hankel:
+    def observable(self) -> Any:
         """The Hankel matrix of the transposed response, which is factored."""
         return self.inner
 
     @property
     def block_rows(self) -> int:
         """Blocks on the side of the outputs."""
-        return self.inner.block_columns
+        return int(self.inner.block_columns)
 
     def model(self, triple: Triple) -> Triple:
         """Return the model with inputs and outputs in their own places."""
         return triple.dual()
 
-    def as_measured(self, influence: Influence) -> Influence:
-        """Return the gradient by the response as it was measured."""
-        return influence.transposed()
-
     def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
         """Return shapes C X and participation X^-1 B, referred to the impulse."""
         return fit_of_samples(self.response, model, eigen)
 
-    def row_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
-        """Return the columns of the transposed response's matrix: the side of the outputs."""
-        return self.inner.column_side(model, eigen.dual(), self._exchanged(eigen, fit))
 
-    def column_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
-        """Return the rows of the transposed response's matrix: the side of the inputs."""
-        return self.inner.row_side(model, eigen.dual(), self._exchanged(eigen, fit))
+@or_faster("hankel")
+def hankel(response: ImpulseResponse, *, block_rows: int, block_columns: int, **general: Any) -> Hankel:
+    """Return H(0) and H(1) of Markov parameters (samples, outputs, inputs), of which block_rows + block_columns are read.
 
-    def _exchanged(self, eigen: Eigen, fit: ModalFit) -> ModalFit:
-        """Return shapes and participation in each other's places; the steps to the first sample stay on the side of the columns."""
-        late = eigen.values[:, None] ** self.response.first_sample
-        return ModalFit((fit.participation * late).T, fit.shapes.T / late, fit.terms.transpose(0, 2, 1))
+    `general`: what a `general_hankel` has beyond its size.
+
+    Raises `DataError`: a response that is too short.
+    """
+    need, samples = block_rows + block_columns, response.samples
+    if need > samples or general:
+        what = ", ".join(general) or f"samples 0 to {need - 1}"
+        have = f"the response has {samples}" if need > samples else "a plain matrix has whole consecutive blocks"
+        raise DataError(
+            f"a Hankel matrix of {what} was asked", have, "Lower block_rows + block_columns, or omit options."
+        )
+    return Hankel(response, (block_rows, block_columns))
+
+
+@or_faster("turned_hankel")
+def turned_hankel(response: ImpulseResponse, *, block_rows: int, block_columns: int, **general: Any) -> TurnedHankel:
+    """Return the matrix of the transposed response, whose rows are the columns of that of the response."""
+    inner = hankel(transposed(response), block_rows=block_columns, block_columns=block_rows, **general)
+    return TurnedHankel(response, inner)

@@ -1,139 +1,107 @@
-"""Base classes of block matrices whose columns are frequency lines, with their weights and triangular factor.
+"""Block matrices of frequency response functions on the lines of any band, z- and s-domain (Eqs. 82, 89-93, corrected).
 
-The matrix is wide (lines times inputs); a triangular factor of as many columns as rows has the same left factor, singular values
-and products, and stands in for it. The right factor, rows over lines, is brought back where it is asked for.
+The rows are p_k(x_i) H(x_i), with polynomials p_k orthogonal on the measured lines instead of powers of x. From
+x^k H = C A^k X + (a polynomial of degree k whose matrix coefficients are the direct term and the initial values) it follows
+that p_k(x) H = C p_k(A) X + (a polynomial of degree k). Where its coefficients are unknown it is removed by projecting the columns
+on the complement of p_0, ..., p_q; what is left is [C p_0(A); ...; C p_q(A)] X, whose row shift is the recurrence of the basis.
+Columns are real: real and imaginary parts side by side, which is the same as using the lines at -w too.
+
+The matrix is wide (lines times inputs); a triangular factor of as many columns as rows has the same left factor, singular values and
+products, and stands in for it. Options of a row beyond its size are in `modalscope.identification.matrices.transfer`.
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+import scipy.linalg as sla
 
-from modalscope.data.misfit import Misfit
-from modalscope.data.response import Response
+from modalscope.data.response import Response, output_scale
 from modalscope.data.responses import FrequencyResponse
-from modalscope.identification.matrices.evolved import ModalSide, OnLines
-from modalscope.identification.matrices.factor import Factors
-from modalscope.identification.matrices.full import FullMatrix, pencil_of
-from modalscope.identification.matrices.influence import LineInfluence, Lines, Outer, all_lines
-from modalscope.identification.matrices.matrix import Eigen, ModalFit, RowShift, Triple
-from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, real_array
+from modalscope.identification.matrices.hankel import MAX_COMPANION_STATES, SHORT_SIDE_SHARE
+from modalscope.identification.matrices.matrix import DataMatrix, Eigen, ModalFit, RowShift, Triple
+from modalscope.identification.method import Built, Problem, fewer_outputs, refuse
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
-from modalscope.numerics.functions.pole_basis import LineData, line_basis, line_data
-from modalscope.numerics.functions.polynomials import Plane, both_sums, evaluate
-from modalscope.numerics.operators import DenseMatrix, Operator, real_times
-from modalscope.numerics.sums import TriangleSum
+from modalscope.numerics.functions.polynomials import Plane, evaluate, orthogonal_basis, plane_of
+from modalscope.numerics.handed import handed, or_faster
+from modalscope.numerics.operators import DenseMatrix, Operator
+
+#: Maximum number of rows of transfer functions on lines, whose cube counts, and of rows times lines. Rows and degree that are always
+#: allowed.
+_MAX_LINE_ROWS, _MAX_LINE_NUMBERS, _CHEAP_ROWS, _CHEAP_DEGREE = 800, 1_500_000, 600, 48
 
 
-@dataclass(frozen=True, eq=False)
-class LinePencil:
-    """What rows F_j (E1 - x_j E0) of polynomials are on lines: (x - x_j) sum_k F_k p_k(x), for E1 is multiplication by x there.
+# ------------------------------------------------------------------------------------------------------ of a row's problem
 
-    `sums`: lines -> sum_k F_k p_k and sum_k F_k p_k* on them, (k, lines, l) each. `values` (k,): x_j. `points` (F,): x of all lines.
+
+def transfer_of_lines(problem: Problem, order: int) -> Built:
+    """Return transfer functions on the lines of any band, initial terms eliminated."""
+    options, response = problem.options, problem.response
+    if options.source == "samples":
+        asked = f"source='samples' in domain {problem.method.domain!r} was asked"
+        raise DataError(asked, "samples need domain='z'", "Omit it, or use domain='z'.")
+    refuse(options, "the columns of a frequency-domain matrix are lines", "block_columns")
+    if not isinstance(response, FrequencyResponse):
+        raise DataError("source='elimination' was asked", "the data are samples, not lines", "Omit it.")
+    degree = options.block_rows or default_degree(response, order, truncates=problem.method.orders.truncates)
+    names = ("weights", "basis", "initial_values", "row_shifts")
+    further = {name: value for name in names if (value := getattr(options, name)) is not None}
+    if "weights" in further:
+        further["weights"] = handed("line_weights")(response, further["weights"])
+    few = None if "initial_values" in further else fewer_outputs(response, order, options)
+    matrix = transfer(
+        response if few is None else few.response,
+        domain=problem.method.domain,
+        block_rows=degree,
+        order=order,
+        equal_outputs=few is None,
+        **further,
+    )
+    settings = replace(options, block_rows=matrix.block_rows, source="elimination")
+    return Built(matrix if few is None else few.whole(response, matrix), settings)
+
+
+@or_faster("transfer_of_response")
+def transfer_of_response(problem: Problem, order: int) -> Built:
+    """Return the same in z; samples of a window have a matrix of their own, `modalscope.identification.matrices.shifted`."""
+    return transfer_of_lines(problem, order)
+
+
+def default_degree(response: FrequencyResponse, order: int, *, truncates: bool = True) -> int:
+    """Return the degree q: a third of the lines, less where there are many lines and outputs.
+
+    Real and imaginary parts of F lines are N = 2 F numbers, and the degree stands for the block rows of samples: with q = N / 6 the
+    deviations are 1.2 times the least in z (see `default_windows`). In s, where polynomials have 2 / pi of the zeros in the middle of the
+    band, it is 1.4 there; with many more they would be as many as the lines, and take away all there is, beyond sqrt(1 - (q / N)^2) of it.
+    Work goes with lines times squared rows and with their cube: no more than 800 rows, and 1.5 million rows times lines, but up to 600 rows
+    and a degree of 48 always. The variance goes with 1 / rows: 2000 lines give 1.7 times the least, 48 gave 3 times. Where all block rows
+    are states there are 240 of them, or as many as a degree of 48 has. Never fewer than 8 and what the order needs.
+
+    `truncates`: whether directions are cut off, so that more rows are no more states.
     """
-
-    sums: Callable[[IntArray], tuple[ComplexArray, ComplexArray]]
-    values: Array
-    points: ComplexArray
-
-    def on(self, lines: IntArray) -> tuple[ComplexArray, ComplexArray]:
-        """Return the rows at some lines and at their mirror images, (k, lines, l) each."""
-        (at, mirrored), x = self.sums(lines), self.points[lines]
-        at *= (x - self.values[:, None])[:, :, None]
-        mirrored *= (x.conj() - self.values[:, None])[:, :, None]
-        return at, mirrored
+    lines, outputs, inputs = response.values.shape
+    most = min(_MAX_LINE_ROWS, _MAX_LINE_NUMBERS // lines) if truncates else MAX_COMPANION_STATES
+    rows = max(most, min(_CHEAP_ROWS, _CHEAP_DEGREE * outputs))
+    wanted = max(min(2 * lines // SHORT_SIDE_SHARE, rows // outputs), 8, -(-order // outputs) + 1)
+    carried = (2 * lines * inputs - order) // inputs - 1
+    return int(max(min(wanted, carried), 1))
 
 
-def line_pencil(polynomials: ComplexArray, points: ComplexArray, left: Array, values: Array) -> LinePencil:
-    """Return the pencil of rows F_j (k, q, l), outputs in their own unit; polynomials (F, q) of the block rows."""
-    F = np.asarray(left, dtype=complex)
-    return LinePencil(lambda lines: both_sums(polynomials[lines], F), values, points)
+# ------------------------------------------------------------------------------------------------------------- the matrix
 
 
-#: Maximum number of lines of each input in the indicators of the columns.
-_MAX_COMPARED_LINES = 1000
-
-#: Minimum share of a mode in its columns after elimination: below it columns are rounding.
-_MIN_SHARE_LEFT = 1e-8
-
-
-def line_weights(response: FrequencyResponse, weights: str | ArrayLike | None) -> RealArray | None:
-    """Return one positive weight a line.
-
-    `weights` (F,): 1 / standard deviation of the estimate averaged over channels; from coherence g2 by var = |H|^2 (1 - g2) / g2; or the
-    inverse of the root mean square level of the response, which makes weak modes count.
-    """
-    if weights is None:
-        return None
-    if not isinstance(weights, str):
-        array = real_array("weights", weights, "(lines,)", 1)
-        if array.size != response.lines or np.any(array <= 0):
-            raise DataError(
-                f"weights needs {response.lines} positive entries",
-                f"it has {array.size}" + (f", the smallest {array.min():g}" if array.size else ""),
-                "Give one a line.",
-            )
-        return array
-    power = np.mean(np.abs(response.values) ** 2, axis=(1, 2))
-    if weights == "level":
-        variance = power
-    elif weights == "variance" and response.variance is not None:
-        variance = np.mean(response.variance, axis=(1, 2))
-    elif weights == "coherence" and response.coherence is not None:
-        g2 = np.clip(response.coherence.reshape(response.lines, -1), 1e-6, 1)
-        variance = power * np.mean((1 - g2) / g2, axis=1)
-    else:
-        have = [name for name in ("variance", "coherence") if getattr(response, name) is not None]
-        raise DataError(
-            f"weights={weights!r} was asked",
-            f"the response carries {' and '.join(have) or 'neither variance nor coherence'}",
-            "Use weights='level', give one a line, or None.",
-        )
-    floor = 1e-6 * variance.max()
-    return np.asarray(np.sqrt(variance.max() / np.maximum(variance, floor))) if floor > 0 else None
-
-
-def kept_block_rows(shifts: ArrayLike | None) -> tuple[int, ...] | None:
-    """Return which block rows are kept, sorted, or raise; None keeps all."""
-    if shifts is None:
-        return None
-    numbers = tuple(int(s) for s in np.atleast_1d(np.asarray(shifts)))
-    if not numbers or min(numbers) != 0 or len(set(numbers)) < len(numbers):
-        asked = "row_shifts needs different whole numbers, 0 among them"
-        raise DataError(asked, f"they are {list(numbers)}", "Give 0, and each shift once.")
-    return tuple(sorted(numbers))
-
-
-def real_columns(columns: ComplexArray, weights: Array | None) -> RealArray:
+def real_columns(columns: ComplexArray, weights: Array | None = None) -> RealArray:
     """Return weighted functions of the lines, (F, k) -> (2 F, k): real parts, then imaginary parts."""
     weighted = columns if weights is None else columns * weights[:, None]
     return np.vstack([weighted.real, weighted.imag])
 
 
-class VectorsOnLines(NamedTuple):
-    """Right vectors over the lines by their coefficients: few lines stand for all where noise is summed, and only those are made.
-
-    `whole` (m, 2 F, n): the right factor of every input, real parts above imaginary ones. `coefficients` (n, k).
-    """
-
-    whole: RealArray
-    coefficients: Array
-
-    def parts(self, lines: slice | IntArray = slice(None)) -> tuple[Array, Array]:
-        """Return real and imaginary rows on some lines, (k, lines, m) each."""
-        count = self.whole.shape[1] // 2
-        halves = self.whole[:, :count], self.whole[:, count:]
-        real, imaginary = (real_times(half[:, lines], self.coefficients).transpose(2, 1, 0) for half in halves)
-        return real, imaginary
-
-
-class OnPlane(FullMatrix):
+class OnPlane(DataMatrix):
     """A matrix of lines taken to points of a plane: its poles lie there."""
 
     plane: Plane
@@ -152,179 +120,10 @@ class OnPlane(FullMatrix):
         return self.plane.dt
 
 
-class RowsOnLines(FullMatrix):
-    """A block matrix that stands for many columns on lines: its rows through one exact triangular factor.
-
-    A concrete matrix gives `triangle` and `full_shift`, and what every `DataMatrix` must give.
-    """
-
-    row_shifts: tuple[int, ...] | None
-
-    @property
-    @abstractmethod
-    def triangle(self) -> RealArray:
-        """L (l (q + 1), k): the matrix times an orthonormal matrix, its exact stand-in."""
-
-    @property
-    @abstractmethod
-    def full_shift(self) -> RowShift:
-        """E0 and E1 on all q + 1 block rows."""
-
-    @property
-    def kept_rows(self) -> IntArray:
-        """Rows of the q block rows that H(0) and H(1) keep: all, unless block rows were chosen."""
-        blocks = np.arange(self.block_rows) if self.row_shifts is None else np.asarray(self.row_shifts)
-        return (blocks[:, None] * self.outputs + np.arange(self.outputs)).ravel()
-
-    def shifted(self, k: int) -> Operator:
-        """Return H(k): E0 and E1 applied to the triangular factor."""
-        part = self.full_shift.split(self.triangle)[k]
-        return DenseMatrix(part if self.row_shifts is None else part[self.kept_rows])
-
-    def tall(self) -> Operator:
-        """Return all q + 1 block rows."""
-        self._need_all_rows()
-        return DenseMatrix(self.triangle)
-
-    @property
-    def row_shift(self) -> RowShift:
-        """E0 and E1."""
-        self._need_all_rows()
-        return self.full_shift
-
-    def _need_all_rows(self) -> None:
-        if self.row_shifts is not None:
-            raise DataError(
-                "a shift of the rows was asked",
-                f"only block rows {', '.join(map(str, self.row_shifts))} are kept, which have no shift",
-                "Use method='era' or 'least_squares', or omit row_shifts.",
-            )
-
-    def pencil(self, left: Array, values: Array, *, tall: bool) -> Any:
-        """Return L_j on all q + 1 block rows, of which H(0) may keep some."""
-        F = np.zeros((len(left), self.outputs * self.block_rows), dtype=complex)
-        F[:, self.kept_rows] = left
-        return pencil_of(self.full_shift, F, values, self.outputs * (self.block_rows + 1))
-
-    def right_vectors(self, factors: Factors, coefficients: Array) -> Any:
-        """Return v_j over the lines, made where they are asked."""
-        if factors.right is None:
-            self._has_no("right factor over lines")
-        return VectorsOnLines(factors.right.whole[:, :, : len(coefficients)], np.asarray(coefficients))
-
-    def row_blocks(self, P: Array) -> RealArray | None:
-        """Return a left factor (rows, k) by block rows, (blocks, l, k); None where it is that of fewer rows than H(0) has."""
-        return None if P.shape[0] < self.block_rows * self.outputs else P.reshape(-1, self.outputs, P.shape[1])
-
-    def block_indices(self, count: int) -> IntArray:
-        """Return which block rows a left factor of `count` blocks stands for."""
-        return np.arange(count) if self.row_shifts is None else np.asarray(self.row_shifts)
-
-
-class LineMatrix(RowsOnLines):
-    """A block matrix whose columns are lines, real and imaginary parts side by side, input by input.
-
-    A concrete matrix gives `inputs`, `columns_array`, `column_functions`, `residue_scale` and `level`, and what `RowsOnLines` must give.
-    """
-
-    @property
-    @abstractmethod
-    def inputs(self) -> int:
-        """Columns of a line."""
-
-    @abstractmethod
-    def columns_array(self, i: int) -> RealArray:
-        """Return all block rows for input i, transposed: (2 F, l (q + 1))."""
-
-    @abstractmethod
-    def column_functions(self, poles: Array) -> tuple[ComplexArray, RealArray]:
-        """Return what runs along the columns of one input for modes at these poles, (2 F, k), and the share not eliminated (k,)."""
-
-    @abstractmethod
-    def residue_scale(self, poles: Array) -> ComplexArray:
-        """Return participation as the columns have it for one of a mode: (k,)."""
-
-    @property
-    @abstractmethod
-    def level(self) -> RealArray:
-        """Size of the response on every line, (F,)."""
-
-    @cached_property
-    def triangle(self) -> RealArray:
-        """L (l (q + 1), k): the matrix times an orthonormal matrix, its exact stand-in, input by input."""
-        total = TriangleSum(self.outputs * (self.block_rows + 1))
-        for i in range(self.inputs):
-            total.add(self.columns_array(i))
-        return np.ascontiguousarray(total.finish().T)
-
-    @cached_property
-    def compared_lines(self) -> IntArray:
-        """Lines on which the right factor is compared with what modes must be: all, of many some evenly and the strongest."""
-        level = self.level
-        if level.size <= _MAX_COMPARED_LINES:
-            return np.arange(level.size)
-        evenly = np.linspace(0, level.size - 1, _MAX_COMPARED_LINES // 2).astype(int)
-        return np.union1d(evenly, np.argsort(-level, kind="stable")[: _MAX_COMPARED_LINES // 2])
-
-    def with_columns(self, factors: Factors) -> Factors:
-        """Return the factors with their rows of Q over the lines: Q itself, or H' P d^-1 for when they are asked."""
-        return replace(factors, right=LineColumns(self, factors))
-
-    def column_side(self, model: Triple, eigen: Eigen, fit: ModalFit) -> ModalSide | None:
-        """Return the rows of W over the lines against b_j / (x_i - s_j) at +w and -w, without what was eliminated.
-
-        There is no last block: every line stands for itself.
-        """
-        if model.factors is None or model.factors.right is None:
-            return None
-        n = model.rank
-        states = model.factors.d[:n, None] ** (1 - model.power) * eigen.left.T
-        functions, share = self.column_functions(eigen.values)
-        real, imaginary = np.split(functions[self.both_parts].T, 2, axis=1)
-        both = np.stack([real + 1j * imaginary, real - 1j * imaginary])
-        participation = self.residue_scale(eigen.values) * fit.participation.T
-        return OnLines(model.factors.right.blocks[:, :n], states, both, participation, share > _MIN_SHARE_LEFT)
-
-    @cached_property
-    def both_parts(self) -> IntArray:
-        """Real and imaginary parts of the lines that are compared."""
-        return np.concatenate([self.compared_lines, len(self.level) + self.compared_lines])
-
-
-@dataclass(frozen=True, eq=False)
-class LineColumns:
-    """The right factor over the lines that indicators compare, computed when it is first asked for.
-
-    `factors`: of the triangular stand-in.
-    """
-
-    matrix: LineMatrix
-    factors: Factors
-
-    @cached_property
-    def blocks(self) -> RealArray:
-        """Q' (m, k, 2 F') of every input, on the lines that are compared."""
-        return np.ascontiguousarray(self.whole[:, self.matrix.both_parts].transpose(0, 2, 1))
-
-    @cached_property
-    def whole(self) -> RealArray:
-        """Rows of Q (m, 2 F, k) of every input."""
-        matrix, factors = self.matrix, self.factors
-        if len(factors.Q) == 2 * len(matrix.level) * matrix.inputs:
-            return factors.Q.reshape(matrix.inputs, 2 * len(matrix.level), -1)
-        n = max(min(factors.rank, factors.d.size), 1)
-        rows = factors.P.shape[0]
-        everything = rows == matrix.outputs * (matrix.block_rows + 1)
-        kept = np.arange(rows) if everything else matrix.kept_rows
-        back = factors.P[:, :n] / factors.d[:n]
-        pick = slice(None) if kept.size == matrix.triangle.shape[0] else kept
-        return np.stack([matrix.columns_array(i)[:, pick] @ back for i in range(matrix.inputs)])
-
-
-class PolynomialRows(OnPlane, RowsOnLines):
+class PolynomialRows(OnPlane):
     """A matrix whose rows are [C p_0(A); ...; C p_q(A)] times states, outputs divided by their scale.
 
-    A concrete matrix has the fields below.
+    A concrete matrix has the fields below, and `triangle`.
     """
 
     response: Response
@@ -332,7 +131,11 @@ class PolynomialRows(OnPlane, RowsOnLines):
     basis: ComplexArray
     recurrence: RealArray
     output_scale: RealArray
-    weights: RealArray | None
+
+    @property
+    @abstractmethod
+    def triangle(self) -> RealArray:
+        """L (l (q + 1), k): the matrix times an orthonormal matrix, its exact stand-in."""
 
     @property
     def block_rows(self) -> int:
@@ -340,18 +143,22 @@ class PolynomialRows(OnPlane, RowsOnLines):
         return int(self.recurrence.shape[1])
 
     @property
-    def full_shift(self) -> RowShift:
+    def row_shift(self) -> RowShift:
         """E0 drops the last block, E1 = h' (x) I."""
         return RowShift(block=self.outputs, recurrence=self.recurrence)
+
+    def shifted(self, k: int) -> Operator:
+        """Return H(k): E0 and E1 applied to the triangular factor."""
+        return DenseMatrix(self.row_shift.split(self.triangle)[k])
+
+    def tall(self) -> Operator:
+        """Return all q + 1 block rows."""
+        return DenseMatrix(self.triangle)
 
     @property
     def first_value(self) -> float:
         """p_0, the constant of the basis."""
         return float(self.basis[0, 0].real)
-
-    def polynomials(self, lines: slice | IntArray) -> ComplexArray:
-        """Return p_k on some lines, (lines, q + 1)."""
-        return np.asarray(self.basis[lines])
 
     def first_rows(self, right: Array, k: int = 0) -> RealArray:
         """Return (first block row of H(k) / p_0) X, such that C = first_rows(Q d^-1/2)."""
@@ -363,6 +170,10 @@ class PolynomialRows(OnPlane, RowsOnLines):
     def first_block(self, shapes: Array) -> Array:
         """Return C p_0 for shapes C, in the scale of the rows."""
         return np.asarray(shapes) / self.output_scale[:, None] * self.first_value
+
+    def block_indices(self, count: int) -> IntArray:
+        """Return which block rows a left factor of `count` blocks stands for."""
+        return np.arange(count)
 
     def shapes(self, V: Array, poles: Array) -> ComplexArray:
         """Return the shapes c of modes from their columns [c p_0; c p_1; ...] of the row factor, by least squares over all blocks.
@@ -381,61 +192,79 @@ class PolynomialRows(OnPlane, RowsOnLines):
         c = np.einsum("kn,kln->ln", unit.conj(), blocks) / np.sum(np.abs(unit) ** 2, axis=0) / size
         return np.asarray(self.output_scale[:, None] * c)
 
-    def evolution(self, poles: Array, blocks: int) -> ComplexArray:
-        """Return p_k(x) / p_0 at the poles."""
-        return evaluate(self.recurrence, 1.0, poles)[self.block_indices(blocks)]
 
-    def influence(self, left: Any, right: Any, lines: Lines | None = None) -> LineInfluence:
-        """Return the gradient: the row on the lines by output times the right vector by input, on dH; the mirror image on dH*.
+@dataclass(frozen=True, eq=False)
+class Transfer(PolynomialRows):
+    """The block matrix of one band, through its exact triangular factor (made by `transfer`).
 
-        The rows come as a `LinePencil`.
-
-        What is eliminated is orthogonal to the right vectors already.
-        """
-        kept = all_lines(self.response.count) if lines is None else lines
-        index = kept.used
-        at, mirrored = left.on(index)
-        w = 0.5 if self.weights is None else self.weights[index] / 2
-        real, imaginary = right.parts(index)
-        upper, lower = (real - 1j * imaginary), (real + 1j * imaginary)
-        half = np.broadcast_to(w, index.shape)[:, None]
-        return LineInfluence((Outer(at, upper * half),), (Outer(mirrored, lower * half),), kept)
-
-
-class FittedToLines(FullMatrix):
-    """A matrix of a response on lines whose shapes come from its rows; participation is fitted to the lines.
-
-    A concrete matrix has the fields below, and `shapes` of its rows, or `mode_shapes` where it has none.
+    `basis` (F, q + 1): p_k on the lines. `eliminated` (2 F, e): orthonormal columns that every input's columns are projected off.
     """
 
     response: FrequencyResponse
+    plane: Plane
+    basis: ComplexArray
+    recurrence: RealArray
     output_scale: RealArray
-    weights: RealArray | None
-    fits_states = True
+    eliminated: RealArray
 
-    def shapes(self, V: Array, poles: Array) -> ComplexArray:
-        """Return the shapes (l, k) of modes from their columns of the row factor; poles (k,) in the plane of the matrix."""
-        self._has_no("row factor")
+    def columns_array(self, i: int) -> RealArray:
+        """Return all block rows of input i without the initial terms, transposed: (2 F, l (q + 1))."""
+        rows = self.basis[:, :, None] * self.response.values[:, None, :, i]
+        return self.projected_off(real_columns((rows / self.output_scale).reshape(len(self.basis), -1)))
 
-    def mode_shapes(self, model: Triple, eigen: Eigen) -> ComplexArray:
-        """Return the shapes (l, k) of the modes of a model."""
-        return self.shapes(model.row_states(eigen.vectors), eigen.values)
+    def projected_off(self, columns: Array) -> RealArray:
+        """Return columns without what the eliminated ones explain: twice, so that what is left is orthogonal to rounding."""
+        for _ in range(2):
+            columns = columns - self.eliminated @ (self.eliminated.T @ columns)
+        return columns
+
+    @cached_property
+    def triangle(self) -> RealArray:
+        """L (l (q + 1), k): the matrix times an orthonormal matrix, its exact stand-in."""
+        columns = np.vstack([self.columns_array(i) for i in range(self.response.values.shape[2])])
+        R = sla.qr(columns, mode="r", check_finite=False)[0]
+        return np.ascontiguousarray(R[: R.shape[1]].T)
 
     def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
-        """Return shapes as they are known best; participation and direct term by least squares over the lines."""
-        shapes = self.mode_shapes(model, eigen)
-        lines, poles = self.response, self.to_s(eigen.values)
-        basis = line_basis(lines.frequencies, lines.sampling_rate, self._line_data, poles, (0,), self.weights)
-        participation = basis.solved(shapes)
-        fit = ModalFit(shapes, participation.side, participation.terms, reach=basis.reach, basis=basis)
-        if self.weights is not None:
-            return fit
-        return replace(fit, misfit=self._misfit.of_left(participation.left), unexplained=participation.unexplained)
+        """Return shapes by the rows; participation and direct term by least squares over the lines."""
+        shapes = self.shapes(model.row_states(eigen.vectors), eigen.values)
+        basis = self.response.basis(self.to_s(eigen.values))
+        participation, terms = basis.fit_participation(shapes)
+        return ModalFit(shapes, participation, terms, reach=basis.reach, basis=basis)
 
-    @cached_property
-    def _line_data(self) -> LineData:
-        return line_data(self.response.values, self.weights)
+    def describe(self) -> str:
+        """Say what the matrix is, in words."""
+        f = self.response.frequencies
+        lines = f"transfer functions on {f.size} lines, {f[0]:g} to {f[-1]:g} Hz"
+        return f"{lines}, polynomials to degree {self.block_rows} ({self.plane.name}); initial terms eliminated"
 
-    @cached_property
-    def _misfit(self) -> Misfit:
-        return Misfit(self.response, self.output_scale)
+
+@or_faster("transfer")
+def transfer(
+    response: FrequencyResponse,
+    *,
+    domain: str,
+    block_rows: int,
+    order: int | None = None,
+    equal_outputs: bool = True,
+    **further: Any,
+) -> DataMatrix:
+    """Stack p_k(x_i) H(x_i), k = 0 ... q = block_rows, and eliminate the initial terms.
+
+    `order`: largest number of states that will be asked; used to check that the lines suffice. `equal_outputs`: divide every output by
+    its root mean square over the band, so that quiet outputs count as much as loud ones in the truncation; shapes are scaled back.
+
+    Raises `DataError`: fewer lines than unknowns: 2 F m must be at least n + (q + 1) m.
+    """
+    lines, outputs, inputs = response.values.shape
+    need, have = (order or 1) + (block_rows + 1) * inputs, 2 * lines * inputs
+    if have < need or further:
+        raise DataError(
+            f"a plain matrix of degree {block_rows} for order {order} was asked" + "".join(f", {n}" for n in further),
+            f"2 x lines x inputs are {have}, order + (degree + 1) x inputs {need}",
+            "Widen the band, lower block_rows or the order, or omit options.",
+        )
+    plane = plane_of(domain, response.span[1], response.sampling_rate)
+    basis, recurrence = orthogonal_basis(plane.point(response.frequencies), block_rows)
+    scale = output_scale(response) if equal_outputs else np.ones(outputs)
+    return Transfer(response, plane, basis, recurrence, scale, real_columns(basis))

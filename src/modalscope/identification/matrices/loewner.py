@@ -29,8 +29,9 @@ from modalscope.data.response import output_scale
 from modalscope.data.responses import FrequencyResponse
 from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.influence import LineInfluence, Lines, Outer, all_lines
-from modalscope.identification.matrices.lines import FittedToLines, OnPlane
-from modalscope.identification.matrices.matrix import RowShift
+from modalscope.identification.matrices.line_columns import FittedToLines
+from modalscope.identification.matrices.lines import OnPlane
+from modalscope.identification.matrices.matrix import Eigen, RowShift, Triple
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.polynomials import Plane, plane_of
@@ -353,6 +354,10 @@ class Loewner(OnPlane, FittedToLines):
         blocks = np.asarray(V).reshape(self.block_rows, self.outputs, -1)
         c = np.einsum("kn,kln->ln", g.conj(), blocks) / np.sum(np.abs(g) ** 2, axis=0)
         return np.asarray(self.output_scale[:, None] * c)
+
+    def mode_shapes(self, model: Triple, eigen: Eigen) -> ComplexArray:
+        """Return the shapes by the rows of the matrix."""
+        return self.shapes(model.row_states(eigen.vectors), eigen.values)
 
     # ------------------------------------------------------------------------------------------------------ influence
     def pencil(self, left: Array, values: Array, *, tall: bool) -> LoewnerPencil:

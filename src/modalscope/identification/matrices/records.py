@@ -27,16 +27,11 @@ from modalscope.data.line_choice import resonance_weights
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.response import output_scale
 from modalscope.data.statespace import StateSpace
+from modalscope.identification.fast.record_influence import Driven, InfluenceLines, RecordInfluence, lines_of_influence
 from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.influence import Lines
-from modalscope.identification.matrices.lines import PolynomialRows
+from modalscope.identification.matrices.line_columns import FullPolynomialRows
 from modalscope.identification.matrices.matrix import Eigen, ModalFit, Triple
-from modalscope.identification.matrices.record_influence import (
-    Driven,
-    InfluenceLines,
-    RecordInfluence,
-    lines_of_influence,
-)
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, check_count
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.polynomials import Plane, evaluate, orthogonal_basis, plane_of
@@ -222,7 +217,7 @@ class _Taken(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class RecordLines(PolynomialRows):
+class RecordLines(FullPolynomialRows):
     """The block matrix of records on lines (made by `record_lines`)."""
 
     response: RecordSpectra

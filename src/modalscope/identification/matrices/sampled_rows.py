@@ -8,30 +8,18 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.identification.matrices.full import FullMatrix
+from modalscope.identification.matrices.hankel import SampledMatrix
 from modalscope.identification.matrices.matrix import RowShift
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
-from modalscope.numerics.functions.poles import powers_of, to_continuous, to_discrete
+from modalscope.numerics.functions.poles import powers_of
 from modalscope.numerics.operators import DenseMatrix
 
 #: Maximum growth over all blocks, as an exponent of e: its square leaves room for sums.
 _MAX_EXPONENT = 300.0
 
 
-class SampledMatrix(FullMatrix):
-    """Block rows are samples, one after the other."""
-
-    @property
-    @abstractmethod
-    def dt(self) -> float:
-        """Sampling interval, seconds."""
-
-    def to_s(self, poles: Array) -> ComplexArray:
-        """Continuous poles ln(z) fs, rad/s."""
-        return to_continuous(poles, self.dt)
-
-    def from_s(self, poles: Array) -> ComplexArray:
-        """Poles of the sampled system, exp(s / fs)."""
-        return to_discrete(poles, self.dt)
+class FullSampled(FullMatrix, SampledMatrix):
+    """Block rows are samples, down which modes run by powers of their poles."""
 
     def evolution(self, poles: Array, blocks: int) -> ComplexArray:
         """Return z^k for blocks k = 0, 1, ...: how a mode runs down the rows; what outgrows all numbers is held below them."""
@@ -39,7 +27,7 @@ class SampledMatrix(FullMatrix):
         return powers_of(np.asarray(poles) * (most / np.maximum(np.abs(poles), most)), blocks)
 
 
-class SampleRows(SampledMatrix):
+class SampleRows(FullSampled):
     """Block row k holds what is known of the outputs k samples on; `triangle` is the matrix times an orthonormal one."""
 
     @property

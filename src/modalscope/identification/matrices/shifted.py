@@ -27,7 +27,8 @@ from modalscope.identification.matrices.influence import (
     convolved,
     transformed,
 )
-from modalscope.identification.matrices.lines import LineMatrix, VectorsOnLines, kept_block_rows, real_columns
+from modalscope.identification.matrices.line_columns import LineMatrix, VectorsOnLines, kept_block_rows
+from modalscope.identification.matrices.lines import real_columns
 from modalscope.identification.matrices.matrix import Eigen, ModalFit, RowShift, Triple
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, check_count
 from modalscope.numerics.errors import DataError, check_choice

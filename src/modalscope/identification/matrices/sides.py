@@ -38,7 +38,7 @@ def block_shifts(name: str, shifts: Sequence[int] | None, blocks: int | None, ot
             f"they are {numbers[:8]}",
             "Give 0, and each shift once.",
         )
-    if blocks is not None and blocks != len(numbers):
+    if blocks is not None and blocks not in (len(numbers), max(numbers) + 1):
         raise DataError(
             f"{other}={blocks} was asked", f"{name} has {len(numbers)} entries, one a block", f"Give {name} alone."
         )

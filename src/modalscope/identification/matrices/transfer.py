@@ -1,10 +1,6 @@
-"""Block matrices of frequency response functions on the lines of any band, z- and s-domain (Eqs. 82, 89-93, corrected).
+"""Block matrices of frequency response functions with known initial terms, weights, chosen block rows, or by their products.
 
-The rows are p_k(x_i) H(x_i), with polynomials p_k orthogonal on the measured lines instead of powers of x. From
-x^k H = C A^k X + (a polynomial of degree k whose matrix coefficients are the direct term and the initial values) it follows
-that p_k(x) H = C p_k(A) X + (a polynomial of degree k). Where its coefficients are unknown it is removed by projecting the columns
-on the complement of p_0, ..., p_q; what is left is [C p_0(A); ...; C p_q(A)] X, whose row shift is the recurrence of the basis.
-Columns are real: real and imaginary parts side by side, which is the same as using the lines at -w too.
+What they are is said in `modalscope.identification.matrices.lines`, whose plain form they extend.
 """
 
 from __future__ import annotations
@@ -18,17 +14,18 @@ from numpy.typing import ArrayLike
 from modalscope.data.channels import derivatives_between, known_quantity
 from modalscope.data.response import output_scale
 from modalscope.data.responses import FrequencyResponse
+from modalscope.identification.fast.line_products import LineProducts
 from modalscope.identification.matrices.factor import Factors
-from modalscope.identification.matrices.line_products import LineProducts
-from modalscope.identification.matrices.lines import (
+from modalscope.identification.matrices.line_columns import (
     FittedToLines,
+    FullPolynomialRows,
     LineMatrix,
     LinePencil,
-    PolynomialRows,
     kept_block_rows,
     line_pencil,
-    real_columns,
 )
+from modalscope.identification.matrices.lines import Transfer, real_columns
+from modalscope.identification.matrices.matrix import Eigen, Triple
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_count, real_array
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.polynomials import Plane, basis_on, plane_of, remainders
@@ -79,7 +76,7 @@ def transfer(
     basis: str = "orthogonal",
     initial_values: ArrayLike | str | None = None,
     row_shifts: ArrayLike | None = None,
-) -> Transfer:
+) -> FullTransfer:
     """Stack p_k(x_i) H(x_i), k = 0 ... block_rows, without the initial terms: known ones subtracted, the others eliminated.
 
     `response`: lines of any band. `block_rows`: q: H(0) holds p_0 ... p_(q-1), H(1) goes to p_q, which is the degree. `order`: largest
@@ -115,7 +112,7 @@ def transfer(
     eliminated = real_columns(values[:, :unknown], w)
     if basis == "powers":
         eliminated = np.linalg.qr(eliminated)[0]
-    return Transfer(
+    return FullTransfer(
         response=response,
         plane=plane,
         basis=values,
@@ -133,7 +130,7 @@ def transfer(
 
 
 @dataclass(frozen=True, eq=False)
-class Transfer(PolynomialRows, LineMatrix, FittedToLines):
+class FullTransfer(FullPolynomialRows, LineMatrix, FittedToLines, Transfer):
     """The block matrix of one band, through its exact triangular factor (made by `transfer`)."""
 
     response: FrequencyResponse
@@ -199,9 +196,10 @@ class Transfer(PolynomialRows, LineMatrix, FittedToLines):
             count = len(self.known_functions)
             rows = rows - np.einsum("tfk,to->fko", self.known_functions, self.known[:count, :, i], optimize=True)
         columns = real_columns((rows / self.output_scale).reshape(len(self.basis), -1), self.weights)
-        return self._project(columns)
+        return self.projected_off(columns)
 
-    def _project(self, columns: Array) -> Array:
+    def projected_off(self, columns: Array) -> Array:
+        """Return columns without what the eliminated ones explain."""
         real = np.ascontiguousarray(columns).view(float)  # complex columns as twice as many real ones
         for _ in range(2):  # twice, so that what is left is orthogonal to rounding
             real = real - self.eliminated @ (self.eliminated.T @ real)
@@ -217,7 +215,7 @@ class Transfer(PolynomialRows, LineMatrix, FittedToLines):
         g, mirrored = 1 / (x - poles), 1 / (x.conj() - poles)
         w = 1.0 if self.weights is None else self.weights[:, None]
         whole = np.vstack([w * (g + mirrored) / 2, w * (g - mirrored) / 2j])
-        left = self._project(whole)
+        left = self.projected_off(whole)
         return left, np.asarray(np.linalg.norm(left, axis=0) / np.linalg.norm(whole, axis=0))
 
     def pencil(self, left: Array, values: Array, *, tall: bool) -> LinePencil:
@@ -242,6 +240,10 @@ class Transfer(PolynomialRows, LineMatrix, FittedToLines):
     def level(self) -> RealArray:
         """Size of the scaled response on every line, (F,)."""
         return np.asarray(np.linalg.norm(self.response.values / self.output_scale[:, None], axis=(1, 2)))
+
+    def mode_shapes(self, model: Triple, eigen: Eigen) -> ComplexArray:
+        """Return the shapes by the rows of the matrix."""
+        return self.shapes(model.row_states(eigen.vectors), eigen.values)
 
     def describe(self) -> str:
         """Say what the matrix is, in words."""

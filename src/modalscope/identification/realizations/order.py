@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg as sla
 
 from modalscope.identification.matrices.factor import Factors
 from modalscope.numerics.checks import Array, RealArray
@@ -76,6 +77,22 @@ def gap_after(singular_values: Array, rounding: float = 0.0) -> tuple[int, float
     return best + 1, float(width[best])
 
 
+def complete_spectrum(factors: Factors) -> RealArray:
+    """All singular values, down to sqrt(eps) of the first where they come from the Gram matrix.
+
+    Those that a range did not carry are drawn as d_last (1 - u)^p, u from 0 to 1, with p by the energy that they have together.
+    """
+    count, energy = factors.rest
+    if count:
+        last = factors.spectrum[-1]
+        p = max(last**2 * count / max(energy, np.finfo(float).tiny) - 1, 0) / 2
+        return np.concatenate([factors.spectrum, last * (1 - (np.arange(count) + 0.5) / count) ** p])
+    if factors.gram is None:
+        return factors.spectrum
+    values = sla.eigvalsh(factors.gram, check_finite=False)[::-1]
+    return np.concatenate([factors.spectrum, np.sqrt(np.clip(values[factors.spectrum.size :], 0, None))])
+
+
 def recommend_order(factors: Factors) -> OrderAdvice:
     """Recommend an order from the singular values of a data matrix.
 
@@ -84,7 +101,7 @@ def recommend_order(factors: Factors) -> OrderAdvice:
 
     `factors`: of H(0) or of the matrix with one block more, with some directions to spare.
     """
-    d: RealArray = factors.complete_spectrum
+    d = complete_spectrum(factors)
     rows, columns = factors.left.shape[0], factors.Q.shape[0]
     rounding = float(max(rows, columns) * np.finfo(float).eps * d[0])
     floor = max(noise_floor(d, rows, columns), rounding)

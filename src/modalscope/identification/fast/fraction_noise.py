@@ -11,7 +11,7 @@ given. The gradient of a pole on a line is a = sum_q H_oq* K_qi + B_oi and its m
     K_qi = r_q(1/z) c_i(z) + c_q(1/z) r_i(z),   B_oi = n_o(1/z) c_i(z) + e_o(1/z) r_i(z),   B~_oi = n_o(z) c_i(1/z) + e_o(z) r_i(1/z),
 
 r the row, c = A times the column, n and e their numerators. E|dp|^2 = sum V (|a|^2 + |b|^2) and E dp^2 = 2 sum V a b, in which only 1, H
-and H* H are rough on the lines: see `modalscope.identification.matrices.few_points`. No array of lines times outputs times poles is made.
+and H* H are rough on the lines: see `modalscope.identification.fast.few_points`. No array of lines times outputs times poles is made.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.identification.matrices.few_points import Arc, arc_of, moments_on, nodes_needed, weights_at
+from modalscope.identification.fast.few_points import Arc, arc_of, moments_on, nodes_needed, weights_at
+from modalscope.identification.fast.normal_equations import NormalEquations
 from modalscope.identification.matrices.influence import LineInfluence, Lines, Moments, Outer
-from modalscope.identification.matrices.normal_equations import NormalEquations
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, freeze
 from modalscope.numerics.functions.poles import powers_of
 from modalscope.numerics.functions.polynomials import both_sums

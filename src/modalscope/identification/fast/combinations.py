@@ -20,8 +20,8 @@ from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.data.responses import ImpulseResponse
 from modalscope.data.stored import StoredResponse
-from modalscope.identification.matrices.full import FullMatrix, OfCombinations
-from modalscope.identification.matrices.matrix import Eigen, ModalFit, Triple
+from modalscope.identification.matrices.full import FullMatrix, OfCombinations, full
+from modalscope.identification.matrices.matrix import DataMatrix, Eigen, ModalFit, Triple
 from modalscope.numerics.checks import Array, RealArray, sealed
 from modalscope.numerics.operators import real_times
 from modalscope.numerics.orthonormal import orthonormal
@@ -83,6 +83,10 @@ class Combinations:
         values *= self.scale[:, None]
         return sealed(values.reshape(-1, *shapes.shape[1:]))
 
+    def whole(self, measured: Response, matrix: DataMatrix) -> CombinedOutputs:
+        """Return the matrix of the combinations as that of all outputs. `measured`: their response."""
+        return CombinedOutputs(measured, self, full(matrix))
+
     @property
     def words(self) -> str:
         """What was done, in words."""
@@ -128,6 +132,13 @@ def combinations(response: Response, count: int, seed: int = 0) -> Combinations:
     wanted = response.variance is not None or getattr(response, "feedthrough", None) is not None
     few = labelled(response, values, chosen.U / chosen.scale[:, None] if wanted else None, len(chosen.columns))
     return Combinations(few, chosen.U, chosen.scale, chosen.discarded)
+
+
+def fewer_outputs(response: Response, order: int, options: Any) -> Combinations | None:
+    """Return combinations of the outputs where these far exceed the states, by default; of correlations none."""
+    count = enough(len(response.output_dofs), order)
+    wanted = options.factorization == "auto" and not response.ambient
+    return combinations(response, count) if count is not None and wanted else None
 
 
 def found_combinations(rows: OutputRows, count: int, seed: int = 0, *, keep: bool = True) -> Found:

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from modalscope.data.record_spectra import RecordSpectra
-from modalscope.identification.matrices.few_points import Few, few_points
+from modalscope.identification.fast.few_points import Few, few_points
 from modalscope.identification.matrices.influence import LineInfluence, Lines, Moments, Outer
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, freeze
 from modalscope.numerics.functions.polynomials import both_sums

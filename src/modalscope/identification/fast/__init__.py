@@ -1,0 +1,16 @@
+"""Faster forms of steps of an identification: each gives what the plain step of the same name gives, which its test shows."""
+
+_HERE = "modalscope.identification.fast"
+
+#: Where the steps stand that run in place of the plain ones: `modalscope.numerics.handed` calls them by name.
+STEPS = {
+    "cheaper_windows": f"{_HERE}.structured_hankel:cheaper_windows",
+    "factorize": f"{_HERE}.factorizations:factorize",
+    "fewer_outputs": f"{_HERE}.combinations:fewer_outputs",
+    "hankel": "modalscope.identification.matrices.general_hankel:hankel",
+    "left_factor": f"{_HERE}.factorizations:left_factor",
+    "line_weights": "modalscope.identification.matrices.line_columns:line_weights",
+    "transfer": "modalscope.identification.matrices.transfer:transfer",
+    "transfer_of_response": "modalscope.identification.matrices.of_method:transfer_of_response",
+    "turned_hankel": "modalscope.identification.matrices.general_hankel:turned_hankel",
+}
