@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from modalscope.data import ImpulseResponse
-from modalscope.identification.method import has_decayed
 from modalscope.identification.method_names import find_method, methods
+from modalscope.identification.orders import orders_compared, states_each
+from modalscope.identification.reservations import exact_on, has_decayed, reservation
 from modalscope.systems import chain5
 
 SAMPLES = chain5().impulse_response(400)
@@ -26,24 +27,24 @@ def row(name: str, domain: str):  # type: ignore[no-untyped-def]
     ("response", "domains", "fraction"), [(SAMPLES, {"time", "z"}, False), (MEASURED, {"z", "s"}, True)]
 )
 def test_rows_on_transformed_data_are_told_from_those_on_the_data_themselves(response, domains, fraction) -> None:  # type: ignore[no-untyped-def]
-    exact = [m for m in methods() if m.exact_on(response) and m.refusal(response, False) is None]
+    exact = [m for m in methods() if exact_on(m, response) and m.refusal(response, False) is None]
     assert {m.domain for m in exact} == domains
     assert (row("lscf", "z") in exact) is fraction
 
 
 def test_all_lines_of_a_sampled_system_are_its_samples() -> None:
-    assert row("era", "time").exact_on(SAMPLED)
-    assert not row("era", "time").exact_on(SAMPLED.band(0.5, 9.0))
-    assert "sampled system" in row("era", "s").reservation(SAMPLED)
+    assert exact_on(row("era", "time"), SAMPLED)
+    assert not exact_on(row("era", "time"), SAMPLED.band(0.5, 9.0))
+    assert "sampled system" in reservation(row("era", "s"), SAMPLED)
 
 
 def test_what_does_not_suit_says_why() -> None:
     assert "records without inputs" in str(row("ssi-data", "time").refusal(CORRELATIONS, False))
     assert row("ssi-data", "time").refusal(CORRELATIONS, True) is None
     assert "no rational transform" in str(row("era", "s").refusal(SAMPLES, False))
-    assert "has not decayed" in row("lscf", "z").reservation(chain5().impulse_response(60))
-    assert row("lscf", "z").reservation(chain5().impulse_response(12_000)) == ""
-    assert "equally spaced" in row("era", "time").reservation(MEASURED.at_lines(np.r_[0:300, 301:700]))
+    assert "has not decayed" in reservation(row("lscf", "z"), chain5().impulse_response(60))
+    assert reservation(row("lscf", "z"), chain5().impulse_response(12_000)) == ""
+    assert "equally spaced" in reservation(row("era", "time"), MEASURED.at_lines(np.r_[0:300, 301:700]))
 
 
 def test_a_response_has_decayed_when_a_thousandth_of_its_energy_is_left_at_the_end() -> None:
@@ -57,13 +58,13 @@ def test_a_response_has_decayed_when_a_thousandth_of_its_energy_is_left_at_the_e
 def test_orders_are_states_degrees_or_whole_blocks() -> None:
     """Two inputs, four outputs."""
     states = (3, 4, 10, 20)
-    assert row("era", "time").orders.compared(states, SAMPLES) == (states, {})
-    assert row("lscf", "z").orders.compared(states, MEASURED) == ((2, 5, 10), {})
-    assert row("prce", "time").orders.compared(states, SAMPLES) == ((4, 10, 20), {})
-    assert row("lscf", "z").orders.states_each(MEASURED) == 2
-    assert row("era", "time").orders.states_each(SAMPLES) == 1
+    assert orders_compared(row("era", "time").orders, states, SAMPLES) == (states, {})
+    assert orders_compared(row("lscf", "z").orders, states, MEASURED) == ((2, 5, 10), {})
+    assert orders_compared(row("prce", "time").orders, states, SAMPLES) == ((4, 10, 20), {})
+    assert states_each(row("lscf", "z").orders, MEASURED) == 2
+    assert states_each(row("era", "time").orders, SAMPLES) == 1
     # a canonical form on lines: at most 48 block rows, and every second of more than 30 orders
-    orders, sizes = row("polyreference", "s").orders.compared(range(2, 81, 2), MEASURED)
+    orders, sizes = orders_compared(row("polyreference", "s").orders, range(2, 81, 2), MEASURED)
     assert sizes == {"block_rows": 48}
     assert orders == tuple(range(4, 81, 4))
 

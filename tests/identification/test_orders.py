@@ -9,7 +9,8 @@ from modalscope import DataError
 from modalscope.data import FrequencyResponse, ImpulseResponse
 from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.fraction import fraction
-from modalscope.identification.orders import BLOCKS, DEGREES, STATES, checked_orders
+from modalscope.identification.method import BLOCKS, STATES, checked_orders
+from modalscope.identification.orders import DEGREES, choose, states_each
 
 
 def factors(kept: int, rank: int) -> Factors:
@@ -66,7 +67,7 @@ def test_the_ladder_ends_where_more_states_are_of_no_use(
 def test_degrees_end_at_sixty_and_at_two_hundred_and_forty_poles() -> None:
     assert DEGREES.ladder(lines(50))[-1] == 60
     assert DEGREES.ladder(lines(50, inputs=6))[-1] == 40
-    assert DEGREES.states_each(lines(50, inputs=6)) == 6
+    assert states_each(DEGREES, lines(50, inputs=6)) == 6
 
 
 @pytest.mark.parametrize("start", [0.0, 0.1, 0.2, 0.29, 0.31])
@@ -97,6 +98,6 @@ def test_one_order_of_blocks_is_twice_what_stands_out_in_whole_blocks() -> None:
     d = np.concatenate([[100.0, 90, 80, 70], np.linspace(1.2, 0.8, 14)])
     P = np.eye(18)
     made = Factors(P, d, np.eye(40)[:, :18], d, 18, "by hand")
-    choice = BLOCKS.choose(18, lambda largest: (Matrix(), made))  # type: ignore[arg-type,return-value]
+    choice = choose(BLOCKS, 18, lambda largest: (Matrix(), made))  # type: ignore[arg-type,return-value]
     assert choice.order == 9
-    assert STATES.choose(18, lambda largest: (Matrix(), made)).order == 4  # type: ignore[arg-type,return-value]
+    assert choose(STATES, 18, lambda largest: (Matrix(), made)).order == 4  # type: ignore[arg-type,return-value]

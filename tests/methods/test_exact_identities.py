@@ -264,7 +264,7 @@ def test_i13_indicators_do_not_depend_on_coordinates(case):
 def test_i13_evolution_is_invariant_under_similarity(case):
     """The factors' own sides: V T and T^-1 W with the model (T^-1 A T, T^-1 B, C T)."""
     from modalscope.identification.matrices.matrix import Eigen, ModalFit, Triple
-    from modalscope.identification.modal.eigenmodes import followed
+    from modalscope.identification.modal.accuracy import followed
 
     def sides(model: Triple, X: np.ndarray) -> list[np.ndarray]:
         Xi = np.linalg.inv(X)

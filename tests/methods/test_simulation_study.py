@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.identification.modal.eigenmodes import from_modes
+from modalscope.identification.modal.state_space import from_modes
 from tests.studies import Study
 from tests.support import relative
 

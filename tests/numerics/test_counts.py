@@ -10,7 +10,7 @@ import pytest
 import modalscope as ms
 from modalscope.data.indicators import mpc, mpd
 from modalscope.identification.matrices.sides import _MAX_BLOCKS, block_shifts
-from modalscope.identification.orders import MAX_ORDERS, checked_orders
+from modalscope.identification.method import MAX_ORDERS, checked_orders
 from modalscope.numerics.checks import check_count, check_each
 from tests.support import refused
 

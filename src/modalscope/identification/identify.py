@@ -16,9 +16,11 @@ from modalscope.identification.matrices.full import full
 from modalscope.identification.matrices.matrix import DataMatrix
 from modalscope.identification.method import Problem
 from modalscope.identification.method_names import cell_label
-from modalscope.identification.modal.eigenmodes import split_extraneous, state_space
+from modalscope.identification.modal.eigenmodes import split_extraneous
 from modalscope.identification.modal.rebuilt import fit_error_of
+from modalscope.identification.modal.state_space import state_space
 from modalscope.identification.options import AllOptions, Options
+from modalscope.identification.orders import choose
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
 from modalscope.identification.sweep import Sweep
@@ -167,7 +169,7 @@ def identify(
     chosen: tuple[Note, ...] = ()
     if order is None:
         largest = check_count("largest_order", largest_order)
-        choice = problem.method.orders.choose(largest, partial(_factored, problem))
+        choice = choose(problem.method.orders, largest, partial(_factored, problem))
         order, chosen = choice.order, choice.notes
     pipeline = factor(problem, order)
     return assemble(pipeline, order, chosen, deviations=deviations)

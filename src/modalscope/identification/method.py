@@ -1,29 +1,24 @@
-"""Define what a method is: the data it takes, its data matrix, factorization, realization and options, and its problem."""
+"""Define what a method is: the data it takes, its data matrix, factorization, realization, orders and options, and its problem."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
-from modalscope.data.results import Settings
 from modalscope.data.stored import StoredSignals
 from modalscope.data.whitening import Whitening
 from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.matrix import DataMatrix, Realization
 from modalscope.identification.options import Options
-from modalscope.identification.orders import OrderRule
+from modalscope.numerics.checks import check_count, check_each
 from modalscope.numerics.errors import DataError
-from modalscope.numerics.handed import or_faster
-
-#: Maximum share of the energy in the last tenth of a response that has decayed.
-_MAX_LATE_ENERGY = 1e-3
+from modalscope.numerics.handed import replaceable
 
 
 class Takes(Enum):
@@ -75,49 +70,103 @@ REFUSALS: dict[Takes, tuple[str, Refusal]] = {
 }
 
 
-def _no_even_lines(response: Response) -> str:
-    try:
-        response.as_samples()
-    except DataError as error:
-        return error.fault
-    return ""
-
-
-def _sampled_lines(response: Response) -> str:
-    return "lines of a sampled system need domain z" if response.held_input else ""
-
-
-def _not_decayed(response: Response) -> str:
-    if response.exact_lines or has_decayed(response):
-        return ""
-    return "the response has not decayed at its last sample: its lines are biased"
-
-
-def has_decayed(response: Response) -> bool:
-    """Whether a response has decayed at its last samples, so that a transform of the samples is unbiased."""
-    energy = np.sum(np.abs(response.values) ** 2, axis=(1, 2))
-    return bool(energy[-max(energy.size // 10, 1) :].sum() < _MAX_LATE_ENERGY * energy.sum())
-
-
-#: Why a comparison omits a row although the data suit it, or an empty text. Other rows are compared.
-RESERVATIONS: dict[Takes, Callable[[Response], str]] = {
-    Takes.SAMPLES: _no_even_lines,
-    Takes.LINES: _not_decayed,
-    Takes.CONTINUOUS: _sampled_lines,
-}
-
-#: Whether a row uses the data themselves, not a lossy transform. Other rows do.
-EXACT: dict[Takes, Callable[[Response], bool]] = {
-    Takes.SAMPLES: lambda response: response.exact_samples,
-    Takes.LINES: lambda response: response.exact_lines,
-}
-
-
 DOMAINS = {
     "time": "Hankel matrix of Markov parameters",
     "z": "shifted transfer functions",
     "s": "differentiated transfer functions",
 }
+
+
+# ----------------------------------------------------------------------------------------------------------------- orders
+
+#: Largest number of states tried by default, by the origin of the response; impulse responses 60.
+_MAX_STATES = {"lines": 80, "records": 80, "correlation": 40}
+
+#: A diagram of more orders is a mistake: none has so many rows.
+MAX_ORDERS = 10_000
+
+
+def checked_orders(orders: Iterable[int]) -> list[int]:
+    """Return the distinct orders, increasing; an empty list is an error."""
+    increasing = sorted({check_count("order", n) for n in check_each("orders", orders, "whole numbers", MAX_ORDERS)})
+    if not increasing:
+        raise DataError(
+            "orders were asked", "the range of orders is empty", "Give range(2, 61, 2) or 2:60:2, for instance."
+        )
+    return increasing
+
+
+class Reach(NamedTuple):
+    """The orders up to the rank of the factors, and notes on those left out."""
+
+    orders: list[int]
+    notes: tuple[Note, ...] = ()
+
+
+class OrderRule(ABC):
+    """What an order counts, and which orders there are; those of a comparison are in `modalscope.identification.orders`."""
+
+    #: Whether a model has as many states as the truncation keeps.
+    truncates = False
+
+    @abstractmethod
+    def ladder(self, measured: Response) -> list[int]:
+        """Return the default orders."""
+
+    def reach(self, factors: Factors, asked: list[int], automatic: bool) -> Reach:
+        """Return which of the orders can be computed. `automatic`: whether they are defaults: then at least one is."""
+        return Reach(asked)
+
+
+class States(OrderRule):
+    """The order is the number of states kept: the rank of the truncation."""
+
+    truncates = True
+
+    def ladder(self, measured: Response) -> list[int]:
+        """Even numbers up to what such data carry."""
+        top = _MAX_STATES.get(measured.origin, 60)
+        return list(range(2, min(top, measured.max_states or top) + 1, 2))
+
+    def reach(self, factors: Factors, asked: list[int], automatic: bool) -> Reach:
+        """Drop orders above the rank; an exact rank is added as an order."""
+        rank = factors.rank
+        beyond = [n for n in asked if n > rank]
+        notes: tuple[Note, ...] = ()
+        if beyond:
+            text = f"orders {beyond[0]} to {beyond[-1]} left out: the data matrix has rank {rank}"
+            notes = (Note("orders left out", {"lowest": beyond[0], "highest": beyond[-1], "rank": rank}, text),)
+        within = [n for n in asked if n <= rank]
+        if not within and not automatic:
+            raise DataError(
+                f"orders {asked[0]} to {asked[-1]} were asked",
+                f"the data matrix has rank {rank}",
+                f"Lower the orders to at most {rank}.",
+            )
+        exact = rank < min(factors.left.shape[1], asked[-1])
+        if (exact or not within) and rank not in within:
+            within.append(rank)
+        return Reach(within, notes)
+
+
+class Companions(States):
+    """The order is the rank, and the model has all block rows for states."""
+
+    truncates = False
+
+
+class Blocks(OrderRule):
+    """The order is a number of states in whole blocks, without truncation."""
+
+    def ladder(self, measured: Response) -> list[int]:
+        """Those of a truncation."""
+        return STATES.ladder(measured)
+
+
+STATES, COMPANIONS, BLOCKS = States(), Companions(), Blocks()
+
+
+# ---------------------------------------------------------------------------------------------------------- problem and row
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -147,7 +196,7 @@ class Built(NamedTuple):
     notes: tuple[Note, ...] = ()
 
 
-@or_faster("fewer_outputs")
+@replaceable("fewer_outputs")
 def fewer_outputs(response: Response, order: int, options: Any) -> Any:
     """Return combinations of the outputs where these far exceed the states; the plain way takes all outputs themselves."""
     return None
@@ -237,25 +286,6 @@ class Method:
             return None if records else _NO_RECORDS
         needed = REFUSALS.get(self.takes)
         return needed[1] if needed and response.origin != needed[0] else None
-
-    def reservation(self, response: Response) -> str:
-        """Return why a comparison omits the row although the data suit it, or an empty text."""
-        reservation = RESERVATIONS.get(self.takes)
-        return reservation(response) if reservation else ""
-
-    def rows_span(self, settings: Settings, dt: float | None) -> float | None:
-        """Return the time span of the block rows, seconds; None where they are no samples, or all of them are states.
-
-        `dt`: sampling interval of the identified system.
-        """
-        rows = settings.get("block_rows")
-        of_samples = self.takes in (Takes.SAMPLES, Takes.PAST, Takes.DRIVEN) and self.orders.truncates
-        return None if rows is None or dt is None or not of_samples else float(rows * dt)
-
-    def exact_on(self, response: Response) -> bool:
-        """Return whether the row uses the data themselves, not a lossy transform."""
-        exact = EXACT.get(self.takes)
-        return exact is None or exact(response)
 
 
 def plain(name: str) -> str:

@@ -1,11 +1,11 @@
-"""Choose model orders: which to try, by what an order counts (states, blocks, degrees), and which are sufficient."""
+"""Choose orders beyond those of the ladder: one by default, those of a comparison, and which of a diagram are sufficient."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import singledispatch
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -15,12 +15,9 @@ from modalscope.data.results import StabilizationDiagram
 from modalscope.identification.fast.normal_equations import largest_degree
 from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.matrix import DataMatrix
+from modalscope.identification.method import Blocks, Companions, OrderRule, States
 from modalscope.identification.realizations.order import recommend_order
-from modalscope.numerics.checks import check_count, check_each
 from modalscope.numerics.errors import DataError
-
-#: Largest number of states tried by default, by the origin of the response; impulse responses 60.
-_MAX_STATES = {"lines": 80, "records": 80, "correlation": 40}
 
 #: Maximum number of states of a companion form in a comparison: eigenvalues cost its cube. The second value holds where every input has
 #: functions of its own.
@@ -28,20 +25,6 @@ _MAX_COMPANION_STATES, _MAX_DRIVEN_STATES = 200, 80
 
 #: Above this number of orders every second one is computed for companion forms.
 _MAX_COMPANION_ORDERS = 30
-
-#: A diagram of more orders is a mistake: none has so many rows.
-MAX_ORDERS = 10_000
-
-
-def checked_orders(orders: Iterable[int]) -> list[int]:
-    """Return the distinct orders, increasing; an empty list is an error."""
-    increasing = sorted({check_count("order", n) for n in check_each("orders", orders, "whole numbers", MAX_ORDERS)})
-    if not increasing:
-        raise DataError(
-            "orders were asked", "the range of orders is empty", "Give range(2, 61, 2) or 2:60:2, for instance."
-        )
-    return increasing
-
 
 Factored = Callable[[int], tuple[DataMatrix, Factors]]
 
@@ -54,119 +37,16 @@ class Choice:
     notes: tuple[Note, ...] = ()
 
 
-@dataclass(frozen=True)
-class Reach:
-    """The orders up to the rank of the factors, and notes on those left out."""
+class UsualOrder(OrderRule):
+    """A rule whose default order is the same for all data."""
 
-    orders: list[int]
-    notes: tuple[Note, ...] = ()
+    usual: ClassVar[int]
 
 
-class OrderRule(ABC):
-    """What an order counts, and the choices that depend on it."""
-
-    #: Whether a model has as many states as the truncation keeps.
-    truncates = False
-
-    @abstractmethod
-    def ladder(self, measured: Response) -> list[int]:
-        """Return the default orders."""
-
-    @abstractmethod
-    def choose(self, largest: int, factored: Factored) -> Choice:
-        """Return one order by default, from the factors of the largest order considered."""
-
-    def reach(self, factors: Factors, asked: list[int], automatic: bool) -> Reach:
-        """Return which of the orders can be computed."""
-        return Reach(asked)
-
-    def states_each(self, response: Response) -> int:
-        """Return the number of states of one order."""
-        return 1
-
-    def compared(self, asked: Sequence[int], response: Response) -> tuple[tuple[int, ...], dict[str, Any]]:
-        """Return orders and block sizes for a comparison at about `asked` states."""
-        return tuple(asked), {}
-
-
-class _States(OrderRule):
-    """The order is the number of states kept: the rank of the truncation."""
-
-    truncates = True
-
-    def ladder(self, measured: Response) -> list[int]:
-        top = _MAX_STATES.get(measured.origin, 60)
-        return list(range(2, min(top, measured.max_states or top) + 1, 2))
-
-    def choose(self, largest: int, factored: Factored) -> Choice:
-        """Return the number of significant singular values."""
-        return self._advised(factored(largest)[1])
-
-    def _advised(self, factors: Factors, blocks_of: int = 1, times: int = 1) -> Choice:
-        advice = recommend_order(factors)
-        order = -(-times * advice.order // blocks_of) * blocks_of
-        text = f"order {order} was chosen ({advice.confidence}): {advice.reason}"
-        return Choice(order, (Note("order chosen", {"order": order}, text),))
-
-    def reach(self, factors: Factors, asked: list[int], automatic: bool) -> Reach:
-        """Drop orders above the rank; an exact rank is added as an order."""
-        rank = factors.rank
-        beyond = [n for n in asked if n > rank]
-        notes: tuple[Note, ...] = ()
-        if beyond:
-            text = f"orders {beyond[0]} to {beyond[-1]} left out: the data matrix has rank {rank}"
-            notes = (Note("orders left out", {"lowest": beyond[0], "highest": beyond[-1], "rank": rank}, text),)
-        within = [n for n in asked if n <= rank]
-        if not within and not automatic:
-            raise DataError(
-                f"orders {asked[0]} to {asked[-1]} were asked",
-                f"the data matrix has rank {rank}",
-                f"Lower the orders to at most {rank}.",
-            )
-        exact = rank < min(factors.left.shape[1], asked[-1])
-        if (exact or not within) and rank not in within:
-            within.append(rank)
-        return Reach(within, notes)
-
-
-class _Companions(_States):
-    """The order is the rank, and the model has all block rows for states."""
-
-    truncates = False
-
-    def compared(self, asked: Sequence[int], response: Response) -> tuple[tuple[int, ...], dict[str, Any]]:
-        """Limit companion matrices of lines, whose eigenvalues cost the cube of their size."""
-        if response.max_states is None:
-            return tuple(asked), {}
-        outputs = response.values.shape[1]
-        most = _MAX_COMPANION_STATES if response.separable else _MAX_DRIVEN_STATES
-        degree = max(min(48, most // outputs), -(-asked[-1] // outputs) + 2)
-        few = asked if len(asked) <= _MAX_COMPANION_ORDERS else [n for n in asked if (asked[-1] - n) % 4 == 0]
-        return tuple(few or asked), {"block_rows": degree}
-
-
-class _Blocks(_States):
-    """The order is a number of states in whole blocks, without truncation."""
-
-    truncates = False
-
-    def choose(self, largest: int, factored: Factored) -> Choice:
-        """Return twice the number of significant singular values, in whole blocks: half of the states fit noise."""
-        matrix, factors = factored(largest)
-        return self._advised(factors, blocks_of=factors.left.shape[0] // (matrix.block_rows + 1), times=2)
-
-    def reach(self, factors: Factors, asked: list[int], automatic: bool) -> Reach:
-        return Reach(asked)
-
-    def compared(self, asked: Sequence[int], response: Response) -> tuple[tuple[int, ...], dict[str, Any]]:
-        inputs = response.values.shape[2]
-        return tuple(sorted({inputs * max(-(-n // inputs), 1) for n in asked})), {}
-
-
-class _Degrees(OrderRule):
+class Degrees(UsualOrder):
     """The order is the degree of matrix polynomials, of as many states as there are inputs."""
 
-    #: Default degree: enough for the modes of a usual band; superfluous poles are unstable.
+    #: Enough for the modes of a usual band; superfluous poles are unstable.
     usual = 30
 
     def ladder(self, measured: Response) -> list[int]:
@@ -174,17 +54,84 @@ class _Degrees(OrderRule):
         top = max(min(60, 240 // max(measured.values.shape[2], 1), largest_degree(measured)), 4)
         return list(range(2, top + 1, 2 if top > 40 else 1))
 
-    def choose(self, largest: int, factored: Factored) -> Choice:
-        return Choice(self.usual)
 
-    def states_each(self, response: Response) -> int:
-        return int(response.values.shape[2])
-
-    def compared(self, asked: Sequence[int], response: Response) -> tuple[tuple[int, ...], dict[str, Any]]:
-        return tuple(sorted({max(n // 2, 2) for n in asked})), {}
+DEGREES = Degrees()
 
 
-STATES, COMPANIONS, BLOCKS, DEGREES = _States(), _Companions(), _Blocks(), _Degrees()
+@singledispatch
+def choose(rule: OrderRule, largest: int, factored: Factored) -> Choice:
+    """Return one order by default, from the factors of the largest order considered; a rule that states none is a `DataError`."""
+    raise DataError("an order by default was asked", "the orders of this method have none", "Give order=.")
+
+
+@choose.register
+def _(rule: UsualOrder, largest: int, factored: Factored) -> Choice:
+    """The usual one."""
+    return Choice(rule.usual)
+
+
+@choose.register
+def _(rule: States, largest: int, factored: Factored) -> Choice:
+    """The number of significant singular values."""
+    return _advised(factored(largest)[1])
+
+
+@choose.register
+def _(rule: Blocks, largest: int, factored: Factored) -> Choice:
+    """Twice the number of significant singular values, in whole blocks: half of the states fit noise."""
+    matrix, factors = factored(largest)
+    return _advised(factors, blocks_of=factors.left.shape[0] // (matrix.block_rows + 1), times=2)
+
+
+def _advised(factors: Factors, blocks_of: int = 1, times: int = 1) -> Choice:
+    advice = recommend_order(factors)
+    order = -(-times * advice.order // blocks_of) * blocks_of
+    text = f"order {order} was chosen ({advice.confidence}): {advice.reason}"
+    return Choice(order, (Note("order chosen", {"order": order}, text),))
+
+
+@singledispatch
+def states_each(rule: OrderRule, response: Response) -> int:
+    """Return the number of states of one order."""
+    return 1
+
+
+@states_each.register
+def _(rule: Degrees, response: Response) -> int:
+    return int(response.values.shape[2])
+
+
+#: Orders and block sizes.
+_Compared = tuple[tuple[int, ...], dict[str, Any]]
+
+
+@singledispatch
+def orders_compared(rule: OrderRule, asked: Sequence[int], response: Response) -> _Compared:
+    """Return orders and block sizes for a comparison at about `asked` states."""
+    return tuple(asked), {}
+
+
+@orders_compared.register
+def _(rule: Companions, asked: Sequence[int], response: Response) -> _Compared:
+    """Limit companion matrices of lines, whose eigenvalues cost the cube of their size."""
+    if response.max_states is None:
+        return tuple(asked), {}
+    outputs = response.values.shape[1]
+    most = _MAX_COMPANION_STATES if response.separable else _MAX_DRIVEN_STATES
+    degree = max(min(48, most // outputs), -(-asked[-1] // outputs) + 2)
+    few = asked if len(asked) <= _MAX_COMPANION_ORDERS else [n for n in asked if (asked[-1] - n) % 4 == 0]
+    return tuple(few or asked), {"block_rows": degree}
+
+
+@orders_compared.register
+def _(rule: Blocks, asked: Sequence[int], response: Response) -> _Compared:
+    inputs = response.values.shape[2]
+    return tuple(sorted({inputs * max(-(-n // inputs), 1) for n in asked})), {}
+
+
+@orders_compared.register
+def _(rule: Degrees, asked: Sequence[int], response: Response) -> _Compared:
+    return tuple(sorted({max(n // 2, 2) for n in asked})), {}
 
 
 #: An order is sufficient when its fit error is within this factor of the smallest one.

@@ -299,7 +299,7 @@ def _peaks(pipeline: Pipeline, cuts: Sequence[Cut]) -> dict[str, RealArray]:
 def _exact(pipeline: Pipeline, last: Cut) -> bool:
     """Return whether the last order is the rank of noise-free data; samples transformed from a band never count as such."""
     factors, problem = pipeline.factors, pipeline.problem
-    if pipeline.transformed is not None and not problem.method.exact_on(problem.measured):
+    if pipeline.transformed is not None and not problem.measured.exact_samples:
         return False
     return factors.rank < factors.left.shape[1] and factors.rank == last.order
 

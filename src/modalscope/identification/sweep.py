@@ -18,11 +18,10 @@ from modalscope.data.response import output_scale
 from modalscope.identification.deviating import Asked, Deviating, Deviations
 from modalscope.identification.matrices.full import full
 from modalscope.identification.matrices.matrix import Triple
-from modalscope.identification.method import Problem
+from modalscope.identification.method import Problem, checked_orders
 from modalscope.identification.modal.eigenmodes import Eigenmodes, eigenmodes, indicators_of_all, split_extraneous
 from modalscope.identification.modal.rebuilt import modal_model
 from modalscope.identification.options import AllOptions
-from modalscope.identification.orders import checked_orders
 from modalscope.identification.pipeline import Factored, Pipeline, factor, realized
 from modalscope.identification.prepare import prepare
 from modalscope.numerics.arguments import named

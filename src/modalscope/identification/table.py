@@ -13,7 +13,7 @@ from modalscope.identification.matrices import of_method as matrices
 from modalscope.identification.matrices.factor import complete_factors, h0_factors, tall_factors
 from modalscope.identification.matrices.hankel import canonical_hankel, complete_hankel, plain_hankel
 from modalscope.identification.matrices.lines import transfer_of_lines, transfer_of_response
-from modalscope.identification.method import Method, Takes
+from modalscope.identification.method import BLOCKS, COMPANIONS, STATES, Method, Takes
 from modalscope.identification.options import (
     DrivenOptions,
     FractionOptions,
@@ -23,7 +23,7 @@ from modalscope.identification.options import (
     RecordOptions,
     SpectraOptions,
 )
-from modalscope.identification.orders import BLOCKS, COMPANIONS, DEGREES, STATES
+from modalscope.identification.orders import DEGREES
 from modalscope.identification.realizations.balanced import balanced
 from modalscope.identification.realizations.companion import least_squares_companion, null_space_companion
 from modalscope.identification.realizations.fraction_companion import fraction_companion

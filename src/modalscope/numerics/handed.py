@@ -42,12 +42,12 @@ R = TypeVar("R")
 _PLAIN: ContextVar[bool] = ContextVar("plain", default=False)
 
 
-def or_faster(name: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+def replaceable(name: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Decorate the plain form of a step: what is handed down under the name gives the same faster, or for more data, and runs instead.
 
     Examples
     --------
-    >>> @or_faster("larger_root")
+    >>> @replaceable("larger_root")
     ... def larger_root(a, b):
     ...     return max(a, b) ** 0.5
     >>> larger_root(2.0, 9.0)

@@ -12,7 +12,8 @@ from hypothesis import given, settings, strategies as st
 from modalscope.data import Records, Signals, StateSpace
 from modalscope.identification.matrices.driven import driven_projection, intervals
 from modalscope.identification.matrices.factor import factorize
-from modalscope.identification.modal.eigenmodes import eigenmodes, state_space
+from modalscope.identification.modal.eigenmodes import eigenmodes
+from modalscope.identification.modal.state_space import state_space
 from modalscope.identification.realizations.shift import shift
 from tests.support import match_poles, random_system, refused, relative
 

@@ -8,7 +8,7 @@ import pytest
 from modalscope.data.indicators import amplitude_coherence, decay_step, emac_channels, weighted_mean
 from modalscope.identification.matrices import evolved
 from modalscope.identification.matrices.evolved import Evolved, OnLines
-from modalscope.identification.modal.eigenmodes import followed
+from modalscope.identification.modal.accuracy import followed
 
 
 @pytest.fixture(autouse=True)

@@ -11,7 +11,8 @@ import pytest
 from modalscope import ImpulseResponse, stabilize
 from modalscope.identification.matrices.factor import factorize
 from modalscope.identification.matrices.hankel import hankel
-from modalscope.identification.modal.eigenmodes import eigenmodes, followed
+from modalscope.identification.modal.accuracy import followed
+from modalscope.identification.modal.eigenmodes import eigenmodes
 from modalscope.identification.realizations.balanced import balanced
 from modalscope.numerics.functions.poles import poles_from
 from tests.support import relative

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from modalscope import DataError, FrequencyResponse, ModalModel, StateSpace
-from modalscope.identification.modal.eigenmodes import from_modes
 from modalscope.identification.modal.shapes import fit_residues
+from modalscope.identification.modal.state_space import from_modes
 from modalscope.systems import chain
 from tests.support import FIVE, random_system, relative
 

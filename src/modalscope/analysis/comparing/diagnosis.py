@@ -34,6 +34,7 @@ from modalscope.analysis.comparing.agreement import Group
 from modalscope.analysis.comparing.run import MethodResult
 from modalscope.analysis.comparing.scatter import Biased, Scatter
 from modalscope.data.response import Response, line_step
+from modalscope.identification.reservations import rows_span
 from modalscope.selection.judging.evidence import LEAST_PEAK, LEAST_SIGNAL
 
 #: Name of a cause -> what to do about it.
@@ -195,7 +196,7 @@ def _lines(case: _Case) -> Cause | None:
 
 def _blocks(case: _Case) -> Cause | None:
     diagrams = [(r.method, r.diagram) for r in case.results if r.diagram is not None and r.exact]
-    rows = [(method.rows_span(d.settings, d.dt), d.settings.get("block_rows")) for method, d in diagrams]
+    rows = [(rows_span(method, d.settings, d.dt), d.settings.get("block_rows")) for method, d in diagrams]
     spans = [(span, count) for span, count in rows if span is not None]
     if not spans or min(spans)[0] * case.group.frequency >= 1:
         return None

@@ -11,7 +11,7 @@ import scipy.linalg as sla
 from modalscope.analysis.comparing.run import MethodResult
 from modalscope.data.modes import ModalModel
 from modalscope.identification.method import Method
-from modalscope.identification.orders import sufficient_order
+from modalscope.identification.orders import states_each, sufficient_order
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.statistics import assign
 from modalscope.selection.judging.evidence import oscillations
@@ -90,7 +90,7 @@ def _orders_to_compare(a: MethodResult, b: MethodResult, order: int) -> tuple[in
 
 def _states(result: MethodResult) -> int:
     """States an order: one, or as many as inputs where the order is a degree."""
-    return 1 if result.diagram is None else result.method.orders.states_each(result.diagram.response)
+    return 1 if result.diagram is None else states_each(result.method.orders, result.diagram.response)
 
 
 def _poles(poles: Poles, order: int) -> tuple[ComplexArray, RealArray]:

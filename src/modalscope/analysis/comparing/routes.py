@@ -29,11 +29,12 @@ from modalscope.analysis.comparing.run import Cell, MethodResult
 from modalscope.data.record_residual import UNMEASURED
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response, line_step
-from modalscope.identification.method import DOMAINS, Method
+from modalscope.identification.method import DOMAINS, STATES, Method, checked_orders
 from modalscope.identification.method_names import find_method, methods, rows_of
 from modalscope.identification.modal.rebuilt import explains_enough
-from modalscope.identification.orders import STATES, checked_orders
+from modalscope.identification.orders import orders_compared
 from modalscope.identification.prepare import Measured, measure
+from modalscope.identification.reservations import exact_on, reservation
 from modalscope.identification.routes import USUAL
 from modalscope.identification.table import methods as table
 from modalscope.numerics.checks import check_each
@@ -117,7 +118,7 @@ def plan(
 
     def allowed(method: Method) -> bool:
         refusal = method.refusal(response, records)
-        why = refusal.reason if refusal else method.reservation(response)
+        why = refusal.reason if refusal else reservation(method, response)
         if why:
             refused.setdefault(why, []).append(str(method))
         return not why
@@ -139,7 +140,7 @@ def plan(
     asked = STATES.ladder(response) if orders is None else checked_orders(orders)
     aside = [m for m in chosen if all_sets and not (m.votes and m in table())]
     cells = (
-        Cell(m, *m.orders.compared(asked, response), m.exact_on(response) and m not in aside, m in aside)
+        Cell(m, *orders_compared(m.orders, asked, response), exact_on(m, response) and m not in aside, m in aside)
         for m in sorted(chosen, key=lambda m: m in aside)
     )
     if aside:

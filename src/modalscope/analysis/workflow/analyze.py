@@ -16,6 +16,7 @@ from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.data.results import Result, StabilizationDiagram
 from modalscope.data.shown import summary_of
+from modalscope.identification.method import MAX_ORDERS
 from modalscope.identification.modal.joint_fit import for_judging
 from modalscope.identification.modal.rebuilt import (
     explains_enough,
@@ -27,7 +28,6 @@ from modalscope.identification.modal.rebuilt import (
     unexplained,
 )
 from modalscope.identification.options import AllOptions, labels_of
-from modalscope.identification.orders import MAX_ORDERS
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, check_each, check_kind
 from modalscope.numerics.log import LOG, tell

@@ -24,7 +24,7 @@ from scipy.signal import lfilter
 from modalscope.analysis.workflow.simulation import Whitener, free_run, runs_of, whitener
 from modalscope.data.records import Records
 from modalscope.data.statespace import StateSpace
-from modalscope.identification.modal.eigenmodes import from_modes
+from modalscope.identification.modal.state_space import from_modes
 from modalscope.numerics.checks import BoolArray, ComplexArray, RealArray
 
 #: Derivatives at most (unknowns times samples of all outputs), 80 MB, and products of an iteration (unknowns once more): seconds.

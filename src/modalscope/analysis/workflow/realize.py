@@ -28,7 +28,7 @@ from modalscope.data.setups import as_test
 from modalscope.data.shown import summary_of
 from modalscope.data.statespace import StateSpace
 from modalscope.identification.identify import identify
-from modalscope.identification.modal.eigenmodes import deterministic, from_modes
+from modalscope.identification.modal.state_space import deterministic, from_modes
 from modalscope.identification.options import AllOptions
 from modalscope.identification.routes import usual_route, without_delays
 from modalscope.identification.sweep import sweep

@@ -8,6 +8,7 @@ STEPS = {
     "factorize": f"{_HERE}.factorizations:factorize",
     "fewer_outputs": f"{_HERE}.combinations:fewer_outputs",
     "hankel": "modalscope.identification.matrices.general_hankel:hankel",
+    "indicators_of_all": "modalscope.identification.modal.accuracy:indicators_of_all",
     "left_factor": f"{_HERE}.factorizations:left_factor",
     "line_weights": "modalscope.identification.matrices.line_columns:line_weights",
     "transfer": "modalscope.identification.matrices.transfer:transfer",

@@ -15,7 +15,7 @@ import scipy.linalg as sla
 
 from modalscope.numerics.checks import RealArray
 from modalscope.numerics.errors import DataError, check_choice
-from modalscope.numerics.handed import or_faster
+from modalscope.numerics.handed import replaceable
 from modalscope.numerics.operators import Operator, Product
 
 #: Routes of factorization.
@@ -69,7 +69,7 @@ class Factors:
             )
 
 
-@or_faster("factorize")
+@replaceable("factorize")
 def factorize(matrix: Operator, rank: int | None = None, route: str = "auto") -> Factors:
     """Return the leading `rank` singular triplets of a matrix (all when None), by the thin singular value decomposition.
 
@@ -81,7 +81,7 @@ def factorize(matrix: Operator, rank: int | None = None, route: str = "auto") ->
     return dense_factors(matrix, min(matrix.shape) if rank is None else rank)
 
 
-@or_faster("left_factor")
+@replaceable("left_factor")
 def left_factor(matrix: Operator, route: str = "auto") -> Factors:
     """Return all of P and d, Q without columns: what a regression on whole rows needs, with nothing of the columns' size kept."""
     found = dense_factors(matrix, min(matrix.shape))

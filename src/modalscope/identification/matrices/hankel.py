@@ -22,7 +22,7 @@ from modalscope.identification.method import Built, Problem, fewer_outputs
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.poles import to_continuous, to_discrete
-from modalscope.numerics.handed import or_faster
+from modalscope.numerics.handed import replaceable
 from modalscope.numerics.operators import DenseMatrix, Operator
 
 #: The short side of a truncation spans one in so many samples: a sixth, see `default_windows`.
@@ -119,6 +119,14 @@ def transposed(response: ImpulseResponse) -> ImpulseResponse:
 # ---------------------------------------------------------------------------------------------------------- default sizes
 
 
+@replaceable("cheaper_windows")
+def cheaper_windows(
+    response: ImpulseResponse, order: int, lying: tuple[int, int], standing: tuple[int, int]
+) -> tuple[int, int]:
+    """Return block sizes of equal precision that cost least: without structure those whose rows are the short side."""
+    return lying
+
+
 def default_windows(
     response: ImpulseResponse, order: int, block_rows: int | None, block_columns: int | None
 ) -> tuple[int, int]:
@@ -141,21 +149,13 @@ def default_windows(
         return default_blocks(response, order, block_rows, block_columns)
     samples, outputs, inputs = response.values.shape
     lying = _spans(samples, (outputs, inputs), order, (block_rows, block_columns))
-    standing: tuple[int, int] = _spans(samples, (inputs, outputs), order, (block_columns, block_rows))[::-1]
+    standing = _spans(samples, (inputs, outputs), order, (block_columns, block_rows))[::-1]
     if block_rows is not None or block_columns is not None:
         return lying if block_rows is not None else standing
     rough, precise = sorted((lying, standing), key=_precision)
     if _precision(rough) * _SAME_PRECISION <= _precision(precise):
         return precise
     return cheaper_windows(response, order, lying, standing)
-
-
-@or_faster("cheaper_windows")
-def cheaper_windows(
-    response: ImpulseResponse, order: int, lying: tuple[int, int], standing: tuple[int, int]
-) -> tuple[int, int]:
-    """Return block sizes of equal precision that cost least: without structure those whose rows are the short side."""
-    return lying
 
 
 def _precision(sizes: tuple[int, int]) -> float:
@@ -332,7 +332,7 @@ class TurnedHankel(DerivedMatrix):
         return fit_of_samples(self.response, model, eigen)
 
 
-@or_faster("hankel")
+@replaceable("hankel")
 def hankel(response: ImpulseResponse, *, block_rows: int, block_columns: int, **general: Any) -> Hankel:
     """Return H(0) and H(1) of Markov parameters (samples, outputs, inputs), of which block_rows + block_columns are read.
 
@@ -350,7 +350,7 @@ def hankel(response: ImpulseResponse, *, block_rows: int, block_columns: int, **
     return Hankel(response, (block_rows, block_columns))
 
 
-@or_faster("turned_hankel")
+@replaceable("turned_hankel")
 def turned_hankel(response: ImpulseResponse, *, block_rows: int, block_columns: int, **general: Any) -> TurnedHankel:
     """Return the matrix of the transposed response, whose rows are the columns of that of the response."""
     inner = hankel(transposed(response), block_rows=block_columns, block_columns=block_rows, **general)

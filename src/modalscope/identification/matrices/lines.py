@@ -28,7 +28,7 @@ from modalscope.identification.method import Built, Problem, fewer_outputs, refu
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.polynomials import Plane, evaluate, orthogonal_basis, plane_of
-from modalscope.numerics.handed import handed, or_faster
+from modalscope.numerics.handed import handed, replaceable
 from modalscope.numerics.operators import DenseMatrix, Operator
 
 #: Maximum number of rows of transfer functions on lines, whose cube counts, and of rows times lines. Rows and degree that are always
@@ -66,7 +66,7 @@ def transfer_of_lines(problem: Problem, order: int) -> Built:
     return Built(matrix if few is None else few.whole(response, matrix), settings)
 
 
-@or_faster("transfer_of_response")
+@replaceable("transfer_of_response")
 def transfer_of_response(problem: Problem, order: int) -> Built:
     """Return the same in z; samples of a window have a matrix of their own, `modalscope.identification.matrices.shifted`."""
     return transfer_of_lines(problem, order)
@@ -239,7 +239,7 @@ class Transfer(PolynomialRows):
         return f"{lines}, polynomials to degree {self.block_rows} ({self.plane.name}); initial terms eliminated"
 
 
-@or_faster("transfer")
+@replaceable("transfer")
 def transfer(
     response: FrequencyResponse,
     *,
