@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
+from dataclasses import fields
 from difflib import get_close_matches
 from typing import Any
 
 from modalscope.identification.method import DOMAINS, Method, plain
-from modalscope.identification.table import methods as table
+from modalscope.identification.table_beyond import methods as table
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_each, check_kind
 from modalscope.numerics.errors import DataError, check_choice
@@ -107,6 +108,11 @@ def _rows_named(name: Any) -> tuple[Method, ...]:
 def rows_of(name: str) -> tuple[Method, ...]:
     """Return the cells of a row by its name in the table, as results and files have it; none of a name that is not there."""
     return tuple(m for m in table() if m.name == name) or tuple(m for m in _rows_added() if m.name == name)
+
+
+def rows_with(option: str) -> list[str]:
+    """Return the rows that have an option, in words."""
+    return [str(m) for m in methods() if option in {f.name for f in fields(m.options_type)}]
 
 
 def cell_label(name: str, domain: str) -> str:

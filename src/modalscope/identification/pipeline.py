@@ -2,72 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 from typing import Any
 
 from modalscope.data.notes import Note
-from modalscope.data.records import Signals
 from modalscope.data.response import Response
-from modalscope.data.whitening import Whitening
 from modalscope.identification.matrices.factor import Factors
-from modalscope.identification.matrices.full import FullMatrix, OfCombinations, full
-from modalscope.identification.matrices.matrix import DataMatrix, Eigen, ModalFit, Realization, Triple
+from modalscope.identification.matrices.matrix import DataMatrix, Realization, Triple
 from modalscope.identification.method import Built, Method, Problem
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_count, check_kind
-from modalscope.numerics.handed import handed
+from modalscope.numerics.handed import handed, replaceable
 from modalscope.numerics.resources import one_thread
-
-
-@dataclass(frozen=True, eq=False)
-class WhitenedChannels(OfCombinations):
-    """A data matrix of W R V', whose models are taken back: C by W^-1, B by V'^-1.
-
-    `response`: R as it was measured. `whitening`: W and V. `inner`: of W R V', to which modes are fitted.
-    """
-
-    response: Response
-    whitening: Whitening
-    inner: FullMatrix
-
-    @cached_property
-    def judged(self) -> Response:
-        """The response of the channels, over the lags or lines that the inner matrix takes."""
-        count = self.inner.judged.count
-        return (
-            self.response
-            if count == self.response.count
-            else replace(self.response, values=self.response.values[:count])
-        )
-
-    @property
-    def outputs(self) -> int:
-        """Outputs of the response."""
-        return self.inner.outputs
-
-    def describe(self) -> str:
-        """Say what the matrix is, in words."""
-        return f"{self.inner.describe()}; channels whitened"
-
-    def of_all_outputs(self, model: Triple) -> Triple:
-        """Return the model of the channels as they were measured."""
-        B = None if model.B is None else self.whitening.references_back(model.B)
-        return replace(model, B=B, C=self.whitening.outputs_back(model.C))
-
-    def fit(self, model: Triple, eigen: Eigen) -> ModalFit:
-        """Return the fit to the whitened channels, its shapes, participation and terms taken back; `fitted` is the fit itself."""
-        found = self.inner.fit(model, eigen)
-        return replace(
-            found,
-            shapes=self.whitening.outputs_back(found.shapes),
-            participation=self.whitening.references_back(found.participation),
-            terms=self.whitening.values_back(found.terms),
-            basis=None,
-            unexplained=None,
-            fitted=found,
-        )
-
 
 #: Origin of a response without inputs -> meaning of its participation.
 _PARTICIPATION = {
@@ -165,15 +111,10 @@ def factor(problem: Problem, largest: int) -> Pipeline:
     return realized(problem, factored(problem, largest))
 
 
+@replaceable("built")
 def built(problem: Problem, largest: int) -> Built:
-    """Return the data matrix of a row, of ambient data that of their whitened channels."""
-    order, whitening = check_count("order", largest), problem.whitening
-    if whitening is None:
-        return problem.method.matrix(problem, order)
-    response, records = whitening.of_response(problem.response), problem.records
-    records = whitening.of_record(records) if problem.method.of_past and isinstance(records, Signals) else records
-    inside = problem.method.matrix(replace(problem, response=response, records=records), order)
-    return inside._replace(matrix=WhitenedChannels(problem.response, whitening, full(inside.matrix)))
+    """Return the data matrix of a row; of whitened channels, see `modalscope.identification.matrices.whitened`."""
+    return problem.method.matrix(problem, check_count("order", largest))
 
 
 def factored(problem: Problem, largest: int, given: Built | None = None) -> Factored:

@@ -4,27 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from functools import singledispatch
 from typing import Any, NamedTuple
 
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
-from modalscope.data.responses import ImpulseResponse
 from modalscope.data.setups import Setups, as_test
 from modalscope.data.sizes import check_alive, check_size
 from modalscope.data.stored import StoredSignals
 from modalscope.data.whitening import Whitening
 from modalscope.identification.method import Method, Problem, Takes
-from modalscope.identification.method_names import find_method, methods
 from modalscope.identification.options import ROUTES, AllOptions, Options, delays_of, reciprocity_of
-from modalscope.identification.reciprocity import by_reciprocity
+from modalscope.identification.table import find_method, rows_with
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_band
 from modalscope.numerics.errors import DataError, check_choice, check_option_names
-from modalscope.numerics.handed import handed
-from modalscope.signals.preprocess.bands import driven_lines
-from modalscope.signals.preprocess.conditioning import slower_correlation
+from modalscope.numerics.handed import handed, replaceable
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -153,32 +148,21 @@ def of_response(data: Any, band: tuple[float, float] | None, asked: Asked) -> Me
     """Return a response in a band; what records become stands in `of_records`."""
     data = data if asked.exclude is None else data.select(exclude=asked.exclude)
     check_size(data)
-    response, chosen, notes = _inside(data, band)
+    response, chosen, notes = in_band(data, band)
     row, domain = _USUAL.get((data.origin, data.held_input), ("era", "time"))
     return exchanged(Measured(response, None, type(data).__name__, row, domain, chosen, notes=notes), asked)
 
 
-@singledispatch
-def _inside(
-    data: Response, band: tuple[float, float] | None
-) -> tuple[Response, tuple[float, float] | None, tuple[Note, ...]]:
-    """Return a response in a band, the band, and notes on it."""
-    chosen, notes = driven_lines(data) if band is None else (band, ())
-    return data.in_band(chosen), chosen, notes
+@replaceable("in_band")
+def in_band(response: Response, band: tuple[float, float] | None) -> tuple[Response, Any, tuple[Note, ...]]:
+    """Return a response in a band, the band, and notes: without a band all of it, or where its forces drive it."""
+    return response.in_band(band), band, ()
 
 
-@_inside.register
-def _(
-    data: ImpulseResponse, band: tuple[float, float] | None
-) -> tuple[Response, tuple[float, float] | None, tuple[Note, ...]]:
-    return data if band is None else slower_correlation(data, band[1]), None, ()
-
-
+@replaceable("exchanged")
 def exchanged(measured: Measured, asked: Asked) -> Measured:
-    """Return a response to forces, each by itself, with inputs and outputs exchanged where that was asked or helps."""
-    response, notes = by_reciprocity(measured.response, asked.reciprocal)
-    reciprocal = True if response.exchanged else asked.reciprocal
-    return replace(measured, response=response, reciprocal=reciprocal, notes=(*measured.notes, *notes))
+    """Return a response as it is, or with inputs and outputs exchanged, see `modalscope.identification.reciprocity`."""
+    return measured
 
 
 def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem:
@@ -210,7 +194,7 @@ def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem
         measured=response,
         records=measured.records,
         driven=measured.driven,
-        whitening=_of_row(measured, row, chosen),
+        whitening=whitening_of_row(measured, row, chosen),
         options=chosen,
         notes=(
             *measured.notes,
@@ -247,11 +231,10 @@ def _options_of(row: Method, given: Mapping[str, Any]) -> Options:
     check_option_names(str(row), asked, AllOptions.__annotations__)
     for name in asked:
         if name not in {f.name for f in fields(row.options_type)}:
-            rows = dict.fromkeys(str(m) for m in methods() if name in {f.name for f in fields(m.options_type)})
             raise DataError(
                 f"option {name!r} was asked of method {row}",
                 row.options_type.why_not,
-                f"Omit it, or choose one of the methods that have it: {', '.join(rows)}.",
+                f"Omit it, or choose one of the methods that have it: {', '.join(dict.fromkeys(rows_with(name)))}.",
             )
     return row.options_type(**asked)
 
@@ -270,15 +253,10 @@ def _check_form(row: Method, form: str | None) -> None:
         )
 
 
-def _of_row(measured: Measured, row: Method, options: Any) -> Whitening | None:
-    """Return the whitening of a row; none for options of single channels, or where only references have a past."""
-    by_channel = [*getattr(options, "general", {}).values(), getattr(options, "initial_values", None)]
-    whole = len(measured.response.input_dofs) == len(measured.response.output_dofs)
-    if any(value is not None for value in by_channel) or (
-        row.of_past and (not whole or getattr(options, "references", None) is not None)
-    ):
-        return None
-    return measured.whitening
+@replaceable("whitening_of_row")
+def whitening_of_row(measured: Measured, row: Method, options: Any) -> Whitening | None:
+    """Return the whitening of ambient channels that a row takes, see `modalscope.identification.matrices.whitened`."""
+    return None
 
 
 #: Conversion of a response for the rows that do not accept any.

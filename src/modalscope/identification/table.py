@@ -1,34 +1,26 @@
 """List the table of methods: a method is a data matrix and a realization.
 
-Adding a method is adding a row here and, when its data matrix or its realization is new, one short module in `blocks/` or `realizations/`.
+These rows are those of the founding report; others are in `modalscope.identification.table_beyond`, and in packages that add theirs. Adding
+a method is adding a row and, when its data matrix or its realization is new, one short module in `matrices/` or `realizations/`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import fields
 from typing import Any, NamedTuple
 
-from modalscope.identification.matrices import of_method as matrices
 from modalscope.identification.matrices.factor import complete_factors, h0_factors, tall_factors
 from modalscope.identification.matrices.hankel import canonical_hankel, complete_hankel, plain_hankel
 from modalscope.identification.matrices.lines import transfer_of_lines, transfer_of_response
 from modalscope.identification.method import BLOCKS, COMPANIONS, STATES, Method, Takes
-from modalscope.identification.options import (
-    DrivenOptions,
-    FractionOptions,
-    HankelOptions,
-    LineOptions,
-    PointOptions,
-    RecordOptions,
-    SpectraOptions,
-)
-from modalscope.identification.orders import DEGREES
+from modalscope.identification.options import HankelOptions, LineOptions
 from modalscope.identification.realizations.balanced import balanced
 from modalscope.identification.realizations.companion import least_squares_companion, null_space_companion
-from modalscope.identification.realizations.fraction_companion import fraction_companion
 from modalscope.identification.realizations.regression import regression
 from modalscope.identification.realizations.shift import shift
+from modalscope.numerics.errors import DataError
+from modalscope.numerics.handed import replaceable
 
 #: Fields of `Method` that a column of the table fixes, for rows whose realization suits every data matrix.
 _COLUMNS: dict[str, dict[str, Any]] = {
@@ -41,9 +33,6 @@ _COLUMNS: dict[str, dict[str, Any]] = {
     "z": {"takes": Takes.RESPONSE, "matrix": transfer_of_response, "options_type": LineOptions},
     "s": {"takes": Takes.CONTINUOUS, "matrix": transfer_of_lines, "options_type": LineOptions},
 }
-
-#: Domains of Loewner matrices, and what they take.
-_ON_LINES = {"s": Takes.CONTINUOUS, "z": Takes.LINES}
 
 
 class _Cell(NamedTuple):
@@ -62,17 +51,8 @@ def _row(name: str, cells: dict[str, _Cell], in_time: Any = plain_hankel, **shar
         yield Method(name=name, domain=domain, **cell._asdict(), **column, **shared)
 
 
-#: Fields of the rows on projected records.
-_PROJECTED: dict[str, Any] = {
-    "domain": "time",
-    "realization": "shift of one factor",
-    "factor": tall_factors,
-    "realize": shift,
-    "orders": STATES,
-}
-
-
-_REPORTED: tuple[Method, ...] = (
+#: A data matrix in the columns, a realization in the rows.
+ROWS: tuple[Method, ...] = (
     *_row(
         "era",
         {
@@ -163,127 +143,48 @@ _REPORTED: tuple[Method, ...] = (
         factor=h0_factors,
         orders=STATES,
     ),
-    Method(
-        name="ssi-data",
-        section="II-5 on projected records",
-        common="SSI-data",
-        known_as=("SSI-data, UPC (unweighted principal components)", "MOESP/N4SID without inputs"),
-        aliases=("ssi-upc", "upc", "dd-ssi", "data-driven ssi", "subspace-dmd"),
-        takes=Takes.PAST,
-        matrix=matrices.projected_records,
-        options_type=RecordOptions,
-        **_PROJECTED,
+)
+
+#: Least squares without truncation, in companion form.
+PRCE = Method(
+    name="prce",
+    domain="time",
+    realization="least squares, companion form",
+    section="II-4 and II-6, Eqs. 53b, 66",
+    common="PRCE",
+    known_as=(
+        "PRCE, polyreference complex exponential",
+        "LSCE with one input",
+        "Prony with one channel",
+        "ITD (Ibrahim) with one input, form='observable'",
     ),
-    Method(
-        name="ssi-cva",
-        section="II-5 on projected records, whitened",
-        common="CVA",
-        known_as=("SSI-data, CVA (canonical variate analysis)", "canonical variates without inputs"),
-        aliases=("cva", "canonical variate analysis"),
-        takes=Takes.PAST,
-        matrix=matrices.projected_records,
-        options_type=RecordOptions,
-        fixed={"weighting": "cva"},
-        **_PROJECTED,
-    ),
-    Method(
-        name="n4sid",
-        section="II-5 on records projected on past inputs and outputs",
-        common="N4SID",
-        known_as=(
-            "N4SID with the weights of canonical variates (CVA)",
-            "PO-MOESP, MOESP with past inputs and outputs as instruments, its rows whitened",
-        ),
-        aliases=("moesp", "po-moesp", "past-output moesp"),
-        takes=Takes.DRIVEN,
-        matrix=matrices.driven_records,
-        options_type=DrivenOptions,
-        **_PROJECTED,
-    ),
-    Method(
-        name="prce",
-        domain="time",
-        realization="least squares, companion form",
-        section="II-4 and II-6, Eqs. 53b, 66",
-        common="PRCE",
-        known_as=(
-            "PRCE, polyreference complex exponential",
-            "LSCE with one input",
-            "Prony with one channel",
-            "ITD (Ibrahim) with one input, form='observable'",
-        ),
-        aliases=("lsce", "prony", "polyreference complex exponential", "ptd"),
-        takes=Takes.SAMPLES,
-        matrix=complete_hankel,
-        factor=complete_factors,
-        realize=least_squares_companion,
-        orders=BLOCKS,
-        options_type=HankelOptions,
-        forms=("controllable", "observable"),
-        from_records="frf",
-    ),
-    Method(
-        name="lscf",
-        domain="z",
-        realization="matrix fraction, companion form",
-        section="not in the report",
-        common="PolyMAX",
-        known_as=("LSCF, polyreference least-squares complex frequency", "pLSCF", "PolyMAX"),
-        aliases=("polymax", "plscf", "p-lscf"),
-        takes=Takes.LINES,
-        matrix=matrices.matrix_fraction,
-        factor=matrices.fraction_factors,
-        realize=fraction_companion,
-        orders=DEGREES,
-        options_type=FractionOptions,
-        forms=("controllable",),
-    ),
+    aliases=("lsce", "prony", "polyreference complex exponential", "ptd"),
+    takes=Takes.SAMPLES,
+    matrix=complete_hankel,
+    factor=complete_factors,
+    realize=least_squares_companion,
+    orders=BLOCKS,
+    options_type=HankelOptions,
+    forms=("controllable", "observable"),
+    from_records="frf",
 )
 
 
-#: Rows on Loewner matrices, a further column of lines in either domain.
-_INTERPOLATING: tuple[Method, ...] = tuple(
-    Method(
-        name="loewner",
-        domain=domain,
-        realization="balanced projection",
-        section="II-3 on Loewner matrices, not in the report",
-        common="Loewner",
-        known_as=(
-            "Loewner framework",
-            "quadrature-based balanced truncation (quadBT), B and D by least squares",
-            "NExT-LF on half spectra",
-        ),
-        aliases=("ilf", "loewner framework", "next-lf", "quadbt"),
-        takes=takes,
-        matrix=matrices.loewner_of_lines,
-        factor=matrices.loewner_factors,
-        realize=balanced,
-        orders=STATES,
-        options_type=PointOptions,
-        votes=False,
-    )
-    for domain, takes in _ON_LINES.items()
-)
+@replaceable("find_method")
+def find_method(name: str, domain: str | None, default_domain: str, route: str | None = None) -> Method:
+    """Return the cell of a row and a domain, by default that of the data; names of the literature are in `method_names`.
 
-_ON_RECORDS: dict[str, Any] = {
-    "takes": Takes.RECORDS,
-    "matrix": matrices.records_on_lines,
-    "options_type": SpectraOptions,
-}
-
-#: The reported rows; those of the frequency domains stand again on the lines of records.
-_TABLE: tuple[Method, ...] = (
-    *_REPORTED,
-    *_INTERPOLATING,
-    *(
-        replace(row, section=f"{row.section}, on records", **_ON_RECORDS)
-        for row in _REPORTED
-        if row.takes in (Takes.RESPONSE, Takes.CONTINUOUS)
-    ),
-)
+    Raises `DataError`: there is none.
+    """
+    cells = {row.domain: row for row in (*ROWS, PRCE) if row.name == name}
+    domain = domain or (default_domain if default_domain in cells else next(iter(cells), ""))
+    if domain not in cells:
+        have = ", ".join(dict.fromkeys(row.name for row in (*ROWS, PRCE)))
+        raise DataError(f"method={name!r} in domain {domain!r} was asked", f"there are {have}", "Choose one of these.")
+    return cells[domain]
 
 
-def methods() -> tuple[Method, ...]:
-    """Return all rows; `modalscope.identification.method_names` finds some of them by name."""
-    return _TABLE
+@replaceable("rows_with")
+def rows_with(option: str) -> list[str]:
+    """Return the rows that have an option, in words."""
+    return [str(row) for row in (*ROWS, PRCE) if option in {f.name for f in fields(row.options_type)}]

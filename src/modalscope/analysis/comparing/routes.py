@@ -36,7 +36,7 @@ from modalscope.identification.orders import orders_compared
 from modalscope.identification.prepare import Measured, measure
 from modalscope.identification.reservations import exact_on, reservation
 from modalscope.identification.routes import USUAL
-from modalscope.identification.table import methods as table
+from modalscope.identification.table_beyond import methods as table
 from modalscope.numerics.checks import check_each
 from modalscope.numerics.errors import DataError, check_choice
 

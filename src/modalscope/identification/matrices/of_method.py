@@ -19,7 +19,8 @@ from modalscope.identification.matrices.line_columns import line_weights
 from modalscope.identification.matrices.lines import transfer_of_lines
 from modalscope.identification.matrices.matrix import DataMatrix
 from modalscope.identification.method import Built, Problem, fewer_outputs, refuse
-from modalscope.identification.options import DrivenOptions, LineOptions, SpectraOptions
+from modalscope.identification.options import LineOptions
+from modalscope.identification.options_beyond import DrivenOptions, SpectraOptions
 from modalscope.identification.sizes import default_driven, default_projection, default_record_degree, default_shifts
 
 if TYPE_CHECKING:
