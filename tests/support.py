@@ -24,9 +24,8 @@ from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, Signa
 from modalscope.data.response import Response
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
-from modalscope.identification.sweep import Cut, Shared
+from modalscope.identification.sweep import Cut, Sweep
 from modalscope.numerics.functions.poles import frequencies_and_damping, one_of_each_pair, poles_from
-from modalscope.selection.likelihood.deviations import OfPipeline
 
 #: The project, and the measured beam that comes with it.
 ROOT = Path(__file__).resolve().parents[1]
@@ -63,7 +62,7 @@ def wanted_extra(error: str) -> str | None:
 
 def cut_order(pipeline: Pipeline, order: int, *, deviations: bool = True) -> Cut:
     """Return one order of a pipeline."""
-    return Shared(pipeline, OfPipeline(pipeline) if deviations else None).of_order(order)
+    return Sweep(pipeline, [order], deviations=deviations).cut(order)
 
 
 def built(data: Signals | Response, order: int, **options: Any) -> Pipeline:

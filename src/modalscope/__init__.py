@@ -144,7 +144,6 @@ _HOMES = {
 hand_down(**STEPS)
 hand_down(
     columns_of="modalscope.selection.judging.description:columns_of",
-    deviating="modalscope.selection.likelihood.deviations:OfPipeline",
     drawn="modalscope.interfaces.plot.shown:drawn",
     examine="modalscope.signals.doctor:examine",
     grades="modalscope.selection.judging.grades:grades",

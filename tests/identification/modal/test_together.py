@@ -10,14 +10,13 @@ import pytest
 
 from modalscope import DataError, FrequencyResponse, ImpulseResponse, Signals, estimate_correlation
 from modalscope.data.response import output_scale
-from modalscope.identification import sweep as cutting
+from modalscope.identification.fast import together as cutting
 from modalscope.identification.matrices.matrix import ModalFit
 from modalscope.identification.modal.rebuilt import fit_error, rebuilt
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
-from modalscope.identification.sweep import Cut, Shared, Sweep, judged
+from modalscope.identification.sweep import Cut, Sweep, first_models
 from modalscope.numerics.functions.poles import poles_from
-from modalscope.selection.likelihood.deviations import OfPipeline
 from tests.support import FIVE, cut_order, relative
 
 ORDERS = tuple(range(1, 25))
@@ -70,12 +69,11 @@ CASES = [
 @pytest.mark.parametrize(("name", "made"), CASES)
 def test_orders_judged_together_are_what_each_is_alone(name: str, made: Any) -> None:
     pipeline = made()
-    deviating = OfPipeline(pipeline)
-    shared = Shared(pipeline, deviating)
-    several = judged(pipeline, ORDERS, shared)
+    sweep = Sweep(pipeline, ORDERS)
+    several = sweep.judged(first_models(pipeline, ORDERS))
     assert len(several) > 10
     due = [cut.due[1] for cut in several if isinstance(cut, Cut) and cut.due is not None]
-    deviating.deviations(*due)  # of all orders at once, as a diagram asks for them
+    sweep.deviating.deviations(*due)  # of all orders at once, as a diagram asks for them
     for order, cut in zip(ORDERS, several, strict=False):
         if isinstance(cut, DataError):
             continue
@@ -95,7 +93,7 @@ def test_orders_judged_together_are_what_each_is_alone(name: str, made: Any) -> 
 
 def test_the_strongest_mode_of_every_order_is_one() -> None:
     pipeline = pipeline_of(response(), method="era")
-    for found in judged(pipeline, ORDERS[1:], Shared(pipeline, None)):
+    for found in Sweep(pipeline, ORDERS, deviations=False).judged(first_models(pipeline, ORDERS[1:])):
         assert not isinstance(found, DataError)
         assert found.indicators["msv"].max() == 1
 
@@ -103,19 +101,19 @@ def test_the_strongest_mode_of_every_order_is_one() -> None:
 def test_large_data_are_judged_order_by_order(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cutting, "_MAX_NUMBERS_TOGETHER", 1)
     pipeline = pipeline_of(response(), method="era")
-    assert len(judged(pipeline, ORDERS, Shared(pipeline, None))) == 1
+    assert len(first_models(pipeline, ORDERS)) == 1
 
 
 def test_models_whose_states_are_rows_are_judged_one_by_one() -> None:
     pipeline = pipeline_of(response(), method="polyreference")
-    assert len(judged(pipeline, ORDERS[3:], Shared(pipeline, None))) == 1
+    assert len(first_models(pipeline, ORDERS[3:])) == 1
 
 
 def test_an_order_that_cannot_be_given_is_left_out_in_its_place() -> None:
     pipeline = factor(prepare(FIVE["chain5"]().impulse_response(80)), 12)
     rank = pipeline.factors.rank
     orders = [rank - 1, rank, rank + 1]
-    found = judged(pipeline, orders, Shared(pipeline, None))
+    found = first_models(pipeline, orders)
     assert [isinstance(part, DataError) for part in found] == [False, False, True]
     sweep = Sweep(pipeline, orders, deviations=False)
     assert [cut.order for cut in sweep] == orders[:2]

@@ -15,6 +15,8 @@ STEPS = {
     "fewer_outputs": f"{_HERE}.combinations:fewer_outputs",
     "hankel": "modalscope.identification.matrices.general_hankel:hankel",
     "indicators_of_all": "modalscope.identification.modal.accuracy:indicators_of_all",
+    "deviating": "modalscope.selection.likelihood.deviations:OfPipeline",
+    "first_models": f"{_HERE}.together:first_models",
     "left_factor": f"{_HERE}.factorizations:left_factor",
     "line_weights": "modalscope.identification.matrices.line_columns:line_weights",
     "transfer": "modalscope.identification.matrices.transfer:transfer",

@@ -65,6 +65,10 @@ class ModalFit:
     unexplained: RealArray | None = None
     fitted: ModalFit | None = None
 
+    def bare(self) -> ModalFit:
+        """Return the fit without its basis."""
+        return replace(self, basis=None, fitted=None if self.fitted is None else self.fitted.bare())
+
 
 @dataclass(frozen=True, eq=False)
 class Triple:

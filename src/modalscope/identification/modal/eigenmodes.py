@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from modalscope.data.indicators import OF_SHAPES
+from modalscope.data.modes import ModalModel
 from modalscope.identification.matrices.matrix import DataMatrix, Eigen, ModalFit, Triple
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.functions.poles import one_of_each_pair
@@ -74,6 +76,23 @@ def split_extraneous(modes: Eigenmodes, model: Triple) -> tuple[Array, Array]:
     by_size = np.argsort(-(modes.amplitude if share is None else share), kind="stable")
     kept = np.sort(by_size[np.cumsum(states[by_size]) <= model.rank])
     return kept, np.setdiff1d(np.arange(count), kept)
+
+
+def modal_model(matrix: DataMatrix, modal: Eigenmodes, indicators: Mapping[str, Array]) -> ModalModel:
+    """Wrap the modal form of one order, with the damping of an exponential window taken off the poles."""
+    response = matrix.judged
+    terms: dict[str, Any] = {"feedthrough": modal.direct, **response.named_terms(modal.fit.terms, modal.fit.powers)}
+    return ModalModel(
+        poles=modal.poles + response.added_damping,
+        shapes=modal.shapes,
+        participation=response.of_inputs(modal.participation),
+        quantity=response.quantity,
+        dt=matrix.dt,
+        held_input=response.held_input,
+        indicators=dict(indicators),
+        **terms,
+        **response.labelled(),
+    )
 
 
 @replaceable("indicators_of_all")

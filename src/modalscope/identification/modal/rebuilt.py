@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -12,8 +11,6 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.response import Response, output_scale
 from modalscope.data.results import StabilizationDiagram
-from modalscope.identification.matrices.matrix import DataMatrix
-from modalscope.identification.modal.eigenmodes import Eigenmodes
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import DataError
 
@@ -203,23 +200,6 @@ def fit_error_heard(response: Response, fitted: Array) -> tuple[float, RealArray
     if heard.all():
         return fit_error(response.values, fitted)
     return fit_error(response.values[heard], fitted[heard])
-
-
-def modal_model(matrix: DataMatrix, modal: Eigenmodes, indicators: Mapping[str, Array]) -> ModalModel:
-    """Wrap the modal form of one order, with the damping of an exponential window taken off the poles."""
-    response = matrix.judged
-    terms: dict[str, Any] = {"feedthrough": modal.direct, **response.named_terms(modal.fit.terms, modal.fit.powers)}
-    return ModalModel(
-        poles=modal.poles + response.added_damping,
-        shapes=modal.shapes,
-        participation=response.of_inputs(modal.participation),
-        quantity=response.quantity,
-        dt=matrix.dt,
-        held_input=response.held_input,
-        indicators=dict(indicators),
-        **terms,
-        **response.labelled(),
-    )
 
 
 def contributions(response: Response, poles: Array, shapes: Array, participation: Array) -> RealArray:
