@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+
+from modalscope.data.deferred import Deferred
 from modalscope.data.notes import Note
+from modalscope.data.results import DEVIATIONS
 from modalscope.identification.matrices.matrix import Eigen, Triple
 from modalscope.identification.modal.eigenmodes import Eigenmodes
+from modalscope.identification.sweep import Cut
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
+from modalscope.numerics.resources import one_thread
 
 
 class Deviations(NamedTuple):
@@ -62,3 +69,25 @@ class Deviating(Protocol):
 
     def note_on(self, asked: Iterable[Asked]) -> Note:
         """Return how the deviations were estimated, or why there are none."""
+
+
+def deferred_deviations(cuts: Sequence[Cut]) -> dict[str, Any]:
+    """Return the standard deviations of the reported poles of all orders, as fields of the diagram, computed when they are read."""
+    due = [cut.due for cut in cuts if cut.due is not None]
+    if len(due) < len(cuts):
+        return {}
+    asked, deviations = [one for _, one in due], due[0][0].deviations
+    ends = np.cumsum([0, *(one.which.size for one in asked)])
+
+    @one_thread
+    def compute(index: IntArray) -> RealArray:
+        """Take orders together, of each those of its poles that are asked: index into the diagram, increasing."""
+        own = [
+            (one, one.which[index[(index >= a) & (index < b)] - a])
+            for one, (a, b) in zip(asked, pairwise(ends), strict=True)
+        ]
+        some = [one._replace(which=which) for one, which in own if which.size]
+        found = zip(some, deviations(*some), strict=True)
+        return np.concatenate([np.stack(std)[:, one.which] for one, std in found], axis=1)
+
+    return dict.fromkeys(DEVIATIONS, Deferred(int(ends[-1]), compute))

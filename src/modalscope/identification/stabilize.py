@@ -8,27 +8,24 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from modalscope.data.deferred import Deferred
 from modalscope.data.indicators import mac
 from modalscope.data.notes import Note
-from modalscope.data.record_residual import UNMEASURED
 from modalscope.data.response import Response
-from modalscope.data.results import DEVIATIONS, StabilizationDiagram
+from modalscope.data.results import StabilizationDiagram
 from modalscope.data.shown import counted
 from modalscope.identification.method import Problem
 from modalscope.identification.options import AllOptions
-from modalscope.identification.orders import grown
 from modalscope.identification.pipeline import Pipeline
 from modalscope.identification.prepare import prepare
 from modalscope.identification.sweep import Cut, Sweep, over_pipeline, resolved_orders, start
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, IntArray, RealArray, check_kind, check_positive
+from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_kind, check_positive
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.executors import working
 from modalscope.numerics.functions.poles import frequencies_and_damping
+from modalscope.numerics.handed import replaceable
 from modalscope.numerics.progress import stage
 from modalscope.numerics.resources import one_thread
-from modalscope.signals.preprocess.spectral_peaks import PEAK, peak_heights
 
 #: Maximum difference of a stable pole to one of the previous order: relative frequency, relative damping, 1 - MAC.
 TOLERANCES = {"frequency": 0.01, "damping": 0.05, "shape": 0.05}
@@ -156,41 +153,39 @@ def stabilize(
         return grown(first, lambda more: diagram(more, **way))
 
     with working(client):
-        examined = _looked_through(data, options.get("exclude"))
+        examined = data if isinstance(data, Response) else looked_through(data, options.get("exclude"))
         automatic = method is None and domain is None and options.get("route") in (None, "auto")
         return computed(by_instruments(diagram(), diagram) if automatic else diagram())
 
 
-def _looked_through(data: Any, exclude: Any) -> Any:
-    """Return a record without inputs as it is seen once for all orders; other data as they are."""
-    if isinstance(data, Response):
-        return data
-    from modalscope.identification.ambient_records import looked_through  # responses need none of its checks
-
-    return looked_through(data, exclude)
+@replaceable("looked_through")
+def looked_through(data: Any, exclude: Any) -> Any:
+    """Return data as they are; a record without inputs is seen once for all orders, see `modalscope.identification.ambient_records`."""
+    return data
 
 
+@replaceable("grown")
+def grown(found: StabilizationDiagram, again: Callable[[Iterable[int]], StabilizationDiagram]) -> StabilizationDiagram:
+    """Return a diagram as it is, or with more orders while its fit error falls, see `modalscope.identification.orders`."""
+    return found
+
+
+@replaceable("by_instruments")
 def by_instruments(found: StabilizationDiagram, again: Callable[..., StabilizationDiagram]) -> StabilizationDiagram:
-    """Return the diagram with past inputs and outputs as instruments where `found` shows unmeasured forces, else `found`.
-
-    `again`: computes the diagram of a route, `route="subspace"`.
-    """
-    doubt = [note for note in found.notes if note.kind == UNMEASURED]
-    if not doubt:
-        return found
-    try:
-        other = again(route="subspace")
-    except DataError:
-        return found.changed(**withheld(found))
-    text = "Past inputs and outputs are used as instruments: against unmeasured forces, not against noise on the inputs"
-    rest = (note for note in other.notes if note.kind != UNMEASURED)
-    return other.changed(notes=(*doubt, Note("route changed", {}, text), *rest), **withheld(other))
+    """Return a diagram as it is, or by instruments against unmeasured forces, see `modalscope.identification.instruments`."""
+    return found
 
 
-def withheld(diagram: StabilizationDiagram) -> dict[str, Any]:
-    """Return the field of the diagram without standard deviations of damping, which unmeasured forces bias beyond them."""
-    without = diagram.deviations_at(np.zeros(0, dtype=int))[1] is None
-    return {} if without else {"damping_ratios_std": np.full(len(diagram.poles), np.nan)}
+@replaceable("deferred_deviations")
+def deferred_deviations(cuts: Sequence[Cut]) -> dict[str, Any]:
+    """Return the fields of standard deviations, see `modalscope.identification.deviating`."""
+    return {}
+
+
+@replaceable("peaks_of_spectra")
+def peaks_of_spectra(records: Any, poles: ComplexArray) -> dict[str, RealArray]:
+    """Return indicators of a record's own spectra, see `modalscope.signals.preprocess.spectral_peaks`."""
+    return {}
 
 
 def stabilized(
@@ -255,24 +250,25 @@ def collected(
     outside = sum(cut.modal.poles.size - cut.reported.size for cut in cuts)
     text = f"{counted(outside, 'pole')} outside the band, or extraneous, not in the diagram"
     outsiders = [Note("poles left out", {"poles": outside}, text)] if outside else []
-    whitening = pipeline.problem.whitening
+    whitening, records = pipeline.problem.whitening, pipeline.problem.records
+    poles = [cut.modal.poles[cut.reported] for cut in cuts]
     return StabilizationDiagram(
         response=pipeline.response,
         method=pipeline.method.name,
         domain=pipeline.method.domain,
         orders=tuple(cut.order for cut in cuts),
         order_of_pole=np.concatenate([np.full(cut.reported.size, cut.order) for cut in cuts]),
-        poles=np.concatenate([cut.modal.poles[cut.reported] + decay for cut in cuts]),
+        poles=np.concatenate(poles) + decay,
         shapes=np.concatenate([cut.modal.shapes[:, cut.reported] for cut in cuts], axis=1),
         participation=np.concatenate([cut.modal.participation[cut.reported] for cut in cuts]),
         stable_frequency=flags[0],
         stable_damping=flags[1],
         stable_shape=flags[2],
         asked_orders=tuple(asked),
-        **_deviations(cuts),
+        **deferred_deviations(cuts),
         indicators={
             **{name: np.concatenate([c.indicators[name][c.reported] for c in cuts]) for name in sorted(names)},
-            **_peaks(pipeline, cuts),
+            **({} if records is None else peaks_of_spectra(records, np.concatenate(poles))),
         },
         singular_values=factors.spectrum,
         fit_errors=np.array([cut.misfit for cut in cuts]),
@@ -285,15 +281,6 @@ def collected(
         output_whitening=None if whitening is None else whitening.outputs,
         reference_whitening=None if whitening is None else whitening.references,
     )
-
-
-def _peaks(pipeline: Pipeline, cuts: Sequence[Cut]) -> dict[str, RealArray]:
-    """Return the peak height of the record's spectra at each pole, where there is a record without inputs."""
-    records = pipeline.problem.records
-    if records is None:
-        return {}
-    f, zeta = frequencies_and_damping(np.concatenate([cut.modal.poles[cut.reported] for cut in cuts]))
-    return {PEAK: peak_heights(records.excerpt(), f, zeta)}
 
 
 def _exact(pipeline: Pipeline, last: Cut) -> bool:
@@ -311,25 +298,3 @@ def _doubts(pipeline: Pipeline, cuts: Sequence[Cut], stable: Sequence[Array]) ->
     trusted[cut.reported[flags.all(axis=0)]] = True
     fit = cut.modal.fit
     return pipeline.response.doubts(cut.modal.poles, fit.shapes, fit.participation, fit.terms, trusted)
-
-
-def _deviations(cuts: Sequence[Cut]) -> dict[str, Any]:
-    """Return the standard deviations of the reported poles of all orders, as fields of the diagram, computed when they are read."""
-    due = [cut.due for cut in cuts if cut.due is not None]
-    if len(due) < len(cuts):
-        return {}
-    asked, deviations = [one for _, one in due], due[0][0].deviations
-    ends = np.cumsum([0, *(one.which.size for one in asked)])
-
-    @one_thread
-    def compute(index: IntArray) -> RealArray:
-        """Take orders together, of each those of its poles that are asked: index into the diagram, increasing."""
-        own = [
-            (one, one.which[index[(index >= a) & (index < b)] - a])
-            for one, (a, b) in zip(asked, pairwise(ends), strict=True)
-        ]
-        some = [one._replace(which=which) for one, which in own if which.size]
-        found = zip(some, deviations(*some), strict=True)
-        return np.concatenate([np.stack(std)[:, one.which] for one, std in found], axis=1)
-
-    return dict.fromkeys(DEVIATIONS, Deferred(int(ends[-1]), compute))

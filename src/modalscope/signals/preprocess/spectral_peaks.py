@@ -19,8 +19,10 @@ from scipy import special
 
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
+from modalscope.data.stored import StoredSignals
 from modalscope.data.whitening import Whitening, normed_covariance, whitening_matrix
-from modalscope.numerics.checks import BoolArray, ComplexArray, IntArray, RealArray
+from modalscope.numerics.checks import Array, BoolArray, ComplexArray, IntArray, RealArray
+from modalscope.numerics.functions.poles import frequencies_and_damping
 from modalscope.signals.preprocess.spectra import Spectrum
 
 #: Width of a bin as a part of its frequency, and its minimum number of lines.
@@ -297,3 +299,9 @@ def _height(X: ComplexArray, place: float, half: float) -> float:
     ratio = 2 * n * (height - 1 - np.log(height)) if height > 1 else 0.0
     trials = max(count / (2 * half), 1.0)
     return float(max(height / _CERTAIN_HEIGHT, ratio / special.chdtri(2 * outputs, _CHANCE_OF_ANY / trials)))
+
+
+def peaks_of_spectra(records: Signals | StoredSignals, poles: Array) -> dict[str, RealArray]:
+    """Return the peak height of a record's spectra at each pole (rad/s), as an indicator."""
+    f, zeta = frequencies_and_damping(poles)
+    return {PEAK: peak_heights(records.excerpt(), f, zeta)}
