@@ -149,7 +149,6 @@ hand_down(
     grades="modalscope.selection.judging.grades:grades",
     living="modalscope.interfaces.plot.web.alive:living",
     table_of="modalscope.selection.judging.description:table_of",
-    of_records="modalscope.identification.of_records:of_records",
     reduced="modalscope.identification.realizations.reductions:reduced",
     rows_of="modalscope.identification.method_names:rows_of",
     text_of="modalscope.selection.judging.description:text_of",

@@ -231,8 +231,6 @@ class Method:
     domain: str
     realization: str
     section: str
-    common: str
-    known_as: tuple[str, ...]
     takes: Takes
     matrix: Matrix
     factor: Factor
@@ -240,6 +238,8 @@ class Method:
     orders: OrderRule
     options_type: type[Options]
     forms: tuple[str, ...] = ("observable",)
+    common: str = ""
+    known_as: tuple[str, ...] = ()
     aliases: tuple[str, ...] = ()
     fixed: Mapping[str, Any] = field(default_factory=dict, hash=False)
     from_records: str = ""

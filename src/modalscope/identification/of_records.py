@@ -22,8 +22,8 @@ from modalscope.identification.ambient_records import (
     seen_record,
 )
 from modalscope.identification.fast.combinations import combined
-from modalscope.identification.prepare import Asked, Measured, of_response
-from modalscope.identification.reciprocity import exchanged
+from modalscope.identification.measure import Asked, exchanged, of_response
+from modalscope.identification.prepare import Measured
 from modalscope.identification.routes import USUAL, by_route, chosen_route, without_delays
 from modalscope.identification.sizes import setup_blocks
 from modalscope.numerics.checks import check_kind

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
-from modalscope.data.setups import Setups, as_test
+from modalscope.data.setups import Setups
 from modalscope.data.sizes import check_alive, check_size
 from modalscope.data.stored import StoredSignals
 from modalscope.data.whitening import Whitening
 from modalscope.identification.method import Method, Problem, Takes
-from modalscope.identification.options import ROUTES, AllOptions, Options, delays_of, reciprocity_of
+from modalscope.identification.options import AllOptions, Options
 from modalscope.identification.table import find_method, rows_with
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_band
 from modalscope.numerics.errors import DataError, check_choice, check_option_names
-from modalscope.numerics.handed import handed, replaceable
+from modalscope.numerics.handed import replaceable
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -92,77 +92,25 @@ def prepare(data: Any, method: str | None = None, domain: str | None = None, **o
     return pose(measured, find_method(name, domain, measured.domain, measured.route), options)
 
 
-def measure(
-    data: Any,
-    band: Any = None,
-    exclude: Any = None,
-    route: str | None = None,
-    *,
-    method: str | None = None,
-    domain: str | None = None,
-    delays: Mapping[str, int] | None = None,
-    reciprocal: bool | None = None,
-) -> Measured:
-    """Return the response of the data in a band (Hz) without the excluded channels; records become responses here.
+@replaceable("measure")
+def measure(data: Any, band: Any = None, exclude: Any = None, route: str | None = None, **asked: Any) -> Measured:
+    """Return the response of the data in a band (Hz) without the excluded channels.
 
-    `route`: from records with inputs, see `modalscope.identification.routes`; the automatic one serves `method` and `domain`. `delays`:
-    samples by which outputs are late, see `modalscope.signals.doctor.delays`. `reciprocal`: see `modalscope.identification.reciprocity`.
+    What records become, and what else is done to responses, is in `modalscope.identification.measure`.
     """
-    checked = None if band is None else check_band(band)
-    asked = "auto" if route is None else check_choice("route", route, ROUTES)
-    test = as_test(data) if isinstance(data, list | tuple) else data
-    rate = getattr(getattr(test, "record", test), "sampling_rate", None)
-    if checked is not None and rate is not None and checked[0] >= rate / 2:
-        asked_for, have = f"the band {checked[0]:g} to {checked[1]:g} Hz was asked", f"they are sampled at {rate:g} Hz"
-        raise DataError(asked_for, f"{have}: nothing lies above {rate / 2:g} Hz", "Choose a band below.")
-    late = None if delays is None else delays_of(delays)
-    sides = None if reciprocal is None else reciprocity_of(reciprocal)
-    given = Asked(exclude, asked, method, domain, late, sides)
-    measured = (of_response if isinstance(test, Response) else handed("of_records"))(test, checked, given)
-    taken = "correlation" if measured.response.ambient else measured.route
-    if asked not in ("auto", taken) or (delays and measured.route is None):
-        what = f"delays={delays!r}" if asked in ("auto", taken) else f"route={asked!r}"
-        raise DataError(f"{what} was asked", f"the data are {measured.given}, not records with inputs", "Omit it.")
-    if reciprocal and not measured.response.exchanged:
-        have = f"the data are {measured.given}, not responses to single forces"
-        raise DataError("reciprocal=True was asked", have, "Omit it, or estimate frequency responses: route='frf'.")
-    return replace(measured, band=measured.band if checked is None else checked, exclude=exclude)
-
-
-class Asked(NamedTuple):
-    """Channels to leave out, arguments that decide the route from records with inputs, and which side of a response is which."""
-
-    exclude: Any
-    route: str
-    method: str | None
-    domain: str | None
-    delays: Mapping[str, int] | None
-    reciprocal: bool | None
+    return of_response(data, None if band is None else check_band(band), exclude)
 
 
 #: Default row and domain by the origin of a response and whether its input was held; impulse responses "era", time.
 _USUAL = {("lines", False): ("alternate", "s"), ("lines", True): ("alternate", "z")}
 
 
-def of_response(data: Any, band: tuple[float, float] | None, asked: Asked) -> Measured:
-    """Return a response in a band; what records become stands in `of_records`."""
-    data = data if asked.exclude is None else data.select(exclude=asked.exclude)
+def of_response(data: Response, band: tuple[float, float] | None, exclude: Any = None) -> Measured:
+    """Return a response in a band, with the row and the domain that suit it."""
+    data = data if exclude is None else data.select(exclude=exclude)
     check_size(data)
-    response, chosen, notes = in_band(data, band)
     row, domain = _USUAL.get((data.origin, data.held_input), ("era", "time"))
-    return exchanged(Measured(response, None, type(data).__name__, row, domain, chosen, notes=notes), asked)
-
-
-@replaceable("in_band")
-def in_band(response: Response, band: tuple[float, float] | None) -> tuple[Response, Any, tuple[Note, ...]]:
-    """Return a response in a band, the band, and notes: without a band all of it, or where its forces drive it."""
-    return response.in_band(band), band, ()
-
-
-@replaceable("exchanged")
-def exchanged(measured: Measured, asked: Asked) -> Measured:
-    """Return a response as it is, or with inputs and outputs exchanged, see `modalscope.identification.reciprocity`."""
-    return measured
+    return Measured(data.in_band(band), None, type(data).__name__, row, domain, band, exclude)
 
 
 def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem:

@@ -9,14 +9,11 @@ inputs act together.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from modalscope.data.channels import input_groups
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.data.shown import counted
 from modalscope.data.units import in_si
-from modalscope.identification.prepare import Asked, Measured
 from modalscope.numerics.errors import DataError
 from modalscope.signals.doctor.polarity import check_polarity
 
@@ -54,13 +51,6 @@ def by_reciprocity(response: Response, reciprocal: bool | None) -> tuple[Respons
         "(reciprocal=False, --no-reciprocal keeps them)"
     )
     return response.transposed(), (Note("exchanged", {"inputs": inputs, "outputs": outputs}, text),)
-
-
-def exchanged(measured: Measured, asked: Asked) -> Measured:
-    """Return a response to forces, each by itself, with inputs and outputs exchanged where that was asked or helps."""
-    response, notes = by_reciprocity(measured.response, asked.reciprocal)
-    reciprocal = True if response.exchanged else asked.reciprocal
-    return replace(measured, response=response, reciprocal=reciprocal, notes=(*measured.notes, *notes))
 
 
 def _obstacle(response: Response) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import fields
-from typing import Any, NamedTuple
+from typing import Any
 
 from modalscope.identification.matrices.factor import complete_factors, h0_factors, tall_factors
 from modalscope.identification.matrices.hankel import canonical_hankel, complete_hankel, plain_hankel
@@ -35,151 +35,76 @@ _COLUMNS: dict[str, dict[str, Any]] = {
 }
 
 
-class _Cell(NamedTuple):
-    """Section of the report and names of one cell."""
-
-    section: str
-    common: str
-    known_as: tuple[str, ...]
-    aliases: tuple[str, ...] = ()
-
-
-def _row(name: str, cells: dict[str, _Cell], in_time: Any = plain_hankel, **shared: Any) -> Iterator[Method]:
-    """Yield the cells of one row of the table by domain; `in_time`: its Hankel matrix in the time domain."""
-    for domain, cell in cells.items():
-        column = _COLUMNS[domain] | ({"matrix": in_time} if domain == "time" else {})
-        yield Method(name=name, domain=domain, **cell._asdict(), **column, **shared)
+def _row(name: str, realization: str, sections: dict[str, str], **stages: Any) -> Iterator[Method]:
+    """Yield the cells of one row of the table, by domain the sections of the report; a data matrix among the stages is that of samples."""
+    of_samples = stages.pop("matrix", plain_hankel)
+    for domain, section in sections.items():
+        column = _COLUMNS[domain] | ({"matrix": of_samples} if domain == "time" else {})
+        yield Method(name=name, domain=domain, realization=realization, section=section, **column, **stages)
 
 
-#: A data matrix in the columns, a realization in the rows.
+#: A data matrix in the columns, a realization in the rows; names of the literature are in `modalscope.identification.method_names`.
 ROWS: tuple[Method, ...] = (
     *_row(
         "era",
-        {
-            "time": _Cell(
-                "II-3, Eqs. 24-41",
-                "ERA",
-                ("ERA", "Ho-Kalman", "ERA/DC with column_compression=H(0)", "NExT-ERA on correlations"),
-                ("ho-kalman", "next-era", "eigensystem realization algorithm", "projected-dmd"),
-            ),
-            "z": _Cell("III-2, Eqs. 82-88", "ERA-FD", ("ERA-FD",), ("era-fd",)),
-            "s": _Cell("III-2, Eqs. 89-94", "ERA-FD", ("ERA-FD, continuous",), ("era-fd continuous",)),
-        },
-        realization="balanced projection",
-        realize=balanced,
+        "balanced projection",
+        {"time": "II-3, Eqs. 24-41", "z": "III-2, Eqs. 82-88", "s": "III-2, Eqs. 89-94"},
         factor=h0_factors,
+        realize=balanced,
         orders=STATES,
     ),
     *_row(
         "polyreference",
-        {
-            "time": _Cell(
-                "II-4, Eqs. 42-54",
-                "Polyreference",
-                ("polyreference, canonical-form realization",),
-                ("canonical-form realization",),
-            ),
-            "z": _Cell("III-3, Eqs. 95-101", "Polyreference FD", ("polyreference FD",), ("polyreference-fd",)),
-            "s": _Cell(
-                "III-3, Eqs. 102-109",
-                "Polyreference FD",
-                ("polyreference FD, continuous", "direct parameter identification"),
-                ("dpi", "direct parameter identification"),
-            ),
-        },
-        in_time=canonical_hankel,
-        realization="null space, companion form",
-        realize=null_space_companion,
+        "null space, companion form",
+        {"time": "II-4, Eqs. 42-54", "z": "III-3, Eqs. 95-101", "s": "III-3, Eqs. 102-109"},
+        matrix=canonical_hankel,
         factor=tall_factors,
+        realize=null_space_companion,
         orders=COMPANIONS,
     ),
     *_row(
         "alternate",
-        {
-            "time": _Cell(
-                "II-5, Eqs. 55-64",
-                "SSI-cov",
-                ("SSI-cov on correlations", "Kung", "LS-ESPRIT", "ERA without H(1)", "optimized DMD when refined"),
-                (
-                    "ssi-cov",
-                    "cov-ssi",
-                    "kung",
-                    "ls-esprit",
-                    "esprit",
-                    "tls-dmd",
-                    "total-least-squares dmd",
-                    "optimized-dmd",
-                ),
-            ),
-            "z": _Cell("III-4, Eq. 110", "FD-subspace", ("alternate FD",), ("alternate-fd",)),
-            "s": _Cell(
-                "III-4, Eq. 110",
-                "FD-subspace",
-                ("alternate FD, continuous", "frequency-domain subspace identification"),
-                ("fd-subspace", "frequency-domain subspace identification"),
-            ),
-        },
-        realization="shift of one factor",
-        realize=shift,
+        "shift of one factor",
+        {"time": "II-5, Eqs. 55-64", "z": "III-4, Eq. 110", "s": "III-4, Eq. 110"},
         factor=tall_factors,
+        realize=shift,
         orders=STATES,
     ),
     *_row(
         "least_squares",
-        {
-            "time": _Cell(
-                "II-6, Eqs. 65-66",
-                "ITD",
-                ("least squares regression, truncated", "ITD (Ibrahim), truncated", "delay-embedded DMD"),
-                ("itd", "ibrahim", "ibrahim time domain", "dmd", "exact-dmd", "delay-embedded dmd", "hankel-dmd"),
-            ),
-            "z": _Cell("left to the reader", "Least squares", ("least squares FD",), ("least-squares-fd",)),
-            "s": _Cell(
-                "left to the reader", "Least squares", ("least squares FD, continuous", "first-order form, Eq. 109")
-            ),
-        },
-        realization="regression on H(0)",
-        realize=regression,
+        "regression on H(0)",
+        {"time": "II-6, Eqs. 65-66", "z": "left to the reader", "s": "left to the reader"},
         factor=h0_factors,
+        realize=regression,
         orders=STATES,
     ),
-)
-
-#: Least squares without truncation, in companion form.
-PRCE = Method(
-    name="prce",
-    domain="time",
-    realization="least squares, companion form",
-    section="II-4 and II-6, Eqs. 53b, 66",
-    common="PRCE",
-    known_as=(
-        "PRCE, polyreference complex exponential",
-        "LSCE with one input",
-        "Prony with one channel",
-        "ITD (Ibrahim) with one input, form='observable'",
+    Method(
+        name="prce",
+        domain="time",
+        realization="least squares, companion form",
+        section="II-4 and II-6, Eqs. 53b, 66",
+        takes=Takes.SAMPLES,
+        matrix=complete_hankel,
+        factor=complete_factors,
+        realize=least_squares_companion,
+        orders=BLOCKS,
+        options_type=HankelOptions,
+        forms=("controllable", "observable"),
+        from_records="frf",
     ),
-    aliases=("lsce", "prony", "polyreference complex exponential", "ptd"),
-    takes=Takes.SAMPLES,
-    matrix=complete_hankel,
-    factor=complete_factors,
-    realize=least_squares_companion,
-    orders=BLOCKS,
-    options_type=HankelOptions,
-    forms=("controllable", "observable"),
-    from_records="frf",
 )
 
 
 @replaceable("find_method")
 def find_method(name: str, domain: str | None, default_domain: str, route: str | None = None) -> Method:
-    """Return the cell of a row and a domain, by default that of the data; names of the literature are in `method_names`.
+    """Return the cell of a row and a domain, by default that of the data.
 
     Raises `DataError`: there is none.
     """
-    cells = {row.domain: row for row in (*ROWS, PRCE) if row.name == name}
+    cells = {row.domain: row for row in ROWS if row.name == name}
     domain = domain or (default_domain if default_domain in cells else next(iter(cells), ""))
     if domain not in cells:
-        have = ", ".join(dict.fromkeys(row.name for row in (*ROWS, PRCE)))
+        have = ", ".join(dict.fromkeys(row.name for row in ROWS))
         raise DataError(f"method={name!r} in domain {domain!r} was asked", f"there are {have}", "Choose one of these.")
     return cells[domain]
 
@@ -187,4 +112,4 @@ def find_method(name: str, domain: str | None, default_domain: str, route: str |
 @replaceable("rows_with")
 def rows_with(option: str) -> list[str]:
     """Return the rows that have an option, in words."""
-    return [str(row) for row in (*ROWS, PRCE) if option in {f.name for f in fields(row.options_type)}]
+    return [str(row) for row in ROWS if option in {f.name for f in fields(row.options_type)}]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from modalscope.identification.literature import NAMES
 from modalscope.identification.matrices import of_method as matrices
 from modalscope.identification.matrices.factor import tall_factors
 from modalscope.identification.method import STATES, Method, Takes
@@ -19,7 +20,7 @@ from modalscope.identification.orders import DEGREES
 from modalscope.identification.realizations.balanced import balanced
 from modalscope.identification.realizations.fraction_companion import fraction_companion
 from modalscope.identification.realizations.shift import shift
-from modalscope.identification.table import PRCE, ROWS
+from modalscope.identification.table import ROWS
 
 #: Fields of the rows on projected records.
 _PROJECTED: dict[str, Any] = {
@@ -122,16 +123,19 @@ _ON_RECORDS: dict[str, Any] = {
     "options_type": SpectraOptions,
 }
 
+#: The rows of the report with their names in the literature; the last has no cell of other domains.
+*_FOUR_ROWS, _PRCE = (replace(row, **NAMES[row.name, row.domain]._asdict()) for row in ROWS)
+
 #: The rows of the report and those beyond; those of the frequency domains stand again on the lines of records.
 _TABLE: tuple[Method, ...] = (
-    *ROWS,
+    *_FOUR_ROWS,
     *_ON_PAST,
-    PRCE,
+    _PRCE,
     _FRACTION,
     *_INTERPOLATING,
     *(
         replace(row, section=f"{row.section}, on records", **_ON_RECORDS)
-        for row in ROWS
+        for row in _FOUR_ROWS
         if row.takes in (Takes.RESPONSE, Takes.CONTINUOUS)
     ),
 )

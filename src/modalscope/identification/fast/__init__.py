@@ -5,8 +5,7 @@ _HERE = "modalscope.identification.fast"
 #: Where the steps stand that run in place of the plain ones: `modalscope.numerics.handed` calls them by name.
 STEPS = {
     "built": "modalscope.identification.matrices.whitened:built",
-    "exchanged": "modalscope.identification.reciprocity:exchanged",
-    "in_band": "modalscope.identification.driven_band:in_band",
+    "measure": "modalscope.identification.measure:measure",
     "whitening_of_row": "modalscope.identification.matrices.whitened:whitening_of_row",
     "cheaper_windows": f"{_HERE}.structured_hankel:cheaper_windows",
     "find_method": "modalscope.identification.method_names:find_method",
