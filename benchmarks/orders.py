@@ -13,9 +13,9 @@ import numpy as np
 
 from benchmarks.peers.works import samples
 from modalscope import ImpulseResponse, identify
+from modalscope.identification.diagrams import stabilize
 from modalscope.identification.pipeline import factor
 from modalscope.identification.prepare import prepare
-from modalscope.identification.stabilize import stabilize
 
 OUTPUTS, INPUTS, BLOCKS, LARGEST = 100, 3, 300, 100
 PAIRS = 3

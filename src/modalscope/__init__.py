@@ -51,6 +51,7 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
     from modalscope.data.analysis import Analysis as Analysis
     from modalscope.data.indicators import mac as mac, mac_std as mac_std
     from modalscope.data.results import Result as Result
+    from modalscope.identification.diagrams import stabilize as stabilize
     from modalscope.identification.dwell import Dwell as Dwell, tuned_dwell as tuned_dwell
     from modalscope.identification.identify import Identification as Identification, identify as identify
     from modalscope.identification.method_names import methods as methods
@@ -65,7 +66,6 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
         equations_of_motion as equations_of_motion,
         first_order_form as first_order_form,
     )
-    from modalscope.identification.stabilize import stabilize as stabilize
     from modalscope.identification.sweep import sweep as sweep
     from modalscope.interfaces import plot as plot
     from modalscope.interfaces.plot.web.alive import widget as widget
@@ -101,7 +101,7 @@ _HOMES = {
     "selection.judging.bands": ("merge_bands",),
     "analysis.checking.certificate": ("Certificate",),
     "selection.judging.select": ("select",),
-    "identification.stabilize": ("stabilize",),
+    "identification.diagrams": ("stabilize",),
     "analysis.checking.validation": ("Validation", "validate"),
     "data.indicators": ("mac", "mac_std"),
     "identification.modal.mass_change": ("scale_by_mass",),
@@ -150,7 +150,7 @@ hand_down(
     living="modalscope.interfaces.plot.web.alive:living",
     table_of="modalscope.selection.judging.description:table_of",
     reduced="modalscope.identification.realizations.reductions:reduced",
-    rows_of="modalscope.identification.method_names:rows_of",
+    options_type_of="modalscope.identification.method_names:options_type_of",
     text_of="modalscope.selection.judging.description:text_of",
     verdict_of_result="modalscope.interfaces.plot.web.verdict:verdict_of_result",
 )

@@ -8,7 +8,7 @@ import pytest
 
 from modalscope import systems
 from modalscope.data.results import StabilizationDiagram
-from modalscope.identification.stabilize import stabilize
+from modalscope.identification.diagrams import stabilize
 from modalscope.selection.judging.select import select
 from modalscope.selection.likelihood import deviations
 from modalscope.selection.likelihood.deviations import deviations_of

@@ -10,7 +10,7 @@ import pytest
 from modalscope.data import ImpulseResponse
 from modalscope.identification.method_names import find_method, methods
 from modalscope.identification.orders import orders_compared, states_each
-from modalscope.identification.reservations import exact_on, has_decayed, reservation
+from modalscope.identification.suits import exact_on, has_decayed, refusal, reservation
 from modalscope.systems import chain5
 
 SAMPLES = chain5().impulse_response(400)
@@ -27,7 +27,7 @@ def row(name: str, domain: str):  # type: ignore[no-untyped-def]
     ("response", "domains", "fraction"), [(SAMPLES, {"time", "z"}, False), (MEASURED, {"z", "s"}, True)]
 )
 def test_rows_on_transformed_data_are_told_from_those_on_the_data_themselves(response, domains, fraction) -> None:  # type: ignore[no-untyped-def]
-    exact = [m for m in methods() if exact_on(m, response) and m.refusal(response, False) is None]
+    exact = [m for m in methods() if exact_on(m, response) and refusal(m, response, False) is None]
     assert {m.domain for m in exact} == domains
     assert (row("lscf", "z") in exact) is fraction
 
@@ -39,9 +39,9 @@ def test_all_lines_of_a_sampled_system_are_its_samples() -> None:
 
 
 def test_what_does_not_suit_says_why() -> None:
-    assert "records without inputs" in str(row("ssi-data", "time").refusal(CORRELATIONS, False))
-    assert row("ssi-data", "time").refusal(CORRELATIONS, True) is None
-    assert "no rational transform" in str(row("era", "s").refusal(SAMPLES, False))
+    assert "records without inputs" in str(refusal(row("ssi-data", "time"), CORRELATIONS, False))
+    assert refusal(row("ssi-data", "time"), CORRELATIONS, True) is None
+    assert "no rational transform" in str(refusal(row("era", "s"), SAMPLES, False))
     assert "has not decayed" in reservation(row("lscf", "z"), chain5().impulse_response(60))
     assert reservation(row("lscf", "z"), chain5().impulse_response(12_000)) == ""
     assert "equally spaced" in reservation(row("era", "time"), MEASURED.at_lines(np.r_[0:300, 301:700]))

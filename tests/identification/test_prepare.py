@@ -15,6 +15,7 @@ from modalscope.data.sizes import check_upright
 from modalscope.identification.ambient_records import looked_through
 from modalscope.identification.method_names import find_method, methods
 from modalscope.identification.prepare import measure, pose, prepare
+from modalscope.identification.suits import served_by
 from modalscope.signals.preprocess import decimate, detrend, estimate_correlation
 from modalscope.signals.preprocess.excitation import find_excitation
 from tests.support import built
@@ -100,7 +101,7 @@ def test_records_with_inputs_stay_records_on_their_own_lines() -> None:
 def test_a_method_given_with_a_domain_takes_the_way_that_serves_it(method, domain, route) -> None:  # type: ignore[no-untyped-def]
     found = prepare(records(inputs=True), method, domain)
     assert found.options.route == route
-    assert found.method.served_by(route)
+    assert served_by(found.method, route)
 
 
 def test_the_way_can_be_asked_for_and_one_that_ends_nowhere_says_so() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 import modalscope as ms
 from modalscope import systems
-from modalscope.selection.judging.description import DERIVED
+from modalscope.data.mode_fields import DERIVED
 from tests.support import refused
 
 WRITTEN = Path(__file__).parent / "written"

@@ -33,43 +33,6 @@ class Takes(Enum):
     DRIVEN = "records with inputs projected on their past"
 
 
-#: The route from records with inputs to the data of a row.
-ROUTES = {
-    Takes.SAMPLES: "markov",
-    Takes.LINES: "frf",
-    Takes.CONTINUOUS: "frf",
-    Takes.RESPONSE: "frf",
-    Takes.PAST: "",
-    Takes.RECORDS: "records",
-    Takes.DRIVEN: "subspace",
-}
-
-
-class Refusal(NamedTuple):
-    """Why data do not suit a row, and the remedy."""
-
-    reason: str
-    change: str
-
-
-_NO_LINES = Refusal(
-    "samples have no rational transform in j w",
-    "Use domain='z', which is exact for samples, or give measured frequency responses.",
-)
-_NO_RECORDS = Refusal(
-    "it needs records without inputs",
-    "Give Signals with outputs alone, or use method='alternate', which accepts any response.",
-)
-_NO_INPUTS = Refusal("it needs records with inputs", "Give Signals with inputs, or omit route.")
-
-#: Origin of a response that a row needs, and the refusal of others. Other rows accept all data.
-REFUSALS: dict[Takes, tuple[str, Refusal]] = {
-    Takes.CONTINUOUS: ("lines", _NO_LINES),
-    Takes.RECORDS: ("records", _NO_INPUTS),
-    Takes.DRIVEN: ("records", _NO_INPUTS),
-}
-
-
 DOMAINS = {
     "time": "Hankel matrix of Markov parameters",
     "z": "shifted transfer functions",
@@ -249,25 +212,6 @@ class Method:
         return f"{self.name} ({', '.join((self.domain, *self._of_records))})"
 
     @property
-    def route(self) -> str:
-        """The route from records with inputs to the data of the row, or an empty text."""
-        return self.from_records or ROUTES[self.takes]
-
-    def served_by(self, route: str) -> bool:
-        """Whether a route from records with inputs gives the data of the row; frequency responses also give samples."""
-        return route == self.route or (route == "frf" and self.takes is Takes.SAMPLES)
-
-    @property
-    def driven(self) -> bool:
-        """Whether it needs records with inputs."""
-        return self.takes in (Takes.RECORDS, Takes.DRIVEN)
-
-    @property
-    def of_past(self) -> bool:
-        """Whether it projects records on their past."""
-        return self.takes in (Takes.PAST, Takes.DRIVEN)
-
-    @property
     def _of_records(self) -> tuple[str, ...]:
         """What distinguishes the row from one of the same name and domain."""
         return ("records",) if self.takes is Takes.RECORDS else ()
@@ -279,13 +223,6 @@ class Method:
         domain = () if self.domain == "time" else (self.domain,)
         details = ", ".join((*name, *domain, *self._of_records))
         return f"{self.common} ({details})" if details else self.common
-
-    def refusal(self, response: Response, records: bool) -> Refusal | None:
-        """Return why these data do not suit the row, or None. `records`: whether there are records without inputs."""
-        if self.takes is Takes.PAST:
-            return None if records else _NO_RECORDS
-        needed = REFUSALS.get(self.takes)
-        return needed[1] if needed and response.origin != needed[0] else None
 
 
 def plain(name: str) -> str:

@@ -8,6 +8,8 @@ from difflib import get_close_matches
 from typing import Any
 
 from modalscope.identification.method import DOMAINS, Method, plain
+from modalscope.identification.options import Options
+from modalscope.identification.suits import is_driven, route_of, served_by
 from modalscope.identification.table_beyond import methods as table
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_each, check_kind
@@ -110,6 +112,12 @@ def rows_of(name: str) -> tuple[Method, ...]:
     return tuple(m for m in table() if m.name == name) or tuple(m for m in _rows_added() if m.name == name)
 
 
+def options_type_of(name: str, domain: str, route: str | None) -> type[Options] | None:
+    """Return the type of the options of a cell, as results and files have it; None for a name that is not there."""
+    cells = (m for m in rows_of(name) if m.domain == domain)
+    return next((m.options_type for m in cells if (served_by(m, route) if route else not is_driven(m))), None)
+
+
 def rows_with(option: str) -> list[str]:
     """Return the rows that have an option, in words."""
     return [str(m) for m in methods() if option in {f.name for f in fields(m.options_type)}]
@@ -137,10 +145,10 @@ def find_method(name: str, domain: str | None, default_domain: str, route: str |
     rows = _rows_named(name)
     cells: dict[str, Method] = {}
     for m in rows:
-        if route is None or not m.route or m.served_by(route):
+        if route is None or not route_of(m) or served_by(m, route):
             cells.setdefault(m.domain, m)
     if not cells:
-        routes = dict.fromkeys(m.route for m in rows if m.route)
+        routes = dict.fromkeys(route for m in rows if (route := route_of(m)))
         raise DataError(
             f"method {name!r} by route={route!r} was asked",
             f"records with inputs reach it by route {' or '.join(map(repr, routes)) or 'none'}",

@@ -119,13 +119,7 @@ def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem
     `options`: without band and excluded channels, which are applied already.
     """
     response = measured.response
-    refusal = row.refusal(response, measured.held is not None)
-    if refusal:
-        raise DataError(
-            f"method {row.name!r} in domain {row.domain!r} was asked",
-            f"{refusal.reason}: this is {measured.given}",
-            refusal.change,
-        )
+    check_suits(row, measured)
     _check_form(row, options.get("form"))
     names = {f.name for f in fields(row.options_type)}
     sizes = {name: size for name, size in measured.sizes.items() if name in names and options.get(name) is None}
@@ -199,6 +193,11 @@ def _check_form(row: Method, form: str | None) -> None:
             f"it has only {' and '.join(allowed)}: its columns are not B, AB, ...",
             f"Use form={allowed[0]!r}, or a method in the time domain.",
         )
+
+
+@replaceable("check_suits")
+def check_suits(row: Method, measured: Measured) -> None:
+    """Raise `DataError` where the data do not suit a row; what the rows of the report do not take, their data matrices refuse."""
 
 
 @replaceable("whitening_of_row")

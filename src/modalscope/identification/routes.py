@@ -23,6 +23,7 @@ from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.identification.ambient_records import one_record
 from modalscope.identification.fast.costs import record_cost, refuse_beyond_memory
 from modalscope.identification.method_names import find_method, rows_of
+from modalscope.identification.suits import route_of
 from modalscope.numerics.errors import DataError
 from modalscope.signals.doctor.delays import aligned, common_delays
 from modalscope.signals.preprocess import estimate_markov
@@ -72,7 +73,7 @@ def chosen_route(records: Records, method: str | None, domain: str | None, asked
     if method is None and domain is None:
         return usual
     name = find_method("alternate" if method is None else method, None, "time").name
-    routes = {m.route for m in rows_of(name) if domain is None or m.domain == domain}
+    routes = {route_of(m) for m in rows_of(name) if domain is None or m.domain == domain}
     return next((route for route in (usual, *USUAL) if route in routes), usual)
 
 

@@ -1,31 +1,28 @@
-"""Compute the stabilization diagram: poles of all orders, and their stability from one order to the next (`stabilize`)."""
+"""Compute the stabilization diagram of a problem: poles of all orders, and their stability from one order to the next.
+
+The verb for data of any kind is `stabilize` of `modalscope.identification.diagrams`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 
 from modalscope.data.indicators import mac
 from modalscope.data.notes import Note
-from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.shown import counted
 from modalscope.identification.method import Problem
-from modalscope.identification.options import AllOptions
 from modalscope.identification.pipeline import Pipeline
-from modalscope.identification.prepare import prepare
-from modalscope.identification.sweep import Cut, Sweep, over_pipeline, resolved_orders, start
-from modalscope.numerics.arguments import named
+from modalscope.identification.sweep import Cut, Sweep, start
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_kind, check_positive
 from modalscope.numerics.errors import DataError
-from modalscope.numerics.executors import working
 from modalscope.numerics.functions.poles import frequencies_and_damping
 from modalscope.numerics.handed import replaceable
 from modalscope.numerics.progress import stage
-from modalscope.numerics.resources import one_thread
 
 #: Maximum difference of a stable pole to one of the previous order: relative frequency, relative damping, 1 - MAC.
 TOLERANCES = {"frequency": 0.01, "damping": 0.05, "shape": 0.05}
@@ -66,114 +63,6 @@ Progress = Callable[[int, int], None]
 
 #: Called with the sweep and every cut as it is computed.
 Watch = Callable[[Sweep, Cut], None]
-
-
-@named(AllOptions.__annotations__)
-@one_thread
-def stabilize(
-    data: Any,
-    *,
-    method: str | None = None,
-    domain: str | None = None,
-    orders: Iterable[int] | None = None,
-    tolerances: Mapping[str, float] | None = None,
-    progress: Progress | None = None,
-    watch: Watch | None = None,
-    deviations: bool | None = None,
-    client: Any = None,
-    **options: Unpack[AllOptions],
-) -> StabilizationDiagram:
-    """Identify at many orders from one factorization and judge each pole against the order before.
-
-    Parameters
-    ----------
-    data : FrequencyResponse, ImpulseResponse, Signals, Records, a list of records, or Pipeline
-        A pipeline was made by `factor`, and takes neither method nor options; its orders do not grow.
-    method, domain : str, optional
-        A cell of the table of methods, see `identify`.
-    orders : iterable of int, optional
-        Numbers of states (of "lscf" the degrees of the polynomials); 2, 4, ... up to 80 for frequency responses, 60 for impulse
-        responses and 40 for correlations by default, and up to four times as many while the fit error falls as if modes were missing.
-        Orders out of reach are left out, with a note.
-    tolerances : mapping, optional
-        Limits of stability by name, "frequency", "damping" (relative) and "shape" (1 - MAC); 1 %, 5 % and 5 % by default.
-    progress : callable, optional
-        Called with (orders done, orders in all).
-    watch : callable, optional
-        Called with (sweep, cut) for every order as it comes; see `sweep`. A sweep is started again where more orders are needed.
-    deviations : bool, optional
-        Standard deviations of the poles are computed when `frequencies_std` or `damping_ratios_std` of the diagram is first read, and
-        those of selected poles alone in `select`; True computes all at once, False none ever.
-    client : distributed.Client, optional
-        Workers of a Dask scheduler, which sum over a stored record; see `working`.
-    **options
-        Band, channels, block sizes and the rest, as in `identify`.
-
-    Returns
-    -------
-    StabilizationDiagram
-
-    Raises
-    ------
-    DataError
-        Data that cannot be used, or no order within reach.
-
-    Examples
-    --------
-    >>> from modalscope.systems import chain5
-    >>> d = stabilize(chain5().state_space(dt=0.05).impulse_response(200), orders=range(2, 21, 2))
-    >>> d.orders, d.exact_rank
-    ((2, 4, 6, 8, 10), 10)
-    """
-
-    def computed(found: StabilizationDiagram) -> StabilizationDiagram:
-        if deviations:
-            _ = found.frequencies_std
-        return found
-
-    if isinstance(data, Pipeline):
-        named_options = {"method": method, "domain": domain, **options}
-        sweep = over_pipeline(data, orders, named_options, deviations=deviations is not False)
-        return computed(swept(sweep, resolved_orders(data.problem, orders), tolerances, progress, watch))
-
-    def diagram(asked: Iterable[int] | None = orders, **way: Any) -> StabilizationDiagram:
-        with stage("preparing"):
-            problem = prepare(examined, method, domain, **{**options, **way})
-        first = stabilized(
-            problem,
-            resolved_orders(problem, asked),
-            automatic=orders is None,
-            tolerances=tolerances,
-            progress=progress,
-            watch=watch,
-            deviations=deviations is not False,
-        )
-        if orders is not None or asked is not None or not problem.method.orders.truncates:
-            return first
-        return grown(first, lambda more: diagram(more, **way))
-
-    with working(client):
-        examined = data if isinstance(data, Response) else looked_through(data, options.get("exclude"))
-        automatic = method is None and domain is None and options.get("route") in (None, "auto")
-        return computed(by_instruments(diagram(), diagram) if automatic else diagram())
-
-
-@replaceable("looked_through")
-def looked_through(data: Any, exclude: Any) -> Any:
-    """Return data as they are; a record without inputs is seen once for all orders, see `modalscope.identification.ambient_records`."""
-    return data
-
-
-@replaceable("grown")
-def grown(found: StabilizationDiagram, again: Callable[[Iterable[int]], StabilizationDiagram]) -> StabilizationDiagram:
-    """Return a diagram as it is, or with more orders while its fit error falls, see `modalscope.identification.orders`."""
-    return found
-
-
-@replaceable("by_instruments")
-def by_instruments(found: StabilizationDiagram, again: Callable[..., StabilizationDiagram]) -> StabilizationDiagram:
-    """Return a diagram as it is, or by instruments against unmeasured forces, see `modalscope.identification.instruments`."""
-    return found
 
 
 @replaceable("deferred_deviations")

@@ -152,13 +152,7 @@ def _records_of(where: str, arrays: dict[str, Array]) -> RecordSpectra:
 
 def _settings(method: str, domain: str, options: dict[str, Any]) -> Settings:
     """Return options as the type that their method has; of what the table has not, those that every method has."""
-    route = options.get("route")
-    types = [
-        m.options_type
-        for m in handed("rows_of")(method)
-        if m.domain == domain and (m.served_by(route) if route else not m.driven)
-    ]
-    found: Settings = made(types[0] if types else Settings, options)
+    found: Settings = made(handed("options_type_of")(method, domain, options.get("route")) or Settings, options)
     return found
 
 

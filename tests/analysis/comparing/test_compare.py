@@ -15,10 +15,11 @@ from modalscope.analysis.comparing.kinship import SAME, kinship, pole_distance, 
 from modalscope.analysis.comparing.routes import plan
 from modalscope.analysis.comparing.run import MethodResult, find_by_name
 from modalscope.data import DataError, FrequencyResponse, ImpulseResponse
+from modalscope.identification.diagrams import stabilize
 from modalscope.identification.matrices.hankel import Hankel
 from modalscope.identification.method_names import cell_label, methods
 from modalscope.identification.pipeline import factored
-from modalscope.identification.stabilize import stabilize, swept
+from modalscope.identification.stabilize import swept
 from modalscope.selection.judging.select import select
 from modalscope.selection.likelihood import deviations
 from modalscope.selection.likelihood.deviations import deviations_of

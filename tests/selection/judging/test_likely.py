@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from modalscope.data import FrequencyResponse
-from modalscope.identification.stabilize import stabilize
+from modalscope.identification.diagrams import stabilize
 from modalscope.numerics.functions.poles import poles_from
 from modalscope.selection.judging import verdict as likely
 from modalscope.selection.judging.evidence import evidence_of, oscillations

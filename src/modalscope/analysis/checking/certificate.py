@@ -26,6 +26,7 @@ from modalscope.identification.modal.rebuilt import rebuilt
 from modalscope.identification.pipeline import factor
 from modalscope.identification.prepare import Measured, pose
 from modalscope.identification.stabilize import stabilized
+from modalscope.identification.suits import of_past
 from modalscope.identification.sweep import Sweep
 from modalscope.numerics.checks import Array, BoolArray, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
@@ -133,7 +134,7 @@ def replicates_of(
     if not len(modes):
         raise DataError("a certificate needs modes", "there are none", "Give a result with modes.")
     row = find_method(diagram.method, diagram.domain, diagram.domain, diagram.settings.route)
-    if row.of_past:
+    if of_past(row):
         have = "it projects records on their past, and replicates are responses"
         raise DataError(f"a certificate of {row.label} was asked", have, "Certify another method on the same record.")
     response, order = diagram.response, nearest_order(diagram, modes.unrefined or modes)

@@ -34,7 +34,7 @@ from modalscope.analysis.comparing.agreement import Group
 from modalscope.analysis.comparing.run import MethodResult
 from modalscope.analysis.comparing.scatter import Biased, Scatter
 from modalscope.data.response import Response, line_step
-from modalscope.identification.reservations import rows_span
+from modalscope.identification.suits import rows_span
 from modalscope.selection.judging.evidence import LEAST_PEAK, LEAST_SIGNAL
 
 #: Name of a cause -> what to do about it.

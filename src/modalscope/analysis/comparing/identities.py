@@ -20,7 +20,7 @@ from modalscope.identification.method_names import find_method
 from modalscope.identification.pipeline import Factored, Pipeline, built, factored, realized
 from modalscope.identification.prepare import prepare
 from modalscope.identification.realizations.balanced import projected_general
-from modalscope.identification.reservations import exact_on, reservation
+from modalscope.identification.suits import exact_on, refusal, reservation
 from modalscope.numerics.checks import Array
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import assign
@@ -54,7 +54,7 @@ def check_identities(response: Response, order: int) -> tuple[Identity, ...]:
     identities = []
     for row in (find_method("era", domain, domain) for domain in DOMAINS):
         # only data matrices without loss, where identities are valid to rounding
-        if row.refusal(response, False) or reservation(row, response) or not exact_on(row, response):
+        if refusal(row, response, False) or reservation(row, response) or not exact_on(row, response):
             continue
         given = _Given(response, row.domain, max(order, 2), {}, {})
         for name, source, check in _CHECKS if len(row.forms) > 1 else _CHECKS[:2]:

@@ -34,8 +34,8 @@ from modalscope.identification.method_names import find_method, methods, rows_of
 from modalscope.identification.modal.rebuilt import explains_enough
 from modalscope.identification.orders import orders_compared
 from modalscope.identification.prepare import Measured, measure
-from modalscope.identification.reservations import exact_on, reservation
 from modalscope.identification.routes import USUAL
+from modalscope.identification.suits import exact_on, is_driven, refusal, reservation, route_of
 from modalscope.identification.table_beyond import methods as table
 from modalscope.numerics.checks import check_each
 from modalscope.numerics.errors import DataError, check_choice
@@ -117,14 +117,14 @@ def plan(
     refused: dict[str, list[str]] = {}  # methods by reason
 
     def allowed(method: Method) -> bool:
-        refusal = method.refusal(response, records)
-        why = refusal.reason if refusal else reservation(method, response)
+        unsuited = refusal(method, response, records)
+        why = unsuited.reason if unsuited else reservation(method, response)
         if why:
             refused.setdefault(why, []).append(str(method))
         return not why
 
     def suits(method: Method) -> bool:
-        return not method.driven if route is None else method.route == route
+        return not is_driven(method) if route is None else route_of(method) == route
 
     chosen: list[Method] = []
     if isinstance(wanted, str) and wanted == "all":

@@ -21,8 +21,9 @@ from modalscope.data.responses import FrequencyResponse
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.setups import Setups, setups_of
 from modalscope.data.shown import counted
+from modalscope.identification.diagrams import stabilize
 from modalscope.identification.orders import usable_orders
-from modalscope.identification.stabilize import Watch, stabilize
+from modalscope.identification.stabilize import Watch
 from modalscope.numerics.checks import RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.progress import stage

@@ -13,6 +13,7 @@ from modalscope.identification.matrices.full import FullMatrix, OfCombinations, 
 from modalscope.identification.matrices.matrix import Eigen, ModalFit, Triple
 from modalscope.identification.method import Built, Method, Problem
 from modalscope.identification.prepare import Measured
+from modalscope.identification.suits import of_past
 from modalscope.numerics.checks import check_count
 
 
@@ -21,7 +22,7 @@ def whitening_of_row(measured: Measured, row: Method, options: Any) -> Whitening
     by_channel = [*getattr(options, "general", {}).values(), getattr(options, "initial_values", None)]
     whole = len(measured.response.input_dofs) == len(measured.response.output_dofs)
     if any(value is not None for value in by_channel) or (
-        row.of_past and (not whole or getattr(options, "references", None) is not None)
+        of_past(row) and (not whole or getattr(options, "references", None) is not None)
     ):
         return None
     return measured.whitening
@@ -33,7 +34,7 @@ def built(problem: Problem, largest: int) -> Built:
     if whitening is None:
         return problem.method.matrix(problem, order)
     response, records = whitening.of_response(problem.response), problem.records
-    records = whitening.of_record(records) if problem.method.of_past and isinstance(records, Signals) else records
+    records = whitening.of_record(records) if of_past(problem.method) and isinstance(records, Signals) else records
     inside = problem.method.matrix(replace(problem, response=response, records=records), order)
     return inside._replace(matrix=WhitenedChannels(problem.response, whitening, full(inside.matrix)))
 
