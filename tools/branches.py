@@ -21,7 +21,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from modalscope.data.channels import KINDS
-from modalscope.identification.method import DOMAINS, Takes
+from modalscope.identification.literature import DOMAINS
+from modalscope.identification.method import Takes
 from modalscope.identification.method_names import methods
 
 SOURCE = Path(__file__).resolve().parents[1] / "src" / "modalscope"

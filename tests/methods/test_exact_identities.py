@@ -8,11 +8,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from modalscope.analysis.comparing.identities import projected_general
 from modalscope.data import ImpulseResponse
 from modalscope.identification.identify import identify
 from modalscope.identification.matrices.factor import Factors, factorize, left_factor
 from modalscope.identification.matrices.hankel import hankel
-from modalscope.identification.realizations.balanced import balanced, projected_general
+from modalscope.identification.realizations.balanced import balanced
 from modalscope.identification.realizations.companion import null_space_companion
 from modalscope.identification.realizations.regression import regression
 from modalscope.identification.realizations.shift import shift

@@ -4,6 +4,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+#: Columns of the table.
+DOMAINS = {
+    "time": "Hankel matrix of Markov parameters",
+    "z": "shifted transfer functions",
+    "s": "differentiated transfer functions",
+}
+
 
 class Names(NamedTuple):
     """Names of one cell: the common one, those of the literature, and what is accepted besides."""

@@ -12,10 +12,10 @@ from modalscope.data.response import Response
 from modalscope.data.responses import ImpulseResponse
 from modalscope.data.setups import as_test
 from modalscope.identification import prepare
-from modalscope.identification.options import ROUTES, delays_of, reciprocity_of
+from modalscope.identification.options import ROUTES, reciprocity_of
 from modalscope.identification.prepare import Measured
 from modalscope.identification.reciprocity import by_reciprocity
-from modalscope.numerics.checks import check_band
+from modalscope.numerics.checks import check_band, check_count, check_kind
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.signals.preprocess.bands import driven_lines
 from modalscope.signals.preprocess.conditioning import slower_correlation
@@ -61,6 +61,12 @@ def measure(
         have = f"the data are {measured.given}, not responses to single forces"
         raise DataError("reciprocal=True was asked", have, "Omit it, or estimate frequency responses: route='frf'.")
     return replace(measured, band=measured.band if checked is None else checked, exclude=exclude)
+
+
+def delays_of(delays: Any) -> dict[str, int]:
+    """Return delays by label as whole numbers."""
+    check_kind("delays", delays, Mapping)
+    return {str(dof): check_count(f"the delay of {dof}", samples, least=0) for dof, samples in delays.items()}
 
 
 class Asked(NamedTuple):

@@ -33,13 +33,6 @@ class Takes(Enum):
     DRIVEN = "records with inputs projected on their past"
 
 
-DOMAINS = {
-    "time": "Hankel matrix of Markov parameters",
-    "z": "shifted transfer functions",
-    "s": "differentiated transfer functions",
-}
-
-
 # ----------------------------------------------------------------------------------------------------------------- orders
 
 #: Largest number of states tried by default, by the origin of the response; impulse responses 60.
@@ -209,22 +202,4 @@ class Method:
     votes: bool = True
 
     def __str__(self) -> str:
-        return f"{self.name} ({', '.join((self.domain, *self._of_records))})"
-
-    @property
-    def _of_records(self) -> tuple[str, ...]:
-        """What distinguishes the row from one of the same name and domain."""
-        return ("records",) if self.takes is Takes.RECORDS else ()
-
-    @property
-    def label(self) -> str:
-        """The common name first, with the name and domain of the table behind it: "SSI-cov (alternate)"."""
-        name = () if plain(self.common) == plain(self.name) else (self.name,)
-        domain = () if self.domain == "time" else (self.domain,)
-        details = ", ".join((*name, *domain, *self._of_records))
-        return f"{self.common} ({details})" if details else self.common
-
-
-def plain(name: str) -> str:
-    """Return a name in small letters without hyphens, underscores and blanks."""
-    return "".join(c for c in name.lower() if c not in "-_ ")
+        return f"{self.name} ({self.domain}{', records' if self.takes is Takes.RECORDS else ''})"

@@ -7,7 +7,8 @@ from dataclasses import fields
 from difflib import get_close_matches
 from typing import Any
 
-from modalscope.identification.method import DOMAINS, Method, plain
+from modalscope.identification.literature import DOMAINS
+from modalscope.identification.method import Method, Takes
 from modalscope.identification.options import Options
 from modalscope.identification.suits import is_driven, route_of, served_by
 from modalscope.identification.table_beyond import methods as table
@@ -58,6 +59,11 @@ _ANSWERS = {
 
 #: Name -> answer.
 POINTERS = {name: answer for names, answer in _ANSWERS.items() for name in names.split(", ")}
+
+
+def plain(name: str) -> str:
+    """Return a name in small letters without hyphens, underscores and blanks."""
+    return "".join(c for c in name.lower() if c not in "-_ ")
 
 
 @named()
@@ -123,6 +129,14 @@ def rows_with(option: str) -> list[str]:
     return [str(m) for m in methods() if option in {f.name for f in fields(m.options_type)}]
 
 
+def label_of(row: Method) -> str:
+    """Return the common name of a row first, with its name and domain in the table behind it: "SSI-cov (alternate)"."""
+    name = () if plain(row.common) == plain(row.name) else (row.name,)
+    domain = () if row.domain == "time" else (row.domain,)
+    details = ", ".join((*name, *domain, *(("records",) if row.takes is Takes.RECORDS else ())))
+    return f"{row.common} ({details})" if details else row.common
+
+
 def cell_label(name: str, domain: str) -> str:
     """Return the common name of a cell with its name in the table; an unknown name with its domain.
 
@@ -131,7 +145,7 @@ def cell_label(name: str, domain: str) -> str:
     >>> cell_label("alternate", "time"), cell_label("lscf", "z")
     ('SSI-cov (alternate)', 'PolyMAX (lscf, z)')
     """
-    return next((m.label for m in rows_of(name) if m.domain == domain), f"{name} ({domain})")
+    return next((label_of(m) for m in rows_of(name) if m.domain == domain), f"{name} ({domain})")
 
 
 def find_method(name: str, domain: str | None, default_domain: str, route: str | None = None) -> Method:
@@ -148,7 +162,7 @@ def find_method(name: str, domain: str | None, default_domain: str, route: str |
         if route is None or not route_of(m) or served_by(m, route):
             cells.setdefault(m.domain, m)
     if not cells:
-        routes = dict.fromkeys(route for m in rows if (route := route_of(m)))
+        routes = dict.fromkeys(filter(None, map(route_of, rows)))
         raise DataError(
             f"method {name!r} by route={route!r} was asked",
             f"records with inputs reach it by route {' or '.join(map(repr, routes)) or 'none'}",

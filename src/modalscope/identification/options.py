@@ -88,12 +88,6 @@ class Options(Settings):
         )
 
 
-def delays_of(delays: Any) -> dict[str, int]:
-    """Return delays by label as whole numbers."""
-    check_kind("delays", delays, Mapping)
-    return {str(dof): check_count(f"the delay of {dof}", samples, least=0) for dof, samples in delays.items()}
-
-
 def reciprocity_of(reciprocal: Any) -> bool:
     """Return whether inputs and outputs are exchanged."""
     check_kind("reciprocal", reciprocal, bool)

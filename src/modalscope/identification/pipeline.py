@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
@@ -57,18 +57,12 @@ class Pipeline:
         """The factors of all orders."""
         return self.realization.factors
 
-    @property
-    def reported_band(self) -> tuple[float, float]:
-        """Frequencies between which poles are reported, Hz."""
-        return self.response.reported_band(self.problem.options.band)
-
     def triple(self, order: int) -> Triple:
         """Return the model of one order, with inputs and outputs in their own places."""
         return self.matrix.model(self.realization.triple(order))
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Factored:
+class Factored(NamedTuple):
     """A data matrix and its factors, which rows that differ in their realization alone share; `chosen`: notes on sizes."""
 
     matrix: DataMatrix

@@ -9,7 +9,6 @@ from typing import Any
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
-from modalscope.data.setups import Setups
 from modalscope.data.sizes import check_alive, check_size
 from modalscope.data.stored import StoredSignals
 from modalscope.data.whitening import Whitening
@@ -51,9 +50,6 @@ class Measured:
     def held(self) -> Signals | None:
         """The records, where they are in memory."""
         return self.records if isinstance(self.records, Signals) else None
-
-
-Data = Signals | Records | Setups | Response
 
 
 @named(AllOptions.__annotations__)

@@ -16,8 +16,8 @@ from modalscope.data.notes import Note
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.shown import counted
 from modalscope.identification.method import Problem
-from modalscope.identification.pipeline import Pipeline
-from modalscope.identification.sweep import Cut, Sweep, start
+from modalscope.identification.pipeline import Pipeline, factor
+from modalscope.identification.sweep import Cut, Sweep, over
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_kind, check_positive
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.poles import frequencies_and_damping
@@ -91,10 +91,9 @@ def stabilized(
 
     `asked`: orders, increasing. `automatic`: whether nobody asked for just these: then some order is always found.
     """
-    limits = limits_of(tolerances)
     with stage("factoring"):
-        sweep = start(problem, asked, automatic=automatic, deviations=deviations)
-    return swept(sweep, asked, limits, progress, watch)
+        sweep = over(factor(problem, asked[-1]), asked, automatic=automatic, deviations=deviations)
+    return swept(sweep, asked, tolerances, progress, watch)
 
 
 def swept(

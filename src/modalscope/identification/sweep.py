@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from modalscope.identification.modal.eigenmodes import (
     split_extraneous,
 )
 from modalscope.identification.options import AllOptions
-from modalscope.identification.pipeline import Factored, Pipeline, factor, realized
+from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import IntArray, RealArray
@@ -67,8 +67,7 @@ class Cut:
         return replace(modes, frequencies_std=self.std.frequency, damping_ratios_std=self.std.damping_ratio)
 
 
-@dataclass(frozen=True, eq=False)
-class Model:
+class Model(NamedTuple):
     """One order of a pipeline before it is judged: its model and modes."""
 
     order: int
@@ -137,7 +136,7 @@ class Sweep:
     def _cut(self, model: Model, indicators: Mapping[str, RealArray]) -> Cut:
         kept, _ = split_extraneous(model.modal, model.triple)
         f, _ = frequencies_and_damping(model.modal.poles)
-        low, high = self.pipeline.reported_band
+        low, high = self.pipeline.response.reported_band(self.pipeline.problem.options.band)
         reported = np.asarray(kept[(f[kept] >= low) & (f[kept] <= high)])
         bare = replace(model.modal, fit=model.modal.fit.bare())  # the columns of all orders would need much memory
         asked = None if self.deviating is None else self.deviating.ask(model.order, model.triple, model.modal, reported)
@@ -238,7 +237,8 @@ def sweep(
     if isinstance(data, Pipeline):
         return over_pipeline(data, orders, options, deviations=deviations)
     problem = prepare(data, **options)
-    return start(problem, resolved_orders(problem, orders), automatic=orders is None, deviations=deviations)
+    asked = resolved_orders(problem, orders)
+    return over(factor(problem, asked[-1]), asked, automatic=orders is None, deviations=deviations)
 
 
 def resolved_orders(problem: Problem, orders: Iterable[int] | None) -> list[int]:
@@ -256,28 +256,13 @@ def over_pipeline(
     return over(pipeline, resolved_orders(pipeline.problem, orders), automatic=orders is None, deviations=deviations)
 
 
-def start(
-    problem: Problem,
-    asked: list[int],
-    *,
-    automatic: bool,
-    deviations: bool = True,
-    indicators: bool = True,
-    given: Factored | None = None,
-) -> Sweep:
-    """Factor for the largest order and return the sweep over the orders that the rank allows.
-
-    `automatic`: whether the orders are defaults: then at least one is found. `indicators`: whether those of each pole are wanted. `given`:
-    factors for the largest order, of another row.
-    """
-    pipeline = factor(problem, asked[-1]) if given is None else realized(problem, given)
-    return over(pipeline, asked, automatic=automatic, deviations=deviations, indicators=indicators)
-
-
 def over(
     pipeline: Pipeline, asked: list[int], *, automatic: bool, deviations: bool = True, indicators: bool = True
 ) -> Sweep:
-    """Return the sweep over the orders of a pipeline that its rank allows; see `start`."""
+    """Return the sweep over the orders of a pipeline that its rank allows.
+
+    `automatic`: whether the orders are defaults: then at least one is found. `indicators`: whether those of each pole are wanted.
+    """
     reach = pipeline.method.orders.reach(pipeline.factors, asked, automatic)
     made = Sweep(pipeline, reach.orders, deviations=deviations, indicators=indicators)
     made.notes.extend(reach.notes)

@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from modalscope import DataError, ImpulseResponse, identify
+from modalscope.analysis.comparing.identities import projected_general
 from modalscope.identification.matrices.factor import factorize
 from modalscope.identification.matrices.hankel import hankel
 from modalscope.identification.matrices.shifted import shifted, shifted_transfer, window_lines
 from modalscope.identification.matrices.transfer import transfer
-from modalscope.identification.realizations.balanced import balanced, projected_general
+from modalscope.identification.realizations.balanced import balanced
 from modalscope.identification.realizations.regression import regression
 from modalscope.identification.realizations.shift import shift
 from tests.support import FIVE, add_noise, match_poles, random_system, relative

@@ -12,6 +12,7 @@ from modalscope.analysis.checking.certify import MOST_REPLICATES
 from modalscope.analysis.comparing.agreement import Group, pair
 from modalscope.analysis.comparing.beside import analysis_of, beside
 from modalscope.analysis.comparing.data_causes import (
+    Data,
     changed_by_more_orders,
     channel_causes,
     order_cause,
@@ -39,7 +40,6 @@ from modalscope.data.shown import Shown, cells_of, summary_of, text_table
 from modalscope.identification.modal.joint_fit import joint_residues
 from modalscope.identification.modal.rebuilt import explains_enough, fit_error_heard, rebuilt, unexplained
 from modalscope.identification.options import AllOptions
-from modalscope.identification.prepare import Data
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_count, check_kind
 from modalscope.numerics.log import tell

@@ -25,10 +25,12 @@ from modalscope.analysis.checking.certificate import matched
 from modalscope.analysis.comparing.diagnosis import Cause
 from modalscope.analysis.comparing.run import Cell, MethodResult
 from modalscope.data.modes import ModalModel
+from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
+from modalscope.data.setups import Setups
 from modalscope.identification.modal.shapes import free_residues
-from modalscope.identification.prepare import Data, Measured, pose
+from modalscope.identification.prepare import Measured, pose
 from modalscope.identification.stabilize import stabilized
 from modalscope.numerics.checks import Array
 from modalscope.numerics.errors import DataError
@@ -36,6 +38,9 @@ from modalscope.numerics.statistics import noise_threshold
 from modalscope.selection.judging.select import select
 from modalscope.signals.doctor.findings import dead_channels, sides_of
 from modalscope.signals.doctor.polarity import check_polarity
+
+#: What is compared.
+Data = Signals | Records | Setups | Response
 
 #: Poles within this part of a half bandwidth count once.
 _SAME_POLE = 0.25

@@ -14,12 +14,11 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.data.response import Response
-from modalscope.identification.matrices.matrix import DataMatrix
-from modalscope.identification.method import DOMAINS
+from modalscope.identification.literature import DOMAINS
+from modalscope.identification.matrices.matrix import DataMatrix, Triple
 from modalscope.identification.method_names import find_method
 from modalscope.identification.pipeline import Factored, Pipeline, built, factored, realized
 from modalscope.identification.prepare import prepare
-from modalscope.identification.realizations.balanced import projected_general
 from modalscope.identification.suits import exact_on, refusal, reservation
 from modalscope.numerics.checks import Array
 from modalscope.numerics.errors import DataError
@@ -104,6 +103,19 @@ def pole_residual(a: Array, b: Array) -> float:
     distance = np.abs(s[:, None] - t)
     rows, columns = assign(distance)
     return float(distance[rows, columns].max() / np.abs(t).max())
+
+
+def projected_general(P: Array, d: Array, Q: Array, shifted: Array, first_row: Array, first_column: Array) -> Triple:
+    """Realize from any factorization H(0) = P diag(d) Q', orthonormal or not: A = d^-1/2 P# H(1) (Q')# d^-1/2 (28, corrected).
+
+    B = d^1/2 Q' E_m keeps Q', C = E_l' P d^1/2 keeps P.
+
+    `P` (rows, n). `d` (n,). `Q` (columns, n). `shifted` (rows, columns): h(1). `first_row`: rows of the first block (outputs).
+    `first_column`: columns of the first block (inputs).
+    """
+    root = np.sqrt(np.asarray(d, dtype=float))
+    A = np.linalg.pinv(P) @ shifted @ np.linalg.pinv(np.asarray(Q).T) / np.outer(root, root)
+    return Triple(A, root[:, None] * np.asarray(Q)[first_column].T, np.asarray(P)[first_row] * root, root.size)
 
 
 def _sizes(response: Response) -> dict[str, Any]:

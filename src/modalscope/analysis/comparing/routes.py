@@ -29,7 +29,8 @@ from modalscope.analysis.comparing.run import Cell, MethodResult
 from modalscope.data.record_residual import UNMEASURED
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response, line_step
-from modalscope.identification.method import DOMAINS, STATES, Method, checked_orders
+from modalscope.identification.literature import DOMAINS
+from modalscope.identification.method import STATES, Method, checked_orders
 from modalscope.identification.method_names import find_method, methods, rows_of
 from modalscope.identification.modal.rebuilt import explains_enough
 from modalscope.identification.orders import orders_compared

@@ -23,13 +23,14 @@ from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.identification.matrices.influence import Lines
 from modalscope.identification.method import Built, Method, Problem
+from modalscope.identification.method_names import label_of
 from modalscope.identification.modal.rebuilt import fit_of
 from modalscope.identification.options import Options
-from modalscope.identification.pipeline import Factored, built, factored
+from modalscope.identification.pipeline import Factored, built, factor, factored, realized
 from modalscope.identification.prepare import Measured, pose
 from modalscope.identification.same_models import same_modes, same_poles
 from modalscope.identification.stabilize import swept
-from modalscope.identification.sweep import Sweep, start
+from modalscope.identification.sweep import Sweep, over
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.progress import stage
@@ -148,7 +149,7 @@ class MethodResult:
     @property
     def label(self) -> str:
         """The method's name in the literature, for tables and pictures."""
-        return self.method.label
+        return label_of(self.method)
 
 
 @dataclass(eq=False)
@@ -359,7 +360,8 @@ def _sweep(work: _Work, group: _Group, progress: Progress, options: dict[str, An
     cell = work.cell
     problem = pose(work.measured, cell.method, {**cell.options, **options})
     given = group.factored(problem, cell)
-    sweep = start(problem, list(cell.orders), automatic=False, indicators=False, given=given)
+    pipeline = factor(problem, cell.orders[-1]) if given is None else realized(problem, given)
+    sweep = over(pipeline, list(cell.orders), automatic=False, indicators=False)
     work.twin = group.with_modes_of(sweep)
     if work.twin is None:
         same = group.with_poles_of(sweep)
@@ -426,8 +428,8 @@ def find_by_name(results: Sequence[MethodResult], name: str | tuple[str, str]) -
 
 def _names(method: Method) -> set[str]:
     """Return all names of a method, plain."""
-    words = (method.name, method.label, method.common, *method.known_as, *method.aliases)
-    return {_plain(word.partition(" on ")[0].partition(" with ")[0]) for word in words} | {_plain(method.label)}
+    words = (method.name, label_of(method), method.common, *method.known_as, *method.aliases)
+    return {_plain(word.partition(" on ")[0].partition(" with ")[0]) for word in words} | {_plain(label_of(method))}
 
 
 def _plain(text: str) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.identification.fast.costs import DENSE_ENTRIES, EXTRA, Cost, costs_of
-from modalscope.identification.matrices.factor import FACTORIZATIONS, Factors, dense_factors, finished
+from modalscope.identification.matrices.factor import FACTORIZATIONS, Factors, dense_factors, ranked
 from modalscope.numerics.checks import RealArray
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.operators import Operator, Product
@@ -114,15 +114,16 @@ def left_factor(matrix: Operator, route: str = "auto") -> Factors:
         total.add(chunk)
     P, d, _ = sla.svd(total.finish().T, full_matrices=False, check_finite=False)
     how = f"triangular factor of {rows} x {columns}"
-    return finished(P, d, nothing, d, max(rows, columns) * float(np.finfo(float).eps), how)
+    return ranked(Factors(P, d, nothing, d, 0, how), max(rows, columns) * float(np.finfo(float).eps))
 
 
 def _by_products(matrix: Operator, found: Triplets, wanted: int, how: str) -> Factors:
     rows, columns = matrix.shape
     floor = max(rows, columns) * float(np.finfo(float).eps)
     P, d, Q = found.P[:, :wanted], found.d[:wanted], found.Q[:, :wanted]
-    made = finished(P, d, Q, found.d, floor, f"{how}, {rows} x {columns}")
-    return replace(made, rest=(columns - found.d.size, max(matrix.energy - float(np.sum(found.d**2)), 0.0)))
+    made = Factors(P, d, Q, found.d, 0, f"{how}, {rows} x {columns}")
+    left = columns - found.d.size, max(matrix.energy - float(np.sum(found.d**2)), 0.0)
+    return ranked(replace(made, rest=left), floor)
 
 
 def _by_gram(matrix: Operator, gram: RealArray, wanted: int) -> Factors:
@@ -136,11 +137,11 @@ def _by_gram(matrix: Operator, gram: RealArray, wanted: int) -> Factors:
     if d[0] > 0 and d[wanted - 1] > _REFINED_BELOW * d[0]:
         P = Product(matrix, np.ascontiguousarray(Q[:, :wanted]) / d[:wanted])
         how = f"structured Gram matrix of {size}"
-        return finished(P, d[:wanted], Q[:, :wanted], d, columns * eps, how, gram)
+        return ranked(Factors(P, d[:wanted], Q[:, :wanted], d, 0, how, gram), columns * eps)
     left, by = orthonormal_by(matrix.times(np.ascontiguousarray(Q)))
     coefficients = matrix.transposed_times(left)
     U, d, Vt = np.linalg.svd((coefficients if by is None else coefficients @ by).T, full_matrices=False)
     turn = U[:, :wanted] if by is None else by @ U[:, :wanted]
     how = f"structured Gram matrix of {size} with a refinement pass"
     # directions below the Gram matrix' resolution are not separated by it: what the pass finds there is not rank
-    return finished(left @ turn, d[:wanted], Vt[:wanted].T, d, max(matrix.shape) * eps, how, gram)
+    return ranked(Factors(left @ turn, d[:wanted], Vt[:wanted].T, d, 0, how, gram), max(matrix.shape) * eps)

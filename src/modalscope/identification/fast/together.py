@@ -32,7 +32,7 @@ def first_models(pipeline: Pipeline, orders: Sequence[int]) -> list[Model | Data
         if size > _MAX_NUMBERS_TOGETHER or not (several and found.triple.span is None):
             break
     bases = iter(_with_bases(pipeline, [model.modal for model in models if isinstance(model, Model)]))
-    return [model if isinstance(model, DataError) else replace(model, modal=next(bases)) for model in models]
+    return [model if isinstance(model, DataError) else model._replace(modal=next(bases)) for model in models]
 
 
 def _with_bases(pipeline: Pipeline, several: Sequence[Eigenmodes]) -> list[Eigenmodes]:

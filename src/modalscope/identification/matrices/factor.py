@@ -6,7 +6,7 @@ triplets: see `modalscope.identification.fast.factorizations`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -97,22 +97,14 @@ def dense_factors(matrix: Operator, wanted: int) -> Factors:
         P, d, Qt = sla.svd(H, full_matrices=False, lapack_driver="gesvd", check_finite=False)
     how = f"dense singular value decomposition, {H.shape[0]} x {H.shape[1]}"
     floor = max(H.shape) * float(np.finfo(float).eps)
-    return finished(np.array(P[:, :wanted]), d[:wanted], np.array(Qt[:wanted].T), d, floor, how)
+    return ranked(Factors(np.array(P[:, :wanted]), d[:wanted], np.array(Qt[:wanted].T), d, 0, how), floor)
 
 
-def finished(
-    P: RealArray | Product,
-    d: RealArray,
-    Q: RealArray,
-    spectrum: RealArray,
-    floor: float,
-    how: str,
-    gram: RealArray | None = None,
-) -> Factors:
+def ranked(found: Factors, floor: float) -> Factors:
     """Return factors with their rank; `floor`: relative to the largest singular value, rounding lies below."""
-    if d.size == 0 or d[0] <= 0:
+    if found.d.size == 0 or found.d[0] <= 0:
         raise DataError("a data matrix with content was asked", "it is zero", "Give data with a response in them.")
-    return Factors(P, d, Q, spectrum, _rank(d, floor), how, gram)
+    return replace(found, rank=_rank(found.d, floor))
 
 
 def _rank(d: RealArray, floor: float) -> int:

@@ -61,13 +61,7 @@ def complete_hankel(problem: Problem, order: int) -> Built:
     """Return the Hankel matrix of a form without truncation, with as many blocks as the order has."""
     form = problem.options.form
     turned = form in (None, "controllable") or (form == "smaller" and _fewer_inputs(problem))
-
-    def sizes(
-        response: ImpulseResponse, order: int, block_rows: int | None, block_columns: int | None
-    ) -> tuple[int, int]:
-        return default_blocks(response, order, block_rows or -(-order // response.values.shape[1]), block_columns)
-
-    return _built(problem, order, turned, sizes)
+    return _built(problem, order, turned, complete_blocks)
 
 
 def _fewer_inputs(problem: Problem) -> bool:
@@ -203,6 +197,13 @@ def default_blocks(
     ample = max(4 * rows, 80) if response.ambient else max(-(-20 * order // inputs), rows, 10)
     columns = block_columns or max(min(samples - rows, ample), 1)
     return rows, columns
+
+
+def complete_blocks(
+    response: ImpulseResponse, order: int, block_rows: int | None, block_columns: int | None
+) -> tuple[int, int]:
+    """Return those with as many block rows as the order has states."""
+    return default_blocks(response, order, block_rows or -(-order // response.values.shape[1]), block_columns)
 
 
 # ------------------------------------------------------------------------------------------------------------- the matrix

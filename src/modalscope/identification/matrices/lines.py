@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.data.response import Response, output_scale
+from modalscope.data.response import output_scale
 from modalscope.data.responses import FrequencyResponse
 from modalscope.identification.matrices.hankel import MAX_COMPANION_STATES, SHORT_SIDE_SHARE
 from modalscope.identification.matrices.matrix import DataMatrix, Eigen, ModalFit, RowShift, Triple
@@ -126,8 +126,6 @@ class PolynomialRows(OnPlane):
     A concrete matrix has the fields below, and `triangle`.
     """
 
-    response: Response
-    plane: Plane
     basis: ComplexArray
     recurrence: RealArray
     output_scale: RealArray

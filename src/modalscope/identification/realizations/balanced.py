@@ -8,7 +8,7 @@ import numpy as np
 
 from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.matrix import DataMatrix, Realization, Triple
-from modalscope.numerics.checks import Array, RealArray
+from modalscope.numerics.checks import RealArray
 
 
 def first_blocks(matrix: DataMatrix, factors: Factors) -> tuple[RealArray, RealArray | None]:
@@ -49,16 +49,3 @@ def balanced(matrix: DataMatrix, factors: Factors) -> Balanced:
         A = K / np.outer(root, root)
     C, B = first_blocks(matrix, factors)
     return Balanced(factors=factors, matrix=matrix, A=A, B=B, C=C)
-
-
-def projected_general(P: Array, d: Array, Q: Array, shifted: Array, first_row: Array, first_column: Array) -> Triple:
-    """Realize from any factorization H(0) = P diag(d) Q', orthonormal or not: A = d^-1/2 P# H(1) (Q')# d^-1/2 (28, corrected).
-
-    B = d^1/2 Q' E_m keeps Q', C = E_l' P d^1/2 keeps P.
-
-    `P` (rows, n). `d` (n,). `Q` (columns, n). `shifted` (rows, columns): h(1). `first_row`: rows of the first block (outputs).
-    `first_column`: columns of the first block (inputs).
-    """
-    root = np.sqrt(np.asarray(d, dtype=float))
-    A = np.linalg.pinv(P) @ shifted @ np.linalg.pinv(np.asarray(Q).T) / np.outer(root, root)
-    return Triple(A, root[:, None] * np.asarray(Q)[first_column].T, np.asarray(P)[first_row] * root, root.size)
