@@ -21,9 +21,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from modalscope.data.channels import KINDS
-from modalscope.identification.literature import DOMAINS
 from modalscope.identification.method import Takes
 from modalscope.identification.method_names import methods
+from modalscope.identification.table_beyond import DOMAINS
 
 SOURCE = Path(__file__).resolve().parents[1] / "src" / "modalscope"
 

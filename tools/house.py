@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 import io
+import re
 import subprocess
 import sys
 import tokenize
@@ -17,6 +18,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 SOURCE = Path(__file__).resolve().parents[1] / "src"
+
+#: Where the reading path is listed.
+ARCHITECTURE = Path(__file__).resolve().parents[1] / "ARCHITECTURE.md"
 
 #: The most that each measure of the house may be.
 BUDGETS = Path(__file__).with_name("budgets.toml")
@@ -142,6 +146,25 @@ def arrows(imports: Mapping[str, set[str]]) -> set[tuple[str, str]]:
     return {(one, other) for one, other in pairs if one != other and "modalscope" not in (one, other)}
 
 
+def reading_path() -> list[str]:
+    """Return the modules of the reading path, in the order in which ARCHITECTURE lists them."""
+    text = ARCHITECTURE.read_text(encoding="utf-8")
+    section = text.partition("## The reading path")[2].partition("\n## ")[0]
+    files = re.findall(r"^\| `(identification/\S+)\.py` \|", section, flags=re.MULTILINE)
+    return [f"modalscope.{file.replace('/', '.')}" for file in files]
+
+
+def leaving(path: list[str], imports: Mapping[str, set[str]]) -> set[str]:
+    """Return what modules of a path import beyond themselves, the data and the numerics.
+
+    Examples
+    --------
+    >>> leaving(["m.a", "m.b"], {"m.a": {"m.b", "modalscope.data.modes"}, "m.b": {"m.c"}})
+    {'m.c'}
+    """
+    return {o for m in path for o in imports[m] if room_of(o) not in ("data", "numerics")} - set(path)
+
+
 def _said_by(program: str) -> int:
     """Return the number that a program prints in an interpreter of its own."""
     run = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
@@ -179,7 +202,10 @@ def measures() -> list[Measure]:
     most = tomllib.loads(BUDGETS.read_text(encoding="utf-8"))
     files = modules()
     texts = {name: path.read_text(encoding="utf-8") for name, path in files.items()}
-    drawn = arrows({name: imported(text, files) for name, text in texts.items()})
+    imports = {name: imported(text, files) for name, text in texts.items()}
+    drawn, path = arrows(imports), reading_path()
+    core = "modalscope.identification"
+    plain = [name for name in texts if name.startswith(core) and not name.startswith(f"{core}.fast")]
     code: Counter[str] = Counter()
     for name, text in texts.items():
         code[room_of(name)] += code_lines(text)
@@ -187,6 +213,10 @@ def measures() -> list[Measure]:
         "lines of code": code.total(),
         "rooms": len(code) - 1,
         "arrows between rooms": len(drawn),
+        "modules of the reading path": len(path),
+        "lines of code of the reading path": sum(code_lines(texts[name]) for name in path),
+        "imports that leave the reading path": len(leaving(path, imports)),
+        "lines of identification without its faster forms": sum(texts[name].count("\n") for name in plain),
         "modules that reading and analysing responses loads": _said_by(_RESPONSES + _LOADED),
         "functions that one identification runs": _said_by(_RESPONSES + _RUN),
     } | {f"lines of code of {room}": lines for room, lines in code.items()}

@@ -16,7 +16,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 from warnings import warn
 
-from modalscope.identification.fast import STEPS
+from modalscope.identification import FASTER, FURTHER
 from modalscope.numerics.handed import hand_down
 
 if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the same place when it is first asked for
@@ -141,7 +141,7 @@ _HOMES = {
 }
 
 #: What data classes, preprocessing and sweeps ask of packages above them: see `modalscope.numerics.handed`.
-hand_down(**STEPS)
+hand_down(**FASTER, **FURTHER)
 hand_down(
     columns_of="modalscope.selection.judging.description:columns_of",
     drawn="modalscope.interfaces.plot.shown:drawn",
@@ -149,7 +149,6 @@ hand_down(
     grades="modalscope.selection.judging.grades:grades",
     living="modalscope.interfaces.plot.web.alive:living",
     table_of="modalscope.selection.judging.description:table_of",
-    reduced="modalscope.identification.realizations.reductions:reduced",
     options_type_of="modalscope.identification.method_names:options_type_of",
     text_of="modalscope.selection.judging.description:text_of",
     verdict_of_result="modalscope.interfaces.plot.web.verdict:verdict_of_result",

@@ -7,11 +7,10 @@ from dataclasses import fields
 from difflib import get_close_matches
 from typing import Any
 
-from modalscope.identification.literature import DOMAINS
 from modalscope.identification.method import Method, Takes
 from modalscope.identification.options import Options
 from modalscope.identification.suits import is_driven, route_of, served_by
-from modalscope.identification.table_beyond import methods as table
+from modalscope.identification.table_beyond import DOMAINS, methods as table
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_each, check_kind
 from modalscope.numerics.errors import DataError, check_choice

@@ -12,11 +12,9 @@ import numpy as np
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
-from modalscope.identification.fast.normal_equations import largest_degree
 from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.matrix import DataMatrix
 from modalscope.identification.method import Blocks, Companions, OrderRule, States
-from modalscope.identification.realizations.order import recommend_order
 from modalscope.numerics.errors import DataError
 
 #: Maximum number of states of a companion form in a comparison: eigenvalues cost its cube. The second value holds where every input has
@@ -51,6 +49,8 @@ class Degrees(UsualOrder):
 
     def ladder(self, measured: Response) -> list[int]:
         """Degrees up to 60, up to 240 poles, and up to what the lines of a band determine."""
+        from modalscope.identification.fast.normal_equations import largest_degree  # other rows have no use for it
+
         top = max(min(60, 240 // max(measured.values.shape[2], 1), largest_degree(measured)), 4)
         return list(range(2, top + 1, 2 if top > 40 else 1))
 
@@ -84,6 +84,8 @@ def _(rule: Blocks, largest: int, factored: Factored) -> Choice:
 
 
 def _advised(factors: Factors, blocks_of: int = 1, times: int = 1) -> Choice:
+    from modalscope.identification.realizations.order import recommend_order  # where no order is given
+
     advice = recommend_order(factors)
     order = -(-times * advice.order // blocks_of) * blocks_of
     text = f"order {order} was chosen ({advice.confidence}): {advice.reason}"

@@ -9,10 +9,10 @@ from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.matrix import DataMatrix, Realization, Triple
-from modalscope.identification.method import Built, Method, Problem
+from modalscope.identification.method import Built, Matrix, Method, Problem
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_count, check_kind
-from modalscope.numerics.handed import handed, replaceable
+from modalscope.numerics.handed import handed
 from modalscope.numerics.resources import one_thread
 
 #: Origin of a response without inputs -> meaning of its participation.
@@ -105,10 +105,10 @@ def factor(problem: Problem, largest: int) -> Pipeline:
     return realized(problem, factored(problem, largest))
 
 
-@replaceable("built")
 def built(problem: Problem, largest: int) -> Built:
     """Return the data matrix of a row; of whitened channels, see `modalscope.identification.matrices.whitened`."""
-    return problem.method.matrix(problem, check_count("order", largest))
+    make: Matrix = problem.method.matrix if problem.whitening is None else handed("built")
+    return make(problem, check_count("order", largest))
 
 
 def factored(problem: Problem, largest: int, given: Built | None = None) -> Factored:

@@ -18,7 +18,7 @@ from modalscope.identification.table import find_method, rows_with
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_band
 from modalscope.numerics.errors import DataError, check_choice, check_option_names
-from modalscope.numerics.handed import replaceable
+from modalscope.numerics.handed import handed, replaceable
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -132,7 +132,7 @@ def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem
         measured=response,
         records=measured.records,
         driven=measured.driven,
-        whitening=whitening_of_row(measured, row, chosen),
+        whitening=None if measured.whitening is None else handed("whitening_of_row")(measured, row, chosen),
         options=chosen,
         notes=(
             *measured.notes,
@@ -194,12 +194,6 @@ def _check_form(row: Method, form: str | None) -> None:
 @replaceable("check_suits")
 def check_suits(row: Method, measured: Measured) -> None:
     """Raise `DataError` where the data do not suit a row; what the rows of the report do not take, their data matrices refuse."""
-
-
-@replaceable("whitening_of_row")
-def whitening_of_row(measured: Measured, row: Method, options: Any) -> Whitening | None:
-    """Return the whitening of ambient channels that a row takes, see `modalscope.identification.matrices.whitened`."""
-    return None
 
 
 #: Conversion of a response for the rows that do not accept any.

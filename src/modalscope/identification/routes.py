@@ -21,7 +21,7 @@ from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import Records
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.identification.ambient_records import one_record
-from modalscope.identification.fast.costs import record_cost, refuse_beyond_memory
+from modalscope.identification.matrices.record_cost import record_cost, refuse_beyond_memory
 from modalscope.identification.method_names import find_method, rows_of
 from modalscope.identification.suits import route_of
 from modalscope.numerics.errors import DataError

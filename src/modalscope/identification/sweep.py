@@ -10,10 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modalscope.data.misfit import Misfit
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
-from modalscope.data.response import output_scale
+from modalscope.data.response import Misfit, output_scale
 from modalscope.identification.matrices.matrix import Triple
 from modalscope.identification.method import Problem, checked_orders
 from modalscope.identification.modal.eigenmodes import (

@@ -1,26 +1,92 @@
-"""List the rows of the table beyond those of the report: on records, on matrix fractions and on Loewner matrices."""
+"""List all rows of the table: those of the report with their names in the literature, on records, of fractions, on Loewner matrices."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
-from modalscope.identification.literature import NAMES
 from modalscope.identification.matrices import of_method as matrices
 from modalscope.identification.matrices.factor import tall_factors
-from modalscope.identification.method import STATES, Method, Takes
-from modalscope.identification.options_beyond import (
+from modalscope.identification.matrices.of_method import (
     DrivenOptions,
     FractionOptions,
     PointOptions,
     RecordOptions,
     SpectraOptions,
 )
+from modalscope.identification.method import STATES, Method, Takes
 from modalscope.identification.orders import DEGREES
 from modalscope.identification.realizations.balanced import balanced
-from modalscope.identification.realizations.fraction_companion import fraction_companion
 from modalscope.identification.realizations.shift import shift
 from modalscope.identification.table import ROWS
+
+#: Columns of the table.
+DOMAINS = {
+    "time": "Hankel matrix of Markov parameters",
+    "z": "shifted transfer functions",
+    "s": "differentiated transfer functions",
+}
+
+
+class Names(NamedTuple):
+    """Names of one cell: the common one, those of the literature, and what is accepted besides."""
+
+    common: str
+    known_as: tuple[str, ...]
+    aliases: tuple[str, ...] = ()
+
+
+#: By row and domain.
+NAMES: dict[tuple[str, str], Names] = {
+    ("era", "time"): Names(
+        "ERA",
+        ("ERA", "Ho-Kalman", "ERA/DC with column_compression=H(0)", "NExT-ERA on correlations"),
+        ("ho-kalman", "next-era", "eigensystem realization algorithm", "projected-dmd"),
+    ),
+    ("era", "z"): Names("ERA-FD", ("ERA-FD",), ("era-fd",)),
+    ("era", "s"): Names("ERA-FD", ("ERA-FD, continuous",), ("era-fd continuous",)),
+    ("polyreference", "time"): Names(
+        "Polyreference", ("polyreference, canonical-form realization",), ("canonical-form realization",)
+    ),
+    ("polyreference", "z"): Names("Polyreference FD", ("polyreference FD",), ("polyreference-fd",)),
+    ("polyreference", "s"): Names(
+        "Polyreference FD",
+        ("polyreference FD, continuous", "direct parameter identification"),
+        ("dpi", "direct parameter identification"),
+    ),
+    ("alternate", "time"): Names(
+        "SSI-cov",
+        ("SSI-cov on correlations", "Kung", "LS-ESPRIT", "ERA without H(1)", "optimized DMD when refined"),
+        (
+            *("ssi-cov", "cov-ssi", "kung", "ls-esprit", "esprit"),
+            *("tls-dmd", "total-least-squares dmd", "optimized-dmd"),
+        ),
+    ),
+    ("alternate", "z"): Names("FD-subspace", ("alternate FD",), ("alternate-fd",)),
+    ("alternate", "s"): Names(
+        "FD-subspace",
+        ("alternate FD, continuous", "frequency-domain subspace identification"),
+        ("fd-subspace", "frequency-domain subspace identification"),
+    ),
+    ("least_squares", "time"): Names(
+        "ITD",
+        ("least squares regression, truncated", "ITD (Ibrahim), truncated", "delay-embedded DMD"),
+        ("itd", "ibrahim", "ibrahim time domain", "dmd", "exact-dmd", "delay-embedded dmd", "hankel-dmd"),
+    ),
+    ("least_squares", "z"): Names("Least squares", ("least squares FD",), ("least-squares-fd",)),
+    ("least_squares", "s"): Names("Least squares", ("least squares FD, continuous", "first-order form, Eq. 109")),
+    ("prce", "time"): Names(
+        "PRCE",
+        (
+            "PRCE, polyreference complex exponential",
+            "LSCE with one input",
+            "Prony with one channel",
+            "ITD (Ibrahim) with one input, form='observable'",
+        ),
+        ("lsce", "prony", "polyreference complex exponential", "ptd"),
+    ),
+}
+
 
 #: Fields of the rows on projected records.
 _PROJECTED: dict[str, Any] = {
@@ -83,7 +149,7 @@ _FRACTION = Method(
     takes=Takes.LINES,
     matrix=matrices.matrix_fraction,
     factor=matrices.fraction_factors,
-    realize=fraction_companion,
+    realize=matrices.fraction_models,
     orders=DEGREES,
     options_type=FractionOptions,
     forms=("controllable",),

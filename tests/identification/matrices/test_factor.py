@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from modalscope.data import DataError, ImpulseResponse
-from modalscope.identification.fast import block_hankel, costs
+from modalscope.identification.fast import block_hankel, factorizations as costs
 from modalscope.identification.fast.block_hankel import BlockHankel
-from modalscope.identification.fast.costs import costs_of
+from modalscope.identification.fast.factorizations import costs_of
 from modalscope.identification.matrices.factor import factorize, left_factor
 from modalscope.identification.matrices.hankel import hankel
 from modalscope.identification.realizations.balanced import balanced

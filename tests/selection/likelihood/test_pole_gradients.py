@@ -10,7 +10,7 @@ import scipy.linalg as sla
 
 from modalscope.data import FrequencyResponse, ImpulseResponse
 from modalscope.data.response import Response
-from modalscope.identification.matrices import of_method as matrices
+from modalscope.identification.matrices.factor import tall_factors
 from modalscope.identification.matrices.influence import Influence
 from modalscope.identification.method_names import find_method
 from modalscope.identification.pipeline import factor
@@ -131,7 +131,7 @@ def test_shifted_transfer_functions_of_a_window(method):
 
 
 def test_lines_that_shift_on_a_loewner_matrix():
-    row = replace(find_method("loewner", "s", "s"), factor=matrices.tall_factors, realize=shift)
+    row = replace(find_method("loewner", "s", "s"), factor=tall_factors, realize=shift)
     data = lines()
 
     def realized(response):

@@ -18,8 +18,8 @@ from modalscope.analysis.comparing.identities import Identity
 from modalscope.analysis.comparing.kinship import Kinship
 from modalscope.analysis.comparing.run import MethodResult
 from modalscope.data.shown import counted
-from modalscope.identification.literature import DOMAINS
 from modalscope.identification.method import Method
+from modalscope.identification.table_beyond import DOMAINS
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,8 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.data.misfit import Misfit
 from modalscope.data.notes import Note
-from modalscope.data.response import Response
+from modalscope.data.response import Misfit, Response
 from modalscope.data.responses import ImpulseResponse
 from modalscope.data.stored import StoredResponse
 from modalscope.identification.matrices.full import FullMatrix, OfCombinations, full

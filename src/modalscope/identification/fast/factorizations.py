@@ -9,11 +9,11 @@ decomposition) brings them back.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.identification.fast.costs import DENSE_ENTRIES, EXTRA, Cost, costs_of
 from modalscope.identification.matrices.factor import FACTORIZATIONS, Factors, dense_factors, ranked
 from modalscope.numerics.checks import RealArray
 from modalscope.numerics.errors import DataError, check_choice
@@ -31,6 +31,71 @@ _MAX_GRAM_CONDITION = 1e4
 
 #: Rows of a streamed triangular factorization processed at a time, in multiples of the columns.
 _CHUNK_ROWS = 2
+
+
+#: Directions in excess of the wanted ones, so that the last wanted one is as accurate as the first.
+EXTRA = 20
+
+
+#: Maximum number of entries, and of the shorter side, for which only the dense route is considered: a fraction of a second.
+DENSE_ENTRIES, _DENSE_SIDE = 250_000, 400
+
+
+#: Measured cost of an operation, on one thread, in operations of a matrix product: of an orthogonalization by two Cholesky
+#: factors, of eigenvectors, of a singular value decomposition.
+_CHOLESKY_COST, _EIGEN_COST, _SVD_COST = 2.0, 2.0, 4.0
+
+
+#: Below this number of operations, half a second, exact directions of the noise are preferred.
+_EXACT_OPERATIONS = 2e10
+
+
+#: Directions of a randomized range per direction kept; each takes a product from either side.
+_RANGE_RATIO = 2
+
+
+class Cost(NamedTuple):
+    """One way of factoring.
+
+    `route`: as `factorize` takes it. `operations`: in units of those of a matrix product. `memory`: bytes beside the data. `passing`:
+    operations among them of a refinement pass, which only data without noise, or with modes far below the strongest, need.
+    """
+
+    route: str
+    operations: float
+    memory: float
+    passing: float = 0.0
+
+    @property
+    def exact_enough(self) -> bool:
+        """Whether it gives every direction to rounding and takes little time."""
+        return self.route in ("gram", "dense") and self.operations < _EXACT_OPERATIONS
+
+
+def costs_of(matrix: Operator, wanted: int) -> tuple[Cost, ...]:
+    """Return the ways that there are for the leading triplets of a tall matrix, in the order in which they are tried.
+
+    The cheapest comes first, but the Gram matrix and the dense decomposition before a range where they are a matter of half a second: a
+    range knows directions in the bulk of the noise, into which diagrams reach, to a few per cent.
+    """
+    rows, columns = matrix.shape
+    if rows < columns:
+        return costs_of(matrix.transposed(), wanted)
+    k = min(wanted + EXTRA, columns)
+    dense = Cost("dense", _SVD_COST * 6 * rows * columns**2, 8.0 * 3 * rows * columns)
+    if k == columns or (rows * columns <= DENSE_ENTRIES and columns <= _DENSE_SIDE):
+        return (dense,)
+    product = matrix.product_operations * k
+    both = 8.0 * k * (rows + columns)
+    sides = _CHOLESKY_COST * 2.0 * _RANGE_RATIO * (_RANGE_RATIO + 1) * k**2 * (rows + columns)
+    ranged = 2 * _RANGE_RATIO * product + sides
+    costs = [dense, Cost("randomized", ranged, (_RANGE_RATIO + 1) * both)]
+    if matrix.gram_operations is not None:
+        eigen = _EIGEN_COST * (4 / 3 * columns**3 + 4 * columns**2 * k)
+        refined = 2 * product + _CHOLESKY_COST * 4.0 * k**2 * rows
+        memory = 8.0 * 3 * columns**2 + 2 * both
+        costs.append(Cost("gram", matrix.gram_operations + eigen + refined, memory, refined))
+    return tuple(sorted(costs, key=lambda cost: (not cost.exact_enough, cost.operations)))
 
 
 def factorize(matrix: Operator, rank: int | None = None, route: str = "auto") -> Factors:

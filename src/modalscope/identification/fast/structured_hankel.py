@@ -14,7 +14,7 @@ import numpy as np
 
 from modalscope.data.responses import ImpulseResponse
 from modalscope.identification.fast.block_hankel import BlockHankel
-from modalscope.identification.fast.costs import costs_of
+from modalscope.identification.fast.factorizations import costs_of
 from modalscope.identification.fast.row_sums import RowSums
 from modalscope.identification.matrices.evolved import Evolved, ModalSide
 from modalscope.identification.matrices.factor import Factors

@@ -9,8 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.data.misfit import Misfit
-from modalscope.data.response import output_scale
+from modalscope.data.response import Misfit, output_scale
 from modalscope.data.responses import FrequencyResponse
 from modalscope.data.statespace import StateSpace
 from modalscope.identification.fast.fraction_noise import FractionInfluence, LineSums

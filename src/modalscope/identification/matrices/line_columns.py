@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.data.misfit import Misfit
+from modalscope.data.response import Misfit
 from modalscope.data.responses import FrequencyResponse
 from modalscope.identification.matrices.evolved import ModalSide, OnLines
 from modalscope.identification.matrices.factor import Factors

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.fraction import Fraction
 from modalscope.identification.matrices.matrix import Eigen, Realization, Triple
+from modalscope.identification.realizations.sensitivity import Sides, pairs, sides
+from modalscope.numerics.checks import ComplexArray
 from modalscope.numerics.errors import DataError
 
 
@@ -62,3 +65,29 @@ def fraction_companion(matrix: Fraction, factors: Factors) -> FractionCompanion:
     `factors`: of the normal equations: for the singular values, the companion needs the Gram blocks alone.
     """
     return FractionCompanion(factors=factors, matrix=matrix)
+
+
+@sides.register
+def _(realization: FractionCompanion, n: int, eigen: Eigen) -> Sides:
+    """Y z^2 / (y x) and r, the first block of the right eigenvector x: dmu = -y dA r / (y x), z = 1 / mu.
+
+    r spans the null space of I + sum_j z^j A_j; the other blocks follow from the last, x_i = z (x_(i+1) - A_i r).
+    """
+    m, z = realization.matrix.inputs, eigen.values
+    A = realization.matrix.denominator(n).reshape(n, m, m)
+    powers = z[:, None] ** np.arange(1, n + 1)
+    polynomial = np.eye(m) + np.einsum("kj,jab->kab", powers, A, optimize=True)
+    r = np.linalg.svd(polynomial)[2][:, -1].conj()  # (k, m)
+    x = np.empty((z.size, n, m), dtype=complex)
+    following = np.zeros((z.size, m), dtype=complex)
+    for i in range(n - 1, -1, -1):
+        following = z[:, None] * (following - r @ A[i].T)
+        x[:, i] = following
+    scale = z**2 / np.sum(eigen.left * x.reshape(z.size, -1), axis=1)
+    return Sides(scale[:, None] * eigen.left, r.T)
+
+
+@pairs.register
+def _(realization: FractionCompanion, found: Sides, values: ComplexArray) -> tuple[tuple[Any, Any], ...]:
+    """Both as they are, of one order."""
+    return (found,)

@@ -18,7 +18,6 @@ from modalscope.identification.matrices.influence import Influence, Lines
 from modalscope.identification.matrices.matrix import Eigen, Realization
 from modalscope.identification.realizations.balanced import Balanced
 from modalscope.identification.realizations.companion import LeastSquaresCompanion, NullSpaceCompanion
-from modalscope.identification.realizations.fraction_companion import FractionCompanion
 from modalscope.identification.realizations.regression import Regression
 from modalscope.identification.realizations.shift import Shift
 from modalscope.numerics.checks import Array, ComplexArray
@@ -104,26 +103,6 @@ def _(realization: LeastSquaresCompanion, n: int, eigen: Eigen) -> Sides:
     return Sides(eigen.left, sla.solve_triangular(L, half, lower=True, trans="T", check_finite=False))
 
 
-@sides.register
-def _(realization: FractionCompanion, n: int, eigen: Eigen) -> Sides:
-    """Y z^2 / (y x) and r, the first block of the right eigenvector x: dmu = -y dA r / (y x), z = 1 / mu.
-
-    r spans the null space of I + sum_j z^j A_j; the other blocks follow from the last, x_i = z (x_(i+1) - A_i r).
-    """
-    m, z = realization.matrix.inputs, eigen.values
-    A = realization.matrix.denominator(n).reshape(n, m, m)
-    powers = z[:, None] ** np.arange(1, n + 1)
-    polynomial = np.eye(m) + np.einsum("kj,jab->kab", powers, A, optimize=True)
-    r = np.linalg.svd(polynomial)[2][:, -1].conj()  # (k, m)
-    x = np.empty((z.size, n, m), dtype=complex)
-    following = np.zeros((z.size, m), dtype=complex)
-    for i in range(n - 1, -1, -1):
-        following = z[:, None] * (following - r @ A[i].T)
-        x[:, i] = following
-    scale = z**2 / np.sum(eigen.left * x.reshape(z.size, -1), axis=1)
-    return Sides(scale[:, None] * eigen.left, r.T)
-
-
 @singledispatch
 def pairs(realization: Realization, found: Sides, values: ComplexArray) -> tuple[tuple[Any, Any], ...]:
     """Return L and v with dx_j = L_j dH v_j, as `FullMatrix.influence` takes them; several pairs stand for their sum.
@@ -154,12 +133,6 @@ def _(realization: NullSpaceCompanion, found: Sides, values: ComplexArray) -> tu
     """Rows as they are."""
     matrix = full(realization.matrix)
     return ((matrix.pencil(found.left, values, tall=True), matrix.right_vectors(realization.factors, found.right)),)
-
-
-@pairs.register
-def _(realization: FractionCompanion, found: Sides, values: ComplexArray) -> tuple[tuple[Any, Any], ...]:
-    """Both as they are, of one order."""
-    return (found,)
 
 
 @pairs.register
