@@ -99,10 +99,6 @@ CALLS: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: ms.certify(ms.analyze(lines(), orders=[8, 10]), replicates=10**12),
         "replicates needs at most 100000",
     ),
-    "blocks of a model": (
-        lambda: CHAIN.state_space(dt=0.1).observability_matrix(10**12),
-        "a matrix of 1000000000000 blocks",
-    ),
     "elements of a beam": (lambda: ms.systems.clamped_beam(10**12), "a beam of 1000000000000 elements"),
     "samples of a record": (
         lambda: CHAIN.simulate(samples=10**12, sampling_rate=9.0),

@@ -77,25 +77,3 @@ def test_stiff_units_cost_the_modal_form_nothing() -> None:
     form = systems.clamped_beam(8).state_space().modal_form()
     assert form.condition < 1e4
     assert not form.clusters
-
-
-def test_pole_groups_count_what_sensors_can_tell_apart() -> None:
-    ring = systems.ring5()
-    for inputs, seen in (([0, 1], [1, 2, 2]), ([0], [1, 1, 1])):
-        groups = ring.state_space(inputs=inputs).pole_groups()
-        assert [group.multiplicity for group in groups] == [1, 2, 2]
-        assert [group.observable for group in groups] == [1, 2, 2]
-        assert [min(group.observable, group.controllable) for group in groups] == seen
-
-
-def test_a_sensor_on_a_node_does_not_see_the_mode() -> None:
-    fixed = systems.chain([1, 1, 1], [100, 100, 100, 100])
-    groups = fixed.state_space(outputs=[1], inputs=[0]).pole_groups()
-    assert [group.observable for group in groups] == [1, 0, 1]  # the middle mass rests in the antisymmetric mode
-    assert [group.controllable for group in groups] == [1, 1, 1]
-
-
-def test_a_jordan_block_is_seen_by_one_sensor() -> None:
-    model = StateSpace(A=[[-1, 1], [0, -1]], B=[[0], [1]], C=[[1, 0]])
-    (group,) = model.pole_groups()
-    assert (group.multiplicity, group.observable, group.controllable) == (2, 2, 2)

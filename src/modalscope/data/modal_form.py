@@ -30,21 +30,6 @@ class Block:
     separate: bool
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class PoleGroup:
-    """Poles that coincide, and how many of them the outputs see and the inputs drive.
-
-    `pole`: their mean; of conjugate pairs the one above the real axis. `multiplicity`: how many there are. `observable`, `controllable`:
-    how many of them outputs see and inputs drive: never more than there are outputs, or inputs, when every one has an eigenvector of its
-    own.
-    """
-
-    pole: complex
-    multiplicity: int
-    observable: int
-    controllable: int
-
-
 def block_diagonal_basis(A: RealArray, frequency: RealArray) -> tuple[RealArray, RealArray, tuple[Block, ...], float]:
     """Return T and block diagonal M with A T = T M, the blocks, and the condition of T in well scaled states.
 
@@ -126,34 +111,6 @@ def _invariant(A: RealArray, values: ComplexArray, group: IntArray) -> tuple[Rea
 
     S, Z, count = sla.schur(A, output="real", sort=chosen)
     return Z[:, :count], S[:count, :count]
-
-
-def pole_groups(A: RealArray, B: RealArray, C: RealArray, tolerance: float) -> tuple[PoleGroup, ...]:
-    """Return coinciding poles and how many of each are observable and controllable (see `StateSpace.pole_groups`)."""
-    scale = state_scale(A)
-    A, B, C = scaled(A, scale), B / scale[:, None], C * scale
-    values = np.asarray(np.linalg.eigvals(A), dtype=complex)
-    radius = max(float(np.abs(values).max(initial=0)), np.finfo(float).tiny)
-    found = []
-    for group in _clusters(values, np.ones(values.size, bool), tolerance * radius):
-        pole = complex(np.mean(values[group]))
-        ranks = []
-        for matrix, sensor in ((A, C), (A.T, B.T)):
-            basis, inner = _invariant(matrix, values, group)
-            centred = (inner - pole.real * np.eye(inner.shape[0])) / radius
-            seen = [sensor @ basis / max(float(np.linalg.norm(sensor)), np.finfo(float).tiny)]
-            for _ in range(inner.shape[0] - 1):
-                seen.append(seen[-1] @ centred)
-            ranks.append(_rank(np.vstack(seen), tolerance))
-        pair = 1 if values[group[0]].imag == 0 else 2
-        found.append(
-            PoleGroup(pole=pole, multiplicity=len(group), observable=ranks[0] // pair, controllable=ranks[1] // pair)
-        )
-    return tuple(sorted(found, key=lambda g: abs(g.pole)))
-
-
-def _rank(matrix: RealArray, tolerance: float) -> int:
-    return int(np.count_nonzero(np.linalg.svd(matrix, compute_uv=False) > tolerance))
 
 
 def continuous(A: RealArray, B: RealArray, dt: float, *, held: bool) -> tuple[RealArray, RealArray]:

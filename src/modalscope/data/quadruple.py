@@ -21,7 +21,7 @@ from modalscope.numerics.checks import (
 )
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.poles import to_continuous
-from modalscope.numerics.linear_systems import gramian, krylov, markov_parameters, transfer
+from modalscope.numerics.linear_systems import markov_parameters, transfer
 from modalscope.numerics.resources import check_fits
 
 
@@ -102,57 +102,6 @@ class Quadruple(Shown):
     def continuous_poles(self) -> ComplexArray:
         """The poles in rad/s, whatever the model."""
         return self.poles if self.dt is None else to_continuous(self.poles, self.dt)
-
-    def controllability_matrix(self, blocks: int | None = None) -> RealArray:
-        """Return [B, A B, ..., A^(blocks-1) B], (n, m blocks).
-
-        Parameters
-        ----------
-        blocks : int, optional
-            As many as states by default.
-        """
-        return krylov(self.A, self.B, self._blocks(blocks, self.B))
-
-    def observability_matrix(self, blocks: int | None = None) -> RealArray:
-        """Return [C; C A; ...; C A^(blocks-1)], (l blocks, n).
-
-        Parameters
-        ----------
-        blocks : int, optional
-            As many as states by default.
-        """
-        return krylov(self.A.T, self.C.T, self._blocks(blocks, self.C)).T
-
-    def _blocks(self, blocks: int | None, first: RealArray) -> int:
-        """Return the number of blocks, each as large as the first."""
-        count = check_count("blocks", self.order if blocks is None else blocks)
-        check_fits(f"a matrix of {count} blocks", 8.0 * count * first.size, "Give fewer blocks.")
-        return count
-
-    def controllability_gramian(self, horizon: float | None = None) -> RealArray:
-        """Return sum_k A^k B B' A'^k (sampled), or the integral of exp(A t) B B' exp(A' t) (continuous), (n, n).
-
-        Parameters
-        ----------
-        horizon : int or float, optional
-            Number of samples, or seconds; all time by default, for a stable model.
-
-        Raises
-        ------
-        DataError
-            All time, but poles that do not decay.
-        """
-        return gramian(self.A, self.B, horizon, self.dt is not None)
-
-    def observability_gramian(self, horizon: float | None = None) -> RealArray:
-        """Return sum_k A'^k C' C A^k, or the integral of exp(A' t) C' C exp(A t), (n, n).
-
-        Parameters
-        ----------
-        horizon : int or float, optional
-            As in `controllability_gramian`.
-        """
-        return gramian(self.A.T, self.C.T, horizon, self.dt is not None)
 
     def markov_parameters(self, samples: int) -> RealArray:
         """Return Y(k) = C A^k B, k = 0 ... samples - 1, of a sampled model as (samples, l, m) (Eq. 11).

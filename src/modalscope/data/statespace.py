@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.data.modal_form import Block, PoleGroup, block_diagonal_basis, continuous, pole_groups
+from modalscope.data.modal_form import Block, block_diagonal_basis, continuous
 from modalscope.data.quadruple import Quadruple
 from modalscope.data.records import Signals
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
@@ -312,19 +312,6 @@ class StateSpace(Quadruple):
         T, M, blocks, condition = block_diagonal_basis(self.A, np.abs(self.continuous_poles))
         return ModalForm(state_space=self._moved(T, M), T=T, blocks=blocks, condition=condition)
 
-    @named(tolerance=POSITIVE)
-    def pole_groups(self, tolerance: float = 1e-6) -> tuple[PoleGroup, ...]:
-        """Return the poles, coinciding ones together, with how many of each the outputs see and the inputs drive.
-
-        Data of l outputs and m inputs show at most min(l, m) coinciding poles: the smaller of both counts.
-
-        Parameters
-        ----------
-        tolerance : float
-            Poles within this fraction of the largest modulus coincide; couplings below it count as none.
-        """
-        return pole_groups(self.A, self.B, self.C, tolerance)
-
     def to_scipy(self) -> Any:
         """Return the model as `scipy.signal.StateSpace`."""
         from scipy import signal
@@ -340,30 +327,3 @@ class StateSpace(Quadruple):
         names = {side: [name.replace(".", "_") for name in each] for side, each in sides.items()}
         given = {side: each for side, each in names.items() if each and len(set(each)) == len(each)}
         return control.ss(self.A, self.B, self.C, self.D, 0 if self.dt is None else self.dt, **given)
-
-    @classmethod
-    def from_other(cls, system: Any) -> StateSpace:
-        """Take over a state-space model of scipy or python-control.
-
-        Parameters
-        ----------
-        system : object
-            Anything with A, B, C, D and dt (None or 0 when it is continuous).
-
-        Raises
-        ------
-        DataError
-            One of these is missing, or a sampled model does not say its interval.
-        """
-        missing = [name for name in "ABCD" if not hasattr(system, name)]
-        if missing:
-            raise DataError(
-                "a state-space model needs A, B, C, D and dt",
-                f"{type(system).__name__} has no {', '.join(missing)}",
-                "Convert it there first, for instance by to_ss() or control.ss().",
-            )
-        dt = getattr(system, "dt", None)
-        if dt is True:
-            raise DataError("a sampled model needs its interval", "it has only dt=True", "Give dt in seconds.")
-        # python-control writes 0 for continuous time
-        return cls(**{name: getattr(system, name) for name in "ABCD"}, dt=dt or None)

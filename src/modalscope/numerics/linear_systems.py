@@ -1,4 +1,4 @@
-"""Compute Gramians, samples and transfer functions of linear systems given by their matrices A, B, C, D.
+"""Balance, sample and evaluate linear systems given by their matrices A, B, C, D.
 
 Observability of (A, C) is controllability of (A', C').
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.numerics.checks import ComplexArray, RealArray, check_count, check_positive
+from modalscope.numerics.checks import ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
 
 
@@ -25,51 +25,6 @@ def scaled(A: RealArray, scale: RealArray) -> RealArray:
     return A * scale / scale[:, None]
 
 
-def krylov(A: RealArray, B: RealArray, blocks: int) -> RealArray:
-    """Return [B, A B, ..., A^(blocks-1) B], (n, m blocks)."""
-    parts = [B]
-    for _ in range(blocks - 1):
-        parts.append(A @ parts[-1])
-    return np.hstack(parts)
-
-
-def gramian(A: RealArray, B: RealArray, horizon: float | None, sampled: bool) -> RealArray:
-    """Return the Gramian over all time, or to a horizon in samples (sampled) or seconds."""
-    if horizon is None:
-        L = gramian_factor(A, B, sampled)
-        return L @ L.T
-    if sampled and horizon != int(horizon):
-        raise DataError("a horizon of whole samples was asked", f"it is {horizon!r}", "Round it.")
-    checked = check_count("horizon", int(horizon)) if sampled else check_positive("horizon", horizon)
-    return finite_gramian(A, B, checked, sampled)
-
-
-def finite_gramian(A: RealArray, B: RealArray, horizon: float, sampled: bool) -> RealArray:
-    """Return sum_{k < horizon} A^k B B' A'^k of a sampled model, or the integral of exp(A t) B B' exp(A' t) to `horizon`.
-
-    By doubling, W(a + b) = W(a) + E(a) W(b) E(a)' with E the transition over a: exact for any model, stable or not.
-    """
-    n = A.shape[0]
-    if sampled:
-        unit, transition, steps = B @ B.T, np.array(A), int(horizon)
-    else:
-        # so many halvings that the exponential of the block matrix, which holds -A, cannot grow
-        halvings = max(0, int(np.ceil(np.log2(max(float(np.linalg.norm(A, 1)) * horizon, 1.0)))))
-        step = horizon / 2**halvings
-        block = sla.expm(np.block([[-A, B @ B.T], [np.zeros((n, n)), A.T]]) * step)
-        transition = block[n:, n:].T
-        unit, steps = transition @ block[:n, n:], 2**halvings
-    total, passed = np.zeros((n, n)), np.eye(n)
-    while steps:
-        if steps % 2:
-            total = total + passed @ unit @ passed.T
-            passed = passed @ transition
-        unit = unit + transition @ unit @ transition.T
-        transition = transition @ transition
-        steps //= 2
-    return (total + total.T) / 2
-
-
 def gramian_factor(A: RealArray, B: RealArray, sampled: bool) -> RealArray:
     """Return L, (n, n), with L L' the Gramian over all time of a stable model.
 
@@ -84,7 +39,7 @@ def gramian_factor(A: RealArray, B: RealArray, sampled: bool) -> RealArray:
         raise DataError(
             "a Gramian over all time needs poles that decay",
             f"{int(growing.sum())} poles do not decay",
-            "Give a finite horizon.",
+            "Leave those states out first.",
         )
     n, scale = A.shape[0], state_scale(A)
     A, B = scaled(A, scale), B / scale[:, None]
