@@ -18,10 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.data import ImpulseResponse
 from modalscope.io import hdf5_walk
 from modalscope.io.apart import python, run_apart
-from modalscope.io.arrays import joined, to_arrays
+from modalscope.io.arrays import AXES, joined, to_arrays
 from modalscope.io.columns.vocabulary import key_meaning
 from modalscope.io.columns.words import is_unit
 from modalscope.io.contents import ArrayData, Contents, Options, damage_as_error, unreadable
@@ -37,24 +36,13 @@ _LAYOUT = 1
 #: What attributes state.
 _STATED = ("rate", "step", "frequency step", "first", "unit")
 
+#: Axes of arrays beside those of `AXES`.
 _DIMENSIONS = {
-    "frequencies": ("line",),
-    "values": ("line", "output", "input"),
-    "variance": ("line", "output", "input"),
-    "coherence": ("line", "output", "input"),
-    "outputs": ("run", "sample", "output"),
-    "inputs": ("run", "sample", "input"),
-    "poles": ("mode",),
-    "shapes": ("output", "mode"),
-    "participation": ("mode", "input"),
-    "feedthrough": ("output", "input"),
-    "lower_residual": ("output", "input"),
-    "upper_residual": ("output", "input"),
-    "output_dofs": ("output",),
-    "output_units": ("output",),
-    "quantities": ("output",),
-    "input_dofs": ("input",),
-    "input_units": ("input",),
+    **dict.fromkeys(("output_dofs", "output_units", "quantities"), ("outputs",)),
+    **dict.fromkeys(("input_dofs", "input_units"), ("inputs",)),
+    **dict.fromkeys(("feedthrough", "lower_residual", "upper_residual"), ("outputs", "inputs")),
+    "frequencies": ("lines",),
+    "poles": ("modes",),
 }
 
 
@@ -93,12 +81,10 @@ def _store(file: Any, name: str, array: Array) -> None:
 
 def _axes(thing: ArrayData, name: str, array: Array) -> tuple[str, ...]:
     """Return the names of an array's axes; the first ones of a data object that may lack runs or inputs."""
-    axes = _DIMENSIONS.get(name, ())
-    if isinstance(thing, ImpulseResponse):
-        axes = tuple("sample" if axis == "line" else axis for axis in axes)
+    axes = AXES.get(type(thing), {}).get(name) or _DIMENSIONS.get(name, ())
     if name in ("outputs", "inputs") and array.ndim == 2:
         axes = axes[1:]
-    return axes[: array.ndim]
+    return tuple(axis.removesuffix("s") for axis in axes[: array.ndim])
 
 
 def _label(file: Any, name: str, axes: tuple[str, ...]) -> None:

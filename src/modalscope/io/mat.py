@@ -71,9 +71,7 @@ class _Reading:
     left: dict[str, str]
 
 
-def read_mat5(
-    data: bytes, room: Room, ignore: Collection[str] = (), left: dict[str, str] | None = None
-) -> dict[str, Array]:
+def read_mat5(data: bytes, room: Room, ignore: Collection[str], left: dict[str, str]) -> dict[str, Array]:
     """Return the variables of a file; fields of structures are named with a dot, cells of text are text arrays.
 
     Members of other cells are named `runs{1}`, those of arrays of structures `test(1).acc`. `left`: takes up the names of what is not
@@ -86,7 +84,7 @@ def read_mat5(
         fault = "it has no header of version 5 or later"
         raise unreadable(f"{room.where} as a MATLAB file", fault, "Save it in MATLAB with -v7 or -v7.3.")
     arrays: dict[str, Array] = {}
-    file = _Reading(order, room, {} if left is None else left)
+    file = _Reading(order, room, left)
     damaged = (_Damaged, zlib.error, struct.error, UnicodeDecodeError)
     with damage_as_error(f"{room.where} as a MATLAB file", "Copy it again, or save it again with -v7.", damaged):
         for kind, body in _elements(memoryview(data)[_BYTES_OF_HEADER:], file):

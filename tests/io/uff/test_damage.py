@@ -5,6 +5,7 @@ import pytest
 
 import modalscope.io as mio
 from modalscope.data import DataError, FrequencyResponse, ModalModel, Signals
+from modalscope.io.limits import room
 from modalscope.io.uff.function import read_function
 from modalscope.io.uff.scan import scan
 from tests.io import samples
@@ -40,11 +41,11 @@ def content(blocks):
 @pytest.mark.slow
 def test_every_truncation_is_refused_or_an_intact_prefix(file):
     data = file.read_bytes()
-    whole = content(scan("whole.uff", data))
+    whole = content(scan("whole.uff", data, room("whole.uff", len(data))))
     boundaries = set()
     for k in range(len(data)):
         try:
-            part = content(scan("cut.uff", data[:k]))
+            part = content(scan("cut.uff", data[:k], room("cut.uff", k)))
         except DataError:
             continue
         assert part == whole[: len(part)]
@@ -88,7 +89,7 @@ def check_flips(data, path, count, seed):
         path.write_bytes(changed)
         try:
             thing = mio.read(path)
-            blocks = [block for block in scan(path.name, changed) if block.dataset == 58]
+            blocks = [block for block in scan(path.name, changed, room(path.name, len(changed))) if block.dataset == 58]
         except DataError:
             refusals += 1
             continue

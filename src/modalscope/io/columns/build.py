@@ -11,7 +11,7 @@ import numpy as np
 from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, Signals
 from modalscope.io.columns.axis import check_numbers, with_rows
 from modalscope.io.columns.blanks import with_least_lost
-from modalscope.io.columns.lines import frequency_response
+from modalscope.io.columns.lines import WORDS_OF_PARTS, frequency_response
 from modalscope.io.columns.reading import NEAR, Reading, readings
 from modalscope.io.columns.records import free_decay, nothing_measured, records
 from modalscope.io.columns.table import Column, Table, as_word
@@ -23,13 +23,6 @@ from modalscope.io.contents import Contents, Finding, Options, needs
 
 #: Why a column is what `--columns` says.
 _REASON_OF_OPTION = "--columns says so"
-_WORDS_OF_PARTS = {
-    "real": "real part",
-    "imag": "imaginary part",
-    "mag": "magnitude",
-    "phase": "phase",
-    "coh": "coherence",
-}
 
 
 def contents_from_table(table: Table, options: Options) -> Contents:
@@ -224,7 +217,7 @@ def _finding(column: Column, reading: Reading, omitted: Mapping[int, str]) -> Fi
             reason=omitted[column.number] or "nothing says what it is",
         )
     role, reason = reading.roles.get(column.number, ""), reading.reasons.get(column.number, "")
-    words = [_WORDS_OF_PARTS[role]] if role in _WORDS_OF_PARTS and reason != _REASON_OF_OPTION else []
+    words = [WORDS_OF_PARTS[role]] if role in WORDS_OF_PARTS and reason != _REASON_OF_OPTION else []
     why = f" ({', '.join([*words, *([reason] if reason and not words else [])])})" if reason or words else ""
     if reading.axis is not None and column.number == reading.axis.number:
         return Finding(part=f"column {column.number}", what=f"{name}: {reading.kind}{why}")

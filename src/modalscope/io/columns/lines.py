@@ -44,7 +44,13 @@ _ONLY_INPUT = "u1"
 _PREFIX = re.compile(r"^(?:frequency response|frf|transfer function|tf|h[12v]?)(?![A-Za-z0-9])[\s:_(]*", re.IGNORECASE)
 _PAIR = re.compile(r"^(?P<out>[^/]+?)\s*(?:/|<-|->)\s*(?P<in>[^/]+?)$")
 _OTHER_PART = {"real": "imag", "imag": "real", "mag": "phase", "phase": "mag"}
-_WORDS_OF_PARTS = {"real": "real part", "imag": "imaginary part", "mag": "magnitude", "phase": "phase"}
+WORDS_OF_PARTS = {
+    "real": "real part",
+    "imag": "imaginary part",
+    "mag": "magnitude",
+    "phase": "phase",
+    "coh": "coherence",
+}
 
 
 def part_of(name: str) -> tuple[str, str] | None:
@@ -217,7 +223,7 @@ def frequency_response(
     columns: Sequence[Column],
     roles: Mapping[int, str],
     option_roles: Mapping[int, str],
-    works: Works = lambda option: True,
+    works: Works,
 ) -> tuple[FrequencyResponse, list[str], dict[int, str]]:
     """Return frequency responses, notes, and what was left with its reason.
 
@@ -309,7 +315,7 @@ def _incomplete(
     remedy = ", or ".join(["Export it", *ways]) + ("" if ways else ".")
     if option_roles.get(parts[part].number) == part:
         remedy = f"Name as many columns {_OTHER_PART[part]}= as {part}= in --columns, in the same order."
-    fault = f"{parts[part]} has no {_WORDS_OF_PARTS[_OTHER_PART[part]]} with it"
+    fault = f"{parts[part]} has no {WORDS_OF_PARTS[_OTHER_PART[part]]} with it"
     return needs(table.where, "complex values", fault, remedy)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.data import DataError
-from modalscope.io.uff.layout import DAMAGED, Field, dof_fields, form, in_ascii, label_from, parse
+from modalscope.io.uff.layout import DAMAGED, Field, dof_fields, form, label_from, parse, unit_in_ascii
 from modalscope.io.uff.scan import BINARY, FORM, HEADER_LINES, Block
 from modalscope.numerics.checks import Array, RealArray
 
@@ -38,8 +38,8 @@ _REPAIR = "Repair that function, or leave it out of the export."
 
 _ALPHABET = b"0123456789+-.EeDd \t"
 _EXACT = re.compile(r"abscissa (\S+) to (\S+)")
-#: Columns of numbers in single and in double precision, and of a unit.
-_SINGLE, _DOUBLE, _COLUMNS_OF_UNIT = 13, 20, 20
+#: Columns of numbers in single and in double precision.
+_SINGLE, _DOUBLE = 13, 20
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -249,12 +249,8 @@ def _header(function: Function, shape: tuple[int, int, int, float, float], ends:
     lines.append(form(FORM, dict(zip(names, shape, strict=True))))
     units = {17: "s", 18: "Hz"}
     lines.append(form(AXIS, {"data type": function.abscissa_type, "unit": units.get(function.abscissa_type)}))
-    lines.append(
-        form(AXIS, {"data type": function.quantity, "unit": in_ascii("unit", function.unit, _COLUMNS_OF_UNIT)})
-    )
-    lines.append(
-        form(AXIS, {"data type": function.denominator, "unit": in_ascii("unit", function.unit_in, _COLUMNS_OF_UNIT)})
-    )
+    lines.append(form(AXIS, {"data type": function.quantity, "unit": unit_in_ascii(function.unit)}))
+    lines.append(form(AXIS, {"data type": function.denominator, "unit": unit_in_ascii(function.unit_in)}))
     lines.append(form(AXIS, {}))
     return "\n".join(lines) + "\n"
 

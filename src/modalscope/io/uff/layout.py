@@ -89,7 +89,9 @@ def form(record: Record, values: Mapping[str, Any]) -> str:
         text = text.rjust(width)
         if len(text) > width:
             asked = f"writing {name} = {values.get(name)} to a universal file was asked"
-            raise DataError(asked, f"it has {width} columns there", "Choose a smaller number, or another format.")
+            raise DataError(
+                asked, f"it has {_COLUMNS_OF_UNIT} columns there", "Choose a smaller number, or another format."
+            )
         line += text
     return line
 
@@ -130,8 +132,8 @@ QUANTITY_CODES: dict[str | None, int] = {None: 0, **{name: code for code, name i
 #: Reaction force and excitation force.
 FORCES = (9, 13)
 
-#: Characters of an entity's name.
-_MAX_LETTERS = 10
+#: Characters of an entity's name, and columns of a unit.
+_MAX_LETTERS, _COLUMNS_OF_UNIT = 10, 20
 
 #: Signs of units, and what stands for them where there is ASCII alone.
 _SIGNS = str.maketrans({"µ": "u", "μ": "u", "²": "2", "³": "3", "·": "*", "×": "x", "°": "deg", "Ω": "Ohm", "–": "-"})
@@ -172,22 +174,22 @@ def sort_key(label: str) -> tuple[int, int, str, int, int]:
     return (1, 0, dof.node, abs(code), code < 0)
 
 
-def in_ascii(what: str, text: str, width: int) -> str:
-    """Return text as a field of a universal file holds it, signs of units by their letters; what does not fit is refused.
+def unit_in_ascii(text: str) -> str:
+    """Return a unit as a field of a universal file holds it, signs by their letters; what does not fit is refused.
 
     Examples
     --------
-    >>> in_ascii("unit", "µm/s²", 20)
+    >>> unit_in_ascii("µm/s²")
     'um/s2'
     """
     plain = text.translate(_SIGNS)
     if (
         not (plain.isascii() and plain.isprintable())
-        or len(plain) > width
+        or len(plain) > _COLUMNS_OF_UNIT
         or plain != plain.strip()
         or plain.upper() == "NONE"
     ):
-        fault = f"it has {width} columns for ASCII characters there, with no blank at either end, and NONE means none"
+        fault = f"it has {_COLUMNS_OF_UNIT} columns for ASCII characters there, with no blank at either end, and NONE means none"
         remedy = "Shorten or rename it, or choose another format."
-        raise DataError(f"writing the {what} {text!r} to a universal file was asked", fault, remedy)
+        raise DataError(f"writing the unit {text!r} to a universal file was asked", fault, remedy)
     return plain

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from modalscope.data import DataError
 from modalscope.io.contents import unreadable
-from modalscope.io.limits import MOST_PARTS, Room, room
+from modalscope.io.limits import MOST_PARTS, Room
 from modalscope.io.uff.layout import Field, parse
 
 #: Records before the data of a dataset 58.
@@ -69,7 +69,7 @@ class Block:
         return f"set {self.place} (dataset {self.dataset}{'' if self.payload is None else 'b'})"
 
 
-def scan(name: str, data: bytes, space: Room | None = None) -> list[Block]:
+def scan(name: str, data: bytes, space: Room) -> list[Block]:
     """Return the sets of a universal file.
 
     `space`: what its lines may take.
@@ -77,7 +77,6 @@ def scan(name: str, data: bytes, space: Room | None = None) -> list[Block]:
     Raises `DataError`: not a universal file, a set that is cut off, a payload of another length than its header counts, more than the
     room.
     """
-    space = space or room(name, len(data))
     blocks: list[Block] = []
     line, position = _past_comments(data, 0)
     while line.strip(_BLANK):
