@@ -92,7 +92,9 @@ def test_the_map_puts_equals_on_one_point_and_names_all(comparison: Comparison) 
 def test_deviations_show_every_method_and_the_stated_scatter(comparison: Comparison) -> None:
     upper, lower = plot.deviations(comparison)
     found = sum(len(g.members) for g in comparison.groups)
-    assert len(upper.lines) == found + 1  # and the zero line
+    *of_methods, _ = upper.lines  # and the zero line
+    assert sum(len(line.get_xdata()) for line in of_methods) == found
+    assert {line.get_linestyle() for line in of_methods} == {"None"}
     assert len(lower.collections) == len(comparison.groups)
 
 

@@ -13,6 +13,8 @@ from secrets import token_hex
 
 from modalscope.data import DataError
 from modalscope.io.beside import is_file_in, lies_in
+from modalscope.io.formats import FORMATS as READ
+from modalscope.io.options import MESHES
 
 #: Formats that the page's menu of exports offers: suffix -> description.
 FORMATS = {
@@ -34,27 +36,7 @@ FORMATS = {
 }
 
 #: Suffixes of the files that the page lists: measurements in one file, and documents of analyses. Meshes can be dropped on the page.
-_LISTED_SUFFIXES = (
-    *(".uff", ".unv", ".npz", ".mat", ".h5", ".hdf5", ".csv", ".txt", ".asc", ".tsv", ".dat", ".lvm", ".xlsx"),
-    *(
-        ".npy",
-        ".wav",
-        ".tdms",
-        ".mf4",
-        ".mdf",
-        ".nc",
-        ".parquet",
-        ".at2",
-        ".vt2",
-        ".dt2",
-        ".v1",
-        ".v2",
-        ".v3",
-        ".v1c",
-        ".v2c",
-    ),
-    *(".cosmos", ".smc", ".mseed", ".miniseed", ".msd", ".sac", ".analysis.json"),
-)
+_LISTED_SUFFIXES = (*(suffix for suffix in READ if suffix not in (*MESHES, ".json", ".zarr")), ".analysis.json")
 
 #: Maximum number of files in the list, and maximum depth of folders below the given one. Both are choices: the list is made anew at each
 #: start of the page, and has to be short enough to read, also where the folder is a whole disk.

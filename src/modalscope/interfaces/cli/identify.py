@@ -162,9 +162,9 @@ def result_of(options: argparse.Namespace, files: list[Path]) -> Result:
     if len(files) == 1 and files[0].name.lower().endswith(".analysis.json"):
         with progress("identifying") as show:
             return replay(files[0], allow_outside=options.allow_outside, progress=show)
-    bands = [tuple(band) for band in options.band or ()]
-    given: dict[str, Any] = choices(options) | {"band": bands[0] if len(bands) == 1 else bands or None}
-    given |= {name: getattr(options, name) for name in ("method", "domain", "frequencies", "refine", "apart")}
+    given = choices(options) | {
+        name: getattr(options, name) for name in ("method", "domain", "frequencies", "refine", "apart")
+    }
     with workers_of(options), progress("identifying") as show:
         return analyze(
             files[0] if len(files) == 1 else files,

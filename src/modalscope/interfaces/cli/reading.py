@@ -12,20 +12,10 @@ from modalscope.data.shown import summary_of
 from modalscope.interfaces.cli.parser import EXPERT, Parser, add_reading
 from modalscope.interfaces.cli.process import progress, remark
 from modalscope.io import set_max_memory, survey
+from modalscope.io.options import TEXT
 
 #: Options of `modalscope.io.read` that the command line has under the same names.
-_READ_OPTIONS = (
-    "sampling_rate",
-    "columns",
-    "ignore",
-    "rows",
-    "resample",
-    "skip",
-    "delimiter",
-    "decimal",
-    "transpose",
-    "sheet",
-)
+_READ_OPTIONS = ("sampling_rate", *TEXT, "sheet")
 
 
 def read_data(options: argparse.Namespace, path: Path) -> tuple[Any, tuple[Note, ...]]:
@@ -55,12 +45,13 @@ def read_modes(options: argparse.Namespace, path: Path) -> ModalModel:
 
 
 def choices(options: argparse.Namespace) -> dict[str, Any]:
-    """Return band, route, delays, reciprocity and excluded channels as keyword arguments of the identification."""
-    band = None if options.band is None else tuple(options.band)
+    """Return the band or bands, route, delays, reciprocity and excluded channels as keyword arguments of the identification."""
+    several = [options.band] if options.band and isinstance(options.band[0], float) else options.band or ()
+    bands = [tuple(band) for band in several]
     given = {name: getattr(options, name) for name in ("route", "reciprocal", "exclude")}
     given |= {name: value for name in EXPERT if (value := getattr(options, name, None)) is not None}
     given |= {name: parse_shifts(name, given[name]) for name in ("row_shifts", "column_shifts") if name in given}
-    return {"band": band, "delays": parse_delays(options.delays), **given}
+    return {"band": bands[0] if len(bands) == 1 else bands or None, "delays": parse_delays(options.delays), **given}
 
 
 def parse_shifts(name: str, text: str) -> list[int]:

@@ -172,10 +172,8 @@ def _choices(options: argparse.Namespace) -> dict[str, Any]:
     """Return the choices of the command line as `analyze` takes them."""
     from modalscope.interfaces.cli.reading import choices, parse_orders, reading_options
 
-    bands = [tuple(band) for band in options.band or ()]
-    given = choices(options) | {"band": bands[0] if len(bands) == 1 else bands or None}
     reading = reading_options(options, options.folder)
-    return given | {
+    return choices(options) | {
         "method": options.method,
         "domain": options.domain,
         "orders": parse_orders(options.orders),

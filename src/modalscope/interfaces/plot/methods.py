@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modalscope.analysis.comparing import Comparison
+from modalscope.analysis.comparing import Comparison, MethodResult
 from modalscope.analysis.comparing.kinship import Kinship
 from modalscope.interfaces.plot._style import (
     BLUE,
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
 
 #: Colour and marker of each domain.
 _DOMAINS = {"time": (BLUE, "o"), "z": (VERMILLION, "s"), "s": (GREEN, "^")}
+
+#: Share of the place of a mode that the methods take.
+_WIDTH = 0.64
 
 
 @named()
@@ -114,39 +118,51 @@ def deviations(comparison: Comparison, axes: tuple[Axes, Axes] | None = None) ->
         axes = pyplot.figure(figsize=(9.0, 6.0), layout="constrained").subplots(2, 1, sharex=True)
     upper, lower = axes
     groups = comparison.groups
-    kept = [r for r in comparison.results if r.modes is not None]
-    offsets = np.linspace(-0.32, 0.32, max(len(kept), 2))
     for ax, kind, unit in ((upper, "frequency", "half-power half-bandwidths"), (lower, "damping", "% of its value")):
         labelled: set[str] = set()
-        reach = []
-        for k, g in enumerate(groups):
-            size = g.half_bandwidth if kind == "frequency" else g.damping / 100
-            width = getattr(comparison.scatter, kind)[k] / size
-            if comparison.trust[k].grade != "doubtful":
-                reach.append(width)
+        for k in range(len(groups)):
+            width = scatter_of(comparison, kind, k)
             ax.fill_between([k - 0.42, k + 0.42], -width, width, color=PALE, alpha=0.35, linewidth=0)
-            values = g.frequencies if kind == "frequency" else g.damping_ratios
-            for r, offset in zip(kept, offsets, strict=False):
-                if r.name not in values:
-                    continue
-                style = _style_of(r.method.domain, labelled)
-                deviation = (values[r.name] - getattr(g, kind)) / size
-                if comparison.trust[k].grade != "doubtful":
-                    reach.append(abs(deviation))
-                ax.plot(
-                    k + offset,
-                    deviation,
-                    markerfacecolor=style["color"] if r.exact else "white",
-                    markersize=4.5,
-                    **style,
-                )
+        for r, x, y in deviations_of(comparison, kind):
+            style = _style_of(r.method.domain, labelled)
+            ax.plot(x, y, markerfacecolor=style["color"] if r.exact else "white", markersize=4.5, **style)
         ax.axhline(0, color=MUTED, linewidth=0.8)
-        # doubtful modes do not set the scale
-        limit = 1.15 * max(reach) if reach and max(reach) > 0 else 1.0
-        ax.set_ylim(-limit, limit)
+        # modes that are in doubt do not set the scale
+        ax.set_ylim(*reach_of(comparison, kind))
         dress(ax, title=kind.capitalize(), ylabel=unit)
     lower.set_xticks(range(len(groups)), [f"{g.frequency:.5g}" for g in groups], rotation=90 if len(groups) > 9 else 0)
     lower.set_xlabel("mode [Hz]", fontsize=10.5, color=INK)
     if groups:
         upper.legend(frameon=False, fontsize=9, ncols=3, loc="lower right", bbox_to_anchor=(1, 1), borderaxespad=0.2)
     return upper, lower
+
+
+def scatter_of(c: Comparison, kind: str, k: int) -> float:
+    """Return the stated scatter of a mode in the unit of its deviations."""
+    return float(getattr(c.scatter, kind)[k]) / _size(c, kind, k)
+
+
+def _size(c: Comparison, kind: str, k: int) -> float:
+    """Return the unit of deviations of a mode: its half bandwidth, or a per cent of its damping."""
+    return c.groups[k].half_bandwidth if kind == "frequency" else c.groups[k].damping / 100
+
+
+def deviations_of(c: Comparison, kind: str) -> Iterator[tuple[MethodResult, RealArray, RealArray]]:
+    """Yield every method that found a mode with the places and deviations of its modes."""
+    kept = [r for r in c.results if r.modes is not None]
+    name = "frequencies" if kind == "frequency" else "damping_ratios"
+    for r, offset in zip(kept, np.linspace(-_WIDTH / 2, _WIDTH / 2, max(len(kept), 2)), strict=False):
+        own = [k for k, g in enumerate(c.groups) if r.name in getattr(g, name)]
+        if own:
+            away = [getattr(c.groups[k], name)[r.name] - getattr(c.groups[k], kind) for k in own]
+            yield r, np.array(own) + offset, np.array([d / _size(c, kind, k) for k, d in zip(own, away, strict=True)])
+
+
+def reach_of(c: Comparison, kind: str) -> tuple[float, float]:
+    """Return the ends of the scale: what the modes that are not doubtful need."""
+    told = [k for k, trust in enumerate(c.trust) if trust.grade != "doubtful"]
+    needed = [scatter_of(c, kind, k) for k in told]
+    for _, x, y in deviations_of(c, kind):
+        needed += np.abs(y[np.isin(np.round(x), told)]).tolist()
+    limit = 1.15 * max((v for v in needed if np.isfinite(v)), default=0.0) or 1.0
+    return -limit, limit

@@ -59,6 +59,12 @@ def drawn(thing: Any, ax: Axes | None = None) -> Axes:
     raise DataError(asked, "this type has none", "Use one of the functions of modalscope.plot.")
 
 
+drawn.register(Comparison, method_map)
+drawn.register(Certificate, certificate)
+drawn.register(Tracks, tracks)
+drawn.register(Alarms, control_chart)
+
+
 @drawn.register
 def _(thing: Result, ax: Any = None) -> Any:
     return stabilization(thing.diagram, thing.modes, ax)
@@ -75,21 +81,6 @@ def _(thing: Identification, ax: Any = None) -> Any:
 
 
 @drawn.register
-def _(thing: Comparison, ax: Any = None) -> Any:
-    return method_map(thing, ax)
-
-
-@drawn.register
-def _(thing: Certificate, ax: Any = None) -> Any:
-    return certificate(thing, ax)
-
-
-@drawn.register
-def _(thing: Tracks, ax: Any = None) -> Any:
-    return tracks(thing, ax)
-
-
-@drawn.register
 def _(thing: History, ax: Any = None) -> Any:
     return tracks(track(thing), ax)
 
@@ -97,11 +88,6 @@ def _(thing: History, ax: Any = None) -> Any:
 @drawn.register
 def _(thing: Explained, ax: Any = None) -> Any:
     return against(thing, ax=ax)
-
-
-@drawn.register
-def _(thing: Alarms, ax: Any = None) -> Any:
-    return control_chart(thing, ax)
 
 
 @drawn.register

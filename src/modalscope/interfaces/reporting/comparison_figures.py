@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
-from modalscope.analysis.comparing import Comparison, MethodResult
+from modalscope.analysis.comparing import Comparison
 from modalscope.analysis.comparing.kinship import SAME, Kinship
 from modalscope.interfaces.plot._style import dodge
+from modalscope.interfaces.plot.methods import deviations_of, reach_of, scatter_of
 from modalscope.interfaces.plot.web.svg import Panel, Scale, chart, key, shortened
-from modalscope.numerics.checks import RealArray
 
 #: Domain -> mark, class of the style sheet and words.
 _DOMAINS = {"time": ("circle", "d-time", "time"), "z": ("square", "d-z", "z"), "s": ("triangle", "d-s", "s")}
-
-#: Share of the place of a mode that the methods take.
-_WIDTH = 0.64
 
 #: Degrees below which an angle is zero to rounding.
 _ZERO_ANGLE = 1e-4
@@ -32,52 +27,19 @@ def deviations_svg(c: Comparison, description: str) -> str:
     labels = labels[:: max(1, len(labels) // 14)]
     across = Scale(-0.6, len(c.groups) - 0.4)
     for kind, unit, top in (("frequency", "half bandwidths", 30), ("damping", "% of its value", 250)):
-        panel = Panel(58, top, 822, 190, across, Scale(*_reach(c, kind)), parts)
+        panel = Panel(58, top, 822, 190, across, Scale(*reach_of(c, kind)), parts)
         panel.axes("mode [Hz]" if kind == "damping" else "", f"{kind} [{unit}]", ticks=labels)
         for k in range(len(c.groups)):
-            width = float(np.fmin(_scatter(c, kind, k), panel.y.high))  # the whole panel where there is no interval
+            width = float(np.fmin(scatter_of(c, kind, k), panel.y.high))  # the whole panel where there is no interval
             left, right = panel.across(np.array([k - 0.42, k + 0.42])).tolist()
             low, high = panel.upward(np.array([-width, width])).tolist()
             parts.append(f'<path class="band" d="M{left} {low}V{high}H{right}V{low}z"/>')
-        for r, x, y in _deviations(c, kind):
+        for r, x, y in deviations_of(c, kind):
             mark, style, _ = _DOMAINS.get(r.method.domain, _DOMAINS["time"])
             seen = np.abs(y) <= panel.y.high
             panel.marks(x[seen], y[seen], style if r.exact else f"{style} open", mark)
     key(parts, [(mark, style, f"domain {words}") for mark, style, words in _DOMAINS.values()], 58, 14)
     return chart(900, 484, parts, description)
-
-
-def _size(c: Comparison, kind: str, k: int) -> float:
-    """Return the unit of deviations of a mode: its half bandwidth, or a per cent of its damping."""
-    return c.groups[k].half_bandwidth if kind == "frequency" else c.groups[k].damping / 100
-
-
-def _scatter(c: Comparison, kind: str, k: int) -> float:
-    return float(getattr(c.scatter, kind)[k]) / _size(c, kind, k)
-
-
-def _deviations(c: Comparison, kind: str) -> Iterator[tuple[MethodResult, RealArray, RealArray]]:
-    """Yield every method with the places and deviations of its modes."""
-    kept = [r for r in c.results if r.modes is not None]
-    name = "frequencies" if kind == "frequency" else "damping_ratios"
-    for r, offset in zip(kept, np.linspace(-_WIDTH / 2, _WIDTH / 2, max(len(kept), 2)), strict=False):
-        own = [
-            (k, getattr(g, name)[r.name] - getattr(g, kind))
-            for k, g in enumerate(c.groups)
-            if r.name in getattr(g, name)
-        ]
-        x = np.array([k + offset for k, _ in own])
-        yield r, x, np.array([away / _size(c, kind, k) for k, away in own])
-
-
-def _reach(c: Comparison, kind: str) -> tuple[float, float]:
-    """Return the ends of the scale: what the modes that are not doubtful need."""
-    told = [k for k, trust in enumerate(c.trust) if trust.grade != "doubtful"]
-    needed = [_scatter(c, kind, k) for k in told]
-    for _, x, y in _deviations(c, kind):
-        needed += np.abs(y[np.isin(np.round(x), told)]).tolist()
-    limit = 1.15 * max((v for v in needed if np.isfinite(v)), default=0.0) or 1.0
-    return -limit, limit
 
 
 def method_map_svg(kin: Kinship, description: str) -> str:
