@@ -78,7 +78,6 @@ def right() -> dict[str, Any]:
         "many": ms.Records(runs=(records, records)),
         "setups": ms.Setups(parts=(ambient.select(outputs=[0, 1]), ambient.select(outputs=[0, 2]))),
         "decomposition": preprocess.decomposition(ambient),
-        "observer": preprocess.estimate_observer(records, observer_order=10),
         **months(),
     }
 
@@ -173,7 +172,6 @@ OWNERS = {
     "monitoring.Tracks": lambda t: t["tracks"],
     "preprocess.Decomposition": lambda t: t["decomposition"],
     "preprocess.Finding": lambda t: Finding(kind="a", channels=("b",), reason="c", change="d"),
-    "preprocess.Observer": lambda t: t["observer"],
     "systems.HardeningRig": lambda t: systems.HardeningRig(),
     "systems.Structure": lambda t: CHAIN,
 }
@@ -274,7 +272,6 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "preprocess.estimate_correlation": lambda t: {"signals": t["ambient"]},
     "preprocess.estimate_frf": lambda t: {"signals": t["records"]},
     "preprocess.estimate_markov": lambda t: {"signals": t["records"], "observer_order": 10},
-    "preprocess.estimate_observer": lambda t: {"signals": t["records"], "observer_order": 10},
     "preprocess.examine": lambda t: {"data": t["lines"]},
     "preprocess.exponential_decay": lambda t: {"end": 0.01, "duration": 1.0},
     "preprocess.filter_band": lambda t: {"signals": t["records"], "lowest": 1.0, "highest": 5.0},
@@ -325,9 +322,6 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "StateSpace.transformed": lambda t: {"T": np.eye(len(t["model"].A))},
     "Comparison.label": lambda t: {"name": t["comparison"].results[0].name},
     "preprocess.Decomposition.peaks": lambda t: {"count": 2},
-    "preprocess.Observer.gain_of": lambda t: {
-        "model": t["observer"].response and ms.realize(t["observer"].response, order=10)
-    },
     "systems.Structure.free_decay": lambda t: {"samples": 20, "displacement": np.ones(len(CHAIN.dofs))},
     "systems.Structure.frequency_response": lambda t: {"frequencies": LINES},
     "systems.Structure.impulse_response": lambda t: {"samples": 20},
@@ -357,10 +351,7 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "plot.control_chart": lambda t: {"found": t["chart"]},
     "plot.tracks": lambda t: {"found": t["tracks"]},
     "plot.intervals": lambda t: {"modes": t["modes"]},
-    "preprocess.force_correlation": lambda t: {"signals": t["records"]},
     "preprocess.local_models": lambda t: {"signals": t["records"]},
-    "preprocess.partial_coherence": lambda t: {"signals": t["records"]},
-    "preprocess.principal_forces": lambda t: {"signals": t["records"]},
     "refine": lambda t: {"data": t["lines"], "modes": t["modes"]},
     "certify": lambda t: {"result": t["result"], "replicates": 2},
     "validate": lambda t: {"data": t["lines"], "modes": t["modes"], "leaving": "outputs"},
@@ -391,7 +382,6 @@ MADE = (
     "preprocess.Finding",
     "preprocess.LocalEstimate",
     "preprocess.Observer",
-    "preprocess.PrincipalForces",
     "widget",  # a browser's: it needs the front end, which may not be built
 )
 

@@ -59,7 +59,7 @@ VERBS: dict[str, tuple[str, Callable[[Any], Any], int]] = {
     "frequency response": ("records", lambda data: ms.estimate_frf(data).values, 1),
     "Markov parameters": ("records", lambda data: ms.estimate_markov(data, observer_order=10).values, 1),
     "local models": ("records", lambda data: preprocess.local_models(data).values, 1),
-    "coherence": ("records", lambda data: preprocess.partial_coherence(data)[1], 0),
+    "coherence": ("records", lambda data: ms.estimate_frf(data).coherence, 0),
     "findings": ("records", lambda data: len(preprocess.examine(data)), 0),
     "residues": ("lines", lambda data: ms.fit_residues(data, chain5().modes()).residues, 1),
     "indicator function": ("lines", lambda data: ms.indicators.mmif(data)[0], 0),

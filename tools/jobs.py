@@ -860,8 +860,6 @@ def _() -> Told:
         "differentiated": data(records.differentiate(records.integrate(record, times=2, lowest=0.3))),
         "machines": data(records.remove_harmonics(record, [3.3])),
         "spectra": [array(spectrum.frequencies), array(spectrum.singular_values), spectrum.averages],
-        "coherence": [array(each) for each in records.partial_coherence(driven(), segment=400)],
-        "forces": array(records.principal_forces(driven(), segment=400).powers),
         "blocks": settings(records.correlation_blocks(record, lags=60)),
     }
 

@@ -1,4 +1,4 @@
-"""Local polynomial and rational models: free of leakage, with their own variance; several forces; lines too far apart."""
+"""Local polynomial and rational models: free of leakage, with their own variance; lines too far apart."""
 
 from __future__ import annotations
 
@@ -7,13 +7,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.data import Signals
-from modalscope.signals.preprocess import (
-    estimate_frf,
-    force_correlation,
-    local_models,
-    partial_coherence,
-    principal_forces,
-)
+from modalscope.signals.preprocess import estimate_frf, local_models
 from modalscope.signals.preprocess.frf import leakage_note
 from modalscope.signals.preprocess.plans import narrowest_peak
 from tests.support import random_system, refused, relative
@@ -107,28 +101,6 @@ def test_what_local_models_cannot_take_is_said():
     refused("the runs have", local_models, record(30))
     same = record(mixing=np.array([[1.0, 1.0], [0.0, 0.0]]))
     refused("the forces vanish, or are proportional", local_models, same)
-
-
-def test_forces_that_are_alike_are_seen():
-    mixing = np.array([[1.0, 0.8], [0.0, 0.6]])  # a coherence of .64
-    data = record(40_000, mixing=mixing)
-    _, coherence = force_correlation(data, segment=500)
-    assert np.isclose(coherence[:, 0, 1].mean(), 0.64, atol=0.02)
-    assert np.allclose(coherence[:, [0, 1], [0, 1]], 1)
-    powers = principal_forces(data, segment=500).powers.mean(axis=0)
-    # eigenvalues of mixing' mixing, 1 + .8 and 1 - .8, times the density 2 of white noise at 1 Hz
-    assert np.allclose(powers, [3.6, 0.4], rtol=0.05)
-
-
-def test_partial_coherence_is_that_of_one_force_alone():
-    """y = u1 + noise, u2 alike to u1: the ordinary coherence with u2 is high, the partial one nothing."""
-    rng = np.random.default_rng(0)
-    u = rng.standard_normal((40_000, 2)) @ np.array([[1.0, 0.8], [0.0, 0.6]])
-    y = u[:, :1] + rng.standard_normal((40_000, 1))
-    _, found = partial_coherence(Signals(outputs=y, inputs=u, sampling_rate=1.0), segment=500)
-    # given u2, u1 has .36 of its power left, beside 1 of noise: .36 / 1.36; given u1 nothing of u2 is in y (1 / averages by chance)
-    assert np.isclose(found[:, 0, 0].mean(), 0.36 / 1.36, atol=0.02)
-    assert found[:, 0, 1].mean() < 0.02
 
 
 def test_segments_are_as_long_as_the_narrowest_resonance_wants():

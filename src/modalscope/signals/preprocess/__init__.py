@@ -25,12 +25,6 @@ if TYPE_CHECKING:
         estimate_correlation as estimate_correlation,
         half_spectra as half_spectra,
     )
-    from modalscope.signals.preprocess.forces import (
-        PrincipalForces as PrincipalForces,
-        force_correlation as force_correlation,
-        partial_coherence as partial_coherence,
-        principal_forces as principal_forces,
-    )
     from modalscope.signals.preprocess.frf import estimate_frf as estimate_frf
     from modalscope.signals.preprocess.harmonics_removed import remove_harmonics as remove_harmonics
     from modalscope.signals.preprocess.impacts import exponential_decay as exponential_decay
@@ -38,11 +32,7 @@ if TYPE_CHECKING:
         LocalEstimate as LocalEstimate,
         local_models as local_models,
     )
-    from modalscope.signals.preprocess.markov import (
-        Observer as Observer,
-        estimate_markov as estimate_markov,
-        estimate_observer as estimate_observer,
-    )
+    from modalscope.signals.preprocess.markov import estimate_markov as estimate_markov
     from modalscope.signals.preprocess.merging import merge as merge
     from modalscope.signals.preprocess.setups import merge_setups as merge_setups
     from modalscope.signals.preprocess.singular_spectra import (
@@ -57,12 +47,11 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "modalscope.data.notes": ("Finding",),
     "conditioning": ("decimate", "detrend", "differentiate", "filter_band", "integrate"),
     "correlation": ("correlation_blocks", "estimate_correlation", "half_spectra"),
-    "forces": ("PrincipalForces", "force_correlation", "partial_coherence", "principal_forces"),
     "frf": ("estimate_frf",),
     "harmonics_removed": ("remove_harmonics",),
     "impacts": ("exponential_decay",),
     "local_polynomials": ("LocalEstimate", "local_models"),
-    "markov": ("Observer", "estimate_markov", "estimate_observer"),
+    "markov": ("estimate_markov",),
     "merging": ("merge",),
     "setups": ("merge_setups",),
     "singular_spectra": ("Decomposition", "decomposition"),

@@ -9,23 +9,20 @@ a regression of finite length whatever the damping. The Markov parameters of the
 
     Y(k) = b_(k+1) + a_(k+1) D + sum_{i<=k} a_i Y(k - i)         (a_i = b_i = 0 beyond p)
 
-and C A^k G from the same recursion with a_(k+1) instead of the first two terms. For large p and long records G is the Kalman gain of the
-noise.
+For large p and long records G is the Kalman gain of the noise.
 """
 
 from __future__ import annotations
 
 from itertools import islice
-from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as sla
 
 from modalscope.data.records import Signals
 from modalscope.data.responses import ImpulseResponse
-from modalscope.data.statespace import StateSpace
-from modalscope.numerics.arguments import COUNT, at_least, named, plain_methods
-from modalscope.numerics.checks import IntArray, RealArray
+from modalscope.numerics.arguments import COUNT, at_least, named
+from modalscope.numerics.checks import RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
 from modalscope.signals.preprocess.excitation import driven_records
@@ -44,92 +41,22 @@ _UNSTABLE_SIZE = 1e9
 _MAX_ATTEMPTS = 6
 
 
-class Observer(NamedTuple):
-    """An observer identified from a record, and the response computed from it.
+def _by_observer(signals: Signals, given: int | None, samples: int | None) -> ImpulseResponse:
+    """Return the response by an observer (OKID) of a given order, or of the best one.
 
-    Attributes
-    ----------
-    response : ImpulseResponse
-        Y(k) = C A^k B with the direct term.
-    gain_parameters : array, (N, l, l)
-        C A^k G: what the gain is computed from (`gain_of`).
-    order : int
-        Observer order p: past samples in the regression.
-    orders, criterion : array
-        All observer orders that were tried, and the mean logarithm of their prediction errors' share of the outputs' power, in
-        cross-validation; the chosen order is the best whose response does not grow.
-    residual_covariance : array, (l, l)
-        Covariance of the one-step prediction errors.
-    """
+    The observer is the best in cross-validation: every quarter of the runs is predicted from the others, by orders up to 60, or what
+    the record's samples and 600 regressors allow, and with more and more of the regressors' singular directions
+    (`observer_regression`). This excludes directions that only noise excites, of redundant channels and of inputs without power in part of
+    the band. Where a record is exact to rounding, the first order that fits it is taken. An order whose response grows is rejected for
+    the next best.
 
-    response: ImpulseResponse
-    gain_parameters: RealArray
-    order: int
-    orders: IntArray
-    criterion: RealArray
-    residual_covariance: RealArray
-
-    def gain_of(self, model: StateSpace) -> RealArray:
-        """Return the gain G (n, l) of x(k+1) = A x + B u + G (y - C x - D u) in the coordinates of a realization of the response.
-
-        Least squares on C A^k G = gain_parameters[k], as many samples as the observer's order or the states need.
-
-        Parameters
-        ----------
-        model : StateSpace
-            A realization of the response, sampled.
-
-        Raises
-        ------
-        DataError
-            A continuous model, or one with other outputs.
-        """
-        l = self.gain_parameters.shape[1]
-        if model.dt is None or model.C.shape[0] != l:
-            have = f"this one has {model.C.shape[0]}" + (" and is continuous" if model.dt is None else "")
-            asked = f"the gain of a sampled model with {l} outputs was asked"
-            raise DataError(asked, have, "Give a realization of this observer's response.")
-        count = min(max(self.order, model.order), self.gain_parameters.shape[0])
-        rows, power = [], np.array(model.C)
-        for _ in range(count):
-            rows.append(power)
-            power = power @ model.A
-        gain = np.linalg.lstsq(np.concatenate(rows), self.gain_parameters[:count].reshape(-1, l), rcond=None)[0]
-        return np.asarray(gain)
-
-
-@named(observer_order=COUNT, samples=at_least(2), longest=COUNT)
-@one_thread
-def estimate_observer(
-    signals: Signals, *, observer_order: int | None = None, samples: int | None = None, longest: int | None = None
-) -> Observer:
-    """Identify an observer (OKID): the response, the gain and the observer's order.
-
-    The observer is the best in cross-validation: every quarter of the runs is predicted from the others, by all orders up to `longest`
-    and with more and more of the regressors' singular directions (`observer_regression`). This excludes directions that only
-    noise excites, of redundant channels and of inputs without power in part of the band. Where a record is exact to rounding, the first
-    order that fits it is taken. An order whose response grows is rejected for the next best.
-
-    Parameters
-    ----------
-    signals : Signals
-    observer_order : int, optional
-        Past samples p; p l must be at least the number of states.
-    samples : int, optional
-        Length of the response (see `estimate_markov`).
-    longest : int, optional
-        Largest order tried; by default 60, or what the record's samples and 600 regressors allow.
-
-    Raises
-    ------
-    DataError
-        No inputs, too short a record, or a response that grows with every observer.
+    Raises `DataError`: No inputs, too short a record, or a response that grows with every observer.
     """
     outputs, inputs = driven_records(signals, "Markov parameters")
     output_scale, input_scale = _level(outputs), _level(inputs)
-    tried = tried_orders(outputs / output_scale, inputs / input_scale, observer_order, longest)
+    tried = tried_orders(outputs / output_scale, inputs / input_scale, given)
     for p, rank in islice(tried.best_first(), _MAX_ATTEMPTS):
-        D, b, a, S = _coefficients(tried.regression, p, rank)
+        D, b, a = _coefficients(tried.regression, p, rank)
         response = _recursion(D, b, a, samples, outputs.shape[1])
         if response is not None:
             break
@@ -138,18 +65,11 @@ def estimate_observer(
         have = f"with order {orders} it grows: noise hides the damping, or the structure is unstable"
         change = "Give another observer_order, exclude redundant or noisy channels, or measure longer."
         raise DataError("a response by an observer (OKID) was asked", have, change)
-    Y, gain, end = response
-    by_input, by_output = output_scale[:, None] / input_scale, output_scale[:, None] / output_scale
-    choice = f"{'chosen' if observer_order is None else 'given'}, {rank} of {tried.regression.unknowns(p)} directions"
+    Y, end = response
+    by_input = output_scale[:, None] / input_scale
+    choice = f"{'chosen' if given is None else 'given'}, {rank} of {tried.regression.unknowns(p)} directions"
     note = f"OKID with an observer of order {p} ({choice}), {len(Y)} samples, {end}"
-    return Observer(
-        response=_pulse_response(signals, Y * by_input, D * by_input, note),
-        gain_parameters=gain * by_output,
-        order=p,
-        orders=tried.orders,
-        criterion=tried.criterion,
-        residual_covariance=S * np.outer(output_scale, output_scale),
-    )
+    return _pulse_response(signals, Y * by_input, D * by_input, note)
 
 
 def _level(records: RealArray) -> RealArray:
@@ -158,30 +78,28 @@ def _level(records: RealArray) -> RealArray:
     return np.asarray(np.where(size > 0, size, 1.0))
 
 
-def _coefficients(regression: Regression, p: int, rank: int) -> tuple[RealArray, RealArray, RealArray, RealArray]:
-    """Return D (l, m), b (p, l, m), a (p, l, l) and the covariance of the residuals (l, l)."""
+def _coefficients(regression: Regression, p: int, rank: int) -> tuple[RealArray, RealArray, RealArray]:
+    """Return D (l, m), b (p, l, m) and a (p, l, l)."""
     l, m = regression.outputs, regression.inputs
-    solution, _, residual = regression.fit(regression.unknowns(p), rank)
+    solution = regression.fit(regression.unknowns(p), rank)[0]
     past = solution[m:].reshape(p, m + l, l).transpose(0, 2, 1)
-    return solution[:m].T, past[:, :, :m], past[:, :, m:], residual / regression.rows
+    return solution[:m].T, past[:, :, :m], past[:, :, m:]
 
 
-def _recursion(
-    D: RealArray, b: RealArray, a: RealArray, asked: int | None, run: int
-) -> tuple[RealArray, RealArray, str] | None:
-    """Return Y(k) and C A^k G, and the reason of their length; None when they grow over the length of a run."""
+def _recursion(D: RealArray, b: RealArray, a: RealArray, asked: int | None, run: int) -> tuple[RealArray, str] | None:
+    """Return Y(k), and the reason of its length; None when it grows over the length of a run."""
     p, l, m = b.shape
-    direct = np.concatenate([b + a @ D, a], axis=2)  # Y and the gain parameters obey one recursion: (p, l, m + l)
+    direct = b + a @ D
     weights = a[::-1].transpose(1, 0, 2).reshape(l, p * l)  # a_p ... a_1, in the order of the past
     most = max(run, asked or 0)
-    history, sizes = np.zeros(((most + p) * l, m + l)), np.zeros(most)
+    history, sizes = np.zeros(((most + p) * l, m)), np.zeros(most)
     largest, quiet, end = 0.0, 0, "as asked" if asked else "before it has decayed"
     for k in range(most):
         value = weights @ history[k * l : (k + p) * l]
         if k < p:
             value += direct[k]
         history[(k + p) * l : (k + p + 1) * l] = value
-        sizes[k] = np.abs(value[:, :m]).max()
+        sizes[k] = np.abs(value).max()
         if not sizes[k] < _UNSTABLE_SIZE:
             return None
         largest, quiet = max(largest, sizes[k]), quiet + 1 if sizes[k] <= _DECAYED_LEVEL * largest else 0
@@ -190,8 +108,7 @@ def _recursion(
             break
     if quiet < 2 * p and sizes[3 * most // 4 :].max() > _GROWTH * sizes[: most // 2].max():
         return None
-    values = history[p * l : (p + (asked or most)) * l].reshape(-1, l, m + l)
-    return values[:, :, :m], values[:, :, m:], end
+    return history[p * l : (p + (asked or most)) * l].reshape(-1, l, m), end
 
 
 def _pulse_response(signals: Signals, Y: RealArray, D: RealArray, note: str) -> ImpulseResponse:
@@ -218,7 +135,7 @@ def estimate_markov(
     signals : Signals
         Outputs and inputs; several runs are used together. Nothing is assumed about the state at the start.
     method : {"okid", "least squares"}
-        "okid" goes through an observer (`estimate_observer`) and takes lightly damped structures; "least squares" fits
+        "okid" goes through an observer and takes lightly damped structures; "least squares" fits
         y(k) = D u(k) + sum Y(i) u(k - 1 - i) with `samples` terms directly, for responses that decay within them.
     observer_order : int, optional
         Past samples in the observer ("okid"); by default the best of all.
@@ -250,7 +167,7 @@ def estimate_markov(
     (True, array([[0.5]]))
     """
     if method == "okid":
-        return estimate_observer(signals, observer_order=observer_order, samples=samples).response
+        return _by_observer(signals, observer_order, samples)
     if observer_order is not None:
         asked, have = f"observer_order={observer_order} was asked", 'method="least squares" has no observer'
         raise DataError(asked, have, "Leave it out.")
@@ -275,6 +192,3 @@ def _least_squares(signals: Signals, samples: int | None) -> ImpulseResponse:
         sla.lstsq(joined[:, :unknowns], joined[:, unknowns:], cond=RANK)[0].reshape(count + 1, m, -1).transpose(0, 2, 1)
     )
     return _pulse_response(signals, steps[1:], steps[0], f"least squares for {count} samples of the response")
-
-
-plain_methods(Observer)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.numerics.checks import IntArray, RealArray, check_count
+from modalscope.numerics.checks import IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.orthonormal import factor_of_gram, gram_of, triangle_of
 
@@ -43,7 +43,7 @@ _MIN_REMAINDER = 1e-3
 _MAX_ROWS = 4096
 
 #: The largest order that is tried by default is 60, or that of 600 regressors, (outputs + inputs) times order, if this is lower, but at
-#: least 10. The numbers bound the time. The docstring of `estimate_observer` states the first two.
+#: least 10. The numbers bound the time.
 _MAX_ORDER, _MAX_REGRESSORS, _MIN_MAX_ORDER = 60, 600, 10
 
 #: Orders up to this one are all tried; after it each is larger than the one before by about a quarter, 4.5 orders for a factor e.
@@ -193,8 +193,8 @@ class TriedOrders(NamedTuple):
             yield int(self.orders[i]), int(self.ranks[i])
 
 
-def tried_orders(outputs: RealArray, inputs: RealArray, given: int | None, longest: int | None) -> TriedOrders:
-    """Try the orders up to `longest`, or the order `given` alone, on outputs (R, N, l) and inputs (R, N, m) of unit scale.
+def tried_orders(outputs: RealArray, inputs: RealArray, given: int | None) -> TriedOrders:
+    """Try the orders, or the one that is `given` alone, on outputs (R, N, l) and inputs (R, N, m) of unit scale.
 
     An order that fits to rounding ends the search; it may have more unknowns than equations, since the rank counts. If none does, the
     orders with more equations than unknowns are compared by cross-validation.
@@ -205,8 +205,7 @@ def tried_orders(outputs: RealArray, inputs: RealArray, given: int | None, longe
         No order fits to rounding, and every order has more unknowns than equations.
     """
     (runs, samples, l), m = outputs.shape, inputs.shape[2]
-    default = min(max(_MAX_REGRESSORS // (l + m), _MIN_MAX_ORDER), _MAX_ORDER)
-    limit = default if longest is None else check_count("longest", longest)
+    limit = min(max(_MAX_REGRESSORS // (l + m), _MIN_MAX_ORDER), _MAX_ORDER)
     top = given or max(min(limit, samples // 2), 1)
     max_determined = max((runs * samples - m - l) // (l + m + runs), 0)  # orders with more equations than unknowns
     determined = min(top, max_determined) if given is None or given <= max_determined else 0
