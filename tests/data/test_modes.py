@@ -255,8 +255,6 @@ def test_one_mode_is_a_view_and_several_are_modes() -> None:
     np.testing.assert_array_equal(second.shape, [2j, 1])
     np.testing.assert_array_equal(second.participation, [2])
     assert (second.kind, second.indicators, second.reason) == ("mode", {"mpc": 0.8}, {"text": "b"})
-    assert second.spreads.keys() == {"frequency_spread_hz", "frequency_std_hz", "frequency_repeatability_hz", "gain"}
-    assert second.spreads["gain"] == 20
     assert [mode.index for mode in modes] == [0, 1, 2]
     assert modes[-1].pole == -3 + 30j
     assert str(modes[0]) == "1.5995 Hz, 9.950 %"  # |-1 + 10j| / 2 pi and 1 / |-1 + 10j|
@@ -265,7 +263,7 @@ def test_one_mode_is_a_view_and_several_are_modes() -> None:
         np.testing.assert_array_equal(some.poles, modes.poles[1:])
     assert len(modes[3:]) == len(modes[[]]) == 0
     bare = ModalModel(poles=[-1 + 10j], shapes=[[1.0]])  # type: ignore[arg-type]
-    assert (bare[0].participation, bare[0].reason, bare[0].spreads) == (None, {}, {})
+    assert (bare[0].participation, bare[0].reason) == (None, {})
 
 
 @pytest.mark.parametrize("which", [3, -4, [0, 3], [0.5], "first", [[0]], [True, False]])

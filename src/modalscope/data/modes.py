@@ -148,12 +148,6 @@ class Mode:
         """What decides the grade."""
         return str(_graded(self.modes)[self.index].reason)
 
-    @property
-    def spreads(self) -> Mapping[str, float]:
-        """Every deviation and gain that is known, by the name of its column, such as `frequency_std_hz`."""
-        known = {column: getattr(self.modes, name) for column, name in COLUMNS.items()}
-        return {column: float(values[self.index]) for column, values in known.items() if values is not None}
-
     def __repr__(self) -> str:
         return f"<mode {self.index + 1}: {self}>"
 

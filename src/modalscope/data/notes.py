@@ -48,7 +48,9 @@ class Note:
         for name, text in (("kind", self.kind), ("text", self.text)):
             check_kind(f"{name} of a note", text, str)
         check_kind("numbers of a note", self.numbers, Mapping)
-        freeze(self, numbers={str(name): _number(name, value) for name, value in self.numbers.items()})
+        freeze(
+            self, numbers={str(name): _or_unknown(f"{name} of a note", value) for name, value in self.numbers.items()}
+        )
 
     def __str__(self) -> str:
         return self.text
@@ -99,13 +101,6 @@ def _note(value: Any) -> Note:
         return Note.from_dict(value)
     check_kind("each of the notes", value, (Note, str))
     return value if isinstance(value, Note) else Note(REMARK, {}, value)
-
-
-def _number(name: str, value: Any) -> float:
-    """Return a number of a note; what JSON calls null is NaN, and infinite numbers stay."""
-    if value is None or (isinstance(value, float) and np.isnan(value)):
-        return np.nan  # one object, so that notes of the same content stay equal
-    return value if isinstance(value, float) and np.isinf(value) else check_number(f"{name} of a note", value)
 
 
 class Finding(NamedTuple):
@@ -239,7 +234,7 @@ class Harmonic(_Row):
 def _or_unknown(name: str, value: Any) -> float:
     """Return a finite number; NaN for None and NaN, and an infinite number as it is."""
     if value is None or (isinstance(value, float) and np.isnan(value)):
-        return np.nan
+        return np.nan  # one object, so that notes of the same content stay equal
     return value if isinstance(value, float) and np.isinf(value) else check_number(name, value)
 
 

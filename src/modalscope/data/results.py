@@ -52,9 +52,6 @@ class Settings:
             raise KeyError(name)
         return getattr(self, name)
 
-    def __contains__(self, name: object) -> bool:
-        return name in set(self.keys())
-
     def get(self, name: str, default: Any = None) -> Any:
         """Return an option, or a default where it is not set."""
         value = getattr(self, name, None)

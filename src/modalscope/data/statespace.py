@@ -35,11 +35,6 @@ class ModalForm:
     blocks: tuple[Block, ...]
     condition: float
 
-    @property
-    def clusters(self) -> tuple[Block, ...]:
-        """The blocks whose poles could not be taken apart."""
-        return tuple(block for block in self.blocks if not block.separate)
-
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Balanced:

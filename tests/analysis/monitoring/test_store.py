@@ -94,8 +94,8 @@ def test_a_record_that_cannot_be_used_is_listed_with_the_reason(store: Store, tm
     path.write_text("no numbers\n")
     assert store.add(path)
     assert not store.add(path)
-    ((name, why),) = store.refused()
-    assert (name, len(store), len(store.history())) == (path.name, 0, 0)
+    ((_, name, state, why),) = store.records
+    assert (name, state, len(store), len(store.history())) == (path.name, "refused", 0, 0)
     assert "numbers" in why
 
 

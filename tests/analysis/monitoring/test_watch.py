@@ -51,7 +51,7 @@ def test_several_processes_store_the_same_as_one(folder: Path, tmp_path: Path) -
         collect(folder, one, options=FEW)
         collect(folder, two, jobs=2, options=FEW)
         assert one.history().frequencies.tolist() == two.history().frequencies.tolist()
-        assert one.refused() == two.refused()
+        assert one.records.tolist() == two.records.tolist()
 
 
 def test_a_file_that_is_being_written_waits(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -107,7 +107,7 @@ def test_a_misspelt_option_refuses_no_record(folder: Path, tmp_path: Path) -> No
     with Store(tmp_path / "a.modes") as store:
         with pytest.raises(DataError, match="did you mean 'method'"):
             collect(folder, store, options={"methd": "era"})
-        assert store.refused() == []
+        assert store.records.size == 0
 
 
 def test_covariates_are_read_with_either_sign(tmp_path: Path) -> None:

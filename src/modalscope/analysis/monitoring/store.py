@@ -409,11 +409,6 @@ class Store:
         asked = f"the store {self.path.name} was asked"
         return DataError(asked, f"{what} is damaged: it is not as it was written", "Make it anew from its records.")
 
-    def refused(self) -> list[tuple[str, str]]:
-        """Return the names of the records that could not be used, each with the reason."""
-        with self._plainly():
-            return [(str(r["name"]), str(r["refused"])) for r in self._heads() if r["refused"] is not None]
-
     def forget_refused(self) -> int:
         """Forget the records that could not be used, so that the next look tries them again; return how many there were."""
         with self._transaction():

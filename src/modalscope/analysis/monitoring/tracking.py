@@ -133,10 +133,7 @@ class _Follower:
 
     def at(self, k: int) -> Found:
         """Return the modes of a record."""
-        here, all_of = slice(self.starts[k], self.starts[k + 1]), self.modes
-        return Found(
-            all_of.level[here], all_of.noise[here], all_of.damping[here], all_of.shape[here], all_of.known[here]
-        )
+        return _some(self.modes, slice(self.starts[k], self.starts[k + 1]))
 
     def _usual(self) -> tuple[float, float, float]:
         """Return the variances of level, damping and one component of a shape, by the modes of neighbouring records that are most alike."""
@@ -444,7 +441,7 @@ class _Follower:
         return replace(tracks, notes=_notes(tracks))
 
 
-def _some(found: Found, which: IntArray) -> Found:
+def _some(found: Found, which: IntArray | slice) -> Found:
     return Found(*(getattr(found, name)[which] for name in Found.__dataclass_fields__))
 
 

@@ -112,15 +112,6 @@ class Tracks(Shown):
         found[self.history.record[kept], self.track[kept]] = each[kept]
         return found
 
-    def strong(self, share: float = 0.5) -> Tracks:
-        """Return the tracks that are seen in at least this share of the records.
-
-        Parameters
-        ----------
-        share : float
-        """
-        return self.pick(np.isfinite(self.frequencies).mean(axis=0) >= share)
-
     def pick(self, which: BoolArray) -> Tracks:
         """Return some of the tracks.
 

@@ -18,6 +18,7 @@ from modalscope.analysis.workflow.simulation import (
     free_run,
     rebuilt,
     runs_of,
+    sampled,
     validated,
     with_innovations,
 )
@@ -62,15 +63,12 @@ class RealizedModel(StateSpace):
     notes : tuple of Note
     validation : ModelValidation, optional
         On the part of records with inputs that was held out; None for responses, and with holdout=0.
-    initial_states : array, (runs, n), optional
-        First states that fit the records best.
     directions : array, (p, n + l, n + m), optional
         Of [[A, B], [C, D]], a standard deviation each, their outer products add to the covariance; of models of records with inputs.
     """
 
     notes: tuple[Note, ...] = ()
     validation: ModelValidation | None = None
-    initial_states: RealArray | None = None
     directions: RealArray | None = None
 
     def frequency_response_std(self, frequencies: ArrayLike) -> RealArray:
@@ -139,7 +137,7 @@ def realize(
     Returns
     -------
     RealizedModel
-        A `StateSpace` with `notes`, `validation` and `initial_states`.
+        A `StateSpace` with `notes` and `validation`.
 
     Raises
     ------
@@ -307,10 +305,6 @@ def _ways(records: Records, choice: Mapping[str, Any]) -> dict[str, dict[str, An
     return ways
 
 
-def _sampled(model: StateSpace, rate: float) -> StateSpace:
-    return model if model.dt is not None else model.to_discrete(1 / rate)
-
-
 class _Tried(NamedTuple):
     """A way and an order with its models, one a fold, none where it failed.
 
@@ -338,7 +332,7 @@ def _of_fold(
             model, mirrored = deterministic(cuts.pipeline.matrix, cut.triple, cut.modal), 0
             if stable:
                 model, mirrored, _ = stabilized(model, cuts.pipeline.response)
-            found[cut.order] = _sampled(model, fold.fitted.sampling_rate), mirrored
+            found[cut.order] = sampled(model, fold.fitted), mirrored
         return found
     except (DataError, ValueError, ArithmeticError):
         if len(orders) < 2:
@@ -458,13 +452,11 @@ def _of_records(
     best = _best(found)
     validation = _validation(best, tried, folds, words)
     model, said = _again(best, records, options, stable=stable)
-    first = [free_run(model, y, u).first for y, u in runs_of(records)]
     warning = _warnings(validation, asked=choice.get("route"))
     return RealizedModel(
         **_fields(model, records),
         notes=(*notes, *said, *warning),
         validation=validation,
-        initial_states=np.array(first),
         directions=directions(model, records),
     )
 
@@ -568,7 +560,7 @@ def _again(
         if stable:
             model, _, said = stabilized(model, found.response)
             notes = (*notes, *said)
-        whole.append((_sampled(model, records.sampling_rate), notes))
+        whole.append((sampled(model, records), notes))
     except DataError as error:
         notes = (Note("fitted part", {}, f"all records together were refused: {error.found}"),)
     if best.refined and whole:
