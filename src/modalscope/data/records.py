@@ -42,10 +42,50 @@ from modalscope.numerics.checks import (
 from modalscope.numerics.errors import DataError
 
 
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
+class Sampled(Channels):
+    """What a record in memory and one in its file have in common: a sampling rate, and quantities of the outputs."""
+
+    sampling_rate: float
+    quantities: tuple[str | None, ...] = None  # type: ignore[assignment]
+
+    def _label(self, outputs: int, inputs: int) -> None:
+        given: Any = self.quantities
+        alike = given is None or isinstance(given, str)
+        each = [given] * outputs if alike else check_each("quantities", given, "one for all, or one an output")
+        if len(each) != outputs:
+            have = f"{len(each)} are given"
+            raise DataError(f"quantities needs {outputs}", have, "Give one for all, or one an output.")
+        rate = check_positive("sampling_rate", self.sampling_rate)
+        freeze(self, sampling_rate=rate, quantities=tuple(check_quantity(quantity) for quantity in each))
+        Channels._label(self, outputs, inputs)
+
+    @property
+    @abstractmethod
+    def samples(self) -> int:
+        """Samples in a run."""
+
+    @property
+    def duration(self) -> float:
+        """Length of a run in seconds."""
+        return self.samples / self.sampling_rate
+
+    @property
+    def quantity(self) -> str | None:
+        """The quantity of all outputs; None when it is not known or not the same for all."""
+        return self.quantities[0] if len(set(self.quantities)) == 1 else None
+
+    def _cut(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
+        return {**Channels._cut(self, outputs, inputs), "quantities": tuple(self.quantities[i] for i in outputs)}
+
+    def _quantity_of(self, kinds: Sequence[str | None]) -> dict[str, Any]:
+        return {"quantities": tuple(q or kind for q, kind in zip(self.quantities, kinds, strict=True))}
+
+
 @also_called(quantity="quantities")
 @stays_locked
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
-class Signals(Channels, Convertible):
+class Signals(Sampled, Convertible):
     """Sampled outputs, and the inputs when they were measured.
 
     Parameters
@@ -75,8 +115,6 @@ class Signals(Channels, Convertible):
 
     outputs: RealArray
     inputs: RealArray | None = None
-    sampling_rate: float
-    quantities: tuple[str | None, ...] = None  # type: ignore[assignment]
     groups: Groups = AUTO
 
     def __post_init__(self) -> None:
@@ -94,24 +132,9 @@ class Signals(Channels, Convertible):
             raise DataError(
                 "a record needs at least two samples", f"its shape is {outputs.shape}", "Measure a longer one."
             )
-        given: Any = self.quantities
-        count = outputs.shape[-1]
-        alike = given is None or isinstance(given, str)
-        quantities = [given] * count if alike else check_each("quantities", given, "one for all, or one an output")
-        if len(quantities) != count:
-            raise DataError(
-                f"quantities needs {count}", f"{len(quantities)} are given", "Give one for all, or one an output."
-            )
         runs = 1 if outputs.ndim == 2 else outputs.shape[0]
-        freeze(
-            self,
-            outputs=outputs,
-            inputs=inputs,
-            sampling_rate=check_positive("sampling_rate", self.sampling_rate),
-            quantities=tuple(check_quantity(q) for q in quantities),
-            groups=check_groups(self.groups, runs, "a run", run_groups(runs)),
-        )
-        self._label(count, 0 if inputs is None else inputs.shape[-1])
+        freeze(self, outputs=outputs, inputs=inputs, groups=check_groups(self.groups, runs, "a run", run_groups(runs)))
+        self._label(outputs.shape[-1], 0 if inputs is None else inputs.shape[-1])
 
     @property
     def samples(self) -> int:
@@ -122,16 +145,6 @@ class Signals(Channels, Convertible):
     def runs(self) -> int:
         """Number of runs."""
         return 1 if self.outputs.ndim == 2 else int(self.outputs.shape[0])
-
-    @property
-    def duration(self) -> float:
-        """Length of a run in seconds."""
-        return self.samples / self.sampling_rate
-
-    @property
-    def quantity(self) -> str | None:
-        """The quantity of all outputs; None when it is not known or not the same for all."""
-        return self.quantities[0] if len(set(self.quantities)) == 1 else None
 
     @property
     def kind_of_test(self) -> str:
@@ -157,14 +170,8 @@ class Signals(Channels, Convertible):
         shape = (self.runs, self.samples, -1)
         return self.outputs.reshape(shape), None if self.inputs is None else self.inputs.reshape(shape)
 
-    def _cut(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
-        return {**Channels._cut(self, outputs, inputs), "quantities": tuple(self.quantities[i] for i in outputs)}
-
     def _scaled(self, outputs: RealArray, inputs: RealArray) -> dict[str, Any]:
         return {"outputs": self.outputs * outputs, "inputs": None if self.inputs is None else self.inputs * inputs}
-
-    def _quantity_of(self, kinds: Sequence[str | None]) -> dict[str, Any]:
-        return {"quantities": tuple(q or kind for q, kind in zip(self.quantities, kinds, strict=True))}
 
     def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         chosen = None if self.inputs is None or not inputs else np.ascontiguousarray(self.inputs[..., inputs])

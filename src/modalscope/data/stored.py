@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from hashlib import sha256
 from typing import Any, NoReturn, Protocol, TypeVar
@@ -10,7 +10,7 @@ from typing import Any, NoReturn, Protocol, TypeVar
 import numpy as np
 
 from modalscope.data.channels import KINDS, Channels, check_quantity
-from modalscope.data.records import Signals
+from modalscope.data.records import Sampled, Signals
 from modalscope.data.responses import ImpulseResponse
 from modalscope.numerics.checks import Array, RealArray, check_count, check_number, check_positive, freeze, real_stretch
 from modalscope.numerics.errors import DataError, check_choice
@@ -73,7 +73,7 @@ class Picked:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False, weakref_slot=True)
-class StoredSignals(Channels):
+class StoredSignals(Sampled):
     """Sampled outputs that stay where they are stored, however long they are.
 
     Correlations, filters and decimation go through them stretch by stretch; what needs all of them at once takes `load()`. `read` gives
@@ -95,8 +95,6 @@ class StoredSignals(Channels):
     """
 
     rows: Rows
-    sampling_rate: float
-    quantities: tuple[str | None, ...] = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         if not (hasattr(self.rows, "shape") and hasattr(self.rows, "read")):
@@ -110,13 +108,6 @@ class StoredSignals(Channels):
             raise DataError(
                 "a record needs at least two samples", f"its shape is {self.rows.shape}", "Measure a longer one."
             )
-        given: Any = self.quantities
-        each = (given,) * count if given is None or isinstance(given, str) else tuple(given)
-        freeze(
-            self,
-            sampling_rate=check_positive("sampling_rate", self.sampling_rate),
-            quantities=tuple(check_quantity(quantity) for quantity in each),
-        )
         self._label(count, 0)
 
     @property
@@ -128,16 +119,6 @@ class StoredSignals(Channels):
     def runs(self) -> int:
         """One: what is stored is one run."""
         return 1
-
-    @property
-    def duration(self) -> float:
-        """Length in seconds."""
-        return self.samples / self.sampling_rate
-
-    @property
-    def quantity(self) -> str | None:
-        """The quantity of all outputs; None when it is not known or not the same for all."""
-        return self.quantities[0] if len(set(self.quantities)) == 1 else None
 
     @property
     def size(self) -> int:
@@ -217,11 +198,8 @@ class StoredSignals(Channels):
     def _scaled(self, outputs: RealArray, inputs: RealArray) -> dict[str, Any]:
         return {"rows": Picked(self.rows, tuple(range(len(outputs))), tuple(map(float, outputs)))}
 
-    def _quantity_of(self, kinds: Sequence[str | None]) -> dict[str, Any]:
-        return {"quantities": tuple(q or kind for q, kind in zip(self.quantities, kinds, strict=True))}
-
     def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
-        return {"rows": Picked(self.rows, tuple(outputs)), "quantities": tuple(self.quantities[i] for i in outputs)}
+        return {"rows": Picked(self.rows, tuple(outputs))}
 
 
 #: Minimum number of values that are read at a time; whole pieces of the file where these are larger.

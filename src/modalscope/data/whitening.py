@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from modalscope.data.mode_fields import DIRECT
 from modalscope.data.modes import ModalModel
 from modalscope.data.records import Signals
 from modalscope.data.response import Response
@@ -103,9 +104,7 @@ class Whitening:
     def modes_back(self, modes: ModalModel) -> ModalModel:
         """Return modes of the combinations as those of the channels."""
         terms: dict[str, Any] = {
-            name: self.values_back(getattr(modes, name))
-            for name in ("feedthrough", "lower_residual", "upper_residual")
-            if getattr(modes, name) is not None
+            name: self.values_back(getattr(modes, name)) for name in DIRECT if getattr(modes, name) is not None
         }
         participation = None if modes.participation is None else self.references_back(modes.participation)
         return replace(modes, shapes=self.outputs_back(modes.shapes), participation=participation, **terms)

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data.mode_fields import DIRECT
 from modalscope.io import hdf5_walk
 from modalscope.io.apart import python, run_apart
 from modalscope.io.arrays import AXES, joined, to_arrays
@@ -40,7 +41,7 @@ _STATED = ("rate", "step", "frequency step", "first", "unit")
 _DIMENSIONS = {
     **dict.fromkeys(("output_dofs", "output_units", "quantities"), ("outputs",)),
     **dict.fromkeys(("input_dofs", "input_units"), ("inputs",)),
-    **dict.fromkeys(("feedthrough", "lower_residual", "upper_residual"), ("outputs", "inputs")),
+    **dict.fromkeys(DIRECT, ("outputs", "inputs")),
     "frequencies": ("lines",),
     "poles": ("modes",),
 }

@@ -33,7 +33,7 @@ import numpy as np
 
 from modalscope.data import DataError, Geometry, ModalModel, StabilizationDiagram, StateSpace
 from modalscope.data.analysis import VERSION
-from modalscope.data.mode_fields import COLUMNS
+from modalscope.data.mode_fields import COLUMNS, DIRECT
 from modalscope.data.results import Result
 from modalscope.io.analysis import analysis_to
 from modalscope.io.arrays import FIELD_FAULTS, joined, plain, to_arrays
@@ -45,9 +45,6 @@ from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.documents import entries, made, mapping, number, numbers
 from modalscope.numerics.functions.poles import poles_from
 
-#: What the caller may add: how the modes were found, and the data they were found in.
-
-_DIRECT = ("feedthrough", "lower_residual", "upper_residual")
 _OF_DATA = ("quantity", "dt", "held_input", "scaling")
 _OF_CHANNELS = ("output_dofs", "input_dofs", "units", "processing")
 
@@ -74,7 +71,7 @@ def write(path: Path, modes: Any, options: Options) -> None:
         "domain": options.get("domain"),
         "orders": None if options.get("orders") is None else [int(order) for order in np.atleast_1d(options["orders"])],
         "modes": _rows(modes),
-        **{name: None if (a := getattr(modes, name)) is None else a.tolist() for name in _DIRECT},
+        **{name: None if (a := getattr(modes, name)) is None else a.tolist() for name in DIRECT},
         "residual_terms": [terms.to_dict() for terms in modes.residual_terms],
         "left_out": [candidate.to_dict() for candidate in modes.left_out],
         "harmonics": [harmonic.to_dict() for harmonic in modes.harmonics],
@@ -188,7 +185,7 @@ def _modes(document: dict[str, Any]) -> ModalModel:
     rows, data = [mapping(row) for row in document["modes"]], mapping(document.get("data") or {})
     fields: dict[str, Any] = {name: data[name] for name in _OF_DATA if data.get(name) is not None}
     before = document.get("unrefined")
-    direct = {name: numbers(document[name]) for name in _DIRECT if document.get(name) is not None}
+    direct = {name: numbers(document[name]) for name in DIRECT if document.get(name) is not None}
     return _model(
         rows,
         data,

@@ -18,6 +18,7 @@ import numpy as np
 
 from modalscope.data import DataError, ImpulseResponse, ModalModel, Signals
 from modalscope.data.channels import Channels
+from modalscope.data.mode_fields import DIRECT
 from modalscope.io.arrays import names_of, to_arrays
 from modalscope.io.beside import check_links
 from modalscope.io.contents import Contents, Options, check_characters, damage_as_error, unreadable
@@ -32,7 +33,7 @@ from modalscope.numerics.errors import optional_package
 _NUMBERS_OF_CHUNK = 1_000_000
 
 #: Arrays that belong to the outputs that modes were identified with.
-_OF_OUTPUTS = ("output_dofs", "shapes", "shapes_std", "output_units", "feedthrough", "lower_residual", "upper_residual")
+_OF_OUTPUTS = ("output_dofs", "shapes", "shapes_std", "output_units", *DIRECT)
 
 #: Texts that are attributes, and prefixes of arrays that are omitted: the modes before refinement, and the geometry of their outputs.
 _TEXTS, _OMITTED = ("input_dofs", "processing", "quantity"), ("unrefined_", "geometry_")
