@@ -311,7 +311,6 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "StoredResponse.part": lambda t: {"start": 0, "stop": 2},
     "StoredSignals.chunk": lambda t: {"start": 0, "stop": 20},
     "StoredSignals.part": lambda t: {"start": 0, "stop": 20},
-    "StateSpace.balanced": lambda t: {"order": 4},
     "StateSpace.frequency_response": lambda t: {"frequencies": LINES},
     "StateSpace.impulse_response": lambda t: {"samples": 20},
     "StateSpace.markov_parameters": lambda t: {"samples": 20},

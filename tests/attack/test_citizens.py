@@ -50,7 +50,6 @@ PUBLIC: dict[str, Callable[[], Any]] = {
     "findings": lambda: ms.preprocess.examine(lines()),
     "a structure": lambda: CHAIN,
     "a model": lambda: CHAIN.state_space(),
-    "a balanced model": lambda: CHAIN.state_space().balanced(),
     "a problem": lambda: ms.prepare(lines(), method="era"),
     "factors in s": lambda: pipeline("s"),
     "factors in z": lambda: pipeline("z"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,9 +13,9 @@ from modalscope.data.quadruple import Quadruple
 from modalscope.data.records import Signals
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.numerics.arguments import POSITIVE, named
-from modalscope.numerics.checks import RealArray, check_count, real_array, stays_locked
+from modalscope.numerics.checks import RealArray, real_array, stays_locked
 from modalscope.numerics.errors import DataError, optional_package
-from modalscope.numerics.linear_systems import balancing, sampled
+from modalscope.numerics.linear_systems import sampled
 
 #: Between samples the input is held (zero-order hold), or comes in sampled Dirac impulses (they differ, Eq. 8).
 INPUTS = ("held", "dirac")
@@ -34,23 +34,6 @@ class ModalForm:
     T: RealArray
     blocks: tuple[Block, ...]
     condition: float
-
-
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Balanced:
-    """A balanced model, whole or cut to its leading states.
-
-    `state_space`: the model; both Gramians are diag(hankel_singular_values) when it is whole. `hankel_singular_values`: all of
-    them, falling; those at rounding level belong to states that are not observable or not controllable. `T`, `inverse` (n, k):
-    change of coordinates x = T z, and its left inverse. `error_bound`: 2 times the sum of the singular values that were cut; no
-    frequency response of the cut model is further from the whole one, in the largest singular value, at any frequency.
-    """
-
-    state_space: StateSpace
-    hankel_singular_values: RealArray
-    T: RealArray
-    inverse: RealArray
-    error_bound: float
 
 
 @stays_locked
@@ -253,51 +236,6 @@ class StateSpace(Quadruple):
                 "Change T.",
             )
         return self._moved(matrix, np.linalg.solve(matrix, self.A @ matrix))
-
-    def balanced(self, order: int | None = None, *, steady_state: bool = False) -> Balanced:
-        """Return the balanced realization, both Gramians diag(Hankel singular values), or its leading `order` states.
-
-        Parameters
-        ----------
-        order : int, optional
-            States to keep (balanced truncation); by default all that are both seen and driven.
-        steady_state : bool
-            Keep the gain at 0 Hz instead of the response's first samples.
-
-        Raises
-        ------
-        DataError
-            A pole that does not decay, or an order above the number of states that are seen and driven.
-
-        Examples
-        --------
-        >>> ss = StateSpace(A=[[-1, 0], [0, -2]], B=[[1], [0.001]], C=[[1, 1]])
-        >>> cut = ss.balanced(1)
-        >>> cut.state_space.order, bool(cut.error_bound < 0.001)
-        (1, True)
-        """
-        sampled = self.dt is not None
-        T, inverse, singular = balancing(self.A, self.B, self.C, sampled)
-        A, B, C, D = inverse @ self.A @ T, inverse @ self.B, self.C @ T, self.D
-        k = len(A) if order is None else check_count("order", order)
-        if k > len(A):
-            raise DataError(
-                f"a balanced model of order {k} was asked",
-                f"{len(A)} states are both observable and controllable",
-                "Lower it.",
-            )
-        if steady_state:  # the states that are cut are constant: the gain at 0 Hz stays
-            rest = (np.eye(len(A) - k) if sampled else 0) - A[k:, k:]
-            static = np.linalg.solve(rest, np.hstack([A[k:, :k], B[k:]]))
-            B, D = B[:k] + A[:k, k:] @ static[:, k:], D + C[:, k:] @ static[:, k:]
-            A, C = A[:k, :k] + A[:k, k:] @ static[:, :k], C[:, :k] + C[:, k:] @ static[:, :k]
-        return Balanced(
-            state_space=replace(self, A=A[:k, :k], B=B[:k], C=C[:, :k], D=D),
-            hankel_singular_values=singular,
-            T=T[:, :k],
-            inverse=inverse[:k],
-            error_bound=float(2 * singular[k:].sum()),
-        )
 
     def modal_form(self) -> ModalForm:
         """Return the model in real modal coordinates: A of blocks [[s, w], [-w, s]] and real poles (Eqs. 15-16).

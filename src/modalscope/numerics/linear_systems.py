@@ -1,7 +1,4 @@
-"""Balance, sample and evaluate linear systems given by their matrices A, B, C, D.
-
-Observability of (A, C) is controllability of (A', C').
-"""
+"""Sample and evaluate linear systems given by their matrices A, B, C, D."""
 
 from __future__ import annotations
 
@@ -23,55 +20,6 @@ def state_scale(A: RealArray) -> RealArray:
 def scaled(A: RealArray, scale: RealArray) -> RealArray:
     """Return A in the states x_i / s_i: A s_j / s_i."""
     return A * scale / scale[:, None]
-
-
-def gramian_factor(A: RealArray, B: RealArray, sampled: bool) -> RealArray:
-    """Return L, (n, n), with L L' the Gramian over all time of a stable model.
-
-    By Smith's doubling, L <- [L, A^(2^k) L] compressed by QR: the factor is found without squaring it, so that small
-    Hankel singular values keep their digits. A continuous model is first mapped to a sampled one of the same Gramian.
-
-    Raises `DataError`: A pole that does not decay.
-    """
-    values = np.linalg.eigvals(A)
-    growing = np.abs(values) >= 1 if sampled else values.real >= 0
-    if growing.any():
-        raise DataError(
-            "a Gramian over all time needs poles that decay",
-            f"{int(growing.sum())} poles do not decay",
-            "Leave those states out first.",
-        )
-    n, scale = A.shape[0], state_scale(A)
-    A, B = scaled(A, scale), B / scale[:, None]
-    if not sampled:
-        # Cayley's map at the geometric mean of the poles' moduli keeps fast and slow ones alike away from the unit circle
-        shift = float(np.exp(np.mean(np.log(np.abs(values))))) if n else 1.0
-        inverse = np.linalg.inv(shift * np.eye(n) - A)
-        A, B = inverse @ (shift * np.eye(n) + A), np.sqrt(2 * shift) * inverse @ B
-    L, power = _compressed(B), A
-    while np.linalg.norm(power) > np.finfo(float).eps:
-        L = _compressed(np.hstack([L, power @ L]))
-        power = power @ power
-    return np.hstack([L, np.zeros((n, n - L.shape[1]))]) * scale[:, None]
-
-
-def _compressed(L: RealArray) -> RealArray:
-    """Return at most n columns with the same L L'."""
-    triangle: RealArray = np.linalg.qr(L.T)[1]
-    return triangle.T
-
-
-def balancing(A: RealArray, B: RealArray, C: RealArray, sampled: bool) -> tuple[RealArray, RealArray, RealArray]:
-    """Return T (n, k) of balanced coordinates x = T z, its left inverse (k, n) and all Hankel singular values.
-
-    With L L' the Gramian of (A, B), M M' that of (A', C') and M' L = U S V': T = L V S^-1/2 and T^-1 = S^-1/2 U' M'. The k
-    states with a singular value above n eps times the first are kept; the others are not observable or not controllable.
-    """
-    L, M = gramian_factor(A, B, sampled), gramian_factor(A.T, C.T, sampled)
-    U, s, Vt = np.linalg.svd(M.T @ L)
-    k = int(np.count_nonzero(s > s.size * np.finfo(float).eps * s[0])) if s.size and s[0] > 0 else 0
-    root = np.sqrt(s[:k])
-    return L @ Vt[:k].T / root, (U[:, :k] / root).T @ M.T, s
 
 
 def sampled(A: RealArray, B: RealArray, dt: float, *, held: bool) -> tuple[RealArray, RealArray]:
