@@ -62,47 +62,43 @@ def _verdict(c: Comparison) -> Section:
     lead = f"The same data for all, {low:.5g} to {high:.5g} Hz; {len(c.modes)} modes in the consensus."
     if c.groups and explains_enough(c.fit_error):
         lead += f" {unexplained(c.fit_error)}"
-    digits = decimals(c.modes.frequencies, 6)
-    rows = [
-        [
-            str(k + 1),
-            f"{g.frequency:.{digits}f}",
-            told(c.scatter.frequency[k]),
-            f"{100 * g.damping:.3f}",
-            told(100 * c.scatter.damping[k]),
-            t.grade,
-            t.agreement.removeprefix("methods "),
-            "; ".join([t.why.partition(":")[0], *(x.name for x in t.causes)]),
-        ]
-        for k, (g, t) in enumerate(zip(c.groups, c.trust, strict=True))
-    ]
+    reasons = ["; ".join([t.why.partition(":")[0], *(x.name for x in t.causes)]) for t in c.trust]
+    columns = _columns(c) | {"reason and causes": reasons}
+    rows = list(zip(*columns.values(), strict=True))
     lines = [line for line in c.verdict.splitlines() if not line.startswith(_LINES_ON_MODES)] or [c.verdict]
     first = "loud" if c.groups and not explains_enough(c.fit_error) else "verdict"
     body = paragraph(c.headline) + paragraph(lines[0], first) + "".join(paragraph(line) for line in lines[1:])
-    head = ["mode", "frequency [Hz]", "± [Hz]", "damping [%]", "± [%]", "grade", "methods", "reason and causes"]
-    body += table(head, rows, words=[5, 6, 7], graded=5) if rows else ""
+    body += table(list(columns), rows, words=[5, 6, 7], graded=5) if rows else ""
     body += paragraph(lead, "muted")
     return Section("verdict", "Verdict", body)
 
 
-def _modes(c: Comparison) -> Section:
+def _columns(c: Comparison) -> dict[str, list[str]]:
+    """Return what both tables of the consensus say of its modes, by the heads of their columns."""
     digits = decimals(c.modes.frequencies, 6)
-    ran = sum(r.modes is not None for r in c.results)
-    columns = {
+    return {
         "mode": [str(k + 1) for k in range(len(c.groups))],
         "frequency [Hz]": [f"{g.frequency:.{digits}f}" for g in c.groups],
         "± [Hz]": [told(v) for v in c.scatter.frequency],
-        "between [Hz]": [f"{g.frequency_between:.2g}" for g in c.groups],
         "damping [%]": [f"{100 * g.damping:.3f}" for g in c.groups],
         "± [%]": [told(100 * v) for v in c.scatter.damping],
-        "between [%]": [f"{100 * g.damping_between:.2g}" for g in c.groups],
-        "identified by": [f"{len(g.members)} of {ran}" for g in c.groups],
-        "minimum MAC": [f"{min(g.mac.values()):.3f}" for g in c.groups],
         "grade": [t.grade for t in c.trust],
         "methods": [t.agreement.removeprefix("methods ") for t in c.trust],
     }
-    rows = list(zip(*columns.values(), strict=True))
-    body = table(list(columns), rows, words=[9, 10]) if rows else paragraph("No significant mode.")
+
+
+def _modes(c: Comparison) -> Section:
+    ran = sum(r.modes is not None for r in c.results)
+    columns = _columns(c) | {
+        "between [Hz]": [f"{g.frequency_between:.2g}" for g in c.groups],
+        "between [%]": [f"{100 * g.damping_between:.2g}" for g in c.groups],
+        "identified by": [f"{len(g.members)} of {ran}" for g in c.groups],
+        "minimum MAC": [f"{min(g.mac.values()):.3f}" for g in c.groups],
+    }
+    head = ["mode", "frequency [Hz]", "± [Hz]", "between [Hz]", "damping [%]", "± [%]", "between [%]"]
+    head += ["identified by", "minimum MAC", "grade", "methods"]
+    rows = list(zip(*(columns[name] for name in head), strict=True))
+    body = table(head, rows, words=[9, 10]) if rows else paragraph("No significant mode.")
     body += paragraph(
         f"±: {100 * LEVEL:g} % interval from the noise and the scatter between methods, no narrower than that of the analysis; "
         "between: standard deviation between methods; minimum MAC: of the methods' shapes with the consensus.",
