@@ -312,6 +312,7 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "StoredSignals.chunk": lambda t: {"start": 0, "stop": 20},
     "StoredSignals.part": lambda t: {"start": 0, "stop": 20},
     "StateSpace.frequency_response": lambda t: {"frequencies": LINES},
+    "StateSpace.from_other": lambda t: {"system": t["model"].to_scipy()},
     "StateSpace.impulse_response": lambda t: {"samples": 20},
     "StateSpace.markov_parameters": lambda t: {"samples": 20},
     "StateSpace.simulate": lambda t: {"inputs": np.ones((20, len(t["model"].B.T)))},
