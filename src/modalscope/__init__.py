@@ -24,12 +24,17 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
     from modalscope.analysis import monitoring as monitoring
     from modalscope.analysis.checking.certificate import Certificate as Certificate
     from modalscope.analysis.checking.certify import certify as certify
+    from modalscope.analysis.checking.dwell import Dwell as Dwell, tuned_dwell as tuned_dwell
     from modalscope.analysis.checking.validation import Validation as Validation, validate as validate
     from modalscope.analysis.comparing import Comparison as Comparison, compare as compare
     from modalscope.analysis.workflow.analyze import analyze as analyze
     from modalscope.analysis.workflow.full_field import FullField as FullField, full_field as full_field
+    from modalscope.analysis.workflow.mass_change import scale_by_mass as scale_by_mass
+    from modalscope.analysis.workflow.pairing import comac as comac, pair_modes as pair_modes
     from modalscope.analysis.workflow.realize import realize as realize
     from modalscope.analysis.workflow.replay import replay as replay
+    from modalscope.analysis.workflow.setups import merge_modes as merge_modes
+    from modalscope.analysis.workflow.shapes import fit_residues as fit_residues
     from modalscope.data import (
         DataError as DataError,
         FrequencyResponse as FrequencyResponse,
@@ -51,21 +56,16 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
     from modalscope.data.analysis import Analysis as Analysis
     from modalscope.data.indicators import mac as mac, mac_std as mac_std
     from modalscope.data.results import Result as Result
-    from modalscope.identification.diagrams import stabilize as stabilize
-    from modalscope.identification.dwell import Dwell as Dwell, tuned_dwell as tuned_dwell
-    from modalscope.identification.identify import Identification as Identification, identify as identify
-    from modalscope.identification.method_names import methods as methods
-    from modalscope.identification.modal.mass_change import scale_by_mass as scale_by_mass
-    from modalscope.identification.modal.pairing import comac as comac, pair_modes as pair_modes
-    from modalscope.identification.modal.setups import merge_modes as merge_modes
-    from modalscope.identification.modal.shapes import fit_residues as fit_residues
-    from modalscope.identification.pipeline import factor as factor
-    from modalscope.identification.prepare import prepare as prepare
-    from modalscope.identification.realizations.sensors import (
+    from modalscope.data.sensors import (
         EquationsOfMotion as EquationsOfMotion,
         equations_of_motion as equations_of_motion,
         first_order_form as first_order_form,
     )
+    from modalscope.identification.diagrams import stabilize as stabilize
+    from modalscope.identification.identify import Identification as Identification, identify as identify
+    from modalscope.identification.method_names import methods as methods
+    from modalscope.identification.pipeline import factor as factor
+    from modalscope.identification.prepare import prepare as prepare
     from modalscope.identification.sweep import sweep as sweep
     from modalscope.interfaces import plot as plot
     from modalscope.interfaces.plot.web.alive import widget as widget

@@ -9,10 +9,10 @@ import pytest
 
 import modalscope as ms
 from modalscope.data.indicators import mac
+from modalscope.data.rebuilt import fit_of
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import as_records
-from modalscope.identification.modal.joint_fit import joint_fit
-from modalscope.identification.modal.rebuilt import fit_of
+from modalscope.selection.likelihood.joint_fit import joint_fit
 from modalscope.selection.likelihood.whitening import levels_of
 from tests.analysis.workflow.last_fit import left_by_free_residues
 from tests.identification.test_record_terms import record

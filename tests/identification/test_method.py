@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from modalscope.analysis.comparing.reservations import exact_on, has_decayed, reservation
 from modalscope.data import ImpulseResponse
 from modalscope.identification.method_names import find_method, methods
 from modalscope.identification.orders import orders_compared, states_each
-from modalscope.identification.suits import exact_on, has_decayed, refusal, reservation
+from modalscope.identification.suits import refusal
 from modalscope.systems import chain5
 
 SAMPLES = chain5().impulse_response(400)

@@ -12,11 +12,11 @@ from modalscope.data import FrequencyResponse, ImpulseResponse, Records, Signals
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.records import as_records
 from modalscope.data.sizes import check_upright
-from modalscope.identification.ambient_records import looked_through
 from modalscope.identification.method_names import find_method, methods
 from modalscope.identification.prepare import measure, pose, prepare
 from modalscope.identification.suits import served_by
 from modalscope.signals.preprocess import decimate, detrend, estimate_correlation
+from modalscope.signals.preprocess.ambient_records import looked_through
 from modalscope.signals.preprocess.excitation import find_excitation
 from tests.support import built
 

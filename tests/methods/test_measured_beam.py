@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from modalscope import FrequencyResponse, ModalModel, identify, read, select, stabilize
-from modalscope.identification.dwell import tuned_dwell
-from modalscope.identification.modal.shapes import fit_residues
+from modalscope.analysis.checking.dwell import tuned_dwell
+from modalscope.analysis.workflow.shapes import fit_residues
 from modalscope.selection.judging.bands import merge_bands
 from tests.support import BEAM
 

@@ -16,7 +16,6 @@ import numpy as np
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals
-from modalscope.identification.dwell import Dwell
 from modalscope.numerics.checks import ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.poles import QUANTITIES, poles_from
@@ -34,8 +33,8 @@ _HARMONICS, _ROUNDS = 3, 4
 _MIN_PERIODS = 5.0
 
 
-def dwell_of(records: Records) -> Dwell:
-    """Return the mode that dwells excite, at the lowest level, and its backbone: a level each, by rising amplitude.
+def dwell_of(records: Records) -> dict[str, Any]:
+    """Return the fields of a `Dwell`: the mode that dwells excite, at the lowest level, and its backbone, by rising amplitude.
 
     Raises `DataError`: no forces, fewer than four dwells or too short ones, forces at places that are not measured, or dwells so near
     each other that mass and stiffness are not separated.
@@ -63,7 +62,8 @@ def dwell_of(records: Records) -> Dwell:
         scaling="length 1",
     ).normalized("unit")
     forces = driven[[best]] / np.linalg.norm(driven[[best]], axis=1, keepdims=True)
-    return Dwell(modes=modes, forces=forces, indicator=in_phase[:, None], frequencies=w / (2 * np.pi), levels=levels)
+    of_levels = {"indicator": in_phase[:, None], "frequencies": w / (2 * np.pi), "levels": levels}
+    return {"modes": modes, "forces": forces, **of_levels}
 
 
 def _measured(records: Records) -> tuple[RealArray, ComplexArray, ComplexArray, list[int]]:

@@ -9,7 +9,7 @@ from modalscope.extras.common_poles import CommonPoles, aaa, vector_fitting, zer
 from modalscope.extras.point_orders import INTERPOLANTS, POLES
 from modalscope.extras.predictor_fit import predictor_fit
 from modalscope.identification.matrices.factor import Factors
-from modalscope.identification.matrices.of_method import of_points
+from modalscope.identification.matrices_beyond import of_points
 from modalscope.identification.method import Built, Problem
 from modalscope.identification.method_names import rows_of
 

@@ -16,7 +16,7 @@ FASTER = {
 
 #: Steps that take more data, names and options than the plain ones, and say more of what they find.
 FURTHER = {
-    "built": f"{_HERE}.matrices.whitened:built",
+    "built": f"{_HERE}.whitened:built",
     "check_suits": f"{_HERE}.suits:check_suits",
     "deferred_deviations": f"{_HERE}.deviating:deferred_deviations",
     "deviating": "modalscope.selection.likelihood.deviations:OfPipeline",
@@ -29,7 +29,7 @@ FURTHER = {
     "reduced": f"{_HERE}.realizations.reductions:reduced",
     "rows_with": f"{_HERE}.method_names:rows_with",
     "transfer": f"{_HERE}.matrices.transfer:transfer",
-    "transfer_of_response": f"{_HERE}.matrices.of_method:transfer_of_response",
+    "transfer_of_response": f"{_HERE}.matrices_beyond:transfer_of_response",
     "turned_hankel": f"{_HERE}.matrices.general_hankel:turned_hankel",
-    "whitening_of_row": f"{_HERE}.matrices.whitened:whitening_of_row",
+    "whitening_of_row": f"{_HERE}.whitened:whitening_of_row",
 }

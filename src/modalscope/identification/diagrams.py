@@ -118,7 +118,7 @@ def _looked_through(data: Any, exclude: Any) -> Any:
     """Return a record without inputs as it is seen once for all orders; other data as they are."""
     if isinstance(data, Response):
         return data
-    from modalscope.identification.ambient_records import looked_through  # responses need none of its checks
+    from modalscope.signals.preprocess.ambient_records import looked_through  # responses need none of its checks
 
     return looked_through(data, exclude)
 

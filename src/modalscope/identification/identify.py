@@ -8,6 +8,7 @@ from typing import Any, Unpack
 
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
+from modalscope.data.rebuilt import fit_error_of
 from modalscope.data.response import Response
 from modalscope.data.shown import Shown, cells_of, summary_of
 from modalscope.data.statespace import StateSpace
@@ -17,7 +18,6 @@ from modalscope.identification.matrices.matrix import DataMatrix
 from modalscope.identification.method import Problem
 from modalscope.identification.method_names import cell_label
 from modalscope.identification.modal.eigenmodes import split_extraneous
-from modalscope.identification.modal.rebuilt import fit_error_of
 from modalscope.identification.modal.state_space import state_space
 from modalscope.identification.options import AllOptions, Options
 from modalscope.identification.orders import choose

@@ -13,7 +13,13 @@ from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.setups import Setups
 from modalscope.data.sizes import check_size, check_upright
 from modalscope.data.stored import StoredResponse, StoredSignals
-from modalscope.identification.ambient_records import (
+from modalscope.identification.fast.combinations import combined
+from modalscope.identification.measure import Asked, exchanged, of_response
+from modalscope.identification.prepare import Measured
+from modalscope.identification.routes import USUAL, by_route, chosen_route, without_delays
+from modalscope.identification.sizes import setup_blocks
+from modalscope.numerics.checks import check_kind
+from modalscope.signals.preprocess.ambient_records import (
     Conditioned,
     SeenRecord,
     conditioned,
@@ -21,12 +27,6 @@ from modalscope.identification.ambient_records import (
     one_record,
     seen_record,
 )
-from modalscope.identification.fast.combinations import combined
-from modalscope.identification.measure import Asked, exchanged, of_response
-from modalscope.identification.prepare import Measured
-from modalscope.identification.routes import USUAL, by_route, chosen_route, without_delays
-from modalscope.identification.sizes import setup_blocks
-from modalscope.numerics.checks import check_kind
 from modalscope.signals.preprocess.correlation import estimate_correlation, spanning_outputs
 from modalscope.signals.preprocess.excitation import still_there, without_dead_forces
 from modalscope.signals.preprocess.setups import joined_setups

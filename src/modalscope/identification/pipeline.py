@@ -106,7 +106,7 @@ def factor(problem: Problem, largest: int) -> Pipeline:
 
 
 def built(problem: Problem, largest: int) -> Built:
-    """Return the data matrix of a row; of whitened channels, see `modalscope.identification.matrices.whitened`."""
+    """Return the data matrix of a row; of whitened channels, see `modalscope.identification.whitened`."""
     make: Matrix = problem.method.matrix if problem.whitening is None else handed("built")
     return make(problem, check_count("order", largest))
 

@@ -9,6 +9,7 @@ from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.responses import ImpulseResponse
 from modalscope.identification.matrices.hankel import MAX_COMPANION_STATES, SHORT_SIDE_SHARE, default_blocks
+from modalscope.signals.preprocess.ambient_records import SETUP_ROWS
 
 #: Maximum number of rows of shifted transfer functions, whose triangular factor is complete.
 _MAX_WINDOW_ROWS = 600
@@ -28,9 +29,6 @@ _MAX_PRODUCTS = 8e11
 
 #: Maximum number of rows of the past, for the time of the triangular factor.
 _MAX_PAST_ROWS = 600
-
-#: Maximum number of rows of a matrix of joined setups.
-SETUP_ROWS = 1300
 
 #: Periods of the slowest mode spanned by the lags of joined setups, and minimum number of lags.
 _LAG_PERIODS, _MIN_LAGS = 6.0, 40

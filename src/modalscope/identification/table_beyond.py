@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from modalscope.identification.matrices import of_method as matrices
+from modalscope.identification import matrices_beyond as matrices
 from modalscope.identification.matrices.factor import tall_factors
-from modalscope.identification.matrices.of_method import (
+from modalscope.identification.matrices_beyond import (
     DrivenOptions,
     FractionOptions,
     PointOptions,

@@ -9,8 +9,8 @@ from scipy.signal import resample
 
 import modalscope as ms
 from modalscope.data.indicators import mac
+from modalscope.data.rebuilt import fit_of
 from modalscope.data.response import Response
-from modalscope.identification.modal.rebuilt import fit_of
 from modalscope.numerics.checks import ComplexArray, RealArray
 from tests.selection.judging.hard import QUANTITIES, lines_of, random_structure
 from tests.selection.judging.sub_bands import sub_band

@@ -9,8 +9,8 @@ import pytest
 
 import modalscope as ms
 from modalscope.data.modes import ModalModel
+from modalscope.data.rebuilt import fit_of
 from modalscope.data.response import Response
-from modalscope.identification.modal.rebuilt import fit_of
 from tests.analysis.workflow.last_fit import left_by_free_residues
 from tests.selection.judging.hard import frequency_response, impulse_response, random_structure
 from tests.support import measured

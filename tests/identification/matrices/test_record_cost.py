@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.identification.matrices import record_cost as cost
+from modalscope.identification.fast import record_cost as cost
 from tests.support import random_system, refused
 
 

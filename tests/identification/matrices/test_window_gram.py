@@ -7,9 +7,9 @@ import pytest
 from scipy.signal import lfilter
 
 from modalscope import Signals, stabilize
+from modalscope.identification.fast.window_gram import triangle_of, window_gram
 from modalscope.identification.matrices import projections as module
 from modalscope.identification.matrices.projections import projection
-from modalscope.identification.matrices.sampled_rows import triangle_of, window_gram
 from tests.support import relative
 
 ROUNDING = 1e-12

@@ -11,8 +11,8 @@ from hypothesis import given, settings, strategies as st
 from modalscope.data import FrequencyResponse, ImpulseResponse
 from modalscope.data.modes import ModalModel
 from modalscope.data.response import Response
-from modalscope.identification.modal.joint_fit import joint_residues
 from modalscope.numerics.functions.poles import poles_from
+from modalscope.selection.likelihood.joint_fit import joint_residues
 from tests.support import relative
 
 seeds = st.integers(0, 2**32 - 1)

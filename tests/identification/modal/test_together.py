@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from modalscope import DataError, FrequencyResponse, ImpulseResponse, Signals, estimate_correlation
+from modalscope.data.rebuilt import fit_error, rebuilt
 from modalscope.data.response import output_scale
 from modalscope.identification.fast import together as cutting
 from modalscope.identification.matrices.matrix import ModalFit
-from modalscope.identification.modal.rebuilt import fit_error, rebuilt
 from modalscope.identification.pipeline import Pipeline, factor
 from modalscope.identification.prepare import prepare
 from modalscope.identification.sweep import Cut, Sweep, first_models

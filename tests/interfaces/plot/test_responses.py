@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from modalscope import plot
 from modalscope.data import DataError
-from modalscope.identification.modal.rebuilt import rebuilt
+from modalscope.data.rebuilt import rebuilt
 from tests.interfaces.plot import examples
 
 

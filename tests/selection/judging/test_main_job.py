@@ -9,7 +9,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.analysis.workflow.refining import refined_where_it_helps
-from modalscope.identification.modal.rebuilt import fit_of
+from modalscope.data.rebuilt import fit_of
 from tests.support import BEAM, FIVE, add_noise, measured
 
 

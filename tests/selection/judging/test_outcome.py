@@ -13,10 +13,10 @@ from modalscope.data import FrequencyResponse, ImpulseResponse
 from modalscope.data.indicators import mac
 from modalscope.data.modes import ModalModel
 from modalscope.data.response import Response
-from modalscope.identification.modal.joint_fit import JointFit, joint_fit
 from modalscope.selection.judging import outcome as outcomes
 from modalscope.selection.judging.evidence import Candidate
 from modalscope.selection.judging.outcome import modes_of
+from modalscope.selection.likelihood.joint_fit import JointFit, joint_fit
 from tests.selection.judging.made import Pole, at_angle, diagram_of, poles_of, response_of
 
 #: Two modes that no channel and no scaling can exchange.

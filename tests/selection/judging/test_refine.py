@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 import modalscope as ms
 from modalscope.data import FrequencyResponse, ImpulseResponse, ModalModel
-from modalscope.identification.modal.rebuilt import fit_of
+from modalscope.data.rebuilt import fit_of
 from modalscope.numerics.functions.poles import poles_from
 from tests.selection.judging.bound import bound, shape_bound
 from tests.support import BEAM, FIVE, add_noise, refused

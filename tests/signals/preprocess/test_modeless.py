@@ -9,8 +9,8 @@ import pytest
 
 import modalscope as ms
 from modalscope.data.notes import Note
-from modalscope.identification.ambient_records import seen_record
 from modalscope.selection.judging.grades import grades
+from modalscope.signals.preprocess.ambient_records import seen_record
 from modalscope.signals.preprocess.spectral_peaks import noise_notes
 from modalscope.systems import chain5, close4, heavy4, ring5
 from tests.signals.preprocess.modeless_records import KINDS, modeless

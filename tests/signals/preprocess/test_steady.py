@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from modalscope.data import Signals, StoredSignals
-from modalscope.identification.ambient_records import seen_record
 from modalscope.signals.preprocess import steady
+from modalscope.signals.preprocess.ambient_records import seen_record
 from modalscope.signals.preprocess.spectra import Spectrum
 from modalscope.signals.preprocess.steady import steadied
 

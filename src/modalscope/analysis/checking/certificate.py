@@ -16,13 +16,12 @@ from scipy.special import stdtrit
 from modalscope.data.indicators import mac
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
+from modalscope.data.rebuilt import rebuilt
 from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.shown import Shown, counted, summary_of, text_table
 from modalscope.identification.method_names import find_method, label_of
-from modalscope.identification.modal.joint_fit import joint_residues
-from modalscope.identification.modal.rebuilt import rebuilt
 from modalscope.identification.pipeline import factor
 from modalscope.identification.prepare import Measured, pose
 from modalscope.identification.stabilize import stabilized
@@ -36,6 +35,7 @@ from modalscope.selection.judging.refine import refine
 from modalscope.selection.judging.select import selected
 from modalscope.selection.likelihood.descent import astray
 from modalscope.selection.likelihood.deviations import residual_variance, unexplained_energy
+from modalscope.selection.likelihood.joint_fit import joint_residues
 from modalscope.selection.likelihood.noise import SPLIT, Noise, noise_of
 
 #: Maximum distance of a mode of a replicate, in half bandwidths or standard deviations, and minimum MAC of its shape.

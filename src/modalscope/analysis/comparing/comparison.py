@@ -31,19 +31,19 @@ from modalscope.data.geometry import DofLike
 from modalscope.data.mode_fields import told
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note, notes_of
+from modalscope.data.rebuilt import explains_enough, fit_error_heard, rebuilt, unexplained
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.results import Result
 from modalscope.data.setups import Setups, as_test
 from modalscope.data.shown import Shown, cells_of, summary_of, text_table
-from modalscope.identification.modal.joint_fit import joint_residues
-from modalscope.identification.modal.rebuilt import explains_enough, fit_error_heard, rebuilt, unexplained
 from modalscope.identification.options import AllOptions
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_count, check_kind
-from modalscope.numerics.log import tell
+from modalscope.numerics.progress import tell
 from modalscope.numerics.resources import one_thread
+from modalscope.selection.likelihood.joint_fit import joint_residues
 
 #: Modes in a row of a table of text.
 _MODES_A_TABLE = 5

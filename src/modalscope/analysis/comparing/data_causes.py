@@ -24,12 +24,12 @@ import numpy as np
 from modalscope.analysis.checking.certificate import matched
 from modalscope.analysis.comparing.diagnosis import Cause
 from modalscope.analysis.comparing.run import Cell, MethodResult
+from modalscope.analysis.workflow.shapes import free_residues
 from modalscope.data.modes import ModalModel
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.setups import Setups
-from modalscope.identification.modal.shapes import free_residues
 from modalscope.identification.prepare import Measured, pose
 from modalscope.identification.stabilize import stabilized
 from modalscope.numerics.checks import Array

@@ -13,12 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.linalg as sla
 
+from modalscope.analysis.comparing.reservations import exact_on, reservation
 from modalscope.data.response import Response
 from modalscope.identification.matrices.matrix import DataMatrix, Triple
 from modalscope.identification.method_names import find_method
 from modalscope.identification.pipeline import Factored, Pipeline, built, factored, realized
 from modalscope.identification.prepare import prepare
-from modalscope.identification.suits import exact_on, refusal, reservation
+from modalscope.identification.suits import refusal
 from modalscope.identification.table_beyond import DOMAINS
 from modalscope.numerics.checks import Array
 from modalscope.numerics.errors import DataError

@@ -25,17 +25,18 @@ from typing import Any
 import numpy as np
 
 from modalscope.analysis.comparing.diagnosis import Cause
+from modalscope.analysis.comparing.reservations import exact_on, reservation
 from modalscope.analysis.comparing.run import Cell, MethodResult
+from modalscope.data.rebuilt import explains_enough
 from modalscope.data.record_residual import UNMEASURED
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response, line_step
 from modalscope.identification.method import STATES, Method, checked_orders
 from modalscope.identification.method_names import find_method, methods, rows_of
-from modalscope.identification.modal.rebuilt import explains_enough
 from modalscope.identification.orders import orders_compared
 from modalscope.identification.prepare import Measured, measure
 from modalscope.identification.routes import USUAL
-from modalscope.identification.suits import exact_on, is_driven, refusal, reservation, route_of
+from modalscope.identification.suits import is_driven, refusal, route_of
 from modalscope.identification.table_beyond import DOMAINS, methods as table
 from modalscope.numerics.checks import check_each
 from modalscope.numerics.errors import DataError, check_choice

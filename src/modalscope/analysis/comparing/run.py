@@ -18,17 +18,17 @@ from typing import Any
 import numpy as np
 
 from modalscope.analysis.checking.certificate import nearest_order
+from modalscope.analysis.comparing.same_models import same_modes, same_poles
 from modalscope.data.modes import ModalModel
+from modalscope.data.rebuilt import fit_of
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.identification.matrices.influence import Lines
 from modalscope.identification.method import Built, Method, Problem
 from modalscope.identification.method_names import label_of
-from modalscope.identification.modal.rebuilt import fit_of
 from modalscope.identification.options import Options
 from modalscope.identification.pipeline import Factored, built, factor, factored, realized
 from modalscope.identification.prepare import Measured, pose
-from modalscope.identification.same_models import same_modes, same_poles
 from modalscope.identification.stabilize import swept
 from modalscope.identification.sweep import Sweep, over
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray

@@ -13,8 +13,8 @@ from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.stored import StoredSignals
-from modalscope.identification.ambient_records import SeenRecord
 from modalscope.selection.likelihood.line_shapes import line_shapes
+from modalscope.signals.preprocess.ambient_records import SeenRecord
 from modalscope.signals.preprocess.spectral_peaks import Levels, clear_peaks
 
 #: Half width of a machine's line: in its spreads, plus this part of its frequency.

@@ -13,12 +13,7 @@ from modalscope.data.analysis import Analysis
 from modalscope.data.channels import choose_channels
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
-from modalscope.data.response import Response
-from modalscope.data.results import Result, StabilizationDiagram
-from modalscope.data.shown import summary_of
-from modalscope.identification.method import MAX_ORDERS
-from modalscope.identification.modal.joint_fit import for_judging
-from modalscope.identification.modal.rebuilt import (
+from modalscope.data.rebuilt import (
     explains_enough,
     fit_error_heard,
     of_band,
@@ -27,11 +22,14 @@ from modalscope.identification.modal.rebuilt import (
     share_explained,
     unexplained,
 )
+from modalscope.data.response import Response
+from modalscope.data.results import Result, StabilizationDiagram
+from modalscope.data.shown import summary_of
+from modalscope.identification.method import MAX_ORDERS
 from modalscope.identification.options import AllOptions, labels_of
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, check_each, check_kind
-from modalscope.numerics.log import LOG, tell
-from modalscope.numerics.progress import stage
+from modalscope.numerics.progress import LOG, stage, tell
 from modalscope.numerics.resources import one_thread
 from modalscope.selection.judging.select import selected
 from modalscope.selection.judging.surroundings import (
@@ -43,6 +41,7 @@ from modalscope.selection.judging.surroundings import (
     note_on_ends,
     with_reasons,
 )
+from modalscope.selection.likelihood.joint_fit import for_judging
 from modalscope.selection.likelihood.noise import undenied
 from modalscope.signals.doctor.examine import examine
 from modalscope.signals.doctor.responses import sampled

@@ -46,7 +46,7 @@ from modalscope.signals.preprocess.correlation import estimate_correlation
 from modalscope.signals.preprocess.spectral_peaks import levels_of
 
 if TYPE_CHECKING:
-    from modalscope.identification.ambient_records import SeenRecord
+    from modalscope.signals.preprocess.ambient_records import SeenRecord
 
 Progress = Callable[[int, int], None]
 Choose = Callable[..., ModalModel]
@@ -182,7 +182,7 @@ def _seen(data: Any, document: Analysis) -> tuple[Any, SeenRecord | None]:
     """Return data as they are identified, and the same as an examined record without inputs where they are one."""
     if isinstance(data, Response):
         return data, None
-    from modalscope.identification.ambient_records import (  # responses need none of its checks
+    from modalscope.signals.preprocess.ambient_records import (  # responses need none of its checks
         SeenRecord,
         looked_through,
     )
@@ -195,7 +195,7 @@ def _bands_of(seen: Any, document: Analysis) -> tuple[tuple[tuple[float, float],
     """Return the bands of records without inputs, none of others, and notes on them."""
     if isinstance(seen, Response):
         return (), ()
-    from modalscope.identification.ambient_records import bands_of_record, bands_of_setups
+    from modalscope.signals.preprocess.ambient_records import bands_of_record, bands_of_setups
 
     if setups_of(seen):
         return bands_of_setups(seen.select(exclude=document.exclude) if document.exclude else seen)
@@ -285,7 +285,7 @@ def _of_setups(data: Setups, document: Analysis, looks: Sequence[Look], choose: 
     """Return the modes of setups that were identified together, or one by one and merged."""
     if not document.apart:
         return _of_bands(document, looks, choose, between=True)
-    from modalscope.identification.modal.setups import merge_modes
+    from modalscope.analysis.workflow.setups import merge_modes
 
     return merge_modes(
         [_of_bands(document, list(apart), choose) for _, apart in groupby(looks, key=attrgetter("setup"))],
@@ -324,7 +324,7 @@ def _of_bands(document: Analysis, looks: Sequence[Look], choose: Choose, *, betw
 def _repeated(modes: ModalModel, look: Look, between: bool) -> ModalModel:
     if not between:
         return modes
-    from modalscope.identification.modal.setups import with_repeatability
+    from modalscope.analysis.workflow.setups import with_repeatability
 
     return with_repeatability(modes, look.diagram.response)
 

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.analysis.workflow.shapes import fitted_shapes
 from modalscope.data.modes import ModalModel
 from modalscope.data.stored import StoredResponse
-from modalscope.identification.modal.shapes import fitted_shapes
 from modalscope.io.zarr import modes_in_pieces
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import RealArray, check_kind, check_path

@@ -37,7 +37,7 @@ from modalscope.numerics.arguments import COUNT, between, named
 from modalscope.numerics.checks import RealArray, real_array, stays_locked
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.poles import one_of_each_pair, to_discrete
-from modalscope.numerics.log import tell
+from modalscope.numerics.progress import tell
 from modalscope.numerics.resources import one_thread
 
 #: Orders that are tried: even ones to the first number, then every fourth.

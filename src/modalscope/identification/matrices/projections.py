@@ -17,9 +17,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 from modalscope.data.geometry import DofLike, indices_of
 from modalscope.data.records import Signals
 from modalscope.data.responses import ImpulseResponse
+from modalscope.identification.fast.window_gram import triangle_of, window_gram
 from modalscope.identification.matrices.influence import ConvolvedInfluence, Lines, convolved
 from modalscope.identification.matrices.matrix import Eigen, ModalFit, Triple
-from modalscope.identification.matrices.sampled_rows import MixedRows, SampleRows, triangle_of, window_gram
+from modalscope.identification.matrices.sampled_rows import MixedRows, SampleRows
 from modalscope.numerics.checks import Array, IntArray, RealArray, check_count
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.sums import TriangleSum

@@ -287,8 +287,8 @@ def _table(tests: Sequence[tuple[str, ModalModel]], reference: ModalModel | None
     """
     import numpy as np
 
+    from modalscope.analysis.workflow.pairing import pair_modes
     from modalscope.data.shown import text_table
-    from modalscope.identification.modal.pairing import pair_modes
 
     first = next((modes for _, modes in tests if len(modes)), None) if reference is None else reference
     if first is None:

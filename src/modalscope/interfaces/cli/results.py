@@ -118,7 +118,7 @@ def add_refine(parser: Parser) -> None:
 
 def refine(options: argparse.Namespace) -> None:
     """Refine modes to the maximum of the likelihood, with standard deviations."""
-    from modalscope.identification.modal.pairing import pair_modes
+    from modalscope.analysis.workflow.pairing import pair_modes
     from modalscope.interfaces.cli.output import check_outputs, write_outputs
     from modalscope.interfaces.cli.reading import choices, read_modes, read_test
     from modalscope.selection.judging.refine import refine
@@ -245,7 +245,7 @@ def add_mac(parser: Parser) -> None:
 
 def mac(options: argparse.Namespace) -> None:
     """Pair two sets of modes: differences, MAC and COMAC."""
-    from modalscope.identification.modal.pairing import pair_modes
+    from modalscope.analysis.workflow.pairing import pair_modes
     from modalscope.interfaces.cli.output import PICTURES, check_outputs, write_picture
     from modalscope.interfaces.cli.reading import read_modes
     from modalscope.interfaces.plot import mac

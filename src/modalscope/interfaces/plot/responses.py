@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from modalscope.data import FrequencyResponse, ImpulseResponse, ModalModel
+from modalscope.data.rebuilt import rebuilt
 from modalscope.data.response import Response
-from modalscope.identification.modal.rebuilt import rebuilt
 from modalscope.interfaces.plot._style import (
     DPI,
     INK,

@@ -10,7 +10,7 @@ from modalscope.analysis.comparing import CAUSES, Comparison, MethodResult
 from modalscope.analysis.comparing.scatter import LEVEL
 from modalscope.analysis.comparing.verdict import LEADS
 from modalscope.data.mode_fields import told
-from modalscope.identification.modal.rebuilt import explains_enough, unexplained
+from modalscope.data.rebuilt import explains_enough, unexplained
 from modalscope.interfaces.plot.web.fits import fit_of, lines_of_response
 from modalscope.interfaces.reporting import record, sections
 from modalscope.interfaces.reporting.comparison_figures import deviations_svg, method_distances_svg, method_map_svg

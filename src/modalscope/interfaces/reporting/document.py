@@ -15,13 +15,13 @@ from modalscope.analysis.monitoring.store import Store
 from modalscope.data import DataError, ModalModel, Signals, StabilizationDiagram, StateSpace
 from modalscope.data.analysis import VERSION
 from modalscope.data.notes import Note
+from modalscope.data.rebuilt import fit_error
 from modalscope.data.records import Records
 from modalscope.data.response import Response
 from modalscope.data.results import Result
 from modalscope.data.shown import counted
 from modalscope.identification.identify import Identification
 from modalscope.identification.method_names import cell_label
-from modalscope.identification.modal.rebuilt import fit_error
 from modalscope.interfaces.plot.web.alive import drawing_of
 from modalscope.interfaces.plot.web.fits import Lines, fit_of, lines_of_response, rebuilt_lines
 from modalscope.interfaces.reporting import record, sections

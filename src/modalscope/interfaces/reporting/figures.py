@@ -14,7 +14,7 @@ from modalscope.analysis.checking.certificate import Certificate
 from modalscope.data import ModalModel, StabilizationDiagram
 from modalscope.data.indicators import mac
 from modalscope.data.mode_fields import NORMAL_HALF_WIDTH
-from modalscope.identification.modal.rebuilt import asked_ends
+from modalscope.data.rebuilt import asked_ends
 from modalscope.interfaces.plot._camera import AXES, View, view_of
 from modalscope.interfaces.plot._style import SIZE
 from modalscope.interfaces.plot.shapes import in_order, spaced

@@ -9,10 +9,10 @@ import numpy as np
 from modalscope.analysis.checking.certificate import Certificate
 from modalscope.data import ModalModel, StabilizationDiagram
 from modalscope.data.mode_fields import told
+from modalscope.data.rebuilt import asked_ends, explains_enough, unexplained
 from modalscope.data.shown import counted, frequency, percent
 from modalscope.identification.identify import Identification
 from modalscope.identification.method_names import cell_label
-from modalscope.identification.modal.rebuilt import asked_ends, explains_enough, unexplained
 from modalscope.interfaces.plot.web.fits import Fit
 from modalscope.interfaces.plot.web.verdict import notes_that_matter, verdict_of
 from modalscope.interfaces.reporting.figures import certificate_svg, intervals_svg

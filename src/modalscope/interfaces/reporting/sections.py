@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modalscope.data import ModalModel, StabilizationDiagram
+from modalscope.data.rebuilt import band_of
 from modalscope.data.response import Response
 from modalscope.data.shown import frequency, percent
 from modalscope.identification.identify import Identification
-from modalscope.identification.modal.rebuilt import band_of
 from modalscope.interfaces.plot.web.alive import Drawing, alive_blob, front_end
 from modalscope.interfaces.plot.web.fits import Fit, Lines
 from modalscope.interfaces.plot.web.modes import modes_parts

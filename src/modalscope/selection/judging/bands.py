@@ -16,7 +16,6 @@ from modalscope.data.notes import Note
 from modalscope.data.residual_terms import ResidualTerms
 from modalscope.data.response import Response
 from modalscope.data.results import DEVIATIONS, StabilizationDiagram
-from modalscope.identification.modal.joint_fit import with_terms
 from modalscope.identification.orders import ORDERS_END, usable_orders
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, check_band, check_each, check_kind
@@ -24,6 +23,7 @@ from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.poles import frequencies_and_damping
 from modalscope.selection.judging.bare_peaks import BARE, with_note_on_peaks
 from modalscope.selection.judging.selection_problem import MAX_DAMPING_OF_RESONANCES
+from modalscope.selection.likelihood.joint_fit import with_terms
 from modalscope.selection.likelihood.settling import needed_beside, out_of_band_poles
 
 

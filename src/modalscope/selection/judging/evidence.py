@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from modalscope.data.indicators import cmif, mac, prominence
+from modalscope.data.rebuilt import of_diagram, peak_sizes
 from modalscope.data.response import Response, output_scale
 from modalscope.data.results import StabilizationDiagram
-from modalscope.identification.modal.rebuilt import of_diagram, peak_sizes
 from modalscope.identification.orders import usable_orders
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.functions.poles import frequencies_and_damping, poles_from

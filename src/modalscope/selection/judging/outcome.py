@@ -12,16 +12,16 @@ from modalscope.data.indicators import mac
 from modalscope.data.mode_fields import DIRECT
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Candidate as LeftOut, Note
+from modalscope.data.rebuilt import rebuilt
 from modalscope.data.response import Response
 from modalscope.data.results import DEVIATIONS, StabilizationDiagram
-from modalscope.identification.modal.joint_fit import joint_fit, joint_residues
-from modalscope.identification.modal.rebuilt import rebuilt
 from modalscope.identification.orders import ORDERS_END, usable_orders
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.functions.poles import poles_from
 from modalscope.numerics.statistics import assign, scatter
 from modalscope.selection.judging.evidence import LEAST_ORDERS, LEAST_SHARE, Candidate, sentence
 from modalscope.selection.judging.tracking import Poles
+from modalscope.selection.likelihood.joint_fit import joint_fit, joint_residues
 from modalscope.selection.likelihood.noise import KIND, typical_deviation, withheld
 from modalscope.selection.likelihood.settling import needed_beside, out_of_band_poles
 

@@ -19,7 +19,6 @@ from modalscope.data.results import Settings
 from modalscope.data.setups import Setups, as_test
 from modalscope.data.shown import counted
 from modalscope.identification.prepare import measure
-from modalscope.identification.reciprocity import by_reciprocity
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, ComplexArray, check_kind
 from modalscope.numerics.errors import DataError
@@ -28,6 +27,7 @@ from modalscope.selection.likelihood.descent import Astray
 from modalscope.selection.likelihood.information import residual
 from modalscope.selection.likelihood.refined import refined
 from modalscope.selection.likelihood.settling import Settled, Task, least_gain, settle, task_of
+from modalscope.signals.doctor.reciprocity import by_reciprocity
 
 #: Maximum number of added modes.
 _MAX_ADDED = 8

@@ -15,9 +15,9 @@ import numpy as np
 
 from modalscope.data.deferred import Deferred
 from modalscope.data.indicators import mac
+from modalscope.data.rebuilt import contributions
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
-from modalscope.identification.modal.rebuilt import contributions
 from modalscope.identification.orders import usable_orders
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.functions.poles import frequencies_and_damping, overlap, poles_from

@@ -12,11 +12,11 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Candidate, Note
 from modalscope.data.response import INSEPARABLE
 from modalscope.data.shown import counted
-from modalscope.identification.modal.joint_fit import JointFit, joint_fit
 from modalscope.numerics.checks import ComplexArray
 from modalscope.numerics.functions.poles import frequencies_and_damping
 from modalscope.selection.likelihood.covariance import LEAST_GROUPS
 from modalscope.selection.likelihood.descent import astray
+from modalscope.selection.likelihood.joint_fit import JointFit, joint_fit
 from modalscope.selection.likelihood.noise import KIND
 from modalscope.selection.likelihood.settling import Settled, Task
 from modalscope.selection.likelihood.spread import Spread, spread_of

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.identification.modal.rebuilt import fit_error, inside, rebuilt, unexplained
+from modalscope.data.rebuilt import fit_error, inside, rebuilt, unexplained
 from modalscope.interfaces.plot.web.alive import alive_blob, drawing_of, front_end
 from modalscope.interfaces.plot.web.fits import lines_of_response, rebuilt_lines
 from modalscope.interfaces.plot.web.modes import modes_parts, over_points

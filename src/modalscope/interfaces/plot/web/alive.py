@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from modalscope.data import DataError, ModalModel, StabilizationDiagram
+from modalscope.data.rebuilt import asked_ends, band_of
 from modalscope.data.results import Result
 from modalscope.identification.method_names import cell_label
-from modalscope.identification.modal.rebuilt import asked_ends, band_of
 from modalscope.interfaces.plot._style import unit_of
 from modalscope.interfaces.plot.web.blob import pack
 from modalscope.interfaces.plot.web.fits import Fit, Lines, fit_of_bands, lines_of, strongest

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from modalscope.data import DataError, ImpulseResponse, ModalModel, StabilizationDiagram
+from modalscope.data.rebuilt import band_of, fit_error, fit_error_heard, heard_lines, of_band, rebuilt
 from modalscope.data.response import Response
-from modalscope.identification.modal.rebuilt import band_of, fit_error, fit_error_heard, heard_lines, of_band, rebuilt
 from modalscope.interfaces.plot._style import unit_of
 from modalscope.interfaces.plot.web.blob import pack
 from modalscope.numerics.checks import Array

@@ -10,10 +10,10 @@ import numpy as np
 
 from modalscope.data import DataError, FrequencyResponse, StabilizationDiagram
 from modalscope.data.indicators import mmif
+from modalscope.data.rebuilt import asked_ends, band_of
 from modalscope.data.response import Response
 from modalscope.data.shown import summary_of
 from modalscope.identification.method_names import cell_label
-from modalscope.identification.modal.rebuilt import asked_ends, band_of
 from modalscope.identification.stabilize import stable_against
 from modalscope.identification.sweep import Cut, Sweep
 from modalscope.interfaces.plot.diagrams import indicator_curves

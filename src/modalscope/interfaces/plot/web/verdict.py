@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 from modalscope.data import ModalModel
 from modalscope.data.notes import Finding, Note
+from modalscope.data.rebuilt import explains_enough, unexplained
 from modalscope.data.response import Response
 from modalscope.data.results import Result
 from modalscope.data.shown import counted, frequency
-from modalscope.identification.modal.rebuilt import explains_enough, unexplained
 from modalscope.interfaces.plot.web.fits import Fit, fit_of_bands
 from modalscope.selection.judging.grades import GRADES, Grade, alike_pairs, grades
 

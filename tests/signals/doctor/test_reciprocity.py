@@ -11,8 +11,8 @@ import pytest
 from modalscope import DataError, analyze, compare, identify, replay, stabilize
 from modalscope.data import FrequencyResponse, ImpulseResponse, Signals
 from modalscope.data.analysis import Analysis
-from modalscope.identification.reciprocity import by_reciprocity
 from modalscope.io.analysis import analysis_from, analysis_to
+from modalscope.signals.doctor.reciprocity import by_reciprocity
 from modalscope.signals.preprocess import merge
 from modalscope.systems import chain5
 

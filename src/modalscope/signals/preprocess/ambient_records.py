@@ -17,7 +17,6 @@ from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.setups import Setups
 from modalscope.data.sizes import check_moving, check_size, check_upright
 from modalscope.data.stored import StoredSignals
-from modalscope.identification.sizes import SETUP_ROWS
 from modalscope.numerics.errors import DataError
 from modalscope.signals.preprocess.bands import AutomaticBands, at_lower_rate, automatic_bands
 from modalscope.signals.preprocess.conditioning import straightened
@@ -36,6 +35,9 @@ from modalscope.signals.preprocess.spectral_peaks import (
 from modalscope.signals.preprocess.steady import steadied
 
 Band = tuple[float, float]
+
+#: Maximum number of rows of a matrix of joined setups.
+SETUP_ROWS = 1300
 
 #: Minimum share of a straight line in the power of a channel of a setup, to be drift: less is chance.
 _MIN_DRIFT_SHARE = 1e-3

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from modalscope.data.rebuilt import fit_error, fit_error_of, fit_of
 from modalscope.data.response import Response
-from modalscope.identification.modal.rebuilt import fit_error, fit_error_of, fit_of
 from modalscope.systems import chain5
 
 MODES = replace(chain5().modes(), feedthrough=None)

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from modalscope.analysis.workflow.pairing import pair_modes
 from modalscope.data.geometry import indices_of
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Candidate, Note
-from modalscope.identification.modal.pairing import pair_modes
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import ComplexArray, RealArray, check_number
 from modalscope.numerics.errors import DataError

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from modalscope import DataError, FrequencyResponse, ModalModel, StateSpace
-from modalscope.identification.modal.shapes import fit_residues
+from modalscope.analysis.workflow.shapes import fit_residues
 from modalscope.identification.modal.state_space import from_modes
 from modalscope.systems import chain
 from tests.support import FIVE, random_system, relative

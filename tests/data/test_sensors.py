@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from modalscope import DataError, StateSpace, identify
+from modalscope.data.sensors import equations_of_motion, first_order_form
 from modalscope.identification.modal.state_space import from_modes
-from modalscope.identification.realizations.sensors import equations_of_motion, first_order_form
 from modalscope.systems import chain
 from tests.support import FIVE, match_poles, relative
 

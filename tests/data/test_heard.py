@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope.data import FrequencyResponse, ModalModel
-from modalscope.identification.modal.rebuilt import fit_error_heard, fit_of, heard_lines, of_noise
+from modalscope.data.rebuilt import fit_error_heard, fit_of, heard_lines, of_noise
 
 
 @pytest.fixture

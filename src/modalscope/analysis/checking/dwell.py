@@ -90,8 +90,7 @@ def tuned_dwell(
     if not isinstance(response, list | tuple):
         check_kind("tuned_dwell", response, (FrequencyResponse, Signals, Records))
     if not hasattr(response, "lines"):
-        found: Dwell = added(READINGS, "dwells")(as_records(cast("Records | Signals", response)))
-        return found
+        return Dwell(**added(READINGS, "dwells")(as_records(cast("Records | Signals", response))))
     lines = cast("FrequencyResponse", response)
     cut = lines if band is None else lines.band(*check_band(band))
     least = 2 * _MIN_LINES + 1

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.analysis.workflow.shapes import free_residues
 from modalscope.data.channels import AUTO, Groups, check_groups, source_of
 from modalscope.data.indicators import mac
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Candidate, Note
 from modalscope.data.response import Response
-from modalscope.identification.modal.shapes import free_residues
 from modalscope.numerics.arguments import POSITIVE, named
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_each, check_kind
 from modalscope.numerics.errors import DataError

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope import DataError, FrequencyResponse, mac
-from modalscope.identification.dwell import tuned_dwell
+from modalscope.analysis.checking.dwell import tuned_dwell
 from modalscope.systems import chain
 from tests.support import FIVE, add_noise
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from modalscope.analysis.workflow.setups import merge_modes, steps_of_groups, with_repeatability
 from modalscope.data import DataError, ImpulseResponse, ModalModel
 from modalscope.data.indicators import mac
-from modalscope.identification.modal.setups import merge_modes, steps_of_groups, with_repeatability
 from modalscope.numerics.functions.poles import poles_from
 from modalscope.systems import chain5
 

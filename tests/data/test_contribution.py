@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from modalscope.data.rebuilt import contributions, peak_sizes
 from modalscope.data.response import output_scale
-from modalscope.identification.modal.rebuilt import contributions, peak_sizes
 from modalscope.systems import chain5
 
 MODES = chain5().modes()

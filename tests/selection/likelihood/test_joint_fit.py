@@ -9,14 +9,14 @@ import pytest
 
 import modalscope as ms
 from modalscope.data.modes import ModalModel
+from modalscope.data.rebuilt import fit_of, rebuilt
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import as_records
 from modalscope.data.response import Response
-from modalscope.identification.modal.joint_fit import for_judging, joint_fit, joint_residues, with_terms
-from modalscope.identification.modal.rebuilt import fit_of, rebuilt
 from modalscope.numerics.checks import ComplexArray
 from modalscope.numerics.functions.poles import poles_from
+from modalscope.selection.likelihood.joint_fit import for_judging, joint_fit, joint_residues, with_terms
 from tests.support import relative
 
 #: Modes, and poles besides them: one between two modes, one below and one above the band.

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from modalscope.analysis.workflow.pairing import comac, pair_modes
 from modalscope.data import DataError, ModalModel
-from modalscope.identification.modal.pairing import comac, pair_modes
 
 SHAPES = np.array([[1.0, 1.0, 1.0], [2.0, 0.5, -1.0], [3.0, -1.0, 0.5]])
 

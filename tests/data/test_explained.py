@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from modalscope.identification.modal.rebuilt import explains_enough, share_explained, unexplained
+from modalscope.data.rebuilt import explains_enough, share_explained, unexplained
 
 
 @pytest.mark.parametrize(("error", "share"), [(0.0, 1.0), (0.6, 0.64), (1.0, 0.0), (3.0, 0.0), (np.nan, 0.0)])

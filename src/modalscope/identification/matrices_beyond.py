@@ -178,7 +178,7 @@ def projected_records(problem: Problem, order: int) -> Built:
 
 def records_on_lines(problem: Problem, order: int) -> Built:
     """Return the lines of records, inputs and end effects eliminated."""
-    from modalscope.identification.matrices.record_cost import record_cost, refuse_beyond_memory
+    from modalscope.identification.fast.record_cost import record_cost, refuse_beyond_memory
     from modalscope.identification.matrices.records import record_lines
     from modalscope.identification.sizes import default_record_degree
 
