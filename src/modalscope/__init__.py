@@ -90,7 +90,7 @@ __version__ = "0.2.0"
 #: Where each name of the face lives.
 _HOMES = {
     "analysis.comparing": ("Comparison", "compare"),
-    "identification.dwell": ("Dwell", "tuned_dwell"),
+    "analysis.checking.dwell": ("Dwell", "tuned_dwell"),
     "identification.identify": ("Identification", "identify"),
     "identification.pipeline": ("factor",),
     "identification.prepare": ("prepare",),
@@ -104,10 +104,10 @@ _HOMES = {
     "identification.diagrams": ("stabilize",),
     "analysis.checking.validation": ("Validation", "validate"),
     "data.indicators": ("mac", "mac_std"),
-    "identification.modal.mass_change": ("scale_by_mass",),
-    "identification.modal.pairing": ("comac", "pair_modes"),
-    "identification.modal.setups": ("merge_modes",),
-    "identification.modal.shapes": ("fit_residues",),
+    "analysis.workflow.mass_change": ("scale_by_mass",),
+    "analysis.workflow.pairing": ("comac", "pair_modes"),
+    "analysis.workflow.setups": ("merge_modes",),
+    "analysis.workflow.shapes": ("fit_residues",),
     "data": (
         "DataError",
         "FrequencyResponse",
@@ -131,7 +131,7 @@ _HOMES = {
     "interfaces.plot.web.alive": ("widget",),
     "signals.preprocess": ("estimate_correlation", "estimate_frf", "estimate_markov", "merge"),
     "signals.preprocess.ods": ("ods",),
-    "identification.realizations.sensors": ("EquationsOfMotion", "equations_of_motion", "first_order_form"),
+    "data.sensors": ("EquationsOfMotion", "equations_of_motion", "first_order_form"),
     "interfaces.reporting": ("report",),
     "analysis.workflow.analyze": ("analyze",),
     "analysis.checking.certify": ("certify",),

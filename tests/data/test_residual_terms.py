@@ -13,7 +13,7 @@ import modalscope as ms
 from modalscope.data.residual_terms import ResidualTerms
 from modalscope.numerics.functions.poles import poles_from
 from modalscope.selection.likelihood.joint_fit import with_terms
-from tests.identification.modal.test_joint_fit import BESIDES, KINDS, made
+from tests.selection.likelihood.test_joint_fit import BESIDES, KINDS, made
 from tests.support import refused, relative
 
 

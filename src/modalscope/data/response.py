@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -15,7 +14,7 @@ from modalscope.data.mode_fields import ModeFields
 from modalscope.data.notes import Note
 from modalscope.data.quadruple import Quadruple
 from modalscope.data.units import Convertible
-from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.checks import Array, ComplexArray, RealArray, freeze
 from modalscope.numerics.functions.pole_basis import ModalBasis
 
 #: How steps of `processing` name correlations, and half spectra.
@@ -521,7 +520,7 @@ def faded_noise(response: Response) -> Array | None:
     return decay**2 / np.mean(decay**2)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, slots=True)
 class Misfit:
     """norm(measured - rebuilt) / norm(measured), each output divided by a scale.
 
@@ -530,12 +529,12 @@ class Misfit:
 
     response: Response
     scale: RealArray
+    _whole: float = field(init=False)
 
-    @cached_property
-    def _whole(self) -> float:
+    def __post_init__(self) -> None:
         values = self.response.values
         energy = sum(np.einsum("klm,klm->l", part, part) for part in (values.real, values.imag))
-        return float(np.sqrt(np.sum(energy / self.scale**2)))
+        freeze(self, _whole=float(np.sqrt(np.sum(energy / self.scale**2))))
 
     def of_left(self, left: RealArray) -> float:
         """Return the misfit by the energy (l, m) that is left of every channel."""

@@ -20,7 +20,7 @@ from modalscope.numerics.errors import DataError
 _MAX_CONDITION = 1e8
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class EquationsOfMotion:
     """y'' + (M^-1 D) y' + (M^-1 K) y = 0 in the coordinates of the sensors.
 
