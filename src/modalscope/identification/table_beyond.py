@@ -14,7 +14,7 @@ from modalscope.identification.matrices_beyond import (
     RecordOptions,
     SpectraOptions,
 )
-from modalscope.identification.method import STATES, Method, Takes
+from modalscope.identification.method import BLOCKS, STATES, Method, Takes
 from modalscope.identification.orders import DEGREES
 from modalscope.identification.realizations.balanced import balanced
 from modalscope.identification.realizations.shift import shift
@@ -189,19 +189,21 @@ _ON_RECORDS: dict[str, Any] = {
     "options_type": SpectraOptions,
 }
 
-#: The rows of the report with their names in the literature; the last has no cell of other domains.
-*_FOUR_ROWS, _PRCE = (replace(row, **NAMES[row.name, row.domain]._asdict()) for row in ROWS)
+#: The rows of the report with their names in the literature.
+_REPORTED = tuple(
+    replace(row, **names._asdict()) if (names := NAMES.get((row.name, row.domain))) else row for row in ROWS
+)
 
 #: The rows of the report and those beyond; those of the frequency domains stand again on the lines of records.
 _TABLE: tuple[Method, ...] = (
-    *_FOUR_ROWS,
+    *(row for row in _REPORTED if row.orders is not BLOCKS),
     *_ON_PAST,
-    _PRCE,
+    *(row for row in _REPORTED if row.orders is BLOCKS),
     _FRACTION,
     *_INTERPOLATING,
     *(
         replace(row, section=f"{row.section}, on records", **_ON_RECORDS)
-        for row in _FOUR_ROWS
+        for row in _REPORTED
         if row.takes in (Takes.RESPONSE, Takes.CONTINUOUS)
     ),
 )
