@@ -128,7 +128,7 @@ licences: setup
 	@$(BIN)/python -m tools.licences $(if $(SBOM),--sbom > $(SBOM))
 
 # Each in an environment of its own. Earlier packages beside newer ones warn of each other: that is nobody's fault here.
-VERSIONED := tests/io tests/data tests/identification/matrices tests/identification/realizations tests/interfaces/plot tests/methods/test_exact_identities.py
+VERSIONED := tests/io tests/data tests/identification/fast tests/identification/matrices tests/identification/realizations tests/interfaces/plot tests/methods/test_exact_identities.py
 
 versions: setup
 	@for which in min:lowest-direct new:highest; do \

@@ -102,7 +102,11 @@ def cases() -> list[Case]:
         ),
         Case(
             "1600 x 1600 Hankel matrix, order 40",
-            without("modalscope.identification.fast.costs._EXACT_OPERATIONS", 0, lambda: diagram(square, 40, **sized)),
+            without(
+                "modalscope.identification.fast.factorizations._EXACT_OPERATIONS",
+                0,
+                lambda: diagram(square, 40, **sized),
+            ),
             lambda: diagram(square, 40, factorization="dense", **sized),
             np.inf,
         ),

@@ -25,6 +25,7 @@ FURTHER = {
     "indicators_of_all": f"{_HERE}.modal.accuracy:indicators_of_all",
     "line_weights": f"{_HERE}.matrices.line_columns:line_weights",
     "measure": f"{_HERE}.measure:measure",
+    "of_records": f"{_HERE}.of_records:of_records",
     "peaks_of_spectra": "modalscope.signals.preprocess.spectral_peaks:peaks_of_spectra",
     "reduced": f"{_HERE}.realizations.reductions:reduced",
     "rows_with": f"{_HERE}.method_names:rows_with",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import singledispatch
 from typing import Any, NamedTuple
@@ -16,6 +16,7 @@ from modalscope.identification.options import ROUTES, reciprocity_of
 from modalscope.identification.prepare import Measured
 from modalscope.numerics.checks import check_band, check_count, check_kind
 from modalscope.numerics.errors import DataError, check_choice
+from modalscope.numerics.handed import handed
 from modalscope.signals.preprocess.bands import driven_lines
 from modalscope.signals.preprocess.conditioning import slower_correlation
 
@@ -46,12 +47,8 @@ def measure(
     late = None if delays is None else delays_of(delays)
     sides = None if reciprocal is None else reciprocity_of(reciprocal)
     given = Asked(exclude, asked, method, domain, late, sides)
-    if isinstance(test, Response):
-        measured = of_response(test, checked, given)
-    else:
-        from modalscope.identification.of_records import of_records  # responses need none of what it loads
-
-        measured = of_records(test, checked, given)
+    become: Callable[..., Measured] = of_response if isinstance(test, Response) else handed("of_records")
+    measured = become(test, checked, given)
     taken = "correlation" if measured.response.ambient else measured.route
     if asked not in ("auto", taken) or (delays and measured.route is None):
         what = f"delays={delays!r}" if asked in ("auto", taken) else f"route={asked!r}"

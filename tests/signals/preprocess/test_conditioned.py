@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.identification import ambient_records
-from modalscope.signals.preprocess import decimate
+from modalscope.signals.preprocess import ambient_records, decimate
 from modalscope.signals.preprocess.ambient_records import bands_of_record, looked_through
 from modalscope.signals.preprocess.harmonics import lines_in
 from tests.selection.judging.ambient_records import random_structure
