@@ -12,7 +12,9 @@ import pytest
 import modalscope as ms
 from modalscope import DataError, FrequencyResponse, ImpulseResponse, StabilizationDiagram
 from modalscope.identification import FASTER, FURTHER
+from modalscope.identification.fast.block_hankel import BlockHankel
 from modalscope.identification.fast.structured_hankel import StructuredHankel
+from modalscope.identification.matrices.factor import left_factor
 from modalscope.identification.matrices.full import full
 from modalscope.identification.matrices.hankel import Hankel
 from modalscope.identification.pipeline import factor
@@ -104,6 +106,30 @@ def test_faster_ways_to_factors_give_those_of_the_plain_one() -> None:
     for k in (0, 1):
         np.testing.assert_allclose(usual.matrix.shifted(k).dense(), plain.matrix.shifted(k).dense())
     np.testing.assert_allclose(usual.matrix.tall().dense(), plain.matrix.tall().dense())
+
+
+def test_all_of_a_left_factor_is_that_of_the_plain_decomposition() -> None:
+    rng = np.random.default_rng(2)
+    matrix = BlockHankel(rng.standard_normal((700, 2, 3)), 60, 600)
+    usual = left_factor(matrix)
+    with plain_steps():
+        plain = left_factor(matrix)
+    assert "dense" not in usual.how
+    np.testing.assert_allclose(usual.d, plain.d, rtol=1e-9)
+    np.testing.assert_allclose(np.abs(np.sum(usual.P * plain.P, axis=0)), 1, rtol=1e-6)
+
+
+def test_poles_of_many_outputs_through_combinations_are_those_of_all() -> None:
+    few = lines()
+    spread = np.random.default_rng(3).standard_normal((240, few.values.shape[1]))
+    many = FrequencyResponse(
+        values=np.einsum("ol,flm->fom", spread, few.values), frequencies=few.frequencies, quantity="displacement"
+    )
+    plain, usual = both(many, [6, 10], block_rows=12)
+    assert any("combinations" in str(note) for note in usual.notes)
+    assert not any("combinations" in str(note) for note in plain.notes)
+    np.testing.assert_allclose(plain.poles, usual.poles, rtol=1e-6)
+    np.testing.assert_allclose(residues(plain), residues(usual), atol=1e-6 * np.abs(residues(usual)).max())
 
 
 def test_plain_steps_take_the_data_and_options_of_the_report_alone() -> None:
