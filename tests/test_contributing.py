@@ -69,7 +69,7 @@ def test_indicators_are_a_real_number_a_mode_and_explained(domain: str, outputs:
     assert [
         name for name in modes.indicators if f"{name.replace('_', ' ')}:" not in text and f"{name}:" not in text
     ] == []
-    tests = words_of("identification/modal", "data")
+    tests = words_of("identification", "data")
     assert [name for name in modes.indicators if not re.search(rf"\b{name}\b", tests)] == [], "test its definition"
 
 

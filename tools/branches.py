@@ -9,8 +9,7 @@ before it goes on is a branch. Counted are, in the packages from the realization
 - `==`, `!=`, `in` and `not in` between an attribute `name`, `domain`, `takes`, `method` or `kind` (or a variable `method`, `domain`) and
   a text that names a row, a domain or a kind, or a member of `Takes`.
 
-The table (`table.py`, `method.py`, `takes.py`, `options.py`, `orders.py`, `matrices.py`, `line_matrices.py` of `identification`: what rows
-are made of) and `blocks/` may ask.
+The table (what rows are made of: `TABLE` below) and `matrices/` may ask.
 """
 
 from __future__ import annotations
@@ -34,7 +33,10 @@ STAGES = (
 )
 
 #: What rows of the table are made of.
-TABLE = {f"identification/{name}.py" for name in ("table", "method", "options", "orders")}
+TABLE = {
+    f"identification/{name}.py"
+    for name in ("table", "method", "options", "orders", "suits", "method_names", "table_beyond", "matrices_beyond")
+}
 
 #: Classes that nobody asks for.
 CLASSES = {"FrequencyResponse", "ImpulseResponse", "DataMatrix", "Realization"}

@@ -11,13 +11,16 @@ from modalscope import DataError
 from modalscope.data import FrequencyResponse, ImpulseResponse, Records, Signals
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.records import as_records
+from modalscope.data.setups import Setups
 from modalscope.data.sizes import check_upright
+from modalscope.identification.identify import identify
 from modalscope.identification.method_names import find_method, methods
 from modalscope.identification.prepare import measure, pose, prepare
 from modalscope.identification.suits import served_by
 from modalscope.signals.preprocess import decimate, detrend, estimate_correlation
 from modalscope.signals.preprocess.ambient_records import looked_through
 from modalscope.signals.preprocess.excitation import find_excitation
+from modalscope.systems import chain5
 from tests.support import built
 
 RNG = np.random.default_rng(0)
@@ -305,3 +308,20 @@ def test_more_outputs_than_samples_are_asked_about_where_nothing_names_them() ->
     check_upright(as_records(Signals(outputs=RNG.standard_normal((5, 5)), sampling_rate=50.0)))
     with pytest.raises(DataError, match=r"y\.T"):
         check_upright(as_records(Signals(outputs=RNG.standard_normal((5, 6)), sampling_rate=50.0)))
+
+
+def test_beside_a_size_that_is_given_no_default_of_joined_setups_is_taken() -> None:
+    record = chain5().simulate(duration=120, sampling_rate=8)
+    labels = ("a", "b", "c", "d")
+    parts = [
+        Signals(outputs=record.outputs[:, kept], sampling_rate=8.0, output_dofs=tuple(labels[k] for k in kept))
+        for kept in ([0, 1, 2], [0, 1, 3])
+    ]
+    setups = Setups(parts=parts, references=("a", "b"))
+    usual = prepare(setups, method="era").options
+    assert usual.block_rows is not None
+    assert usual.block_columns is not None
+    given = prepare(setups, method="era", block_rows=16).options
+    assert (given.block_rows, given.block_columns) == (16, None)
+    found = identify(setups, method="era", block_rows=16, order=10)
+    assert found.settings.block_rows == 16

@@ -3,7 +3,7 @@
 A modal coordinate's rows of the observability factor are c_j g_0, c_j g_1, ... and its columns of the controllability factor
 b_j h_0, b_j h_1, ...: in the time domain g_k = h_k = z_j^k, in the frequency domain the basis polynomials and 1 / (x_i - s_j).
 How well the identified factors obey that is the amplitude coherence and the extended modal amplitude coherence (EMAC).
-All are invariant under a change of coordinates of the model and lie between 0 and 1 (MSV up to its scale).
+All are invariant under a change of coordinates of the model and lie between 0 and 1 (MSV up to its scale, MPD in degrees).
 """
 
 from __future__ import annotations
@@ -305,7 +305,7 @@ def _same_outputs(a: ModalModel, b: ModalModel) -> None:
 
 
 def with_indicators_of_shapes(modes: ModalModel) -> ModalModel:
-    """Return modes whose MPC, MPD and CMI are those of the shapes that they report, where they have these indicators."""
+    """Return modes whose indicators of shapes, and CMI, are those of the shapes that they report, where they have these indicators."""
     own = {name: of(modes.shapes) for name, of in OF_SHAPES.items() if name in modes.indicators}
     if "cmi" in modes.indicators and {"mpc", "emac"} <= set(modes.indicators):
         own["cmi"] = modes.indicators["emac"] * own["mpc"]

@@ -53,7 +53,7 @@ def checked_orders(orders: Iterable[int]) -> list[int]:
 
 
 class Reach(NamedTuple):
-    """The orders up to the rank of the factors, and notes on those left out."""
+    """The orders that can be computed, and notes on those left out."""
 
     orders: list[int]
     notes: tuple[Note, ...] = ()
@@ -90,14 +90,12 @@ class States(OrderRule):
         beyond = [n for n in asked if n > rank]
         notes: tuple[Note, ...] = ()
         if beyond:
-            text = f"orders {beyond[0]} to {beyond[-1]} left out: the data matrix has rank {rank}"
+            text = f"orders {beyond[0]} to {beyond[-1]} left out: {factors.reach}"
             notes = (Note("orders left out", {"lowest": beyond[0], "highest": beyond[-1], "rank": rank}, text),)
         within = [n for n in asked if n <= rank]
         if not within and not automatic:
             raise DataError(
-                f"orders {asked[0]} to {asked[-1]} were asked",
-                f"the data matrix has rank {rank}",
-                f"Lower the orders to at most {rank}.",
+                f"orders {asked[0]} to {asked[-1]} were asked", factors.reach, f"Lower the orders to at most {rank}."
             )
         exact = rank < min(factors.left.shape[1], asked[-1])
         if (exact or not within) and rank not in within:
@@ -128,6 +126,8 @@ STATES, COMPANIONS, BLOCKS = States(), Companions(), Blocks()
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Problem:
     """Data and options of one identification by a row of the table; made by `prepare`.
+
+    The reading path uses `method`, `response`, `measured`, `options` and `notes`; the others serve rows on records.
 
     `response`: as the row takes it, in the band. `measured`: as measured or estimated, in the band, the same for all rows. `records`:
     records without inputs, filtered to the band. `driven`: records with inputs. `options`: as asked; default sizes follow the order.
@@ -177,8 +177,8 @@ class Method:
     `name`, `domain`: row and column. `realization`: in words. `section`: of the report. `common`: the most common name. `known_as`: names
     in the literature, with the options that give them. `aliases`: further accepted names. `takes`: the kind of data. `matrix`: (problem,
     largest order) -> data matrix and settings. `factor`: (data matrix, largest order, route) -> factors. `realize`: (data matrix, factors)
-    -> models of all orders. `orders`: what an order counts: states, blocks of states, or the degree of a polynomial. `options_type`: of its
-    data matrix. `forms`: available forms, the default first; "smaller" is the one with fewer states. `fixed`: options that define the row.
+    -> models of all orders. `orders`: what an order counts: states, states in whole blocks, or the degree of polynomials. `options_type`:
+    of its data matrix. `forms`: available forms; "smaller" is the one with fewer states. `fixed`: options that define the row.
     `from_records`: the route from records with inputs, where it is not that of all rows with these data. `votes`: whether a comparison
     of all methods runs it: trust was calibrated with the votes of the rows of the report. Others are compared where they are named.
     """
@@ -200,6 +200,11 @@ class Method:
     fixed: Mapping[str, Any] = field(default_factory=dict, hash=False)
     from_records: str = ""
     votes: bool = True
+
+    @property
+    def of_samples(self) -> bool:
+        """Whether it takes samples as they were measured."""
+        return self.takes in (Takes.SAMPLES, Takes.DRIVEN)
 
     def __str__(self) -> str:
         return f"{self.name} ({self.domain}{', records' if self.takes is Takes.RECORDS else ''})"

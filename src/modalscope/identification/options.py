@@ -1,6 +1,7 @@
 """Define and check the options of the data matrices, one frozen type for each.
 
-A row of the table names its type; an option that the type has not is refused there, with the rows that have it.
+A row of the table names its type; `prepare` refuses an option that the type has not, with the rows that have it. What `Settings` says of
+every result (band, channels left out, route, factorization) is in `modalscope.data.results`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Prepare data for a method: turn records into responses, and check options against the row of the table."""
+"""Prepare a response for a method: take its band, and check options against its row; records become responses before."""
 
 from __future__ import annotations
 
@@ -118,7 +118,9 @@ def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem
     check_suits(row, measured)
     _check_form(row, options.get("form"))
     names = {f.name for f in fields(row.options_type)}
-    sizes = {name: size for name, size in measured.sizes.items() if name in names and options.get(name) is None}
+    # beside a size that is given, or fixed by the row, the other one follows from it
+    given = {*row.fixed, *(name for name, value in options.items() if value is not None)}
+    sizes = {} if given & set(measured.sizes) else {name: n for name, n in measured.sizes.items() if name in names}
     shared = {name: getattr(measured, name) for name in ("band", "exclude", "route", "delays", "reciprocal")}
     chosen = _options_of(row, {**shared, **options, **sizes})
     converted, note = _CONVERTED[row.takes](response) if row.takes in _CONVERTED else (response, "")
@@ -144,8 +146,7 @@ def pose(measured: Measured, row: Method, options: Mapping[str, Any]) -> Problem
 
 def _unfiltered(measured: Measured, row: Method, response: Response) -> tuple[Note, ...]:
     """Return a note where a band does not change the data of a row: measured samples are not filtered."""
-    of_samples = row.takes in (Takes.SAMPLES, Takes.DRIVEN)
-    if measured.band is None or measured.records is not None or response is not measured.response or not of_samples:
+    if measured.band is None or measured.records is not None or response is not measured.response or not row.of_samples:
         return ()
     low, high = measured.band
     inside = f"the diagram those of {low:g} to {high:g} Hz"

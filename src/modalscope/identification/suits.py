@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from modalscope.data.response import Response
+from modalscope.data.results import Settings
 from modalscope.identification.method import Method, Takes
 from modalscope.identification.prepare import Measured
 from modalscope.numerics.errors import DataError
@@ -80,3 +81,13 @@ def is_driven(row: Method) -> bool:
 def of_past(row: Method) -> bool:
     """Whether a row projects records on their past."""
     return row.takes in (Takes.PAST, Takes.DRIVEN)
+
+
+def rows_span(row: Method, settings: Settings, dt: float | None) -> float | None:
+    """Return the time span of the block rows, seconds; None where they are no samples, or all of them are states.
+
+    `dt`: sampling interval of the identified system.
+    """
+    rows = settings.get("block_rows")
+    of_samples = row.takes in (Takes.SAMPLES, Takes.PAST, Takes.DRIVEN) and row.orders.truncates
+    return None if rows is None or dt is None or not of_samples else float(rows * dt)

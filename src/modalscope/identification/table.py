@@ -24,12 +24,7 @@ from modalscope.numerics.handed import replaceable
 
 #: Fields of `Method` that a column of the table fixes, for rows whose realization suits every data matrix.
 _COLUMNS: dict[str, dict[str, Any]] = {
-    "time": {
-        "takes": Takes.SAMPLES,
-        "matrix": plain_hankel,
-        "options_type": HankelOptions,
-        "forms": ("observable", "controllable"),
-    },
+    "time": {"takes": Takes.SAMPLES, "options_type": HankelOptions, "forms": ("observable", "controllable")},
     "z": {"takes": Takes.RESPONSE, "matrix": transfer_of_response, "options_type": LineOptions},
     "s": {"takes": Takes.CONTINUOUS, "matrix": transfer_of_lines, "options_type": LineOptions},
 }
@@ -102,11 +97,11 @@ def find_method(name: str, domain: str | None, default_domain: str, route: str |
     Raises `DataError`: there is none.
     """
     cells = {row.domain: row for row in ROWS if row.name == name}
-    domain = domain or (default_domain if default_domain in cells else next(iter(cells), ""))
-    if domain not in cells:
-        have = ", ".join(dict.fromkeys(row.name for row in ROWS))
-        raise DataError(f"method={name!r} in domain {domain!r} was asked", f"there are {have}", "Choose one of these.")
-    return cells[domain]
+    wanted = domain or (default_domain if default_domain in cells else next(iter(cells), default_domain))
+    if wanted not in cells:
+        have = ", ".join(map(str, ROWS))
+        raise DataError(f"method={name!r} in domain {wanted!r} was asked", f"there are {have}", "Choose one of these.")
+    return cells[wanted]
 
 
 @replaceable("rows_with")

@@ -8,8 +8,10 @@ from hypothesis import given, settings, strategies as st
 
 from modalscope import DataError, FrequencyResponse, ModalModel, StateSpace
 from modalscope.analysis.workflow.shapes import fit_residues
+from modalscope.data.indicators import OF_SHAPES
+from modalscope.identification.identify import identify
 from modalscope.identification.modal.state_space import from_modes
-from modalscope.systems import chain
+from modalscope.systems import chain, chain5
 from tests.support import FIVE, random_system, relative
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
@@ -215,3 +217,12 @@ def test_fewer_lines_than_unknowns_and_modes_without_participation() -> None:
     o = FIVE["over4"]()
     with pytest.raises(DataError, match="there are real poles"):
         fit_residues(o.frequency_response(np.linspace(0.3, 8, 100)), o.modes(), kind="real")
+
+
+def test_indicators_of_shapes_are_those_of_the_fitted_shapes() -> None:
+    """Modes of two outputs, their shapes fitted at all four."""
+    frf = chain5().frequency_response(np.linspace(0.3, 8, 300), noise=0.02, seed=0)
+    few = identify(frf.select(outputs=frf.output_dofs[:2]), order=10).modes
+    found = fit_residues(frf, few)
+    for name, of in OF_SHAPES.items():
+        assert found.indicators[name] == pytest.approx(of(found.shapes)), name

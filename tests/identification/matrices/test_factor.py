@@ -176,3 +176,14 @@ def test_costs_name_every_way_the_cheapest_first() -> None:
     assert found[0].memory < found[-1].memory / 20
     assert [cost.route for cost in costs_of(DenseMatrix(np.ones((600, 500))), 60)] == ["dense", "randomized"]
     assert [cost.route for cost in costs_of(DenseMatrix(np.ones((3000, 2000))), 60)] == ["randomized", "dense"]
+
+
+def test_an_order_beyond_what_was_factored_is_not_told_as_rank() -> None:
+    noise = DenseMatrix(np.random.default_rng(4).standard_normal((60, 50)))
+    few, all_ = factorize(noise, 10), factorize(noise, 50)
+    with pytest.raises(
+        DataError, match=r"(?s)order=14: 10 singular vectors were computed.*factor for the largest order"
+    ):
+        few.check_order(14)
+    with pytest.raises(DataError, match="order=51: the data matrix has rank 50"):
+        all_.check_order(51)

@@ -31,10 +31,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from modalscope.analysis.comparing.agreement import Group
-from modalscope.analysis.comparing.reservations import rows_span
 from modalscope.analysis.comparing.run import MethodResult
 from modalscope.analysis.comparing.scatter import Biased, Scatter
 from modalscope.data.response import Response, line_step
+from modalscope.identification.suits import rows_span
 from modalscope.selection.judging.evidence import LEAST_PEAK, LEAST_SIGNAL
 
 #: Name of a cause -> what to do about it.

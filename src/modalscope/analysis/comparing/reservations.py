@@ -7,7 +7,6 @@ from collections.abc import Callable
 import numpy as np
 
 from modalscope.data.response import Response
-from modalscope.data.results import Settings
 from modalscope.identification.method import Method, Takes
 from modalscope.numerics.errors import DataError
 
@@ -57,16 +56,6 @@ def reservation(row: Method, response: Response) -> str:
     """Return why a comparison omits a row although the data suit it, or an empty text."""
     found = RESERVATIONS.get(row.takes)
     return found(response) if found else ""
-
-
-def rows_span(row: Method, settings: Settings, dt: float | None) -> float | None:
-    """Return the time span of the block rows, seconds; None where they are no samples, or all of them are states.
-
-    `dt`: sampling interval of the identified system.
-    """
-    rows = settings.get("block_rows")
-    of_samples = row.takes in (Takes.SAMPLES, Takes.PAST, Takes.DRIVEN) and row.orders.truncates
-    return None if rows is None or dt is None or not of_samples else float(rows * dt)
 
 
 def exact_on(row: Method, response: Response) -> bool:

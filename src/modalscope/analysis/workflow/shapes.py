@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.data.channels import known_quantity
-from modalscope.data.indicators import clusters, mpc, mpd
+from modalscope.data.indicators import OF_SHAPES, clusters
 from modalscope.data.modes import ModalModel
 from modalscope.data.responses import FrequencyResponse
 from modalscope.data.sizes import check_size
@@ -265,7 +265,7 @@ def _model(
             direct = np.einsum("lj,jm->lm", shapes, rows).real
         rows = rows * (s**p / (2j * s.imag))[:, None]
     lower, upper = (terms[0], terms[1]) if len(powers) == 2 else (None, None)
-    indicators = {**modes.indicators, "mpc": mpc(shapes), "mpd": mpd(shapes)}
+    indicators = {**modes.indicators, **{name: of(shapes) for name, of in OF_SHAPES.items()}}
     if "emac" in modes.indicators:
         indicators["cmi"] = modes.indicators["emac"] * indicators["mpc"]
     held = modes.held_input if response.sampling_rate is not None else False

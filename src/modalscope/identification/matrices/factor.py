@@ -28,7 +28,7 @@ class Factors:
 
     `left` (rows, k): orthonormal left vectors, or the product H Q d^-1 that gives them when they are first asked for. `d` (k,): singular
     values, decreasing. `Q` (columns, k): orthonormal right vectors. `spectrum`: all singular values that the route gives: the dense one
-    all, the Gram route those it carried. `rank`: number of singular values above rounding. `how`: the route, in words. `gram`: the Gram
+    all, the Gram route those it carried. `rank`: number of those computed above rounding. `how`: the route, in words. `gram`: the Gram
     matrix that was decomposed in part. `rest`: how many singular values were not computed, and the sum of their squares, where a range
     carried the leading ones. `right`: the right factor on the data's own columns, where Q belongs to a stand-in. `between`: what the data
     matrix has made of them, for the realizations that read their models off them.
@@ -59,21 +59,24 @@ class Factors:
         """Return the factors of H'."""
         return Factors(self.Q, self.d, self.P, self.spectrum, self.rank, self.how, self.gram, self.rest)
 
+    @property
+    def reach(self) -> str:
+        """Why no model has more states than `rank`, in words."""
+        whole = self.rank < self.d.size or self.d.size == min(self.left.shape[0], self.Q.shape[0])
+        return f"the data matrix has rank {self.rank}" if whole else f"{self.rank} singular vectors were computed"
+
     def check_order(self, order: int) -> None:
-        """Raise when `order` states cannot be told from rounding."""
+        """Raise when `order` states cannot be told from rounding, or were not asked of the factorization."""
         if order > self.rank:
-            raise DataError(
-                f"order={order} was asked",
-                f"the data matrix has rank {self.rank}",
-                f"Lower the order to at most {self.rank}, or give more block rows and columns.",
-            )
+            change = f"Lower the order to at most {self.rank}, or give more block rows and columns; factor for the largest order."
+            raise DataError(f"order={order} was asked", self.reach, change)
 
 
 @replaceable("factorize")
 def factorize(matrix: Operator, rank: int | None = None, route: str = "auto") -> Factors:
     """Return the leading `rank` singular triplets of a matrix (all when None), by the thin singular value decomposition.
 
-    `rank`: how many triplets will be used. `route`: one of `FACTORIZATIONS`; the plain form has the dense one alone.
+    `rank`: how many triplets are wanted. `route`: one of `FACTORIZATIONS`; the plain form has the dense one alone.
 
     Raises `DataError`: a matrix of zeros.
     """

@@ -117,7 +117,10 @@ def transposed(response: ImpulseResponse) -> ImpulseResponse:
 def cheaper_windows(
     response: ImpulseResponse, order: int, lying: tuple[int, int], standing: tuple[int, int]
 ) -> tuple[int, int]:
-    """Return block sizes of equal precision that cost least: without structure those whose rows are the short side."""
+    """Return block sizes of equal precision that cost least: without structure those whose rows are the short side.
+
+    `lying`: sizes with short rows' side, r < s. `standing`: the other way round.
+    """
     return lying
 
 
@@ -130,7 +133,8 @@ def default_windows(
     samples that lie s apart, whichever side is which: its variance is N^3 / (6 r s^2) times the least that N samples allow. That is 1.125
     at a third, 1.44 at a sixth (deviations 1.2 times the least) and 5.4 at a thirtieth of the samples; samples that are not read cost the
     power of three. Where a mode fades the vectors on both sides fade with it, so that blocks beyond its life add no noise of first
-    order, and the bound itself is reached. Never fewer rows, or columns, than three times as many as states.
+    order, and the bound itself is reached. Three times as many rows, or columns, as states at
+    least, as far as half of the samples give them.
 
     Rows are the short side, whose shapes tell close modes apart, unless columns there cost less: of many outputs the Gram matrix of a
     short side of inputs is a small one. Of T rows and columns in all, l r + m s, a third belongs to the short side, where r s^2 is
@@ -202,7 +206,7 @@ def default_blocks(
 def complete_blocks(
     response: ImpulseResponse, order: int, block_rows: int | None, block_columns: int | None
 ) -> tuple[int, int]:
-    """Return those with as many block rows as the order has states."""
+    """Return those whose block rows hold as many rows as the order has states."""
     return default_blocks(response, order, block_rows or -(-order // response.values.shape[1]), block_columns)
 
 

@@ -80,7 +80,8 @@ def default_degree(response: FrequencyResponse, order: int, *, truncates: bool =
     band, it is 1.4 there; with many more they would be as many as the lines, and take away all there is, beyond sqrt(1 - (q / N)^2) of it.
     Work goes with lines times squared rows and with their cube: no more than 800 rows, and 1.5 million rows times lines, but up to 600 rows
     and a degree of 48 always. The variance goes with 1 / rows: 2000 lines give 1.7 times the least, 48 gave 3 times. Where all block rows
-    are states there are 240 of them, or as many as a degree of 48 has. Never fewer than 8 and what the order needs.
+    are states there are 240 of them, or as many as a degree of 48 has. At least 8 and what the order needs, as far as the
+    lines carry them.
 
     `truncates`: whether directions are cut off, so that more rows are no more states.
     """

@@ -1,5 +1,10 @@
 """Define what a data matrix offers, the shift of its rows, and the models (A, B, C) that are read off it.
 
+Symbols, here and in the modules of matrices and realizations: l outputs, m inputs, n states; H(0), H(1) the data matrix and the same one
+step on, H(0) = P diag(d) Q'; V the row factor [C g_0; C g_1; ...] of the matrix with one block row more, g_k = A^k for samples and
+g_k = p_k(A) for polynomials on lines; E0 and E1 what takes V to its rows without the last block, and one step on; E_l and E_m the first l
+rows and m columns; T_0 a compression within every block; # a pseudo-inverse.
+
 No stage asks for a data matrix whole: factorizations multiply with H(0) and H(1), a realization asks for the shift of the rows and for
 first block rows and columns, and modes are fitted to the response behind it. What else is told of a data matrix, how well its factors
 follow the modes and what noise does to them, stands in `modalscope.identification.matrices.full`.
@@ -297,7 +302,7 @@ class DataMatrix(ABC):
 
     def _has_no(self, what: str) -> NoReturn:
         raise DataError(
-            f"a realization that needs {what.removeprefix('a ')} was asked",
+            f"a realization that needs {what} was asked",
             f"this data matrix has no {what}: {self.describe()}",
             "Choose another method, see methods().",
         )

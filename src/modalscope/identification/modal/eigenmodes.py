@@ -1,4 +1,4 @@
-"""Compute the modes of a model (poles, shapes, participation) and their accuracy indicators, and find extraneous poles."""
+"""Compute the modes of a model (poles, shapes, participation) and indicators of their shapes, and find extraneous poles."""
 
 from __future__ import annotations
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg as sla
@@ -19,9 +18,6 @@ from modalscope.identification.matrices.matrix import DataMatrix, Realization, R
 from modalscope.identification.realizations.shift import check_blocks
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import DataError
-
-if TYPE_CHECKING:
-    pass
 
 
 def companion_matrix(last: Array, shift: RowShift, degree: int) -> RealArray:

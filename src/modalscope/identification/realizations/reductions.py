@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import singledispatch
 
 import numpy as np
 import scipy.linalg as sla
@@ -36,20 +37,24 @@ class Reduced(Realization):
         return self.way(self.companion, n)
 
 
-def reduced(companion: Realization, how: str) -> Reduced:
+@singledispatch
+def reduced(realization: Realization, how: str) -> Reduced:
     """Return models of minimum order from a canonical form.
 
-    `companion`: the canonical form of the null space, of samples; another realization is a `DataError`. `how`: "projection":
+    `realization`: the canonical form of the null space, of samples; another one is a `DataError`. `how`: "projection":
     (E P)# A~ (E P), which is the alternate method. "markov": ERA on C~ A~^k B~, the model's own Markov parameters. "reversed": data that
     run backward grow, so that a mode's pole becomes 1 / z outside the unit circle while the minimum-norm extraneous poles stay inside;
     the invariant subspace of those outside is the model. Without noise exact; a mode that does not decay is not told apart.
     """
-    if not isinstance(companion, NullSpaceCompanion):
-        raise DataError(
-            f"reduction={how!r} was asked",
-            "only the canonical form of the null space, in the time domain, has extraneous poles to be rid of",
-            "Leave it out, or use method='polyreference', domain='time'.",
-        )
+    raise DataError(
+        f"reduction={how!r} was asked",
+        "only the canonical form of the null space, in the time domain, has extraneous poles to be rid of",
+        "Leave it out, or use method='polyreference', domain='time'.",
+    )
+
+
+@reduced.register
+def _(companion: NullSpaceCompanion, how: str) -> Reduced:
     ways = {"projection": _projected, "markov": _from_markov, "reversed": _from_reversal}
     way = ways[check_choice("reduction", how, REDUCTIONS)]
     notes = (*companion.notes, f"reduced to minimum order: {how}")

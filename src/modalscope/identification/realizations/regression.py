@@ -15,7 +15,7 @@ from modalscope.numerics.checks import RealArray
 class Regression(Realization):
     """Least-squares regression on H(0), truncated: leading blocks of an n x n problem.
 
-    `A` (k, k): p' H(1) Q d^-1. `B`, `CA`: d Q' E_m (None where columns are lines) and E_l' H(1) Q d^-1.
+    `A` (k, k): P' H(1) Q d^-1. `B`, `CA`: d Q' E_m (None where columns are lines) and E_l' H(1) Q d^-1.
     """
 
     A: RealArray
