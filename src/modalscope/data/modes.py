@@ -144,6 +144,11 @@ class Mode:
         return str(_graded(self.modes)[self.index].word)
 
     @property
+    def words(self) -> dict[str, str]:
+        """How far frequency, damping and shape are to be trusted: good, look or doubtful each, with its reason as `.reason`."""
+        return dict(_graded(self.modes)[self.index].words)
+
+    @property
     def grade_reason(self) -> str:
         """What decides the grade."""
         return str(_graded(self.modes)[self.index].reason)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from modalscope.interfaces.reporting.html import table
 from modalscope.interfaces.reporting.modes import modes_section, summary_section
 from modalscope.interfaces.reporting.record import data_section
 from modalscope.numerics.functions.poles import poles_from
-from modalscope.selection.judging.grades import ALIKE, alike_pairs, grades, half_widths
+from modalscope.selection.judging.grades import ALIKE, QUANTITIES, alike_pairs, grades, half_widths
 from tests.interfaces.plot import examples
 
 #: Half width of a 95 % interval in standard deviations.
@@ -136,3 +137,42 @@ def test_a_mode_that_refinement_moved_by_more_than_the_intervals_allow_wants_a_l
 
 def test_modes_of_a_refinement_that_did_not_converge_want_a_look() -> None:
     assert {grade.reason for grade in grades(replace(known(), converged=False))} == {"refinement did not converge"}
+
+
+def test_each_quantity_has_a_word_of_its_own_with_its_reason() -> None:
+    modes = known(damping=0.31 / Z)
+    assert {mode.words["frequency"] for mode in modes} == {"good"}
+    assert {mode.words["damping"] for mode in modes} == {"look"}
+    assert all("damping uncertain by ±31 %" in mode.words["damping"].reason for mode in modes)
+    assert all(set(grade.words) == set(QUANTITIES) for grade in grades(modes))
+    uncertain = replace(known(), frequencies_std=1.01 / Z * modes.damping_ratios * modes.frequencies)
+    assert [tuple(mode.words.values()) for mode in uncertain] == [("doubtful", "good", "good")] * len(modes)
+    assert (
+        pickle.loads(pickle.dumps(uncertain[0].words["frequency"])).reason == "frequency uncertain beyond its bandwidth"
+    )
+
+
+@pytest.mark.parametrize(("error", "word"), [(0.49, "good"), (0.51, "look"), (0.99, "look"), (1.01, "doubtful")])
+def test_a_shape_is_trusted_by_its_own_deviation(error: float, word: str) -> None:
+    """The MAC with the true shape is 1 / (1 + e^2): .8 at .5, a half at 1."""
+    modes = known()
+    each = error * np.linalg.norm(modes.shapes, axis=0) / np.sqrt(len(modes.shapes))
+    known_shapes = replace(modes, shapes_std=np.broadcast_to(each, modes.shapes.shape))
+    assert {mode.words["shape"] for mode in known_shapes} == {word}
+    assert {mode.grade for mode in known_shapes} == {"good"}
+
+
+def test_shapes_without_a_known_deviation_want_a_look() -> None:
+    modes = replace(known(), shapes_std=np.full(known().shapes.shape, np.nan))
+    assert {mode.words["shape"].reason for mode in modes} == {"deviation of the shape not known"}
+
+
+def test_rules_concern_the_quantities_that_they_are_about() -> None:
+    modes = known()
+    shapes = np.array(modes.shapes)
+    shapes[:, 1] = shapes[:, 0]
+    alike = replace(modes, shapes=shapes)
+    assert all(mode.words["frequency"] == mode.words["damping"] == "good" for mode in alike)
+    assert [mode.words["shape"] for mode in alike][:2] == ["look", "look"]
+    moved = replace(modes, unrefined=replace(modes, poles=poles_from(modes.frequencies, 1.2 * modes.damping_ratios)))
+    assert {tuple(mode.words.values()) for mode in moved} == {("good", "look", "good")}
