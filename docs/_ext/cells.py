@@ -145,7 +145,7 @@ def _page(m: Any, table: str) -> str:
     names = ", ".join(m.known_as)
     aliases = ", ".join(f"`{name}`" for name in m.aliases) or "no other"
     options = ", ".join(f"`{name}`" for name in m.options_type.__dataclass_fields__)
-    return f"""# {label_of(m)}
+    return f"""# {m.label}
 
 `method="{m.name}", domain="{m.domain}"` · {m.realization} of {DOMAINS[m.domain]} · report: {m.section}
 
@@ -161,7 +161,7 @@ $$
 
 ## {_example(m).title}
 
-![Stabilization diagram by {label_of(m)}]({_slug(m)}.png)
+![Stabilization diagram by {m.label}]({_slug(m)}.png)
 
 ```text
 {table}
@@ -179,7 +179,7 @@ def _index(cells: list[Any]) -> str:
         links = [f"[{by[name, d].common}]({_slug(by[name, d])}.md)" if (name, d) in by else "" for d in DOMAINS]
         realization = next(m.realization for m in cells if m.name == name)
         lines.append(f"| **{name}**: {realization} | " + " | ".join(links) + " |")
-    tree = "\n".join(f"{label_of(m)} <{_slug(m)}>" for m in cells)
+    tree = "\n".join(f"{m.label} <{_slug(m)}>" for m in cells)
     return f"""# The table
 
 Every method is a data matrix and a realization. This table is generated from that of the program; each cell has a page with its
@@ -231,7 +231,7 @@ def _landing(cells: list[Any], tables: dict[Any, str], folder: Path) -> None:
     marks = [Line2D([], [], ls="", marker="o", color=color, label=DOMAINS[name]) for name, color in COLOURS.items()]
     line.set_label("published by the authors of the data")
     figure.legend(handles=[*marks, line], loc="outside lower center", ncols=2, frameon=False)
-    ax.set_yticks(range(len(shown)), [label_of(m) for m in shown])
+    ax.set_yticks(range(len(shown)), [m.label for m in shown])
     ax.invert_yaxis()
     ax.set_xlim(100, 1700)
     ax.set_xlabel("frequency [Hz]")

@@ -23,6 +23,7 @@ FURTHER = {
     "find_method": f"{_HERE}.method_names:find_method",
     "hankel": f"{_HERE}.matrices.general_hankel:hankel",
     "indicators_of_all": f"{_HERE}.modal.accuracy:indicators_of_all",
+    "label_of": f"{_HERE}.method_names:label_of",
     "line_weights": f"{_HERE}.matrices.line_columns:line_weights",
     "measure": f"{_HERE}.measure:measure",
     "of_records": f"{_HERE}.of_records:of_records",

@@ -18,7 +18,7 @@ from modalscope.identification.matrices.matrix import DataMatrix, Realization
 from modalscope.identification.options import Options
 from modalscope.numerics.checks import check_count, check_each
 from modalscope.numerics.errors import DataError
-from modalscope.numerics.handed import replaceable
+from modalscope.numerics.handed import handed, replaceable
 
 
 class Takes(Enum):
@@ -200,6 +200,11 @@ class Method:
     fixed: Mapping[str, Any] = field(default_factory=dict, hash=False)
     from_records: str = ""
     votes: bool = True
+
+    @property
+    def label(self) -> str:
+        """The common name first, with the name and domain of the table behind it: "SSI-cov (alternate)"."""
+        return str(handed("label_of")(self))
 
     @property
     def of_samples(self) -> bool:

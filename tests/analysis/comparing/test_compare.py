@@ -17,7 +17,7 @@ from modalscope.analysis.comparing.run import MethodResult, find_by_name
 from modalscope.data import DataError, FrequencyResponse, ImpulseResponse
 from modalscope.identification.diagrams import stabilize
 from modalscope.identification.matrices.hankel import Hankel
-from modalscope.identification.method_names import cell_label, label_of, methods
+from modalscope.identification.method_names import cell_label, methods
 from modalscope.identification.pipeline import factored
 from modalscope.identification.stabilize import swept
 from modalscope.selection.judging.select import select
@@ -322,7 +322,7 @@ def test_a_result_that_is_not_there_is_an_error_that_names_the_nearest(clean: Co
 
 
 def test_labels_tell_every_cell_of_the_table_apart() -> None:
-    labels = [label_of(m) for m in methods()]
+    labels = [m.label for m in methods()]
     assert len(set(labels)) == len(labels)
     assert {"ERA", "SSI-cov (alternate)", "PRCE"} <= set(labels)
     assert cell_label("era", "time") == "ERA"

@@ -21,7 +21,7 @@ from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.shown import Shown, counted, summary_of, text_table
-from modalscope.identification.method_names import find_method, label_of
+from modalscope.identification.method_names import find_method
 from modalscope.identification.pipeline import factor
 from modalscope.identification.prepare import Measured, pose
 from modalscope.identification.stabilize import stabilized
@@ -136,9 +136,7 @@ def replicates_of(
     row = find_method(diagram.method, diagram.domain, diagram.domain, diagram.settings.route)
     if of_past(row):
         have = "it projects records on their past, and replicates are responses"
-        raise DataError(
-            f"a certificate of {label_of(row)} was asked", have, "Certify another method on the same record."
-        )
+        raise DataError(f"a certificate of {row.label} was asked", have, "Certify another method on the same record.")
     response, order = diagram.response, nearest_order(diagram, modes.unrefined or modes)
     beside = np.zeros(0, complex) if modes.unrefined is None else terms_of(modes.unrefined)[0]
     clean = rebuilt(response, modes)

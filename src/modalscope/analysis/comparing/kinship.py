@@ -11,7 +11,6 @@ import scipy.linalg as sla
 from modalscope.analysis.comparing.run import MethodResult
 from modalscope.data.modes import ModalModel
 from modalscope.identification.method import Method
-from modalscope.identification.method_names import label_of
 from modalscope.identification.orders import states_each, sufficient_order
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.statistics import assign
@@ -46,7 +45,7 @@ class Kinship:
     @property
     def labels(self) -> tuple[str, ...]:
         """Names of the methods in the literature."""
-        return tuple(label_of(m) for m in self.methods) or self.names
+        return tuple(m.label for m in self.methods) or self.names
 
     @property
     def equals(self) -> tuple[tuple[str, ...], ...]:

@@ -25,7 +25,6 @@ from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.identification.matrices.influence import Lines
 from modalscope.identification.method import Built, Method, Problem
-from modalscope.identification.method_names import label_of
 from modalscope.identification.options import Options
 from modalscope.identification.pipeline import Factored, built, factor, factored, realized
 from modalscope.identification.prepare import Measured, pose
@@ -149,7 +148,7 @@ class MethodResult:
     @property
     def label(self) -> str:
         """The method's name in the literature, for tables and pictures."""
-        return label_of(self.method)
+        return self.method.label
 
 
 @dataclass(eq=False)
@@ -428,8 +427,8 @@ def find_by_name(results: Sequence[MethodResult], name: str | tuple[str, str]) -
 
 def _names(method: Method) -> set[str]:
     """Return all names of a method, plain."""
-    words = (method.name, label_of(method), method.common, *method.known_as, *method.aliases)
-    return {_plain(word.partition(" on ")[0].partition(" with ")[0]) for word in words} | {_plain(label_of(method))}
+    words = (method.name, method.label, method.common, *method.known_as, *method.aliases)
+    return {_plain(word.partition(" on ")[0].partition(" with ")[0]) for word in words} | {_plain(method.label)}
 
 
 def _plain(text: str) -> str:

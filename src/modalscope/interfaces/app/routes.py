@@ -16,7 +16,7 @@ from starlette.routing import Route
 
 from modalscope.data import DataError
 from modalscope.data.analysis import VERSION
-from modalscope.identification.method_names import label_of, methods
+from modalscope.identification.method_names import methods
 from modalscope.identification.suits import route_of
 from modalscope.interfaces.app.document import OpenDocument
 from modalscope.interfaces.app.documents import DocumentStore
@@ -84,7 +84,7 @@ async def start(request: Request) -> Response:
     """Return the files, documents, methods and formats."""
     store = _store(request)
     folder = store.files.folder
-    rows = [{"name": m.name, "domain": m.domain, "label": label_of(m), "route": route_of(m)} for m in methods()]
+    rows = [{"name": m.name, "domain": m.domain, "label": m.label, "route": route_of(m)} for m in methods()]
     return _json(
         {
             "version": VERSION,
