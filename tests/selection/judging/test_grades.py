@@ -143,6 +143,7 @@ def test_each_quantity_has_a_word_of_its_own_with_its_reason() -> None:
     modes = known(damping=0.31 / Z)
     assert {mode.words["frequency"] for mode in modes} == {"good"}
     assert {mode.words["damping"] for mode in modes} == {"look"}
+    assert all(mode.words["frequency"].reason.startswith("frequency known within ±") for mode in modes)
     assert all("damping uncertain by ±31 %" in mode.words["damping"].reason for mode in modes)
     assert all(set(grade.words) == set(QUANTITIES) for grade in grades(modes))
     uncertain = replace(known(), frequencies_std=1.01 / Z * modes.damping_ratios * modes.frequencies)

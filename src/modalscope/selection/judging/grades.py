@@ -112,7 +112,12 @@ def grades(modes: ModalModel, holds: BoolArray | None = None) -> tuple[Grade, ..
         ]
         good = f"damping known within ±{percent(zeta / float(modes.damping_ratios[i]), 2)}"
         word = _worst([one for one in against if one.graded], good)
-        words = {quantity: _worst([one for one in against if quantity in one.of], "") for quantity in QUANTITIES}
+        said = {
+            "frequency": f"frequency known within ±{f:.2g} Hz",
+            "damping": good,
+            "shape": "no rule speaks against it",
+        }
+        words = {name: _worst([one for one in against if name in one.of], said[name]) for name in QUANTITIES}
         graded.append(Grade(str(word), word.reason, words))
     return tuple(graded)
 
