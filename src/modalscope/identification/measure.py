@@ -17,6 +17,7 @@ from modalscope.identification.prepare import Measured
 from modalscope.numerics.checks import check_band, check_count, check_kind
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.handed import handed
+from modalscope.signals.doctor.reciprocity import by_reciprocity
 from modalscope.signals.preprocess.bands import driven_lines
 from modalscope.signals.preprocess.conditioning import slower_correlation
 
@@ -101,12 +102,6 @@ def _(
 
 def exchanged(measured: Measured, asked: Asked) -> Measured:
     """Return a response to forces, each by itself, with inputs and outputs exchanged where that was asked or helps."""
-    response = measured.response
-    few = len(response.input_dofs) <= len(response.output_dofs)
-    if asked.reciprocal is None and few and not response.exchanged:
-        return measured
-    from modalscope.signals.doctor.reciprocity import by_reciprocity  # most tests have more sensors than forces
-
-    response, notes = by_reciprocity(response, asked.reciprocal)
+    response, notes = by_reciprocity(measured.response, asked.reciprocal)
     reciprocal = True if response.exchanged else asked.reciprocal
     return replace(measured, response=response, reciprocal=reciprocal, notes=(*measured.notes, *notes))

@@ -168,6 +168,11 @@ class Sweep:
         known = self.deviating
         return () if known is None else (known.note_on(cut.due[1] for cut in cuts if cut.due is not None),)
 
+    @cached_property
+    def largest(self) -> Triple:
+        """The model of the largest order, as it was realized."""
+        return self.pipeline.realization.triple(self.orders[-1])
+
     @property
     def remaining(self) -> tuple[int, ...]:
         """The remaining orders."""

@@ -14,7 +14,6 @@ from modalscope.identification.matrices.matrix import Eigen, ModalFit, Triple
 from modalscope.identification.method import Built, Method, Problem
 from modalscope.identification.prepare import Measured
 from modalscope.identification.suits import of_past
-from modalscope.numerics.checks import check_count
 
 
 def whitening_of_row(measured: Measured, row: Method, options: Any) -> Whitening | None:
@@ -29,13 +28,12 @@ def whitening_of_row(measured: Measured, row: Method, options: Any) -> Whitening
 
 
 def built(problem: Problem, largest: int) -> Built:
-    """Return the data matrix of a row, of ambient data that of their whitened channels."""
-    order, whitening = check_count("order", largest), problem.whitening
-    if whitening is None:
-        return problem.method.matrix(problem, order)
-    response, records = whitening.of_response(problem.response), problem.records
+    """Return the data matrix of a row for whitened channels."""
+    whitening, records = problem.whitening, problem.records
+    assert whitening is not None
+    response = whitening.of_response(problem.response)
     records = whitening.of_record(records) if of_past(problem.method) and isinstance(records, Signals) else records
-    inside = problem.method.matrix(replace(problem, response=response, records=records), order)
+    inside = problem.method.matrix(replace(problem, response=response, records=records), largest)
     return inside._replace(matrix=WhitenedChannels(problem.response, whitening, full(inside.matrix)))
 
 

@@ -15,7 +15,7 @@ _SAME_MODEL = 1e-12
 
 def same_poles(one: Sweep, other: Sweep) -> bool:
     """Whether sweeps over the same factors have the same poles at every order."""
-    return one.orders == other.orders and _same_states(_largest(one), _largest(other))
+    return one.orders == other.orders and _same_states(one.largest, other.largest)
 
 
 def same_modes(one: Sweep, other: Sweep) -> bool:
@@ -24,12 +24,7 @@ def same_modes(one: Sweep, other: Sweep) -> bool:
         return False
     ours, theirs = one.pipeline, other.pipeline
     alike = ours.notes == theirs.notes and ours.settings == theirs.settings
-    return alike and (full(ours.matrix).fits_states or _same_ends(_largest(one), _largest(other)))
-
-
-def _largest(found: Sweep) -> Triple:
-    """Return the model of the largest order, as it was realized."""
-    return found.pipeline.realization.triple(found.orders[-1])
+    return alike and (full(ours.matrix).fits_states or _same_ends(one.largest, other.largest))
 
 
 def _same_states(one: Triple, other: Triple) -> bool:

@@ -102,7 +102,7 @@ def factorize(matrix: Operator, rank: int | None = None, route: str = "auto") ->
     """Return the leading `rank` singular triplets of a matrix (all when None), by the cheaper exact enough route.
 
     `rank`: how many triplets will be used. `route`: "auto" takes the dense decomposition for small matrices, and of large ones the
-    cheapest that memory allows (see `modalscope.identification.matrices.factor`): the structured Gram matrix, a randomized range unless
+    cheapest that memory allows: the structured Gram matrix, a randomized range unless
     directions that stand out do not settle, or dense.
 
     Raises `DataError`: A matrix of zeros, the Gram route without structure, or more memory than there is.

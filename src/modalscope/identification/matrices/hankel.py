@@ -119,7 +119,7 @@ def cheaper_windows(
 ) -> tuple[int, int]:
     """Return block sizes of equal precision that cost least: without structure those whose rows are the short side.
 
-    `lying`: sizes with short rows' side, r < s. `standing`: the other way round.
+    `lying`: sizes whose rows are the short side. `standing`: those whose columns are.
     """
     return lying
 

@@ -211,11 +211,12 @@ class Transfer(PolynomialRows):
         rows = self.basis[:, :, None] * self.response.values[:, None, :, i]
         return self.projected_off(real_columns((rows / self.output_scale).reshape(len(self.basis), -1)))
 
-    def projected_off(self, columns: Array) -> RealArray:
+    def projected_off(self, columns: Array) -> Array:
         """Return columns without what the eliminated ones explain: twice, so that what is left is orthogonal to rounding."""
+        real = np.ascontiguousarray(columns).view(float)  # complex columns as twice as many real ones
         for _ in range(2):
-            columns = columns - self.eliminated @ (self.eliminated.T @ columns)
-        return columns
+            real = real - self.eliminated @ (self.eliminated.T @ real)
+        return real.view(columns.dtype)
 
     @cached_property
     def triangle(self) -> RealArray:

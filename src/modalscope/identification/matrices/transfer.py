@@ -198,13 +198,6 @@ class FullTransfer(FullPolynomialRows, LineMatrix, FittedToLines, Transfer):
         columns = real_columns((rows / self.output_scale).reshape(len(self.basis), -1), self.weights)
         return self.projected_off(columns)
 
-    def projected_off(self, columns: Array) -> Array:
-        """Return columns without what the eliminated ones explain."""
-        real = np.ascontiguousarray(columns).view(float)  # complex columns as twice as many real ones
-        for _ in range(2):  # twice, so that what is left is orthogonal to rounding
-            real = real - self.eliminated @ (self.eliminated.T @ real)
-        return real.view(columns.dtype)
-
     def column_functions(self, poles: Array) -> tuple[ComplexArray, RealArray]:
         """Return 1 / (x_i - s_j) along the columns of one input, as the elimination leaves it (2 F, k), and the share it leaves (k,).
 

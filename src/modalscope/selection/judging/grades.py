@@ -44,9 +44,6 @@ _MAX_DAMPING_UNCERTAINTY = 0.3
 #: MAC of a shape with the true one below which its errors are as large as the shape.
 _UNKNOWN_SHAPE = 0.5
 
-#: What refinement moved by more than its interval, if anything: the fields of an objection.
-_Moved = tuple[()] | tuple[tuple[str, ...], str, str]
-
 #: Distance of a machine's line relative to the frequency of a mode within which the one may be taken for the other.
 _NEAR_A_LINE = 0.02
 
@@ -155,7 +152,12 @@ def _doubts(modes: ModalModel, i: int, f: float, zeta: float) -> Iterator[_Objec
 
 
 def _weaknesses(
-    modes: ModalModel, i: int, zeta: float, pairs: list[tuple[int, int, float]], holds: BoolArray | None, moved: _Moved
+    modes: ModalModel,
+    i: int,
+    zeta: float,
+    pairs: list[tuple[int, int, float]],
+    holds: BoolArray | None,
+    moved: _Objection | None,
 ) -> Iterator[_Objection]:
     """Yield what a person should look at."""
     for a, b, value in pairs:
@@ -177,8 +179,8 @@ def _weaknesses(
     if share is not None and prominence is not None and share < LEAST_PEAK and prominence < LEAST_PROMINENCE:
         yield _Objection(QUANTITIES, "look", f"weak: {percent(share, 2)} of its response, no peak")
     yield from _surroundings(modes, i, reasons)
-    if moved:
-        yield _Objection(*moved)
+    if moved is not None:
+        yield moved
     if not np.isfinite(uncertainty):
         yield _Objection(("frequency", "damping"), "look", "uncertainty not known")
 
@@ -220,7 +222,7 @@ def _surroundings(modes: ModalModel, i: int, reasons: Mapping[str, Any]) -> Iter
         yield _Objection(("frequency",), "look", text)
 
 
-def _moves(modes: ModalModel, widths: tuple[RealArray, RealArray]) -> list[_Moved]:
+def _moves(modes: ModalModel, widths: tuple[RealArray, RealArray]) -> list[_Objection | None]:
     """Say of each mode that refinement moved it by more than the intervals before and after allow: one of the two values is biased.
 
     If both were right, the variance of their difference would be no more than the sum of theirs (J. A. Hausman, Econometrica 46, 1978).
@@ -229,19 +231,17 @@ def _moves(modes: ModalModel, widths: tuple[RealArray, RealArray]) -> list[_Move
     """
     before = modes.unrefined
     if before is None:
-        return [()] * len(modes)
+        return [None] * len(modes)
     f, zeta = (np.hypot(w, np.nan_to_num(v)) for w, v in zip(widths, half_widths(before), strict=True))
     far = np.abs(modes.frequencies - before.frequencies) > f
     damped = np.abs(modes.damping_ratios - before.damping_ratios) > zeta
-    found: list[_Moved] = []
+    found: list[_Objection | None] = []
     for i in range(len(modes)):
-        of, said = (
-            ("frequency", f"it from {before.frequencies[i]:.6g} Hz")
-            if far[i]
-            else ("damping", f"its damping from {percent(float(before.damping_ratios[i]), 3)}")
-        )
-        told = ((of,), "look", f"refinement moved {said}, by more than its interval")
-        found.append(told if far[i] or damped[i] else ())
+        of, said = ("frequency", f"it from {before.frequencies[i]:.6g} Hz")
+        if not far[i]:
+            of, said = ("damping", f"its damping from {percent(float(before.damping_ratios[i]), 3)}")
+        told = _Objection((of,), "look", f"refinement moved {said}, by more than its interval")
+        found.append(told if far[i] or damped[i] else None)
     return found
 
 

@@ -31,10 +31,10 @@ def by_reciprocity(response: Response, reciprocal: bool | None) -> tuple[Respons
     if reciprocal is False or response.exchanged:
         return response, ()
     outputs, inputs = len(response.output_dofs), len(response.input_dofs)
+    if reciprocal is None and (inputs <= outputs or not response.reciprocal):
+        return response, ()
     obstacle = _obstacle(response)
     if reciprocal is None:
-        if inputs <= outputs or not response.reciprocal:
-            return response, ()
         obstacle = obstacle or next(
             (f"{f.reason} at {', '.join(f.channels)}" for f in check_polarity(response) if f.kind in _CONTRADICTIONS),
             "",
