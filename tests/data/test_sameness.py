@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from modalscope.data.sameness import log_ratios, same_modes
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.poles import poles_from
 
@@ -77,6 +78,37 @@ def test_shapes_are_compared_on_the_labels_of_both():
     b = made(F, shape=(3.0, 2.0), output_dofs=("3", "2"))
     assert ms.same_mode(a, b).mac == pytest.approx(1.0)
     assert np.isnan(ms.same_mode(a, made(F, shape=(1.0, 2.0), output_dofs=("8", "9"))).mac)
+
+
+def test_a_model_without_damping_tells_nothing_of_it():
+    undamped = ms.ModalModel(poles=[2j * np.pi * F], shapes=np.ones((4, 1)))
+    assert ms.same_mode(undamped, made(F, zeta=0.05))
+    assert ms.same_mode(undamped, made(F * 1.001, zeta=0.05)).distance < 0.1
+
+
+def list_of(f, shapes=None):
+    n = len(f)
+    return ms.ModalModel(poles=poles_from(f, np.full(n, ZETA)), shapes=np.ones((3, n)) if shapes is None else shapes)
+
+
+def test_each_mode_has_one_partner_and_none_that_is_another_rather():
+    # 10.05 is nearer to 10.02, which 10 would then lack
+    first, second = same_modes(list_of([10.0, 10.05, 30.0]), list_of([10.02, 10.08, 50.0]))
+    assert (first.tolist(), second.tolist()) == ([0, 1], [0, 1])
+    assert [each.size for each in same_modes(list_of([10.0]), list_of([]))] == [0, 0]
+
+
+def test_lists_are_compared_as_single_modes_are():
+    rng = np.random.default_rng(4)
+    a, b = (list_of(10 ** rng.uniform(0, 0.1, 4), rng.standard_normal((3, 4))) for _ in range(2))
+    ratios = log_ratios(a, b)
+    one_by_one = [[ms.same_mode(x, y).probability for y in b] for x in a]
+    assert np.allclose(1 / (1 + np.exp(-ratios)), one_by_one)
+    # a change that is expected makes what is apart less unlikely, and what is equal less likely
+    wider = log_ratios(a, b, 0.1)
+    far = np.abs(np.log(a.frequencies[:, None] / b.frequencies)) > 0.05
+    assert np.all(wider[far] > ratios[far])
+    assert log_ratios(a, a, 0.1)[0, 0] < log_ratios(a, a)[0, 0]
 
 
 def test_modes_of_a_result_are_taken_one_by_one_and_a_model_of_several_is_refused():

@@ -1,23 +1,25 @@
-"""Tell whether two modes of different results are the same one: frequency, damping and shape in one probability."""
+"""Tell which modes of different results are the same: frequency, damping and shape in one probability, one assignment on it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import betaln, expit
 
 from modalscope.data.modes import ModalModel, Mode
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import RealArray, check_kind
+from modalscope.numerics.checks import ComplexArray, IntArray, RealArray, check_kind
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.statistics import assign
 
 #: Part of the modes that are worse than their deviations say, and how many times: the contaminated normal distribution of
 #: J. W. Tukey, "A survey of sampling from contaminated distributions", 1960.
 _SPOILT, _WIDER = 0.05, 10.0
 
 #: Other modes come evenly over a decade of frequencies and two of damping ratios, on the scale of the logarithm.
-_DECADES_OF_FREQUENCY, _DECADES_OF_DAMPING = 1.0, 2.0
+_DECADES = np.array([1.0, 2.0])
 
 #: Standard deviation of a frequency in half-power half-bandwidths, and of a damping ratio relative to it, where a result tells none.
 _USUAL_FREQUENCY, _USUAL_DAMPING = 0.5, 0.5
@@ -89,77 +91,117 @@ def same_mode(a: Mode | ModalModel, b: Mode | ModalModel) -> Sameness:
     (True, False)
     """
     one, other = _single("a", a), _single("b", b)
-    f, zeta = (np.array([mode.frequency, mode.damping_ratio]) for mode in (one, other))
-    deviations = [_deviations(mode) for mode in (one, other)]
-    apart = np.log(np.maximum(f, 1e-300) / np.maximum(zeta, 1e-300))
-    spread = np.hypot(*deviations)
-    decades = np.log(10) * np.array([_DECADES_OF_FREQUENCY, _DECADES_OF_DAMPING])
-    usual = (1 - _SPOILT) * _normal(apart, spread) + _SPOILT * _normal(apart, _WIDER * spread)
-    log_ratio = float(np.sum(np.log(np.maximum(usual * decades, 1e-300))))
-    mac, of_shape = _of_shapes(one, other)
-    probability = float(expit(log_ratio + of_shape))
-    distance = float(np.linalg.norm(apart / spread))
+    found = _compared(one, other)
+    probability, distance, mac = (float(x[0, 0]) for x in (expit(found.log_ratio), found.distance, found.mac))
     alike = "" if np.isnan(mac) else f", MAC {mac:.2f}"
     text = (
-        f"{one.frequency:.5g} Hz and {other.frequency:.5g} Hz: {distance:.2g} standard deviations apart{alike}; "
+        f"{one.frequencies[0]:.5g} Hz and {other.frequencies[0]:.5g} Hz: {distance:.2g} standard deviations apart{alike}; "
         f"probability {probability:.2g} that they are the same mode"
     )
     return Sameness(probability, distance, mac, text)
 
 
-def _single(name: str, given: Mode | ModalModel) -> Mode:
+def log_ratios(a: ModalModel, b: ModalModel, room: float = 0.0, misfit: float = 0.0) -> RealArray:
+    """Return ln p(x | same) / p(x | different) of all pairs of two lists, (n, k); see `same_mode`: above zero they are the same rather.
+
+    `room`: relative standard deviation of a frequency from one list to the other, where the structure itself may differ. `misfit`: mean of
+    1 - MAC beyond what deviations tell, then.
+    """
+    return _compared(a, b, room, misfit).log_ratio
+
+
+def same_modes(a: ModalModel, b: ModalModel) -> tuple[IntArray, IntArray]:
+    """Return pairs of modes of two lists that are the same rather, each mode at most once, with the largest sum of log ratios."""
+    return likeliest(log_ratios(a, b))
+
+
+def likeliest(log_ratio: RealArray) -> tuple[IntArray, IntArray]:
+    """Return rows and columns of the pairs above zero with the largest sum, each row and column at most once."""
+    if not log_ratio.size:
+        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
+    rows, columns = assign(-np.maximum(log_ratio, 0.0))
+    kept = log_ratio[rows, columns] > 0
+    return rows[kept], columns[kept]
+
+
+def _single(name: str, given: Mode | ModalModel) -> ModalModel:
     check_kind(name, given, (Mode, ModalModel))
     if isinstance(given, Mode):
-        return given
+        return given.modes.take([given.index])
     if len(given) != 1:
         raise DataError(f"{name} needs a single mode", f"it has {len(given)}", f"Give one, such as {name}[0].")
-    return given[0]
+    return given
+
+
+class _Compared(NamedTuple):
+    """Of all pairs of two lists (n, k): ln of the ratio, distance in standard deviations, and MAC; NaN without common outputs."""
+
+    log_ratio: RealArray
+    distance: RealArray
+    mac: RealArray
+
+
+def _compared(a: ModalModel, b: ModalModel, room: float = 0.0, misfit: float = 0.0) -> _Compared:
+    logs = [np.log(np.maximum(np.abs([each.frequencies, each.damping_ratios]), 1e-300)) for each in (a, b)]
+    spread = np.hypot(_deviations(a)[:, :, None], _deviations(b)[:, None])
+    spread[0] = np.hypot(spread[0], room)
+    apart = logs[0][:, :, None] - logs[1][:, None]
+    told = (a.damping_ratios > 0)[:, None] & (b.damping_ratios > 0)  # a model without damping tells nothing of it
+    decades = (np.log(10) * _DECADES)[:, None, None]
+    usual = (1 - _SPOILT) * _normal(apart, spread) + _SPOILT * _normal(apart, _WIDER * spread)
+    each = np.log(np.maximum(usual * decades, 1e-300))
+    each[1] = np.where(told, each[1], 0.0)
+    away = np.where(np.stack([np.ones_like(told), told]), apart / spread, 0.0)
+    mac, of_shape = _of_shapes(a, b, misfit)
+    return _Compared(each.sum(axis=0) + of_shape, np.linalg.norm(away, axis=0), mac)
 
 
 def _normal(x: RealArray, deviation: RealArray) -> RealArray:
     return np.asarray(np.exp(-0.5 * (x / deviation) ** 2) / (np.sqrt(2 * np.pi) * deviation))
 
 
-def _deviations(mode: Mode) -> RealArray:
-    """Return the standard deviations of ln f and ln zeta, (2,): the wider of those that are known, else the usual ones."""
-    f, zeta = mode.frequency, max(abs(mode.damping_ratio), 1e-300)
+def _deviations(modes: ModalModel) -> RealArray:
+    """Return the standard deviations of ln f and ln zeta, (2, n): the wider of those that are known, else the usual ones."""
+    f, zeta = modes.frequencies, np.maximum(np.abs(modes.damping_ratios), 1e-300)
     found = []
     for value, usual, fields in (
         (f, _USUAL_FREQUENCY * zeta, ("frequencies_std", "frequencies_repeatability")),
-        (zeta, _USUAL_DAMPING, ("damping_ratios_std", "damping_ratios_repeatability")),
+        (zeta, np.full(len(f), _USUAL_DAMPING), ("damping_ratios_std", "damping_ratios_repeatability")),
     ):
-        columns = [getattr(mode.modes, name) for name in fields]
-        known = [float(column[mode.index]) / value for column in columns if column is not None]
-        found.append(max((each for each in known if np.isfinite(each) and each > 0), default=usual))
+        columns = [np.asarray(column) / value for name in fields if (column := getattr(modes, name)) is not None]
+        known = [np.where(np.isfinite(column) & (column > 0), column, np.nan) for column in columns]
+        widest = np.fmax.reduce([np.full(len(f), np.nan), *known])
+        found.append(np.maximum(np.where(np.isnan(widest), usual, widest), 1e-12))
     return np.array(found)
 
 
-def _of_shapes(one: Mode, other: Mode) -> tuple[float, float]:
-    """Return the MAC on the channels that both have, and the log ratio of its densities; NaN and 0 where these are fewer than two.
+def _of_shapes(a: ModalModel, b: ModalModel, misfit: float) -> tuple[RealArray, RealArray]:
+    """Return the MAC on the outputs that both have, and ln of the ratio of its densities, (n, k) each; NaN and 0 where these are too few.
 
-    Real directions of n channels that come evenly have 1 - MAC = x with the density x^((n - 3) / 2) (1 - x)^(-1/2) / B((n - 1) / 2, 1 / 2).
+    Real directions of n outputs that come evenly have 1 - MAC = x with the density x^((n - 3) / 2) (1 - x)^(-1/2) / B((n - 1) / 2, 1 / 2).
+
+    `misfit`: mean of 1 - MAC of the same mode beyond what deviations tell.
     """
-    shared = [dof for dof in one.modes.output_dofs if dof in other.modes.output_dofs]
-    if len(shared) < 2:
-        return np.nan, 0.0
-    rows = [[mode.modes.output_dofs.index(dof) for dof in shared] for mode in (one, other)]
-    u, v = (mode.shape[row] for mode, row in zip((one, other), rows, strict=True))
-    size = float(np.vdot(u, u).real * np.vdot(v, v).real)
-    if size == 0:
-        return np.nan, 0.0
-    mac = min(float(abs(np.vdot(u, v)) ** 2 / size), 1.0)
-    means = [_misfit(mode, row) for mode, row in zip((one, other), rows, strict=True)]
-    mean = max(sum(means), 1e-12)
-    x, n = max(1 - mac, mean / 100), len(shared)
-    log_even = (n - 3) / 2 * np.log(x) - 0.5 * np.log(max(mac, _LEAST_MAC)) - betaln((n - 1) / 2, 0.5)
-    same = sum(part * np.exp(-x / m) / m for part, m in ((1 - _SPOILT, mean), (_SPOILT, _WIDER * mean)))
-    return mac, float(np.log(max(same, 1e-300)) - log_even)
+    place = {dof: k for k, dof in enumerate(b.output_dofs)}
+    rows = [i for i, dof in enumerate(a.output_dofs) if dof in place]
+    unknown = np.full((len(a), len(b)), np.nan)
+    if (n := len(rows)) < 2:
+        return unknown, np.zeros(unknown.shape)
+    others = [place[a.output_dofs[i]] for i in rows]
+    u, v = a.shapes[rows], b.shapes[others]
+    size = np.outer(*(np.sum(np.abs(shapes) ** 2, axis=0) for shapes in (u, v)))
+    seen = size > 0
+    mac = np.where(seen, np.minimum(np.abs(u.conj().T @ v) ** 2 / np.where(seen, size, 1), 1.0), np.nan)
+    mean = np.maximum(_misfit(a, u, rows)[:, None] + _misfit(b, v, others) + misfit, 1e-12)
+    x = np.maximum(1 - np.where(seen, mac, 0), mean / 100)
+    log_even = (n - 3) / 2 * np.log(x) - 0.5 * np.log(np.maximum(1 - x, _LEAST_MAC)) - betaln((n - 1) / 2, 0.5)
+    same = (1 - _SPOILT) * np.exp(-x / mean) / mean + _SPOILT * np.exp(-x / (_WIDER * mean)) / (_WIDER * mean)
+    return mac, np.where(seen, np.log(np.maximum(same, 1e-300)) - log_even, 0.0)
 
 
-def _misfit(mode: Mode, rows: list[int]) -> float:
-    """Return the mean of 1 - MAC that the deviations of a shape tell: their squares over its own; half the usual where they are unknown."""
-    std = mode.modes.shapes_std
-    if std is None or not np.isfinite(std[rows, mode.index]).all():
-        return _USUAL_MISFIT / 2
-    shape = mode.shape[rows]
-    return float(np.sum(std[rows, mode.index] ** 2) / np.vdot(shape, shape).real)
+def _misfit(modes: ModalModel, shapes: ComplexArray, rows: list[int]) -> RealArray:
+    """Return the mean of 1 - MAC that the deviations of shapes tell, (n,): their squares over the own; half the usual where unknown."""
+    if modes.shapes_std is None:
+        return np.full(len(modes), _USUAL_MISFIT / 2)
+    found = np.sum(modes.shapes_std[rows] ** 2, axis=0) / np.maximum(np.sum(np.abs(shapes) ** 2, axis=0), 1e-300)
+    return np.where(np.isfinite(found), found, _USUAL_MISFIT / 2)

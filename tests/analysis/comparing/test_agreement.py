@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from modalscope.analysis.comparing.agreement import Group, pair
 from modalscope.analysis.comparing.run import MethodResult
 from modalscope.data.indicators import mac
+from modalscope.data.modes import ModalModel
+from modalscope.data.sameness import log_ratios
+from modalscope.numerics.functions.poles import poles_from
 from tests.analysis.comparing.made import ALL, ALTERNATE, ERA, LEAST, POLY, PRCE, Mode, kin, result
 from tests.selection.judging.made import NUDGE, at_angle
 
@@ -28,28 +32,24 @@ def groups(*modes: Mode) -> list[int]:
 # -------------------------------------------------------------------------------------------------------- what is one mode
 
 
-@pytest.mark.parametrize(
-    ("zeta", "limit"), [(0.0001, 0.002), (0.02, 1.5 * 0.02), (0.2, 0.05)], ids=["least", "half bandwidths", "most"]
-)
+def ratio(one: Mode, other: Mode) -> float:
+    models = [ModalModel(poles=poles_from([f], [zeta]), shapes=np.array(x)[:, None]) for f, zeta, x in (one, other)]
+    return float(log_ratios(*models)[0, 0])
+
+
+@pytest.mark.parametrize(("zeta", "other"), [(0.0001, 0.0001), (0.02, 0.02), (0.2, 0.2), (0.02, 0.005), (0.005, 0.02)])
 @pytest.mark.parametrize(("side", "sizes"), [(-1, [2]), (1, [1, 1])])
-def test_modes_are_one_within_one_and_a_half_half_bandwidths(
-    zeta: float, limit: float, side: int, sizes: list[int]
-) -> None:
-    # a part of the lower frequency, whichever method has it
-    other = 10 * (1 + limit * (1 + side * NUDGE))
-    assert groups((10, zeta, X), (other, zeta, X)) == sizes
-    assert groups((other, zeta, X), (10, zeta, X)) == sizes
-
-
-def test_the_wider_of_two_bandwidths_counts() -> None:
-    assert groups((10, 0.02, X), (10 * 1.029, 0.001, X)) == [2]
-    assert groups((10, 0.001, X), (10 * 1.029, 0.02, X)) == [2]
-    assert groups((10, 0.001, X), (10 * 1.029, 0.001, X)) == [1, 1]
+def test_modes_are_one_where_they_are_the_same_rather(zeta: float, other: float, side: int, sizes: list[int]) -> None:
+    limit = brentq(lambda apart: ratio((10, zeta, X), (10 * (1 + apart), other, X)), 0, 1)
+    at = 10 * (1 + limit * (1 + side * NUDGE))
+    assert groups((10, zeta, X), (at, other, X)) == sizes
+    assert groups((at, other, X), (10, zeta, X)) == sizes
 
 
 @pytest.mark.parametrize(("side", "sizes"), [(1, [2]), (-1, [1, 1])])
 def test_modes_of_different_shapes_are_not_one(side: int, sizes: list[int]) -> None:
-    assert groups((10, 0.02, X), (10, 0.02, at_angle(0.4 + side * NUDGE))) == sizes
+    limit = brentq(lambda like: ratio((10, 0.02, X), (10, 0.02, at_angle(like))), 0.01, 0.99)
+    assert groups((10, 0.02, X), (10, 0.02, at_angle(limit + side * NUDGE))) == sizes
 
 
 def test_one_mode_of_a_method_in_a_group() -> None:
@@ -57,17 +57,11 @@ def test_one_mode_of_a_method_in_a_group() -> None:
     assert [dict(g.members) for g in found] == [{ERA: 0}, {ERA: 1, PRCE: 0}]
 
 
-@pytest.mark.parametrize(("likeness", "first"), [(0.95, 0), (0.93, 1)])
-def test_damping_counts_by_its_part_and_the_shape_four_times(likeness: float, first: int) -> None:
-    # one is 24 % off in damping, the other costs 4 (1 - MAC): 0.20 or 0.28
-    found, _ = paired(result(ERA, [(10, 0.02, X)]), result(PRCE, [(10, 0.02, at_angle(likeness)), (10, 0.0152, X)]))
-    assert max(found, key=lambda g: len(g.members)).members == {ERA: 0, PRCE: first}
-
-
-@pytest.mark.parametrize(("apart", "first"), [(0.23, 0), (0.25, 1)])
-def test_frequency_counts_by_its_part_of_the_limit(apart: float, first: int) -> None:
-    other = 10 * (1 + apart * 1.5 * 0.02)
-    found, _ = paired(result(ERA, [(10, 0.02, X)]), result(PRCE, [(other, 0.02, X), (10, 0.0152, X)]))
+@pytest.mark.parametrize("other", [(10, 0.02, at_angle(0.99)), (10, 0.02, at_angle(0.8)), (10.1, 0.02, X)])
+def test_of_two_the_likelier_is_taken(other: Mode) -> None:
+    damped: Mode = (10, 0.0152, X)
+    found, _ = paired(result(ERA, [(10, 0.02, X)]), result(PRCE, [other, damped]))
+    first = 0 if ratio((10, 0.02, X), other) > ratio((10, 0.02, X), damped) else 1
     assert max(found, key=lambda g: len(g.members)).members == {ERA: 0, PRCE: first}
 
 

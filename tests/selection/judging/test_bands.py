@@ -6,15 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from modalscope import DataError
 from modalscope.data.modes import ModalModel
+from modalscope.data.sameness import log_ratios
 from modalscope.numerics.functions.poles import poles_from
 from modalscope.selection.judging.bands import merge_bands
 from tests.selection.judging.made import NUDGE, at_angle
-
-#: Tolerances that are the defaults.
-APART, ALIKE = 0.005, 0.8
 
 
 def modes(f: list[float], zeta: float = 0.001, shapes: Any = None, **more: Any) -> ModalModel:
@@ -52,32 +51,34 @@ def test_the_nearer_end_of_a_band_counts() -> None:
     assert merged(modes([9.5]), modes([9.5001]), high=(8.9, 99)) == [9.5001]
 
 
+def limit(zeta: float, other: float, tolerance: float = 0.005) -> float:
+    """Return how far above 8.5 Hz a mode of one shape is the same just so, relative to it."""
+
+    def ratio(apart: float) -> float:
+        return float(log_ratios(modes([8.5], zeta), modes([8.5 * (1 + apart)], other), tolerance)[0, 0])
+
+    return brentq(ratio, 0, 0.2)
+
+
+@pytest.mark.parametrize(("zeta", "other"), [(1e-4, 1e-4), (0.04, 0.02), (0.02, 0.04)])
 @pytest.mark.parametrize(("side", "count"), [(-1, 1), (1, 2)])
-def test_modes_nearer_than_the_tolerance_are_one(side: int, count: int) -> None:
-    apart = 8.5 * (1 + APART * (1 + side * NUDGE))
-    assert len(merged(modes([apart], 1e-4), modes([8.5], 1e-4))) == count
-    # kept is the lower one, which lies deeper in the lower band: the distance is a part of the other's frequency
-    assert len(merged(modes([8.5], 1e-4), modes([8.5 / (1 - APART * (1 + side * NUDGE))], 1e-4))) == count
+def test_modes_that_are_the_same_rather_are_one(zeta: float, other: float, side: int, count: int) -> None:
+    apart = 8.5 * (1 + limit(zeta, other) * (1 + side * NUDGE))
+    assert len(merged(modes([8.5], zeta), modes([apart], other))) == count
+    assert len(merged(modes([apart], other), modes([8.5], zeta))) == count
 
 
-@pytest.mark.parametrize("wide_first", [True, False])
-def test_modes_within_the_larger_half_bandwidth_are_one(wide_first: bool) -> None:
-    # a half bandwidth of 0.34 Hz beside one of 0.00085 Hz
-    for apart, count in ((0.34 * (1 - NUDGE), 1), (0.34 * (1 + NUDGE), 2)):
-        wide, narrow = modes([8.5], 0.04), modes([8.5 + apart], 0.0001)
-        assert len(merged(wide, narrow) if wide_first else merged(narrow, wide)) == count
-
-
-@pytest.mark.parametrize(("side", "count"), [(1, 1), (-1, 2)])
-def test_modes_of_one_shape_are_one(side: int, count: int) -> None:
-    turned = modes([8.5], shapes=[at_angle(ALIKE + side * NUDGE)])
-    assert len(merged(modes([8.5]), turned)) == count
-    assert len(merged(modes([8.5]), turned, shape=0.5)) == 1
+def test_modes_of_unlike_shapes_are_two() -> None:
+    turned = [len(merged(modes([8.5]), modes([8.5], shapes=[at_angle(like)]))) for like in (0.9, 0.0)]
+    assert turned == [1, 2]
 
 
 def test_a_tolerance_can_be_given() -> None:
-    assert len(merged(modes([8.5]), modes([8.55]))) == 2
-    assert len(merged(modes([8.5]), modes([8.55]), tolerance=0.01)) == 1
+    near, far = limit(1e-4, 1e-4), limit(1e-4, 1e-4, 0.01)
+    assert near < far
+    apart = 8.5 * (1 + (near + far) / 2)
+    assert len(merged(modes([8.5], 1e-4), modes([apart], 1e-4))) == 2
+    assert len(merged(modes([8.5], 1e-4), modes([apart], 1e-4), tolerance=0.01)) == 1
 
 
 def test_modes_of_one_band_are_never_merged_with_each_other() -> None:

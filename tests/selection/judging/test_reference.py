@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from modalscope.selection.judging.evidence import Candidate, Own
+from modalscope.selection.judging.outcome import paired_with
+from modalscope.selection.judging.tracking import Poles
 from tests.support import add_noise
 
 BUILDING = ms.systems.chain5()
@@ -77,3 +80,18 @@ def test_a_reference_beside_modes_by_hand_is_refused(diagram):
         ms.select(diagram, reference=BUILDING.modes(), frequencies=[1.0])
     with pytest.raises(ms.DataError, match="reference"):
         ms.select(diagram, reference=[1.0])
+
+
+def test_a_rejected_candidate_is_a_partner_only_where_no_other_is() -> None:
+    truth = BUILDING.modes().take([0, 1])
+    nothing = np.zeros((0, len(truth.shapes)), complex)
+    none = Poles((10,), np.zeros(0, int), np.zeros(0, complex), nothing, nothing, np.zeros(0))
+
+    def candidate(mode: int, away: float, *against: str) -> Candidate:
+        own = Own(truth.shapes[:, mode], np.zeros(2, complex), 0.0, 0.0)
+        f, zeta = float(truth.frequencies[mode]) * (1 + away), float(truth.damping_ratios[mode])
+        return Candidate(np.zeros(0, int), f, zeta, {}, against, own=own)
+
+    near, far, alone = candidate(0, 0.0, "weak"), candidate(0, 0.004), candidate(1, 0.002, "weak")
+    pairs = paired_with(truth, [near, far, alone], none, 0.01)
+    assert [(pair[0] is far, pair[0] is alone, pair[1]) for pair in pairs] == [(True, False, 0), (False, True, 1)]

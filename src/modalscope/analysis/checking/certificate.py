@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import stdtrit
 
-from modalscope.data.indicators import mac
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.rebuilt import rebuilt
 from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
+from modalscope.data.sameness import same_modes
 from modalscope.data.shown import Shown, counted, summary_of, text_table
 from modalscope.identification.method_names import find_method
 from modalscope.identification.pipeline import factor
@@ -29,7 +29,6 @@ from modalscope.identification.suits import of_past
 from modalscope.identification.sweep import Sweep
 from modalscope.numerics.checks import Array, BoolArray, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
-from modalscope.numerics.statistics import assign
 from modalscope.selection.judging.bands import terms_of
 from modalscope.selection.judging.refine import refine
 from modalscope.selection.judging.select import selected
@@ -37,9 +36,6 @@ from modalscope.selection.likelihood.descent import astray
 from modalscope.selection.likelihood.deviations import residual_variance, unexplained_energy
 from modalscope.selection.likelihood.joint_fit import joint_residues
 from modalscope.selection.likelihood.noise import SPLIT, Noise, noise_of
-
-#: Maximum distance of a mode of a replicate, in half bandwidths or standard deviations, and minimum MAC of its shape.
-_MAX_HALF_BANDWIDTHS, _MAX_DEVIATIONS, _MIN_MAC = 2.0, 10.0, 0.5
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -67,7 +63,7 @@ class Replicates:
             modes = self._identified(response)
         except DataError:  # no model, no mode
             return values
-        true, of_replicate = matched(self.modes, modes)
+        true, of_replicate = same_modes(self.modes, modes)
         if self.modes.unrefined is not None and len(of_replicate):
             modes, true, of_replicate = self._refined(response, modes.poles[of_replicate], true)
         values[0, true], values[1, true] = modes.frequencies[of_replicate], modes.damping_ratios[of_replicate]
@@ -91,7 +87,7 @@ class Replicates:
         begun = self.modes.poles.copy()
         begun[found] = poles
         modes = refine(response, replace(self.modes, poles=begun, unrefined=None), fixed=self.beside)
-        true, of_replicate = matched(self.modes, modes)
+        true, of_replicate = same_modes(self.modes, modes)
         kept = np.isin(true, found) & ~astray(begun[true], modes.poles[of_replicate])
         if modes.degrees is not None:
             kept &= (modes.degrees[of_replicate] != 0).all(axis=1)
@@ -215,22 +211,6 @@ def _split_modes(diagram: StabilizationDiagram, nearest: IntArray, modes: ModalM
         return 0
     std, _ = diagram.deviations_at(nearest, known=known)
     return 0 if std is None else int(np.count_nonzero(std > SPLIT * modes.frequencies_std))
-
-
-def matched(truth: ModalModel, found: ModalModel) -> tuple[IntArray, IntArray]:
-    """Return which modes were found, and as what: near in frequency and alike in shape."""
-    if not len(found):
-        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
-    half = np.abs(truth.poles.real) / (2 * np.pi)
-    std = np.zeros(len(truth)) if truth.frequencies_std is None else np.nan_to_num(truth.frequencies_std)
-    limit = np.maximum(_MAX_HALF_BANDWIDTHS * half, _MAX_DEVIATIONS * std)[:, None]
-    away = np.abs(truth.frequencies[:, None] - found.frequencies) / limit
-    likeness = mac(truth.shapes, found.shapes)
-    distance = np.abs(truth.poles[:, None] - found.poles) / np.maximum(np.abs(truth.poles.real), 1e-300)[:, None]
-    allowed = (away <= 1) & (likeness >= _MIN_MAC)
-    rows, columns = assign(np.where(allowed, np.minimum(distance, 1e3) + 1 - likeness, 1e6))
-    good = allowed[rows, columns]
-    return np.asarray(rows[good]), np.asarray(columns[good])
 
 
 #: Limits of an interval that holds: |bias| in deviations, deviation found over predicted, coverage of the 95 % interval.

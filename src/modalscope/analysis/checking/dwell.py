@@ -10,10 +10,11 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from modalscope.data.indicators import mac, mmif, mpc
+from modalscope.data.indicators import mmif, mpc
 from modalscope.data.modes import ModalModel
 from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.responses import FrequencyResponse
+from modalscope.data.sameness import log_ratios
 from modalscope.numerics.arguments import POSITIVE, named
 from modalscope.numerics.checks import ComplexArray, RealArray, check_band, check_kind
 from modalscope.numerics.errors import DataError
@@ -162,13 +163,16 @@ def _one_mode(w: RealArray, q: ComplexArray) -> complex | None:
 
 
 def _without_doubles(modes: list[_Isolated]) -> list[_Isolated]:
-    """Keep the best isolated mode of each group within a bandwidth and with one shape."""
-    kept: list[_Isolated] = []
-    for mode in modes:
-        near = (other for other in kept if abs(mode.pole - other.pole) < 2 * abs(other.pole.real))
-        if not any(mac(mode.shape, other.shape)[0, 0] > 0.9 for other in near):
-            kept.append(mode)
-    return kept
+    """Keep the best isolated one of each mode."""
+    if not modes:
+        return []
+    shapes = np.array([mode.shape for mode in modes]).T
+    model = ModalModel(poles=np.array([mode.pole for mode in modes], dtype=complex), shapes=shapes.astype(complex))
+    same, kept = log_ratios(model, model) > 0, list[int]()
+    for k in range(len(modes)):
+        if not same[k, kept].any():
+            kept.append(k)
+    return [modes[k] for k in kept]
 
 
 def _modal_model(response: FrequencyResponse, modes: list[_Isolated]) -> ModalModel:

@@ -10,15 +10,11 @@ import numpy as np
 from modalscope.analysis.comparing.kinship import Kinship
 from modalscope.analysis.comparing.run import MethodResult
 from modalscope.data.indicators import mac
+from modalscope.data.modes import ModalModel
+from modalscope.data.sameness import same_modes
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.functions.poles import poles_from
-from modalscope.numerics.statistics import assign, scatter
-
-#: Maximum distance of two modes of different methods that can be the same: in half bandwidths, between these parts of the frequency.
-_MAX_HALF_BANDWIDTHS, _MIN_TOLERANCE, _MAX_TOLERANCE = 1.5, 0.002, 0.05
-
-#: Minimum MAC of these modes; repeated modes may be any basis of their plane, so that it is low.
-_MIN_MAC = 0.4
+from modalscope.numerics.statistics import scatter
 
 #: Maximum number of passes over all modes until every one lies in the nearest group.
 _PASSES = 4
@@ -106,16 +102,6 @@ def _voters(kept: Sequence[MethodResult], kin: Kinship) -> list[int]:
     return list(votes.values()) or list(range(len(kept)))
 
 
-def _cost(flat: _Flat, new: Array, f: RealArray, zeta: RealArray, shapes: ComplexArray) -> RealArray:
-    """Return the costs of assigning modes to groups, infinity where they cannot be the same."""
-    wide = np.maximum(flat.zeta[new][:, None], zeta)
-    distance = np.abs(flat.f[new][:, None] - f) / np.minimum(flat.f[new][:, None], f)
-    like = mac(flat.shape[new].T, shapes.T)
-    limit = np.clip(_MAX_HALF_BANDWIDTHS * wide, _MIN_TOLERANCE, _MAX_TOLERANCE)
-    damping = np.abs(flat.zeta[new][:, None] - zeta) / np.maximum(wide, 1e-12)
-    return np.where((distance < limit) & (like > _MIN_MAC), distance / limit + damping + 4 * (1 - like), np.inf)
-
-
 def _grouped(flat: _Flat, count: int, votes: Sequence[int]) -> list[list[int]]:
     """Assign modes to groups method by method, those with a vote first, and again until nothing moves."""
     order = [*votes, *(k for k in range(count) if k not in votes)]
@@ -132,17 +118,18 @@ def _grouped(flat: _Flat, count: int, votes: Sequence[int]) -> list[list[int]]:
 
 
 def _placed(flat: _Flat, new: Array, groups: list[list[int]]) -> list[list[int]]:
-    """Return the groups with the modes of one method, those that fit none in new groups."""
+    """Return the groups with the modes of one method by `same_modes`, those that fit none in new groups.
+
+    Deviations are not asked: methods differ by their bias, too.
+    """
     assigned: set[int] = set()
     if groups and new.size:
-        f = np.array([np.median(flat.f[g]) for g in groups])
-        zeta = np.array([np.median(flat.zeta[g]) for g in groups])
-        shapes = np.array([flat.shape[_central(flat, g)] for g in groups])
-        cost = _cost(flat, new, f, zeta, shapes)
-        for a, b in zip(*assign(np.where(np.isfinite(cost), cost, 1e6)), strict=True):
-            if np.isfinite(cost[a, b]):
-                groups[b].append(int(new[a]))
-                assigned.add(int(new[a]))
+        middle = poles_from(*(np.array([np.median(each[g]) for g in groups]) for each in (flat.f, flat.zeta)))
+        known = ModalModel(poles=middle, shapes=flat.shape[[_central(flat, g) for g in groups]].T)
+        modes = ModalModel(poles=poles_from(flat.f[new], flat.zeta[new]), shapes=flat.shape[new].T)
+        for a, b in zip(*same_modes(modes, known), strict=True):
+            groups[b].append(int(new[a]))
+            assigned.add(int(new[a]))
     return groups + [[int(i)] for i in new if int(i) not in assigned]
 
 

@@ -15,11 +15,10 @@ from modalscope.analysis.workflow.analyze import analyze
 from modalscope.data.mode_fields import half_widths
 from modalscope.data.modes import ModalModel
 from modalscope.data.results import Result
-from modalscope.data.sameness import same_mode
+from modalscope.data.sameness import same_modes
 from modalscope.numerics.checks import RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.progress import stage
-from modalscope.numerics.statistics import assign
 from modalscope.selection.judging.grades import GRADES, Grade, grades
 
 
@@ -49,10 +48,11 @@ def analysis_of(
 def beside(modes: ModalModel, found: Result | None) -> tuple[Beside, ...]:
     """Return every mode of a consensus in an analysis of the same data; without one, or not listed by it, it is at best worth a look.
 
-    Modes are paired one to one, so that the probabilities that they are the same (`same_mode`) have the largest sum, and each is above one
-    half.
+    Modes are paired by `same_modes`.
     """
-    partners = _partners(modes, None if found is None else found.modes)
+    partners = (
+        {} if found is None else dict(zip(*(each.tolist() for each in same_modes(modes, found.modes)), strict=True))
+    )
     known = () if found is None else grades(found.modes)
     widths = np.empty((0, 2)) if found is None else _widths(found.modes)
     nothing, every = np.full(2, np.nan), []
@@ -71,14 +71,6 @@ def beside(modes: ModalModel, found: Result | None) -> tuple[Beside, ...]:
 def _widths(modes: ModalModel) -> RealArray:
     widths = np.stack(half_widths(modes), axis=1)
     return widths if modes.degrees is None else np.where(modes.degrees == 0, np.inf, widths)
-
-
-def _partners(modes: ModalModel, others: ModalModel | None) -> dict[int, int]:
-    if others is None or not len(modes) or not len(others):
-        return {}
-    same = np.array([[same_mode(a, b).probability for b in others] for a in modes])
-    pairs = zip(*assign(1 - same), strict=True)
-    return {int(k): int(j) for k, j in pairs if same[k, j] > 0.5}
 
 
 def _left_out(found: ModalModel, modes: ModalModel, k: int) -> str:

@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.analysis.checking.certificate import matched
 from modalscope.analysis.comparing.diagnosis import Cause
 from modalscope.analysis.comparing.run import Cell, MethodResult
 from modalscope.analysis.workflow.shapes import free_residues
@@ -29,6 +28,7 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
+from modalscope.data.sameness import same_modes
 from modalscope.data.setups import Setups
 from modalscope.identification.prepare import Measured, pose
 from modalscope.identification.stabilize import stabilized
@@ -210,7 +210,7 @@ def changed_by_more_orders(
 
 def changed(before: ModalModel, after: ModalModel) -> bool:
     """Return whether modes are not the same: another number, another shape, or values moved by a quarter of the half bandwidth."""
-    indices = matched(before, after)
+    indices = same_modes(before, after)
     if not len(indices[0]) == len(before) == len(after):
         return True
     old, new = before.take(indices[0]), after.take(indices[1])

@@ -9,10 +9,14 @@ from numpy.typing import ArrayLike
 
 from modalscope.data.indicators import mac
 from modalscope.data.modes import ModalModel
+from modalscope.data.sameness import likeliest, log_ratios
 from modalscope.numerics.arguments import POSITIVE, named
 from modalscope.numerics.checks import IntArray, RealArray, complex_array
 from modalscope.numerics.errors import DataError
-from modalscope.numerics.statistics import assign
+
+#: Mean of 1 - MAC of a mode of two structures, or of a structure and its model: shapes above .9 are taken for correlated
+#: (D. J. Ewins, "Modal Testing", 2000, section 7.2).
+_MISFIT = 0.1
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -77,10 +81,10 @@ class Pairs:
 
 @named(a=ModalModel, b=ModalModel, tolerance=POSITIVE)
 def pair_modes(a: ModalModel, b: ModalModel, *, tolerance: float = 0.1) -> Pairs:
-    """Pair the modes of two sets, each at most once, so that all pairs together are as alike as they can be.
+    """Pair the modes of two sets that are the same, each at most once (see `same_mode`); the structure may have changed.
 
-    The cost of a pair is |f_b / f_a - 1| / tolerance + 1 - MAC on the outputs that both sets have; frequencies further apart than
-    the tolerance make no pair.
+    A change of frequencies by the tolerance is two standard deviations; what is further apart makes no pair. Shapes count on the outputs
+    that both sets have.
 
     Parameters
     ----------
@@ -114,14 +118,10 @@ def pair_modes(a: ModalModel, b: ModalModel, *, tolerance: float = 0.1) -> Pairs
             "Give both sets the same labels for the same places.",
         )
     a, b = (modes if list(modes.output_dofs) == common else modes.select(outputs=common) for modes in (a, b))
-    like = mac(a.shapes, b.shapes) if len(a) and len(b) else np.zeros((len(a), len(b)))
-    apart = np.abs(b.frequencies / a.frequencies[:, None] - 1) / tolerance
-    # what makes no pair costs more than all pairs together
-    cost = np.where(apart <= 1, apart + 1 - like, 2.0 * (1 + min(like.shape)))
-    first, second = assign(cost)
-    kept = apart[first, second] <= 1
-    first, second = first[kept], second[kept]
-    return Pairs(a=a, b=b, first=first, second=second, mac=like[first, second])
+    apart = np.abs(b.frequencies / a.frequencies[:, None] - 1)
+    first, second = likeliest(np.where(apart <= tolerance, log_ratios(a, b, tolerance / 2, _MISFIT), -np.inf))
+    like = mac(a.shapes, b.shapes)[first, second] if first.size else np.zeros(0)
+    return Pairs(a=a, b=b, first=first, second=second, mac=like)
 
 
 @named()

@@ -13,7 +13,7 @@ from modalscope.data.channels import files_of
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.results import Result
-from modalscope.data.sameness import same_mode
+from modalscope.data.sameness import log_ratios
 from modalscope.io import read
 from modalscope.io.analysis import read_analysis
 from modalscope.io.beside import confined, named_in
@@ -134,9 +134,9 @@ def _by_later_rules(document: Analysis, before: ModalModel | None, now: ModalMod
     text = f"Document of modalscope {document.version}: repeated by later rules of the choice of modes"
     if before is None:
         return Note("later rules", {}, text)
+    same = log_ratios(before, now) > 0
     gone, new = (
-        [f"{one.frequency:.5g} Hz" for one in listed if not any(same_mode(one, other) for other in others)]
-        for listed, others in ((before, now), (now, before))
+        [f"{f:.5g} Hz" for f in modes.frequencies[~same.any(axis=axis)]] for axis, modes in ((1, before), (0, now))
     )
     told = [f"{what} {', '.join(each)}" for what, each in (("no more listed:", gone), ("new:", new)) if each]
     numbers = {"gone": len(gone), "new": len(new)}

@@ -10,15 +10,14 @@ import numpy as np
 
 from modalscope.analysis.workflow.shapes import free_residues
 from modalscope.data.channels import AUTO, Groups, check_groups, source_of
-from modalscope.data.indicators import mac
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Candidate, Note
 from modalscope.data.response import Response
+from modalscope.data.sameness import likeliest, log_ratios
 from modalscope.numerics.arguments import POSITIVE, named
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_each, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.poles import poles_from
-from modalscope.numerics.statistics import assign
 
 #: Minimum number of groups whose scatter is estimated.
 _MIN_GROUPS = 4
@@ -203,19 +202,15 @@ def _common(parts: Sequence[ModalModel]) -> tuple[str, ...]:
 
 
 def _together(parts: Sequence[ModalModel], common: tuple[str, ...], tolerance: float) -> list[_Mode]:
-    """Return which modes of which setups are one: pairs of least cost |df| / tolerance + 1 - MAC, no pair costs more than one."""
-    shapes = [part.shapes[[part.output_dofs.index(dof) for dof in common]] for part in parts]
+    """Return which modes of which setups are one by `same_modes`: frequencies may differ by `tolerance`, two standard deviations."""
+    seen = [part.select(outputs=list(common)) for part in parts]
     found: list[_Mode] = []
     for j in sorted(range(len(parts)), key=lambda j: -len(parts[j])):
-        first = [next(iter(mode.items())) for mode in found]
-        cost = np.full((len(found), len(parts[j])), 2.0 * (1 + len(found)))
-        if found and len(parts[j]):
-            f = np.array([np.mean([parts[k].frequencies[i] for k, i in mode.items()]) for mode in found])
-            like = mac(np.stack([shapes[k][:, i] for k, i in first], axis=1), shapes[j])
-            near = np.abs(parts[j].frequencies / f[:, None] - 1) / tolerance + 1 - like
-            cost = np.where(near <= 1, near, cost)
-        rows, columns = assign(cost)
-        pairs = {int(b): int(a) for a, b in zip(rows, columns, strict=True) if cost[a, b] <= 1}
+        ratios = [[log_ratios(seen[k].take([i]), seen[j], tolerance / 2)[0] for k, i in mode.items()] for mode in found]
+        rows, columns = likeliest(
+            np.array([np.mean(each, axis=0) for each in ratios]).reshape(len(found), len(seen[j]))
+        )
+        pairs = {int(b): int(a) for a, b in zip(rows, columns, strict=True)}
         for i in range(len(parts[j])):
             if i in pairs:
                 found[pairs[i]][j] = i

@@ -9,13 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modalscope.data.deferred import Deferred
-from modalscope.data.indicators import mac, with_indicators_of_shapes
+from modalscope.data.indicators import with_indicators_of_shapes
 from modalscope.data.mode_fields import PER_MODE, joined
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.residual_terms import ResidualTerms
 from modalscope.data.response import Response
 from modalscope.data.results import DEVIATIONS, StabilizationDiagram
+from modalscope.data.sameness import log_ratios
 from modalscope.identification.orders import ORDERS_END, usable_orders
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, check_band, check_each, check_kind
@@ -29,12 +30,12 @@ from modalscope.selection.likelihood.settling import needed_beside, out_of_band_
 
 @named()
 def merge_bands(
-    results: Sequence[ModalModel], bands: Sequence[tuple[float, float]], *, tolerance: float = 0.005, shape: float = 0.8
+    results: Sequence[ModalModel], bands: Sequence[tuple[float, float]], *, tolerance: float = 0.005
 ) -> ModalModel:
     """Return the modes of several bands by frequency, those that lie in two of them once.
 
-    Modes outside their own band are left out. Of two that agree, within `tolerance` or half of the larger bandwidth in frequency and
-    above `shape` in MAC, the one that lies deeper inside its band stays: near an edge part of the resonance is missing.
+    Modes outside their own band are left out. Of two that are the same (see `same_mode`) the one that lies deeper inside its band stays:
+    near an edge part of the resonance is missing.
 
     Parameters
     ----------
@@ -43,9 +44,7 @@ def merge_bands(
     bands : sequence of (float, float)
         Of each result, Hz.
     tolerance : float
-        Relative distance of frequencies that are one.
-    shape : float
-        Least modal assurance criterion of shapes that are one.
+        Relative standard deviation by which the edge of a band may bias a frequency.
 
     Raises
     ------
@@ -76,14 +75,13 @@ def merge_bands(
     ]
     origin = np.concatenate([np.full(len(modes), i) for i, modes in enumerate(inside)])
     everything = joined(inside)
-    f, half = everything.frequencies, np.abs(everything.poles.real) / (2 * np.pi)
+    f = everything.frequencies
     ends = np.array(bands, dtype=float)[origin.astype(int)].reshape(-1, 2)
     depth = np.minimum(f - ends[:, 0], ends[:, 1] - f) / f
-    likeness = mac(everything.shapes)
+    same = log_ratios(everything, everything, tolerance) > 0
     kept: list[int] = []
     for i in np.argsort(-depth, kind="stable"):
-        near = np.abs(f[kept] - f[i]) <= np.maximum(tolerance * f[i], np.maximum(half[kept], half[i]))
-        if not np.any(near & (likeness[i, kept] > shape) & (origin[kept] != origin[i])):
+        if not np.any(same[i, kept] & (origin[kept] != origin[i])):
             kept.append(int(i))
     order = np.array(sorted(kept, key=lambda i: f[i]), dtype=int)
     words = ", ".join(f"{low:g} to {high:g} Hz" for low, high in bands)

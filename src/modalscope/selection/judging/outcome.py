@@ -15,10 +15,11 @@ from modalscope.data.notes import Candidate as LeftOut, Note
 from modalscope.data.rebuilt import rebuilt
 from modalscope.data.response import Response
 from modalscope.data.results import DEVIATIONS, StabilizationDiagram
+from modalscope.data.sameness import likeliest, log_ratios
 from modalscope.identification.orders import ORDERS_END, usable_orders
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.functions.poles import poles_from
-from modalscope.numerics.statistics import assign, scatter
+from modalscope.numerics.statistics import scatter
 from modalscope.selection.judging.evidence import LEAST_ORDERS, LEAST_SHARE, Candidate, sentence
 from modalscope.selection.judging.tracking import Poles
 from modalscope.selection.likelihood.joint_fit import joint_fit, joint_residues
@@ -221,41 +222,36 @@ def _reasons(model: ModalModel, response: Response, facts: list[dict[str, Any]])
 # ----------------------------------------------------------------------------------------------------------- reference
 # Modes paired with those of another program or test: which are the same, and by how much they differ, in deviations too.
 
-#: Cost of a pair that is not allowed; allowed ones stay below 3.
-_COST_OF_NO_PARTNER = 1e3
-
-#: Cost of a rejected candidate, in units of 1 - MAC.
-_COST_OF_REASON = 0.5
-
 
 def paired_with(
     reference: ModalModel, candidates: list[Candidate], poles: Poles, tolerance: float
 ) -> list[tuple[Candidate, int]]:
-    """Return candidates and the reference mode that each is, pairs of least cost in all.
+    """Return candidates and the reference mode that each is, by `same_modes`; rejected ones for those that no other candidate is.
 
-    Frequencies lie within the tolerance or the larger half bandwidth; among these the nearest with the most alike shape is taken, shapes
-    where both have the same outputs.
+    Shapes count where both have as many outputs. Frequencies lie within the tolerance or the larger half bandwidth.
 
-    `tolerance`: relative distance of frequencies.
+    `tolerance`: relative distance of frequencies, two standard deviations.
     """
     if not candidates or not len(reference):
         return []
-    f, zeta = reference.frequencies, reference.damping_ratios
-    g, eta = (np.array([getattr(c, name) for c in candidates]) for name in ("frequency", "damping"))
-    room = np.maximum(tolerance * f[:, None], np.maximum((f * zeta)[:, None], g * eta))
-    apart = np.abs(f[:, None] - g) / room
-    unlike = 1 - _likeness(reference, candidates, poles)
-    cost = apart + unlike + _COST_OF_REASON * np.array([bool(c.against) for c in candidates])
-    cost = np.where(apart <= 1, cost, _COST_OF_NO_PARTNER)
-    return [(candidates[j], int(i)) for i, j in zip(*assign(cost), strict=True) if cost[i, j] < _COST_OF_NO_PARTNER]
-
-
-def _likeness(reference: ModalModel, candidates: list[Candidate], poles: Poles) -> RealArray:
-    """MAC of each reference mode and candidate, (n, candidates); one where the outputs are others."""
-    if len(reference.shapes) != poles.shape.shape[1]:
-        return np.ones((len(reference), len(candidates)))
     shapes = [c.own.shape if c.own is not None else poles.shape[c.members[0]] for c in candidates]
-    return mac(reference.shapes, np.array(shapes, dtype=complex).T)
+    alike = len(reference.shapes) == len(shapes[0])
+    asked = reference if alike else reference.select(outputs=[0])
+    given = ModalModel(
+        poles=poles_from([c.frequency for c in candidates], [c.damping for c in candidates]),
+        shapes=(np.array(shapes).T if alike else np.ones((1, len(candidates)))).astype(complex),
+        output_dofs=asked.output_dofs,
+    )
+    f, g = asked.frequencies[:, None], given.frequencies
+    room = np.maximum(tolerance * f, np.maximum(f * asked.damping_ratios[:, None], g * given.damping_ratios))
+    ratio = np.where(np.abs(f - g) <= room, log_ratios(asked, given, tolerance / 2), -np.inf)
+    found: list[tuple[Candidate, int]] = []
+    for rejected in (False, True):
+        rows = np.setdiff1d(np.arange(len(reference)), [i for _, i in found])
+        columns = np.flatnonzero([bool(c.against) == rejected for c in candidates])
+        pairs = zip(*likeliest(ratio[np.ix_(rows, columns)]), strict=True)
+        found += [(candidates[columns[j]], int(rows[i])) for i, j in pairs]
+    return found
 
 
 def compared_with(modes: ModalModel, reference: ModalModel, which: Array) -> ModalModel:
