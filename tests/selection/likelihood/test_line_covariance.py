@@ -13,7 +13,8 @@ import modalscope as ms
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import Records
 from modalscope.numerics.checks import ComplexArray, RealArray
-from modalscope.numerics.functions.poles import frequencies_and_damping
+from modalscope.numerics.functions.poles import frequencies_and_damping, poles_from
+from modalscope.selection.likelihood import covariance
 from modalscope.selection.likelihood.covariance import (
     Parts,
     degrees_of_lines,
@@ -21,14 +22,17 @@ from modalscope.selection.likelihood.covariance import (
     gradients_of_poles,
     joined,
     lower_damping,
+    lower_damping_of_channels,
     of_parts,
     pole_blocks,
     variances_of_lines,
+    wandering,
 )
 from modalscope.selection.likelihood.descent import descend
 from modalscope.selection.likelihood.driven import DrivenWhitened, whitened_records
 from modalscope.selection.likelihood.information import (
     OnRows,
+    by_channel,
     influence_on_poles,
     information_of_channels,
     inverse,
@@ -36,9 +40,11 @@ from modalscope.selection.likelihood.information import (
     normal,
     on_rows,
     residual,
+    scores,
 )
 from modalscope.selection.likelihood.likelihood import Fitted, Point, Whitened, whitened
 from modalscope.selection.likelihood.lines_told import told_by_lines
+from modalscope.selection.likelihood.settling import settle, task_of
 from tests.selection.judging.test_refine_records import runs_of, started, system
 from tests.selection.likelihood.cases import TRUTH
 
@@ -271,14 +277,88 @@ def test_a_wandering_frequency_takes_what_it_adds_off_the_lower_end_of_damping()
     f, zeta, sigma = 10.0, 0.01, 0.02
     wide = zeta + (sigma / f) ** 2 / zeta
     pole = 2 * np.pi * f * (-wide + 1j * np.sqrt(1 - wide**2))
-    moved = sigma * np.sqrt(8 / 7 * 7 / 8) * np.array([1.0, -1] * 4)
-    parts = Parts(np.array([1.0]), moved[None] * np.sqrt(7 / 8), np.full((1, 8), 1 / 8))
-    found = lower_damping(np.array([pole]), np.array([1e-12]), np.array([50.0]), parts)
-    assert found[0] == pytest.approx(zeta, rel=1e-6)
-    far = lower_damping(np.array([pole]), np.array([1e-12]), np.array([50.0]), parts._replace(moved=10 * parts.moved))
-    assert far[0] == pytest.approx(wide / 2)
-    even = lower_damping(np.array([pole]), np.array([1.0]), np.array([50.0]), parts)
-    assert np.isnan(even[0])
+    assert lower_damping(np.array([pole]), np.array([sigma**2]))[0] == pytest.approx(zeta, rel=1e-6)
+    assert lower_damping(np.array([pole]), np.array([100 * sigma**2]))[0] == pytest.approx(wide / 2)
+    assert np.isnan(lower_damping(np.array([pole]), np.zeros(1))[0])
+
+
+def test_of_channels_the_lower_end_is_that_of_the_best_fit_with_free_residues() -> None:
+    """The optimum of a' / ((a + a')^2 + d^2), by a search."""
+    a, d, f = 2 * np.pi * 10 * 0.008, 2 * np.pi * 0.06, 10.0
+    wide = np.linspace(a, 2 * a, 100_001)
+    fitted = wide[np.argmax(wide / ((a + wide) ** 2 + d**2))]
+    poles = np.array([-fitted + 1j * np.sqrt((2 * np.pi * f) ** 2 - fitted**2)])
+    found = lower_damping_of_channels(poles, np.array([0.06**2]))
+    assert found[0] == pytest.approx(0.008, rel=1e-4)
+    assert lower_damping_of_channels(poles, np.array([1.0]))[0] == pytest.approx(fitted / (2 * np.pi * f) / 2)
+    assert np.isnan(lower_damping_of_channels(poles, np.zeros(1))[0])
+
+
+def test_what_wanders_beyond_the_noise_of_each_part_is_told_for_parts_of_any_share() -> None:
+    rng, sigma, noise = np.random.default_rng(0), 0.3, 0.02
+    share = rng.uniform(0.01, 1, 40)
+    share /= share.sum()
+    found, still = [], []
+    for _ in range(400):
+        own = noise * rng.standard_normal(40) / np.sqrt(share)
+        for wander, each in ((sigma, found), (0.0, still)):
+            m = own + wander * rng.standard_normal(40)
+            parts = covariance.parts_of(share[None], (share * (m - share @ m))[None])
+            each.append(wandering(np.array([noise**2]), np.array([1e6]), parts)[0])
+    assert np.mean(found) == pytest.approx(sigma**2, rel=0.08)
+    assert np.mean(np.array(still) > 0) == pytest.approx(0.01, abs=0.01)
+
+
+def shifting(seed: int, shift: float) -> tuple[ms.FrequencyResponse, RealArray]:
+    """Return responses of one mode at 24 outputs and two inputs, its frequency another at each output, and its shape."""
+    rng = np.random.default_rng(seed)
+    w, shape = 2j * np.pi * np.linspace(8, 12, 400)[:, None], rng.standard_normal(24)
+    s = poles_from(10 * (1 + shift * rng.standard_normal(24)), np.full(24, 0.008))
+    H = shape * (1 / (w - s) + 1 / (w - s.conj()) * -1) * 1j
+    values = H[:, :, None] * np.array([1.0, 0.6])
+    values = values + 1e-3 * np.abs(values).max() * (
+        rng.standard_normal(values.shape) + 1j * rng.standard_normal(values.shape)
+    )
+    return ms.FrequencyResponse(values=values, frequencies=w[:, 0].imag / (2 * np.pi), quantity="displacement"), shape
+
+
+def test_outputs_whose_resonance_shifts_lower_the_damping_and_widen_the_shape() -> None:
+    held, ratios, damping = [], [], []
+    for seed in range(12):
+        response, shape = shifting(seed, 0.002)
+        start = ms.ModalModel(
+            poles=poles_from([10.0], [0.008]), shapes=shape[:, None].astype(complex), participation=[[1.0, 0.6]]
+        )
+        found = ms.refine(response, start)
+        ends = found.interval()["damping_ratio"][0]
+        held.append(ends[0] < 0.008 < ends[1])
+        misfit = 1 - float(ms.mac(found.shapes, shape[:, None])[0, 0])
+        ratios.append(misfit / (np.sum(found.shapes_std**2) / np.sum(np.abs(found.shapes) ** 2)))
+        damping.append(found.damping_ratios[0])
+    assert sum(held) >= 11
+    assert 0.5 < np.median(ratios) < 2
+    # shares of squares of normal numbers are worth 24 / 3 of equal ones
+    assert np.mean(damping) == pytest.approx(np.sqrt(0.008**2 + 0.002**2 * (1 - 3 / 24)), rel=0.01)
+    response, shape = shifting(0, 0.0)
+    assert ms.refine(response, start).damping_ratios_lower is None
+
+
+def test_errors_by_channel_add_up_to_the_scores() -> None:
+    """Second route: products with the scores of channels."""
+    response = shifting(3, 0.002)[0]
+    for turned in (response, response.transposed()):
+        l, m = turned.values.shape[1:]
+        task = task_of(turned, np.zeros(0, complex), None, None)
+        found = settle(task, poles_from([10.0], [0.008]), np.ones((l, 1), complex), np.ones((1, m), complex)).descent
+        C = inverse(normal(found.point, found.fitted)[0])
+        steps = np.array([[1.0, 0.5], [0.2, -1.0]]) @ C[:2]
+        power, pull = by_channel(found.point, found.fitted, steps)
+        assert np.allclose(
+            pull, np.einsum("bk,lmk->blm", steps, scores(found.point, found.fitted)), atol=1e-12 * np.abs(pull).max()
+        )
+        assert np.allclose(
+            power.sum(axis=(1, 2)), np.einsum("bk,kj,bj->b", steps, normal(found.point, found.fitted)[0], steps)
+        )
 
 
 def test_an_input_that_never_moves_leaves_the_intervals_of_the_others() -> None:

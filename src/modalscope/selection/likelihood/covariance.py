@@ -80,15 +80,15 @@ def pole_blocks(covariance: RealArray, first: Array) -> RealArray:
 
 
 class Parts(NamedTuple):
-    """What parts of a record in time say of numbers.
+    """What parts of the data say of numbers: of a record in time, or rows or columns of a test.
 
     Attributes
     ----------
     variance : array, (b,)
-        V = 7 / 8 sum (q - mean q)^2, q = s / (1 - L): eight parts left out one at a time, to first order.
-    moved : array, (b, 8)
+        V = (G - 1) / G sum (q - mean q)^2, q = s / (1 - L): G parts left out one at a time, to first order.
+    moved : array, (b, G)
         s / L: by how much each part would have the number otherwise.
-    share : array, (b, 8)
+    share : array, (b, G)
         L, of the information on the number.
     """
 
@@ -136,9 +136,27 @@ def of_parts(power: RealArray, pull: RealArray) -> Parts:
         np.array([np.bincount(own, each, _PARTS) for own, each in zip(part, values, strict=True)])
         for values in (power / total, pull)
     )
-    q = s / np.maximum(1 - share, 1 / _PARTS)
-    variance = (_PARTS - 1) / _PARTS * np.sum((q - q.mean(axis=1, keepdims=True)) ** 2, axis=1)
-    return Parts(variance, s / np.maximum(share, 1e-3 / _PARTS), share)
+    return parts_of(share, s)
+
+
+def parts_of(share: RealArray, s: RealArray) -> Parts:
+    """Return what parts say of numbers by their shares of the information and their errors of the numbers, (b, G) each."""
+    count = share.shape[1]
+    q = s / np.maximum(1 - share, 1 / count)
+    variance = (count - 1) / count * np.sum((q - q.mean(axis=1, keepdims=True)) ** 2, axis=1)
+    return Parts(variance, s / np.maximum(share, 1e-3 / count), share)
+
+
+def wandering(variance: RealArray, degrees: RealArray, parts: Parts) -> RealArray:
+    """Return the variance of numbers from part to part beyond what their own gives, (b,); zero where an F test at 99 % says that of noise.
+
+    With V the variance of a number a part of share L is off by V / L: sigma^2 = (sum L m^2 - (G - 1) V) / (1 - sum L^2), m = s / L.
+    """
+    few = float(parts.share.shape[1] - 1)
+    seen = np.sum(parts.share * parts.moved**2, axis=1)
+    wanders = seen > few * variance * fdtri(few, degrees, _WANDERING_LEVEL)
+    beyond = np.maximum(seen - few * variance, 0) / np.maximum(1 - np.sum(parts.share**2, axis=1), 1e-300)
+    return np.where(wanders, beyond, 0.0)
 
 
 def joined(variance: RealArray, degrees: RealArray, parts: Parts) -> tuple[RealArray, RealArray]:
@@ -155,20 +173,29 @@ def degrees_of_wider(deviations: RealArray, degrees: RealArray, between: RealArr
     return np.where(between * stdtrit(few, tail) > deviations * stdtrit(degrees, tail), few, degrees)
 
 
-def lower_damping(poles: ComplexArray, variance: RealArray, degrees: RealArray, parts: Parts) -> RealArray:
+def lower_damping(poles: ComplexArray, scatter: RealArray) -> RealArray:
     """Return zeta less what a frequency that wanders by sigma adds to it, (zeta + sqrt(zeta^2 - 4 (sigma / f)^2)) / 2; NaN where none does.
 
     To second order a line that is fitted to such a frequency is wider by zeta (sigma / (f zeta))^2, as 1 / x^3 has the part 1 / decay^2
     of 1 / x on the lines of a resonance.
 
-    `poles` (n,): rad/s. `variance`, `degrees` (n,), `parts`: of the frequencies, Hz.
+    `poles` (n,): rad/s. `scatter` (n,): sigma^2, Hz^2; see `wandering`.
     """
     f, zeta = np.abs(poles) / (2 * np.pi), -poles.real / np.abs(poles)
-    few = float(_PARTS - 1)
-    wanders = parts.variance > variance * fdtri(few, degrees, _WANDERING_LEVEL)
-    scatter = _PARTS / few * np.sum(parts.share * parts.moved**2, axis=1) - _PARTS * variance
-    wide = np.sqrt(np.maximum(zeta**2 - 4 * np.maximum(scatter, 0) / f**2, 0))
-    return np.where(wanders & (scatter > 0), (zeta + wide) / 2, np.nan)
+    wide = np.sqrt(np.maximum(zeta**2 - 4 * scatter / f**2, 0))
+    return np.where(scatter > 0, (zeta + wide) / 2, np.nan)
+
+
+def lower_damping_of_channels(poles: ComplexArray, scatter: RealArray) -> RealArray:
+    """Return zeta less what frequencies that differ by sigma from channel to channel add to it; NaN where none do.
+
+    Residues are free in every channel. A line of decay rate a that is d away is fitted best by one of a' at its place that makes
+    |<g', g>|^2 / <g', g'> = 4 pi a' / ((a + a')^2 + d^2) largest: a'^2 = a^2 + d^2. So zeta = sqrt(zeta'^2 - (sigma / f)^2), at least half.
+
+    `poles`, `scatter`: as in `lower_damping`.
+    """
+    f, zeta = np.abs(poles) / (2 * np.pi), -poles.real / np.abs(poles)
+    return np.where(scatter > 0, np.sqrt(np.maximum(zeta**2 - scatter / f**2, zeta**2 / 4)), np.nan)
 
 
 def sandwich(inverse: RealArray, scores: RealArray, informations: RealArray | None = None) -> RealArray:

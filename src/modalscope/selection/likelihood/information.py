@@ -151,6 +151,24 @@ def influence_on_poles(W: Sequence[RealArray], linear: ComplexArray, steps: Real
     return np.asarray(c @ moved.reshape(b, 2 * n, -1)).reshape(b, q, p, K)
 
 
+def by_channel(point: Point, fitted: Fitted, steps: RealArray) -> tuple[RealArray, RealArray]:
+    """Return of numbers g'theta the squares of the influence of each channel, and what its residual adds to them, (b, l, m) each.
+
+    `steps` (b, 2 n p): x = J'J^-1 g.
+    """
+    W, (n, p) = _free(point, fitted), point.sides.shape
+    columns = W.view(np.float64).reshape(-1, p, n, 2 * p)
+    own = [np.ascontiguousarray(columns[:, :, j].transpose(2, 1, 0)) for j in range(n)]
+    left, q = _split(fitted.left, p).transpose(2, 1, 0), len(fitted.linear)
+    power, pull = np.empty((2, len(steps), q, p))
+    step = max(_NUMBERS_AT_A_TIME // (len(steps) * len(W)), 1)
+    for few in (slice(k, k + step) for k in range(0, q, step)):
+        u = influence_on_poles(own, fitted.linear[few], steps)
+        power[:, few] = np.einsum("bqpk,bqpk->bqp", u, u)
+        pull[:, few] = np.einsum("bqpk,qpk->bqp", u, left[few])
+    return (power.swapaxes(1, 2), pull.swapaxes(1, 2)) if point.problem.turned else (power, pull)
+
+
 def scores_of_lines(
     W: tuple[ComplexArray, ComplexArray], point: Point, fitted: Fitted, e: ComplexArray
 ) -> ComplexArray:

@@ -13,16 +13,27 @@ from modalscope.data.response import Response
 from modalscope.numerics.checks import ComplexArray, RealArray
 from modalscope.selection.likelihood.covariance import (
     LEAST_GROUPS,
+    Parts,
     degrees_of_wider,
     deviations_of_poles,
     gradients_of_poles,
     joined,
     lower_damping,
+    lower_damping_of_channels,
+    parts_of,
     pole_blocks,
     sandwich,
     shape_deviations,
+    wandering,
 )
-from modalscope.selection.likelihood.information import information_of_channels, inverse, normal, scores, window_noise
+from modalscope.selection.likelihood.information import (
+    by_channel,
+    information_of_channels,
+    inverse,
+    normal,
+    scores,
+    window_noise,
+)
 from modalscope.selection.likelihood.likelihood import Fitted, Point, across
 from modalscope.selection.likelihood.lines_told import ToldByLines, told_by_lines
 from modalscope.selection.likelihood.settling import Settled
@@ -86,16 +97,40 @@ def spread_of(settled: Settled, poles: ComplexArray, response: Response, groups:
     opened = np.sqrt(variances[0]) > _MAX_OPEN * np.abs(poles.real) / (2 * np.pi)
     lower = np.full(len(poles), np.nan)
     if rows is not None:
-        lower = lower_damping(poles, variances[0], degrees[0], parts[0])
+        lower = lower_damping(poles, wandering(variances[0], degrees[0], parts[0]))
         both = [joined(*each) for each in zip(variances, degrees, parts, strict=True)]
         variances, degrees = (np.array(each) for each in zip(*both, strict=True))
     f, zeta = np.sqrt(variances)
     shapes = np.max([_of_shapes(point, fitted, each.covariance, each.own) for each in candidates], axis=0)
+    if seen.coloured and not point.problem.records:
+        white = _of_poles(poles, candidates[0].covariance, point)[0] ** 2, candidates[0].degrees[0]
+        by_output, by_input = (wandering(*white, each) for each in _by_side(point, fitted, C, poles))
+        lower = np.fmin(lower, lower_damping_of_channels(poles, by_output + by_input))
+        shapes = np.hypot(shapes, _of_shifts(point, fitted, poles, by_output))
     if between is None or groups is None:
         return Spread(f, zeta, np.where(opened, 0, degrees).T, lower, shapes, None, None)
     apart = _of_poles(poles, between, point)
     degrees = degrees_of_wider(np.sqrt(variances), degrees, apart, len(set(groups)))
     return Spread(f, zeta, np.where(opened, 0, degrees).T, lower, shapes, *apart)
+
+
+def _by_side(point: Point, fitted: Fitted, inverse: RealArray, poles: ComplexArray) -> tuple[Parts, Parts]:
+    """Return what outputs and inputs say of the frequencies of poles, each as one part."""
+    n = len(poles)
+    steps = gradients_of_poles(poles)[0][:, None] @ inverse.reshape(n, -1, len(inverse))[:, :2]
+    power, pull = by_channel(point, fitted, steps.reshape(n, -1))
+    total = np.maximum(power.sum(axis=(1, 2)), 1e-300)[:, None]
+    by_output, by_input = (parts_of(power.sum(axis=axis) / total, pull.sum(axis=axis)) for axis in (2, 1))
+    return by_output, by_input
+
+
+def _of_shifts(point: Point, fitted: Fitted, poles: ComplexArray, scatter: RealArray) -> RealArray:
+    """Return the deviations of shapes, (l, n), by resonances that differ by sigma from output to output, `scatter` = sigma^2 (n,), Hz^2.
+
+    A line at s fitted to one at s + d has a residue that is off by d <g', g> / <g, g> = d / (2 |Re s|) of itself, all lines counted.
+    """
+    shapes, _ = point.problem.scaled_back(point, fitted)
+    return np.asarray(np.abs(shapes) * np.sqrt(scatter) * np.pi / np.abs(poles.real))
 
 
 class _Candidate(NamedTuple):
