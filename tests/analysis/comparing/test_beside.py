@@ -77,7 +77,7 @@ def test_a_mode_that_the_analysis_does_not_list_is_at_best_worth_a_look(
         told = beside(modes, replace(found, modes=replace(rest, left_out=left)))[2]
         assert ("(too weak)" in told.grade.reason) is named
     # what the consensus itself does not determine is doubtful
-    wide = replace(modes, damping_ratios_std=2 * modes.damping_ratios)
+    wide = replace(modes, frequencies_std=2 * modes.damping_ratios * modes.frequencies)
     assert beside(wide, replace(found, modes=rest))[2].grade.word == "doubtful"
 
 

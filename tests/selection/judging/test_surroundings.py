@@ -138,9 +138,9 @@ def struck(damping: float, seconds: float = 2.0, rate: float = 500.0) -> ms.Sign
     return ms.Signals(outputs=whole[:, :, 1:], inputs=whole[:, :, :1], sampling_rate=rate)
 
 
-def test_a_mode_that_goes_on_where_its_record_ends_is_not_good() -> None:
+def test_the_damping_of_a_mode_that_goes_on_where_its_record_ends_is_not_good() -> None:
     modes = ms.analyze(struck(0.01)).modes
-    assert [mode.grade for mode in modes] == ["look", "good"]
+    assert [mode.words["damping"] for mode in modes] == ["look", "good"]
     assert modes.reasons[0][LEFT_AT_END] == pytest.approx(np.exp(-2 * np.pi * 12.0 * 0.01 * 2.0), rel=0.05)
     assert "left at the end of its blocks: leakage" in grades(modes)[0].reason
 
@@ -158,7 +158,7 @@ def test_a_mode_that_a_window_took_or_that_died_is_good() -> None:
 @pytest.mark.parametrize(("share", "word"), [(DIED * (1 - NUDGE), "good"), (DIED * (1 + NUDGE), "look")])
 def test_more_than_a_hundredth_left_at_the_end_of_blocks_is_leakage(share: float, word: str) -> None:
     modes = with_reasons(known(), {LEFT_AT_END: np.full(len(known()), share)})
-    assert {grade.word for grade in grades(modes)} == {word}
+    assert {grade.words["damping"] for grade in grades(modes)} == {word}
 
 
 def test_responses_without_records_have_a_note_alone_and_only_on_lines_of_a_transform() -> None:

@@ -1,14 +1,16 @@
-"""Grade each mode by one word and the reason that decides it.
+"""Give frequency, damping and shape of each mode a word with its reason; the grade of a mode is the worse of frequency's and shape's.
 
-The first rule that applies decides. Every limit is one of another rule of the library, or a bound of its own meaning:
+Damping has its own word beside its interval: a mode whose damping is hardly known may be known well in all else. Every limit is one of
+another rule of the library, or a bound of its own meaning:
 
-- **doubtful**: the pole does not decay; its frequency is uncertain (95 %) by more than its half-power half-bandwidth; its damping is
-  uncertain by its whole value, so that its sign is not known.
-- **look**: its shape is that of a stronger mode (MAC above .8); its interval did not hold in simulations; its refinement did not converge;
-  its damping is uncertain by more than 30 %; its shape is complex (MPC below .8); it is weak at its own frequency; a machine's line lies
-  within 2 % of it; the modes explain less than a fifth of the response around it; it lies above .8 of half the sampling rate of records
-  without forces, where what is higher is folded back; the record shows that it went on where its blocks ended; its refinement moved it by
-  more than the intervals before and after allow; its uncertainty is not known.
+- **doubtful**: the pole does not decay; the data do not determine it; its frequency is uncertain (95 %) by more than its half-power
+  half-bandwidth and by more than poles of one mode differ from order to order; its damping is uncertain by its whole value; the errors of
+  its shape are as large as the shape.
+- **look**: it may be a stronger mode of the list once more (`same_mode`); its interval did not hold in simulations; its refinement did not
+  converge; its damping is uncertain by more than 30 %; its shape has a MAC below .9 with itself by its own deviations, or is complex (MPC
+  below .8); it is weak at its own frequency; a machine's line lies within 2 % of it; the modes explain less than a fifth of the response
+  around it; it lies above .8 of half the sampling rate of records without forces, where what is higher is folded back; the record shows
+  that it went on where its blocks ended; its uncertainty is not known.
 - **good**: no rule applies.
 """
 
@@ -23,10 +25,12 @@ import numpy as np
 from modalscope.data.indicators import mac, mpc
 from modalscope.data.mode_fields import half_widths
 from modalscope.data.modes import ModalModel
+from modalscope.data.sameness import log_ratios
 from modalscope.data.shown import percent
-from modalscope.numerics.checks import BoolArray, RealArray
+from modalscope.numerics.checks import Array, BoolArray, ComplexArray, RealArray
 from modalscope.selection.judging.evidence import LEAST_PEAK, LEAST_PROMINENCE
 from modalscope.selection.judging.surroundings import DIED, EXPLAINED_NEARBY, LEFT_AT_END, OF_NYQUIST
+from modalscope.selection.judging.tracking import SAME_FREQUENCY
 from modalscope.signals.preprocess.bands import UNFOLDED
 
 #: Best first.
@@ -41,8 +45,12 @@ _MIN_MPC = 0.8
 #: Half-width of the 95 % interval of a damping ratio, relative to its value, above which it is no basis for a decision.
 _MAX_DAMPING_UNCERTAINTY = 0.3
 
-#: MAC of a shape with the true one below which its errors are as large as the shape.
-_UNKNOWN_SHAPE = 0.5
+#: MAC of a shape with the true one above which two shapes are taken for correlated (D. J. Ewins, "Modal Testing", 2000, section 7.2), and
+#: below which its errors are as large as the shape.
+_KNOWN_SHAPE, _UNKNOWN_SHAPE = 0.9, 0.5
+
+#: Rounds in which levels of outputs and of modes are brought to one another: each is one product.
+_ROUNDS_OF_LEVELS = 20
 
 #: Distance of a machine's line relative to the frequency of a mode within which the one may be taken for the other.
 _NEAR_A_LINE = 0.02
@@ -57,9 +65,10 @@ QUANTITIES = ("frequency", "damping", "shape")
 
 @dataclass(frozen=True)
 class Grade:
-    """The grade of a mode.
+    """The grade of a mode, the worse word of its frequency and its shape.
 
-    `reason`: the one that decides. `words`: by quantity (frequency, damping, shape) a word and its reason, of the rules that concern it.
+    `reason`: the one that decides, of a good mode that of its damping. `words`: by quantity (frequency, damping, shape) a word and its
+    reason, of the rules that concern it.
     """
 
     word: str
@@ -84,12 +93,11 @@ class Word(str):
 
 
 class _Objection(NamedTuple):
-    """What speaks against quantities of a mode: the worst word it allows, its reason, and whether the grade of the mode knows it."""
+    """What speaks against quantities of a mode: the worst word it allows, and its reason."""
 
     of: tuple[str, ...]
     word: str
     reason: str
-    graded: bool = True
 
 
 def grades(modes: ModalModel, holds: BoolArray | None = None) -> tuple[Grade, ...]:
@@ -97,25 +105,28 @@ def grades(modes: ModalModel, holds: BoolArray | None = None) -> tuple[Grade, ..
 
     `holds` (n,): whether the interval of each mode held in simulations (see `certify`).
     """
-    widths, pairs = half_widths(modes), alike_pairs(modes)
-    moved = _moves(modes, widths)
+    widths, known = half_widths(modes), _known_shapes(modes)
+    same = log_ratios(modes, modes) > 0
+    phases = mpc(_levelled(modes)) if len(modes.output_dofs) > 1 else np.ones(len(modes))
     graded = []
     for i in range(len(modes)):
         f, zeta = float(widths[0][i]), float(widths[1][i])
         against = [
             *_doubts(modes, i, f, zeta),
-            *_weaknesses(modes, i, zeta, pairs, holds, moved[i]),
-            *_own_deviation_of_shape(modes, i),
+            *_weaknesses(modes, i, zeta, holds),
+            *_twice(modes, i, np.flatnonzero(same[i])),
+            *_of_shape(float(known[i]), float(phases[i])),
         ]
-        good = f"damping known within ±{percent(zeta / float(modes.damping_ratios[i]), 2)}"
-        word = _worst([one for one in against if one.graded], good)
         said = {
             "frequency": f"frequency known within ±{f:.2g} Hz",
-            "damping": good,
-            "shape": "no rule speaks against it",
+            "damping": f"damping known within ±{percent(zeta / float(modes.damping_ratios[i]), 2)}",
+            "shape": "no rule speaks against it"
+            if np.isinf(known[i])
+            else f"errors leave it a MAC of {known[i]:.3f} with itself",
         }
         words = {name: _worst([one for one in against if name in one.of], said[name]) for name in QUANTITIES}
-        graded.append(Grade(str(word), word.reason, words))
+        worse = _worst([one for one in against if {"frequency", "shape"} & {*one.of}], words["damping"].reason)
+        graded.append(Grade(str(worse), worse.reason, words))
     return tuple(graded)
 
 
@@ -144,26 +155,15 @@ def _doubts(modes: ModalModel, i: int, f: float, zeta: float) -> Iterator[_Objec
         yield _Objection(QUANTITIES, "doubtful", f"pole is {modes.kinds[i]}: no decaying oscillation")
     if modes.degrees is not None and modes.degrees[i, 0] == 0:
         yield _Objection(QUANTITIES, "doubtful", "not determined by the data: no interval")
-    if f > value * modes.frequencies[i]:
+    if f > max(value, SAME_FREQUENCY) * modes.frequencies[i]:
         yield _Objection(("frequency",), "doubtful", "frequency uncertain beyond its bandwidth")
     if zeta >= value:
-        text = f"damping uncertain by {percent(zeta / value, 2)}: maybe no mode"
+        text = f"damping uncertain by {percent(zeta / value, 2)}, more than its value"
         yield _Objection(("damping",), "doubtful", text)
 
 
-def _weaknesses(
-    modes: ModalModel,
-    i: int,
-    zeta: float,
-    pairs: list[tuple[int, int, float]],
-    holds: BoolArray | None,
-    moved: _Objection | None,
-) -> Iterator[_Objection]:
+def _weaknesses(modes: ModalModel, i: int, zeta: float, holds: BoolArray | None) -> Iterator[_Objection]:
     """Yield what a person should look at."""
-    for a, b, value in pairs:
-        if i in (a, b) and i not in _stronger(modes, a, b):
-            text = f"shape like that of mode {(b if i == a else a) + 1} (MAC {value:.2f})"
-            yield _Objection(("shape",), "look", text)
     if holds is not None and i < len(holds) and not holds[i]:
         yield _Objection(("frequency", "damping"), "look", "interval failed in simulations")
     if modes.converged is False:
@@ -171,37 +171,66 @@ def _weaknesses(
     uncertainty = zeta / float(modes.damping_ratios[i])
     if uncertainty > _MAX_DAMPING_UNCERTAINTY:
         yield _Objection(("damping",), "look", f"damping uncertain by ±{percent(uncertainty, 2)}")
-    collinearity = float(mpc(modes.shapes[:, [i]])[0]) if len(modes.output_dofs) > 1 else 1.0
-    if collinearity < _MIN_MPC:
-        yield _Objection(("shape",), "look", f"shape is complex (MPC {collinearity:.2f})")
     reasons: Mapping[str, Any] = modes.reasons[i] if modes.reasons else {}
     share, prominence = (reasons.get(key) for key in ("share_of_peak", "indicator_prominence"))
     if share is not None and prominence is not None and share < LEAST_PEAK and prominence < LEAST_PROMINENCE:
         yield _Objection(QUANTITIES, "look", f"weak: {percent(share, 2)} of its response, no peak")
     yield from _surroundings(modes, i, reasons)
-    if moved is not None:
-        yield moved
     if not np.isfinite(uncertainty):
         yield _Objection(("frequency", "damping"), "look", "uncertainty not known")
 
 
-def _own_deviation_of_shape(modes: ModalModel, i: int) -> Iterator[_Objection]:
-    """Yield what the standard deviations of a shape say of it; the grade of the mode does not know it yet.
+def _twice(modes: ModalModel, i: int, same: Array) -> Iterator[_Objection]:
+    """Yield that a mode may be another of the list once more, the stronger of both; `same`: which are the same by `same_mode`."""
+    for j in same:
+        if j != i and i not in _stronger(modes, i, int(j)):
+            yield _Objection(QUANTITIES, "look", f"may be mode {j + 1} once more: frequency, damping and shape agree")
 
-    With an error of relative size e across it a shape has the MAC 1 / (1 + e^2) with the true one: below that of shapes that are alike
-    it is to be looked at, below a half the error is as large as the shape.
-    """
-    if modes.shapes_std is None or len(modes.output_dofs) < 2:
-        return
-    size = float(np.sum(np.abs(modes.shapes[:, i]) ** 2))
-    alike = 1 / (1 + float(np.sum(modes.shapes_std[:, i] ** 2)) / max(size, 1e-300))
-    if not alike >= ALIKE:  # not a number where the deviation is not known
+
+def _of_shape(known: float, phases: float) -> Iterator[_Objection]:
+    """Yield what speaks against a shape: its own errors, `known` as of `_known_shapes`, and its `phases`, the MPC."""
+    if not known >= _KNOWN_SHAPE:
         text = (
-            f"errors leave it a MAC of {alike:.2f} with itself"
-            if np.isfinite(alike)
+            f"errors leave it a MAC of {known:.2f} with itself"
+            if np.isfinite(known)
             else "deviation of the shape not known"
         )
-        yield _Objection(("shape",), "doubtful" if alike < _UNKNOWN_SHAPE else "look", text, graded=False)
+        yield _Objection(("shape",), "doubtful" if known < _UNKNOWN_SHAPE else "look", text)
+    if phases < _MIN_MPC:
+        yield _Objection(("shape",), "look", f"shape is complex (MPC {phases:.2f} in deviations of its outputs)")
+
+
+def _known_shapes(modes: ModalModel) -> RealArray:
+    """Return the MAC of each shape with the true one that its deviations leave, 1 / (1 + e^2), e the relative size of all errors, (n,).
+
+    Infinite where no deviations are stated, and of a single output; NaN where one is not known. In deviations of the outputs, so that no
+    unit counts.
+    """
+    if modes.shapes_std is None or len(modes.output_dofs) < 2:
+        return np.full(len(modes), np.inf)
+    level = _levels_of_outputs(modes)[:, None]
+    size = np.sum(np.abs(modes.shapes / level) ** 2, axis=0)
+    return np.asarray(1 / (1 + np.sum((modes.shapes_std / level) ** 2, axis=0) / np.maximum(size, 1e-300)))
+
+
+def _levelled(modes: ModalModel) -> ComplexArray:
+    return modes.shapes / _levels_of_outputs(modes)[:, None]
+
+
+def _levels_of_outputs(modes: ModalModel) -> RealArray:
+    """Return the level of errors of each output, (l,), of its own size where no deviations are known: no unit changes what is in these.
+
+    The rows of a table whose rows and columns have mean squares of one once they are divided by levels of their own.
+    """
+    stated = modes.shapes_std
+    known = stated is not None and bool(np.all(np.isfinite(stated) & (stated > 0)))
+    table = np.asarray(stated if known else np.abs(modes.shapes), dtype=float) ** 2
+    level = np.ones(len(table))
+    for _ in range(_ROUNDS_OF_LEVELS):
+        columns = np.mean(table / level[:, None], axis=0)
+        rows = np.mean(table / np.where(columns > 0, columns, 1.0), axis=1) if len(columns) else level
+        level = np.where(rows > 0, rows, 1.0)
+    return np.asarray(np.sqrt(level / level.mean()))
 
 
 def _surroundings(modes: ModalModel, i: int, reasons: Mapping[str, Any]) -> Iterator[_Objection]:
@@ -220,29 +249,6 @@ def _surroundings(modes: ModalModel, i: int, reasons: Mapping[str, Any]) -> Iter
     if share > UNFOLDED:
         text = f"at {percent(share, 2)} of half the sampling rate: may be an alias"
         yield _Objection(("frequency",), "look", text)
-
-
-def _moves(modes: ModalModel, widths: tuple[RealArray, RealArray]) -> list[_Objection | None]:
-    """Say of each mode that refinement moved it by more than the intervals before and after allow: one of the two values is biased.
-
-    If both were right, the variance of their difference would be no more than the sum of theirs (J. A. Hausman, Econometrica 46, 1978).
-
-    `widths`: of `half_widths`.
-    """
-    before = modes.unrefined
-    if before is None:
-        return [None] * len(modes)
-    f, zeta = (np.hypot(w, np.nan_to_num(v)) for w, v in zip(widths, half_widths(before), strict=True))
-    far = np.abs(modes.frequencies - before.frequencies) > f
-    damped = np.abs(modes.damping_ratios - before.damping_ratios) > zeta
-    found: list[_Objection | None] = []
-    for i in range(len(modes)):
-        of, said = ("frequency", f"it from {before.frequencies[i]:.6g} Hz")
-        if not far[i]:
-            of, said = ("damping", f"its damping from {percent(float(before.damping_ratios[i]), 3)}")
-        told = _Objection((of,), "look", f"refinement moved {said}, by more than its interval")
-        found.append(told if far[i] or damped[i] else None)
-    return found
 
 
 def _stronger(modes: ModalModel, a: int, b: int) -> tuple[int, ...]:

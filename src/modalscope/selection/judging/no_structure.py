@@ -74,7 +74,7 @@ def without_unforced(diagram: StabilizationDiagram, modes: ModalModel) -> ModalM
     response = diagram.response
     if not isinstance(response, RecordSpectra) or not len(modes):
         return modes
-    doubtful = np.array([grade.word == "doubtful" for grade in grades(modes)])
+    doubtful = np.array(["doubtful" in grade.words.values() for grade in grades(modes)])
     gone = doubtful & (driven_share(response, modes.frequencies) < _NO_POWER)
     if not gone.any():
         return modes
