@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.data.whitening import Whitening, whitening_matrix
+from modalscope.data.whitening import Whitening, levelling, whitening_matrix
 
 
 def covariance(values: list[float], seed: int = 0) -> np.ndarray:
@@ -50,6 +52,36 @@ def test_residues_are_the_same_on_the_way_back() -> None:
     assert whitening.values_back(inside) == pytest.approx(shapes @ participation)
     assert whitening.outputs_back(whitening.of_shapes(shapes)) == pytest.approx(shapes)
     assert whitening.references_back(whitening.of_participation(participation)) == pytest.approx(participation)
+
+
+def test_levelled_responses_are_the_same_in_all_units_and_their_diagram_is_back_in_the_units() -> None:
+    rng = np.random.default_rng(2)
+    response = ms.systems.chain5().impulse_response(200, noise=0.01, seed=0)
+    u, v = 10.0 ** rng.uniform(-6, 6, 4), 10.0 ** rng.uniform(-6, 6, 2)
+    other = replace(response, values=response.values * u[:, None] * v)
+    level, again = levelling(response.values), levelling(other.values)
+    even = level.of_response(response)
+    assert again.of_response(other).values == pytest.approx(even.values, rel=1e-9)
+    power = np.mean(even.values**2, axis=0)
+    assert power.mean(axis=0) == pytest.approx(1)
+    assert power.mean(axis=1) == pytest.approx(1)
+    back = level.back(ms.stabilize(even, orders=[10]))
+    assert back.response.values == pytest.approx(response.values)
+    assert back.whitened().shapes == pytest.approx(ms.stabilize(even, orders=[10]).shapes)
+    modes = ms.analyze(response).modes
+    there = level.of_modes(modes)
+    assert level.modes_back(there).residues == pytest.approx(modes.residues)
+    assert there.unrefined.shapes == pytest.approx(modes.unrefined.shapes / np.sqrt(1 / level.outputs**2)[:, None])
+    dead = levelling(np.concatenate([response.values, 0 * response.values[:, :1]], axis=1))
+    assert np.all(np.isfinite(dead.outputs))
+
+
+def test_a_variance_is_levelled_as_the_squares_are() -> None:
+    f = np.linspace(0.5, 7, 50)
+    values = np.exp(1j * f)[:, None, None] * np.array([[3.0], [1e-3]])
+    response = ms.FrequencyResponse(values=values, frequencies=f, variance=0.01 * np.abs(values) ** 2)
+    even = levelling(response.values).of_response(response)
+    assert even.variance == pytest.approx(0.01 * np.abs(even.values) ** 2)
 
 
 @pytest.fixture(scope="module")

@@ -105,9 +105,9 @@ class StabilizationDiagram(Shown, HasPoles):
         Sampling interval of the identified system.
     measured : FrequencyResponse, optional
         The lines that the samples of `response` were made of; None where it was not transformed.
-    output_whitening, reference_whitening : array, (l, l) and (m, m), optional
-        W and V of ambient channels: poles were found, and fit errors are those, in W R V', and modes are selected there; shapes,
-        participation and `response` are those of the channels.
+    output_whitening, reference_whitening : array, (l, l) and (m, m) or their diagonals, optional
+        W and V of ambient channels, and levels of other responses: poles were found, and fit errors are those, in W R V', and modes are
+        selected there; shapes, participation and `response` are those of the channels.
     """
 
     response: Response
@@ -178,6 +178,7 @@ class StabilizationDiagram(Shown, HasPoles):
             return self
         return self.changed(
             response=whitening.of_response(self.response),
+            measured=None if self.measured is None else whitening.of_response(self.measured),
             shapes=whitening.of_shapes(self.shapes),
             participation=whitening.of_participation(self.participation),
             output_whitening=None,

@@ -1,9 +1,9 @@
-"""Combinations of ambient channels in which no strong mode hides a weak one, and the way back."""
+"""Combinations of ambient channels in which no strong mode hides a weak one, channels of one level each, and the way back."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -12,6 +12,10 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.numerics.checks import Array, RealArray
+from modalscope.numerics.statistics import levels_of_table
+
+if TYPE_CHECKING:
+    from modalscope.data.results import StabilizationDiagram
 
 #: Minimum eigenvalue of the normed covariance relative to the largest: channels may depend on each other to rounding.
 _MIN_EIGENVALUE = 1e-10
@@ -56,11 +60,20 @@ def whitening_matrix(covariance: Array, least: float = _MIN_EIGENVALUE) -> RealA
     return np.asarray((vectors / np.sqrt(held)) @ vectors.T / size)
 
 
+def levelling(values: Array) -> Whitening:
+    """Return what divides every output and every input of responses by a level of its own, by which their mean squares are one.
+
+    `values` (F, l, m).
+    """
+    outputs, inputs = levels_of_table(np.mean(np.abs(values) ** 2, axis=0))
+    return Whitening(1 / np.sqrt(outputs), 1 / np.sqrt(inputs))
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Whitening:
-    """Channels x and references r of correlations, taken as W x and V r: R -> W R V', and what is found there, taken back.
+    """Channels x and references r, outputs and inputs, taken as W x and V r: R -> W R V', and what is found there, taken back.
 
-    `outputs` (l, l): W. `references` (m, m): V.
+    `outputs` (l, l): W. `references` (m, m): V. Or (l,) and (m,): their diagonals, where each channel is only divided by a level.
     """
 
     outputs: RealArray
@@ -68,43 +81,86 @@ class Whitening:
 
     def of_values(self, values: Array) -> Array:
         """Return W Y V' of a stack of matrices, (..., l, m)."""
-        return np.ascontiguousarray(self.outputs @ values @ self.references.T)
+        return np.ascontiguousarray(_columns(_rows(self.outputs, values), self.references))
 
     def of_response(self, response: Some) -> Some:
         """Return a response in these combinations; labels stay, each the name of its row."""
         changed: dict[str, Any] = {"values": self.of_values(response.values)}
         if response.feedthrough is not None:
             changed["feedthrough"] = self.of_values(response.feedthrough)
+        if response.variance is not None:
+            changed["variance"] = Whitening(self.outputs**2, self.references**2).of_values(response.variance)
         return replace(response, **changed)
 
     def of_record(self, record: Signals) -> Signals:
         """Return a record of the combinations of its outputs."""
-        return replace(record, outputs=np.ascontiguousarray(record.outputs @ self.outputs.T))
+        return replace(record, outputs=np.ascontiguousarray(_columns(record.outputs, self.outputs)))
 
     def of_shapes(self, shapes: Array) -> Array:
         """Return W phi of shapes (l, n)."""
-        return self.outputs @ shapes
+        return _rows(self.outputs, shapes)
 
     def of_participation(self, participation: Array) -> Array:
         """Return rows l V' of participation, (n, m)."""
-        return participation @ self.references.T
+        return _columns(participation, self.references)
 
     def outputs_back(self, values: Array) -> Array:
         """Return W^-1 X of whatever has a row an output: shapes, C."""
-        return np.linalg.solve(self.outputs, values)
+        return values / self.outputs[:, None] if self.outputs.ndim == 1 else np.linalg.solve(self.outputs, values)
 
     def references_back(self, values: Array) -> Array:
         """Return X V'^-1 of whatever has a column a reference: participation, B."""
+        if self.references.ndim == 1:
+            return values / self.references
         return np.linalg.solve(self.references, values.swapaxes(-1, -2)).swapaxes(-1, -2)
 
     def values_back(self, values: Array) -> Array:
         """Return W^-1 Y V'^-1 of a stack of matrices, (..., l, m)."""
         return self.references_back(self.outputs_back(values))
 
+    def of_modes(self, modes: ModalModel) -> ModalModel:
+        """Return modes of the channels as those of levelled ones."""
+        return Whitening(1 / self.outputs, 1 / self.references).modes_back(modes)
+
     def modes_back(self, modes: ModalModel) -> ModalModel:
-        """Return modes of the combinations as those of the channels."""
+        """Return modes of the combinations as those of the channels; deviations of shapes are those of levels alone."""
         terms: dict[str, Any] = {
             name: self.values_back(getattr(modes, name)) for name in DIRECT if getattr(modes, name) is not None
         }
         participation = None if modes.participation is None else self.references_back(modes.participation)
-        return replace(modes, shapes=self.outputs_back(modes.shapes), participation=participation, **terms)
+        beside = tuple(
+            replace(each, residues=self.values_back(each.residues), terms=self.values_back(each.terms))
+            for each in modes.residual_terms
+        )
+        deviations = modes.shapes_std if self.outputs.ndim == 1 else None
+        return replace(
+            modes,
+            shapes=self.outputs_back(modes.shapes),
+            shapes_std=None if deviations is None else self.outputs_back(deviations),
+            participation=participation,
+            residual_terms=beside,
+            unrefined=None if modes.unrefined is None else self.modes_back(modes.unrefined),
+            **terms,
+        )
+
+    def back(self, diagram: StabilizationDiagram) -> StabilizationDiagram:
+        """Return a diagram of levelled channels as that of the channels, which knows how they were levelled."""
+        return diagram.changed(
+            response=self._unlevelled(diagram.response),
+            measured=None if diagram.measured is None else self._unlevelled(diagram.measured),
+            shapes=self.outputs_back(diagram.shapes),
+            participation=self.references_back(diagram.participation),
+            output_whitening=self.outputs,
+            reference_whitening=self.references,
+        )
+
+    def _unlevelled(self, response: Some) -> Some:
+        return Whitening(1 / self.outputs, 1 / self.references).of_response(response)
+
+
+def _rows(W: RealArray, values: Array) -> Array:
+    return W[:, None] * values if W.ndim == 1 else W @ values
+
+
+def _columns(values: Array, V: RealArray) -> Array:
+    return values * V if V.ndim == 1 else values @ V.T

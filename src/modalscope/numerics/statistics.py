@@ -48,6 +48,32 @@ def noise_threshold(singular_values: Array, ratio: float = 1.0) -> float:
     return float(omega * np.median(singular_values))
 
 
+#: Rounds in which levels of rows and columns are brought to one another.
+_ROUNDS = 50
+
+
+def levels_of_table(squares: RealArray) -> tuple[RealArray, RealArray]:
+    """Return levels of rows and columns by which a table of squares has rows and columns with means of one; one of those of zeros.
+
+    No factor of a row or a column changes what is left of the table.
+
+    `squares` (a, b): not negative.
+
+    Examples
+    --------
+    >>> rows, columns = levels_of_table(np.outer([1.0, 4.0], [1.0, 9.0, 25.0]))
+    >>> bool(np.allclose(np.outer(rows, columns), np.outer([1.0, 4.0], [1.0, 9.0, 25.0])))
+    True
+    """
+    rows, columns = (np.ones(count) for count in squares.shape)
+    for _ in range(_ROUNDS if squares.size else 0):
+        rows = np.mean(squares / columns, axis=1)
+        rows = np.where(rows > 0, rows, 1.0)
+        columns = np.mean(squares / rows[:, None], axis=0)
+        columns = np.where(columns > 0, columns, 1.0)
+    return rows, columns
+
+
 def assign(cost: RealArray) -> tuple[Array, Array]:
     """Return rows and columns of the pairs whose costs have the least sum; of the longer side some stay alone.
 

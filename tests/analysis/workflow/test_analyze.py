@@ -10,6 +10,8 @@ import pytest
 
 import modalscope as ms
 from modalscope.data import FrequencyResponse, ImpulseResponse
+from modalscope.data.whitening import levelling
+from tests.selection.judging.hard import frequency_response, impulse_response, random_structure
 from tests.support import BEAM
 
 BAND = (100.0, 1200.0)
@@ -30,14 +32,41 @@ def same(a: ms.ModalModel, b: ms.ModalModel) -> bool:
 
 
 def test_it_gives_the_modes_of_its_steps(samples: ImpulseResponse) -> None:
+    """On channels of one level: others are brought to it, which moves no optimum."""
     result = ms.analyze(samples)
-    selected = ms.select(ms.stabilize(samples))
-    assert same(ms.analyze(samples, refine=False).modes, selected)
-    assert same(result.modes, ms.refine(samples, selected))
-    assert same(result.modes.unrefined, selected)
+    even = levelling(samples.values).of_response(samples)
+    selected = ms.select(ms.stabilize(even))
+    refined = ms.refine(even, selected)
+    for found, steps in ((ms.analyze(samples, refine=False).modes, selected), (result.modes, refined)):
+        assert found.poles == pytest.approx(steps.poles, rel=1e-9)
+    assert result.modes.frequencies_std == pytest.approx(refined.frequencies_std, rel=1e-6)
+    assert ms.refine(samples, ms.select(ms.stabilize(samples))).poles == pytest.approx(refined.poles, rel=1e-6)
     assert result.data is samples
     assert len(result.settings) == 1
     assert result.settings[0] is result.diagram.settings
+
+
+@pytest.mark.parametrize("kind", ["frequency", "impulse"])
+def test_no_unit_of_a_channel_changes_a_mode_an_interval_or_a_grade(kind: str) -> None:
+    rng = np.random.default_rng(7)
+    structure = random_structure(94002)
+    made = frequency_response if kind == "frequency" else impulse_response
+    response, _ = made(structure, 30, 94002)
+    u, v = (10.0 ** rng.uniform(-4, 4, count) for count in response.values.shape[1:])
+    one = ms.analyze(response).modes
+    other = ms.analyze(dataclasses.replace(response, values=response.values * u[:, None] * v)).modes
+    assert len(one) == len(other)
+    assert other.poles == pytest.approx(one.poles, rel=1e-9)
+    for name in ("frequencies_std", "damping_ratios_std"):
+        assert getattr(other, name) == pytest.approx(getattr(one, name), rel=1e-5)
+    assert [mode.words for mode in other] == [mode.words for mode in one]
+    assert np.diag(ms.mac(other.shapes / u[:, None], one.shapes)) == pytest.approx(1)
+
+
+def test_the_words_of_the_user_on_channels_are_those_of_the_channels_as_they_are(samples: ImpulseResponse) -> None:
+    weights = np.ones(samples.values.shape[1])
+    assert ms.analyze(samples).diagram.whitening is not None
+    assert ms.analyze(samples, block_rows=20, row_weights=np.tile(weights, 20), orders=[10]).diagram.whitening is None
 
 
 def test_a_path_is_read_as_the_options_say(tmp_path: Path, lines: FrequencyResponse) -> None:

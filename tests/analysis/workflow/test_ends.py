@@ -59,7 +59,9 @@ def test_modes_beside_the_ends_are_listed_and_what_is_shown_ends_where_it_was_as
     (terms,) = found.modes.residual_terms
     assert terms.band == pytest.approx(shown.response.span)
     monkeypatch.setattr(bands, "_BEYOND", 0.0)
-    assert len(ms.analyze(case.data, **case.options).modes) < true.size
+    cut = ms.analyze(case.data, **case.options).modes
+    # the lines beyond the ends tell most of the modes at them
+    assert cut.frequencies_std[0] > 2 * found.modes.frequencies_std[0]
 
 
 def test_several_bands_that_meet_at_a_mode_list_it_once() -> None:

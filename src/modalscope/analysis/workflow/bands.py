@@ -17,10 +17,11 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.response import Response, output_scale
-from modalscope.data.responses import FrequencyResponse
+from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.setups import Setups, setups_of
 from modalscope.data.shown import counted
+from modalscope.data.whitening import Whitening, levelling
 from modalscope.identification.diagrams import stabilize
 from modalscope.identification.orders import usable_orders
 from modalscope.identification.stabilize import Watch
@@ -42,6 +43,7 @@ from modalscope.selection.judging.bands import (
 )
 from modalscope.selection.judging.no_structure import without_unforced
 from modalscope.selection.judging.select import between_groups, selected
+from modalscope.signals.doctor.reciprocity import by_reciprocity
 from modalscope.signals.preprocess.correlation import estimate_correlation
 from modalscope.signals.preprocess.spectral_peaks import levels_of
 
@@ -106,26 +108,31 @@ def looked_at(
         ]
 
     seen, ambient = _seen(data, document)
+    seen, reciprocal, exchanged = _exchanged(seen, document)
+    level = _levels(seen, document)
+    within = seen if level is None else level.of_response(seen)
 
     def sweep(band: Band, orders: Sequence[int] | None = document.orders) -> StabilizationDiagram:
-        return stabilize(
-            seen,
+        found = stabilize(
+            within,
             method=document.method,
             domain=document.domain,
             orders=orders,
             band=band,
             exclude=document.exclude or None,
             route=document.route,
-            reciprocal=document.reciprocal,
+            reciprocal=reciprocal,
             progress=progress,
             watch=watch,
             **document.options,
         )
+        return found if level is None else _of_channels(level, seen, found.response).back(found)
 
     bands: tuple[tuple[float, float], ...] = document.bands
-    told: tuple[Note, ...] = ()
+    told = exchanged
     if not bands and document.orders is None:
         bands, told = _bands_of(seen, document)
+        told = (*exchanged, *told)
     if len(bands) > 1 or document.orders is not None or document.frequencies is not None:
         by_hand = document.orders is not None or document.frequencies is not None
         swept = sweep if by_hand else lambda band: _with_clear_peaks(ambient, sweep, band, choose)
@@ -140,6 +147,39 @@ def looked_at(
     return [
         Look(shown if len(parts) == 1 else joined_diagram(shown, parts), whole, band, tuple(parts), told, seen=ambient)
     ]
+
+
+#: Options of single channels: they are meant for the channels as they are.
+_OF_CHANNELS = frozenset(
+    (
+        "initial_values",
+        *(f"{side}_{what}" for side in ("row", "column") for what in ("subsets", "weights", "compression")),
+    )
+)
+
+
+def _exchanged(data: Any, document: Analysis) -> tuple[Any, bool | None, tuple[Note, ...]]:
+    """Return responses exchanged by reciprocity where that is asked or helps, what is left to ask, and notes: in the units as measured."""
+    if not isinstance(data, FrequencyResponse | ImpulseResponse) or data.of_correlations or document.exclude:
+        return data, document.reciprocal, ()
+    found, notes = by_reciprocity(data, document.reciprocal)
+    kept = document.reciprocal is None and bool(notes) and not found.exchanged
+    return found, False if kept else document.reciprocal, notes
+
+
+def _levels(data: Any, document: Analysis) -> Whitening | None:
+    """Return levels by which outputs and inputs of responses are of one size, so that no unit counts; None of other data."""
+    plain = isinstance(data, FrequencyResponse | ImpulseResponse) and not data.of_correlations
+    return levelling(data.values) if plain and not _OF_CHANNELS & set(document.options) else None
+
+
+def _of_channels(level: Whitening, whole: Response, part: Response) -> Whitening:
+    """Return levels of the channels that a part of a response has, exchanged as it is."""
+    turned = part.exchanged and not whole.exchanged
+    rows, columns = (part.input_dofs, part.output_dofs) if turned else (part.output_dofs, part.input_dofs)
+    sides = zip((level.outputs, level.references), (whole.output_dofs, whole.input_dofs), (rows, columns), strict=True)
+    outputs, inputs = (each[[of_whole.index(dof) for dof in kept]] for each, of_whole, kept in sides)
+    return Whitening(inputs, outputs) if turned else Whitening(outputs, inputs)
 
 
 def _fitted(data: Any, band: Band) -> Band:

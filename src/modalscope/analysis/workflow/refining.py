@@ -34,10 +34,21 @@ _MIN_REFINED = 0.5
 def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> ModalModel:
     """Return the modes selected from a diagram refined, or as they are with a note of the reason.
 
-    Poles that the data need in addition (real ones, and those not selected) are fixed at their values in the diagram.
+    Poles that the data need in addition (real ones, and those not selected) are fixed at their values in the diagram. Channels that were
+    levelled are so here, too.
     """
     if not len(modes):
         return modes
+    level = diagram.whitening
+    if level is None or diagram.response.ambient:
+        return _refined(diagram, modes)
+    found = level.modes_back(_refined(diagram.whitened(), level.of_modes(modes)))
+    before = found.unrefined
+    scaled = replace(found, unrefined=None if before is None else before.normalized("unit")).normalized("unit")
+    return with_indicators_of_shapes(scaled)
+
+
+def _refined(diagram: StabilizationDiagram, modes: ModalModel) -> ModalModel:
     why = _unfit(diagram)
     if why:
         return modes.noted(_kept(why))

@@ -17,7 +17,7 @@ another rule of the library, or a bound of its own meaning:
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -27,7 +27,8 @@ from modalscope.data.mode_fields import half_widths
 from modalscope.data.modes import ModalModel
 from modalscope.data.sameness import log_ratios
 from modalscope.data.shown import percent
-from modalscope.numerics.checks import Array, BoolArray, ComplexArray, RealArray
+from modalscope.numerics.checks import Array, BoolArray, RealArray
+from modalscope.numerics.statistics import levels_of_table
 from modalscope.selection.judging.evidence import LEAST_PEAK, LEAST_PROMINENCE
 from modalscope.selection.judging.surroundings import DIED, EXPLAINED_NEARBY, LEFT_AT_END, OF_NYQUIST
 from modalscope.selection.judging.tracking import SAME_FREQUENCY
@@ -48,9 +49,6 @@ _MAX_DAMPING_UNCERTAINTY = 0.3
 #: MAC of a shape with the true one above which two shapes are taken for correlated (D. J. Ewins, "Modal Testing", 2000, section 7.2), and
 #: below which its errors are as large as the shape.
 _KNOWN_SHAPE, _UNKNOWN_SHAPE = 0.9, 0.5
-
-#: Rounds in which levels of outputs and of modes are brought to one another: each is one product.
-_ROUNDS_OF_LEVELS = 20
 
 #: Distance of a machine's line relative to the frequency of a mode within which the one may be taken for the other.
 _NEAR_A_LINE = 0.02
@@ -105,9 +103,9 @@ def grades(modes: ModalModel, holds: BoolArray | None = None) -> tuple[Grade, ..
 
     `holds` (n,): whether the interval of each mode held in simulations (see `certify`).
     """
-    widths, known = half_widths(modes), _known_shapes(modes)
-    same = log_ratios(modes, modes) > 0
-    phases = mpc(_levelled(modes)) if len(modes.output_dofs) > 1 else np.ones(len(modes))
+    widths, levelled = half_widths(modes), _levelled(modes)
+    known, same = _known_shapes(levelled), log_ratios(levelled, levelled) > 0
+    phases = mpc(levelled.shapes) if len(modes.output_dofs) > 1 else np.ones(len(modes))
     graded = []
     for i in range(len(modes)):
         f, zeta = float(widths[0][i]), float(widths[1][i])
@@ -203,34 +201,25 @@ def _of_shape(known: float, phases: float) -> Iterator[_Objection]:
 def _known_shapes(modes: ModalModel) -> RealArray:
     """Return the MAC of each shape with the true one that its deviations leave, 1 / (1 + e^2), e the relative size of all errors, (n,).
 
-    Infinite where no deviations are stated, and of a single output; NaN where one is not known. In deviations of the outputs, so that no
-    unit counts.
+    Infinite where no deviations are stated, and of a single output; NaN where one is not known.
     """
     if modes.shapes_std is None or len(modes.output_dofs) < 2:
         return np.full(len(modes), np.inf)
-    level = _levels_of_outputs(modes)[:, None]
-    size = np.sum(np.abs(modes.shapes / level) ** 2, axis=0)
-    return np.asarray(1 / (1 + np.sum((modes.shapes_std / level) ** 2, axis=0) / np.maximum(size, 1e-300)))
+    size = np.sum(np.abs(modes.shapes) ** 2, axis=0)
+    return np.asarray(1 / (1 + np.sum(modes.shapes_std**2, axis=0) / np.maximum(size, 1e-300)))
 
 
-def _levelled(modes: ModalModel) -> ComplexArray:
-    return modes.shapes / _levels_of_outputs(modes)[:, None]
+def _levelled(modes: ModalModel) -> ModalModel:
+    """Return modes with shapes in levels of the errors of their outputs, or of their own size where no deviations are known.
 
-
-def _levels_of_outputs(modes: ModalModel) -> RealArray:
-    """Return the level of errors of each output, (l,), of its own size where no deviations are known: no unit changes what is in these.
-
-    The rows of a table whose rows and columns have mean squares of one once they are divided by levels of their own.
+    No unit changes what is in these.
     """
     stated = modes.shapes_std
     known = stated is not None and bool(np.all(np.isfinite(stated) & (stated > 0)))
-    table = np.asarray(stated if known else np.abs(modes.shapes), dtype=float) ** 2
-    level = np.ones(len(table))
-    for _ in range(_ROUNDS_OF_LEVELS):
-        columns = np.mean(table / level[:, None], axis=0)
-        rows = np.mean(table / np.where(columns > 0, columns, 1.0), axis=1) if len(columns) else level
-        level = np.where(rows > 0, rows, 1.0)
-    return np.asarray(np.sqrt(level / level.mean()))
+    level = np.sqrt(levels_of_table(np.asarray(stated if known else np.abs(modes.shapes), dtype=float) ** 2)[0])[
+        :, None
+    ]
+    return replace(modes, shapes=modes.shapes / level, shapes_std=None if stated is None else stated / level)
 
 
 def _surroundings(modes: ModalModel, i: int, reasons: Mapping[str, Any]) -> Iterator[_Objection]:

@@ -13,6 +13,7 @@ from modalscope.data.notes import Note
 from modalscope.data.response import Response, line_step
 from modalscope.data.shown import counted, percent
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.statistics import levels_of_table
 
 #: Names of what is said, among the reasons of a mode.
 EXPLAINED_NEARBY, OF_NYQUIST, LEFT_AT_END = "explained_nearby", "of_nyquist", "left_at_end"
@@ -27,11 +28,13 @@ _REACH, _LEAST_LINES = 2.0, 1.0
 def explained_nearby(response: Response, fitted: Array, modes: ModalModel) -> RealArray:
     """Return 1 - sum |Y - fitted|^2 / sum |Y|^2 over all channels and the lines within two half bandwidths of each mode, (n,).
 
-    NaN of modes outside the lines, and where nothing was measured. `fitted`: rebuilt from the modes, as the values of the response.
+    Outputs and inputs count alike, whatever their units: each is divided by its level. NaN of modes outside the lines, and where nothing
+    was measured. `fitted`: rebuilt from the modes, as the values of the response.
     """
     f, values = _lines(response, response.values)
-    power = np.sum(np.abs(values) ** 2, axis=(1, 2))
-    left = np.sum(np.abs(values - _lines(response, fitted)[1]) ** 2, axis=(1, 2))
+    level = np.outer(*levels_of_table(np.mean(np.abs(values) ** 2, axis=0)))
+    power = np.sum(np.abs(values) ** 2 / level, axis=(1, 2))
+    left = np.sum(np.abs(values - _lines(response, fitted)[1]) ** 2 / level, axis=(1, 2))
     step = float(np.ptp(f)) / max(len(np.unique(f)) - 1, 1)
     found = np.full(len(modes), np.nan)
     for k, (at, zeta) in enumerate(zip(modes.frequencies, modes.damping_ratios, strict=True)):

@@ -17,6 +17,7 @@ from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.pole_basis import ModalBasis
 from modalscope.numerics.orthonormal import triangle_of
+from modalscope.numerics.statistics import levels_of_table
 from modalscope.selection.likelihood.descent import Descent, descend_from
 from modalscope.selection.likelihood.driven import whitened_records
 from modalscope.selection.likelihood.information import residual, residuals, window_noise
@@ -132,9 +133,10 @@ def _projected(response: Response, poles: Array) -> _Projected:
     columns = _unit(_columns_of(basis))
     Q, R = (np.asarray(each, float) for each in sla.qr(columns, mode="economic", check_finite=False))
     Z, left, outputs = np.empty((R.shape[0], *basis.data.shape[1:])), 0.0, basis.data.shape[1]
+    level = np.sqrt(np.outer(*levels_of_table(np.mean(np.abs(response.values) ** 2, axis=0))))
     step = max(_NUMBERS_AT_A_TIME // basis.data[:, 0].size, 1)
     for few in (slice(k, k + step) for k in range(0, outputs, step)):
-        flat = (basis.data[:, few] / _level(response)[few, None]).reshape(len(columns), -1)
+        flat = (basis.data[:, few] / level[few]).reshape(len(columns), -1)
         own = Q.T @ flat
         flat -= Q @ own
         left, Z[:, few] = left + float(np.vdot(flat, flat)), own.reshape(Z[:, few].shape)
@@ -144,7 +146,7 @@ def _projected(response: Response, poles: Array) -> _Projected:
 @_projected.register
 def _(response: RecordSpectra, poles: Array) -> _Projected:
     """Return the same from products of some lines at a time."""
-    level, width = _level(response), 2 * response.drives
+    level, width = np.maximum(output_scale(response), 1e-300), 2 * response.drives
 
     def chunks() -> Iterator[RealArray]:
         for basis in response.pieces(poles, response.refined_powers):
@@ -162,10 +164,6 @@ def _columns_of(basis: ModalBasis) -> RealArray:
 
 def _unit(columns: RealArray) -> RealArray:
     return np.asarray(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))
-
-
-def _level(response: Response) -> RealArray:
-    return np.asarray(np.maximum(output_scale(response), 1e-300), dtype=np.float64)
 
 
 def _of_poles(columns: RealArray, which: Array, width: int) -> RealArray:
