@@ -65,13 +65,15 @@ def test_levelled_responses_are_the_same_in_all_units_and_their_diagram_is_back_
     power = np.mean(even.values**2, axis=0)
     assert power.mean(axis=0) == pytest.approx(1)
     assert power.mean(axis=1) == pytest.approx(1)
-    back = level.back(ms.stabilize(even, orders=[10]))
+    back = ms.stabilize(even, orders=[10]).in_units(level)
     assert back.response.values == pytest.approx(response.values)
     assert back.whitened().shapes == pytest.approx(ms.stabilize(even, orders=[10]).shapes)
     modes = ms.analyze(response).modes
     there = level.of_modes(modes)
     assert level.modes_back(there).residues == pytest.approx(modes.residues)
     assert there.unrefined.shapes == pytest.approx(modes.unrefined.shapes / np.sqrt(1 / level.outputs**2)[:, None])
+    huge = levelling(1e200 * response.values)
+    assert huge.outputs[:, None] * huge.references == pytest.approx(1e-200 * level.outputs[:, None] * level.references)
     dead = levelling(np.concatenate([response.values, 0 * response.values[:, :1]], axis=1))
     assert np.all(np.isfinite(dead.outputs))
 

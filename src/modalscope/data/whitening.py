@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -13,9 +13,6 @@ from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.statistics import levels_of_table
-
-if TYPE_CHECKING:
-    from modalscope.data.results import StabilizationDiagram
 
 #: Minimum eigenvalue of the normed covariance relative to the largest: channels may depend on each other to rounding.
 _MIN_EIGENVALUE = 1e-10
@@ -65,8 +62,14 @@ def levelling(values: Array) -> Whitening:
 
     `values` (F, l, m).
     """
-    outputs, inputs = levels_of_table(np.mean(np.abs(values) ** 2, axis=0))
-    return Whitening(1 / np.sqrt(outputs), 1 / np.sqrt(inputs))
+    size = np.abs(values)
+    tops = []
+    for axes in ((0, 2), (0, 1)):  # squares of numbers near one stay numbers
+        top = size.max(axis=axes, keepdims=True)
+        size = size / np.where(top > 0, top, 1.0)
+        tops.append(np.where(top > 0, top, 1.0).ravel())
+    outputs, inputs = levels_of_table(np.mean(size**2, axis=0))
+    return Whitening(1 / np.sqrt(outputs) / tops[0], 1 / np.sqrt(inputs) / tops[1])
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -143,18 +146,8 @@ class Whitening:
             **terms,
         )
 
-    def back(self, diagram: StabilizationDiagram) -> StabilizationDiagram:
-        """Return a diagram of levelled channels as that of the channels, which knows how they were levelled."""
-        return diagram.changed(
-            response=self._unlevelled(diagram.response),
-            measured=None if diagram.measured is None else self._unlevelled(diagram.measured),
-            shapes=self.outputs_back(diagram.shapes),
-            participation=self.references_back(diagram.participation),
-            output_whitening=self.outputs,
-            reference_whitening=self.references,
-        )
-
-    def _unlevelled(self, response: Some) -> Some:
+    def back_of_response(self, response: Some) -> Some:
+        """Return a levelled response as it was."""
         return Whitening(1 / self.outputs, 1 / self.references).of_response(response)
 
 

@@ -51,6 +51,23 @@ def test_a_tower_in_four_setups_from_the_command_line(how: list[str], tmp_path: 
     assert np.array_equal(again.modes.poles, found.poles)
 
 
+def test_where_setups_are_not_refined_their_own_scatter_gives_the_intervals() -> None:
+    """A mode is missing from the list, and what it leaves forbids a refinement; five setups disagree by what they disagree."""
+    built = tower(93000, setups=5, minutes=20)
+    result = ms.analyze(built.setups)
+    modes, true = result.modes, built.modes
+    assert modes.unrefined is None
+    assert modes.frequencies_std is None
+    assert np.all(modes.degrees == 4)
+    assert not any("no standard deviation" in str(note) for note in result.notes)
+    ends, nearest = modes.interval(), np.argmin(np.abs(modes.frequencies[:, None] - true.frequencies), axis=1)
+    for name, values in (("frequency", true.frequencies), ("damping_ratio", true.damping_ratios)):
+        held = (ends[name][:, 0] <= values[nearest]) & (values[nearest] <= ends[name][:, 1])
+        assert held.sum() >= len(modes) - 2
+    half = 2.776 * modes.frequencies_repeatability  # Student's quantile of four degrees of freedom
+    assert np.ptp(ends["frequency"], axis=1) / 2 == pytest.approx(half, rel=1e-3)
+
+
 @pytest.mark.study("ambient")
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("how", [[], ["--apart"]])

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import modalscope as ms
 from modalscope.data.record_transform import record_spectra
@@ -112,6 +113,22 @@ def test_a_mode_that_is_missed_is_found_in_what_the_others_leave(lengths):
         assert np.allclose(np.sort(found.frequencies), whole.frequencies, rtol=1e-6)
         assert np.allclose(found.damping_ratios[np.argsort(found.frequencies)], whole.damping_ratios, rtol=1e-4)
         assert "Modes added" in " ".join(str(note) for note in found.notes)
+
+
+def test_a_mode_under_coloured_noise_is_found_beside_what_is_left_around_it():
+    """Noise that grows towards 0 Hz has the highest peaks of the residual; the mode is the highest relative to its surroundings."""
+    records = runs_of(system(4, 2), [3000])
+    (run,) = records.runs
+    rng = np.random.default_rng(5)
+    walk = lfilter([1], [1, -0.98], rng.standard_normal(run.outputs.shape), axis=0)
+    noisy = Records(
+        runs=(replace(run, outputs=run.outputs + 0.02 * run.outputs.std(axis=0) * walk / walk.std(axis=0)),)
+    )
+    modes = ms.identify(records, route="records", order=6).modes
+    found = ms.refine(noisy, modes.take([0, 1]), complete=True)
+    assert len(found) == 3
+    assert found.frequencies == pytest.approx(modes.frequencies, rel=1e-3)
+    assert f"Modes added at peaks of the residual: {found.frequencies[2]:.5g} Hz" in [str(note) for note in found.notes]
 
 
 def test_noise_gives_no_mode_to_add():

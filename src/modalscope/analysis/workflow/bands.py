@@ -21,6 +21,7 @@ from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.setups import Setups, setups_of
 from modalscope.data.shown import counted
+from modalscope.data.sizes import check_size
 from modalscope.data.whitening import Whitening, levelling
 from modalscope.identification.diagrams import stabilize
 from modalscope.identification.orders import usable_orders
@@ -126,7 +127,7 @@ def looked_at(
             watch=watch,
             **document.options,
         )
-        return found if level is None else _of_channels(level, seen, found.response).back(found)
+        return found if level is None else found.in_units(_of_channels(level, seen, found.response))
 
     bands: tuple[tuple[float, float], ...] = document.bands
     told = exchanged
@@ -170,6 +171,8 @@ def _exchanged(data: Any, document: Analysis) -> tuple[Any, bool | None, tuple[N
 def _levels(data: Any, document: Analysis) -> Whitening | None:
     """Return levels by which outputs and inputs of responses are of one size, so that no unit counts; None of other data."""
     plain = isinstance(data, FrequencyResponse | ImpulseResponse) and not data.of_correlations
+    if plain:
+        check_size(data)
     return levelling(data.values) if plain and not _OF_CHANNELS & set(document.options) else None
 
 

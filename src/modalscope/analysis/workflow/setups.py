@@ -18,6 +18,8 @@ from modalscope.numerics.arguments import POSITIVE, named
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_each, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.poles import poles_from
+from modalscope.selection.likelihood.covariance import degrees_of_wider
+from modalscope.selection.likelihood.noise import KIND
 
 #: Minimum number of groups whose scatter is estimated.
 _MIN_GROUPS = 4
@@ -36,10 +38,19 @@ def with_repeatability(modes: ModalModel, response: Response) -> ModalModel:
     f = np.abs(moved) / (2 * np.pi)
     zeta = -moved.real / np.abs(moved)
     count = np.sqrt(len(steps))
+    between = [np.asarray(each.std(axis=0, ddof=1) / count) for each in (f, zeta)]
+    # of correlations that were merged no noise is known: then the groups alone tell
+    own = [None if x is None or np.isnan(x).all() else x for x in (modes.frequencies_std, modes.damping_ratios_std)]
+    stated = np.array([np.zeros(len(modes)) if each is None else np.nan_to_num(each) for each in own])
+    free = np.full(stated.shape, np.inf) if modes.degrees is None else modes.degrees.T
     return replace(
         modes,
-        frequencies_repeatability=np.asarray(f.std(axis=0, ddof=1) / count),
-        damping_ratios_repeatability=np.asarray(zeta.std(axis=0, ddof=1) / count),
+        frequencies_std=own[0],
+        damping_ratios_std=own[1],
+        frequencies_repeatability=between[0],
+        damping_ratios_repeatability=between[1],
+        degrees=degrees_of_wider(stated, free, np.array(between), len(steps)).T,
+        notes=tuple(note for note in modes.notes if own[0] is not None or note.kind != KIND),
     )
 
 
@@ -85,6 +96,9 @@ def _step(slopes: RealArray, left: RealArray, residues: ComplexArray) -> Complex
 
 #: Rounds in which shapes and the scales of their parts are fitted alternately.
 _MAX_ROUNDS = 10
+
+#: Numbers that have deviations.
+_NAMES = ("frequencies", "damping_ratios")
 
 #: One mode: its index in every setup that has it.
 _Mode = dict[int, int]
@@ -239,12 +253,21 @@ def _mean(mode: _Mode, parts: Sequence[ModalModel], name: str) -> float:
 def _deviations(kept: list[_Mode], parts: Sequence[ModalModel], labels: Groups) -> dict[str, Any]:
     """Return deviations of the means, from the noise and between groups of setups."""
     fields: dict[str, Any] = {}
-    for name in ("frequencies", "damping_ratios"):
+    for name in _NAMES:
         values = [_values(mode, parts, name) for mode in kept]
         known = bool(kept) and all(variance is not None for _, _, variance in values)
         fields[f"{name}_std"] = np.array([np.sqrt(w**2 @ v) for _, w, v in values if v is not None]) if known else None
         between = labels and [_between(x, [labels[j] for j in m]) for (x, _, _), m in zip(values, kept, strict=True)]
         fields[f"{name}_repeatability"] = None if between is None else np.array(between)
+    if labels and kept:
+        std, apart = (
+            np.array(
+                [np.zeros(len(kept)) if fields[f"{name}_{end}"] is None else fields[f"{name}_{end}"] for name in _NAMES]
+            )
+            for end in ("std", "repeatability")
+        )
+        groups = len(set(labels))
+        fields["degrees"] = degrees_of_wider(std, np.full(std.shape, np.inf), np.nan_to_num(apart), groups).T
     return fields
 
 

@@ -26,11 +26,11 @@ from modalscope.numerics.resources import one_thread
 from modalscope.selection.likelihood.descent import Astray
 from modalscope.selection.likelihood.information import residual
 from modalscope.selection.likelihood.refined import refined
-from modalscope.selection.likelihood.settling import Settled, Task, least_gain, settle, task_of
+from modalscope.selection.likelihood.settling import Settled, Task, least_gain, levels_of_lines, settle, task_of
 from modalscope.signals.doctor.reciprocity import by_reciprocity
 
-#: Maximum number of added modes.
-_MAX_ADDED = 8
+#: Maximum number of added modes, and of steps of a descent with one: a mode takes two to seven, what runs to no width never ends.
+_MAX_ADDED, _STEPS_OF_ADDED = 8, 20
 
 #: Poles, shapes and participation.
 _Modes = tuple[ComplexArray, ComplexArray, ComplexArray]
@@ -39,21 +39,24 @@ _Modes = tuple[ComplexArray, ComplexArray, ComplexArray]
 def completed(task: Task, modes: ModalModel, settled: Settled) -> ModalModel:
     """Return the modes of an optimum, followed by those at significant peaks of its residual, strongest first.
 
-    Nothing is added where the residual remains coloured: poles would then fit the error of the model.
+    Lines of records are divided by the level of what is left of them: a peak counts beside what is left around it. Nothing is added where
+    the residual remains coloured, poles would then fit the error of the model, and nothing that has no optimum.
     """
     count = len(modes)
     best: _Modes = (settled.descent.point.poles, *settled.residues)
+    if settled.colour.coloured and settled.descent.point.problem.records:
+        task = replace(task, rows=levels_of_lines(task.response, task, settled))
+        settled = settle(task, *best)
     for _ in range(_MAX_ADDED):
         more = _with_peak(task, settled)
         if more is None:
             break
-        settled = _pruned(task, settle(task, *more), count)
-        if len(settled.descent.point.poles) <= len(best[0]):
+        settled = _pruned(task, settle(task, *more, most=_STEPS_OF_ADDED), count)
+        sound = settled.descent.converged and (settled.descent.point.problem.records or not settled.colour.coloured)
+        if len(settled.descent.point.poles) <= len(best[0]) or not sound:
             break
         best = (settled.descent.point.poles, *settled.residues)
     if len(best[0]) == count:
-        return modes
-    if settled.colour.coloured or not settled.descent.converged:
         return modes
     poles, shapes, participation = best
     return joined([modes, _added_modes(task, modes, poles[count:], shapes[:, count:], participation[count:])])
@@ -89,7 +92,6 @@ def _added_modes(
 ) -> ModalModel:
     """Return the added modes alone; columns that only the given modes have are NaN."""
     unknown = np.full(len(poles), np.nan)
-    text = "significant in the residual of the other modes"
     columns: dict[str, Any] = {name: unknown for name in PER_MODE if getattr(modes, name) is not None}
     return ModalModel(
         poles=poles + task.response.added_damping,
@@ -97,7 +99,9 @@ def _added_modes(
         participation=task.response.shortest_participation(task.response.of_inputs(participation)),
         quantity=modes.quantity,
         indicators=dict.fromkeys(modes.indicators, unknown),
-        reasons=tuple({"text": text} for _ in poles) if modes.reasons else (),
+        reasons=tuple({"text": "significant in the residual of the other modes"} for _ in poles)
+        if modes.reasons
+        else (),
         **columns,
         **task.response.labelled(),
     )
@@ -193,7 +197,8 @@ def refine(
 class Refinement:
     """Modes at the maximum of the likelihood, before their standard deviations, which take as long as the way there.
 
-    `start`: significant modes before. `settled`: the optimum, None without any mode. `lost`: modes that are not significant.
+    `start`: significant modes before. `settled`: the optimum, None without any mode. `lost`: modes that are not significant. `added`: so
+    many, the last of `start`, stood at peaks of the residual.
     """
 
     task: Task
@@ -202,6 +207,7 @@ class Refinement:
     groups: Groups
     lost: list[Candidate]
     notes: list[Note]
+    added: int = 0
 
     @property
     def poles(self) -> ComplexArray:
@@ -218,8 +224,16 @@ class Refinement:
         return self.settled is None or self.settled.descent.converged
 
     def modes(self) -> ModalModel:
-        """Return the modes with their standard deviations."""
-        return refined(self.task, self.start, self.settled, self.groups, self.lost, self.notes)
+        """Return the modes with their standard deviations; added ones that the data do not determine are none."""
+        found = refined(self.task, self.start, self.settled, self.groups, self.lost, self.notes)
+        if not self.added or found.degrees is None:
+            return found
+        last = np.arange(len(found)) >= len(found) - self.added
+        added = last[np.argsort(np.abs(self.poles), kind="stable")]
+        stays = ~added | (found.degrees[:, 0] > 0)
+        where = [f"{f:.5g} Hz" for f in found.frequencies[added & stays]]
+        note = Note("added", {"modes": len(where)}, f"Modes added at peaks of the residual: {', '.join(where)}")
+        return found.take(stays).noted(note) if where else found.take(stays)
 
 
 @one_thread
@@ -249,7 +263,7 @@ def refinement(
     task = task_of(
         response, np.concatenate([given, poles[~able]]), None if weights is None else np.asarray(weights), progress
     )
-    notes = []
+    notes, new = list[Note](), 0
     if count := len(task.fixed):
         f, (low, high) = np.abs(task.fixed) / (2 * np.pi), response.span
         outside = int(np.count_nonzero((f < low) | (f > high)))
@@ -266,16 +280,15 @@ def refinement(
         added = more.frequencies[len(start) :]
         if len(added):
             settled, kept, also = _significant(task, more, confined)
+            new = sum(k >= len(start) for k in kept)
             start, lost = more.take(kept), [*lost, *also]
-        where = ", ".join(f"{f:.5g} Hz" for f in added)
-        text = f"Modes added at peaks of the residual: {where}" if where else "no mode was added"
-        if where or not confined:
-            notes.append(Note("added", {"modes": len(added)}, text))
+        elif not confined:
+            notes.append(Note("added", {"modes": 0}, "no mode was added"))
     if settled is not None and not settled.descent.converged:
         descent = settled.descent
         text = f"Refinement did not converge: {descent.why}; these are the best values so far"
         notes.append(Note("not converged", {"iterations": descent.iterations}, text))
-    return Refinement(task, start, settled, chosen, lost, notes)
+    return Refinement(task, start, settled, chosen, lost, notes, new)
 
 
 def _ambient(data: Any) -> Setups | None:

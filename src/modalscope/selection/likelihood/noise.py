@@ -12,6 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from modalscope.data.mode_fields import half_widths
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
@@ -339,6 +340,5 @@ def withheld(modes: ModalModel) -> tuple[Note, ...]:
 
 def undenied(modes: ModalModel, notes: Iterable[Note]) -> tuple[Note, ...]:
     """Return notes without those that deny deviations, where all modes have theirs from elsewhere."""
-    each = modes.frequencies_std, modes.damping_ratios_std
-    known = all(values is not None and bool(np.all(np.isfinite(values))) for values in each)
+    known = bool(np.isfinite(half_widths(modes)).all())
     return tuple(note for note in notes if not (known and note.kind == KIND and "withheld" in note.numbers))

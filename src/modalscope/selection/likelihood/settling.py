@@ -299,7 +299,7 @@ def settle(
         settled = _optimum(task, _Start(settled.descent.point.poles, *settled.residues, settled.levels), most, home)
     even = settled
     for _ in range(_WEIGHTED_ROUNDS if most and _uneven(task.response, task, settled) else 0):
-        task = replace(task, rows=_levels(task.response, task, settled))
+        task = replace(task, rows=levels_of_lines(task.response, task, settled))
         settled = _optimum(task, _Start(settled.descent.point.poles, *settled.residues, settled.levels), most, home)
     if settled is even or settled.descent.point.problem.records:
         return settled
@@ -311,7 +311,7 @@ def _of_correlated(task: Task, even: Settled) -> Settled:
 
     Shifts leave errors near the poles that no level describes, and a descent in levels would rest on what lies between.
     """
-    rows = _levels(task.response, task, even)
+    rows = levels_of_lines(task.response, task, even)
     start = _Start(even.descent.point.poles, *even.residues, even.levels)
     counted = _optimum(replace(task, rows=rows), start, 0)
     return replace(even, worth=counted.gain * even.variance / np.maximum(even.descent.fitted.gain, 1e-300))
@@ -336,7 +336,7 @@ def _(response: RecordSpectra, task: Task, settled: Settled) -> bool:
 
 
 @singledispatch
-def _levels(response: Response, task: Task, settled: Settled) -> RealArray:
+def levels_of_lines(response: Response, task: Task, settled: Settled) -> RealArray:
     """Return the standard deviation of every row by what is left of lines, (K,)."""
     point = settled.descent.point
     outputs, inputs = point.problem.sides
@@ -350,7 +350,7 @@ def _levels(response: Response, task: Task, settled: Settled) -> RealArray:
     return rows_of_lines(left, whole, response.count, smooth=True)
 
 
-@_levels.register
+@levels_of_lines.register
 def _(response: RecordSpectra, task: Task, settled: Settled) -> RealArray:
     """Return the same by the spectrum of the residual."""
     power = _power(settled.descent, response.count).mean(axis=1)
