@@ -71,6 +71,8 @@ export const against = (key, file) => post(`/api/documents/${key}/against`, { fi
 export const blob = async (key, name) => unpack(await (await ask(`/api/documents/${key}/blob/${name}`)).arrayBuffer());
 /** @param {string} key @param {number} output @param {number} input */
 export const channel = async (key, output, input) => unpack(await (await ask(`/api/documents/${key}/channel?output=${output}&input=${input}`)).arrayBuffer());
+/** @param {string} key @param {string} name */
+export const picture = async (key, name) => unpack(await (await ask(`/api/documents/${key}/picture/${name}`)).arrayBuffer());
 /** @param {string} key @param {string} suffix @param {number} mode  of a film */
 export async function exported(key, suffix, mode = 0) {
   const answer = await ask(`/api/documents/${key}/export/${suffix}?mode=${mode}`);

@@ -4,14 +4,11 @@ import { axis, decibels, fitted, uPlot, wheelZoom } from "./chart.js";
 import { colour, fill, h, hertz, number, rgb, soon } from "./dom.js";
 import { makePixels, packed, stamped } from "./pixels.js";
 
-/** Kinds as modalscope.interfaces.plot.web.poles numbers them. */
-export const KINDS = [
-  { letter: "o", words: "new", colour: "pole-new" },
-  { letter: "f", words: "frequency", colour: "pole-f" },
-  { letter: "d", words: "frequency, damping", colour: "pole-d" },
-  { letter: "v", words: "frequency, shape", colour: "pole-v" },
-  { letter: "s", words: "stable", colour: "pole-s" },
-];
+/** The mark of a kind in a legend, in its ink. @param {any} kind  as modalscope.interfaces.plot.web.poles describes it */
+export const keyOf = (kind) => h(`i.key.${kind.mark}`, { style: `color: var(--ink-${kind.ink})` });
+
+/** Number of the kind of poles that are stable in all. */
+const STABLE = 4;
 
 /** How near the pointer must be, in pixels; poles listed under it; how near a mode's line is the mode. */
 const NEAR = 16;
@@ -50,7 +47,8 @@ export function makeDiagram(place, acts = {}) {
   let curves = { lines: /** @type {ArrayLike<number>} */ ([0, 1]), levels: /** @type {any[]} */ ([]) };
   let chart = /** @type {any} */ (null);
   // poles of each kind, and how many orders there are
-  let kinds = /** @type {number[][]} */ (KINDS.map(() => []));
+  let table = /** @type {any[]} */ ([]);
+  let kinds = /** @type {number[][]} */ ([]);
   let rows = 1;
   const layers = ["marks", "poles", "ring"].map(() => h("canvas.layer", { "aria-hidden": "true" }));
   const [markLayer, poleLayer, ringLayer] = layers;
@@ -121,8 +119,8 @@ export function makeDiagram(place, acts = {}) {
     const ky = height / u.scales.y.max;
     const size = sizeOf(u, ratio);
     kinds.forEach((members, kind) => {
-      const stamp = letters ? letterOf(kind, ratio) : markOf(kind, size * (kind === 4 ? 1 : 0.8), ratio);
-      const [red, green, blue] = rgb(KINDS[kind].colour);
+      const stamp = letters ? letterOf(table[kind], ratio) : markOf(table[kind], size * (kind === STABLE ? 1 : 0.8), ratio);
+      const [red, green, blue] = rgb(`ink-${table[kind].ink}`);
       const ink = packed(red, green, blue);
       for (const i of members) {
         const f = poles.frequency[i];
@@ -205,12 +203,12 @@ export function makeDiagram(place, acts = {}) {
     const ky = u.over.clientHeight / u.scales.y.max;
     const found = [];
     for (let i = 0; i < poles.frequency.length; i++) {
-      if (poles.kind[i] > 4 || poles.order[i] > shownTop) continue;
+      if (poles.kind[i] >= table.length || poles.order[i] > shownTop) continue;
       const dx = (poles.frequency[i] - min) * kx - x;
       if (dx > NEAR || dx < -NEAR) continue;
       const dy = u.over.clientHeight - poles.order[i] * ky - y;
       const far = dx * dx + dy * dy;
-      if (far < NEAR * NEAR) found.push([far - (poles.kind[i] === 4 ? 9 : 0), i]);
+      if (far < NEAR * NEAR) found.push([far - (poles.kind[i] === STABLE ? 9 : 0), i]);
     }
     return found.sort((a, b) => a[0] - b[0]).slice(0, LISTED).map((pair) => pair[1]);
   }
@@ -235,7 +233,7 @@ export function makeDiagram(place, acts = {}) {
     if (hover < 0) return;
     const mode = modeAt(u, hover);
     const rows = found.map((i, k) =>
-      h(`div.row${k ? "" : ".first"}`, {}, h(`i.key.${KINDS[poles.kind[i]].colour}`), h("span", {}, `${hertz(poles.frequency[i], band[1])} Hz`), h("span", {}, `${number(100 * poles.damping[i], 3)} %`), h("span.muted", {}, `order ${poles.order[i]}, ${KINDS[poles.kind[i]].words}`)),
+      h(`div.row${k ? "" : ".first"}`, {}, keyOf(table[poles.kind[i]]), h("span", {}, `${hertz(poles.frequency[i], band[1])} Hz`), h("span", {}, `${number(100 * poles.damping[i], 3)} %`), h("span.muted", {}, `order ${poles.order[i]}, ${table[poles.kind[i]].words}`)),
     );
     const does = acts.take ? h("div.does", {}, mode >= 0 ? `click: refuse mode ${mode + 1}` : "click: take") : null;
     fill(tip, rows, does);
@@ -291,8 +289,8 @@ export function makeDiagram(place, acts = {}) {
 
   /** The next pole in a direction: along an order, or at the next one. @param {number} right @param {number} up */
   function neighbour(right, up) {
-    const stable = [...poles.kind.length ? Array(poles.kind.length).keys() : []].filter((i) => poles.kind[i] <= 4 && poles.frequency[i] >= chart.scales.x.min && poles.frequency[i] <= chart.scales.x.max);
-    if (hover < 0) return stable.find((i) => poles.kind[i] === 4) ?? stable[0] ?? -1;
+    const stable = [...poles.kind.length ? Array(poles.kind.length).keys() : []].filter((i) => poles.kind[i] <= STABLE && poles.frequency[i] >= chart.scales.x.min && poles.frequency[i] <= chart.scales.x.max);
+    if (hover < 0) return stable.find((i) => poles.kind[i] === STABLE) ?? stable[0] ?? -1;
     const [f, n] = [poles.frequency[hover], poles.order[hover]];
     if (right) {
       const row = stable.filter((i) => poles.order[i] === n && (poles.frequency[i] - f) * right > 0);
@@ -328,7 +326,7 @@ export function makeDiagram(place, acts = {}) {
     setPoles(given, highest) {
       poles = given;
       hover = -1;
-      kinds = KINDS.map(() => []);
+      kinds = table.map(() => []);
       for (let i = 0; i < given.frequency.length; i++) kinds[given.kind[i]]?.push(i);
       rows = Math.max(new Set(Array.from(given.order)).size, 1);
       if (highest !== top) {
@@ -337,6 +335,10 @@ export function makeDiagram(place, acts = {}) {
       }
       paint.poles();
       paint.ring();
+    },
+    /** @param {any[]} given  letter, words, mark and ink of each kind of poles, by its number */
+    setKinds(given) {
+      table = given;
     },
     /** @param {{modes: any[], leftOut: any[], chosen: number}} given */
     setModes(given) {
@@ -377,46 +379,50 @@ function kept(name, size, draw) {
   return stamps.get(name);
 }
 
-/** @param {number} kind @param {number} r @param {number} ratio */
+/** @param {any} kind @param {number} r @param {number} ratio */
 const markOf = (kind, r, ratio) =>
-  kept(`${kind} ${r} ${ratio}`, 2 * (r + 2 * ratio), (ctx, middle) => {
+  kept(`${kind.mark} ${r} ${ratio}`, 2 * (r + 2 * ratio), (ctx, middle) => {
     ctx.beginPath();
-    mark(ctx, kind, middle, middle, r);
-    ctx.lineWidth = ratio * (kind ? 1.15 : 1);
-    if (kind === 4) ctx.fill();
+    mark(ctx, kind.mark, middle, middle, r);
+    ctx.lineWidth = ratio * 1.15;
+    if (kind.mark === "dot") ctx.fill();
     else ctx.stroke();
   });
 
-/** @param {number} kind @param {number} ratio */
+/** @param {any} kind @param {number} ratio */
 const letterOf = (kind, ratio) =>
-  kept(`${KINDS[kind].letter} ${ratio}`, 14 * ratio, (ctx, middle) => {
-    ctx.font = `${kind === 4 ? 600 : 400} ${10 * ratio}px ui-monospace, monospace`;
+  kept(`${kind.letter} ${ratio}`, 14 * ratio, (ctx, middle) => {
+    ctx.font = `${kind.letter === "s" ? 600 : 400} ${10 * ratio}px ui-monospace, monospace`;
     ctx.textAlign = "center";
     ctx.textBaseline = "middle";
-    ctx.fillText(KINDS[kind].letter, middle, middle);
+    ctx.fillText(kind.letter, middle, middle);
   });
 
-/** @param {any} ctx @param {number} kind @param {number} x @param {number} y @param {number} r */
-function mark(ctx, kind, x, y, r) {
-  if (kind === 0) {
+/** @param {any} ctx @param {string} name @param {number} x @param {number} y @param {number} r */
+export function mark(ctx, name, x, y, r) {
+  if (name === "cross") {
     const a = r * 0.72;
     ctx.moveTo(x - a, y - a);
     ctx.lineTo(x + a, y + a);
     ctx.moveTo(x + a, y - a);
     ctx.lineTo(x - a, y + a);
-  } else if (kind === 1) {
+  } else if (name === "diamond") {
     ctx.moveTo(x, y - r);
     ctx.lineTo(x + r, y);
     ctx.lineTo(x, y + r);
     ctx.lineTo(x - r, y);
     ctx.closePath();
-  } else if (kind === 2) {
+  } else if (name === "triangle") {
     ctx.moveTo(x, y - r);
-    ctx.lineTo(x + r, y + r * 0.75);
-    ctx.lineTo(x - r, y + r * 0.75);
+    ctx.lineTo(x + r, y + r);
+    ctx.lineTo(x - r, y + r);
     ctx.closePath();
-  } else if (kind === 3) ctx.rect(x - r * 0.8, y - r * 0.8, r * 1.6, r * 1.6);
-  else {
+  } else if (name === "square") ctx.rect(x - r, y - r, r * 2, r * 2);
+  else if (name === "bar" || name === "stick") {
+    const [a, b] = name === "bar" ? [2 * r, 0] : [0, 2 * r];
+    ctx.moveTo(x - a, y - b);
+    ctx.lineTo(x + a, y + b);
+  } else {
     ctx.moveTo(x + r, y);
     ctx.arc(x, y, r, 0, 7);
   }

@@ -1,5 +1,6 @@
 // What opens above the page: findings and notes, comparison, geometry, keys.
 import { fill, h, icon, ICONS, number } from "./dom.js";
+import { makePicture } from "./picture.js";
 import { makeSketch } from "./sketch.js";
 
 /** @param {string} title @param {any} inside @param {string} [kind] */
@@ -57,12 +58,20 @@ function heads(...columns) {
   return h("thead", {}, h("tr", {}, columns.flatMap((c) => (Array.isArray(c) ? c.map(cell("th.num")) : cell("th")(c)))));
 }
 
-/** @param {any} found */
-export function showComparison(found) {
+/** A described picture with its caption, asked for and painted where it stands. @param {string} name @param {string} words @param {(name: string) => Promise<any>} ask @param {string} [kind] */
+export function pictured(name, words, ask, kind = "") {
+  const place = h("div.picture-box");
+  const picture = makePicture(place);
+  ask(name).then(picture.set, (error) => place.replaceWith(errorBox(error.parts ?? { text: String(error.message ?? error) })));
+  return h(`figure${kind && `.${kind}`}`, {}, place, h("figcaption", {}, words));
+}
+
+/** @param {any} found @param {(name: string) => Promise<any>} ask  for a picture */
+export function showComparison(found, ask) {
   const counts = ["good", "look", "doubtful"].map((word) => [word, found.rows.filter((/** @type {any} */ r) => r.trust === word).length]).filter(([, n]) => n);
   const rows = found.rows.map((/** @type {any} */ r, /** @type {number} */ i) => h("tr", {}, h("td", {}, i + 1), h("td.num", {}, number(r.frequency, 6)), h("td.num", {}, number(100 * r.damping, 3)), h("td.num", {}, number(r.between, 2)), h("td", {}, r.found), h("td", {}, r.methods), h("td", {}, h(`span.grade.${r.trust}`, {}, r.trust)), h("td.words", {}, r.why)));
   const methods = found.methods.map((/** @type {any} */ m) => h("tr", {}, h("td", {}, m.label), h("td.num", {}, m.modes ?? "–"), h("td.num", {}, m.fit === null ? "–" : number(100 * m.fit, 3)), h("td.words", {}, m.failure)));
-  const picture = (/** @type {string} */ name, /** @type {string} */ words) => (found.pictures[name] ? h("figure", {}, h("img", { alt: words, src: `data:image/svg+xml;utf8,${encodeURIComponent(found.pictures[name])}` }), h("figcaption", {}, words)) : null);
+  const picture = (/** @type {string} */ name, /** @type {string} */ words) => (found.pictures.includes(name) ? pictured(name, words, ask) : null);
   dialog(
     "All methods on these data",
     [

@@ -3,7 +3,7 @@ import "uplot/dist/uPlot.min.css";
 import "./style.css";
 import * as api from "./api.js";
 import { bench } from "./bench.js";
-import { ends, makeDiagram } from "./diagram.js";
+import { ends, keyOf, makeDiagram } from "./diagram.js";
 import { dialog, editGeometry, errorBox, namedToLeave, showComparison, showFindings, showKeys, showScript } from "./dialogs.js";
 import { fill, h, icon, ICONS, number, paintAgain } from "./dom.js";
 import { makeMatrix } from "./matrix.js";
@@ -96,7 +96,6 @@ function makeWork(begin, state) {
   const box = h("div.diagram-box");
   const behindPoles = h("select", { "aria-label": "Curves behind the poles", hidden: true, onchange: () => poles && curvesOf(poles) });
   places.diagram.append(h("div.bar", {}, h("h2", {}, "Stabilization"), legend, h("span.space"), h("button.small", { onclick: () => diagram.toggleLetters(), title: "Letters or marks (l)" }, "o f d v s"), behindPoles, h("button.small", { onclick: () => diagram.toggleLinear(), title: "Indicator in dB or linear (i)" }, "dB"), h("button.small", { onclick: () => diagram.whole(), title: "Full range (z)" }, "full range")), box);
-  fill(legend, [["pole-s", "stable"], ["pole-d", "damping"], ["pole-v", "shape"], ["pole-f", "frequency"], ["pole-new", "new"]].map(([c, words]) => h("span", {}, h(`i.key.${c}`), words)));
   const diagram = makeDiagram(box, { take: (i) => take(diagram.poles.frequency[i]), refuse, select });
   const strip = makeOverview(places.strip, (band) => act("set", { bands: band ? [band.map((f) => Number(f.toPrecision(6)))] : [] }));
   const modes = makeModes(places.modes, { select, refuse, take, rename: (i, name) => act("name", { frequency: shown()[i].frequency, name }) });
@@ -233,6 +232,8 @@ function makeWork(begin, state) {
   /** @param {any} blob */
   function setOverview(blob) {
     overview = blob;
+    diagram.setKinds(blob.kinds);
+    fill(legend, [...blob.kinds].reverse().map((/** @type {any} */ kind) => h("span", {}, keyOf(kind), kind.words)));
     settings.setData(blob.summary);
     strip.setData(blob);
     strip.setBand(now.document.bands[0] ?? null);
@@ -372,7 +373,7 @@ function makeWork(begin, state) {
     try {
       const answer = await api.compare(now.key);
       wait.element.close();
-      showComparison(answer);
+      showComparison(answer, (name) => api.picture(now.key, name));
     } catch (error) {
       wait.element.close();
       complain(error);

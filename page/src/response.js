@@ -15,7 +15,7 @@ const FORMS = {
 
 /** Most channels over one another, and the colours of those behind the first. */
 const MOST = 6;
-const BEHIND = ["pole-s", "pole-d", "pole-v", "pole-f", "curve-1"];
+const BEHIND = ["ink-blue", "ink-green", "ink-purple", "ink-amber", "curve-1"];
 
 /** Channels that the list of what is unexplained names at most. */
 const LISTED = 200;

@@ -30,6 +30,7 @@ export function makeViewer(root, data, acts = {}) {
   matrixPlace.append(h("div.bar", {}, h("h2", {}, "AutoMAC")));
   const matrix = makeMatrix(matrixPlace, select);
   const count = data.shapes.curves[1];
+  diagram.setKinds(data.kinds);
   diagram.setCurves({ lines: data.behind, levels: Array.from({ length: data.shapes.curves[0] }, (_, k) => data.curves.subarray(k * count, (k + 1) * count)) }, ends(data.bands), data.level);
   diagram.setPoles({ frequency: data.frequency, damping: data.damping, order: data.order, kind: data.kind, std: data.std, damping_std: data.damping_std }, Math.max(...data.orders, 2));
   shape.set(data, 0);

@@ -145,6 +145,7 @@ hand_down(**FASTER, **FURTHER)
 hand_down(
     columns_of="modalscope.selection.judging.description:columns_of",
     drawn="modalscope.interfaces.plot.shown:drawn",
+    glance="modalscope.interfaces.plot.shown:glance",
     examine="modalscope.signals.doctor:examine",
     grades="modalscope.selection.judging.grades:grades",
     living="modalscope.interfaces.plot.web.alive:living",

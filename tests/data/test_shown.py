@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.data.shown import curve, dots, summary_of
+from modalscope.data.shown import summary_of
 from modalscope.systems import chain5
 
 CHAIN = chain5()
@@ -58,20 +58,3 @@ def test_labels_cannot_become_markup() -> None:
         poles=[-1 + 100j], shapes=[[1.0]], indicators={"<script>x</script>": [1.0]}, output_dofs=["<img>"]
     )
     assert not re.search(r"<script|<img", modes._repr_html_())
-
-
-def test_a_curve_of_a_million_samples_keeps_its_extremes_and_stays_small() -> None:
-    y = np.zeros(1_000_000)
-    y[123_456], y[7] = 5.0, np.nan
-    text = curve(y)
-    heights = [float(pair.split(",")[1]) for pair in re.search(r'points="([^"]*)"', text)[1].split()]  # type: ignore[index]
-    assert min(heights) == 3.0  # the spike reaches the upper edge of the frame
-    assert len(text) < 20_000
-    assert curve(np.full(5, np.nan)) == ""
-    assert curve([]) == ""  # type: ignore[arg-type]
-
-
-def test_dots_are_thinned_and_all_of_nothing_is_nothing() -> None:
-    x = np.arange(50_000.0)
-    assert 1_000 < dots(x, x, x > 100).count("h0") <= 3_000
-    assert dots(x[:0], x[:0], x[:0] > 0) == ""

@@ -1,6 +1,6 @@
 """Show data and results: one line at a prompt, a picture and a table in a notebook.
 
-What users wrote is escaped; the pictures are lines of SVG, made of at most a few hundred points.
+What users wrote is escaped; the pictures are those that reports have.
 """
 
 from __future__ import annotations
@@ -12,14 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.numerics.checks import Array
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.handed import handed
-
-_WIDTH_PIXELS, _HEIGHT_PIXELS, _MAX_COLUMNS = 420, 90, 400
-
-#: Maximum number of dots that are drawn.
-_MAX_DOTS = 3000
 
 
 class Shown:
@@ -54,7 +48,7 @@ class Shown:
 
     def _repr_html_(self) -> str:
         said = "".join(f"<p>{escape(sentence)}</p>" for sentence in said_of(self))
-        return f"<div><p>{escape(summary_of(self))}</p>{sketch_of(self)}{html_table(cells_of(self))}{said}</div>"
+        return f"<div><p>{escape(summary_of(self))}</p>{handed('glance')(self)}{html_table(cells_of(self))}{said}</div>"
 
 
 @singledispatch
@@ -68,12 +62,6 @@ def summary_of(thing: object) -> str:
     'records: 2 samples at 10 Hz, 1 output (velocity), no inputs'
     """
     return type(thing).__name__
-
-
-@singledispatch
-def sketch_of(thing: object) -> str:
-    """Return a small picture of something as SVG; empty text where it has none."""
-    return ""
 
 
 @singledispatch
@@ -135,55 +123,3 @@ def html_table(rows: Sequence[Sequence[str]]) -> str:
     head = "".join(f"<th>{escape(cell)}</th>" for cell in rows[0])
     body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows[1:])
     return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-
-
-def curve(values: Array) -> str:
-    """Return a curve as SVG: of long data the lowest and the highest value of every column of the picture.
-
-    `values` (N,): values that are not finite are left out.
-    """
-    y = np.asarray(values, dtype=float)
-    parts = [part[np.isfinite(part)] for part in np.array_split(y, max(min(len(y), _MAX_COLUMNS), 1))]
-    points = [
-        (k / max(len(parts) - 1, 1), v)
-        for k, part in enumerate(parts)
-        if part.size
-        for v in dict.fromkeys((float(part.min()), float(part.max())))
-    ]
-    if len(points) < 2:
-        return ""
-    x, level = (np.array(side) for side in zip(*points, strict=True))
-    at = " ".join(f"{px:.1f},{py:.1f}" for px, py in zip(*_placed(x, level), strict=True))
-    return _framed(f'<polyline points="{at}" fill="none" stroke="currentColor" stroke-width="1"/>')
-
-
-def dots(x: Array, y: Array, dark: Array) -> str:
-    """Return dots as SVG, dark ones over pale ones.
-
-    `x`, `y` (N,). `dark` (N,).
-    """
-    step = max(1, -(-len(x) // _MAX_DOTS))
-    chosen = np.argsort(dark, kind="stable")[::step]
-    if not len(chosen):
-        return ""
-    px, py = _placed(np.asarray(x)[chosen], np.asarray(y)[chosen])
-    full = np.asarray(dark)[chosen].astype(bool)
-    paths = []
-    for kept, opacity in ((~full, 0.2), (full, 0.9)):
-        at = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(px[kept], py[kept], strict=True))
-        paths.append(f'<path stroke-opacity="{opacity}" d="{at}"/>')
-    style = 'stroke="currentColor" stroke-width="2.6" stroke-linecap="round"'
-    return _framed(f"<g {style}>{''.join(paths)}</g>")
-
-
-def _placed(x: Array, y: Array) -> tuple[Array, Array]:
-    """Return points in the frame of the picture."""
-    wide, high = (max(float(np.ptp(side)), np.finfo(float).tiny) for side in (x, y))
-    return 3 + (x - x.min()) / wide * (_WIDTH_PIXELS - 6), _HEIGHT_PIXELS - 3 - (y - y.min()) / high * (
-        _HEIGHT_PIXELS - 6
-    )
-
-
-def _framed(inner: str) -> str:
-    size = f'width="{_WIDTH_PIXELS}" height="{_HEIGHT_PIXELS}" viewBox="0 0 {_WIDTH_PIXELS} {_HEIGHT_PIXELS}"'
-    return f'<svg xmlns="http://www.w3.org/2000/svg" role="img" aria-label="overview" {size}>{inner}</svg>'

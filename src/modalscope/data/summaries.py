@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from modalscope.data.geometry import Geometry
 from modalscope.data.modes import ModalModel
 from modalscope.data.record_spectra import RecordSpectra
@@ -11,7 +9,7 @@ from modalscope.data.records import Records, Signals
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.results import Result, StabilizationDiagram
 from modalscope.data.setups import Setups
-from modalscope.data.shown import cells_of, counted, curve, dots, said_of, sketch_of, summary_of
+from modalscope.data.shown import cells_of, counted, said_of, summary_of
 from modalscope.data.statespace import StateSpace
 from modalscope.data.stored import StoredResponse, StoredSignals
 from modalscope.numerics.handed import handed
@@ -97,34 +95,6 @@ def _(thing: Result) -> str:
     return f"result: {summary_of(thing.modes)}; {counted(len(thing.notes), 'note')}, {counted(len(thing.findings), 'finding')}"
 
 
-@sketch_of.register
-def _(thing: FrequencyResponse) -> str:
-    return curve(np.log10(np.maximum(np.linalg.norm(thing.values, axis=(1, 2)), 1e-300)))
-
-
-@sketch_of.register
-def _(thing: ImpulseResponse) -> str:
-    return curve(thing.values.reshape(len(thing.values), -1)[:, _strongest(thing.values)])
-
-
-@sketch_of.register
-def _(thing: Signals) -> str:
-    y = thing.by_run()[0][0]
-    return curve(y[:, _strongest(y)])
-
-
-@sketch_of.register
-def _(thing: StabilizationDiagram) -> str:
-    shown = thing.poles.imag > 0
-    sure = thing.stable_frequency & thing.stable_damping & thing.stable_shape
-    return dots(thing.frequencies[shown], thing.order_of_pole[shown], sure[shown])
-
-
-@sketch_of.register
-def _(thing: Result) -> str:
-    return sketch_of(thing.diagrams[0]) if thing.diagrams else ""
-
-
 @cells_of.register
 def _(thing: ModalModel | Result) -> list[list[str]]:
     return list(handed("table_of")(thing.modes if isinstance(thing, Result) else thing))
@@ -149,8 +119,3 @@ def _sides(thing: FrequencyResponse | ImpulseResponse | StoredResponse | ModalMo
 def _outputs_and_inputs(thing: Signals | StoredSignals | Records | Setups) -> str:
     inputs = counted(len(thing.input_dofs), "input") if thing.input_dofs else "no inputs"
     return f"{counted(len(thing.output_dofs), 'output')}{_kind(thing)}, {inputs}"
-
-
-def _strongest(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> int:
-    """Return the channel or pair of the largest mean square, counted over the flattened axes behind the first."""
-    return int(np.argmax(np.sum(values.reshape(len(values), -1) ** 2, axis=0)))

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Sequence
-from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from modalscope.data import ModalModel, StabilizationDiagram
-from modalscope.interfaces import plot
+from modalscope.interfaces.plot.gallery import pictures_of
+from modalscope.interfaces.plot.on_axes import png
 from modalscope.interfaces.plot.web.alive import drawing_of
 from modalscope.interfaces.plot.web.verdict import Verdict, grouped, notes_that_matter
 from modalscope.interfaces.reporting.document import Origin
-from modalscope.interfaces.reporting.figures import png
 from modalscope.numerics.errors import optional_package, printable
 from modalscope.selection.judging.description import HEADS, ModeDescription, described
 
@@ -44,6 +43,7 @@ class _Contents:
         notes = diagram.notes if origin.notes is None else origin.notes
         self.title, self.subtitle = printable(title), printable(subtitle)
         self.modes, self.diagrams = modes, origin.diagrams or (diagram,)
+        self.drawn = pictures_of(modes, self.diagrams, most=_MAX_SHAPES)
         self.shown: tuple[ModeDescription, ...] = described(modes, holds)
         self.verdict: Verdict = drawing_of(modes, *self.diagrams, holds=holds).verdict
         self.findings = [printable(str(finding)) for finding in grouped(origin.findings or ())]
@@ -59,23 +59,17 @@ class _Contents:
         return [list(HEADS.values()), *(list(each.to_dict().values()) for each in self.shown)]
 
     def pictures(self) -> Iterator[tuple[str, bytes]]:
-        """Yield the large pictures with their captions: diagrams, AutoMAC, strongest response."""
-        for diagram in self.diagrams:
-            yield "Stabilization diagram", png(partial(plot.stabilization, diagram, self.modes))
-        if len(self.modes) > 1 and len(self.modes.output_dofs) > 1:
-            yield "AutoMAC", png(partial(plot.mac, self.modes, None))
-        if self.modes.participation is not None and len(self.modes):
-            drawn = partial(plot.response, self.diagrams[0].response, self.modes, None, None)
-            yield "Measured and rebuilt response of the strongest channel", png(drawn)
+        """Yield the large pictures with their captions: diagram, AutoMAC, strongest response."""
+        for name, picture in self.drawn.items():
+            if not name.startswith("mode"):
+                yield picture.words, png(picture)
 
     def shapes(self) -> Iterator[tuple[str, bytes]]:
         """Yield the shapes with their captions; a single output has none."""
-        if len(self.modes.output_dofs) > 1:
-            for k, each in enumerate(self.shown[:_MAX_SHAPES]):
-                words = (
-                    f"Mode {each.number}: {each.frequency} Hz, damping {each.damping} %, {each.grade}, MPC {each.mpc}"
-                )
-                yield words, png(partial(plot.shape, self.modes, k, None), _SHAPE_SIZE)
+        for each in self.shown:
+            if f"mode{each.number}" in self.drawn:
+                words = f"Mode {each.number}: {each.grade}, {each.reason}"
+                yield words, png(self.drawn[f"mode{each.number}"], size=_SHAPE_SIZE)
 
 
 def write_document(

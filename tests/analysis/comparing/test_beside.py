@@ -13,7 +13,8 @@ from modalscope.analysis.comparing.beside import analysis_of, beside
 from modalscope.analysis.comparing.scatter import Scatter
 from modalscope.data.mode_fields import half_widths
 from modalscope.data.notes import Candidate
-from modalscope.interfaces.reporting.comparison_figures import deviations_svg
+from modalscope.interfaces.plot.methods import deviations_picture
+from modalscope.interfaces.plot.web.svg import svg
 from modalscope.systems import chain5
 from tests.support import refused
 
@@ -100,7 +101,7 @@ def test_a_mode_that_the_data_do_not_determine_has_no_interval_in_the_consensus_
     assert np.isnan(c.modes.frequencies_std[1])
     assert c.trust[1].grade == "doubtful"
     assert "nan" not in c.table().lower()
-    assert "nan" not in deviations_svg(c, "").lower()
+    assert "nan" not in svg(deviations_picture(c)).lower()
 
 
 def test_pairs_are_one_to_one(found: ms.Result) -> None:

@@ -16,7 +16,7 @@ from modalscope.analysis.workflow.sources import source_of_file
 from modalscope.data import DataError
 from modalscope.data.analysis import Analysis
 from modalscope.interfaces.app.steps import Stages, result_head
-from modalscope.interfaces.app.worker import TASKS, against, compared_view, error_parts
+from modalscope.interfaces.app.worker import TASKS, against, compared_pictures, compared_view, error_parts
 from tests.support import refused
 
 CHAIN = ms.systems.chain5()
@@ -172,7 +172,13 @@ def test_a_comparison_is_rows_methods_and_pictures() -> None:
     view = compared_view(found)
     assert [row["frequency"] for row in view["rows"]] == [group.frequency for group in found.groups]
     assert len(view["methods"]) == 2
-    assert view["pictures"]["deviations"].startswith("<svg xmlns")
+    pictures = compared_pictures(found)
+    assert list(pictures) == ["map", "deviations"]
+    run = Run()
+    refused("there is none", TASKS["picture"], run.stages, None, "map")
+    run.stages.pictures |= pictures
+    head = TASKS["picture"](run.stages, None, "map")
+    assert b"Map of methods" in head[: 4 + int.from_bytes(head[:4], "little")]
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 
 from modalscope import plot
 from modalscope.data import DataError, ImpulseResponse, Signals
-from modalscope.interfaces.plot._style import decimals, dodge
-from modalscope.interfaces.plot.diagrams import indicator_curves
+from modalscope.interfaces.plot.picture import decimals, dodge
+from modalscope.interfaces.plot.web.poles import indicator_curves
 from modalscope.signals.preprocess import decomposition
 from tests.interfaces.plot import examples
 
@@ -116,7 +116,7 @@ def test_fit_errors_are_drawn_over_orders() -> None:
     d = examples.diagram()
     (line,) = plot.fit_errors(d).get_lines()
     assert np.asarray(line.get_xdata()).tolist() == list(d.orders)
-    assert np.asarray(line.get_ydata()) == pytest.approx(d.fit_errors)
+    assert np.asarray(line.get_ydata()) == pytest.approx(100 * d.fit_errors)
 
 
 def test_pictures_go_on_the_axes_given_and_change_no_setting() -> None:
@@ -173,3 +173,9 @@ def test_correlations_are_transformed_on_a_fine_grid_and_peak_at_the_modes() -> 
     for f in modes.frequencies[:2]:
         near = np.abs(lines - f) < 0.2
         assert abs(lines[near][np.argmax(curves[near, 0])] - f) < 20 / 400  # a line of the samples themselves
+
+
+def test_modes_within_limits_keep_their_numbers() -> None:
+    f = examples.modes().frequencies
+    ax = plot.stabilization(examples.diagram(), examples.modes(), limits=(float(f[1]) - 0.1, float(f[3]) + 0.1))
+    assert [text.get_text().split()[0] for text in ax.texts] == ["2", "3", "4"]

@@ -16,14 +16,13 @@ import pytest
 import modalscope as ms
 from modalscope.data import DataError, ModalModel, StabilizationDiagram
 from modalscope.identification.options import LineOptions
-from modalscope.interfaces.plot.web.alive import drawing_of
+from modalscope.interfaces.plot.gallery import pictures_of
+from modalscope.interfaces.plot.picture import Axis
+from modalscope.interfaces.plot.shapes import shape_picture
 from modalscope.interfaces.plot.web.fits import lines_of_response
-from modalscope.interfaces.plot.web.modes import modes_parts
-from modalscope.interfaces.plot.web.poles import decibels
-from modalscope.interfaces.plot.web.svg import Panel, Scale, scale_of
+from modalscope.interfaces.plot.web.svg import alone, envelope, svg
 from modalscope.interfaces.reporting import report, sections
 from modalscope.interfaces.reporting.document import write_page
-from modalscope.interfaces.reporting.figures import pictures_of, shape_svg
 from modalscope.interfaces.reporting.html import Section
 from modalscope.interfaces.reporting.modes import figures_of
 from modalscope.interfaces.reporting.record import data_section, identification_script, stabilization_script
@@ -261,20 +260,17 @@ def test_no_modes_and_samples_are_reported_too(tmp_path: Path) -> None:
 
 
 def test_the_same_result_gives_the_same_picture() -> None:
-    drawn = modes_parts(judged(), {})[1]
-    assert shape_svg(judged(), 1, drawn, "shape") == shape_svg(judged(), 1, drawn, "shape")
+    assert svg(shape_picture(judged(), 1)) == svg(shape_picture(judged(), 1))
 
 
 @pytest.mark.parametrize("channel", [(0, 0), (3, 1)])
 def test_a_curve_keeps_its_highest_and_lowest_point(channel: tuple[int, int]) -> None:
     lines = lines_of_response(examples.modes(), examples.response())
-    parts: list[str] = []
-    level = decibels(np.abs(lines.measured[:, channel[0], channel[1]]))
-    panel = Panel(0, 0, 60, 100, scale_of([lines.frequencies]), scale_of([level], room=0.0), parts)
-    panel.curve(lines.frequencies, level, "line")
-    heights = [int(y) for y in re.findall(r"[ML]\d+ (-?\d+)", parts[0])]
-    assert (min(heights), max(heights)) == (0, 1000)
-    assert len(heights) <= 2 * 60
+    level = np.abs(lines.measured[:, channel[0], channel[1]])
+    f, drawn = envelope(lines.frequencies, level, 60)
+    assert (drawn.min(), drawn.max()) == (level.min(), level.max())
+    assert len(f) == len(drawn) <= 2 * 60
+    assert np.all(np.diff(f) >= 0)
 
 
 @pytest.mark.parametrize(
@@ -282,7 +278,7 @@ def test_a_curve_keeps_its_highest_and_lowest_point(channel: tuple[int, int]) ->
     [(0.0, 10.0, ["0", "2", "4", "6", "8", "10"]), (-2.0, 2.0, ["-2", "-1", "0", "1", "2"]), (177.0, 177.2, None)],
 )
 def test_ticks_are_round_and_inside(low: float, high: float, labels: list[str] | None) -> None:
-    ticks = Scale(low, high).ticks()
+    ticks = Axis("", low, high).ticks()
     assert 3 <= len(ticks) <= 8
     assert all(
         low - 1e-9 <= value <= high + 1e-9 and float(label) == pytest.approx(value, abs=1e-12) for value, label in ticks
@@ -291,7 +287,7 @@ def test_ticks_are_round_and_inside(low: float, high: float, labels: list[str] |
 
 
 def test_decades_have_powers_of_ten() -> None:
-    assert [label for _, label in Scale(1e-6, 1.0, log=True).ticks()] == [
+    assert [label for _, label in Axis("", 1e-6, 1.0, log=True).ticks()] == [
         "10⁻⁶",
         "10⁻⁵",
         "10⁻⁴",
@@ -300,7 +296,7 @@ def test_decades_have_powers_of_ten() -> None:
         "10⁻¹",
         "10⁰",
     ]
-    assert [label for _, label in Scale(0.03, 0.4, log=True).ticks()] == ["0.05", "0.1", "0.2"]
+    assert [label for _, label in Axis("", 0.03, 0.4, log=True).ticks()] == ["0.05", "0.1", "0.2"]
 
 
 def test_a_report_cut_short_leaves_the_earlier_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -415,26 +411,29 @@ def test_other_suffixes_folders_and_things_are_errors(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_every_band_of_a_record_has_its_diagram_and_its_own_modes(tmp_path: Path) -> None:
+def test_bands_of_a_record_have_one_diagram_and_responses_and_settings_each(tmp_path: Path) -> None:
     structure = random_structure(401)
     result = ms.analyze(structure.record(1, 1401))
     assert len(result.diagrams) == 2
     text = ms.report(result, tmp_path / "bands.html").read_text()
     assert "Identified in 2 bands: " in text
-    for anchor in ("stabilization", "responses", "settings"):
+    assert text.count('<section id="stabilization') == 1
+    for anchor in ("responses", "settings"):
         assert text.count(f'<section id="{anchor}"') == text.count(f'<section id="{anchor}-2"') == 1
     low, high = result.diagrams[1].settings["band"]
-    assert f"Stabilization, {low:.4g} to {high:.4g} Hz" in text
+    assert f"Settings, {low:.4g} to {high:.4g} Hz" in text
 
 
-def test_modes_of_several_bands_have_the_numbers_of_their_table(tmp_path: Path) -> None:
+def test_modes_of_several_bands_have_the_numbers_of_their_table_in_one_diagram(tmp_path: Path) -> None:
     data = chain5().frequency_response(np.linspace(0.3, 7.5, 300), quantity="acceleration", noise=0.01, seed=0)
     result = ms.analyze(data, band=[(0.3, 4.5), (4.5, 7.5)])
     below = int(np.count_nonzero(result.modes.frequencies < 4.5))
     assert 0 < below < len(result.modes) == 5
     text = ms.report(result, tmp_path / "bands.html").read_text()
-    drawn = [re.findall(r'mode dashed"[^<]*<text[^>]*>(\d+)<', part) for part in text.split('id="stabilization')[1:]]
-    assert drawn == [[str(k) for k in numbers] for numbers in (range(1, below + 1), range(below + 1, 6))]
+    diagram = text.partition('id="stabilization')[2].partition("</svg>")[0]
+    assert re.findall(r">(\d)   [\d.]+<", diagram) == list("12345")
+    poles = sum(np.count_nonzero(np.isin(each.kinds, ("mode", "unstable"))) for each in result.diagrams)
+    assert sum(map(int, re.findall(r"\((\d+)\)<", diagram))) == poles
 
 
 def test_one_output_has_neither_shapes_nor_their_similarity() -> None:
@@ -444,9 +443,9 @@ def test_one_output_has_neither_shapes_nor_their_similarity() -> None:
 
 
 def test_pictures_of_their_own_know_no_variables_and_are_whole() -> None:
-    pictures = pictures_of(drawing_of(judged(), examples.diagram()))
-    assert set(pictures) == {"diagram", *(f"mode_{k}" for k in range(1, 6)), "automac", "response"}
-    for picture in pictures.values():
+    pictures = pictures_of(judged(), [examples.diagram()])
+    assert set(pictures) == {"diagram", *(f"mode{k}" for k in range(1, 6)), "mac", "response"}
+    for picture in (alone(svg(each)) for each in pictures.values()):
         tree = ElementTree.fromstring(picture)
         assert tree.tag == "{http://www.w3.org/2000/svg}svg"
         assert float(tree.attrib["width"]) > 100

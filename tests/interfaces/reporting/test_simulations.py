@@ -26,8 +26,8 @@ def test_a_report_of_a_model_says_what_it_explains_and_how_sure_it_is(data: ms.S
     assert "95 % of it" in text
     assert "on what was held out" in text
     simulated, response = re.findall(r"<figure>.*?</figure>", text, re.DOTALL)
-    assert simulated.count('class="line measured"') == 1 + 2 + 1  # the key, two outputs, one of them from near
-    assert response.count('class="line mode dashed"') == 1 + 2
+    assert simulated.count('stroke="var(--ink)"') == 1 + 2 + 1  # the key, two outputs, one of them from near
+    assert response.count("stroke-dasharray") == 1 + 2
 
 
 def test_a_model_without_directions_has_a_response_alone(data: ms.Signals, tmp_path: Path) -> None:

@@ -174,6 +174,12 @@ async def channel(request: Request) -> Response:
     return Response(data, media_type="application/octet-stream")
 
 
+async def picture(request: Request) -> Response:
+    """Return a described picture as a blob."""
+    data = await _opened(request).ask("picture", name=request.path_params["name"])
+    return Response(data, media_type="application/octet-stream")
+
+
 def _number(request: Request, name: str) -> int:
     text = request.query_params.get(name, "")
     if not (text.isascii() and text.isdigit()) or len(text) > 9:
@@ -253,6 +259,7 @@ def routes() -> list[Route]:
         (f"{at}/events", events, "GET"),
         (f"{at}/blob/{{name}}", blob, "GET"),
         (f"{at}/channel", channel, "GET"),
+        (f"{at}/picture/{{name}}", picture, "GET"),
         (f"{at}/compare", compare, "POST"),
         (f"{at}/against", against, "POST"),
         (f"{at}/export/{{suffix}}", export, "GET"),

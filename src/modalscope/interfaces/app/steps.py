@@ -19,6 +19,7 @@ from modalscope.data.analysis import Analysis
 from modalscope.data.results import Result
 from modalscope.identification.method_names import cell_label
 from modalscope.interfaces.app.actions import diagrams_key
+from modalscope.interfaces.plot.picture import Picture
 from modalscope.interfaces.plot.web.fits import channel_blob, fit_of_bands, strongest
 from modalscope.interfaces.plot.web.modes import modes_blob
 from modalscope.interfaces.plot.web.poles import cut_view, overview_blob, poles_blob, spectra_of
@@ -68,6 +69,7 @@ class Stages:
         self._looks: list[Look] = []
         self._weighed: dict[int, Weighed] = {}
         self.result: Result | None = None
+        self.pictures: dict[str, Picture] = {}
 
     def run(self, document: Analysis, kept: bytes | None, check: Callable[[], None]) -> None:
         """Compute the result of a document, and report it stage by stage.

@@ -14,6 +14,8 @@ from modalscope.data import DataError, ModalModel
 from modalscope.data.analysis import Analysis
 from modalscope.interfaces.app.files import FORMATS
 from modalscope.interfaces.app.steps import Stages
+from modalscope.interfaces.plot.picture import Picture
+from modalscope.interfaces.plot.web.blob import picture_blob
 from modalscope.io import write
 from modalscope.io.analysis import analysis_from
 
@@ -63,12 +65,12 @@ def _choices(document: Analysis) -> dict[str, Any]:
 
 def _pictures(result: Result, path: Path) -> Path:
     """Write the pictures of a result as an archive of SVG files."""
-    from modalscope.interfaces.plot.web.alive import drawing_of
-    from modalscope.interfaces.reporting.figures import pictures_of
+    from modalscope.interfaces.plot.gallery import pictures_of
+    from modalscope.interfaces.plot.web.svg import alone, svg
 
     with ZipFile(path, "w", ZIP_DEFLATED) as archive:
-        for name, picture in pictures_of(drawing_of(result.modes, *result.diagrams)).items():
-            archive.writestr(f"{path.stem}_{name}.svg", picture)
+        for name, picture in pictures_of(result.modes, result.diagrams).items():
+            archive.writestr(f"{path.stem}_{name}.svg", alone(svg(picture, picture.size[0])))
     return path
 
 
@@ -92,14 +94,29 @@ def compared(stages: Stages, progress: Progress, methods: list[str] | None = Non
     found = stages.finished()
     chosen = {k: v for k, v in _choices(found.analysis).items() if k in ("route", "exclude", "band")}
     choices = {"orders": found.analysis.orders, "analysis": found, **chosen}
-    return compared_view(compare(stages.data, methods or "all", progress=progress, **choices))
+    comparison = compare(stages.data, methods or "all", progress=progress, **choices)
+    stages.pictures |= compared_pictures(comparison)
+    return compared_view(comparison) | {"pictures": list(compared_pictures(comparison))}
+
+
+def compared_pictures(comparison: Comparison) -> dict[str, Picture]:
+    """Return the pictures of a comparison by name, as far as there is something to draw."""
+    from modalscope.interfaces.plot.methods import deviations_picture, map_picture
+
+    pictures = {"map": map_picture(comparison)} if len(comparison.kinship.names) > 1 else {}
+    return pictures | ({"deviations": deviations_picture(comparison)} if comparison.groups else {})
+
+
+def picture(stages: Stages, progress: Progress, name: str) -> bytes:
+    """Return one of the pictures that were made, as a blob."""
+    if name not in stages.pictures:
+        raise DataError(f"the picture {name[:40]!r} was asked", "there is none", "Ask for the comparison first.")
+    return picture_blob(stages.pictures[name])
 
 
 def compared_view(comparison: Comparison) -> dict[str, Any]:
     """Return a comparison as the page shows it."""
     from modalscope.analysis.comparing import CAUSES
-    from modalscope.interfaces.reporting.comparison_figures import deviations_svg, method_map_svg
-    from modalscope.interfaces.reporting.figures import alone
 
     ran = sum(r.modes is not None for r in comparison.results)
     rows = [
@@ -123,18 +140,19 @@ def compared_view(comparison: Comparison) -> dict[str, Any]:
         }
         for r in comparison.results
     ]
-    pictures = {}
-    if len(comparison.kinship.names) > 1:
-        pictures["map"] = alone(method_map_svg(comparison.kinship, "Map of methods"))
-    if comparison.groups:
-        pictures["deviations"] = alone(deviations_svg(comparison, "Deviation of every method from the consensus"))
     causes = {cause.name: CAUSES[cause.name] for d in comparison.disagreements for cause in d.causes}
     verdict = f"{comparison.headline}\n{comparison.verdict}"
-    return {"verdict": verdict, "rows": rows, "methods": methods, "pictures": pictures, "causes": causes}
+    return {"verdict": verdict, "rows": rows, "methods": methods, "causes": causes}
 
 
 #: The questions of the page by name.
-TASKS: dict[str, Callable[..., Any]] = {"channel": channel, "against": against, "export": export, "compare": compared}
+TASKS: dict[str, Callable[..., Any]] = {
+    "channel": channel,
+    "against": against,
+    "export": export,
+    "compare": compared,
+    "picture": picture,
+}
 
 
 class _Newer(Exception):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial
 from pathlib import Path
 from tempfile import mkstemp
 from typing import TYPE_CHECKING, Any
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from modalscope.analysis.checking.certificate import Certificate
-    from modalscope.data.statespace import StateSpace
 
 #: Suffixes of reports, data, pictures and results.
 _PAGES = (".html", ".htm", ".docx", ".pptx")
@@ -126,17 +124,6 @@ def write_picture(path: Path, draw: Callable[..., Axes], *given: Any, **options:
     return f"written: {path}"
 
 
-def write_simulation(path: Path, model: StateSpace, record: Any) -> str:
-    """Write a picture of measured and simulated outputs with the mark of the program, and return the message."""
-    from modalscope.interfaces.reporting.simulations import simulation_svg
-
-    with progress(f"drawing {path.name}"), replacing(path) as temporary:
-        head, tag, body = simulation_svg(model, record).partition(">")
-        title = f'<metadata xmlns:dc="http://purl.org/dc/elements/1.1/"><dc:title>{MARK}</dc:title></metadata>'
-        temporary.write_text(f"{head}{tag}{title}{body}", encoding="utf-8")
-    return f"written: {path}"
-
-
 def write_pictures(
     options: argparse.Namespace, outputs: Sequence[Path], modes: ModalModel, diagrams: Sequence[StabilizationDiagram]
 ) -> list[str]:
@@ -146,31 +133,19 @@ def write_pictures(
     """
     if options.pictures is None:
         return []
-    from matplotlib.figure import Figure
-
-    from modalscope.interfaces import plot
-    from modalscope.interfaces.plot._style import DPI, SIZE
+    from modalscope.interfaces.plot.gallery import pictures_of
+    from modalscope.interfaces.plot.on_axes import painted
 
     named = [path for path in outputs if str(path) != STDOUT]
     if not named:
         raise DataError(
             "--pictures names its files after an output", "no -o was given", "Add for instance -o report.html."
         )
-    drawn: dict[str, Callable[[Axes], Axes]] = {}
-    for k, diagram in enumerate(diagrams):
-        number = str(k + 1) if len(diagrams) > 1 else ""
-        drawn[f"diagram{number}"] = partial(plot.stabilization, diagram, modes)
-    if len(modes.output_dofs) > 1:
-        drawn |= {f"mode{k + 1}": partial(plot.shape, modes, k, None) for k in range(len(modes))}
-        drawn["mac"] = partial(plot.mac, modes, None)
-    if modes.participation is not None and len(modes):
-        drawn["response"] = partial(plot.response, diagrams[0].response, modes, None, None)
     messages = []
-    for name, draw in drawn.items():
+    for name, picture in pictures_of(modes, diagrams).items():
         path = named[0].with_name(f"{named[0].stem}_{name}.{options.pictures}")
         check_output(path, options.files, options.force, PICTURES)
-        axes = Figure(figsize=SIZE, dpi=DPI, layout="constrained").add_subplot()
-        messages.append(write_picture(path, draw, axes))
+        messages.append(write_picture(path, painted, picture))
     return messages
 
 

@@ -78,7 +78,7 @@ def add_validate(parser: Parser) -> None:
     add_files(parser)
     sides = "of modes: sides that are left out in turn (default: inputs)"
     parser.add_argument("--leaving", choices=("inputs", "outputs"), default="inputs", help=sides)
-    add_outputs(parser, "of a model: draw measured against simulated outputs, .svg")
+    add_outputs(parser, "of a model: draw measured against simulated outputs, .png, .svg or .pdf")
 
 
 def validate(options: argparse.Namespace) -> None:
@@ -90,10 +90,12 @@ def validate(options: argparse.Namespace) -> None:
     from modalscope.analysis.checking.validation import validate
     from modalscope.analysis.workflow.simulation import ModelValidation
     from modalscope.data.shown import summary_of
-    from modalscope.interfaces.cli.output import check_outputs, write_simulation
+    from modalscope.interfaces.cli.output import PICTURES, check_outputs, write_picture
     from modalscope.interfaces.cli.reading import read_data, read_test
+    from modalscope.interfaces.plot.on_axes import painted
+    from modalscope.interfaces.reporting.simulations import simulation_picture
 
-    check_outputs(options, (options.model, *options.files), (".svg",))
+    check_outputs(options, (options.model, *options.files), PICTURES)
     model, told = read_data(options, options.model)
     data, notes = read_test(options)
     with progress("validating"):
@@ -102,7 +104,7 @@ def validate(options: argparse.Namespace) -> None:
     if not isinstance(seen, ModelValidation):
         say(summary_of(seen), "", seen.table())
         return
-    written = [write_simulation(path, model, data) for path in options.outputs]
+    written = [write_picture(path, lambda: painted(simulation_picture(model, data))) for path in options.outputs]
     say(summary_of(seen), "", seen.table_of_outputs(), *written)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from html import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,23 +14,13 @@ import numpy as np
 
 from modalscope.data import DataError, Geometry, ModalModel
 from modalscope.data.analysis import VERSION
-from modalscope.interfaces.plot._camera import extent, view_of
-from modalscope.interfaces.plot._style import (
-    BLUE,
-    INK,
-    MUTED,
-    PALE,
-    VERMILLION,
-    decimals,
-    diverging,
-    frameless,
-    headline,
-)
-from modalscope.interfaces.plot.shapes import check_mode, has_channels, turned
+from modalscope.interfaces.plot.on_axes import painted
+from modalscope.interfaces.plot.picture import INKS
+from modalscope.interfaces.plot.shapes import TONES, check_mode, has_channels, shape_picture
 from modalscope.io.atomic import replacing
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import ComplexArray, RealArray, check_count, check_each, check_path, check_positive
-from modalscope.numerics.errors import optional_package
+from modalscope.numerics.checks import check_count, check_each, check_path, check_positive
+from modalscope.numerics.errors import check_choice, optional_package
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,8 +31,8 @@ _SUFFIXES = (".gif", ".mp4", ".html")
 #: Maximum frames of a period.
 _MAX_FRAMES = 1000
 
-#: Size of one shape in inches, and dots per inch.
-_SIZE, _DPI = (4.2, 3.4), 100
+#: Width of a film in inches, the share of it that a shape is high, dots per inch, and shapes side by side.
+_WIDE, _HIGH, _DPI, _BESIDE = 12.0, 0.62, 100, 4
 
 Paint = Callable[[float], None]
 
@@ -56,6 +47,8 @@ def animate(
     scale: float = 0.12,
     seconds: float = 2.0,
     rate: int = 20,
+    tones: str = "sign",
+    dark: bool = False,
 ) -> Path:
     """Write an animation of one mode shape, or of several side by side, over one period; complex shapes travel.
 
@@ -75,6 +68,10 @@ def animate(
         Duration of one period.
     rate : int
         Frames per second.
+    tones : {"sign", "size"}
+        What colours tell on a geometry: one way and the other, or how far a point moves.
+    dark : bool
+        On dark ground.
 
     Returns
     -------
@@ -101,7 +98,8 @@ def animate(
     if frames > _MAX_FRAMES:
         asked = f"{seconds:g} s at {rate:g} frames per second were asked"
         raise DataError(asked, f"the maximum is {_MAX_FRAMES} frames", "Lower seconds or rate.")
-    figure, paint = _figure(modes, chosen, geometry, check_positive("scale", scale))
+    size = check_choice("tones", tones, TONES) == "size"
+    figure, paint = _figure(modes, chosen, geometry, check_positive("scale", scale), size=size, dark=dark)
     with replacing(
         target, [modes.source_path] if isinstance(modes.source_path, Path) else modes.source_path or ()
     ) as place:
@@ -113,90 +111,27 @@ def animate(
     return target
 
 
-def _figure(modes: ModalModel, chosen: list[int], geometry: Geometry | None, scale: float) -> tuple[Figure, Paint]:
+def _figure(
+    modes: ModalModel, chosen: list[int], geometry: Geometry | None, scale: float, *, size: bool, dark: bool
+) -> tuple[Figure, Paint]:
     """Return a figure with all shapes, and the function that draws them at a phase."""
     from matplotlib.figure import Figure
 
-    wide = min(len(chosen), 4)
+    wide = min(len(chosen), _BESIDE)
     rows = -(-len(chosen) // wide)
-    figure = Figure(figsize=(_SIZE[0] * wide, _SIZE[1] * rows), dpi=_DPI, layout="constrained")
+    inches = (_WIDE, _HIGH * _WIDE / wide * rows)
+    figure = Figure(figsize=inches, dpi=_DPI, layout="constrained", facecolor=INKS["paper"][dark])
+    places = [figure.add_subplot(rows, wide, k + 1) for k in range(len(chosen))]
     geometry = modes.geometry if geometry is None else geometry
-    parts: list[Paint] = []
-    for k, j in enumerate(chosen):
-        ax = figure.add_subplot(rows, wide, k + 1)
-        shape = turned(modes.shapes[:, j])
-        f = f"{modes.frequencies[j]:.{decimals(modes.frequencies)}f} Hz"
-        headline(ax, f"{j + 1}: {f}, {100 * modes.damping_ratios[j]:.2f} %" if modes.damping_ratios[j] else f)
-        parts.append(
-            _structure(ax, geometry, modes, shape, scale)
-            if has_channels(geometry, modes.output_dofs)
-            else _bars(ax, modes, shape)
-        )
+    placed = geometry if has_channels(geometry, modes.output_dofs) else None
 
     def paint(phase: float) -> None:
-        for part in parts:
-            part(phase)
+        for ax, index in zip(places, chosen, strict=True):
+            ax.clear()
+            own = replace(modes, geometry=placed)
+            painted(shape_picture(own, index, scale=scale, phase=phase, size=size), ax, dark=dark)
 
     return figure, paint
-
-
-def _structure(ax: Any, geometry: Geometry, modes: ModalModel, shape: ComplexArray, scale: float) -> Paint:
-    from matplotlib.collections import LineCollection
-
-    motion = geometry.displaced(modes.output_dofs, shape)
-    motion = motion / (float(np.max(np.linalg.norm(motion, axis=1))) or 1.0)
-    view = view_of(geometry.coordinates, np.abs(motion).astype(float))
-    upright = np.linalg.svd(motion.real, full_matrices=False)[2][0]
-    if view.kind == "line":  # show the motion across the line
-        view = type(view)("plane", np.column_stack([view.depth, upright]), np.cross(view.depth, upright))
-    reach = scale * extent(geometry.coordinates)
-    rest, moved = geometry.coordinates @ view.matrix, reach * motion @ view.matrix
-    colours = motion @ upright
-    ax.add_collection(LineCollection(list(rest[geometry.lines]), colors=PALE, linewidths=0.9))
-    lines = LineCollection([], cmap=diverging(), linewidths=2.2, capstyle="round")
-    lines.set_clim(-1, 1)
-    ax.add_collection(lines)
-    nodes = ax.scatter(
-        *rest.T, s=26, c=np.zeros(len(rest)), cmap=diverging(), vmin=-1, vmax=1, edgecolors="white", zorder=4
-    )
-    far = np.abs(moved).max(axis=0) + 0.04 * extent(geometry.coordinates)
-    ax.set_xlim(rest[:, 0].min() - far[0], rest[:, 0].max() + far[0])
-    ax.set_ylim(rest[:, 1].min() - far[1], rest[:, 1].max() + far[1])
-    ax.set_aspect("equal", adjustable="box")
-    ax.set_xticks([])
-    ax.set_yticks([])
-    frameless(ax)
-
-    def paint(phase: float) -> None:
-        turn = np.exp(1j * phase)
-        now, signed = rest + (moved * turn).real, (colours * turn).real
-        lines.set_segments(list(now[geometry.lines]))
-        lines.set_array(signed[geometry.lines].mean(axis=1))
-        nodes.set_offsets(now)
-        nodes.set_array(signed)
-
-    return paint
-
-
-def _bars(ax: Any, modes: ModalModel, shape: ComplexArray) -> Paint:
-    places = np.arange(shape.size)
-    bars = ax.bar(places, shape.real, width=0.72)
-    ax.axhline(0, color=INK, linewidth=0.8)
-    ax.set_ylim(-1.1, 1.1)
-    every = max(1, -(-shape.size // 12))
-    ax.set_xticks(
-        places[::every], [label[:12].replace("$", r"\$") for label in modes.output_dofs[::every]], rotation=90
-    )
-    ax.tick_params(labelsize=8, labelcolor=MUTED, length=0)
-    frameless(ax)
-
-    def paint(phase: float) -> None:
-        values: RealArray = (shape * np.exp(1j * phase)).real
-        for bar, value in zip(bars, values, strict=True):
-            bar.set_height(value)
-            bar.set_color(BLUE if value < 0 else VERMILLION)
-
-    return paint
 
 
 def _written(figure: Figure, paint: Paint, frames: int, rate: int, suffix: str) -> bytes:

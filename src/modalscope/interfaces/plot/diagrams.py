@@ -1,74 +1,31 @@
-"""Draw the stabilization diagram over the mode indicator."""
+"""Describe the stabilization diagram over the mode indicator, the indicator by itself, and what is told of orders."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modalscope.data import FrequencyResponse, ImpulseResponse, ModalModel, StabilizationDiagram
-from modalscope.data.indicators import cmif
+from modalscope.data import ModalModel, StabilizationDiagram
+from modalscope.data.rebuilt import asked_ends
 from modalscope.data.response import Response
-from modalscope.interfaces.plot._style import (
-    BLUE,
-    DOTTED,
-    GREEN,
-    MUTED,
-    ORANGE,
-    PALE,
-    PURPLE,
-    dress,
-    key,
-    mark_modes,
-    new_axes,
-    unit_of,
-)
+from modalscope.interfaces.plot.on_axes import painted
+from modalscope.interfaces.plot.picture import Axis, Line, Marks, Panel, Picture, axis_of, modes_marked, unit_of
+from modalscope.interfaces.plot.web.poles import INDICATORS, KINDS, behind, indicator_curves, pole_arrays
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, RealArray, check_kind
+from modalscope.numerics.checks import Array, check_kind, real_array
 from modalscope.numerics.errors import check_choice
 from modalscope.signals.preprocess.singular_spectra import Decomposition
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Curves behind the poles.
-INDICATORS = ("cmif", "sum", "none")
+#: Inks of curves, from the first to those behind; maximum number of drawn curves, further ones are noise in tests with few references.
+_BEHIND, _OVER, _MAX_CURVES = ("muted", "middle", "pale", "grid"), ("blue", "orange", "muted", "pale"), 4
 
-#: Minimum lines of a spectrum of samples, so that peaks are drawn smooth.
-_MIN_LINES = 4096
-
-#: Agreement with a pole of the previous order: letter, words, and whether (frequency, damping, shape) agree.
-LETTERS = (
-    ("s", "stable", (True, True, True)),
-    ("v", "frequency, shape", (True, False, True)),
-    ("d", "frequency, damping", (True, True, False)),
-    ("f", "frequency", (True, False, False)),
-    ("o", "new", None),
-)
-_COLOURS = {"s": BLUE, "v": GREEN, "d": PURPLE, "f": "#B87700", "o": "#8A96A3"}
-
-#: Maximum number of drawn singular values; further ones are noise in tests with a few references.
-_MAX_CURVES = 4
-
-
-def indicator_curves(response: Response, kind: str = "cmif") -> tuple[RealArray, RealArray]:
-    """Return lines in Hz, (F,), and the curves of the mode indicator, (F, k).
-
-    `cmif` gives the singular values of H at each line, `sum` the sum of the magnitudes. Impulse responses are zero-padded and transformed
-    by FFT; correlations, which are truncated before they decay, are first multiplied by the falling half of a Hann window.
-    """
-    response = response.picture()
-    if isinstance(response, FrequencyResponse):
-        lines, values = response.frequencies, response.values
-    else:
-        assert isinstance(response, ImpulseResponse)
-        samples = response.samples
-        length = max(samples, 2 * _MIN_LINES)
-        fall = 0.5 + 0.5 * np.cos(np.pi * np.arange(samples) / samples) if response.ambient else np.ones(samples)
-        lines = np.asarray(np.fft.rfftfreq(length, 1 / response.sampling_rate), dtype=float)
-        values = np.fft.rfft(response.values * fall[:, None, None], length, axis=0) / response.sampling_rate
-    curves = cmif(values) if kind == "cmif" else np.abs(values).sum(axis=(1, 2))[:, None]
-    return lines, curves
+#: Orders of which singular values are drawn, times the largest one.
+_BEYOND = 3
 
 
 @named()
@@ -114,78 +71,56 @@ def stabilization(
     check_kind("a plot of a stabilization diagram", diagram, StabilizationDiagram)
     if modes is not None:
         check_kind("what is marked in a diagram", modes, ModalModel)
-    check_choice("indicator", indicator, INDICATORS)
-    ax = new_axes(ax)
-    lowest, highest = limits or _band(diagram.response, diagram.settings.get("band"))
     if spectra is not None:
         check_kind("spectra behind a diagram", spectra, Decomposition)
-    if indicator != "none":
-        curves = indicator_curves(diagram.response, indicator) if spectra is None else spectra[:2]
-        kind = "CMIF" if indicator == "cmif" else "sum of magnitudes"
-        name = (
-            f"mode indicator: {kind}{unit_of(diagram.response)}"
-            if spectra is None
-            else "singular values of the spectra"
-        )
-        _behind(ax, *curves, name, (lowest, highest))
-    _poles(ax, diagram)
-    dress(ax, xlabel="frequency [Hz]", ylabel="model order (states)")
-    if diagram.orders:
-        ax.set_ylim(0, 1.04 * max(diagram.orders))
-    ax.set_xlim(lowest, highest)
-    if modes is not None:
-        mark_modes(ax, modes.frequencies, (lowest, highest))
-    handles, names = ax.get_legend_handles_labels()
-    key(ax, handles=handles[::-1], labels=names[::-1])
-    return ax
+    check_choice("indicator", indicator, ("cmif", "sum", "none"))
+    return painted(stabilization_picture([diagram], modes, indicator=indicator, limits=limits, spectra=spectra), ax)
 
 
-def _poles(ax: Axes, diagram: StabilizationDiagram) -> None:
-    remaining = np.isin(diagram.kinds, ("mode", "unstable"))
-    agree = np.stack([diagram.stable_frequency, diagram.stable_damping, diagram.stable_shape]).astype(bool)
-    # smaller letters for many orders
-    size = float(np.clip(300 / max(len(diagram.orders), 1), 4.6, 6.5))
-    f, order = diagram.frequencies, diagram.order_of_pole
-    groups: list[tuple[str, str, Array]] = []
-    for letter, words, wanted in LETTERS:
-        chosen = remaining if wanted is None else remaining & np.all(agree == np.array(wanted)[:, None], axis=0)
-        remaining = remaining & ~chosen
-        groups.append((letter, words, chosen))
-    for letter, words, chosen in groups[::-1]:
-        label = f"{words} ({np.count_nonzero(chosen)})"
-        style: dict[str, Any] = {"marker": rf"$\mathbf{{{letter}}}$", "color": _COLOURS[letter], "markeredgewidth": 0}
-        ax.plot(f[chosen], order[chosen], linestyle="none", markersize=size, label=label, **style)
+def stabilization_picture(
+    diagrams: Sequence[StabilizationDiagram],
+    modes: ModalModel | None = None,
+    *,
+    indicator: str = "cmif",
+    limits: tuple[float, float] | None = None,
+    spectra: Decomposition | None = None,
+) -> Picture:
+    """Return the poles of all orders and bands, the selected modes, and the mode indicator or given spectra behind them."""
+    low, high = limits or _ends(diagrams)
+    poles, items = pole_arrays(diagrams), []
+    inside = (poles["frequency"] >= low) & (poles["frequency"] <= high)
+    for number, kind in enumerate(KINDS):
+        chosen = (poles["kind"] == number) & inside
+        words = f"{kind.words} ({np.count_nonzero(chosen)})"
+        size = 0.8 if kind.words == "stable" else 0.7
+        at = poles["frequency"][chosen], poles["order"][chosen]
+        items.append(Marks(*at, kind.ink, kind.mark, words, size, kind.mark not in ("dot", "cross"), kind.letter))
+    marked = [] if modes is None else modes_marked(modes.frequencies, (low, high))
+    top = max((order for diagram in diagrams for order in diagram.orders), default=2)
+    shown, unit = (indicator, unit_of(diagrams[0].response)) if spectra is None else ("spectra", "")
+    name = "" if shown == "none" else INDICATORS[shown][1] + unit
+    curves = [] if indicator == "none" else _curves(*behind(diagrams, 0, spectra, indicator), (low, high), _BEHIND, "")
+    at_right = (axis_of(name, [curve.y for curve in curves], log=True), curves) if curves else None
+    across, upward = Axis("frequency [Hz]", low, high), Axis("model order (states)", 0, 1.04 * top)
+    panel = Panel(across, upward, items, marked=marked, behind=at_right)
+    return Picture([panel], "Stabilization diagram: poles of all orders over frequency", above=True)
 
 
-def _band(response: Response, asked: tuple[float, float] | None = None) -> tuple[float, float]:
-    """Return the span of the data, of samples limited to the chosen band."""
-    low, high = response.span
-    if asked is not None and response.grid is None:
-        low, high = max(low, asked[0]), min(high, asked[1])
+def _ends(diagrams: Sequence[StabilizationDiagram]) -> tuple[float, float]:
+    """Return the span of the data of all bands, of samples limited to the chosen band."""
+    ends = [d.response.span if d.response.grid is not None and len(diagrams) == 1 else asked_ends(d) for d in diagrams]
+    low, high = min(low for low, _ in ends), max(high for _, high in ends)
     return (low, high) if high > low else (0.0, 2 * high or 1.0)
 
 
-def _behind(ax: Axes, lines: RealArray, curves: RealArray, name: str, limits: tuple[float, float]) -> None:
+def _curves(
+    lines: Array, curves: Array, limits: tuple[float, float], inks: Sequence[str], words: str = "singular value"
+) -> list[Line]:
+    """Return curves (k, F) within limits, the first in front."""
     inside = (lines >= limits[0]) & (lines <= limits[1])
-    twin = ax.twinx()
-    ax.set_zorder(twin.get_zorder() + 1)
-    ax.patch.set_visible(False)
-    _draw(twin, lines[inside], curves[inside], ["#8C99A6", "#B7C0C9", "#CDD4DA", "#DDE2E6"])
-    dress(twin, grid=False)
-    twin.set_ylabel(name, fontsize=9.5, color=MUTED)
-    twin.tick_params(labelsize=8.5, labelcolor=MUTED, length=2)
-    twin.spines["right"].set_visible(True)
-    twin.spines["left"].set_visible(False)
-
-
-def _draw(ax: Axes, lines: RealArray, curves: RealArray, colours: list[str]) -> None:
-    count = min(curves.shape[1], _MAX_CURVES, len(colours))
-    for i in range(count):
-        positive = np.where(curves[:, i] > 0, curves[:, i], np.nan)
-        style: dict[str, Any] = {"color": colours[i], "linewidth": 1.2 if i == 0 else 0.9, "zorder": count - i}
-        ax.plot(lines, positive, label=f"singular value {i + 1}", **style)
-    if np.any(curves[:, :count] > 0):
-        ax.set_yscale("log")
+    drawn = [np.where(values > 0, values, np.nan)[inside] for values in curves[:_MAX_CURVES]]
+    kept = [(k, y) for k, y in enumerate(drawn) if np.isfinite(y).any()]
+    return [Line(lines[inside], y, inks[k], words and f"{words} {k + 1}", 0.8 if k else 1.1) for k, y in kept]
 
 
 @named()
@@ -203,6 +138,7 @@ def indicator(
     modes : ModalModel, optional
         Marked by a line and their frequency.
     ax : Axes, optional
+        A new figure by default.
     kind : {"cmif", "sum"}
 
     Raises
@@ -210,25 +146,26 @@ def indicator(
     DataError
         An unknown kind.
     """
-    check_kind("a plot of an indicator", response, (FrequencyResponse, ImpulseResponse))
-    check_choice("kind", kind, INDICATORS[:2])
-    ax = new_axes(ax, (9.0, 4.5))
-    lines, curves = indicator_curves(response, kind)
-    _draw(ax, lines, curves, [BLUE, ORANGE, MUTED, PALE])
+    check_kind("a plot of a mode indicator", response, Response)
+    check_choice("kind", kind, ("cmif", "sum"))
+    return painted(indicator_picture(response, modes, kind), ax)
+
+
+def indicator_picture(response: Response, modes: ModalModel | None = None, kind: str = "cmif") -> Picture:
+    """Return the singular values of a response over frequency, or the sum of its magnitudes."""
+    limits = response.span if response.span[1] > response.span[0] else (0.0, 2 * response.span[1] or 1.0)
+    lines, values = indicator_curves(response, kind)
+    curves = _curves(lines, values.T, limits, _OVER, "singular value" if kind == "cmif" else "")
     name = "singular values" if kind == "cmif" else "sum of magnitudes"
-    dress(ax, xlabel="frequency [Hz]", ylabel=name + unit_of(response))
-    limits = _band(response)
-    ax.set_xlim(*limits)
-    if modes is not None:
-        mark_modes(ax, modes.frequencies, limits)
-    if kind == "cmif":
-        key(ax)
-    return ax
+    upward = axis_of(name + unit_of(response), [curve.y for curve in curves], log=True)
+    marked = [] if modes is None else modes_marked(modes.frequencies, limits)
+    panel = Panel(Axis("frequency [Hz]", *limits), upward, curves[::-1], marked=marked)
+    return Picture([panel], f"Mode indicator: {name} over frequency", above=True)
 
 
 @named()
 def fit_errors(diagram: StabilizationDiagram, ax: Axes | None = None) -> Axes:
-    """Draw the fit error of each order; beyond the knee of the curve, more states fit only noise.
+    """Draw what is unexplained at each order; beyond the knee of the curve, more states fit only noise.
 
     Parameters
     ----------
@@ -236,16 +173,31 @@ def fit_errors(diagram: StabilizationDiagram, ax: Axes | None = None) -> Axes:
     ax : Axes, optional
     """
     check_kind("a plot of fit errors", diagram, StabilizationDiagram)
-    ax = new_axes(ax, (9.0, 4.8))
-    positive = np.isfinite(diagram.fit_errors) & (diagram.fit_errors > 0)
-    ax.plot(np.asarray(diagram.orders)[positive], diagram.fit_errors[positive], **DOTTED)
-    if np.any(positive):
-        from matplotlib.ticker import LogLocator, NullFormatter
+    return painted(fit_errors_picture(diagram), ax)
 
-        # plain numbers 1, 2, 5, 10: the axis may cover less than a decade
-        ax.set_yscale("log")
-        ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        ax.yaxis.set_major_formatter(lambda number, _: f"{number:g}")
-        ax.yaxis.set_minor_formatter(NullFormatter())
-    dress(ax, xlabel="model order (states)", ylabel="unexplained |measured - rebuilt| / |measured|")
-    return ax
+
+def fit_errors_picture(diagram: StabilizationDiagram) -> Picture:
+    """Return what is unexplained at every order."""
+    orders, errors = np.asarray(diagram.orders, dtype=float), 100 * np.asarray(diagram.fit_errors)
+    return _counted(orders, errors, "model order (states)", "unexplained [%]", "Unexplained part at each order")
+
+
+def singular_values_picture(source: Any, order: int | None = None, most: int | None = None) -> Picture:
+    """Return singular values relative to the largest, those up to `most` orders; `order`: marked by a line."""
+    given: Any = getattr(source, "singular_values", source)
+    values = real_array("singular_values", given, "(values,)", 1)[: None if most is None else _BEYOND * most]
+    largest = float(np.max(values, initial=0.0)) or 1.0
+    numbers = np.arange(1.0, values.size + 1)
+    title = "Singular values of the data matrix"
+    return _counted(numbers, values / largest, "number", "singular value / largest", title, order)
+
+
+def _counted(x: Array, y: Array, xlabel: str, ylabel: str, title: str, order: int | None = None) -> Picture:
+    """Return single values over a count, on a logarithmic scale; `order`: marked by a line."""
+    known = np.isfinite(y) & (y > 0)
+    across, upward = axis_of(xlabel, [x, [0.0]], room=0.02), axis_of(ylabel, [y], log=True)
+    items = [Line(x[known], y[known], "blue", "singular values" if order else "", mark="dot")]
+    if order is not None:
+        at = np.full(2, order + 0.5)
+        items.append(Line(at, np.array([upward.low, upward.high]), "vermillion", f"order {order}", dashed=True))
+    return Picture([Panel(across, upward, items)], title, (900, 480))

@@ -1,40 +1,60 @@
-"""Draw the confidence intervals of modes, and their certificates: predicted against simulated deviations."""
+"""Describe the confidence intervals of modes, and their certificates: predicted against simulated deviations."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from modalscope.analysis.checking.certificate import Certificate
 from modalscope.data import ModalModel
 from modalscope.data.mode_fields import NORMAL_HALF_WIDTH
-from modalscope.interfaces.plot._style import BLUE, MUTED, ORANGE, PALE, dress, key, new_axes
+from modalscope.interfaces.plot.on_axes import painted
+from modalscope.interfaces.plot.picture import (
+    Areas,
+    Axis,
+    Item,
+    Marks,
+    Panel,
+    Picture,
+    Words,
+    axis_of,
+    axis_of_names,
+    boxes,
+    level,
+    ranges,
+)
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import check_kind
+from modalscope.numerics.checks import RealArray, check_kind
 from modalscope.numerics.errors import DataError, check_choice
+from modalscope.selection.judging.description import decimals
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Quantity -> its attribute of the modes, the unit of its relative deviation, and the label.
+#: Quantity -> its attribute of the modes and of intervals and certificates, the factor to its unit, and the unit.
 _QUANTITIES = {
-    "frequency": ("frequencies", 1e3, "frequency, deviation from its value [‰]"),
-    "damping": ("damping_ratios", 1e2, "damping ratio, deviation from its value [%]"),
+    "frequency": ("frequencies", "frequency", 1.0, "Hz"),
+    "damping": ("damping_ratios", "damping_ratio", 100.0, "%"),
 }
 
-#: Quantity -> its attribute of the certificate.
-_CERTIFIED = {"frequency": "frequency", "damping": "damping_ratio"}
+#: Maximum width of a row, in widths of its interval: an earlier value far outside leaves the interval to be seen.
+_MAX_WIDER = 2.5
+
+#: Hundredths of an inch of one mode, and of all else.
+_ROW, _REST = 30, 130
 
 
 @named()
 def intervals(modes: ModalModel, ax: Axes | None = None, *, of: str = "frequency") -> Axes:
-    """Draw the 95 % intervals of all modes relative to their values: from the noise, and between groups if these are known.
+    """Draw the 95 % interval of every mode on a scale of its own, with its ends: from the noise, and between groups if these are known.
+
+    A wide interval leaves the others as they are. A hollow mark is the value before refinement.
 
     Parameters
     ----------
     modes : ModalModel
-        With standard deviations, of `refine` for instance. A hollow mark is the value before refinement.
+        With standard deviations, of `refine` for instance.
     ax : Axes, optional
         A new figure by default.
     of : {"frequency", "damping"}
@@ -46,23 +66,49 @@ def intervals(modes: ModalModel, ax: Axes | None = None, *, of: str = "frequency
     """
     check_kind("modes of intervals", modes, ModalModel)
     check_choice("of", of, _QUANTITIES)
-    name, unit, label = _QUANTITIES[of]
-    values = np.asarray(getattr(modes, name))
+    return painted(intervals_picture(modes, of), ax)
+
+
+def intervals_picture(modes: ModalModel, of: str) -> Picture:
+    """Return the 95 % interval of every mode, each row with its own scale: half of its width is 1."""
+    name, key, factor, unit = _QUANTITIES[of]
     if getattr(modes, f"{name}_std") is None and getattr(modes, f"{name}_repeatability") is None:
         raise DataError("intervals need standard deviations", "none are known", "Refine the modes.")
-    ax = new_axes(ax)
-    place, ends = np.arange(len(modes)), modes.interval(0.95)["frequency" if of == "frequency" else "damping_ratio"]
-    away = unit * np.nan_to_num(np.abs(ends.T / values - 1))
-    words = "noise only" if modes.frequencies_repeatability is None else "noise, and what groups disagree"
-    ax.errorbar(place, np.zeros(len(modes)), yerr=away, fmt="none", ecolor=BLUE, capsize=4, label=words)
-    if modes.unrefined is not None:
-        moved = unit * (np.asarray(getattr(modes.unrefined, name)) / values - 1)
-        ax.plot(place, moved, "o", markerfacecolor="white", markeredgecolor=MUTED, label="before refinement")
-    ax.axhline(0, color=MUTED, linewidth=0.6)
-    ax.set_xticks(place, [f"{f:.4g}" for f in modes.frequencies])
-    dress(ax, xlabel="mode [Hz]", ylabel=label)
-    key(ax)
-    return ax
+    values, ends = factor * np.asarray(getattr(modes, name)), factor * modes.interval(0.95)[key]
+    earlier = modes.unrefined if modes.unrefined is not None and len(modes.unrefined) == len(modes) else None
+    before = np.full(len(values), np.nan) if earlier is None else factor * np.asarray(getattr(earlier, name))
+    known = np.isfinite(ends).all(axis=1)
+    reach = _reach(np.nan_to_num(np.abs(ends - values[:, None]).max(axis=1)), np.nan_to_num(np.abs(before - values)))
+    rows = np.arange(len(values), dtype=float)
+    low, high, was = (np.clip((side - values) / reach, -1, 1) for side in (*ends.T, before))
+    texts = [
+        [f"{v:.{decimals(values[j : j + 1], 6, [float(ends[j][1] - values[j])])}f}" for v in ends[j]]
+        for j in np.flatnonzero(known)
+    ]
+    words = "95 % interval: noise" + ("" if modes.frequencies_repeatability is None else ", and what groups disagree")
+    items: list[Item] = [
+        *ranges(rows[known], low[known], high[known], "blue", words, across=True),
+        Marks(np.zeros(len(rows)), rows, "blue", "dot"),
+        *(
+            Words(np.full(known.sum(), 1.08 * x), rows[known], [t[k] for t in texts], side=side)
+            for k, (x, side) in enumerate(((-1, "right"), (1, "left")))
+        ),
+    ]
+    none = rows[~known]
+    items.append(Words(np.full(len(none), 0.08), none, ["no interval"] * len(none), "muted", "left"))
+    if earlier is not None:
+        items.append(Marks(was[known], rows[known], "green", "diamond", "before refinement", hollow=True))
+    named_rows = tuple((float(j), f"{j + 1}   {f:.5g} Hz") for j, f in enumerate(modes.frequencies))
+    across = Axis("each mode on its own scale, with the ends of its interval", -1.8, 1.8, named=())
+    panel = Panel(across, Axis("", len(rows) - 0.4, -0.6, named=named_rows), items, f"{of.capitalize()} [{unit}]")
+    return Picture([panel], f"95 % intervals of every mode's {of}", (900, _ROW * len(rows) + _REST))
+
+
+def _reach(interval: RealArray, before: RealArray) -> RealArray:
+    """Return the half width of each row: what interval and earlier value need, an earlier value far outside at its edge."""
+    wide = np.where(interval > 0, np.minimum(before, _MAX_WIDER * interval), before)
+    reach = np.maximum(interval, wide)
+    return np.where(reach > 0, reach, 1.0)
 
 
 @named()
@@ -77,30 +123,25 @@ def certificate(found: Certificate, ax: Axes | None = None, *, of: str = "freque
     of : {"frequency", "damping"}
     """
     check_kind("found of certificate", found, Certificate)
-    check_choice("of", of, _CERTIFIED)
-    measures, holds = getattr(found, _CERTIFIED[of]), getattr(found, f"{_CERTIFIED[of]}_holds")
-    ax = new_axes(ax)
-    place = np.arange(len(found.modes))
-    ax.axhspan(-NORMAL_HALF_WIDTH, NORMAL_HALF_WIDTH, color=PALE, alpha=0.35, linewidth=0, label="predicted")
-    ax.axhline(0, color=MUTED, linewidth=0.8)
-    for kept, colour, words in ((holds, BLUE, "holds"), (~holds, ORANGE, "does not hold")):
-        if not np.any(kept):
-            continue
-        half = np.nan_to_num(NORMAL_HALF_WIDTH * measures["ratio"][kept])
-        style: dict[str, Any] = {"fmt": "o", "markersize": 4, "color": colour, "capsize": 4}
-        ax.errorbar(place[kept], measures["bias"][kept], yerr=half, label=words, **style)
-    top = max(
-        NORMAL_HALF_WIDTH,
-        float(np.nanmax(np.abs(measures["bias"]) + NORMAL_HALF_WIDTH * measures["ratio"], initial=0.0)),
-    )
-    for x, coverage in zip(place, measures["coverage"], strict=True):
-        words = f"{100 * coverage:.0f} %" if np.isfinite(coverage) else "no interval"
-        ax.annotate(words, (x, 1.12 * top), ha="center", va="bottom", fontsize=8.5, color=MUTED)
-    ax.set_ylim(-1.15 * top, 1.35 * top)
-    ax.set_xlim(-0.6, len(found.modes) - 0.4)
-    ax.set_xticks(place, [f"{f:.4g}" for f in found.modes.frequencies])
-    dress(
-        ax, title=of.capitalize(), xlabel="mode [Hz]", ylabel="deviation from the truth [predicted standard deviations]"
-    )
-    key(ax)
-    return ax
+    check_choice("of", of, _QUANTITIES)
+    return painted(certificate_picture(found, of), ax)
+
+
+def certificate_picture(found: Certificate, of: str = "frequency") -> Picture:
+    """Return bias and range of the simulated values of every mode over the predicted interval, with the coverage."""
+    key = _QUANTITIES[of][1]
+    measures, holds = getattr(found, key), getattr(found, f"{key}_holds")
+    place, bias = np.arange(len(found.modes)), np.nan_to_num(measures["bias"])
+    half: RealArray = np.nan_to_num(NORMAL_HALF_WIDTH * measures["ratio"])
+    top = max(NORMAL_HALF_WIDTH, float(np.max(np.abs(bias) + half, initial=0.0)))
+    across = axis_of_names("mode [Hz]", [f"{f:.4g}" for f in found.modes.frequencies])
+    predicted = boxes([across.low], [across.high], [-NORMAL_HALF_WIDTH], [NORMAL_HALF_WIDTH])
+    items: list[Item] = [Areas(predicted, words="predicted"), level(across)]
+    for kept, ink, words in ((holds, "blue", "holds"), (~holds, "orange", "does not hold")):
+        if np.any(kept):
+            items += ranges(place[kept], (bias - half)[kept], (bias + half)[kept], ink, words)
+            items.append(Marks(place[kept], bias[kept], ink, "dot"))
+    told = [f"{100 * share:.0f} %" if np.isfinite(share) else "no interval" for share in measures["coverage"]]
+    items.append(Words(place, np.full(len(place), 1.22 * top), told, "muted"))
+    upward = axis_of("deviation from the truth [predicted deviations]", [[-1.15 * top, 1.35 * top]], room=0.0)
+    return Picture([Panel(across, upward, items, of.capitalize())], f"Simulated deviations of every mode's {of}")

@@ -1,33 +1,25 @@
-"""Draw the MAC matrix and the singular values of the data matrix."""
+"""Describe the MAC matrix and the singular values of the data matrix."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.data import ModalModel, indicators
-from modalscope.interfaces.plot._style import (
-    DOTTED,
-    INK,
-    VERMILLION,
-    decimals,
-    dress,
-    frameless,
-    key,
-    new_axes,
-    one_output,
-    sequential,
-)
+from modalscope.interfaces.plot.diagrams import singular_values_picture
+from modalscope.interfaces.plot.on_axes import painted
+from modalscope.interfaces.plot.picture import Areas, Axis, Item, Panel, Picture, Words, boxes, decimals, remark
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, RealArray, complex_array, real_array
+from modalscope.numerics.checks import Array, RealArray, complex_array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Maximum number of modes on a side for which the cells contain numbers.
-_MAX_NUMBERED = 16
+#: Maximum number of modes on a side for which the cells contain numbers, and the shade from which these are white.
+_MAX_NUMBERED, _DARK = 16, 0.55
 
 #: Maximum number of ticks of an axis.
 _MAX_TICKS = 40
@@ -64,45 +56,60 @@ def mac(a: ModalModel | ArrayLike, b: ModalModel | ArrayLike | None = None, ax: 
     >>> ax.get_title(loc="left"), len(ax.texts)
     ('AutoMAC', 25)
     """
-    ax = new_axes(ax, (7.2, 6.4))
+    return painted(mac_picture(a, b), ax)
+
+
+def mac_picture(a: ModalModel | ArrayLike, b: ModalModel | ArrayLike | None = None) -> Picture:
+    """Return the MAC of two sets of shapes, or the AutoMAC of one; of one output a remark."""
     if isinstance(a, ModalModel) and isinstance(b, ModalModel) and a.output_dofs != b.output_dofs:
         b = b.select(outputs=a.output_dofs)
     if len(_shapes(a)) == 1:
-        return one_output(ax, "shapes cannot be compared")
-    values = indicators.mac(_shapes(a), None if b is None else _shapes(b))
-    ax.imshow(values, cmap=sequential(), vmin=0, vmax=1, aspect="equal")
-    rows, columns = values.shape
-    if max(rows, columns) <= _MAX_NUMBERED:
-        size = float(np.clip(80 / max(rows, columns), 6.5, 10))
-        for i, j in np.ndindex(rows, columns):
-            text = f"{values[i, j]:.2f}" if values[i, j] >= 0.005 else "·"
-            ax.text(j, i, text, ha="center", va="center", fontsize=size, color="white" if values[i, j] > 0.55 else INK)
-    dress(ax, title="AutoMAC" if b is None else "MAC, rows against columns", grid=False)
-    _name_modes(ax, a, a if b is None else b, (rows, columns))
-    ax.tick_params(length=0)
-    frameless(ax)
-    ax.set_xticks(np.arange(-0.5, columns), minor=True)
-    ax.set_yticks(np.arange(-0.5, rows), minor=True)
-    ax.grid(which="minor", color="white", linewidth=1.5)
-    return ax
+        return remark("One output was measured: shapes cannot be compared.")
+    values = np.atleast_2d(indicators.mac(_shapes(a), None if b is None else _shapes(b)))
+    title = "AutoMAC" if b is None else "MAC, rows against columns"
+    return cells_picture(values, _names(a, len(values)), _names(a if b is None else b, values.shape[1]), title)
+
+
+def cells_picture(
+    values: Array,
+    rows: tuple[str, list[str]],
+    columns: tuple[str, list[str]],
+    title: str,
+    numbers: list[list[str]] | None = None,
+) -> Picture:
+    """Return a matrix of values from 0 to 1 as shades; `rows`, `columns`: label and names. `numbers`: the texts of few cells."""
+    if numbers is None and max(values.shape) <= _MAX_NUMBERED:
+        numbers = [[f"{v:.2f}" if v >= 0.005 else "·" for v in row] for row in values]
+    i, j = (index.ravel() for index in np.indices(values.shape))
+    shades = np.clip(np.nan_to_num(values.ravel()), 0, 1)
+    items: list[Item] = [Areas(boxes(j - 0.48, j + 0.48, i - 0.48, i + 0.48), "blue", strength=shades)]
+    for dark, ink in ((True, "paper"), (False, "ink")):
+        kept = np.flatnonzero((shades > _DARK) == dark)
+        if numbers is not None:
+            items.append(Words(j[kept], i[kept], [numbers[i[k]][j[k]] for k in kept], ink))
+    across, down = (_places(*side) for side in (columns, rows))
+    down = replace(down, low=down.high, high=down.low)
+    return Picture([Panel(across, down, items, title, "white 0, blue 1", equal=True, grid=False)], title, (720, 640))
+
+
+def _places(label: str, names: list[str]) -> Axis:
+    """Return the axis of the rows or columns of a matrix."""
+    every = max(1, -(-len(names) // _MAX_TICKS))
+    named = tuple((float(k), name) for k, name in enumerate(names))
+    return Axis(label, -0.5, len(names) - 0.5, named=named[::every])
+
+
+def _names(modes: ModalModel | ArrayLike, count: int) -> tuple[str, list[str]]:
+    """Return the label and the names of the modes: frequencies, or numbers of those that have none."""
+    if isinstance(modes, ModalModel):
+        return "frequency [Hz]", [f"{f:.{decimals(modes.frequencies)}f}" for f in modes.frequencies]
+    return "mode", [str(i + 1) for i in range(count)]
 
 
 def _shapes(modes: ModalModel | ArrayLike) -> Array:
     if isinstance(modes, ModalModel):
         return modes.shapes
     return complex_array("shapes", modes, "(channels,) or (channels, modes)", (1, 2))
-
-
-def _name_modes(ax: Axes, a: ModalModel | ArrayLike, b: ModalModel | ArrayLike, counts: tuple[int, int]) -> None:
-    for modes, count, axis in ((a, counts[0], ax.yaxis), (b, counts[1], ax.xaxis)):
-        every = max(1, -(-count // _MAX_TICKS))
-        names = [str(i + 1) for i in range(count)]
-        if isinstance(modes, ModalModel):
-            names = [f"{f:.{decimals(modes.frequencies)}f}" for f in modes.frequencies]
-        axis.set_ticks(np.arange(count)[::every], names[::every])
-        axis.set_label_text("frequency [Hz]" if isinstance(modes, ModalModel) else "mode")
-    if counts[1] > 7 and isinstance(b, ModalModel):
-        ax.tick_params(axis="x", rotation=90)
 
 
 @named()
@@ -121,17 +128,4 @@ def singular_values(source: Factored | ArrayLike, ax: Axes | None = None, *, ord
     DataError
         Values that are not finite numbers along one axis.
     """
-    given = source.singular_values if isinstance(source, Factored) else source
-    values = real_array("singular_values", given, "(values,)", 1)
-    ax = new_axes(ax, (9.0, 4.8))
-    largest = float(np.max(values, initial=0.0)) or 1.0
-    positive = np.flatnonzero(values > 0)
-    ax.plot(positive + 1, values[positive] / largest, label="singular values", **DOTTED)
-    if positive.size:
-        ax.set_yscale("log")
-    dress(ax, xlabel="number", ylabel="singular value / largest")
-    ax.set_xlim(0, values.size + 1)
-    if order is not None:
-        ax.axvline(order + 0.5, color=VERMILLION, linewidth=1.1, linestyle=(0, (5, 3)), label=f"order {order}")
-        key(ax)
-    return ax
+    return painted(singular_values_picture(source, order), ax)

@@ -1,26 +1,30 @@
-"""Draw the map of methods, and their deviations from the consensus."""
+"""Describe the map of methods, the distances between them, and their deviations from the consensus."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from modalscope.analysis.comparing import Comparison, MethodResult
-from modalscope.analysis.comparing.kinship import Kinship
-from modalscope.interfaces.plot._style import (
-    BLUE,
-    GREEN,
-    INK,
-    MUTED,
-    PALE,
-    VERMILLION,
-    aside,
+from modalscope.analysis.comparing.kinship import SAME, Kinship
+from modalscope.interfaces.plot.matrices import cells_picture
+from modalscope.interfaces.plot.on_axes import painted
+from modalscope.interfaces.plot.picture import (
+    Areas,
+    Axis,
+    Item,
+    Marks,
+    Panel,
+    Picture,
+    Words,
+    axis_of_names,
+    boxes,
     dodge,
-    dress,
-    key,
-    new_axes,
+    level,
+    plain,
+    strokes,
 )
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import RealArray, check_kind
@@ -28,11 +32,17 @@ from modalscope.numerics.checks import RealArray, check_kind
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Colour and marker of each domain.
-_DOMAINS = {"time": (BLUE, "o"), "z": (VERMILLION, "s"), "s": (GREEN, "^")}
+#: Ink and mark of each domain.
+_DOMAINS = {"time": ("blue", "circle"), "z": ("vermillion", "square"), "s": ("green", "triangle")}
 
 #: Share of the place of a mode that the methods take.
 _WIDTH = 0.64
+
+#: Characters of the name of a method at most; of a name that several share.
+_MAX_NAME, _MAX_NAMES = 34, 60
+
+#: Degrees below which an angle is zero to rounding.
+_ZERO_ANGLE = 1e-4
 
 
 @named()
@@ -45,60 +55,56 @@ def method_map(kin: Comparison | Kinship, ax: Axes | None = None) -> Axes:
     ax : Axes, optional
     """
     check_kind("a map of methods", kin, (Comparison, Kinship))
-    kin = kin.kinship if isinstance(kin, Comparison) else kin
-    ax = new_axes(ax, (8.0, 6.0))
-    places = kin.places
-    dress(
-        ax,
-        title="Map of methods",
-        xlabel="distance [half-power half-bandwidths]",
-        ylabel="distance [half-power half-bandwidths]",
-    )
+    return painted(map_picture(kin), ax)
+
+
+def map_picture(compared: Comparison | Kinship) -> Picture:
+    """Return the map of methods: those at one place have the same poles, and are concentric rings."""
+    kin = compared.kinship if isinstance(compared, Comparison) else compared
+    places, label = kin.places, "distance [half-power half-bandwidths]"
     if not len(places):
-        return ax
-    labelled: set[str] = set()
-    for members in kin.classes:
-        for rank, i in enumerate(members):
-            style = _style_of(kin.methods[i].domain if kin.methods else "unknown", labelled)
-            # equal methods are concentric rings
-            style |= {"markersize": np.sqrt(46 * (1 + 1.3 * rank)), "markeredgewidth": 1.4, "zorder": 3}
-            ax.plot(*places[i], markerfacecolor=style["color"] if rank == 0 else "none", **style)
-    _square(ax, places)
-    _name(ax, kin, places)
-    key(ax)
-    aside(ax, f"poles of order {kin.order}")
-    return ax
-
-
-def _style_of(domain: str, labelled: set[str]) -> dict[str, Any]:
-    """Return colour and marker of a domain, with its label for the first method of it."""
-    colour, marker = _DOMAINS.get(domain, (INK, "D"))
-    label = None if domain in labelled else f"domain {domain}"
-    labelled.add(domain)
-    return {"color": colour, "marker": marker, "linestyle": "none", "label": label}
-
-
-def _square(ax: Axes, places: RealArray) -> None:
-    """Set equal scales, with room for names at the right."""
+        return Picture([Panel(Axis(label), Axis(label), title="Map of methods")], "Map of methods")
     low, high = places.min(axis=0), places.max(axis=0)
     size = max(float(high[0] - low[0]), 1.8 * float(high[1] - low[1]), 1e-3)
     middle = (low + high) / 2
-    ax.set_xlim(middle[0] - 0.6 * size, middle[0] + 1.15 * size)
-    ax.set_ylim(middle[1] - 0.45 * size, middle[1] + 0.45 * size)
-    ax.set_aspect("equal", adjustable="box")
-
-
-def _name(ax: Axes, kin: Kinship, places: RealArray) -> None:
-    """Write names at the right of their points without overlap."""
+    x = Axis(label, middle[0] - 0.6 * size, middle[0] + 1.15 * size)
+    y = Axis(label, middle[1] - 0.45 * size, middle[1] + 0.45 * size)
     order = sorted(kin.classes, key=lambda members: float(places[members[0], 1]))
-    (x0, x1), (y0, y1) = ax.get_xlim(), ax.get_ylim()
-    heights = dodge((places[[m[0] for m in order], 1] - y0) / (y1 - y0), gap=0.05, low=0.02, high=0.98)
-    for members, height in zip(order, heights, strict=True):
-        x, y = places[members[0]]
-        text = " = ".join(kin.labels[i] for i in members)
-        at = (float(places[:, 0].max()) + 0.06 * (x1 - x0), y0 + height * (y1 - y0))
-        line = {"arrowstyle": "-", "color": PALE, "linewidth": 0.7, "shrinkA": 1, "shrinkB": 5}
-        ax.annotate(text, xy=(x, y), xytext=at, fontsize=8.5, color=INK, va="center", arrowprops=line)
+    points = places[[members[0] for members in order]]
+    heights = y.low + (y.high - y.low) * dodge(y.shares(points[:, 1]), gap=0.05, low=0.02, high=0.98)
+    ends = np.column_stack([np.full(len(order), float(high[0]) + 0.1 * size), heights])
+    names = [plain(" = ".join(kin.labels[i] for i in members), _MAX_NAMES) for members in order]
+    items: list[Item] = [strokes(np.stack([points, ends], axis=1)), Words(ends[:, 0], ends[:, 1], names, side="left")]
+    for members in kin.classes:
+        for rank, i in enumerate(members):
+            domain = kin.methods[i].domain if kin.methods else "time"
+            ink, mark = _DOMAINS.get(domain, ("ink", "diamond"))
+            at, size = places[[i]].T, 1 + 1.3 * rank
+            items.append(
+                Marks(at[0], at[1], ink, "circle" if rank else mark, f"domain {domain}", size, hollow=rank > 0)
+            )
+    panel = Panel(x, y, items, "Map of methods", f"poles of order {kin.order}", equal=True)
+    return Picture([panel], "Map of methods", (960, 560))
+
+
+def distances_picture(kin: Kinship) -> Picture:
+    """Return the distances of pole sets below the diagonal, and principal angles in degrees above it."""
+    count = len(kin.names)
+    below = np.tri(count, k=-1, dtype=bool)
+    sizes = np.where(below, kin.distances, kin.angles / 90)
+    values = np.where(np.eye(count, dtype=bool), 0.0, np.sqrt(np.clip(np.nan_to_num(sizes), 0, 1)))
+    texts = [["" if i == j else _text(kin, i, j) for j in range(count)] for i in range(count)]
+    names = [plain(label, _MAX_NAME) for label in kin.labels]
+    return cells_picture(values, ("", names), ("", names), "Distances between methods", texts)
+
+
+def _text(kin: Kinship, i: int, j: int) -> str:
+    """Return the distance of two methods, or above the diagonal their angle."""
+    if i > j:
+        distance = float(kin.distances[i, j])
+        return "0" if distance < SAME else f"{distance:.2g}".removeprefix("0")
+    angle = float(kin.angles[i, j])
+    return f"{angle if angle > _ZERO_ANGLE else 0:.2g}°"
 
 
 @named()
@@ -112,29 +118,25 @@ def deviations(comparison: Comparison, axes: tuple[Axes, Axes] | None = None) ->
         For frequency (in half-power half-bandwidths) and damping (in per cent of its value).
     """
     check_kind("a plot of deviations", comparison, Comparison)
-    if axes is None:
-        from matplotlib import pyplot
+    first = painted(deviations_picture(comparison), axes)
+    return axes if axes is not None else tuple(first.figure.axes[:2])  # type: ignore[return-value]
 
-        axes = pyplot.figure(figsize=(9.0, 6.0), layout="constrained").subplots(2, 1, sharex=True)
-    upper, lower = axes
-    groups = comparison.groups
-    for ax, kind, unit in ((upper, "frequency", "half-power half-bandwidths"), (lower, "damping", "% of its value")):
-        labelled: set[str] = set()
-        for k in range(len(groups)):
-            width = scatter_of(comparison, kind, k)
-            ax.fill_between([k - 0.42, k + 0.42], -width, width, color=PALE, alpha=0.35, linewidth=0)
-        for r, x, y in deviations_of(comparison, kind):
-            style = _style_of(r.method.domain, labelled)
-            ax.plot(x, y, markerfacecolor=style["color"] if r.exact else "white", markersize=4.5, **style)
-        ax.axhline(0, color=MUTED, linewidth=0.8)
-        # modes that are in doubt do not set the scale
-        ax.set_ylim(*reach_of(comparison, kind))
-        dress(ax, title=kind.capitalize(), ylabel=unit)
-    lower.set_xticks(range(len(groups)), [f"{g.frequency:.5g}" for g in groups], rotation=90 if len(groups) > 9 else 0)
-    lower.set_xlabel("mode [Hz]", fontsize=10.5, color=INK)
-    if groups:
-        upper.legend(frameon=False, fontsize=9, ncols=3, loc="lower right", bbox_to_anchor=(1, 1), borderaxespad=0.2)
-    return upper, lower
+
+def deviations_picture(c: Comparison) -> Picture:
+    """Return the deviation of every method from the consensus; modes in doubt do not set the scale, open marks have no vote."""
+    panels, names = [], [f"{g.frequency:.5g}" for g in c.groups]
+    for kind, unit in (("frequency", "half-power half-bandwidths"), ("damping", "% of its value")):
+        low, high = reach_of(c, kind)
+        places = np.arange(len(c.groups))
+        width = np.array([float(np.fmin(scatter_of(c, kind, k), high)) for k in range(len(c.groups))])
+        across = axis_of_names("mode [Hz]" if kind == "damping" else "", names)
+        items: list[Item] = [Areas(boxes(places - 0.42, places + 0.42, -width, width)), level(across)]
+        for r, x, y in deviations_of(c, kind):
+            ink, mark = _DOMAINS.get(r.method.domain, _DOMAINS["time"])
+            seen = np.abs(y) <= high
+            items.append(Marks(x[seen], y[seen], ink, mark, f"domain {r.method.domain}", 0.7, not r.exact))
+        panels.append(Panel(across, Axis(unit, low, high), items, kind.capitalize()))
+    return Picture(panels, "Deviation of every method from the consensus")
 
 
 def scatter_of(c: Comparison, kind: str, k: int) -> float:

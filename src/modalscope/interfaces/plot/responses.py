@@ -1,7 +1,9 @@
-"""Draw measured and rebuilt responses, and the singular values of spectra."""
+"""Describe measured and rebuilt responses, and the singular values of spectra."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -9,19 +11,15 @@ import numpy as np
 from modalscope.data import FrequencyResponse, ImpulseResponse, ModalModel
 from modalscope.data.rebuilt import rebuilt
 from modalscope.data.response import Response
-from modalscope.interfaces.plot._style import (
-    DPI,
-    INK,
-    MUTED,
-    SIZE,
-    VERMILLION,
-    aside,
+from modalscope.interfaces.plot.on_axes import painted
+from modalscope.interfaces.plot.picture import (
+    Axis,
+    Line,
+    Panel,
+    Picture,
+    axis_of,
     channel,
-    dress,
-    headline,
-    key,
-    mark_modes,
-    new_axes,
+    modes_marked,
     plain,
     unit_of,
 )
@@ -32,12 +30,14 @@ from modalscope.signals.preprocess.singular_spectra import Decomposition
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-
-#: Maximum number of drawn singular values.
-_MAX_CURVES = 4
+#: Inks of drawn singular values, of which there are no more.
+_INKS = ("blue", "orange", "muted", "pale")
 
 #: Starts of the phase axis to choose from, in degrees.
 _PHASE_STARTS = (-180.0, -90.0, -270.0)
+
+#: Words of both curves.
+MEASURED, REBUILT = "measured", "rebuilt from the modes"
 
 
 class Identified(Protocol):
@@ -82,86 +82,96 @@ def response(
         An unknown channel, or modes of other channels.
     """
     check_kind("a plot of responses", data, Response)
-    drawn, data = data, data.picture()
-    if modes is not None:
-        model: Any = modes if isinstance(modes, ModalModel) else getattr(modes, "modes", modes)
+    model: Any = modes if isinstance(modes, ModalModel) else getattr(modes, "modes", modes)
+    if model is not None:
         check_kind("modes over responses", model, ModalModel)
-    power = np.sum(np.abs(data.values) ** 2, axis=0)
-    i = channel("output", output, data.output_dofs, int(np.argmax(power.sum(axis=1))))
-    j = channel("input", input, data.input_dofs, int(np.argmax(power[i])))
-    upper, lower, third = _panels(ax, 2 if data.coherence is None else 3)
-    measured = data.values[:, i, j]
-    fit = None if modes is None else rebuilt(data, model)[:, i, j]
-    if isinstance(data, FrequencyResponse):
-        _spectrum(data, measured, fit, upper, lower, unit_of(data, i, j))
-        if third is not None and data.coherence is not None:
-            coherence = data.coherence.reshape(*data.coherence.shape[:2], -1)
-            third.plot(data.frequencies, coherence[:, i, min(j, coherence.shape[2] - 1)], color=MUTED, linewidth=0.9)
-            dress(third, ylabel="coherence")
-            third.set_ylim(0, 1.05)
-            third.set_yticks([0, 0.5, 1])
-        _finish((upper, lower, third), "frequency [Hz]")
-    elif isinstance(data, ImpulseResponse):
-        _samples(data, measured, fit, upper, lower, unit_of(data, i, j))
-        _finish((upper, lower), "lag [s]" if data.ambient else "time [s]")
-    headline(upper, f"output {plain(data.output_dofs[i])}, {data.column_word} {plain(data.input_dofs[j])}")
-    if fit is not None:
-        norm = float(np.linalg.norm(measured))
-        if norm > 0 and drawn is data:
-            aside(upper, f"unexplained {100 * float(np.linalg.norm(measured - fit)) / norm:.3g} %")
-    return upper
+    return painted(response_picture(data, model, output, input), ax)
 
 
-def _panels(ax: Axes | tuple[Axes, ...] | None, count: int) -> tuple[Axes, Axes | None, Axes | None]:
-    """Return the given panels, or `count` new ones; None for those that are missing."""
-    if ax is None:
-        from matplotlib import pyplot
-
-        figure = pyplot.figure(figsize=SIZE, dpi=DPI, layout="constrained")
-        given = tuple(figure.subplots(count, 1, sharex=True, height_ratios=[2.6, 1, 0.6][:count]))
-    else:
-        given = tuple(ax) if isinstance(ax, tuple | list | np.ndarray) else (ax,)
-    upper, lower, third = (*given, None, None)[:3]
-    return upper, lower, third
-
-
-def _pair(ax: Axes, x: Array, measured: Array, fit: Array | None) -> None:
-    ax.plot(x, measured, color=INK, linewidth=1.0, label="measured")
-    if fit is not None:
-        ax.plot(x, fit, color=VERMILLION, linewidth=1.3, linestyle=(0, (4, 1.6)), label="rebuilt from the modes")
-
-
-def _finish(panels: tuple[Axes | None, ...], xlabel: str) -> None:
-    shown = [panel for panel in panels if panel is not None]
-    for panel in shown[:-1]:
-        panel.tick_params(labelbottom=False)
-    shown[-1].set_xlabel(xlabel, fontsize=10.5, color=INK)
-    key(shown[-1], handles=shown[0].get_legend_handles_labels()[0])
+def response_picture(
+    data: Response, modes: ModalModel | None = None, output: str | int | None = None, input: str | int | None = None
+) -> Picture:
+    """Return one channel, measured and rebuilt, as lines or samples; that with the largest mean square by default."""
+    shown = data.picture()
+    power = np.sum(np.abs(shown.values) ** 2, axis=0)
+    i = channel("output", output, shown.output_dofs, int(np.argmax(power.sum(axis=1))))
+    j = channel("input", input, shown.input_dofs, int(np.argmax(power[i])))
+    measured = shown.values[:, i, j]
+    fit = None if modes is None else rebuilt(shown, modes)[:, i, j]
+    title, unit = title_of(shown, i, j), unit_of(shown, i, j)
+    if isinstance(shown, FrequencyResponse):
+        coherence = None if shown.coherence is None else coherence_of(shown.coherence, i, j)
+        return lines_picture(shown.frequencies, measured, fit, coherence, unit, title, told=shown is data)
+    assert isinstance(shown, ImpulseResponse)
+    return _samples(shown, measured, fit, unit, title, told=shown is data)
 
 
-def _spectrum(
-    data: FrequencyResponse, measured: Array, fit: Array | None, upper: Axes, lower: Axes | None, unit: str
-) -> None:
-    f = data.frequencies
-    magnitude, fitted = (None if h is None else np.where(np.abs(h) > 0, np.abs(h), np.nan) for h in (measured, fit))
-    if magnitude is not None:
-        _pair(upper, f, magnitude, fitted)
-        if np.any(np.isfinite(magnitude)):
-            upper.set_yscale("log")
-    dress(upper, ylabel=f"magnitude{unit}")
-    if f[-1] > f[0]:
-        upper.set_xlim(f[0], f[-1])
-    if lower is not None:
-        # the axis starts where the phase jumps least often: a real response alternates between 180 and -180
-        start = min(_PHASE_STARTS, key=lambda start: np.count_nonzero(np.abs(np.diff(_phase(measured, start))) > 180))
-        phase = _phase(measured, start)
-        lower.plot(*_with_gaps(f, phase), color=INK, linewidth=0.9)
-        if fit is not None:
-            fitted = phase + np.degrees(np.angle(fit * np.conj(measured)))
-            lower.plot(*_with_gaps(f, fitted), color=VERMILLION, linewidth=1.2, linestyle=(0, (4, 1.6)))
-        dress(lower, ylabel="phase [°]")
-        lower.set_ylim(start - 30, start + 390)
-        lower.set_yticks(np.arange(start, start + 361, 90))
+def title_of(response: Response, output: int, column: int) -> str:
+    """Return the names of a channel."""
+    columns = response.input_dofs
+    return f"output {plain(response.output_dofs[output])}, {response.column_word} {plain(columns[column])}"
+
+
+def coherence_of(coherence: Array, output: int, column: int) -> Array:
+    """Return the coherence of a channel, of an output with all inputs where there is no other."""
+    each = coherence.reshape(*coherence.shape[:2], -1)
+    return np.asarray(each[:, output, min(column, each.shape[2] - 1)])
+
+
+def lines_picture(
+    f: Array, measured: Array, fit: Array | None, coherence: Array | None, unit: str, title: str, *, told: bool = True
+) -> Picture:
+    """Return magnitude and phase of a channel on lines (F,), measured and rebuilt, and its coherence, as far as they are known.
+
+    The rebuilt phase is drawn on the branch of the measured one. `told`: with what is unexplained.
+    """
+    sides = [_levels(h) for h in (measured, fit) if h is not None]
+    ends = (float(f[0]), float(f[-1])) if f[-1] > f[0] else (float(f[0]) - 1, float(f[0]) + 1)
+    # the axis starts where the phase jumps least often: a real response alternates between 180 and -180
+    start = min(_PHASE_STARTS, key=lambda start: np.count_nonzero(np.abs(np.diff(_phase(measured, start))) > 180))
+    phase = _phase(measured, start)
+    phases = [phase] if fit is None else [phase, phase + np.degrees(np.angle(fit * np.conj(measured)))]
+    turns = tuple((t, f"{t:.0f}") for t in np.arange(start, start + 361, 90).tolist())
+    aside = _unexplained(measured, fit) if told else ""
+    curves = both([(f, side) for side in sides])
+    panels = [
+        Panel(Axis("", *ends), axis_of(f"magnitude{unit}", sides, log=True), curves, title, aside, 2.6),
+        Panel(
+            Axis("", *ends),
+            Axis("phase [°]", start - 30, start + 390, named=turns),
+            both([_with_gaps(f, side) for side in phases]),
+        ),
+    ]
+    if coherence is not None:
+        shares = tuple((v, f"{v:g}") for v in (0.0, 0.5, 1.0))
+        curve = Line(f, coherence, "muted", width=0.9)
+        panels.append(Panel(Axis("", *ends), Axis("coherence", 0.0, 1.05, named=shares), [curve], share=0.6))
+    return Picture(
+        _labelled(panels, "frequency [Hz]"), f"{title}: {MEASURED}" + ("" if fit is None else " and rebuilt")
+    )
+
+
+def both(sides: Sequence[tuple[Array, Array]], words: tuple[str, str] = (MEASURED, REBUILT)) -> list[Line]:
+    """Return the measured curve, and the rebuilt one over it, if there is one."""
+    looks = (("ink", words[0], 1.0, False), ("vermillion", words[1], 1.3, True))
+    return [Line(x, y, *look) for (x, y), look in zip(sides, looks, strict=False)]
+
+
+def _labelled(panels: list[Panel], label: str) -> list[Panel]:
+    """Return panels one below the other, of which the last has the label of all."""
+    return [*panels[:-1], replace(panels[-1], x=replace(panels[-1].x, label=label))]
+
+
+def _unexplained(measured: Array, fit: Array | None) -> str:
+    norm = float(np.linalg.norm(measured))
+    if fit is None or not norm > 0:
+        return ""
+    return f"unexplained {100 * float(np.linalg.norm(measured - fit)) / norm:.3g} %"
+
+
+def _levels(h: Array) -> Array:
+    """Return magnitudes, NaN where there is nothing: a logarithmic axis has no zero."""
+    return np.where(np.abs(h) > 0, np.abs(h), np.nan)
 
 
 def _phase(h: Array, start: float) -> Array:
@@ -176,15 +186,20 @@ def _with_gaps(f: Array, phase: Array) -> tuple[Array, Array]:
 
 
 def _samples(
-    data: ImpulseResponse, measured: Array, fit: Array | None, upper: Axes, lower: Axes | None, unit: str
-) -> None:
-    _pair(upper, data.times, measured, fit)
+    data: ImpulseResponse, measured: Array, fit: Array | None, unit: str, title: str, *, told: bool
+) -> Picture:
+    """Return the samples of a channel, measured and rebuilt, and their difference."""
     what = "correlation" if data.ambient else data.quantity or "response"
-    dress(upper, ylabel=what + ("" if data.ambient else unit))
-    upper.set_xlim(data.times[0], data.times[-1])
-    if lower is not None:
-        lower.plot(data.times, measured if fit is None else measured - fit, color=MUTED, linewidth=0.9)
-        dress(lower, ylabel="measured" if fit is None else "residual")
+    ends, sides = (float(data.times[0]), float(data.times[-1])), [h for h in (measured, fit) if h is not None]
+    rest = measured if fit is None else measured - fit
+    aside = _unexplained(measured, fit) if told else ""
+    upward = axis_of(what + ("" if data.ambient else unit), sides)
+    below = Line(data.times, rest, "muted", width=0.9)
+    panels = [
+        Panel(Axis("", *ends), upward, both([(data.times, side) for side in sides]), title, aside, 2.6),
+        Panel(Axis("", *ends), axis_of("measured" if fit is None else "residual", [rest]), [below]),
+    ]
+    return Picture(_labelled(panels, "lag [s]" if data.ambient else "time [s]"), title)
 
 
 @named()
@@ -201,16 +216,18 @@ def spectra(found: Decomposition, ax: Axes | None = None, *, peaks: int | None =
         Maximum number of marked peaks, the most prominent ones.
     """
     check_kind("a plot of spectra", found, Decomposition)
-    ax = new_axes(ax)
+    return painted(spectra_picture(found, peaks), ax)
+
+
+def spectra_picture(found: Decomposition, peaks: int | None = 12) -> Picture:
+    """Return the singular values of spectra with the peaks of the first."""
     f, levels = found.frequencies, 10 * np.log10(np.maximum(found.singular_values, np.finfo(float).tiny))
-    levels = levels[:, :_MAX_CURVES]
-    for k, level in enumerate(levels.T):
-        width = 1.2 if k == 0 else 0.8
-        ax.plot(f, level, lw=width, color=f"C{k}", label=f"singular value {k + 1}", zorder=3 - k / 10)
+    levels = levels[:, : len(_INKS)]
     inside = levels[f > 0]
-    ax.set_ylim(float(inside.min()) - 3, float(inside.max()) + 8)
-    ax.set_xlim(0, float(f[-1]))
-    dress(ax, xlabel="frequency [Hz]", ylabel="power spectral density [dB re unit²/Hz]")
-    mark_modes(ax, found.peaks(peaks)[0], (0, float(f[-1])))
-    key(ax)
-    return ax
+    curves = [
+        Line(f, level, _INKS[k], f"singular value {k + 1}", 0.8 if k else 1.1) for k, level in enumerate(levels.T)
+    ]
+    upward = Axis("power spectral density [dB re unit²/Hz]", float(inside.min()) - 3, float(inside.max()) + 8)
+    marked = modes_marked(found.peaks(peaks)[0], (0, float(f[-1])))
+    panel = Panel(Axis("frequency [Hz]", 0, float(f[-1])), upward, curves[::-1], marked=marked)
+    return Picture([panel], "Singular values of the spectra over frequency", above=True)

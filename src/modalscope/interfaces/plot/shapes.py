@@ -1,4 +1,4 @@
-"""Draw mode shapes on the geometry or as bars, with their phases."""
+"""Describe mode shapes, on the geometry or as bars, at rest or at a phase of their motion."""
 
 from __future__ import annotations
 
@@ -12,27 +12,31 @@ from modalscope.data import Geometry, ModalModel
 from modalscope.data.geometry import parse_dof
 from modalscope.data.indicators import mpc
 from modalscope.interfaces.plot._camera import AXES, View, extent, oblique, view_of
-from modalscope.interfaces.plot._style import (
-    BLUE,
-    GREEN,
-    INK,
-    MUTED,
-    PALE,
-    VERMILLION,
-    aside,
-    decimals,
-    diverging,
-    dress,
-    frameless,
-    headline,
-    key,
-    new_axes,
-    one_output,
+from modalscope.interfaces.plot.on_axes import painted
+from modalscope.interfaces.plot.picture import (
+    INKS,
+    Areas,
+    Axis,
+    Item,
+    Line,
+    Marks,
+    Panel,
+    Picture,
+    Words,
+    axis_of,
+    axis_of_names,
+    bars,
+    level,
     plain,
+    ranges,
+    remark,
+    strokes,
 )
+from modalscope.io.geometry import neighbour_lines
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_count, check_kind
-from modalscope.numerics.errors import DataError
+from modalscope.numerics.checks import Array, BoolArray, ComplexArray, IntArray, RealArray, check_count, check_kind
+from modalscope.numerics.errors import DataError, check_choice
+from modalscope.selection.judging.description import described
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,22 +47,23 @@ _MAX_DRAWN, _MAX_BARS = 20_000, 2000
 #: Largest displacement as a share of the size of the structure.
 _AMPLITUDE = 0.14
 
-#: Pieces of a line between two nodes, whose colour changes along it.
-_PIECES = 16
+#: What tones tell.
+TONES = ("sign", "size")
 
-#: Maximum number of channel names below bars.
-_MAX_LABELS = 30
+#: Inks of motion along x, y and z.
+_MOTIONS = ("blue", "vermillion", "green")
+
+#: Maximum number of channel names below bars, of nodes joined by lines between neighbours, and width of the paper, hundredths of an inch.
+_MAX_LABELS, _MAX_JOINED, _WIDTH = 30, 2000, 900
 
 
-def thinned(geometry: Geometry, measured: Array) -> tuple[Geometry, Array]:
-    """Return a geometry with a regular subset of its lines and faces, and the mask of drawn nodes."""
-    lines, faces = geometry.lines, geometry.faces
-    if max(len(lines), len(faces)) > _MAX_DRAWN:
-        geometry = replace(geometry, lines=lines[spaced(len(lines))], faces=faces[spaced(len(faces))])
+def thinned(geometry: Geometry, measured: Array) -> tuple[IntArray, IntArray, BoolArray]:
+    """Return a regular subset of the lines and faces of a geometry, and the mask of drawn nodes."""
+    lines, faces = (each[spaced(len(each))] for each in (geometry.lines, geometry.faces))
     nodes = np.flatnonzero(measured)
     shown = np.zeros_like(measured)
     shown[nodes[spaced(len(nodes))]] = True
-    return geometry, shown
+    return lines, faces, shown
 
 
 def spaced(count: int, most: int = _MAX_DRAWN) -> slice:
@@ -98,6 +103,8 @@ def shape(
     azimuth: float | None = None,
     elevation: float | None = None,
     std: bool = False,
+    tones: str = "sign",
+    dark: bool = False,
 ) -> Axes:
     """Draw one mode shape over the structure at rest.
 
@@ -121,6 +128,10 @@ def shape(
         Degrees; either selects the oblique view.
     std : bool
         Draw every channel as a bar with one standard deviation to either side (`modes.shapes_std`), without the geometry.
+    tones : {"sign", "size"}
+        What colours tell on a geometry: one way and the other, or how far a point moves.
+    dark : bool
+        On dark ground.
 
     Raises
     ------
@@ -128,35 +139,69 @@ def shape(
         An unknown mode, a geometry with none of the channels, or standard deviations that are not known.
     """
     check_mode(modes, index)
+    angles = {name: v for name, v in (("azimuth", azimuth), ("elevation", elevation)) if v is not None}
+    view = oblique(**angles) if angles else None
+    size = check_choice("tones", tones, TONES) == "size"
+    return painted(shape_picture(modes, index, geometry, scale=scale, view=view, std=std, size=size), ax, dark=dark)
+
+
+def shape_picture(
+    modes: ModalModel,
+    index: int,
+    geometry: Geometry | None = None,
+    *,
+    scale: float = _AMPLITUDE,
+    view: View | None = None,
+    std: bool = False,
+    phase: float | None = None,
+    size: bool = False,
+) -> Picture:
+    """Return a mode shape on the geometry, that of the modes by default, or as bars.
+
+    `std`: bars with one standard deviation. `phase`: of the motion; by default the real part is drawn. `size`: tones tell how far a point
+    moves, without its sign.
+    """
     if len(modes.output_dofs) == 1:
-        return one_output(new_axes(ax), "a shape of one number says nothing")
+        return remark("One output was measured: a shape of one number says nothing.")
     if std and modes.shapes_std is None:
         raise DataError(
             "bars with intervals need standard deviations of shapes",
             "these modes have none",
             "Refine them: ms.refine(data, modes).",
         )
-    ax = new_axes(ax)
     geometry = None if std else modes.geometry if geometry is None else geometry
-    values = in_phase(modes.shapes[:, index])
-    title = f"mode {index + 1}: {modes.frequencies[index]:.{decimals(modes.frequencies)}f} Hz, {100 * modes.damping_ratios[index]:.2f} %"
+    complex_shape = turned(modes.shapes[:, index])
+    values = in_phase(modes.shapes[:, index]) if phase is None else (complex_shape * np.exp(1j * phase)).real
     if geometry is None:
-        largest = abs(complex(modes.shapes[np.argmax(np.abs(values)), index])) or 1.0
-        spread = modes.shapes_std[:, index] / largest if std and modes.shapes_std is not None else None
-        _bars(ax, modes.output_dofs, values, spread)
-        dress(ax, title=title, ylabel="shape (largest component 1)" + (", ± one standard deviation" if std else ""))
+        panel = _bars(modes, index, values, std=std)
     else:
-        measured = _measured(geometry, modes.output_dofs)
-        motion = geometry.displaced(modes.output_dofs, values)
-        angles = {name: v for name, v in (("azimuth", azimuth), ("elevation", elevation)) if v is not None}
-        view = oblique(**angles) if angles else view_of(geometry.coordinates, motion)
-        dress(ax, title=title, grid=view.kind == "line")
-        if view.kind == "line":
-            _over_length(ax, geometry, motion, measured, view)
-        else:
-            _wireframe(ax, geometry, motion, measured, view, scale)
-    aside(ax, f"MPC {float(mpc(modes.shapes[:, [index]])[0]):.3f}")
-    return ax
+        joined = with_lines(geometry)
+        motion = joined.displaced(modes.output_dofs, values)
+        largest = np.abs(joined.displaced(modes.output_dofs, complex_shape)) if phase is not None else motion
+        seen = view or view_of(joined.coordinates, np.asarray(largest, dtype=float))
+        measured = _measured(joined, modes.output_dofs)
+        moving = _over_length if seen.kind == "line" else _wireframe
+        panel = moving(joined, motion, np.asarray(largest, dtype=float), measured, seen, scale, size)
+    panel = replace(panel, title=mode_title(modes, index), aside=f"MPC {float(mpc(modes.shapes[:, [index]])[0]):.3f}")
+    return Picture([panel], f"Shape of mode {index + 1}", (_WIDTH, 600))
+
+
+def mode_title(modes: ModalModel, index: int) -> str:
+    """Return the number of a mode, its frequency and its damping, with their 95 % intervals where they are known."""
+    told = described(modes)[index]
+    parts = [
+        value + (f" ± {half}" if half != "-" else "") + unit
+        for value, half, unit in ((told.frequency, told.frequency_half, " Hz"), (told.damping, told.damping_half, " %"))
+    ]
+    return f"mode {index + 1}: {', '.join(parts[: 2 if modes.damping_ratios[index] else 1])}"
+
+
+def with_lines(geometry: Geometry) -> Geometry:
+    """Return a geometry with lines, those between neighbouring nodes where it has neither lines nor faces."""
+    if geometry.lines.size or geometry.faces.size or len(geometry.nodes) > _MAX_JOINED:
+        return geometry
+    pairs = np.array(neighbour_lines(geometry.coordinates), dtype=int).reshape(-1, 2)
+    return replace(geometry, lines=np.asarray(geometry.nodes)[pairs])
 
 
 def has_channels(geometry: Geometry | None, labels: tuple[str, ...]) -> TypeGuard[Geometry]:
@@ -203,123 +248,91 @@ def in_order(labels: tuple[str, ...]) -> list[int]:
     return sorted(range(len(labels)), key=place)
 
 
-def _bars(ax: Axes, labels: tuple[str, ...], values: RealArray, spread: RealArray | None = None) -> None:
-    order = in_order(labels)
+def _bars(modes: ModalModel, index: int, values: RealArray, *, std: bool) -> Panel:
+    """Return a bar for every channel, in the order of the structure."""
+    order = in_order(modes.output_dofs)
     order = order[spaced(len(order), _MAX_BARS)]
-    labels, values = tuple(labels[k] for k in order), values[order]
-    places = np.arange(values.size)
-    ax.bar(places, values, width=0.72, color=np.where(values < 0, BLUE, VERMILLION).tolist(), zorder=2)
-    if spread is not None:
-        ax.errorbar(places, values, yerr=spread[order], fmt="none", ecolor=INK, capsize=3, zorder=3)
-    ax.axhline(0, color=INK, linewidth=0.8)
-    ax.set_ylim(-1.12, 1.12)
-    ax.set_xlim(-0.6, values.size - 0.4)
-    every = max(1, -(-values.size // _MAX_LABELS))
-    shown = [plain(label) for label in labels[::every]]
-    ax.set_xticks(places[::every], shown, rotation=90 if sum(map(len, shown)) > 60 else 0)
+    heights, places = values[order], np.arange(len(order))
+    across = axis_of_names("", [plain(modes.output_dofs[k], 14) for k in order], _MAX_LABELS)
+    items = [*bars(places, heights), level(across, 0.0, "ink")]
+    if std and modes.shapes_std is not None:
+        spread = modes.shapes_std[order, index] / (float(np.max(np.abs(modes.shapes[:, index]))) or 1.0)
+        items += ranges(places, heights - spread, heights + spread, "ink")
+    label = "shape (largest 1)" + (", ± 1 deviation" if std else "")
+    return Panel(across, Axis(label, -1.12, 1.12), items)
 
 
-def _over_length(ax: Axes, geometry: Geometry, motion: RealArray, measured: Array, view: View) -> None:
-    """Draw displacement over position, with the axes exchanged for an upright structure."""
+def _over_length(
+    geometry: Geometry, motion: RealArray, largest: RealArray, measured: Array, view: View, scale: float, size: bool
+) -> Panel:
+    """Return displacement over position, with the axes exchanged for an upright structure."""
     position = geometry.coordinates @ view.matrix[:, 0]
     order = np.argsort(position, kind="stable")
     nodes, along = order[measured[order]], position[order]
-    moving = np.flatnonzero(np.max(np.abs(motion), axis=0) > 1e-6 * float(np.max(np.abs(motion))))
+    moves = np.max(np.abs(largest), axis=0)
+    moving = np.flatnonzero(moves > 1e-6 * float(np.max(moves, initial=0.0)))
     upright = view.names[0] == "z"
-    flip = slice(None, None, -1) if upright else slice(None)
-    ax.plot(*(along, np.zeros(order.size))[flip], color=PALE, linewidth=2.0, zorder=1)
-    for axis, colour in zip(moving, (BLUE, VERMILLION, GREEN), strict=False):
-        style: dict[str, Any] = {"color": colour, "linewidth": 1.8, "marker": "o", "markersize": 6, "zorder": 3}
-        ax.plot(*(position[nodes], motion[nodes, axis])[flip], label=AXES[axis], **style)
-        stems = ax.hlines if upright else ax.vlines
-        stems(position[nodes], 0, motion[nodes, axis], color=colour, linewidth=0.7, alpha=0.5, zorder=2)
+
+    def placed(x: Array, y: Array) -> tuple[Array, Array]:
+        return (y, x) if upright else (x, y)
+
+    x, y = placed(along, np.zeros(order.size))
+    items: list[Item] = [Line(x, y, "pale", width=2.0)]
+    for axis in moving:
+        x, y = placed(position[nodes], motion[nodes, axis])
+        foot = np.column_stack(placed(position[nodes], np.zeros(nodes.size)))
+        items.append(strokes(np.stack([foot, np.column_stack((x, y))], axis=1), _MOTIONS[axis], 0.6))
+        items.append(Line(x, y, _MOTIONS[axis], AXES[axis] if moving.size > 1 else "", 1.7, mark="circle"))
     directions = ", ".join(AXES[axis] for axis in moving) or "no direction"
-    words = [f"position along {view.names[0]}", f"motion in {directions} (largest 1)"]
-    xlabel, ylabel = words[flip]
-    ax.set_xlabel(xlabel)
-    ax.set_ylabel(ylabel)
-    (ax.set_xlim if upright else ax.set_ylim)(-1.2, 1.2)
-    if moving.size > 1:
-        key(ax)
+    length, across = axis_of(f"position along {view.names[0]}", [along]), f"motion in {directions} (largest 1)"
+    sides = length, Axis(across, -1.2, 1.2)
+    return Panel(sides[1], sides[0], items) if upright else Panel(sides[0], sides[1], items)
 
 
-def _wireframe(ax: Axes, geometry: Geometry, motion: RealArray, measured: Array, view: View, scale: float) -> None:
-    """Draw the structure at rest in grey and displaced in colour: vermillion one way, blue the other."""
-    rest = geometry.coordinates @ view.matrix
-    size = float(np.max(np.linalg.norm(motion, axis=1))) or 1.0
-    moved = (geometry.coordinates + motion * (scale * extent(geometry.coordinates) / size)) @ view.matrix
+def _wireframe(
+    geometry: Geometry, motion: RealArray, largest: RealArray, measured: Array, view: View, scale: float, size: bool
+) -> Panel:
+    """Return the structure at rest in grey and displaced, with tones from one way over none to the other."""
+    rest, far = geometry.coordinates @ view.matrix, extent(geometry.coordinates)
+    most = float(np.max(np.linalg.norm(largest, axis=1))) or 1.0
+    moved = (geometry.coordinates + motion * (scale * far / most)) @ view.matrix
     # sign and size of the motion along the direction of the largest motion
-    signed = motion @ np.linalg.svd(motion, full_matrices=False)[2][0] / size
-    signed = signed * (np.sign(signed[np.argmax(np.abs(signed))]) or 1.0)
-    geometry, shown = thinned(geometry, measured)
-    live = measured[geometry.lines].any(axis=1) if len(geometry.lines) else np.zeros(0, dtype=bool)
-    _faces(ax, geometry, moved, signed, view)
-    _strokes(ax, rest[geometry.lines], color=PALE, linewidths=0.9, zorder=1)
-    _strokes(ax, np.stack([rest[shown], moved[shown]], axis=1), color=PALE, linewidths=0.7, linestyles=":", zorder=1.5)
-    _coloured(ax, moved[geometry.lines[live]], signed[geometry.lines[live]])
-    still, live_nodes = rest[shown], moved[shown]
-    ax.scatter(still[:, 0], still[:, 1], s=9, color=PALE, zorder=2, linewidths=0)
-    style: dict[str, Any] = {"cmap": diverging(), "vmin": -1, "vmax": 1, "edgecolors": "white", "linewidths": 0.7}
-    ax.scatter(live_nodes[:, 0], live_nodes[:, 1], s=34, c=signed[shown], zorder=5, **style)
-    ax.set_aspect("equal", adjustable="datalim")
-    ax.margins(0.06)
-    ax.set_xticks([])
-    ax.set_yticks([])
-    frameless(ax)
-    _triad(ax, view)
-
-
-def _strokes(ax: Axes, segments: Array, **style: Any) -> None:
-    from matplotlib.collections import LineCollection
-
-    if len(segments):
-        ax.add_collection(LineCollection(list(segments), capstyle="round", **style), autolim=True)
-
-
-def _coloured(ax: Axes, segments: Array, signed: Array) -> None:
-    """Draw lines with colours interpolated between the values at their ends."""
-    from matplotlib.collections import LineCollection
-
-    if not len(segments):
-        return
-    t = np.linspace(0, 1, _PIECES + 1)[:, None, None]
-    points = segments[:, 0] * (1 - t) + segments[:, 1] * t
-    pieces = np.stack([points[:-1], points[1:]], axis=2).reshape(-1, 2, 2)
-    middle = (t[:-1, :, 0] + t[1:, :, 0]) / 2
-    values = (signed[:, 0] * (1 - middle) + signed[:, 1] * middle).ravel()
-    lines = LineCollection(list(pieces), cmap=diverging(), linewidths=2.2, capstyle="round", zorder=4)
-    lines.set_array(values)
-    lines.set_clim(-1, 1)
-    ax.add_collection(lines, autolim=True)
-
-
-def _faces(ax: Axes, geometry: Geometry, moved: Array, signed: Array, view: View) -> None:
-    from matplotlib.collections import PolyCollection
-
-    if not len(geometry.faces):
-        return
-    depth = (geometry.coordinates @ view.depth)[geometry.faces].mean(axis=1)
-    ordered = geometry.faces[np.argsort(depth, kind="stable")]
-    faces = PolyCollection(
-        list(moved[ordered]), cmap=diverging(), alpha=0.55, edgecolors="white", linewidths=0.5, zorder=3
+    along = np.linalg.svd(largest, full_matrices=False)[2][0]
+    sign = np.sign((largest @ along)[np.argmax(np.abs(largest @ along))]) or 1.0
+    signed = np.linalg.norm(motion, axis=1) / most if size else sign * (motion @ along) / most
+    lines, faces, shown = thinned(geometry, measured)
+    live = lines[measured[lines].any(axis=1)] if len(lines) else lines
+    if len(faces):
+        faces = faces[np.argsort((geometry.coordinates @ view.depth)[faces].mean(axis=1), kind="stable")]
+    items: list[Item] = [
+        Areas(moved[faces], strength=0.6, tones=signed[faces].mean(axis=1))
+        if len(faces)
+        else Areas(np.zeros((0, 3, 2))),
+        strokes(rest[lines], width=0.9),
+        strokes(np.stack([rest[shown], moved[shown]], axis=1), dashed=True),
+        strokes(moved[live], width=2.0, tones=signed[live]),
+        Marks(rest[shown, 0], rest[shown, 1], "pale", "dot", size=0.4),
+        Marks(moved[shown, 0], moved[shown, 1], tones=signed[shown]),
+    ]
+    low, high = rest.min(axis=0), rest.max(axis=0)
+    reach = np.abs(largest @ view.matrix).max(axis=0) * scale * far / most + 0.05 * far
+    foot = low - reach
+    return Panel(
+        Axis("", low[0] - reach[0] - 0.02 * far, high[0] + reach[0], named=()),
+        Axis("", foot[1], high[1] + reach[1], named=()),
+        [*items, *_triad(view, foot, far)],
+        equal=True,
+        bare=True,
     )
-    faces.set_array(signed[ordered].mean(axis=1))
-    faces.set_clim(-1, 1)
-    ax.add_collection(faces, autolim=True)
 
 
-def _triad(ax: Axes, view: View) -> None:
-    """Show the directions of x, y and z in the lower left corner."""
-    inset = ax.inset_axes((0.0, 0.0, 0.11, 0.16))
-    inset.set_axis_off()
-    inset.set_aspect("equal")
-    for name, end in zip(AXES, view.matrix, strict=True):
-        if np.linalg.norm(end) > 0.05:
-            inset.plot([0, end[0]], [0, end[1]], color=MUTED, linewidth=1.1, solid_capstyle="round")
-            x, y = 1.2 * end + 0.2 * end / np.linalg.norm(end)
-            inset.text(x, y, name, fontsize=9, color=MUTED, ha="center", va="center")
-    inset.set_xlim(-1.6, 1.6)
-    inset.set_ylim(-1.6, 1.6)
+def _triad(view: View, foot: Array, far: float) -> list[Item]:
+    """Return the directions of x, y and z in the lower left corner."""
+    seen = [k for k, end in enumerate(view.matrix) if np.linalg.norm(end) > 0.05]
+    corner, tips = foot + 0.05 * far, view.matrix[seen]
+    names = corner + 0.08 * far * tips * (1 + 0.25 / np.linalg.norm(tips, axis=1))[:, None]
+    arrows = np.stack([np.broadcast_to(corner, tips.shape), corner + 0.08 * far * tips], axis=1)
+    return [strokes(arrows, "muted", 1.0), Words(names[:, 0], names[:, 1], [AXES[k] for k in seen], "muted")]
 
 
 @named()
@@ -340,19 +353,22 @@ def complexity(modes: ModalModel, index: int, ax: Axes | None = None) -> Axes:
         An unknown mode, or axes that are not polar.
     """
     check_mode(modes, index)
-    ax = new_axes(ax, (6.0, 6.0), projection="polar")
+    if ax is None:
+        from matplotlib import pyplot
+
+        ax = pyplot.figure(figsize=(6.0, 6.0), layout="constrained").add_subplot(projection="polar")
     if ax.name != "polar":
         remedy = 'Create them with projection="polar".'
         raise DataError("the complexity of a shape needs polar axes", f"the axes are {ax.name}", remedy)
+    blue, muted, pale, ink = (INKS[name][0] for name in ("blue", "muted", "pale", "ink"))
+    look: dict[str, Any] = {"color": blue, "linewidth": 1.6, "marker": "o", "markevery": [1], "markersize": 5}
     for value in turned(modes.shapes[:, index]):
-        ax.plot(
-            [0, np.angle(value)], [0, np.abs(value)], color=BLUE, linewidth=1.6, marker="o", markevery=[1], markersize=5
-        )
+        ax.plot([0, np.angle(value)], [0, np.abs(value)], **look)
     ax.set_ylim(0, 1.08)
     ax.set_yticks([0.5, 1.0], ["", ""])
-    ax.tick_params(labelsize=9, labelcolor=MUTED)
-    ax.grid(True, color=PALE, linewidth=0.5)
-    ax.spines["polar"].set_color(PALE)
-    headline(ax, f"mode {index + 1}: {modes.frequencies[index]:.5g} Hz")
-    aside(ax, f"MPC {float(mpc(modes.shapes[:, [index]])[0]):.3f}")
+    ax.tick_params(labelsize=9, labelcolor=muted)
+    ax.grid(visible=True, color=pale, linewidth=0.5)
+    ax.spines["polar"].set_color(pale)
+    ax.set_title(mode_title(modes, index), loc="left", fontsize=11.5, color=ink, fontweight="bold", pad=8)
+    ax.set_title(f"MPC {float(mpc(modes.shapes[:, [index]])[0]):.3f}", loc="right", fontsize=9.5, color=muted, pad=8)
     return ax

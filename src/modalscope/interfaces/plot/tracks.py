@@ -1,8 +1,8 @@
-"""Draw months of records: frequencies of tracks over time, against what moves them, and control charts."""
+"""Describe months of records: frequencies of tracks over time, against what moves them, and control charts."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,31 +10,31 @@ from modalscope.analysis.monitoring.change import Alarms
 from modalscope.analysis.monitoring.history import as_times
 from modalscope.analysis.monitoring.tracks import DOUBT, Explained, Tracks
 from modalscope.data.mode_fields import NORMAL_HALF_WIDTH
-from modalscope.interfaces.plot._style import (
-    BLUE,
-    GREEN,
-    INK,
-    MUTED,
-    ORANGE,
-    PALE,
-    PURPLE,
-    SKY,
-    VERMILLION,
-    aside,
-    dress,
-    key,
-    new_axes,
+from modalscope.interfaces.plot.on_axes import painted
+from modalscope.interfaces.plot.picture import (
+    Areas,
+    Axis,
+    Item,
+    Line,
+    Marks,
+    Panel,
+    Picture,
+    Words,
+    axis_of,
+    boxes,
+    level,
     plain,
+    strokes,
 )
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import check_kind
+from modalscope.numerics.checks import Array, RealArray, check_kind
 from modalscope.numerics.errors import check_choice
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Colours of tracks, in turn.
-_COLOURS = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY)
+#: Inks of tracks, in turn.
+_INKS = ("blue", "orange", "green", "vermillion", "purple", "sky")
 
 #: Records up to which single intervals can be seen.
 _MOST_INTERVALS = 500
@@ -53,35 +53,29 @@ def tracks(found: Tracks, ax: Axes | None = None) -> Axes:
         A new figure by default.
     """
     check_kind("found of tracks", found, Tracks)
-    ax, history = new_axes(ax), found.history
-    when = history.times[history.record]
-    few = len(history) <= _MOST_INTERVALS
-    size = 4.0 if few else 1.6
-    alone = found.track < 0
-    ax.plot(when[alone], history.frequencies[alone], ".", color=PALE, markersize=size, label="of no track", zorder=1)
-    std = found.frequencies_std
+    return painted(tracks_picture(found), ax)
+
+
+def tracks_picture(found: Tracks) -> Picture:
+    """Return the frequencies of tracks over time, in their inks, and what is of no track."""
+    history = found.history
+    when, few = _seconds(history.times[history.record]), len(history) <= _MOST_INTERVALS
+    size, alone = 0.5 if few else 0.1, found.track < 0
+    f = history.frequencies
+    items: list[Item] = [Marks(when[alone], f[alone], "pale", "dot", "of no track", size)]
     for k, name in enumerate(found.names):
-        colour, own = _COLOURS[k % len(_COLOURS)], (found.track == k) & ~found.double
-        sure, doubt = own & (found.mode_probability >= DOUBT), own & (found.mode_probability < DOUBT)
-        ax.plot(when[sure], history.frequencies[sure], ".", color=colour, markersize=size, label=plain(f"{name}"))
-        hollow = {"markerfacecolor": "white", "markeredgecolor": colour, "markersize": size}
-        ax.plot(when[doubt], history.frequencies[doubt], "o", **hollow)  # type: ignore[arg-type]
+        ink, own = _INKS[k % len(_INKS)], (found.track == k) & ~found.double
+        sure = found.mode_probability >= DOUBT
         second = (found.track == k) & found.double
-        ax.plot(when[second], history.frequencies[second], "x", color=colour, markersize=size)
         if few:
-            f = found.frequencies[:, k]
-            ax.vlines(
-                history.times,
-                f - NORMAL_HALF_WIDTH * std[:, k],
-                f + NORMAL_HALF_WIDTH * std[:, k],
-                color=colour,
-                linewidth=0.6,
-            )
-    dress(ax, xlabel="time (UTC)", ylabel="frequency [Hz]")
-    aside(ax, f"{len(history)} records")
-    _dates(ax)
-    key(ax, ncols=5, markerscale=2 if few else 5)
-    return ax
+            middle, half = found.frequencies[:, k], NORMAL_HALF_WIDTH * found.frequencies_std[:, k]
+            ends = np.stack([np.column_stack([_seconds(history.times), middle + s * half]) for s in (-1, 1)], axis=1)
+            items.append(strokes(ends, ink))
+        items.append(Marks(when[own & sure], f[own & sure], ink, "dot", plain(f"{name}"), size))
+        items.append(Marks(when[own & ~sure], f[own & ~sure], ink, "circle", size=size, hollow=True))
+        items.append(Marks(when[second], f[second], ink, "cross", size=size))
+    panel = Panel(_dates([when]), axis_of("frequency [Hz]", [f]), items, aside=f"{len(history)} records")
+    return Picture([panel], "Frequencies of all tracks over time")
 
 
 @named()
@@ -104,26 +98,25 @@ def against(found: Explained, covariate: str | None = None, ax: Axes | None = No
     check_kind("found of against", found, Explained)
     choices = [name for name in found.regressors[1:] if " below " not in name]
     name = check_choice("covariate", choices[0] if covariate is None and choices else covariate, choices)
-    ax, own = new_axes(ax), [k for k, n in enumerate(found.regressors) if n == name or n.startswith(f"{name} below ")]
+    return painted(against_picture(found, name), ax)
+
+
+def against_picture(found: Explained, name: str) -> Picture:
+    """Return the relative changes of all tracks, one below the other, against a covariate."""
+    own = [k for k, n in enumerate(found.regressors) if n == name or n.startswith(f"{name} below ")]
     x = found.design[:, own[0]]
-    order = np.argsort(x)
+    order, items, drawn = np.argsort(x), list[Item](), list[Array]()
     spread = 6 * float(np.nanmax(found.residual_std, initial=0.0))
     for k, track_name in enumerate(found.tracks.names):
-        colour, offset = _COLOURS[k % len(_COLOURS)], -k * spread
-        line = found.design[:, own] @ found.coefficients[k, own]
-        y = 100 * (line + found.residual[:, k] + offset)
-        ax.plot(x, y, ".", color=colour, markersize=1.8, alpha=0.5)
-        ax.plot(x[order], 100 * (line + offset)[order], color=INK, linewidth=1.0)
-        label = f"{track_name}: {100 * found.part_explained[k]:.0f} %"
-        ax.plot([], [], ".", color=colour, markersize=8, label=plain(label))
-    dress(
-        ax,
-        xlabel=plain(f"{name}, as it is felt"),
-        ylabel="relative change of frequency [%], tracks one below the other",
-    )
-    aside(ax, "legend: explained share of the variance")
-    key(ax, ncols=4)
-    return ax
+        line = found.design[:, own] @ found.coefficients[k, own] - k * spread
+        words = plain(f"{track_name}: {100 * found.part_explained[k]:.0f} %")
+        drawn.append(100 * (line + found.residual[:, k]))
+        items.append(Marks(x, drawn[-1], _INKS[k % len(_INKS)], "dot", words, 0.15))
+        items.append(Line(x[order], 100 * line[order], "ink"))
+    label = "relative change of frequency [%], tracks one below the other"
+    aside = "key: explained share of the variance"
+    panel = Panel(axis_of(plain(f"{name}, as it is felt"), [x]), axis_of(label, drawn), items, aside=aside)
+    return Picture([panel], f"Frequencies against {name}", columns=4)
 
 
 @named()
@@ -137,37 +130,33 @@ def control_chart(found: Alarms, ax: Axes | None = None) -> Axes:
         A new figure by default.
     """
     check_kind("found of control_chart", found, Alarms)
-    ax, times = new_axes(ax), found.explained.tracks.history.times
-    inside = found.explained.reference
-    ax.plot(times[inside], found.statistic[inside], ".", color=MUTED, markersize=2.4, label="reference")
-    ax.plot(times[~inside], found.statistic[~inside], ".", color=BLUE, markersize=2.4, label="judged")
-    label = f"limit: {found.false_per_year:g} false alarms a year"
-    ax.axhline(1, color=VERMILLION, linewidth=1.0, linestyle=(0, (5, 3)), label=label)
-    for number, alarm in enumerate(found.alarms):
-        label = "change, 95 %" if number == 0 else "_"
-        change, *interval = as_times("times", [alarm.change, *alarm.interval])
-        ax.axvspan(*interval, color=ORANGE, alpha=0.4, linewidth=0, label=label)
-        ax.axvline(change, color=ORANGE, linewidth=1.2)
-        text = f"{change.astype('datetime64[D]')!s}: {', '.join(alarm.tracks[:2])}"
-        ax.annotate(
-            plain(text),
-            (change, 0.98),
-            xycoords=("data", "axes fraction"),
-            ha="right",
-            va="top",
-            rotation=90,
-            fontsize=8.5,
-        )
-    dress(ax, xlabel="time (UTC)", ylabel=f"chart ({found.chart}) over its limit")
-    _dates(ax)
-    key(ax)
-    return ax
+    return painted(chart_picture(found), ax)
 
 
-def _dates(ax: Axes) -> None:
-    """Write dates short."""
-    from matplotlib import dates
+def chart_picture(found: Alarms) -> Picture:
+    """Return a control chart over time with its limit, its reference and its alarms."""
+    times, inside = _seconds(found.explained.tracks.history.times), found.explained.reference
+    limit = f"limit: {found.false_per_year:g} false alarms a year"
+    items: list[Item] = [
+        Marks(times[kept], found.statistic[kept], ink, "dot", words, 0.2)
+        for kept, ink, words in ((inside, "muted", "reference"), (~inside, "blue", "judged"))
+    ]
+    across = _dates([times])
+    items.append(level(across, 1.0, "vermillion", limit, dashed=True))
+    upward = axis_of(f"chart ({found.chart}) over its limit", [found.statistic, [0.0, 1.1]])
+    for alarm in found.alarms:
+        change, low, high = as_times("times", [alarm.change, *alarm.interval])
+        items.append(Areas(boxes(_seconds([low]), _seconds([high]), upward.low, upward.high), "orange", "change, 95 %"))
+        text = plain(f"{change.astype('datetime64[D]')!s}: {', '.join(alarm.tracks[:2])}")
+        items.append(Line(_seconds([change, change]), np.array([upward.low, upward.high]), "orange"))
+        items.append(Words(_seconds([change]), np.array([0.98 * upward.high]), [text], turned=True))
+    return Picture([Panel(across, upward, items)], "Control chart with its limit and its alarms")
 
-    locator: Any = dates.AutoDateLocator()  # type: ignore[no-untyped-call]
-    ax.xaxis.set_major_locator(locator)
-    ax.xaxis.set_major_formatter(dates.ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
+
+def _seconds(times: object) -> RealArray:
+    """Return dates as seconds since 1970."""
+    return np.asarray(times, dtype="datetime64[ms]").astype(float) / 1000
+
+
+def _dates(values: list[Array]) -> Axis:
+    return axis_of("time (UTC)", values, room=0.02, dates=True)

@@ -11,10 +11,10 @@ from modalscope.analysis.comparing.scatter import LEVEL
 from modalscope.analysis.comparing.verdict import LEADS
 from modalscope.data.mode_fields import told
 from modalscope.data.rebuilt import explains_enough, unexplained
+from modalscope.interfaces.plot.diagrams import stabilization_picture
+from modalscope.interfaces.plot.methods import deviations_picture, distances_picture, map_picture
 from modalscope.interfaces.plot.web.fits import fit_of, lines_of_response
 from modalscope.interfaces.reporting import record, sections
-from modalscope.interfaces.reporting.comparison_figures import deviations_svg, method_distances_svg, method_map_svg
-from modalscope.interfaces.reporting.figures import stabilization_svg
 from modalscope.interfaces.reporting.html import Section, figure, folded, listing, paragraph, table
 from modalscope.interfaces.reporting.record import comparison_script
 from modalscope.selection.judging.description import decimals
@@ -110,7 +110,7 @@ def _modes(c: Comparison) -> Section:
         body += folded(f"{len(c.unconfirmed)} more from transformed data only", words)
     if c.groups:
         caption = "Every method relative to the consensus; grey: the ± interval. Open marks: transformed data, without a vote."
-        body += figure(deviations_svg(c, "Deviation of every method from the consensus"), caption)
+        body += figure(deviations_picture(c), caption, 900, 484)
     return Section("modes", "Modes: the consensus", body)
 
 
@@ -166,10 +166,11 @@ def _kinship(c: Comparison) -> Section:
     if len(kin.classes) < _MIN_MAP_CLASSES or distance < _MIN_MAP_DISTANCE:
         text = f"All methods agree within {distance:.2g} half-power half-bandwidths: no map."
         return Section("map", "Map of methods", body + paragraph(text))
-    body += figure(method_map_svg(kin, "Map of methods"))
+    body += figure(map_picture(kin), width=900)
     caption = "Below the diagonal: distances of pole sets; above: principal angles in degrees."
     kind = "narrow" if len(kin.names) < _MIN_WIDE_METHODS else "whole"
-    body += f'<div class="{kind}">{figure(method_distances_svg(kin, "Distances between methods"), caption)}</div>'
+    width = 200 + 46 * min(len(kin.names), 14)
+    body += f'<div class="{kind}">{figure(distances_picture(kin), caption, width, width)}</div>'
     return Section("map", "Map of methods", body)
 
 
@@ -214,7 +215,7 @@ def _stabilization(c: Comparison) -> Section:
             classes.add(kind)
             kept.append(r)
     parts = [
-        figure(stabilization_svg(r.diagram, r.modes, None, f"Stabilization diagram of {r.label}"), r.label)
+        figure(stabilization_picture([r.diagram], r.modes), r.label, height=330)
         for r in kept[:_MAX_DIAGRAMS]
         if r.diagram is not None and r.modes is not None
     ]

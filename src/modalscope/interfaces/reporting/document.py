@@ -22,7 +22,7 @@ from modalscope.data.results import Result
 from modalscope.data.shown import counted
 from modalscope.identification.identify import Identification
 from modalscope.identification.method_names import cell_label
-from modalscope.interfaces.plot.web.alive import drawing_of
+from modalscope.interfaces.plot.web.alive import drawing_of, selected
 from modalscope.interfaces.plot.web.fits import Lines, fit_of, lines_of_response, rebuilt_lines
 from modalscope.interfaces.reporting import record, sections
 from modalscope.interfaces.reporting.comparison import comparison_sections
@@ -41,7 +41,6 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_kind, check_path
 from modalscope.numerics.plugins import REPORTS, added, names_added
 from modalscope.selection.judging.grades import grades
-from modalscope.selection.judging.select import select
 from modalscope.signals.doctor import Finding
 from modalscope.signals.preprocess.singular_spectra import Decomposition, decomposition
 
@@ -131,7 +130,7 @@ def report(
         parts = identification_sections(thing, source=source, command=command)
         return write_page(path, heading, _subtitle(thing.response), parts, sources_of(thing))
     origin = _origin(thing, source, command) if isinstance(thing, Result) else Origin(source, command)
-    modes, diagram = _selected(thing)
+    modes, (diagram, *_) = selected(thing, "a report")
     if certificate is not None:
         check_kind("certificate of report", certificate, Certificate)
         modes, origin = certificate.modes, replace(origin, certificate=certificate)
@@ -144,19 +143,6 @@ def report(
         return Path(path)
     parts = stabilization_sections(modes, diagram, origin)
     return write_page(path, heading, _subtitle(diagram.response), parts, sources)
-
-
-def _selected(thing: object) -> tuple[ModalModel, StabilizationDiagram]:
-    """Return the modes and the diagram of a result, of a pair in either order, or of a diagram alone."""
-    if isinstance(thing, StabilizationDiagram):
-        return select(thing), thing
-    pair = thing if isinstance(thing, tuple) else (getattr(thing, "modes", None), getattr(thing, "diagram", None))
-    if len(pair) == 2:
-        modes, diagram = pair if isinstance(pair[0], ModalModel) else pair[::-1]
-        if isinstance(modes, ModalModel) and isinstance(diagram, StabilizationDiagram):
-            return modes, diagram
-    remedy = "Give a diagram (of stabilize), the pair (modes, diagram), a result, an identification or a comparison."
-    raise DataError("a report needs modes or a diagram", f"it was given {type(thing).__name__}", remedy)
 
 
 def _heading(what: str, joint: str, source: str | None) -> str:
@@ -222,9 +208,8 @@ def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, ori
         yield intervals_section(modes)
     if origin.certificate is not None:
         yield certificate_section(origin.certificate)
-    for band in bands:
-        yield band.named(sections.stabilization_section(band.diagram, modes, spectra), several)
-    yield from sections.mode_pictures(modes, drawing.arrays, holds, points=drawing.points)
+    yield sections.stabilization_section(diagrams, modes, spectra)
+    yield from sections.mode_pictures(modes, holds, points=drawing.points)
     for band in bands:
         band_fit, band_lines = drawing.fit, drawing.lines
         if several and drawing.fit is not None:

@@ -6,7 +6,6 @@ The file contains all that a browser needs: the style, and the pictures as data.
 from __future__ import annotations
 
 import numbers
-from base64 import b64encode
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -16,6 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.interfaces.plot.picture import Picture
+from modalscope.interfaces.plot.web.svg import STYLE, inks, svg
 from modalscope.numerics.errors import printable
 
 #: The page loads nothing from outside, whatever the file contains.
@@ -97,9 +98,16 @@ def page(title: str, subtitle: str, sections: Iterable[Section], generator: str)
     )
     listed = list(sections)
     links = "".join(f'<a href="#{escaped(s.anchor)}">{escaped(s.title)}</a>' for s in listed)
+    style = f"{_inks()}{style}{STYLE}"
     texts = {"title": escaped(title), "subtitle": escaped(subtitle), "generator": escaped(generator)}
     body = "\n".join(s.html() for s in listed)
     return Template(template).substitute(texts, policy=_POLICY, style="\n" + style, links=links, sections=body)
+
+
+def _inks() -> str:
+    """Return the inks of pictures as variables of the style, on white and on dark ground; paper is white."""
+    dark = f"@media (prefers-color-scheme: dark) {{ @media screen {{ :root {{ {inks(dark=True)} }} }} }}"
+    return f":root {{ {inks(dark=False)} }}\n{dark}\n"
 
 
 def paragraph(text: str, kind: str = "") -> str:
@@ -164,13 +172,7 @@ def script(text: str) -> str:
     return f"<pre><code>{escaped(text)}</code></pre>"
 
 
-def picture(png: bytes, caption: str) -> str:
-    """Return a figure with its PNG in the page; `caption`: plain text below it."""
-    data = b64encode(png).decode()
-    return figure(f'<img src="data:image/png;base64,{data}" alt="{escaped(caption)}">', caption)
-
-
-def figure(svg: str, caption: str = "") -> str:
-    """Return a figure with its SVG in the page; `caption`: plain text below it."""
+def figure(picture: Picture, caption: str = "", width: float = 490, height: float | None = None) -> str:
+    """Return a figure with its picture as SVG of that many pixels; `caption`: plain text below it."""
     below = f"<figcaption>{escaped(caption)}</figcaption>" if caption else ""
-    return f"<figure>{svg}{below}</figure>"
+    return f"<figure>{svg(picture, width, height)}{below}</figure>"

@@ -13,9 +13,9 @@ from modalscope.data.rebuilt import asked_ends, explains_enough, unexplained
 from modalscope.data.shown import counted, frequency, percent
 from modalscope.identification.identify import Identification
 from modalscope.identification.method_names import cell_label
+from modalscope.interfaces.plot.intervals import certificate_picture, intervals_picture
 from modalscope.interfaces.plot.web.fits import Fit
 from modalscope.interfaces.plot.web.verdict import notes_that_matter, verdict_of
-from modalscope.interfaces.reporting.figures import certificate_svg, intervals_svg
 from modalscope.interfaces.reporting.html import Section, figure, folded, paragraph, table
 from modalscope.numerics.checks import BoolArray
 from modalscope.selection.judging.description import HEADS, WORDS, decimals, described
@@ -44,7 +44,7 @@ def intervals_section(modes: ModalModel) -> Section:
     scatter = " and the scatter between groups" if modes.frequencies_repeatability is not None else ""
     lead = paragraph(f"95 % intervals, each mode on its own axis; from the noise{scatter}.", "muted")
     pictures = "".join(
-        figure(intervals_svg(modes, of, f"95 % intervals of every mode's {of}")) for of in ("frequency", "damping")
+        figure(intervals_picture(modes, of), height=76 + 21 * len(modes)) for of in ("frequency", "damping")
     )
     notes = "".join(map(paragraph, notes_that_matter(modes.notes)[0]))
     return Section("intervals", title, f'{lead}<div class="pair">{pictures}</div>{notes}')
@@ -59,10 +59,7 @@ def certificate_section(certificate: Certificate) -> Section:
         f"at order {certificate.order}. An interval holds if the bias is below half a standard deviation, the scatter .8 to 1.25 of "
         "the predicted one, and the coverage at least 88 %. Intervals that fail are tried again with five times as many simulations."
     )
-    pictures = "".join(
-        figure(certificate_svg(certificate, of, f"Simulated deviations of every mode's {of}"))
-        for of in ("frequency", "damping")
-    )
+    pictures = "".join(figure(certificate_picture(certificate, of)) for of in ("frequency", "damping"))
     notes = "".join(paragraph(str(note)) for note in certificate.notes)
     if good < count:
         notes += paragraph("Intervals that do not hold are replaced by the scatter of the simulations.")

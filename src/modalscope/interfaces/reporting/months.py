@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,13 +13,15 @@ from modalscope.analysis.monitoring.store import Store
 from modalscope.analysis.monitoring.tracks import Explained, Tracks
 from modalscope.data import DataError
 from modalscope.data.shown import counted
-from modalscope.interfaces.plot.tracks import against, control_chart, tracks as drawn_tracks
-from modalscope.interfaces.reporting.figures import png
-from modalscope.interfaces.reporting.html import Section, listing, paragraph, picture, table
+from modalscope.interfaces.plot.tracks import against_picture, chart_picture, tracks_picture
+from modalscope.interfaces.reporting.html import Section, figure, listing, paragraph, table
 from modalscope.interfaces.reporting.track_view import track_view
 
 #: Covariates that are drawn, and refused records that are listed, at most.
 _MAX_COVARIATES, _MAX_REFUSED = 6, 500
+
+#: Pixels of a picture.
+_WIDE = (900, 500)
 
 
 def months_sections(store: Store, *, reference: Any = None, false_per_year: float = 1.0) -> Iterator[Section]:
@@ -57,7 +58,7 @@ def _summary(store: Store, tracks: Tracks, chart: Alarms | DataError) -> Section
 
 def _tracks(store: Store, tracks: Tracks) -> Section:
     head, *rows = tracks.rows()
-    still = picture(png(partial(drawn_tracks, tracks)), "Frequencies of all tracks over time")
+    still = figure(tracks_picture(tracks), "Frequencies of all tracks over time", *_WIDE)
     records = store.records
     alive = track_view(tracks, records.time[records.state == "refused"])
     drawn = f"<noscript>{still}</noscript>{alive}"
@@ -67,7 +68,7 @@ def _tracks(store: Store, tracks: Tracks) -> Section:
 def _moved(found: Explained) -> Section:
     head, *rows = found.rows()
     names = [name for name in found.regressors[1:] if " below " not in name][:_MAX_COVARIATES]
-    pictures = [picture(png(partial(against, found, name)), f"Frequencies against {name}") for name in names]
+    pictures = [figure(against_picture(found, name), f"Frequencies against {name}", *_WIDE) for name in names]
     return Section(
         "moved",
         "What moves them",
@@ -78,7 +79,7 @@ def _moved(found: Explained) -> Section:
 def _chart(chart: Alarms | DataError) -> Section:
     if isinstance(chart, DataError):
         return Section("chart", "Control chart", paragraph(str(chart)))
-    drawn = picture(png(partial(control_chart, chart)), "Control chart with its limit and its alarms")
+    drawn = figure(chart_picture(chart), "Control chart with its limit and its alarms", *_WIDE)
     own = [note for note in chart.notes if note not in chart.explained.notes]
     return Section("chart", "Control chart", drawn + "".join(map(paragraph, own)))
 

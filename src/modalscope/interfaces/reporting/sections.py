@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,17 +14,13 @@ from modalscope.data.rebuilt import band_of
 from modalscope.data.response import Response
 from modalscope.data.shown import frequency, percent
 from modalscope.identification.identify import Identification
+from modalscope.interfaces.plot.diagrams import fit_errors_picture, singular_values_picture, stabilization_picture
+from modalscope.interfaces.plot.matrices import mac_picture
+from modalscope.interfaces.plot.picture import unit_of
+from modalscope.interfaces.plot.responses import coherence_of, lines_picture, title_of
+from modalscope.interfaces.plot.shapes import shape_picture
 from modalscope.interfaces.plot.web.alive import Drawing, alive_blob, front_end
 from modalscope.interfaces.plot.web.fits import Fit, Lines
-from modalscope.interfaces.plot.web.modes import modes_parts
-from modalscope.interfaces.reporting.figures import (
-    fit_errors_svg,
-    mac_svg,
-    response_svg,
-    shape_svg,
-    singular_values_svg,
-    stabilization_svg,
-)
 from modalscope.interfaces.reporting.html import (
     Section,
     figure,
@@ -45,6 +41,9 @@ _MAX_TABLE_ROWS, _MAX_TABLE_COLUMNS = 40, 12
 
 #: Maximum number of drawn channels.
 _MAX_CHANNELS = 4
+
+#: Pixels of a picture as wide as the page.
+_WIDE = (900, 500)
 
 #: The interactive section needs scripts; it is hidden without them and on paper.
 _ALIVE_STYLE = """body:not(.alive) #explore, body:not(.alive) a[href="#explore"] { display: none; }
@@ -96,12 +95,13 @@ def alive_section(drawing: Drawing) -> Iterator[Section]:
 
 
 def stabilization_section(
-    diagram: StabilizationDiagram, modes: ModalModel, spectra: Decomposition | None = None
+    diagrams: Sequence[StabilizationDiagram], modes: ModalModel, spectra: Decomposition | None = None
 ) -> Section:
-    """Draw the diagram with the selected modes over the mode indicator or given spectra, singular values and the misfit of every order.
+    """Draw one diagram of all bands with the selected modes, over the mode indicator or given spectra.
 
-    `modes`: of all bands; those inside are drawn, by the numbers that they have in every table and picture.
+    Below are the singular values and what is unexplained at each order, of every band.
     """
+    diagram = diagrams[0]
     curves = "the singular values of the spectra" if spectra is not None else "the mode indicator"
     caption = f"Poles of all orders over {curves}; lines mark the selected modes."
     if diagram.tolerances:
@@ -110,22 +110,36 @@ def stabilization_section(
             for name, limit in diagram.tolerances.items()
         )
         caption += f" Marks state what agrees with a pole of the previous order. Tolerances: {tolerances}."
-    body = figure(stabilization_svg(diagram, modes, spectra, "Stabilization diagram with the selected modes"), caption)
-    pictures = singular_values_picture(diagram.singular_values, diagram.orders)
-    if len(diagram.orders) > 1:
-        caption = (
-            "Unexplained part at each order, outputs scaled to the same level: beyond the knee, more states fit noise."
-        )
-        pictures += figure(fit_errors_svg(diagram, "Unexplained part at each order"), caption)
+    body = figure(stabilization_picture(diagrams, modes, spectra=spectra), caption, *_WIDE)
+    pictures = "".join(_of_orders(band, f"{band.words}: " if len(diagrams) > 1 else "") for band in bands_of(diagrams))
     body += f'<div class="pair">{pictures}</div>' if pictures else ""
     return Section("stabilization", "Stabilization", body)
 
 
-def singular_values_picture(values: RealArray, orders: Sequence[int]) -> str:
+def _of_orders(band: Band, lead: str) -> str:
+    """Draw singular values and the misfit of every order of a band, as far as there are several."""
+    diagram = band.diagram
+    pictures = singular_values_figure(diagram.singular_values, diagram.orders, lead)
+    if len(diagram.orders) > 1:
+        words = (
+            "unexplained part at each order, outputs scaled to the same level: beyond the knee, more states fit noise."
+        )
+        pictures += figure(fit_errors_picture(diagram), capitalized(f"{lead}{words}"))
+    return pictures
+
+
+def singular_values_figure(values: RealArray, orders: Sequence[int], lead: str = "") -> str:
     """Draw the singular values of the data matrix, if there are several."""
-    title = "Singular values of the data matrix"
-    caption = f"{title}: a gap indicates the number of significant states."
-    return figure(singular_values_svg(values, orders, title), caption) if values.size > 1 else ""
+    if values.size < 2:
+        return ""
+    picture = singular_values_picture(values, most=max(orders, default=20))
+    words = "singular values of the data matrix: a gap indicates the number of significant states."
+    return figure(picture, capitalized(f"{lead}{words}"))
+
+
+def capitalized(words: str) -> str:
+    """Return a sentence with its first letter large."""
+    return words[:1].upper() + words[1:]
 
 
 def model_section(identified: Identification) -> Section:
@@ -141,31 +155,24 @@ def model_section(identified: Identification) -> Section:
     }
     if len(identified.extraneous):
         facts["extraneous poles"] = f"{len(identified.extraneous)}, beyond the rank; identified by their amplitude"
-    drawn = singular_values_picture(identified.singular_values, (identified.order,))
+    drawn = singular_values_figure(identified.singular_values, (identified.order,))
     return Section("model", "Model", listing(facts.items()) + (f'<div class="narrow">{drawn}</div>' if drawn else ""))
 
 
 def mode_pictures(
-    modes: ModalModel,
-    drawn: Mapping[str, Array] | None = None,
-    holds: BoolArray | None = None,
-    *,
-    points: ModalModel | None = None,
+    modes: ModalModel, holds: BoolArray | None = None, *, points: ModalModel | None = None
 ) -> Iterator[Section]:
     """Yield the mode shapes and their AutoMAC, as far as there are modes; a single point has one number, 1, for a shape.
 
-    `drawn`: the arrays of `modes_parts`, if they are known. `holds`: as in `grades`. `points`: as of `over_points`.
+    `holds`: as in `grades`. `points`: as of `over_points`.
     """
     points = modes if points is None else points
     if len(points.output_dofs) < 2:
         return
-    drawn = modes_parts(modes, {}, points=points)[1] if drawn is None else drawn
     if len(modes):
+        bars = points.geometry is None and points.shapes_std is not None
         pictures = "".join(
-            figure(
-                shape_svg(points, i, drawn, f"Shape of mode {i + 1}"),
-                f"Mode {each.number}: {each.frequency} Hz, damping {each.damping} %, {each.grade}, MPC {each.mpc}",
-            )
+            figure(shape_picture(points, i, std=bars), f"Mode {each.number}: {each.grade}, {each.reason}", height=280)
             for i, each in enumerate(described(modes, holds))
         )
         over = "" if points is modes else "Over the points that were driven, by reciprocity. "
@@ -177,7 +184,7 @@ def mode_pictures(
     if len(modes) > 1:
         lead = "Similarity of the shapes: 1 equal, 0 orthogonal. High values off the diagonal: too few channels, or a duplicate mode."
         yield Section(
-            "mac", "AutoMAC", f'{paragraph(lead)}<div class="narrow">{figure(mac_svg(points, "AutoMAC"))}</div>'
+            "mac", "AutoMAC", f'{paragraph(lead)}<div class="narrow">{figure(mac_picture(points), width=600)}</div>'
         )
 
 
@@ -237,13 +244,12 @@ def responses_section(response: Response, fit: Fit, lines: Lines | None) -> Sect
 
 def _channel(response: Response, lines: Lines, i: int, j: int, error: float) -> str:
     """Draw one channel, with its coherence where that is known on the lines drawn."""
-    coherence, of_channel = response.coherence, None
-    if coherence is not None and len(coherence) == len(lines.frequencies):
-        each = coherence.reshape(*coherence.shape[:2], -1)
-        of_channel = each[:, i, min(j, each.shape[2] - 1)]
-    words = f"Output {response.output_dofs[i]}, {response.column_word} {response.columns[j]}"
-    drawn = response_svg(lines, i, j, of_channel, f"{words}, measured and rebuilt")
-    return figure(drawn, f"{words}: {percent(error)} unexplained")
+    known = response.coherence is not None and len(response.coherence) == len(lines.frequencies)
+    coherence = coherence_of(response.coherence, i, j) if known and response.coherence is not None else None
+    sides = lines.measured[:, i, j], lines.rebuilt[:, i, j]
+    unit, title = unit_of(response.picture(), i, j), title_of(response, i, j)
+    picture = lines_picture(lines.frequencies, *sides, coherence, unit, title, told=False)
+    return figure(picture, f"{percent(error)} unexplained", height=350)
 
 
 def _error_table(response: Response, errors: Array, ranked: list[tuple[int, int]]) -> str:

@@ -13,11 +13,11 @@ from modalscope.data import DataError, ModalModel, StabilizationDiagram
 from modalscope.data.rebuilt import asked_ends, band_of
 from modalscope.data.results import Result
 from modalscope.identification.method_names import cell_label
-from modalscope.interfaces.plot._style import unit_of
+from modalscope.interfaces.plot.picture import unit_of
 from modalscope.interfaces.plot.web.blob import pack
 from modalscope.interfaces.plot.web.fits import Fit, Lines, fit_of_bands, lines_of, strongest
 from modalscope.interfaces.plot.web.modes import modes_parts, over_points
-from modalscope.interfaces.plot.web.poles import behind, pole_arrays
+from modalscope.interfaces.plot.web.poles import KINDS, amplitudes, behind, pole_arrays
 from modalscope.interfaces.plot.web.verdict import Verdict, verdict_of
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, BoolArray, IntArray
@@ -91,6 +91,7 @@ def alive_blob(drawing: Drawing) -> bytes:
     lines, curves = behind(diagrams, _MAX_POINTS, spectra)
     head: dict[str, Any] = {
         **drawing.entries,
+        "kinds": [kind._asdict() for kind in KINDS],
         "label": cell_label(first.method, first.domain),
         "orders": sorted({order for diagram in diagrams for order in diagram.orders}),
         "bands": [list(band_of(d, len(diagrams)) if spectra is None else asked_ends(d)) for d in diagrams],
@@ -100,7 +101,7 @@ def alive_blob(drawing: Drawing) -> bytes:
         "unexplained": drawing.verdict.unexplained,
         "warnings": drawing.verdict.warnings,
     }
-    arrays = {**drawing.arrays, **pole_arrays(diagrams), "behind": lines, "curves": curves}
+    arrays = {**drawing.arrays, **pole_arrays(diagrams), "behind": lines, "curves": amplitudes(curves, spectra)}
     if drawing.fit is not None and drawing.lines is not None:
         shape = drawing.lines.measured.shape[1:]
         channels, scales = _channels(drawing.modes, drawing.lines)
@@ -168,7 +169,7 @@ def widget(thing: Any) -> Any:
     DataError
         An object without modes and diagram; anywidget (the extra `notebook`) or the front end is missing.
     """
-    modes, diagrams = _pair(thing)
+    modes, diagrams = selected(thing)
     anywidget = optional_package("a widget", "anywidget", "notebook")
     traitlets = optional_package("a widget", "traitlets", "notebook")
     script, style = front_end("widget.js"), front_end("widget.css")
@@ -184,15 +185,18 @@ def widget(thing: Any) -> Any:
     return type("Widget", (anywidget.AnyWidget,), fields)(blob=alive_blob(drawing_of(modes, *diagrams)))
 
 
-def _pair(thing: Any) -> tuple[ModalModel, tuple[StabilizationDiagram, ...]]:
-    """Return modes and their diagrams."""
+def selected(thing: Any, asked: str = "a widget") -> tuple[ModalModel, tuple[StabilizationDiagram, ...]]:
+    """Return the modes and the diagrams of a result, of a pair in either order, or of a diagram, whose modes are selected.
+
+    Raises `DataError`: something else; `asked`: what they are needed for.
+    """
     if isinstance(thing, StabilizationDiagram):
         return select(thing), (thing,)
     if isinstance(thing, Result):
         return thing.modes, thing.diagrams or (thing.diagram,)
-    if isinstance(thing, tuple) and len(thing) == 2:
-        modes, diagram = thing
-        if isinstance(modes, ModalModel) and isinstance(diagram, StabilizationDiagram):
-            return modes, (diagram,)
+    pair = thing if isinstance(thing, tuple) else (getattr(thing, "modes", None), getattr(thing, "diagram", None))
+    found = {type(each): each for each in pair}
+    if len(pair) == 2 and set(found) == {ModalModel, StabilizationDiagram}:
+        return found[ModalModel], (found[StabilizationDiagram],)
     remedy = "Give a result of analyze, a diagram of stabilize, or (modes, diagram)."
-    raise DataError("a widget shows modes with their diagram", f"it was given {type(thing).__name__}", remedy)
+    raise DataError(f"{asked} needs modes and their diagram", f"it was given {type(thing).__name__}", remedy)

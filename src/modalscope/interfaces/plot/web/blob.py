@@ -13,10 +13,14 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.interfaces.plot.picture import Axis, Item, Panel, Picture
 from modalscope.io.arrays import plain
 from modalscope.numerics.checks import Array
 
 _ALIGN = 8
+
+#: Fields of what pictures are made of that are arrays.
+_POINTS = ("x", "y", "tones", "corners", "strength")
 
 #: Kind of an array -> its type in the blob; browsers have typed arrays for these.
 _TYPES = {"f": "<f4", "i": "<i4", "u": "|u1", "b": "|u1"}
@@ -47,3 +51,45 @@ def pack(
     text = json.dumps(plain({**head, "arrays": listed}), allow_nan=False).encode()
     text += b" " * (-(len(text) + 4) % _ALIGN)
     return len(text).to_bytes(4, "little") + text + b"".join(parts)
+
+
+def picture_blob(picture: Picture) -> bytes:
+    """Return a described picture as a blob that the page's canvas paints: words in its head, points in its arrays."""
+    arrays: dict[str, Array] = {}
+
+    def stored(values: Any) -> str:
+        arrays[f"a{len(arrays)}"] = np.asarray(values, dtype=float)
+        return f"a{len(arrays) - 1}"
+
+    def item_of(item: Item) -> dict[str, Any]:
+        fields = {name: getattr(item, name) for name in item.__slots__}
+        points = {name: stored(v) for name, v in fields.items() if name in _POINTS and v is not None}
+        return {**fields, **points, "kind": type(item).__name__}
+
+    def axis_of(axis: Axis) -> dict[str, Any]:
+        ticks = [[float(at), words] for at, words in axis.ticks()]
+        return {
+            "label": axis.label,
+            "low": axis.low,
+            "high": axis.high,
+            "log": axis.log,
+            "ticks": ticks,
+            "upright": axis.upright,
+        }
+
+    def panel_of(panel: Panel) -> dict[str, Any]:
+        plainly = {
+            name: getattr(panel, name) for name in ("title", "aside", "share", "equal", "bare", "grid", "labelled")
+        }
+        behind = panel.behind and {"axis": axis_of(panel.behind[0]), "items": list(map(item_of, panel.behind[1]))}
+        sides = {
+            "x": axis_of(panel.x),
+            "y": axis_of(panel.y),
+            "behind": behind,
+            "marked": list(map(list, panel.marked)),
+        }
+        return {**plainly, **sides, "items": list(map(item_of, panel.items)), "named": panel.x.named is not None}
+
+    key = [item_of(item) for item in picture.key()]
+    head = {"words": picture.words, "panels": list(map(panel_of, picture.panels)), "key": key, "size": picture.size}
+    return pack(head, arrays)

@@ -10,7 +10,8 @@ import numpy as np
 from modalscope.data import DataError, ImpulseResponse, ModalModel, StabilizationDiagram
 from modalscope.data.rebuilt import band_of, fit_error, fit_error_heard, heard_lines, of_band, rebuilt
 from modalscope.data.response import Response
-from modalscope.interfaces.plot._style import unit_of
+from modalscope.interfaces.plot.picture import unit_of
+from modalscope.interfaces.plot.responses import coherence_of
 from modalscope.interfaces.plot.web.blob import pack
 from modalscope.numerics.checks import Array
 
@@ -167,6 +168,5 @@ def _channel_lines(response: Response, modes: ModalModel, output: int, column: i
     f, values = shown.spectrum()
     coherence = np.full(len(f), np.nan)
     if shown.coherence is not None and len(shown.coherence) == len(f):
-        each = shown.coherence.reshape(*shown.coherence.shape[:2], -1)
-        coherence = each[:, output, min(column, each.shape[2] - 1)]
+        coherence = coherence_of(shown.coherence, output, column)
     return np.asarray(f), values[:, output, column], fitted[:, output, column], coherence

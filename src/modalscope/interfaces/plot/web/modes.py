@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,14 +13,20 @@ from modalscope.data.analysis import named_near
 from modalscope.data.indicators import mac
 from modalscope.data.response import Response
 from modalscope.interfaces.plot._camera import extent
-from modalscope.interfaces.plot.shapes import has_channels, turned
+from modalscope.interfaces.plot.shapes import has_channels, turned, with_lines
 from modalscope.interfaces.plot.web.blob import pack
-from modalscope.io.geometry import neighbour_lines, points_table
+from modalscope.io.geometry import points_table
 from modalscope.numerics.checks import Array, ComplexArray
 from modalscope.selection.judging.description import HEADS, ModeDescription, described
 
-#: Maximum number of nodes that are joined by lines between neighbours.
-_MAX_JOINED = 2000
+#: What is known of frequencies and damping, whatever the points are over which the shapes are drawn.
+_DEVIATIONS = (
+    "frequencies_std",
+    "damping_ratios_std",
+    "frequencies_repeatability",
+    "damping_ratios_repeatability",
+    "degrees",
+)
 
 #: Maximum number of nodes that are edited as a table.
 _MAX_EDITED = 500
@@ -47,6 +54,8 @@ def over_points(modes: ModalModel, response: Response | None) -> ModalModel:
     Of a roving hammer the inputs are the points. By H_ij = H_ji the participation of a mode is its shape over them.
     """
     inputs = modes.input_dofs
+    if modes.geometry is not None and not has_channels(modes.geometry, (*modes.output_dofs, *inputs)):
+        modes = replace(modes, geometry=None)
     if (
         response is None
         or not response.reciprocal
@@ -60,6 +69,7 @@ def over_points(modes: ModalModel, response: Response | None) -> ModalModel:
         output_dofs=inputs,
         geometry=modes.geometry,
         scaling=modes.scaling,
+        **{name: getattr(modes, name) for name in _DEVIATIONS},
     )
 
 
@@ -156,7 +166,7 @@ def _moved(
         faces = np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
     return geometry.nodes, {
         "rest": (geometry.coordinates - middle) / size,
-        "lines": _lines_of(geometry),
+        "lines": with_lines(geometry).lines,
         "faces": faces,
         "measured": np.array([node in moved for node in geometry.nodes]),
         "moved_real": motion.real,
@@ -164,13 +174,6 @@ def _moved(
         "signed_real": signed.real,
         "signed_imag": signed.imag,
     }
-
-
-def _lines_of(geometry: Geometry) -> Array:
-    """Return the lines of a geometry, those between neighbouring nodes where it has neither lines nor faces."""
-    if geometry.lines.size or geometry.faces.size or len(geometry.nodes) > _MAX_JOINED:
-        return geometry.lines
-    return np.array(neighbour_lines(geometry.coordinates), dtype=int).reshape(-1, 2)
 
 
 def _signed(motion: Array) -> ComplexArray:

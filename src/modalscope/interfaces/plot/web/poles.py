@@ -4,23 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from modalscope.data import DataError, FrequencyResponse, StabilizationDiagram
-from modalscope.data.indicators import mmif
+from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, StabilizationDiagram
+from modalscope.data.indicators import cmif, mmif
 from modalscope.data.rebuilt import asked_ends, band_of
 from modalscope.data.response import Response
 from modalscope.data.shown import summary_of
 from modalscope.identification.method_names import cell_label
 from modalscope.identification.stabilize import stable_against
 from modalscope.identification.sweep import Cut, Sweep
-from modalscope.interfaces.plot.diagrams import indicator_curves
 from modalscope.interfaces.plot.web.blob import pack
 from modalscope.interfaces.plot.web.fits import cut_to_band
 from modalscope.io.arrays import plain
-from modalscope.numerics.checks import Array
+from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.functions.poles import frequencies_and_damping
 from modalscope.signals.preprocess import decomposition, estimate_frf
 from modalscope.signals.preprocess.singular_spectra import Decomposition
@@ -30,6 +29,48 @@ _MAX_CURVES, _MAX_POINTS = 3, 200_000
 
 #: Maximum number of drawn singular values of spectra.
 _MAX_SPECTRA = 4
+
+
+class Kind(NamedTuple):
+    """How a pole agrees with one of the previous order: letter, words, mark and ink."""
+
+    letter: str
+    words: str
+    mark: str
+    ink: str
+
+
+#: Kinds of poles, by the number that `pole_arrays` gives them.
+KINDS = (
+    Kind("o", "new", "cross", "middle"),
+    Kind("f", "frequency", "diamond", "amber"),
+    Kind("d", "frequency, damping", "triangle", "green"),
+    Kind("v", "frequency, shape", "square", "purple"),
+    Kind("s", "stable", "dot", "blue"),
+)
+
+#: Minimum lines of a spectrum of samples, so that peaks are drawn smooth.
+_MIN_LINES = 4096
+
+
+def indicator_curves(response: Response, kind: str = "cmif") -> tuple[RealArray, RealArray]:
+    """Return lines in Hz, (F,), and the curves of the mode indicator, (F, k).
+
+    `cmif` gives the singular values of H at each line, `sum` the sum of the magnitudes. Impulse responses are zero-padded and transformed
+    by FFT; correlations, which are truncated before they decay, are first multiplied by the falling half of a Hann window.
+    """
+    response = response.picture()
+    if isinstance(response, FrequencyResponse):
+        lines, values = response.frequencies, response.values
+    else:
+        assert isinstance(response, ImpulseResponse)
+        samples = response.samples
+        length = max(samples, 2 * _MIN_LINES)
+        fall = 0.5 + 0.5 * np.cos(np.pi * np.arange(samples) / samples) if response.ambient else np.ones(samples)
+        lines = np.asarray(np.fft.rfftfreq(length, 1 / response.sampling_rate), dtype=float)
+        values = np.fft.rfft(response.values * fall[:, None, None], length, axis=0) / response.sampling_rate
+    curves = cmif(values) if kind == "cmif" else np.abs(values).sum(axis=(1, 2))[:, None]
+    return lines, curves
 
 
 def curves_of(data: Any, kind: str = "cmif", spectra: Decomposition | None = None) -> tuple[Array, Array]:
@@ -62,7 +103,8 @@ def overview_blob(data: Any, spectra: Decomposition | None = None) -> bytes:
         lines, curves = curves_of(data, spectra=spectra)
     except DataError:  # no response can be estimated from these records
         lines, curves = np.zeros(0), np.zeros((0, 1))
-    head = {"summary": summary_of(data), "span": [lines[0], lines[-1]] if len(lines) else None}
+    span = [lines[0], lines[-1]] if len(lines) else None
+    head = {"summary": summary_of(data), "span": span, "kinds": [kind._asdict() for kind in KINDS]}
     lines, level = thinned(lines, curves[:, :_MAX_CURVES], _MAX_POINTS)
     return pack(head, {"lines": lines, "curves": level}, exact=("lines",))
 
@@ -86,11 +128,11 @@ def cut_view(sweep: Sweep, cut: Cut, before: Cut | None) -> dict[str, Any]:
 
 
 #: Curves that can stand behind the poles: name -> words of the choice, label of their axis, whether that is linear.
-_INDICATORS = {
+INDICATORS = {
     "spectra": ("singular values", "singular values of the spectra", False),
-    "cmif": ("CMIF", "mode indicator", False),
+    "cmif": ("CMIF", "mode indicator: CMIF", False),
     "mmif": ("MIF", "MIF, 0 at a resonance", True),
-    "sum": ("sum", "sum of responses", False),
+    "sum": ("sum", "sum of magnitudes", False),
 }
 
 
@@ -99,7 +141,8 @@ def _indicators(
 ) -> Iterator[tuple[str, Array, Array]]:
     """Yield the curves that can stand behind the poles: name, lines and values; spectra, where there are, first."""
     if spectra is not None:
-        yield "spectra", *behind(diagrams, _MAX_POINTS, spectra)
+        lines, curves = behind(diagrams, _MAX_POINTS, spectra)
+        yield "spectra", lines, amplitudes(curves, spectra)
     responses = [d.response for d in diagrams]
     for name in ("cmif", "mmif", "sum") if all(map(_has_mif, responses)) else ("cmif", "sum"):
         with suppress(DataError):  # too large for another decomposition
@@ -117,7 +160,7 @@ def poles_blob(diagrams: Sequence[StabilizationDiagram], spectra: Decomposition 
     first, arrays = diagrams[0], pole_arrays(diagrams)
     indicators = []
     for name, lines, curves in _indicators(diagrams, spectra):
-        words, level, linear = _INDICATORS[name]
+        words, level, linear = INDICATORS[name]
         indicators.append({"name": name, "words": words, "level": level, "linear": linear})
         arrays |= {f"{name}_lines": lines, f"{name}_curves": curves}
     head = {
@@ -155,23 +198,22 @@ def pole_arrays(diagrams: Sequence[StabilizationDiagram]) -> dict[str, Array]:
 def behind(
     diagrams: Sequence[StabilizationDiagram], points: int, spectra: Decomposition | None = None, kind: str = "cmif"
 ) -> tuple[Array, Array]:
-    """Return lines (F,) and indicator curves (k, F) of diagrams, thinned to `points`.
+    """Return lines (F,) and indicator curves (k, F) of diagrams, thinned to `points`; all of them if that is 0.
 
-    `spectra`: square roots of their largest singular values, which are amplitudes, instead of the indicator, in the chosen bands.
-    `kind`: as in `curves_of`.
+    `spectra`: their largest singular values instead of the indicator, in the chosen bands. `kind`: as in `curves_of`.
     """
     if spectra is not None:
         f = spectra.frequencies
         kept = np.any([(low <= f) & (f <= high) for low, high in map(asked_ends, diagrams)], axis=0)
-        return thinned(f[kept], np.sqrt(spectra.singular_values[kept, :_MAX_SPECTRA]), points)
+        return thinned(f[kept], spectra.singular_values[kept, :_MAX_SPECTRA], points)
     curves = [cut_to_band(curves_of(d.response, kind), d, len(diagrams)) for d in diagrams]
     count = min(_MAX_CURVES, *(c.shape[1] for _, c in curves))
     return thinned(np.concatenate([f for f, _ in curves]), np.concatenate([c[:, :count] for _, c in curves]), points)
 
 
-def decibels(values: Array) -> Array:
-    """Return 20 log10 of what is positive, NaN elsewhere."""
-    return 20 * np.log10(values, out=np.full(np.shape(values), np.nan), where=np.asarray(values) > 0)
+def amplitudes(curves: Array, spectra: Decomposition | None) -> Array:
+    """Return curves as amplitudes, whose decibels are told: of spectra their square roots."""
+    return curves if spectra is None else np.sqrt(curves)
 
 
 def thinned(lines: Array, curves: Array, points: int) -> tuple[Array, Array]:
@@ -179,7 +221,7 @@ def thinned(lines: Array, curves: Array, points: int) -> tuple[Array, Array]:
 
     `lines` (F,). `curves` (F, k).
     """
-    every = max(1, -(-len(lines) // points))
+    every = max(1, -(-len(lines) // points)) if points else 1
     if every == 1:
         return lines, curves.T
     starts = np.arange(0, len(lines), every)
