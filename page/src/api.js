@@ -70,7 +70,9 @@ export const against = (key, file) => post(`/api/documents/${key}/against`, { fi
 /** @param {string} key @param {string} name */
 export const blob = async (key, name) => unpack(await (await ask(`/api/documents/${key}/blob/${name}`)).arrayBuffer());
 /** @param {string} key @param {number} output @param {number} input */
-export const channel = async (key, output, input) => unpack(await (await ask(`/api/documents/${key}/channel?output=${output}&input=${input}`)).arrayBuffer());
+export const channel = async (key, output, input) => unpack(await (await ask(`/api/documents/${key}/channel${output < 0 ? "" : `?output=${output}&input=${input}`}`)).arrayBuffer());
+/** @param {string} key */
+export const measured = async (key) => (await ask(`/api/documents/${key}/measured`)).json();
 /** @param {string} key @param {string} name */
 export const picture = async (key, name) => unpack(await (await ask(`/api/documents/${key}/picture/${name}`)).arrayBuffer());
 /** @param {string} key @param {string} suffix @param {number} mode  of a film */

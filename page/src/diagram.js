@@ -1,7 +1,7 @@
 // The stabilization diagram: poles of every order over the mode indicator, with a click to take or refuse.
 // It is drawn in layers, of which a change draws its own alone: curves and axes, lines of modes, poles, the pole under the pointer.
 import { axis, decibels, fitted, uPlot, wheelZoom } from "./chart.js";
-import { colour, fill, h, hertz, number, rgb, soon } from "./dom.js";
+import { colour, dodge, fill, h, hertz, number, rgb, soon } from "./dom.js";
 import { makePixels, packed, stamped } from "./pixels.js";
 
 /** The mark of a kind in a legend, in its ink. @param {any} kind  as modalscope.interfaces.plot.web.poles describes it */
@@ -41,6 +41,8 @@ export function makeDiagram(place, acts = {}) {
   let shownTop = Infinity;
   let letters = false;
   let linear = false;
+  let harmonics = false;
+  let pointer = NaN;
   let level = "mode indicator";
   let always = false; // linear whatever was chosen
   let hover = -1;
@@ -57,7 +59,7 @@ export function makeDiagram(place, acts = {}) {
   const options = () => ({
     width: Math.max(holder.clientWidth, 60),
     height: Math.max(holder.clientHeight, 60),
-    padding: [22, 4, 0, 0],
+    padding: [30, 4, 0, 0],
     legend: { show: false },
     cursor: { drag: { x: true, y: false, dist: 4 }, points: { show: false }, focus: { prox: 1e6 } },
     scales: {
@@ -68,7 +70,7 @@ export function makeDiagram(place, acts = {}) {
     axes: [
       axis({ label: "frequency [Hz]", size: 24 }),
       axis({ scale: "y", label: "model order (states)", size: 30, grid: { show: false }, space: 26 }),
-      axis({ scale: "c", side: 1, size: 32, grid: { show: false }, label: linear || always ? level : `${level} [dB]` }),
+      axis({ scale: "c", side: 1, size: 32, grid: { show: false }, label: linear || always ? level : level.includes("[") ? level.replace("[", "[dB re ") : `${level} [dB]` }),
     ],
     series: [
       {},
@@ -137,7 +139,7 @@ export function makeDiagram(place, acts = {}) {
     ctx.font = `600 ${11 * ratio}px system-ui, sans-serif`;
     ctx.textAlign = "center";
     ctx.textBaseline = "alphabetic";
-    let last = -Infinity;
+    const named = /** @type {[number, string][]} */ ([]);
     modes.forEach((mode, i) => {
       const x = u.valToPos(mode.frequency, "x", true);
       if (x < bbox.left || x > bbox.left + bbox.width) return;
@@ -157,11 +159,9 @@ export function makeDiagram(place, acts = {}) {
       ctx.lineTo(x, bbox.top + bbox.height);
       ctx.stroke();
       ctx.setLineDash([]);
-      const wide = ctx.measureText(String(i + 1)).width;
-      const at = Math.max(x, last + wide / 2 + 3 * ratio);
-      ctx.fillText(String(i + 1), at, bbox.top - 6 * ratio);
-      last = at + wide / 2;
+      named.push([x, String(i + 1)]);
     });
+    drawNumbers(ctx, named, bbox, ratio);
     ctx.globalAlpha = 0.9;
     ctx.fillStyle = colour("muted");
     for (const candidate of leftOut) {
@@ -175,9 +175,25 @@ export function makeDiagram(place, acts = {}) {
     }
   }
 
+  /** The numbers of modes over their lines, apart from each other, with a stroke to where each belongs. @param {any} ctx @param {[number, string][]} named @param {any} bbox @param {number} ratio */
+  function drawNumbers(ctx, named, bbox, ratio) {
+    const places = dodge(named.map(([x]) => x), 17 * ratio);
+    ctx.globalAlpha = 1;
+    ctx.strokeStyle = ctx.fillStyle = colour("mode");
+    ctx.lineWidth = ratio;
+    ctx.beginPath();
+    named.forEach(([x, words], k) => {
+      ctx.moveTo(x, bbox.top);
+      ctx.lineTo(places[k], bbox.top - 9 * ratio);
+      ctx.fillText(words, places[k], bbox.top - 12 * ratio);
+    });
+    ctx.stroke();
+  }
+
   /** A ring about the pole under the pointer, with its interval. @param {any} u */
   function drawRing(u) {
     const { ctx, ratio } = wiped(u, ringLayer);
+    if (harmonics && pointer > 0) drawHarmonics(u, ctx, ratio);
     if (hover < 0) return;
     const x = u.valToPos(poles.frequency[hover], "x", true) - u.bbox.left;
     const y = u.valToPos(poles.order[hover], "y", true) - u.bbox.top;
@@ -194,6 +210,24 @@ export function makeDiagram(place, acts = {}) {
     ctx.beginPath();
     ctx.arc(x, y, sizeOf(u, ratio) + 3.5 * ratio, 0, 7);
     ctx.stroke();
+  }
+
+  /** Lines at the multiples of the frequency under the pointer, with their numbers. @param {any} u @param {any} ctx @param {number} ratio */
+  function drawHarmonics(u, ctx, ratio) {
+    ctx.strokeStyle = ctx.fillStyle = colour("accent");
+    ctx.font = `${10 * ratio}px system-ui, sans-serif`;
+    ctx.lineWidth = ratio;
+    ctx.setLineDash([2 * ratio, 3 * ratio]);
+    for (let k = 1; k <= 40 && k * pointer <= u.scales.x.max; k++) {
+      const x = u.valToPos(k * pointer, "x", true) - u.bbox.left;
+      if (x < 0) continue;
+      ctx.beginPath();
+      ctx.moveTo(x, 0);
+      ctx.lineTo(x, u.bbox.height);
+      ctx.stroke();
+      ctx.fillText(`${k} x ${hertz(pointer, band[1])}`.slice(0, k === 1 ? 40 : String(k).length), x + 3 * ratio, u.bbox.height - 5 * ratio);
+    }
+    ctx.setLineDash([]);
   }
 
   /** Poles under the pointer, the nearest first. @param {any} u @param {number} x @param {number} y */
@@ -257,7 +291,10 @@ export function makeDiagram(place, acts = {}) {
   function listen(u) {
     let down = [0, 0];
     u.over.addEventListener("mousedown", (/** @type {MouseEvent} */ e) => (down = [e.clientX, e.clientY]));
-    u.over.addEventListener("mousemove", (/** @type {MouseEvent} */ e) => show(u, under(u, e.offsetX, e.offsetY)));
+    u.over.addEventListener("mousemove", (/** @type {MouseEvent} */ e) => {
+      pointer = u.posToVal(e.offsetX, "x");
+      show(u, under(u, e.offsetX, e.offsetY));
+    });
     u.over.addEventListener("mouseleave", () => show(u, []));
     u.over.addEventListener("click", (/** @type {MouseEvent} */ e) => {
       if (Math.hypot(e.clientX - down[0], e.clientY - down[1]) > 4) return;
@@ -353,6 +390,11 @@ export function makeDiagram(place, acts = {}) {
       letters = !letters;
       paint.poles();
       return letters;
+    },
+    toggleHarmonics() {
+      harmonics = !harmonics;
+      paint.ring();
+      return harmonics;
     },
     toggleLinear() {
       linear = !linear;

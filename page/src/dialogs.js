@@ -1,6 +1,7 @@
 // What opens above the page: findings and notes, comparison, geometry, keys.
 import { fill, h, icon, ICONS, number } from "./dom.js";
 import { makePicture } from "./picture.js";
+import { inWords } from "./remedies.js";
 import { makeSketch } from "./sketch.js";
 
 /** @param {string} title @param {any} inside @param {string} [kind] */
@@ -17,7 +18,7 @@ export function dialog(title, inside, kind = "") {
 
 /** @param {any} parts  asked, found, change */
 export function errorBox(parts) {
-  return h("div.error", { role: "alert" }, h("b", {}, cap(faultOf(parts))), h("span", {}, ` ${parts.change ?? ""}`));
+  return h("div.error", { role: "alert" }, h("b", {}, cap(inWords(faultOf(parts)))), h("span", {}, ` ${inWords(parts.change ?? "")}`));
 }
 
 /** The fault of an error, without its remedy. @param {any} parts */
@@ -30,26 +31,40 @@ function faultOf({ asked = "", found, text }) {
 /** @param {string} text */
 const cap = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 
-/** The channels that an error says to leave out, exclude=['a', 'b']. @param {string} change */
-export function namedToLeave(change) {
-  const list = /exclude=\[([^\]]*)\]/.exec(change)?.[1] ?? "";
-  return [...list.matchAll(/'([^']*)'/g)].map((found) => found[1]);
-}
+/** What the pictures of the data show. */
+const MEASURED = {
+  points: "Measured and driven points",
+  coherence: "Coherence of all channels over frequency",
+  driving: "Driving points: where a force acts, it gives energy to the structure",
+  reciprocity: "Two responses that are equal for a linear structure, of the pair that differs most",
+};
 
-/** @param {any} found  the result @param {(channel: string) => void} exclude */
-export function showFindings(found, exclude) {
+/**
+ * What was measured beside what is to be said of it.
+ * @param {any} found  the result, as far as there is one
+ * @param {(channel: string) => void} exclude
+ * @returns {(names: string[], ask: (name: string) => Promise<any>, error?: any) => void}  draws the pictures
+ */
+export function showData(found, exclude) {
   const { findings = [], warnings = [], notes = [], computing = [], taken = [] } = found;
   const listed = findings.map((/** @type {any} */ f) =>
-    h("li", {}, h("b", {}, `${f.kind}: ${f.channels.join(", ")}`), h("p", {}, `${cap(f.reason)}. ${f.change}`), (/leave|exclude|drop/i.test(f.change) ? f.channels : []).map((/** @type {string} */ c) => h("button.small", { onclick: () => (exclude(c), shown.element.close()) }, `exclude ${c}`))),
+    h("li", {}, h("b", {}, `${f.kind}: ${f.channels.join(", ")}`), h("p", {}, `${cap(f.reason)}. ${inWords(f.change)}`), (/leave|exclude|drop/i.test(f.change) ? f.channels : []).map((/** @type {string} */ c) => h("button.small", { onclick: () => (exclude(c), shown.element.close()) }, `exclude ${c}`))),
   );
-  const items = (/** @type {string[]} */ texts) => texts.map((text) => h("li", {}, text));
-  const shown = dialog("Findings and notes", [
+  const items = (/** @type {string[]} */ texts) => texts.map((text) => h("li", {}, inWords(text)));
+  const pictures = h("div.pictures", {}, h("p.muted.waiting", { role: "status" }, "drawing what was measured…"));
+  const shown = dialog("Data", [
+    pictures,
+    h("h3", {}, "Findings"),
     [...warnings, ...taken].map((text) => h("p", {}, text)),
-    listed.length ? h("ul.findings", {}, listed) : h("p", {}, "No data problem found."),
+    listed.length ? h("ul.findings", {}, listed) : h("p", {}, found.findings ? "No data problem found." : "The data are examined with the analysis."),
     notes.length ? h("h3", {}, "Notes") : null,
     h("ul.notes", {}, items(notes)),
     computing.length ? h("details", {}, h("summary", {}, "How it was computed"), h("ul.notes", {}, items(computing))) : null,
-  ]);
+  ], "wide");
+  return (names, ask, error) => {
+    const none = h("p.muted", {}, "No force was measured and no geometry is known: there is nothing to draw of these data but their channels.");
+    fill(pictures, error ? errorBox(error) : names.length ? names.map((name) => pictured(name, MEASURED[name], ask, names.length === 1 ? "wide" : "")) : none);
+  };
 }
 
 /** The head of a table; columns of numbers stand together in a list. @param {...(string | string[])} columns */

@@ -60,6 +60,7 @@ export const ICONS = {
   pencil: "M4 20h4L19 9l-4-4L4 16z",
   folder: "M3 6h6l2 2h10v11H3z",
   script: "m8 8-4 4 4 4M16 8l4 4-4 4M13 5l-2 14",
+  points: "M5 19 9 8l6 5 4-9M5 19h.01M9 8h.01M15 13h.01M19 4h.01",
   home: "M3 11 12 4l9 7M6 10v10h12V10",
 };
 
@@ -116,4 +117,17 @@ export function number(value, digits = 4) {
 export function hertz(value, highest) {
   const decimals = Math.min(4, Math.max(0, 4 - Math.floor(Math.log10(Math.max(highest, 1e-9)))));
   return value.toFixed(decimals);
+}
+
+/** Move rising places as little as needed to lie `gap` apart: groups that touch share their mean. @param {number[]} places @param {number} gap */
+export function dodge(places, gap) {
+  const groups = /** @type {number[][]} */ ([]);
+  places.forEach((place, i) => {
+    groups.push([place - gap * i, 1]);
+    while (groups.length > 1 && groups[groups.length - 2][0] > groups[groups.length - 1][0]) {
+      const [b, a] = [groups.pop(), groups.pop()];
+      groups.push([(a[0] * a[1] + b[0] * b[1]) / (a[1] + b[1]), a[1] + b[1]]);
+    }
+  });
+  return groups.flatMap(([mean, count]) => Array(count).fill(mean)).map((v, i) => v + gap * i);
 }

@@ -4,11 +4,12 @@ import "./style.css";
 import * as api from "./api.js";
 import { bench } from "./bench.js";
 import { ends, keyOf, makeDiagram } from "./diagram.js";
-import { dialog, editGeometry, errorBox, namedToLeave, showComparison, showFindings, showKeys, showScript } from "./dialogs.js";
+import { dialog, editGeometry, errorBox, showComparison, showData, showKeys, showScript } from "./dialogs.js";
 import { fill, h, icon, ICONS, number, paintAgain } from "./dom.js";
 import { makeMatrix } from "./matrix.js";
 import { makeModes } from "./modes.js";
 import { makeOverview } from "./overview.js";
+import { remediesOf } from "./remedies.js";
 import { makeResponse } from "./response.js";
 import { makeSettings } from "./settings.js";
 import { makeShape } from "./shape.js";
@@ -32,15 +33,23 @@ const KEYS = [
   ["e", "export"],
   ["r", "report"],
   ["c", "compare all methods"],
+  ["f", "data: points, coherence, driving points, findings"],
+  ["h", "diagram: multiples of the frequency under the pointer"],
   ["Esc", "stop the computation"],
   ["d", "light or dark"],
   ["?", "show the keys"],
 ];
 
 const WORDS = {
-  idle: "", waiting: "waiting for a process", reading: "reading the file", factoring: "factoring the data matrix", sweeping: "orders computed", selecting: "selecting modes",
+  idle: "", waiting: "starting", reading: "reading", factoring: "preparing the data matrix", sweeping: "orders", selecting: "selecting modes",
   refining: "refining values", done: "", failed: "", stopped: "stopped; all choices are kept",
 };
+
+/** What each pane shows, and the stage from which it is there: it says what it waits for until then. */
+const PANES = { diagram: "poles", modes: "modes", shape: "modes", response: "modes", matrix: "modes" };
+
+/** Bytes as people read them. @param {number} bytes */
+const size = (bytes) => (bytes >= 1e6 ? `${number(bytes / 1e6, 3)} MB` : `${Math.max(1, Math.round(bytes / 1e3))} kB`);
 
 const root = /** @type {HTMLElement} */ (document.getElementById("page"));
 root.className = "ms";
@@ -62,7 +71,7 @@ function makeWork(begin, state) {
     h("button.tool", { onclick: does, title: `${label} (${key})`, "aria-label": label }, icon(path), h("span.label", {}, label));
   const undo = button("undo", "Ctrl+Z", ICONS.undo, () => act("undo"));
   const redo = button("redo", "Ctrl+Y", ICONS.redo, () => act("redo"));
-  const findings = h("button.chip", { onclick: () => found && showFindings(found, (c) => act("set", { exclude: [...now.document.exclude, c] })) });
+  const findings = h("button.chip", { title: "Data, findings and notes (f)", onclick: data });
   const formats = h("div.menu", { hidden: true, role: "menu" });
   const exporting = button("export", "e", ICONS.export, () => menu());
   const header = h(
@@ -70,7 +79,7 @@ function makeWork(begin, state) {
     {},
     h("button.logo", { onclick: leave, title: "Open another file", "aria-label": "modalscope: open another file" }, logo(), h("span", {}, "modalscope")),
     h("h1", {}, state.name), findings, h("span.space"),
-    undo, redo, button("save", "s", ICONS.save, () => save("analysis.json")), h("div.holder", {}, exporting, formats), button("report", "r", ICONS.report, () => save("html")),
+    button("data", "f", ICONS.points, data), undo, redo, button("save", "s", ICONS.save, () => save("analysis.json")), h("div.holder", {}, exporting, formats), button("report", "r", ICONS.report, () => save("html")),
     button("script", "", ICONS.script, () => found?.script && showScript(found.script)), button("compare", "c", ICONS.compare, compare),
     button("light or dark", "d", ICONS.theme, switchTheme), button("keys", "?", ICONS.help, () => showKeys(KEYS)),
   );
@@ -99,7 +108,7 @@ function makeWork(begin, state) {
   const diagram = makeDiagram(box, { take: (i) => take(diagram.poles.frequency[i]), refuse, select });
   const strip = makeOverview(places.strip, (band) => act("set", { bands: band ? [band.map((f) => Number(f.toPrecision(6)))] : [] }));
   const modes = makeModes(places.modes, { select, refuse, take, rename: (i, name) => act("name", { frequency: shown()[i].frequency, name }) });
-  const shape = makeShape(places.shape, { geometry: () => found && editGeometry(found, geometry, matching()) });
+  const shape = makeShape(places.shape, { geometry: () => found && editGeometry(found, geometry, matching()), line: () => found && geometry(pointsOnALine(found.points)) });
   const response = makeResponse(places.response, async (output, column) => (found ? api.channel(now.key, output, column) : null));
   const macTitle = h("h2", {}, "AutoMAC");
   const other = h("input", { type: "file", hidden: true, "aria-label": "A file of modes", onchange: () => against(other.files[0]) });
@@ -194,9 +203,12 @@ function makeWork(begin, state) {
   function failure(parts) {
     const box_ = errorBox(parts);
     const byHand = now.document.taken.length + now.document.refused.length;
-    const out = namedToLeave(parts.change ?? "");
     const field = settings.concerned(parts);
-    box_.append(h("span.does", {}, field ? h("button.small", { onclick: field.show }, field.words) : null, out.length ? h("button.small", { onclick: () => act("set", { exclude: [...now.document.exclude, ...out] }) }, `exclude ${out.join(", ")}`) : null, byHand ? h("button.small", { onclick: () => act("automatic") }, "automatic selection") : null, now.undo ? h("button.small", { onclick: () => act("undo") }, "undo") : null, h("button.small", { onclick: () => act("again") }, "again")));
+    const remedies = remediesOf(parts.change ?? "");
+    const cure = (/** @type {any} */ r) => (r.read ? act("remedy", { options: r.read }) : act("set", r.set ?? { exclude: [...now.document.exclude, ...r.exclude] }));
+    const offers = remedies.map((r) => h("button.small.primary", { onclick: () => cure(r) }, r.words));
+    if (/geometr|points/i.test(parts.found ?? "")) offers.push(h("button.small.primary", { onclick: leave }, "drop the measurement with it"));
+    box_.append(h("span.does", {}, offers, field && !remedies.length ? h("button.small.primary", { onclick: field.show }, field.words) : null, byHand ? h("button.small", { onclick: () => act("automatic") }, "automatic selection") : null, now.undo ? h("button.small", { onclick: () => act("undo") }, "undo") : null, h("button.small", { onclick: () => act("again") }, "again"), h("button.small", { onclick: leave }, "another file")));
     return box_;
   }
 
@@ -204,13 +216,35 @@ function makeWork(begin, state) {
   function setStage(given) {
     now.stage = given;
     const busy = !["idle", "done", "failed", "stopped"].includes(given.stage);
-    stage.textContent = given.stage === "sweeping" ? `${WORDS.sweeping}: ${given.done} of ${given.total}` : WORDS[given.stage] ?? given.stage;
+    if (given.stage !== saidOf) [saidOf, since] = [given.stage, Date.now()];
+    say();
     status.classList.toggle("busy", busy);
     status.classList.toggle("unknown", busy && given.stage !== "sweeping");
     bar.style.width = given.stage === "sweeping" ? `${(100 * given.done) / given.total}%` : "";
     stop.hidden = !busy;
     root.dataset.stage = given.stage;
   }
+
+  let saidOf = "";
+  let since = Date.now();
+
+  /** Say what is done and what is left, on the bar and in every pane that waits. */
+  function say() {
+    const { stage: name, done, total } = now.stage;
+    const busy = !["idle", "done", "failed", "stopped"].includes(name);
+    const bytes = now.document.files.reduce((/** @type {number} */ sum, /** @type {any} */ f) => sum + (f.size ?? 0), 0);
+    const seconds = Math.floor((Date.now() - since) / 1000);
+    const words = name === "sweeping" ? `orders ${done} of ${total}` : name === "reading" && bytes ? `reading ${size(bytes)}` : WORDS[name] ?? name;
+    stage.textContent = words && busy && seconds > 2 && name !== "sweeping" ? `${words}, ${seconds} s` : words;
+    const there = { poles: Boolean(poles || live), modes: Boolean(found) };
+    for (const [pane, what] of Object.entries(PANES)) {
+      places[pane].classList.toggle("waits", busy && !there[what]);
+      places[pane].dataset.waits = what === "modes" && ["sweeping", "factoring"].includes(name) ? `${stage.textContent}; then the modes` : stage.textContent;
+    }
+    // behind an error there are no empty cards: what was found before stays
+    root.classList.toggle("without", ["failed", "stopped"].includes(name) && !found);
+  }
+  setInterval(() => root.dataset.stage === now.stage.stage && !["idle", "done", "failed", "stopped"].includes(now.stage.stage) && say(), 1000);
 
   /** Blobs that are on their way: what is drawn lags behind the stage until there is none. */
   let pending = 0;
@@ -307,7 +341,7 @@ function makeWork(begin, state) {
     caption(listed[chosen], chosen);
     autoMac();
     matrix.choose(chosen);
-    if (!blob.early && found.columns) response.setChannels(found.outputs, found.columns, found.fits, found.strongest);
+    if (!blob.early && found.columns) response.setChannels(found.outputs, found.columns, found.fits, found.fit);
   }
 
   function autoMac() {
@@ -363,8 +397,18 @@ function makeWork(begin, state) {
   function menu() {
     formats.hidden = !formats.hidden;
     if (formats.hidden) return;
-    fill(formats, Object.entries(begin.formats).map(([suffix, words]) => h("button", { role: "menuitem", onclick: () => save(suffix.slice(1)) }, h("b", {}, suffix), h("span.muted", {}, String(words)))));
+    fill(formats, Object.entries(begin.formats).map(([suffix, words]) => h("button", { role: "menuitem", disabled: suffix in begin.missing, onclick: () => save(suffix.slice(1)) }, h("b", {}, suffix), h("span.muted", {}, begin.missing[suffix] ?? String(words)))));
     formats.querySelector("button")?.focus();
+  }
+
+  /** What was measured, and what is to be said of it: before there are modes, too. */
+  async function data() {
+    const shown_ = showData(found ?? {}, (c) => act("set", { exclude: [...now.document.exclude, c] }));
+    try {
+      shown_(await api.measured(now.key), (name) => api.picture(now.key, name));
+    } catch (error) {
+      shown_([], () => Promise.reject(error), error.parts ?? { text: String(error.message ?? error) });
+    }
   }
 
   async function compare() {
@@ -444,7 +488,7 @@ function makeWork(begin, state) {
   const keys = {
     ArrowDown: () => step(1), ArrowUp: () => step(-1), j: () => step(1), k: () => step(-1), x: () => refuse(chosen), n: () => shown().length && modes.rename(chosen), a: () => act("automatic"),
     " ": () => shape.toggle(), "[": () => response.next(-1), "]": () => response.next(1), m: () => response.mark(), z: () => diagram.whole(), l: () => diagram.toggleLetters(), i: () => diagram.toggleLinear(),
-    p: () => /** @type {HTMLElement} */ (places.diagram.querySelector(".plot")).focus(), s: () => save("analysis.json"), e: menu, r: () => save("html"), c: compare, Escape: () => (formats.hidden ? cancel() : (formats.hidden = true)), d: switchTheme, "?": () => showKeys(KEYS),
+    p: () => /** @type {HTMLElement} */ (places.diagram.querySelector(".plot")).focus(), s: () => save("analysis.json"), e: menu, r: () => save("html"), c: compare, f: data, h: () => diagram.toggleHarmonics(), Escape: () => (formats.hidden ? cancel() : (formats.hidden = true)), d: switchTheme, "?": () => showKeys(KEYS),
     ...Object.fromEntries(shape.views.map((name, i) => [String(i + 1), () => shape.see(name)])),
   };
   /** @param {KeyboardEvent} event */
@@ -486,6 +530,14 @@ function switchTheme() {
   document.documentElement.dataset.theme = is === "dark" ? "light" : "dark";
   localStorage.setItem("theme", document.documentElement.dataset.theme);
   paintAgain();
+}
+
+/** Tables of points side by side, in the order of their numbers, and of the lines between neighbours. @param {string[]} labels  of channels */
+function pointsOnALine(labels) {
+  const nodes = [...new Set(labels.map((label) => label.split(":")[0]))].sort((a, b) => a.localeCompare(b, undefined, { numeric: true }));
+  const points = ["node,x,y,z", ...nodes.map((node, i) => `${node},${i},0,0`)];
+  const lines = nodes.slice(1).map((node, i) => `${nodes[i]},${node}`);
+  return [new File([`${points.join("\n")}\n`], "points.csv"), new File([`${lines.join("\n")}\n`], "lines.csv")];
 }
 
 /** A decaying wave in a circle. */

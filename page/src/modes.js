@@ -1,16 +1,32 @@
 // The table of modes, with intervals, reasons and what was left out.
 import { fill, h, icon, ICONS, number } from "./dom.js";
 
+/** From the surest on. */
+const GRADES = ["good", "look", "doubtful", "preliminary"];
+
 /**
  * @param {HTMLElement} place
  * @param {{select: (mode: number) => void, refuse?: (mode: number) => void, take?: (frequency: number) => void, rename?: (mode: number, name: string) => void}} acts
  */
 export function makeModes(place, acts) {
   const body = h("tbody");
+  let order = /** @type {{by: ((mode: any, i: number) => number) | null, up: boolean}} */ ({ by: null, up: true });
+
+  /** A head of the table, which sorts it; a second click turns the order round. @param {string} words @param {(mode: any, i: number) => number} by @param {string} [kind] @param {string} [title] */
+  function head(words, by, kind = "", title = "") {
+    const sort = () => {
+      order = { by, up: order.by === by ? !order.up : true };
+      for (const other of table.querySelectorAll("th")) other.removeAttribute("aria-sort");
+      cell.setAttribute("aria-sort", order.up ? "ascending" : "descending");
+      rows();
+    };
+    const cell = h(`th${kind && `.${kind}`}`, { scope: "col", title }, h("button.link.head", { onclick: sort }, words), kind && words !== "MPC" ? h("small", {}, "± 95 %") : null);
+    return cell;
+  }
   const table = h(
     "table.modes",
     {},
-    h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "#"), h("th.num", { scope: "col" }, "f [Hz]", h("small", {}, "± 95 %")), h("th.num", { scope: "col" }, "damping [%]", h("small", {}, "± 95 %")), h("th", { scope: "col" }, "grade"), h("th.num", { scope: "col", title: "Modal phase collinearity: 1 when all points move in phase or in opposition" }, "MPC"), acts.refuse ? h("th", { scope: "col" }, h("span.hidden", {}, "do")) : null)),
+    h("thead", {}, h("tr", {}, head("#", (m, i) => i), head("f [Hz]", (m) => m.frequency, "num"), head("damping [%]", (m) => m.damping, "num"), head("grade", (m) => GRADES.indexOf(m.shown.grade)), head("MPC", (m) => Number(m.shown.mpc), "num", "Modal phase collinearity: 1 when all points move in phase or in opposition"), acts.refuse ? h("th", { scope: "col" }, h("span.hidden", {}, "do")) : null)),
     body,
   );
   const why = h("div.why", { "aria-live": "polite" });
@@ -19,6 +35,15 @@ export function makeModes(place, acts) {
   place.append(heading, h("div.scroll.table", { tabIndex: 0, role: "region", "aria-label": "Modes" }, table), why, left);
   let modes = /** @type {any[]} */ ([]);
   let chosen = -1;
+
+  /** All rows in the order that was asked. */
+  function rows() {
+    const listed = modes.map((mode, i) => [mode, i]);
+    const { by, up } = order;
+    if (by) listed.sort(([a, i], [b, j]) => (up ? 1 : -1) * (by(a, i) - by(b, j)));
+    fill(body, listed.map(([mode, i]) => row(mode, i)));
+  }
+  const rowOf = (/** @type {number} */ i) => /** @type {any} */ (body.querySelector(`[data-mode="${i}"]`));
 
   /** @param {any} mode @param {number} i */
   function row(mode, i) {
@@ -45,7 +70,7 @@ export function makeModes(place, acts) {
   }
 
   function rename(/** @type {number} */ i) {
-    const cell = body.children[i].children[1];
+    const cell = rowOf(i).children[1];
     const field = h("input.name", { value: modes[i].name ?? "", "aria-label": `name of mode ${i + 1}`, placeholder: "name" });
     let done = false;
     const end = (/** @type {boolean} */ keep) => {
@@ -80,7 +105,7 @@ export function makeModes(place, acts) {
     set(given) {
       ({ modes, chosen } = given);
       fill(heading, "Modes", modes.length ? h("span.count", {}, modes.length) : null);
-      fill(body, modes.map((mode, i) => row(mode, i)));
+      rows();
       explain();
       const refused = given.refused.map((f) => h("li", {}, h("b.struck", {}, `${number(f, 6)} Hz`), " refused by hand ", acts.take ? h("button.small", { onclick: () => acts.take(f) }, "restore") : null));
       const out = given.leftOut.map((c) =>
@@ -95,10 +120,10 @@ export function makeModes(place, acts) {
       );
     },
     choose(/** @type {number} */ mode) {
-      body.children[chosen]?.classList.remove("chosen");
+      rowOf(chosen)?.classList.remove("chosen");
       chosen = mode;
-      body.children[chosen]?.classList.add("chosen");
-      body.children[chosen]?.scrollIntoView({ block: "nearest" });
+      rowOf(chosen)?.classList.add("chosen");
+      rowOf(chosen)?.scrollIntoView({ block: "nearest" });
       explain();
     },
     rename,

@@ -1,6 +1,6 @@
 // Paints a described picture on a canvas: the same lines, marks, areas and words that reports and Matplotlib show (interfaces/plot/picture.py).
 import { mark } from "./diagram.js";
-import { colour, h, onTheme, soon } from "./dom.js";
+import { colour, dodge, h, onTheme, soon } from "./dom.js";
 
 /** Pixels of a character, a line of text, a name above the axes with its distance to the next, and between panels. */
 const [CHARACTER, LINE, NAME, GAP] = [6.2, 15, 13, 12];
@@ -21,19 +21,6 @@ const belowOf = (p, last) => (p.bare || !(last || p.labelled) ? GAP : ticksHigh(
 
 /** Where a value lies between the ends of an axis. @param {any} axis @param {number} v */
 const share = ({ low, high, log }, v) => (log ? Math.log(v / low) / Math.log(high / low) : (v - low) / (high - low || 1));
-
-/** Move rising places as little as needed to lie `gap` apart: groups that touch share their mean. @param {number[]} places @param {number} gap */
-function dodge(places, gap) {
-  const groups = /** @type {number[][]} */ ([]);
-  places.forEach((place, i) => {
-    groups.push([place - gap * i, 1]);
-    while (groups.length > 1 && groups[groups.length - 2][0] > groups[groups.length - 1][0]) {
-      const [b, a] = [groups.pop(), groups.pop()];
-      groups.push([(a[0] * a[1] + b[0] * b[1]) / (a[1] + b[1]), a[1] + b[1]]);
-    }
-  });
-  return groups.flatMap(([mean, count]) => Array(count).fill(mean)).map((v, i) => v + gap * i);
-}
 
 /** The colour between two inks for a tone from -1 to 1. @param {number} tone */
 const toned = (tone) => `color-mix(in srgb, ${colour(tone > 0 ? "ink-vermillion" : "ink-blue")} ${Math.min(100, Math.abs(tone) * 100)}%, ${colour("ink-middle")})`;

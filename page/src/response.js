@@ -3,6 +3,10 @@ import { axis, decibels, fitted, uPlot, wheelZoom } from "./chart.js";
 import { colour, fill, h, icon, ICONS, number } from "./dom.js";
 import { peaksOf } from "./peaks.js";
 
+/** The first choice of outputs: all channels together, as the sum of their magnitudes, which has neither phase nor parts. */
+const ALL = "all (sum)";
+const OF_ALL = ["dB", "linear", "coherence"];
+
 const FORMS = {
   dB: { label: "magnitude [dB]", unit: "dB", of: (/** @type {number} */ x, /** @type {number} */ y) => decibels(Math.hypot(x, y)) },
   linear: { label: "magnitude", of: Math.hypot },
@@ -35,10 +39,11 @@ export function makeResponse(place, ask) {
   const key = h("div.curve-key");
   const holder = h("div.plot");
   const listed = h("div.menu.fits", { hidden: true });
-  place.append(h("div.bar", {}, outputs, inputs, forms, pin, marks, clear, h("div.holder", {}, fit, listed)), key, holder);
+  place.append(h("div.bar", {}, h("h2", {}, "Responses"), outputs, inputs, forms, pin, marks, clear, h("div.holder", {}, fit, listed)), key, holder);
   let data = /** @type {any} */ (null);
   let kept = /** @type {any[]} */ ([]);
   let fits = /** @type {number[][] | undefined} */ (undefined);
+  let whole = /** @type {number | undefined} */ (undefined);
   let chart = /** @type {any} */ (null);
   let asked = 0;
   let marked = false;
@@ -48,9 +53,12 @@ export function makeResponse(place, ask) {
     if (!outputs.options.length) return;
     const mine = ++asked;
     try {
-      const found = await ask(outputs.selectedIndex, Math.max(inputs.selectedIndex, 0));
+      const found = await ask(outputs.selectedIndex - 1, Math.max(inputs.selectedIndex, 0));
       if (mine !== asked || !found) return;
       data = found;
+      inputs.hidden = data.all || inputs.options.length < 2;
+      for (const option of forms.options) option.disabled = Boolean(data.all) && !OF_ALL.includes(option.text);
+      if (forms.selectedOptions[0].disabled) forms.value = "dB";
       draw();
     } catch {
       fit.textContent = "";
@@ -101,7 +109,7 @@ export function makeResponse(place, ask) {
     next(1);
   }
 
-  const nameOf = (/** @type {any} */ d) => (inputs.options.length > 1 ? `${d.output} / ${d.input}` : d.output) ?? "";
+  const nameOf = (/** @type {any} */ d) => (d.all ? "sum of all" : inputs.options.length > 1 ? `${d.output} / ${d.input}` : d.output) ?? "";
 
   /** Channels by what is unexplained of them; a click shows one. */
   function list() {
@@ -110,11 +118,11 @@ export function makeResponse(place, ask) {
     const all = fits.flatMap((row, o) => row.map((value, c) => ({ o, c, value }))).filter(({ value }) => Number.isFinite(value));
     all.sort((a, b) => b.value - a.value);
     const show = (/** @type {number} */ o, /** @type {number} */ c) => {
-      [outputs.selectedIndex, inputs.selectedIndex] = [o, c];
+      [outputs.selectedIndex, inputs.selectedIndex] = [o + 1, c];
       listed.hidden = true;
       load();
     };
-    const words = (/** @type {number} */ o, /** @type {number} */ c) => [outputs.options[o].text, inputs.options.length > 1 ? ` / ${inputs.options[c].text}` : ""].join("");
+    const words = (/** @type {number} */ o, /** @type {number} */ c) => [outputs.options[o + 1].text, inputs.options.length > 1 ? ` / ${inputs.options[c].text}` : ""].join("");
     fill(listed, all.slice(0, LISTED).map(({ o, c, value }) => h("button", { onclick: () => show(o, c) }, h("b", {}, `${number(100 * value, 3)} %`), h("span", {}, words(o, c)))));
   }
 
@@ -133,17 +141,18 @@ export function makeResponse(place, ask) {
     fill(holder);
     const behind = kept.filter((d) => d !== data && d.lines.length === data.lines.length);
     clear.hidden = !kept.length;
-    const share = fits?.[Math.max(outputs.selectedIndex, 0)]?.[Math.max(inputs.selectedIndex, 0)] ?? data.fit;
-    fit.textContent = share === null ? "" : `unexplained: ${number(100 * share, 3)} %`;
+    const share = (data.all ? whole : fits?.[outputs.selectedIndex - 1]?.[Math.max(inputs.selectedIndex, 0)]) ?? data.fit;
+    fit.textContent = share === null ? "" : `unexplained ${number(100 * share, 3)} %, worst first ▾`;
     fit.disabled = !fits;
     marks.disabled = !["dB", "linear"].includes(forms.value);
     const unit = form.unit ?? data.unit ?? "";
-    const words = forms.value === "dB" && data.unit ? `magnitude [dB re ${data.unit}]` : form.unit === undefined && unit ? `${form.label} [${unit}]` : form.label;
+    const label = data.all && form.label.startsWith("magnitude") ? form.label.replace("magnitude", "sum of magnitudes") : form.label;
+    const words = forms.value === "dB" && data.unit ? label.replace("[dB]", `[dB re ${data.unit}]`) : form.unit === undefined && unit ? `${label} [${unit}]` : label;
     const entries = [["measured", `measured ${nameOf(data)}`], ...(forms.value === "coherence" ? [] : [["mode", "rebuilt"]]), ...behind.map((d, k) => [BEHIND[k], nameOf(d)])];
     const readings = entries.map(() => h("span.reading"));
     const where = h("span.reading");
     fill(key, entries.map(([c, text], i) => h("span", {}, h("i.stroke", { style: `background: var(--${c})` }), text, readings[i])), where);
-    const common = { width: Math.max(holder.clientWidth, 60), height: Math.max(holder.clientHeight, 60), legend: { show: false }, padding: [8, 14, 0, 0] };
+    const common = { width: Math.max(holder.clientWidth, 60), height: Math.max(holder.clientHeight, 60), legend: { show: false }, padding: [8, 24, 0, 0] };
     const looks = [{ stroke: () => colour("measured"), width: 1.3 }, { stroke: () => colour("mode"), width: 1.5, dash: [5, 3] }];
     const behindLooks = behind.map((_, k) => ({ stroke: () => colour(BEHIND[k]), width: 1.1 }));
     if (forms.value === "Nyquist") {
@@ -198,16 +207,16 @@ export function makeResponse(place, ask) {
     load();
   }
   return {
-    /** @param {string[]} outs @param {string[]} ins @param {number[][]} [unexplained]  of each output and input @param {number[]} [first]  output and input that are shown first */
-    setChannels(outs, ins, unexplained, first = [0, 0]) {
+    /** @param {string[]} outs @param {string[]} ins @param {number[][]} [unexplained]  of each output and input @param {number} [of]  of all together */
+    setChannels(outs, ins, unexplained, of) {
       const names = (/** @type {any} */ select) => Array.from(select.options, (o) => o.text).join("\n");
-      if (names(outputs) !== outs.join("\n") || names(inputs) !== ins.join("\n")) {
-        fill(outputs, outs.map((name) => h("option", {}, name)));
+      if (names(outputs) !== [ALL, ...outs].join("\n") || names(inputs) !== ins.join("\n")) {
+        fill(outputs, [ALL, ...outs].map((name) => h("option", {}, name)));
         fill(inputs, ins.map((name) => h("option", {}, name)));
-        [outputs.selectedIndex, inputs.selectedIndex] = first;
       }
       kept = [];
       fits = unexplained;
+      whole = of;
       outputs.hidden = !outs.length;
       inputs.hidden = ins.length < 2;
       pin.hidden = outs.length * ins.length < 2;

@@ -171,8 +171,14 @@ function split(value) {
   return { method: method || null, domain: domain || null };
 }
 
-/** @param {Map<string, any>} known */
+/** Methods as the field groups them: each once, in the domain that its data have; other forms of the same are for experts. @param {Map<string, any>} known */
 function groups(known) {
-  const names = { time: "samples", z: "lines, z", s: "lines, s" };
-  return Object.entries(names).map(([domain, words]) => h("optgroup", { label: words }, [...known].filter(([, m]) => m.domain === domain).map(([key, m]) => h("option", { value: key }, m.label))));
+  const seen = new Set();
+  const of = (/** @type {string} */ domain) =>
+    [...known].filter(([, m]) => m.domain === domain && !seen.has(m.name) && seen.add(m.name) && true);
+  const lines = of("s");
+  const parts = /** @type {[string, [string, any][]][]} */ ([["Frequency responses", [...lines, ...of("z")]], ["Impulse responses, decays, ambient records", [...known].filter(([, m]) => m.domain === "time")]]);
+  const told = new Set(parts.flatMap(([, list]) => list.map(([key]) => key)));
+  const rest = [...known].filter(([key]) => !told.has(key));
+  return [...parts, /** @type {[string, [string, any][]]} */ (["Expert: other forms of the same", rest])].map(([label, list]) => h("optgroup", { label }, list.map(([key, m]) => h("option", { value: key }, m.label))));
 }

@@ -2,7 +2,7 @@
 import { colour, fill, h, icon, ICONS, onTheme } from "./dom.js";
 import { makeStage, VIEW_NAMES } from "./stage.js";
 
-/** @param {HTMLElement} place @param {{geometry?: () => void}} acts */
+/** @param {HTMLElement} place @param {{geometry?: () => void, line?: () => void}} acts */
 export function makeShape(place, acts = {}) {
   const holder = h("div.plot.shape", { tabIndex: 0, role: "img", "aria-label": "Animated mode shape" });
   const caption = h("div.caption");
@@ -13,8 +13,10 @@ export function makeShape(place, acts = {}) {
   const speed = h("input", { type: "range", min: 0.1, max: 2.5, step: 0.05, value: 0.8, "aria-label": "Speed", title: "Speed" });
   const outline = h("input", { type: "checkbox", checked: true, "aria-label": "Undeformed outline", onchange: () => draw() });
   const add = acts.geometry ? h("button.small", { onclick: acts.geometry, title: "Points and lines of the structure" }, "geometry…") : null;
+  const offer = acts.line ? h("div.offer", { hidden: true }, "No geometry: ", h("button.small", { onclick: acts.line, title: "Place the points side by side on a line, in the order of their numbers" }, "points on a line"), " or drop a table of points on the page") : null;
   place.append(
-    h("div.bar", {}, playing, views, real, h("label.slide", { title: "Amplitude" }, "↕", amplitude), h("label.slide", { title: "Speed" }, "»", speed), h("label.check", { title: "Undeformed outline" }, outline, "outline"), h("span.space"), add),
+    h("div.bar", {}, h("h2", {}, "Shape"), playing, views, real, h("label.slide", { title: "Amplitude" }, "size", amplitude), h("label.slide", { title: "Speed" }, "speed", speed), h("label.check", { title: "Undeformed outline" }, outline, "outline"), h("span.space"), add),
+    ...(offer ? [offer] : []),
     holder,
     caption,
   );
@@ -129,6 +131,7 @@ export function makeShape(place, acts = {}) {
       const same = stage && data?.nodes && given.nodes && data.nodes.length === given.nodes.length && given.rest?.every((/** @type {number} */ v, /** @type {number} */ i) => v === data.rest[i]);
       data = given;
       const solid = Boolean(data.nodes) && data.points.length > 1;
+      if (offer) offer.hidden = Boolean(data.nodes) || data.points.length < 2;
       views.disabled = !solid;
       if (!same) {
         stage?.end();

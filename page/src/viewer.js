@@ -36,7 +36,7 @@ export function makeViewer(root, data, acts = {}) {
   shape.set(data, 0);
   matrix.set(data.mac, data.modes.length, data.points.length);
   modes.set({ modes: data.modes, leftOut: data.left_out, refused: [], chosen: 0, unexplained: data.unexplained, warnings: data.warnings });
-  response?.setChannels(data.outputs, data.columns, data.fits, data.strongest);
+  response?.setChannels(data.outputs, data.columns, data.fits, data.fit);
   function select(/** @type {number} */ i) {
     modes.choose(i);
     shape.choose(i);
@@ -53,9 +53,23 @@ export function makeViewer(root, data, acts = {}) {
 /** One channel of those that came along. @param {any} data @param {number} output @param {number} column */
 function channelOf(data, output, column) {
   const [outputs, columns, lines] = data.shapes.measured_real;
+  if (output < 0) return sumOf(data);
   const at = (output * columns + column) * lines;
   if (output >= outputs) return null;
   const scale = data.scales[output][column];
   const part = (/** @type {string} */ name) => Float32Array.from(data[name].subarray(at, at + lines), (bits) => scale * half(bits));
   return { lines: data.response_lines, measured_real: part("measured_real"), measured_imag: part("measured_imag"), rebuilt_real: part("rebuilt_real"), rebuilt_imag: part("rebuilt_imag"), fit: data.fits[output][column], unit: data.unit ?? "", output: data.outputs[output], input: data.columns[column] };
+}
+
+/** The sum of the magnitudes of all channels. @param {any} data */
+function sumOf(data) {
+  const [outputs, columns, lines] = data.shapes.measured_real;
+  const sides = { measured: new Float64Array(lines), rebuilt: new Float64Array(lines) };
+  for (let c = 0; c < outputs * columns; c++) {
+    const scale = data.scales[Math.floor(c / columns)][c % columns];
+    for (const [name, sum] of Object.entries(sides))
+      for (let k = 0, at = c * lines; k < lines; k++, at++) sum[k] += scale * Math.hypot(half(data[`${name}_real`][at]), half(data[`${name}_imag`][at]));
+  }
+  const none = new Float64Array(lines);
+  return { all: true, lines: data.response_lines, measured_real: sides.measured, measured_imag: none, rebuilt_real: sides.rebuilt, rebuilt_imag: none, fit: data.fit, unit: data.unit ?? "" };
 }

@@ -54,10 +54,20 @@ export function makeWelcome(root, begin, with_) {
 
   const size = (/** @type {number} */ bytes) => (bytes > 1e6 ? `${(bytes / 1e6).toFixed(1)} MB` : `${Math.max(1, Math.round(bytes / 1e3))} kB`);
   const date = (/** @type {number} */ seconds) => (seconds ? new Date(1000 * seconds).toISOString().slice(0, 10) : "");
-  const file = (/** @type {any} */ f) => h("li", {}, h("button.row", { onclick: () => open([f.name]) }, icon(ICONS.folder), h("b", {}, f.name), h("span.muted", {}, size(f.size)), h("span.muted.date", {}, date(f.changed))));
+  const file = (/** @type {any} */ f) => h("li", {}, h("button.row", { onclick: () => open([f.name]) }, icon(ICONS.folder), h("b", { title: f.name }, f.name.split("/").at(-1)), h("span.muted", {}, size(f.size)), h("span.muted.date", {}, date(f.changed))));
   const kept = (/** @type {any} */ d) => {
     const row = h("li", {}, h("a.row", { href: `#${d.key}` }, icon(ICONS.undo), h("b", {}, d.name), h("span.muted", {}, `${d.steps} step${d.steps > 1 ? "s" : ""}`), h("span.muted.date", {}, date(d.changed))), h("button.small.quiet", { "aria-label": `delete ${d.name}`, title: "Delete it", onclick: () => api.forget(d.key).then(() => row.remove(), complain) }, icon(ICONS.close)));
     return row;
+  };
+  /** Files of the folder itself, and its folders, folded. @param {any[]} files */
+  const listing = (files) => {
+    const folders = /** @type {Map<string, any[]>} */ (new Map());
+    for (const f of files) {
+      const folder = f.name.split("/").slice(0, -1).join("/");
+      folders.set(folder, [...(folders.get(folder) ?? []), f]);
+    }
+    const inner = [...folders].filter(([name]) => name).map(([name, list]) => h("li", {}, h("details.folder", {}, h("summary", {}, h("b", {}, name), h("span.muted", {}, ` ${list.length} file${list.length > 1 ? "s" : ""}`)), h("ul", {}, list.map(file)))));
+    return h("ul", {}, (folders.get("") ?? []).map(file), inner);
   };
   fill(
     root,
@@ -68,7 +78,8 @@ export function makeWelcome(root, begin, with_) {
       {},
       h("h1", {}, "From a measurement to modes you can defend"),
       drop, progress, chooser,
-      h("div.columns", {}, h("section", {}, h("h2", {}, begin.folder ? `In ${begin.folder}` : "Files"), begin.files.length ? h("ul", {}, begin.files.map(file)) : h("p.muted", {}, begin.folder ? "no data files" : "Start with --folder to choose from a folder.")), h("section", {}, h("h2", {}, "Recent documents"), begin.documents.length ? h("ul", {}, begin.documents.map(kept)) : h("p.muted", {}, "none"))),
+      h("p.example", {}, "Nothing at hand? ", h("button.small", { onclick: () => open(["example:beam_hammer"]) }, "open the example beam"), h("span.muted", {}, " a beam hit by a hammer at six points, measured by seven accelerometers")),
+      h("div.columns", {}, h("section", {}, h("h2", {}, begin.folder ? `In ${begin.folder}` : "Files"), begin.files.length ? listing(begin.files) : h("p.muted", {}, begin.folder ? "no data files" : "Start with --folder to choose from a folder.")), h("section", {}, h("h2", {}, "Recent documents"), begin.documents.length ? h("ul", {}, begin.documents.map(kept)) : h("p.muted", {}, "none"))),
       h("p.muted.version", {}, `modalscope ${begin.version}. Nothing leaves this machine.`),
     ),
   );

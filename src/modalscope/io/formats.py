@@ -42,7 +42,7 @@ from modalscope.io.options import (
 from modalscope.numerics import plugins
 from modalscope.numerics.arguments import plainly
 from modalscope.numerics.checks import check_kind, check_path
-from modalscope.numerics.plugins import added, names_added
+from modalscope.numerics.plugins import WRITINGS, added, names_added
 
 
 def _of(module: str, name: str) -> Callable[..., Any]:
@@ -298,6 +298,11 @@ def write(path: str | Path, thing: Any, **options: Any) -> None:
             raise DataError(asked, "its document is JSON", "End the name in .analysis.json.")
         with replacing(file, sources) as temporary:
             _of("analysis", "write_analysis")(temporary, thing)
+        return
+    if file.suffix.lower() == ".xlsx":
+        check_options(file, options, (), "writing")
+        with replacing(file, sources) as temporary:
+            added(WRITINGS, "xlsx")(temporary, thing)
         return
     if isinstance(thing, Result):
         options = {**options, "result": thing} if file.suffix.lower() == ".json" else options

@@ -11,8 +11,8 @@ from modalscope.numerics.errors import DataError
 FORMATS = "modalscope.formats"
 #: Rows of the table of methods by name.
 METHODS = "modalscope.methods"
-#: What few need of the program itself: readings of data by name, and reports by suffix, without its dot.
-READINGS, REPORTS = "modalscope.readings", "modalscope.reports"
+#: What few need of the program itself: readings of data by name, reports and writers of results by suffix, without its dot.
+READINGS, REPORTS, WRITINGS = "modalscope.readings", "modalscope.reports", "modalscope.writings"
 
 
 @cache

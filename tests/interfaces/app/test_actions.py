@@ -78,3 +78,11 @@ def test_a_mode_has_one_name() -> None:
 )
 def test_what_cannot_be_done_is_said_in_three_parts(action: str, given: dict[str, object]) -> None:
     refused(r", but |: ", acted, PLAIN, action, given)
+
+
+def test_remedies_of_errors_are_options_of_reading_and_columns_add_up() -> None:
+    document = PLAIN
+    once = acted(document, "remedy", {"options": {"ignore": ["3"]}})
+    again = acted(once, "remedy", {"options": {"ignore": ["5"], "sampling_rate": 100.0}})
+    assert again.files[0].reading == {"ignore": ["3", "5"], "sampling_rate": 100.0}
+    refused("the page knows", acted, document, "remedy", {"options": {"geometry": "/etc/passwd"}})

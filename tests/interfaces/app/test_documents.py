@@ -55,6 +55,22 @@ def test_what_is_not_in_the_folder_is_not_opened(server: Served, name: str) -> N
     assert server.ask("POST", "/api/open", {"files": [name]}, status=400)["change"]
 
 
+def test_points_alone_are_told_to_be_a_geometry(server: Served, folder: Path) -> None:
+    (folder / "alone.csv").write_text("node,x,y,z\nP1,0,0,0\nP2,1,0,0\n")
+    parts = server.ask("POST", "/api/open", {"files": ["alone.csv"]}, status=400)
+    assert "it is a geometry" in parts["found"]
+    assert "Drop the measurement with it" in parts["change"]
+
+
+def test_the_example_beam_can_be_opened_without_a_file(server: Served) -> None:
+    key = server.open("example:beam_hammer")
+    (file,) = server.state(key)["document"]["files"]
+    assert Path(file["path"]).read_bytes() == (ms.datasets.folder("beam_hammer") / "beam_hammer.uff").read_bytes()
+    assert Path(file["path"]).is_relative_to(server.store.files.place)
+    server.ask("POST", f"/api/documents/{key}/close", {})
+    assert server.ask("POST", "/api/open", {"files": ["example:../../secret"]}, status=400)["found"]
+
+
 @pytest.mark.slow
 def test_a_table_of_points_among_the_files_is_their_geometry(server: Served, folder: Path) -> None:
     ms.write(folder / "labels.npz", replace(ms.read(folder / "plain.npz"), output_dofs=("P1", "P2", "P3", "P4")))
@@ -120,7 +136,7 @@ def test_eight_windows_ask_at_once(server: Served, key: str) -> None:
         assert set(windows.map(ask, range(16))) == {200}
 
 
-@pytest.mark.parametrize("query", ["output=99&input=0", "output=-1&input=0", "output=a", ""])
+@pytest.mark.parametrize("query", ["output=99&input=0", "output=-1&input=0", "output=a", "output=1"])
 def test_a_channel_that_is_not_there_is_said(server: Served, key: str, query: str) -> None:
     assert server.request("GET", f"/api/documents/{key}/channel?{query}")[0] == 400
 

@@ -132,7 +132,7 @@ def test_two_bands_are_shown_together(tmp_path: Path) -> None:
     assert np.all(np.diff(lines_of(run.stages.channel(0, 0))) > 0)
     report = TASKS["export"](run.stages, None, ".html", str(tmp_path / "a.html")).read_text(encoding="utf-8")
     for band in run.head("poles")["bands"]:
-        assert f"Stabilization, {band[0]:.4g} to {band[1]:.4g} Hz</h2>" in report
+        assert f"Measured and rebuilt responses, {band[0]:.4g} to {band[1]:.4g} Hz</h2>" in report
     assert len(set(re.findall(r'<section id="([^"]+)"', report))) == report.count("<section id=")
 
 
@@ -199,3 +199,35 @@ def test_modes_are_compared_with_those_of_a_file(tmp_path: Path) -> None:
     assert answer["frequencies"] == pytest.approx(modes.frequencies[[0, 2]])
     ms.write(tmp_path / "data.npz", data)
     refused("holds FrequencyResponse", against, run.stages, lambda done, total: None, str(tmp_path / "data.npz"))
+
+
+def unpacked(blob: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    length = int.from_bytes(blob[:4], "little")
+    head = json.loads(blob[4 : 4 + length])
+    kinds = {"f4": "<f4", "f8": "<f8"}
+    arrays = {
+        each["name"]: np.frombuffer(blob, kinds[each["type"]], int(np.prod(each["shape"])), 4 + length + each["at"])
+        for each in head["arrays"]
+    }
+    return head, arrays
+
+
+def test_the_sum_of_all_channels_is_that_of_their_magnitudes(tmp_path: Path) -> None:
+    data, orders = KINDS["lines"]
+    run = Run()
+    run.run(document_of(data, tmp_path, orders=orders))
+    head, arrays = unpacked(TASKS["channel"](run.stages, None))
+    assert (head["all"], head["output"]) == (True, "")
+    measured = run.stages.finished().diagrams[0].response.values
+    np.testing.assert_allclose(arrays["measured_real"], np.abs(measured).sum(axis=(1, 2)), rtol=1e-5)
+    assert not arrays["measured_imag"].any()
+
+
+def test_the_pictures_of_the_data_are_made_as_soon_as_they_are_read(tmp_path: Path) -> None:
+    run = Run()
+    refused("not read", TASKS["measured"], run.stages, None)
+    data, orders = KINDS["lines"]
+    run.run(document_of(data, tmp_path, orders=orders))
+    names = TASKS["measured"](run.stages, None)
+    assert names
+    assert all(TASKS["picture"](run.stages, None, name) for name in names)

@@ -238,7 +238,7 @@ def test_the_fit_error_of_every_channel_is_listed() -> None:
     errors = np.linspace(0.01, 0.08, 8).reshape(4, 2)
     body = sections.responses_section(r, (0.05, errors), lines_of_response(examples.modes(), r)).body
     assert [f"{100 * e:.2f}" for e in errors.ravel()] == re.findall(r'--shade:\d+%">([\d.]+)<', body)
-    worst = re.findall(r'aria-label="Output ([^,]+), input ([^,]+),', body)[0]
+    worst = re.findall(r'aria-label="output ([^,]+), input ([^,]+): measured', body)[0]
     assert worst == (r.output_dofs[3], r.input_dofs[1])
 
 

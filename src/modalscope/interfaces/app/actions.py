@@ -10,10 +10,14 @@ from typing import Any
 from modalscope.data import DataError
 from modalscope.data.analysis import Analysis, SourceFile, named_near
 from modalscope.io.analysis import analysis_to
+from modalscope.io.options import TEXT
 from modalscope.numerics.checks import check_number, check_positive
 
 #: The fields that `set` changes.
 _SETTABLE = ("bands", "exclude", "route", "reciprocal", "method", "domain", "orders", "options", "refine", "remarks")
+
+#: Options of reading that remedies of errors name.
+_REMEDIES = (*TEXT, "sheet", "units", "quantity", "sampling_rate")
 
 #: Maximum relative difference of two frequencies that denote the same mode.
 _SAME_FREQUENCY = 1e-6
@@ -115,6 +119,18 @@ def reading(
     return _read_with(document, **texts, sampling_rate=rate)
 
 
+def remedy(document: Analysis, options: Mapping[str, str | float | bool | list[str]]) -> Analysis:
+    """Read the data as an error says: columns left out besides those that were, lines skipped, rows and columns exchanged, ..."""
+    unknown = sorted(set(options) - set(_REMEDIES))
+    if unknown:
+        fault = f"reading again with {', '.join(unknown)} was asked"
+        raise DataError(fault, f"the page knows {', '.join(_REMEDIES)}", "Use one of these.")
+    left = options.get("ignore", [])
+    earlier = document.files[0].reading.get("ignore", ()) if document.files else ()
+    more = {"ignore": [*earlier, *map(str, left)]} if isinstance(left, list) and left else {}
+    return _read_with(document, **{**options, **more})
+
+
 def _read_with(document: Analysis, **options: Any) -> Analysis:
     given = {key: value for key, value in options.items() if value is not None}
 
@@ -142,4 +158,5 @@ ACTIONS: dict[str, Callable[..., Analysis]] = {
     "geometry": geometry,
     "exact_nodes": exact_nodes,
     "reading": reading,
+    "remedy": remedy,
 }

@@ -97,6 +97,10 @@ class DocumentStore:
             document = self._of_paths(read_analysis(paths[0]), paths[0].parent)
         else:
             paths, geometry = await asyncio.to_thread(geometry_among, paths)
+            # beside a file of any other kind a table of points alone is a geometry, too
+            if len(paths) == 1 and (await asyncio.to_thread(geometry_among, [*paths, Path("measurement")]))[1]:
+                fault = "it is a geometry: points, and no measurement"
+                raise DataError(f"opening {paths[0].name} was asked", fault, "Drop the measurement with it, together.")
             reading = {"geometry": tuple(map(str, geometry))} if geometry else {}
             document = Analysis(files=tuple([await asyncio.to_thread(hashed, path, reading) for path in paths]))
         if len(self._open) >= self.limits.documents:

@@ -7,11 +7,13 @@ import re
 import shutil
 from collections.abc import AsyncIterator, Iterator
 from contextlib import suppress
+from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
 from secrets import token_hex
 
 from modalscope.data import DataError
+from modalscope.datasets import shipped
 from modalscope.io.beside import is_file_in, lies_in
 from modalscope.io.formats import FORMATS as READ
 from modalscope.io.options import MESHES
@@ -20,6 +22,7 @@ from modalscope.io.options import MESHES
 FORMATS = {
     ".json": "modes with all results, and the analysis",
     ".csv": "a table of the modes",
+    ".xlsx": "a workbook: modes, shapes, MAC, responses",
     ".uff": "universal file, dataset 55",
     ".unv": "universal file, dataset 55",
     ".npz": "NumPy arrays",
@@ -35,6 +38,24 @@ FORMATS = {
     ".analysis.json": "the document: every choice, to repeat the analysis",
 }
 
+#: Suffix -> the package that writes it, and the extra that brings it.
+_NEEDED = {
+    ".docx": ("docx", "office"),
+    ".pptx": ("pptx", "office"),
+    ".h5": ("h5py", "hdf5"),
+    ".xlsx": ("openpyxl", "excel"),
+}
+
+
+def missing_formats() -> dict[str, str]:
+    """Return the formats that cannot be written here, with the reason."""
+    return {
+        suffix: f"needs the package {package}: pip install 'modalscope[{extra}]'"
+        for suffix, (package, extra) in _NEEDED.items()
+        if find_spec(package) is None
+    }
+
+
 #: Suffixes of the files that the page lists: measurements in one file, and documents of analyses. Meshes can be dropped on the page.
 _LISTED_SUFFIXES = (*(suffix for suffix in READ if suffix not in (*MESHES, ".json", ".zarr")), ".analysis.json")
 
@@ -42,8 +63,8 @@ _LISTED_SUFFIXES = (*(suffix for suffix in READ if suffix not in (*MESHES, ".jso
 #: start of the page, and has to be short enough to read, also where the folder is a whole disk.
 _MAX_FILES, _MAX_DEPTH = 500, 3
 
-#: Prefix of the names of uploads, which tells them from files of the folder.
-_UPLOAD = "upload:"
+#: Prefixes of the names of uploads and of examples, which tell them from files of the folder.
+_UPLOAD, _EXAMPLE = "upload:", "example:"
 
 #: Maximum number of bytes of the name of an upload, counted from its end, where the suffix is: file systems take names of 255 bytes.
 _MAX_NAME = 240
@@ -100,12 +121,22 @@ class FileStore:
         DataError
             A path outside of the folder, also by a link, or no such file.
         """
+        if name.startswith(_EXAMPLE):
+            return self._example(name.removeprefix(_EXAMPLE))
         top, inner = (self._uploads, name.removeprefix(_UPLOAD)) if name.startswith(_UPLOAD) else (self.folder, name)
         if top is None or not lies_in(top / inner, [top]):
             raise self._outside(name)
         if not is_file_in(top / inner, [top]):
             raise DataError(f"{name!r} was asked", "there is no such file", "Choose a listed file.")
         return (top / inner).resolve()
+
+    def _example(self, name: str) -> Path:
+        """Return a copy of a measured test that comes with the program, among the uploads."""
+        source = shipped.folder(name) / shipped.FILES[name]
+        place = self._uploads / token_hex(8)
+        place.mkdir(mode=0o700)
+        self.total += source.stat().st_size
+        return Path(shutil.copy(source, place))
 
     def _outside(self, name: str) -> DataError:
         fault = "no folder was given" if self.folder is None else "it is outside of the folder"

@@ -20,7 +20,7 @@ from modalscope.identification.method_names import methods
 from modalscope.identification.suits import route_of
 from modalscope.interfaces.app.document import OpenDocument
 from modalscope.interfaces.app.documents import DocumentStore
-from modalscope.interfaces.app.files import FORMATS, safe_name, too_large
+from modalscope.interfaces.app.files import FORMATS, missing_formats, safe_name, too_large
 from modalscope.io.analysis import is_deep
 from modalscope.io.arrays import plain
 from modalscope.io.geometry import geometry_among
@@ -93,6 +93,7 @@ async def start(request: Request) -> Response:
             "documents": store.listed(),
             "methods": rows,
             "formats": FORMATS,
+            "missing": missing_formats(),
             "upload": store.limits.upload,
             "first": request.app.state.first,
         }
@@ -168,10 +169,16 @@ async def blob(request: Request) -> Response:
 
 
 async def channel(request: Request) -> Response:
-    """Return one channel, measured and rebuilt."""
-    output, column = (_number(request, name) for name in ("output", "input"))
-    data = await _opened(request).ask("channel", output=output, column=column)
+    """Return one channel, measured and rebuilt; without an output the sum of all."""
+    one = "output" in request.query_params
+    given = {"output": _number(request, "output"), "column": _number(request, "input")} if one else {}
+    data = await _opened(request).ask("channel", **given)
     return Response(data, media_type="application/octet-stream")
+
+
+async def measured(request: Request) -> Response:
+    """Return the names of the pictures of the data."""
+    return _json(await _opened(request).ask("measured"))
 
 
 async def picture(request: Request) -> Response:
@@ -259,6 +266,7 @@ def routes() -> list[Route]:
         (f"{at}/events", events, "GET"),
         (f"{at}/blob/{{name}}", blob, "GET"),
         (f"{at}/channel", channel, "GET"),
+        (f"{at}/measured", measured, "GET"),
         (f"{at}/picture/{{name}}", picture, "GET"),
         (f"{at}/compare", compare, "POST"),
         (f"{at}/against", against, "POST"),

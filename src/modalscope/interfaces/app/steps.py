@@ -48,7 +48,7 @@ def result_head(result: Result) -> dict[str, Any]:
     rebuildable = len(result.modes) > 0 and not result.analysis.apart
     fit = fit_of_bands(result.modes, result.diagrams) if rebuildable else None
     if fit is not None:
-        head["fits"] = np.broadcast_to(fit[1], first.response.values.shape[1:])
+        head |= {"fit": fit[0], "fits": np.broadcast_to(fit[1], first.response.values.shape[1:])}
     verdict = verdict_of(result.modes, first.response, fit)
     return head | {"taken": verdict.taken, "unexplained": verdict.unexplained, "warnings": verdict.warnings}
 
@@ -162,8 +162,8 @@ class Stages:
             self._findings = examine(data)
         return self._findings
 
-    def channel(self, output: int, column: int) -> bytes:
-        """Return one channel, measured and rebuilt."""
+    def channel(self, output: int | None, column: int | None) -> bytes:
+        """Return one channel, measured and rebuilt, or the sum of all."""
         return channel_blob(self._diagrams, self.finished().modes, output, column)
 
     def finished(self) -> Result:

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 Progress = Callable[[int, int], None]
 
 
-def channel(stages: Stages, progress: Progress, output: int, column: int) -> bytes:
-    """Return one channel, measured and rebuilt, as a blob."""
+def channel(stages: Stages, progress: Progress, output: int | None = None, column: int | None = None) -> bytes:
+    """Return one channel, measured and rebuilt, as a blob; without an output and a column the sum of all."""
     return stages.channel(output, column)
 
 
@@ -107,10 +107,21 @@ def compared_pictures(comparison: Comparison) -> dict[str, Picture]:
     return pictures | ({"deviations": deviations_picture(comparison)} if comparison.groups else {})
 
 
+def measured(stages: Stages, progress: Progress) -> list[str]:
+    """Make the pictures of the data, and return their names."""
+    from modalscope.interfaces.plot.measured import measured_pictures
+
+    if stages.data is None:
+        raise DataError("the pictures of the data were asked", "the data are not read", "Wait until they are read.")
+    pictures = measured_pictures(stages.data)
+    stages.pictures |= pictures
+    return list(pictures)
+
+
 def picture(stages: Stages, progress: Progress, name: str) -> bytes:
     """Return one of the pictures that were made, as a blob."""
     if name not in stages.pictures:
-        raise DataError(f"the picture {name[:40]!r} was asked", "there is none", "Ask for the comparison first.")
+        raise DataError(f"the picture {name[:40]!r} was asked", "there is none", "Open its window again.")
     return picture_blob(stages.pictures[name])
 
 
@@ -151,6 +162,7 @@ TASKS: dict[str, Callable[..., Any]] = {
     "against": against,
     "export": export,
     "compare": compared,
+    "measured": measured,
     "picture": picture,
 }
 

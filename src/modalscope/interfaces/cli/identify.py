@@ -82,7 +82,7 @@ def add_identify(parser: Parser) -> None:
     add_outside(parser)
     add_workers(parser)
     add_expert(parser)
-    add_outputs(parser, "write .json, .csv, .uff or a report: .html, .docx, .pptx")
+    add_outputs(parser, "write .json, .csv, .xlsx, .uff or a report: .html, .docx, .pptx")
     add_pictures(parser)
 
 

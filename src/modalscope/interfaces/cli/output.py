@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _PAGES = (".html", ".htm", ".docx", ".pptx")
 DATA = (".uff", ".unv", ".npz", ".mat", ".h5", ".hdf5", ".csv")
 PICTURES = (".png", ".svg", ".pdf")
-_RESULTS = (".json", ".csv", ".uff", ".unv", *_PAGES, ".npz", ".h5", ".hdf5", ".mat")
+_RESULTS = (".json", ".csv", ".uff", ".unv", ".xlsx", *_PAGES, ".npz", ".h5", ".hdf5", ".mat")
 
 
 def is_page(path: Path) -> bool:
@@ -88,7 +88,8 @@ def write_file(
             return _write(path, result, fields or {})
         from modalscope.interfaces.reporting import report
 
-        report(result, path, source=source, command=options.command_line, certificate=certificate, data=record)
+        told = {"source": source, "command": options.command_line, "header": getattr(options, "header", None)}
+        report(result, path, certificate=certificate, data=record, **told)
         return f"written: {path}"
 
 

@@ -190,6 +190,8 @@ def add_pictures(parser: Parser) -> None:
     """Add whether the pictures of a result are written, too."""
     words = "also write diagram, shapes, AutoMAC and strongest response as files named after the first -o"
     parser.group("output")("--pictures", choices=("png", "svg", "pdf"), help=words)
+    words = "head of an .html report: project, structure, operator, sensors, conclusion"
+    parser.group("output")("--header", type=Path, metavar="FILE.toml", help=words)
 
 
 def add_outside(parser: Parser) -> None:

@@ -351,7 +351,7 @@ def report(options: argparse.Namespace) -> None:
         result = _saved(options, show)
     for path in options.outputs:
         with progress(f"writing {path.name}"):
-            report(result, path, title=options.title, command=options.command_line)
+            report(result, path, title=options.title, command=options.command_line, header=options.header)
         say(f"written: {path}")
     if options.pictures is not None:
         options.files = [options.file, *(options.data or ())]

@@ -12,7 +12,7 @@ from modalscope.data.rebuilt import asked_ends
 from modalscope.data.response import Response
 from modalscope.interfaces.plot.on_axes import painted
 from modalscope.interfaces.plot.picture import Axis, Line, Marks, Panel, Picture, axis_of, modes_marked, unit_of
-from modalscope.interfaces.plot.web.poles import INDICATORS, KINDS, behind, indicator_curves, pole_arrays
+from modalscope.interfaces.plot.web.poles import KINDS, behind, indicator_curves, level_of, pole_arrays
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, check_kind, real_array
 from modalscope.numerics.errors import check_choice
@@ -97,8 +97,8 @@ def stabilization_picture(
         items.append(Marks(*at, kind.ink, kind.mark, words, size, kind.mark not in ("dot", "cross"), kind.letter))
     marked = [] if modes is None else modes_marked(modes.frequencies, (low, high))
     top = max((order for diagram in diagrams for order in diagram.orders), default=2)
-    shown, unit = (indicator, unit_of(diagrams[0].response)) if spectra is None else ("spectra", "")
-    name = "" if shown == "none" else INDICATORS[shown][1] + unit
+    shown = indicator if spectra is None else "spectra"
+    name = "" if shown == "none" else level_of(shown, diagrams[0].response)
     curves = [] if indicator == "none" else _curves(*behind(diagrams, 0, spectra, indicator), (low, high), _BEHIND, "")
     at_right = (axis_of(name, [curve.y for curve in curves], log=True), curves) if curves else None
     across, upward = Axis("frequency [Hz]", low, high), Axis("model order (states)", 0, 1.04 * top)

@@ -7,7 +7,7 @@ is imported where a figure is made, which keeps `import modalscope` fast.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
@@ -52,7 +52,9 @@ def painted(picture: Picture, ax: Axes | Sequence[Axes] | None = None, *, dark: 
     """Paint a picture on axes, one for each of its first panels, and return the first; on those of a new figure by default."""
     given = (ax,) if ax is not None and not isinstance(ax, Sequence | np.ndarray) else ax
     axes: tuple[Axes, ...] = new_axes(picture, dark=dark) if given is None else tuple(given)
-    pairs = list(zip(axes, picture.panels, strict=False))
+    shown = list(picture.panels[: len(axes)])
+    shown[-1] = replace(shown[-1], x=replace(shown[-1].x, label=picture.panels[-1].x.label))
+    pairs = list(zip(axes, shown, strict=False))
     for k, (each, panel) in enumerate(pairs):
         _Brush(each, panel, dark).paint(last=k == len(pairs) - 1)
     _Brush(pairs[-1][0], pairs[-1][1], dark).key(picture, [each for each, _ in pairs])

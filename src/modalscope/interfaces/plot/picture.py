@@ -341,6 +341,8 @@ def unit_of(response: Response, output: int | None = None, input: int | None = N
     top, bottom = (plain(unit).replace("^2", "²").replace("s2", "s²") for unit in (above.pop(), below.pop()))
     if not top:
         return ""
+    if response.ambient:  # spectra of two motions, not a motion of a force
+        return f" [({top})²/Hz]" if top == bottom else f" [({top})({bottom})/Hz]"
     return f" [({top})/{bottom}]" if bottom and "/" in top else f" [{top}/{bottom}]" if bottom else f" [{top}]"
 
 

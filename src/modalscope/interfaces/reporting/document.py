@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
-from itertools import takewhile
+from itertools import chain, takewhile
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from modalscope.analysis.checking.certificate import Certificate
 from modalscope.analysis.comparing import Comparison
@@ -26,6 +26,7 @@ from modalscope.interfaces.plot.web.alive import drawing_of, selected
 from modalscope.interfaces.plot.web.fits import Lines, fit_of, lines_of_response, rebuilt_lines
 from modalscope.interfaces.reporting import record, sections
 from modalscope.interfaces.reporting.comparison import comparison_sections
+from modalscope.interfaces.reporting.header import header_of, header_sections
 from modalscope.interfaces.reporting.html import Section, listing, page
 from modalscope.interfaces.reporting.modes import (
     certificate_section,
@@ -76,6 +77,7 @@ def report(
     command: str | None = None,
     certificate: Certificate | None = None,
     data: Signals | Records | None = None,
+    header: str | Path | Mapping[str, Any] | None = None,
 ) -> Path:
     """Write a report on modes, a diagram, an identification, a comparison, a model or months of records: one HTML file with its pictures.
 
@@ -95,6 +97,9 @@ def report(
         Of a result: whether its intervals hold; the modes are reported with its standard deviations.
     data : Signals or Records, optional
         With inputs: what a model is simulated beside.
+    header : path or mapping, optional
+        What a customer's report says first, as a .toml file or its entries: `project`, `structure`, `operator`, `date` and any others;
+        `sensors`, a table each with `channel`, `sensor`, `serial`, `sensitivity`, `calibrated`; `conclusion`; `title`, the heading.
 
     Returns
     -------
@@ -129,19 +134,24 @@ def report(
         heading = title or _heading(f"{cell_label(thing.method, thing.domain)}, order {thing.order}", ": ", source)
         parts = identification_sections(thing, source=source, command=command)
         return write_page(path, heading, _subtitle(thing.response), parts, sources_of(thing))
+    head = header_of(header)
     origin = _origin(thing, source, command) if isinstance(thing, Result) else Origin(source, command)
     modes, (diagram, *_) = selected(thing, "a report")
     if certificate is not None:
         check_kind("certificate of report", certificate, Certificate)
         modes, origin = certificate.modes, replace(origin, certificate=certificate)
-    heading = title or _heading("Modes" if origin.source else "Modal identification", " of ", origin.source)
+    heading = (
+        title
+        or head.get("title")
+        or _heading("Modes" if origin.source else "Modal identification", " of ", origin.source)
+    )
     sources = (*sources_of(thing), *sources_of(diagram))
     suffix = Path(path).suffix.lower().removeprefix(".")
     if suffix in names_added(REPORTS):
         with replacing(path, sources) as temporary:
             added(REPORTS, suffix)(temporary, heading, _subtitle(diagram.response), modes, diagram, origin)
         return Path(path)
-    parts = stabilization_sections(modes, diagram, origin)
+    parts = chain(header_sections(head), stabilization_sections(modes, diagram, origin))
     return write_page(path, heading, _subtitle(diagram.response), parts, sources)
 
 

@@ -17,7 +17,7 @@ from modalscope.interfaces.plot.picture import unit_of
 from modalscope.interfaces.plot.web.blob import pack
 from modalscope.interfaces.plot.web.fits import Fit, Lines, fit_of_bands, lines_of, strongest
 from modalscope.interfaces.plot.web.modes import modes_parts, over_points
-from modalscope.interfaces.plot.web.poles import KINDS, amplitudes, behind, pole_arrays
+from modalscope.interfaces.plot.web.poles import KINDS, amplitudes, behind, level_of, pole_arrays
 from modalscope.interfaces.plot.web.verdict import Verdict, verdict_of
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, BoolArray, IntArray
@@ -95,9 +95,10 @@ def alive_blob(drawing: Drawing) -> bytes:
         "label": cell_label(first.method, first.domain),
         "orders": sorted({order for diagram in diagrams for order in diagram.orders}),
         "bands": [list(band_of(d, len(diagrams)) if spectra is None else asked_ends(d)) for d in diagrams],
-        "level": "mode indicator" if spectra is None else "singular values of the spectra",
+        "level": level_of("cmif" if spectra is None else "spectra", first.response),
         "columns": list(first.response.columns),
         "unit": unit_of(first.response.picture()).strip(" []"),
+        "fit": None if drawing.fit is None else drawing.fit[0],
         "unexplained": drawing.verdict.unexplained,
         "warnings": drawing.verdict.warnings,
     }

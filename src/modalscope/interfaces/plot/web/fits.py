@@ -110,8 +110,12 @@ def strongest(values: Array) -> tuple[int, int]:
     return int(output), int(column)
 
 
-def channel_blob(diagrams: Sequence[StabilizationDiagram], modes: ModalModel, output: int, column: int) -> bytes:
+def channel_blob(
+    diagrams: Sequence[StabilizationDiagram], modes: ModalModel, output: int | None, column: int | None
+) -> bytes:
     """Return one channel on the lines of all bands, measured and rebuilt from the modes, with its coherence where that is known.
+
+    Without an output and a column it is the sum of the magnitudes of all channels, and their mean coherence.
 
     Between two bands stands a line without values: curves do not join there.
     """
@@ -119,7 +123,8 @@ def channel_blob(diagrams: Sequence[StabilizationDiagram], modes: ModalModel, ou
     for diagram in diagrams:
         response = diagram.response
         outputs, columns = response.values.shape[1:]
-        if not (0 <= output < outputs and 0 <= column < columns):
+        known = output is None or column is None or (0 <= output < outputs and 0 <= column < columns)
+        if not known:
             counts = f"there are {outputs} outputs and {columns} inputs"
             raise DataError(f"channel {output}, {column} was asked", counts, "Choose one of these.")
         chosen = of_band(modes, diagram, len(diagrams))
@@ -130,8 +135,9 @@ def channel_blob(diagrams: Sequence[StabilizationDiagram], modes: ModalModel, ou
     every = max(1, -(-len(f) // _MAX_POINTS))
     first = diagrams[0].response
     head = {
-        "output": first.output_dofs[output],
-        "input": list(first.columns)[column],
+        "output": "" if output is None else first.output_dofs[output],
+        "input": "" if column is None else list(first.columns)[column],
+        "all": output is None,
         "quantity": first.quantity,
         "unit": unit_of(first.picture(), output, column).strip(" []"),
         "fit": float(np.linalg.norm(measured - fitted) / max(float(np.linalg.norm(measured)), 1e-300)),
@@ -156,17 +162,28 @@ def _apart(bands: Sequence[Array]) -> Array:
     return np.concatenate(joined)
 
 
-def _channel_lines(response: Response, modes: ModalModel, output: int, column: int) -> tuple[Array, ...]:
-    """Return lines, measured and rebuilt values and coherence of one channel; samples are transformed, and have no coherence."""
+def _channel_lines(response: Response, modes: ModalModel, output: int | None, column: int | None) -> tuple[Array, ...]:
+    """Return lines, measured and rebuilt values and coherence of one channel; samples are transformed, and have no coherence.
+
+    Of all channels together these are sums of magnitudes, and the mean coherence.
+    """
     complete = len(modes) and modes.participation is not None
     shown = response.picture()
     fitted = rebuilt(shown, modes) if complete else np.full_like(shown.values, np.nan)
-    if isinstance(shown, ImpulseResponse):
-        f = _grid(shown)
-        own, G = (_transformed(shown, side[:, output, column], True) for side in (shown.values, fitted))
-        return f, own, G, np.full(len(f), np.nan)
-    f, values = shown.spectrum()
-    coherence = np.full(len(f), np.nan)
-    if shown.coherence is not None and len(shown.coherence) == len(f):
-        coherence = coherence_of(shown.coherence, output, column)
-    return np.asarray(f), values[:, output, column], fitted[:, output, column], coherence
+    pairs = np.ndindex(shown.values.shape[1:]) if output is None or column is None else [(output, column)]
+    own, G, coherence = [], [], []
+    f = _grid(shown) if isinstance(shown, ImpulseResponse) else np.asarray(shown.spectrum()[0])
+    known = None if isinstance(shown, ImpulseResponse) else shown.coherence
+    for i, j in pairs:
+        sides = [side[:, i, j] for side in (shown.values, fitted)]
+        if isinstance(shown, ImpulseResponse):
+            sides = [_transformed(shown, side, True) for side in sides]
+        own.append(sides[0])
+        G.append(sides[1])
+        coherence.append(
+            coherence_of(known, i, j) if known is not None and len(known) == len(f) else np.full(len(f), np.nan)
+        )
+    if output is not None and column is not None:
+        return f, own[0], G[0], coherence[0]
+    together = (np.abs(own).sum(axis=0) + 0j, np.abs(G).sum(axis=0) + 0j)
+    return f, *together, np.mean(coherence, axis=0)

@@ -16,6 +16,7 @@ from modalscope.data.shown import summary_of
 from modalscope.identification.method_names import cell_label
 from modalscope.identification.stabilize import stable_against
 from modalscope.identification.sweep import Cut, Sweep
+from modalscope.interfaces.plot.picture import unit_of
 from modalscope.interfaces.plot.web.blob import pack
 from modalscope.interfaces.plot.web.fits import cut_to_band
 from modalscope.io.arrays import plain
@@ -136,6 +137,12 @@ INDICATORS = {
 }
 
 
+def level_of(name: str, response: Response) -> str:
+    """Return the label of the axis of an indicator, with its unit, if all channels share it."""
+    has_unit = name in ("cmif", "sum") or (name == "spectra" and response.ambient)
+    return INDICATORS[name][1] + (unit_of(response) if has_unit else "")
+
+
 def _indicators(
     diagrams: Sequence[StabilizationDiagram], spectra: Decomposition | None
 ) -> Iterator[tuple[str, Array, Array]]:
@@ -160,8 +167,8 @@ def poles_blob(diagrams: Sequence[StabilizationDiagram], spectra: Decomposition 
     first, arrays = diagrams[0], pole_arrays(diagrams)
     indicators = []
     for name, lines, curves in _indicators(diagrams, spectra):
-        words, level, linear = INDICATORS[name]
-        indicators.append({"name": name, "words": words, "level": level, "linear": linear})
+        words, _, linear = INDICATORS[name]
+        indicators.append({"name": name, "words": words, "level": level_of(name, first.response), "linear": linear})
         arrays |= {f"{name}_lines": lines, f"{name}_curves": curves}
     head = {
         "indicators": indicators,
