@@ -182,7 +182,7 @@ export function makePicture(place) {
       function marks(item) {
         const [x, y, tones] = [blob[item.x], blob[item.y], item.tones && blob[item.tones]];
         for (let i = 0; i < x.length; i++) {
-          if (!Number.isFinite(y[i]) || share(p.x, x[i]) < 0 || share(p.x, x[i]) > 1) continue;
+          if (!Number.isFinite(y[i]) || share(p.x, x[i]) < 0 || share(p.x, x[i]) > 1 || share(p.y, y[i]) < 0 || share(p.y, y[i]) > 1) continue;
           told.marks += 1;
           stamp(item, across(x[i]), upward(y[i]), tones ? toned(tones[i]) : undefined);
         }

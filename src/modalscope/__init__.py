@@ -145,6 +145,8 @@ hand_down(**FASTER, **FURTHER)
 hand_down(
     columns_of="modalscope.selection.judging.description:columns_of",
     drawn="modalscope.interfaces.plot.shown:drawn",
+    from_frame="modalscope.io:from_frame",
+    write="modalscope.io:write",
     glance="modalscope.interfaces.plot.shown:glance",
     examine="modalscope.signals.doctor:examine",
     grades="modalscope.selection.judging.grades:grades",

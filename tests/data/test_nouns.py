@@ -34,8 +34,8 @@ GOOD = {
     [
         (
             Signals,
-            {"outputs": np.ones(5)},
-            r"outputs needs axes \(samples, outputs\).*, but the array has shape \(5,\)",
+            {"outputs": np.ones((2, 2, 2, 2))},
+            r"outputs needs axes \(samples, outputs\).*, but the array has shape \(2, 2, 2, 2\)",
         ),
         (Signals, {"outputs": [[1, 2], [3]]}, "outputs needs axes .*, but it is ragged"),
         (Signals, {"outputs": [["a", "b"]]}, "outputs needs numbers, but its type is"),

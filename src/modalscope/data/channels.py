@@ -7,8 +7,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from importlib import import_module
+from numbers import Number
 from pathlib import Path
 from typing import Any, Self, TypeAlias
+
+import numpy as np
 
 from modalscope.data.geometry import DofLike, Geometry, check_labels, indices_of
 from modalscope.data.shown import Shown
@@ -98,9 +101,26 @@ KINDS = ("pulse", "dirac", "correlation", "free decay")
 Units = tuple[tuple[str, ...], tuple[str, ...]]
 
 
+#: Names of responses to a force, and the quantity of their outputs.
+_RESPONSES = {
+    "receptance": "displacement",
+    "compliance": "displacement",
+    "mobility": "velocity",
+    "inertance": "acceleration",
+    "accelerance": "acceleration",
+}
+
+
 def check_quantity(quantity: str | None) -> str | None:
-    """Return the quantity, or raise when it is not one of displacement, velocity, acceleration or None."""
-    return None if quantity is None else check_choice("quantity", quantity, QUANTITIES)
+    """Return the quantity, of a response by name that of its outputs, or raise when it is none of these, or None."""
+    named = _RESPONSES.get(quantity.lower(), quantity) if isinstance(quantity, str) else quantity
+    return None if named is None else check_choice("quantity", named, QUANTITIES)
+
+
+def one_channel(values: Any, axes: int = 2) -> Any:
+    """Return a single channel, given along one axis, with all its axes; others as they are."""
+    listed = isinstance(values, list | tuple) and bool(values) and all(isinstance(v, Number) for v in values)
+    return np.reshape(values, (-1, *[1] * (axes - 1))) if listed or getattr(values, "ndim", 0) == 1 else values
 
 
 def derivatives_between(quantity: str | None, wanted: str) -> int:

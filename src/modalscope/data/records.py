@@ -21,6 +21,7 @@ from modalscope.data.channels import (
     choose_channels,
     chosen_groups,
     names_base,
+    one_channel,
     run_groups,
     source_of,
 )
@@ -40,6 +41,7 @@ from modalscope.numerics.checks import (
     stays_locked,
 )
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.handed import handed
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
@@ -82,7 +84,7 @@ class Sampled(Channels):
         return {"quantities": tuple(q or kind for q, kind in zip(self.quantities, kinds, strict=True))}
 
 
-@also_called(quantity="quantities")
+@also_called("outputs", "sampling_rate", quantity="quantities")
 @stays_locked
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class Signals(Sampled, Convertible):
@@ -90,9 +92,9 @@ class Signals(Sampled, Convertible):
 
     Parameters
     ----------
-    outputs : array, (N, l) or (R, N, l)
-        N samples of l outputs, or R runs of them.
-    inputs : array, (N, m) or (R, N, m), optional
+    outputs : array, (N,), (N, l) or (R, N, l)
+        N samples of l outputs, or R runs of them; `Signals(outputs, sampling_rate)` is enough.
+    inputs : array, (N,), (N, m) or (R, N, m), optional
         The inputs; None when only the response was measured.
     sampling_rate : float
         Samples per second.
@@ -118,10 +120,14 @@ class Signals(Sampled, Convertible):
     groups: Groups = AUTO
 
     def __post_init__(self) -> None:
-        outputs = real_array("outputs", self.outputs, "(samples, outputs) or (runs, samples, outputs)", (2, 3))
+        outputs = real_array(
+            "outputs", one_channel(self.outputs), "(samples, outputs) or (runs, samples, outputs)", (2, 3)
+        )
         inputs = None
         if self.inputs is not None:
-            inputs = real_array("inputs", self.inputs, "(samples, inputs) or (runs, samples, inputs)", (2, 3))
+            inputs = real_array(
+                "inputs", one_channel(self.inputs), "(samples, inputs) or (runs, samples, inputs)", (2, 3)
+            )
             if inputs.shape[:-1] != outputs.shape[:-1]:
                 raise DataError(
                     "outputs and inputs need the same runs and samples",
@@ -135,6 +141,18 @@ class Signals(Sampled, Convertible):
         runs = 1 if outputs.ndim == 2 else outputs.shape[0]
         freeze(self, outputs=outputs, inputs=inputs, groups=check_groups(self.groups, runs, "a run", run_groups(runs)))
         self._label(outputs.shape[-1], 0 if inputs is None else inputs.shape[-1])
+
+    @classmethod
+    def from_frame(cls, frame: Any, **options: Any) -> Any:
+        """Return the data of a data frame with names, units and rate, as `modalscope.from_frame` does.
+
+        Parameters
+        ----------
+        frame : pandas.DataFrame, xarray.Dataset or the like
+        **options
+            As of `modalscope.from_frame`.
+        """
+        return handed("from_frame")(frame, **options)
 
     @property
     def samples(self) -> int:

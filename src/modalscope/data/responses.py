@@ -18,10 +18,12 @@ from modalscope.data.channels import (
     chosen_groups,
     derivatives_between,
     input_groups,
+    one_channel,
 )
 from modalscope.data.mode_fields import ModeFields, values_on_lines, values_on_samples
 from modalscope.data.quadruple import Quadruple
 from modalscope.data.response import HALF, Conversion, Response
+from modalscope.numerics.arguments import also_called
 from modalscope.numerics.checks import (
     Array,
     ComplexArray,
@@ -358,6 +360,7 @@ def lines_inside(lines: RealArray, band: tuple[float, float]) -> IntArray:
 _MAX_LINES_WITHOUT_RESIDUALS = 8
 
 
+@also_called("values", "frequencies")
 @stays_locked
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class FrequencyResponse(Response):
@@ -365,12 +368,13 @@ class FrequencyResponse(Response):
 
     Parameters
     ----------
-    values : array of complex, (F, l, m)
-        F lines, l outputs, m inputs.
+    values : array of complex, (F, l, m) or (F,)
+        F lines, l outputs, m inputs; `FrequencyResponse(values, frequencies)` is enough.
     frequencies : array, (F,)
         The lines in Hz, increasing, from any band.
     quantity : str, optional
-        Displacement, velocity or acceleration of the outputs.
+        Displacement, velocity or acceleration of the outputs; or the name of such a response to a force: receptance, mobility,
+        accelerance.
     sampling_rate : float, optional
         Samples per second when the response is that of a sampled system, H(exp(j 2 pi f / fs)); None when it is that
         of the continuous structure.
@@ -416,7 +420,7 @@ class FrequencyResponse(Response):
     exact_lines: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        values = complex_array("values", self.values, "(lines, outputs, inputs)", 3)
+        values = complex_array("values", one_channel(self.values, 3), "(lines, outputs, inputs)", 3)
         lines = real_array("frequencies", self.frequencies, "(lines,)", 1)
         check_lines(lines, values)
         freeze(

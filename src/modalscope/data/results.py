@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from importlib import import_module
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from modalscope.data.deferred import Column, Deferred
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note, notes_of
 from modalscope.data.response import Response
-from modalscope.data.shown import Shown
+from modalscope.data.shown import Shown, said_of
 from modalscope.data.whitening import Whitening
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, freeze, locked, stays_locked
 from modalscope.numerics.errors import DataError
@@ -300,6 +301,23 @@ class Result(Shown):
                 "the diagram was asked", "a file holds none", "Make it again: modalscope.replay(result.analysis)."
             )
         return self.diagrams[0]
+
+    def __str__(self) -> str:
+        said = said_of(self)
+        return "\n".join([self.modes.table() if len(self.modes) else "no mode", *(["", *said] if said else [])])
+
+    def save(self, path: str | Path, **options: Any) -> Path:
+        """Write the result, with its modes and the document of its analysis in .json; the format by suffix, as `modalscope.write` does.
+
+        Parameters
+        ----------
+        path : path
+            Such as `modes.json`, `modes.csv`, `modes.uff` or `modes.xlsx`.
+        **options
+            As of `modalscope.write`.
+        """
+        handed("write")(path, self, **options)
+        return Path(path)
 
     def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, Any]:
         """Return the table for a notebook, and the living diagram where anywidget is installed and the front end is built."""

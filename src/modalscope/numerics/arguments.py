@@ -148,13 +148,18 @@ def _misnamed(verb: Callable[..., Any], kwargs: Mapping[str, Any]) -> DataError 
     return None
 
 
-def also_called(**names: str) -> Callable[[type[T]], type[T]]:
-    """Return a decorator of a data class that accepts other names of its fields, `other="field"`, where the field is not given."""
+def also_called(*places: str, **names: str) -> Callable[[type[T]], type[T]]:
+    """Return a decorator of a data class that accepts other names of its fields, `other="field"`, where the field is not given.
+
+    `places`: fields that may be given by their place, in this order.
+    """
 
     def wrap(kind: type[T]) -> type[T]:
         make: Any = kind.__init__
 
         def init(self: T, *args: Any, **kwargs: Any) -> None:
+            if len(args) <= len(places) and not kwargs.keys() & set(places[: len(args)]):
+                args, kwargs = (), {**dict(zip(places, args, strict=False)), **kwargs}
             for other, field in names.items():
                 if other in kwargs and field not in kwargs:
                     kwargs[field] = kwargs.pop(other)

@@ -75,7 +75,7 @@ def test_methods_differ_from_refined_values_outside_of_their_interval(side: int)
 def test_the_grade_is_that_of_the_analysis_and_a_certificate_that_refutes_the_interval_lowers_it() -> None:
     for word in GRADES:
         found = judge(group(10, 0.02), (0, 0), KNOWN._replace(grade=Grade(word, "as it is")), (CLOSE,), ())
-        assert (found.grade, found.why) == (word, "as it is; found by 3 of 3 independent witnesses")
+        assert (found.grade, found.why) == (word, "as it is; found by 3 of 3 independent methods")
         assert found.trusted is (word == GOOD)
         failed = judge(group(10, 0.02), (0, 0), KNOWN._replace(grade=Grade(word, "as it is")), (), (), refuted=True)
         assert failed.grade == (LOOK if word == GOOD else word)
@@ -109,10 +109,10 @@ def test_an_interval_is_refuted_by_the_certificate_of_a_method_that_found_the_mo
 def test_why_names_votes_scatter_and_causes() -> None:
     g = group(10, 0.02, ALL[:2], 4)
     assert judge(g, (0, 0), KNOWN, (CLOSE, HEAVY), ()) == Trust(
-        GOOD, "known; found by 2 of 4 independent witnesses only: close pair, heavy damping", (CLOSE, HEAVY), DIFFER
+        GOOD, "known; found by 2 of 4 independent methods only: close pair, heavy damping", (CLOSE, HEAVY), DIFFER
     )
     g = group(10, 0.02)
-    assert judge(g, (0, 0), KNOWN, (), ()).why == "known; found by 3 of 3 independent witnesses"
+    assert judge(g, (0, 0), KNOWN, (), ()).why == "known; found by 3 of 3 independent methods"
     assert judge(g, (0.5, 0), KNOWN, (CLOSE,), ()).why.endswith(", whose frequencies scatter by ±0.5 Hz: close pair")
     assert judge(g, (0.01, 0.01), KNOWN, (), ()).why.endswith(", whose damping scatters by ±50 %")
     assert judge(g, (0, 0), KNOWN, (), (LOW,)).why.endswith(", but order too low")

@@ -72,7 +72,7 @@ def test_records_count_as_usual_ones_at_most() -> None:
 
 
 def test_a_reference_of_too_few_records_is_refused() -> None:
-    for count, fault in ((99, "it has 99 records"), (100, "")):
+    for count, fault in ((99, "99 are given"), (100, "")):
         record = tracks(moved(np.zeros(300)), none=np.zeros(300))
         if fault:
             with pytest.raises(DataError, match=fault):

@@ -113,7 +113,7 @@ def judge(
     `scatter`: half widths of what frequency (Hz) and damping ratio scatter by beyond the noise. `interval`: half widths of the interval of
     the consensus. `beside`: the mode in the analysis. `causes`, `data_causes`: of the mode, and of the data as a whole.
     """
-    support = f"found by {len(group.votes)} of {group.voters} independent witnesses"
+    support = f"found by {len(group.votes)} of {group.voters} independent methods"
     differs = _difference(group, scatter, beside, data_causes, interval)
     grade = beside.grade
     if refuted and grade.word == GRADES[0]:

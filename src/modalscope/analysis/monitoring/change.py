@@ -216,8 +216,10 @@ def alarms(
     seen = np.isfinite(tracks.frequencies[inside]).mean(axis=0)
     left = [name for name, share in zip(tracks.names, seen, strict=True) if share < _SHARE]
     if inside.sum() < _LEAST or len(left) == len(tracks):
-        have = f"it has {int(inside.sum())} records, and {len(tracks) - len(left)} tracks stand in half of them"
-        raise DataError("a reference of the sound structure was asked", have, f"Give {_LEAST} records, or more.")
+        have = f"{int(inside.sum())} are given, with {len(tracks) - len(left)} tracks found in half of them"
+        raise DataError(
+            f"alarms need {_LEAST} records of the sound structure", have, f"Give {_LEAST} records, or more."
+        )
     if left:
         notes.append(f"in fewer than half of the records of the reference, left out: {', '.join(left)}")
     kept = tracks.pick(seen >= _SHARE)

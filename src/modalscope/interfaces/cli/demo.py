@@ -1,4 +1,4 @@
-"""The command `demo`: a measured beam, its modes beside the published ones, and how far methods agree."""
+"""The command `demo`: a measured beam, and its modes beside the published ones."""
 
 from __future__ import annotations
 
@@ -10,14 +10,11 @@ from modalscope.interfaces.cli.parser import Parser, add_force
 from modalscope.interfaces.cli.process import progress, remark, say
 
 if TYPE_CHECKING:
-    from modalscope.data import FrequencyResponse, ModalModel
+    from modalscope.data import ModalModel
     from modalscope.data.modes import Mode
 
 #: The data set, and the band in which its modes were published.
 _SET, _BAND = "beam_hammer", (100.0, 4500.0)
-
-#: Methods are compared on the first hammer point in a band of two published modes: the whole would take minutes.
-_SHORT_BAND = (400.0, 1000.0)
 
 
 def add_demo(parser: Parser) -> None:
@@ -47,7 +44,7 @@ def demo(options: argparse.Namespace) -> None:
     )
     with progress("identifying") as show:
         result = analyze(data, band=_BAND, progress=show)
-    say(_table(result.modes, published), "", _inside(result.modes, published), _agreement(data))
+    say(_table(result.modes, published), "", _inside(result.modes, published))
     with progress(f"writing {options.output.name}"):
         report(result, options.output, title="Modes of a measured beam")
     say(f"Pictures, reasons and settings: {options.output.resolve()}. Your own file: modalscope app test.uff")
@@ -89,16 +86,3 @@ def _inside(modes: ModalModel, published: ModalModel) -> str:
         counts.append(sum(bool(low[i] - rounding <= values[k] <= high[i] + rounding) for i, k in pairs.items()))
     n = len(published)
     return f"Within the 95 % intervals: {counts[0]} of {n} published frequencies, {counts[1]} of {n} damping ratios."
-
-
-def _agreement(data: FrequencyResponse) -> str:
-    """Return how many methods there are, which are one and the same, and how many find the modes of a short band."""
-    from modalscope.analysis.comparing import compare
-
-    with progress("comparing methods") as show:
-        found = compare(data.select(inputs=data.input_dofs[:1]), band=_SHORT_BAND, progress=show)
-    agreed = [group for group, trust in zip(found.groups, found.trust, strict=True) if trust.agreed]
-    least = min((len(group.members) for group in agreed), default=0)
-    where = " and ".join(f"{group.frequency:.1f} Hz" for group in agreed)
-    band = f"one hammer point, {_SHORT_BAND[0]:g} to {_SHORT_BAND[1]:g} Hz"
-    return f"{found.headline}.\n{least} of them find {where} ({band})."

@@ -23,6 +23,7 @@ from modalscope.interfaces.cli.parser import (
 from modalscope.interfaces.cli.process import (
     EXIT_PARTLY,
     EXIT_WRONG,
+    MAX_COLUMNS,
     complain,
     explain,
     narrowed,
@@ -49,9 +50,6 @@ LOCAL_SETTINGS = {
 
 #: Prefix of the address of processes on this machine.
 _LOCAL_ADDRESS = "local"
-
-#: Maximum number of columns of a terminal that the table of modes takes.
-_MAX_COLUMNS = 100
 
 #: Seconds that a scheduler has to answer.
 _CONNECT_SECONDS = 20
@@ -193,7 +191,7 @@ def _print(result: Result, *, everything: bool = False, wide: bool = False) -> N
     read = (note for note in result.notes if note.kind in _ON_READING)
     remark(summary_of(result.data), *read, *_methods(result), *verdict.taken)
     if len(result.modes):
-        table = result.modes.table(wide=wide) if wide else narrowed(result.modes.table(), _MAX_COLUMNS)
+        table = result.modes.table(wide=wide) if wide else narrowed(result.modes.table(), MAX_COLUMNS)
         say("", table, "")
     else:
         reasons = [str(note) for note in result.modes.notes if note.kind == "no mode"]

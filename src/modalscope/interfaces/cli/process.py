@@ -6,11 +6,14 @@ import io
 import logging
 import os
 import re
+import shutil
 import signal
 import sys
+import textwrap
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from threading import current_thread, main_thread
 from time import monotonic
@@ -156,16 +159,22 @@ def say(*texts: object) -> None:
     out = sys.stderr if VOICE.aside else sys.stdout
     _LINE.clear()
     for text in texts:
-        print(_coloured(printable(str(text)), out), file=out)
+        print(_shown(printable(str(text)), out), file=out)
     _LINE.draw()
 
+
+#: Columns of a line that is read without turning the head.
+MAX_COLUMNS = 100
 
 #: Words that are coloured on a terminal, and their codes: green, yellow, bold yellow.
 _COLOURS = {"good": "32", "look": "33", "doubtful": "35", "WARNING": "1;33"}
 
 
-def _coloured(text: str, out: Any) -> str:
-    """Return text with colours for grades and warnings if `out` is a terminal that shows them (see no-color.org)."""
+def _shown(text: str, out: Any) -> str:
+    """Return text as a terminal shows it, sentences folded at 100 columns, with colours where it has them (see no-color.org)."""
+    if out.isatty():
+        columns = min(shutil.get_terminal_size().columns, MAX_COLUMNS)
+        text = "\n".join(map(partial(folded, columns=columns), text.splitlines()))
     if not out.isatty() or os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
         return text
     return _COLOURED.sub(lambda found: f"\x1b[{_COLOURS[found[0]]}m{found[0]}\x1b[0m", text)
@@ -173,6 +182,22 @@ def _coloured(text: str, out: Any) -> str:
 
 #: Grades in a table stand between blanks; a warning is the first word.
 _COLOURED = re.compile(r"(?<=  )(?:good|look|doubtful)(?=  )|^WARNING(?=:)", re.MULTILINE)
+
+
+def folded(line: str, columns: int) -> str:
+    """Return a sentence in lines of at most `columns`, those after the first indented; a row of a table, with gaps, stays.
+
+    Examples
+    --------
+    >>> print(folded("  a sentence of some words", 16))
+      a sentence of
+        some words
+    """
+    inside = line.strip()
+    if len(line) <= columns or "  " in inside:
+        return line
+    margin = line[: len(line) - len(line.lstrip())]
+    return "\n".join(textwrap.wrap(inside, columns, initial_indent=margin, subsequent_indent=f"{margin}  "))
 
 
 def narrowed(table: str, columns: int) -> str:

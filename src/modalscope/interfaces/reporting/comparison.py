@@ -109,7 +109,7 @@ def _modes(c: Comparison) -> Section:
         words = paragraph(f"Identified from transformed data only, not in the consensus: {which}.")
         body += folded(f"{len(c.unconfirmed)} more from transformed data only", words)
     if c.groups:
-        caption = "Every method relative to the consensus; grey: the ± interval. Open marks: transformed data, without a vote."
+        caption = "Every method relative to the consensus; grey: the ± interval. Open marks: inverse-transformed data, not counted."
         body += figure(deviations_picture(c), caption, 900, 484)
     return Section("modes", "Modes: the consensus", body)
 
@@ -132,7 +132,7 @@ def _methods(c: Comparison) -> Section:
 def _method_row(r: MethodResult) -> list[str]:
     if r.modes is None or r.fit_error is None or r.diagram is None:
         return [r.label, r.method.realization, "–", "–", "–", f"{r.seconds:.1f}", f"failed: {r.failure}"]
-    remark = "" if r.exact else "no vote" if r.route else "transformed data, no vote"
+    remark = "" if r.exact else "not counted" if r.route else "inverse-transformed data, not counted"
     numbers = [f"{100 * r.fit_error:.2f}", f"{r.diagram.orders[0]} to {r.diagram.orders[-1]}", f"{r.seconds:.1f}"]
     return [r.label, r.method.realization, str(len(r.modes)), *numbers, remark]
 

@@ -213,7 +213,9 @@ class _Sheet:
     def _marks(self, item: Marks) -> None:
         """Draw marks inside the axes."""
         x, y = np.asarray(item.x, dtype=float), np.asarray(item.y, dtype=float)
-        inside = (self.panel.x.shares(x) >= 0) & (self.panel.x.shares(x) <= 1) & np.isfinite(y)
+        inside = np.isfinite(y)
+        for shares in (self.panel.x.shares(x), self.panel.y.shares(y)):
+            inside &= (shares >= 0) & (shares <= 1)
         across, up = self.across(x[inside]), self.upward(y[inside])
         if item.tones is None:
             self.stamp(across, up, item)

@@ -1,0 +1,71 @@
+"""Short ways to make data: by place, of one channel, and by the names of responses to a force."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import modalscope as ms
+from modalscope.systems import chain5
+from tests.support import refused
+
+F = np.linspace(0.3, 7.5, 120)
+
+
+def test_records_and_responses_are_made_by_place() -> None:
+    y = np.random.default_rng(0).standard_normal((50, 2))
+    record = ms.Signals(y, 100.0)
+    assert (record.samples, record.sampling_rate, record.output_dofs) == (50, 100.0, ("y1", "y2"))
+    response = ms.FrequencyResponse(chain5().frequency_response(F).values, F, quantity="mobility")
+    assert response.lines == 120
+    with pytest.raises(TypeError, match="positional"):
+        ms.Signals(y, 100.0, y)  # type: ignore[call-arg]
+    with pytest.raises(TypeError):
+        ms.Signals(y, outputs=y, sampling_rate=1.0)  # type: ignore[misc]
+
+
+def test_one_channel_needs_no_further_axes() -> None:
+    y = np.sin(np.arange(50.0))
+    record = ms.Signals(outputs=y, inputs=y[::-1], sampling_rate=10.0)
+    assert (record.outputs.shape, record.inputs.shape if record.inputs is not None else None) == ((50, 1), (50, 1))
+    H = 1 / (4 - F**2 + 0.04j * F)
+    assert ms.FrequencyResponse(H, F).values.shape == (120, 1, 1)
+    refused("axes", ms.FrequencyResponse, values=np.ones((120, 2), complex), frequencies=F)
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity"),
+    [
+        ("receptance", "displacement"),
+        ("compliance", "displacement"),
+        ("mobility", "velocity"),
+        ("inertance", "acceleration"),
+        ("Accelerance", "acceleration"),
+    ],
+)
+def test_responses_to_a_force_have_names(name: str, quantity: str) -> None:
+    response = ms.FrequencyResponse(chain5().frequency_response(F).values, F, quantity=name)
+    assert response.quantity == quantity
+    refused("quantity", ms.FrequencyResponse, values=response.values, frequencies=F, quantity="stiffness")
+
+
+def test_a_result_prints_its_table_and_saves_itself(tmp_path: Path) -> None:
+    result = ms.analyze(chain5().frequency_response(F, noise=0.01, seed=0), orders=range(8, 15, 2))
+    text = str(result)
+    assert text.startswith(result.modes.table())
+    assert "Unexplained" in text
+    assert repr(result).startswith("<result: ")
+    path = result.save(tmp_path / "modes.json")
+    assert np.array_equal(ms.read(path).poles, result.modes.poles)
+
+
+def test_a_frame_becomes_a_record() -> None:
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame({"a [m/s^2]": np.sin(np.arange(40.0)), "b [m/s^2]": np.cos(np.arange(40.0))})
+    frame.index = np.arange(40) / 20.0
+    record = ms.Signals.from_frame(frame)
+    assert isinstance(record, ms.Signals)
+    assert record.sampling_rate == pytest.approx(20.0)
+    assert record.output_dofs == ms.from_frame(frame).output_dofs
