@@ -224,12 +224,17 @@ def _stabilization(c: Comparison) -> Section:
 
 
 def _settings(c: Comparison) -> Section:
+    """List the settings, the data matrix of every method, and each note once with the methods that have it."""
     facts = {key: str(content) for key, content in c.settings.items() if content is not None}
-    rows = []
+    rows, told = [], dict[str, list[str]]()
     for r in c.results:
         if r.diagram is not None:
             options = ", ".join(f"{k} {v}" for k, v in r.diagram.settings.items() if v is not None)
-            rows.append([r.label, options, "; ".join(map(str, r.diagram.notes))])
-    body = listing(facts.items()) + table(["method", "data matrix", "notes"], rows, words=[0, 1, 2])
+            rows.append([r.label, options])
+            for note in map(str, r.diagram.notes):
+                told.setdefault(note, []).append(r.label)
+    notes = [[text, "all" if len(labels) == len(rows) else ", ".join(labels)] for text, labels in told.items()]
+    body = listing(facts.items()) + table(["method", "data matrix"], rows, words=[0, 1])
+    body += table(["note", "methods"], notes, words=[0, 1]) if notes else ""
     body += "".join(paragraph(str(note)) for note in c.notes)
     return Section("settings", "Settings and notes", body)
