@@ -146,7 +146,7 @@ export function makeResponse(place, ask) {
     fit.disabled = !fits;
     marks.disabled = !["dB", "linear"].includes(forms.value);
     const unit = form.unit ?? data.unit ?? "";
-    const label = data.all && form.label.startsWith("magnitude") ? form.label.replace("magnitude", "sum of magnitudes") : form.label;
+    const label = data.all && form.label.startsWith("magnitude") ? form.label.replace("magnitude", "sum |H|") : form.label;
     const words = forms.value === "dB" && data.unit ? label.replace("[dB]", `[dB re ${data.unit}]`) : form.unit === undefined && unit ? `${label} [${unit}]` : label;
     const entries = [["measured", `measured ${nameOf(data)}`], ...(forms.value === "coherence" ? [] : [["mode", "rebuilt"]]), ...behind.map((d, k) => [BEHIND[k], nameOf(d)])];
     const readings = entries.map(() => h("span.reading"));
