@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from itertools import takewhile
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -18,16 +19,16 @@ from modalscope.io.columns.words import factor_to_base, kind_of_unit
 from modalscope.io.contents import needs
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
-#: What may stand before a part: `Parte reale`, `partie imaginaire`.
+#: A part with what joins it to a name: `Parte reale di`, `(Imag.)`, `[Re]`, `Real part of`.
 _PATTERNS = {
     part: re.compile(
-        rf"(?<![a-z0-9])(?:part(?:e|ie)?\s+)?(?:{'|'.join(sorted(COLUMNS[part].split(), key=len, reverse=True))})(?![a-z])(?:\s+part)?"
+        rf"(?<![a-z0-9])(?P<open>[(\[{{]\s*)?(?:part(?:e|ie)?\s+)?(?:{'|'.join(sorted(COLUMNS[part].split(), key=len, reverse=True))})"
+        r"(?![a-z])\.?(?:\s+part(?:\s+of)?)?(?:\s+(?:of|von|der|de|du|di|del|van|av|da|do)\b)?(?(open)(?:\s*[)\]}])?)"
     )
     for part in ("real", "imag", "mag", "phase", "coh")
 }
 _BARS = re.compile(r"\|([^|]+)\|\Z")
 _DECIBEL = re.compile(r"(?<![A-Za-z])d[bB](?![A-Za-z])")
-_SEPARATORS = " _-.,:;|()"
 
 #: Phases whose largest lies between these bounds (rad) are radians: a resonance turns by more than three degrees.
 _BOUNDS_OF_RADIANS = (2.0, 2 * np.pi + 0.01)
@@ -75,11 +76,10 @@ def part_of(name: str) -> tuple[str, str] | None:
 
 def _unwrapped(text: str) -> str:
     """Return what is left of a name without the brackets and signs that joined the part to it."""
-    text = text.strip(_SEPARATORS.replace("(", "").replace(")", ""))
-    while text.startswith("(") and text.endswith(")"):
-        text = text[1:-1]
-    text = text.replace("()", "")
-    return text.strip(_SEPARATORS if text.count("(") != text.count(")") else " _-.,:;|")
+    text = text.strip(" _-.,:;|")
+    while len(text) > 1 and text[0] + text[-1] in ("()", "[]", "{}"):
+        text = text[1:-1].strip(" _-.,:;|")
+    return text if text.count("(") == text.count(")") else text.strip("() ")
 
 
 def is_decibel(name: str, unit: str) -> bool:
@@ -212,9 +212,10 @@ def _by_place(columns: Sequence[Column], roles: Mapping[int, str]) -> dict[tuple
 
 
 def _shared_stem(parts: Parts) -> str:
-    """Return the name that columns share without their parts; empty where they share none."""
-    names = {column.name if (named := part_of(column.name)) is None else named[0] for column in parts.values()}
-    return names.pop() if len(names) == 1 else ""
+    """Return the name that columns share: without their parts, or what all names begin with; empty where they share none."""
+    names = [column.name if (named := part_of(column.name)) is None else named[0] for column in parts.values()]
+    shared = takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))
+    return names[0] if len(set(names)) == 1 else _unwrapped("".join(letters[0] for letters in shared))
 
 
 def frequency_response(
@@ -241,7 +242,7 @@ def frequency_response(
         if set(parts) == {"coh"}:
             coherences.append((base, parts["coh"]))
             continue
-        pair = _pair_of(base if place == 0 else f"{base} {place + 1}".strip(), len(responses) + 1)
+        pair = _pair_of(f"{base} {place + 1}" if base and place else base, len(responses) + 1)
         values = _values(table, parts, notes)
         if values is None and set(parts) == {"mag"} and any(_is_whole(other) for other in groups.values()):
             continue  # a magnitude beside complex values adds nothing to them

@@ -25,9 +25,10 @@ COLUMNS = {
     ),
     "force": (
         "force forces hammer -hammer shaker input inputs exc excit excitation exciter kraft -kraft kraft- "
-        "impact load loadcell stinger fuerza forza forca actuator drive marteau martello martillo martelo "
+        "impact load loadcell stinger fuerza forza forca actuator marteau martello martillo martelo "
         "hamer kracht kracht- eccitazione excitacion excitacao excitatie hammare"
     ),
+    "drive": "drive driver source generator siggen dac ao command demand setpoint ansteuerung generateur generador gerador quelle",
     "trigger": "trigger trig tacho tach tachometer keyphasor",
     "sensor": (
         "acc accel- acceleration beschleunigung- vel velocity disp displacement response output out "
@@ -35,8 +36,10 @@ COLUMNS = {
         "respuesta"
     ),
     "other": (
-        "temperature temp temperatur temperatura humidity rpm speed voltage battery batterie comment remark "
-        "status kommentar drehzahl commentaire luftfeuchte"
+        "temperature temp temperatur temperatura ambient ambiant ambiente umgebung humidity humidite humedad umidita "
+        "rh rpm speed voltage supply battery batterie batt battv bat vbat vbatt comment remark status kommentar drehzahl "
+        "commentaire luftfeuchte feature features matching matches inliers confidence likelihood quality rssi satellites "
+        "latitude longitude lux"
     ),
     "spectrum": (
         "fft psd csd spec spectrum spectra autospectrum autospectra spektrum autopower crosspower apsd spectre espectro spettro "

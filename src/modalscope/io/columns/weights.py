@@ -13,10 +13,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from modalscope.data import DataError
+from modalscope.data.units import plain_unit
 from modalscope.io.columns.axis import in_epoch, nearly_even, rises, sampling_of
 from modalscope.io.columns.table import Column
 from modalscope.io.columns.vocabulary import meanings_of, words_of
-from modalscope.io.columns.words import kind_of_unit
+from modalscope.io.columns.words import UNITS_OF_TURNS, kind_of_unit
 from modalscope.numerics.checks import Array, RealArray
 
 #: Weights of a known unit, of a word, of a hint, and of what cannot be.
@@ -24,6 +25,7 @@ SURE, WORD, HINT, NEVER = 10.0, 6.0, 3.0, -40.0
 #: What words of names speak for; a word for a sensor is weaker than one for a force, one for a counter than its values.
 _OF_WORDS = {
     "time": ("time", WORD), "clock": ("time", WORD), "frequency": ("frequency", WORD), "index": ("index", HINT), "force": ("in", WORD + 1),
+    "drive": ("drive", 0.0),
     "trigger": ("ignore", WORD), "sensor": ("out", HINT + 1), "other": ("ignore", WORD + 2), "spectrum": ("spectrum", 2 * SURE),
     "real": ("real", WORD), "imag": ("imag", WORD), "mag": ("mag", WORD), "phase": ("phase", WORD), "coh": ("coh", WORD),
 }  # fmt: skip
@@ -36,6 +38,20 @@ _VIBRATIONS = {
     "angle": 6.0,
     "voltage": 2.0,
 }
+_WORDS_OF_VOLTAGES = {
+    "voltage",
+    "voltages",
+    "volt",
+    "volts",
+    "spannung",
+    "tension",
+    "ch",
+    "channel",
+    "kanal",
+    "voie",
+    "canal",
+    "ai",
+}
 #: Share of the steps of times that turn back, at most: half way from a clock (none) to a vibration (every second one).
 _MAX_SHARE_OF_TURNS = 0.25
 #: A step (s) below which lines never lie, in Hz, and a frequency (Hz) below which no band of lines ends: the slowest towers sway in 10 s.
@@ -44,9 +60,13 @@ _MAX_TIME_STEP, _LOWEST_BAND = 0.02, 0.2
 _PART_OF_PEAK, _MAX_SHARE_OF_HIT = 0.1, 0.05
 #: Something slow: mean square step over variance, and mean over deviation, of a quantity that stands still beside vibrations.
 _MAX_ROUGHNESS, _MIN_OFFSET = 1e-2, 10.0
+#: A faulty value lies so many times as far from the middle as nearly all; and the share of rows that such are, at most.
+_FAULTY, _MAX_SHARE_OF_FAULTS = 10.0, 2e-3
 #: Channels and rows that are examined for a force that others follow, and the least share: 92 % of shaker records have more, and 1 % of
 #: the outputs of records without a force.
 _MOST_FOLLOWED, _MOST_ROWS, _MIN_SHARE_OF_FORCE = 12, 8192, 0.9
+#: Correlation of levels, and ratio of their spreads, that two responses of one structure have at least.
+_MIN_LIKENESS = 0.5
 #: Rows from which values are asked, and relative error of sums of squares.
 _MIN_ROWS, _ROUNDED = 16, 1e-3
 
@@ -82,6 +102,8 @@ def weigh(columns: Sequence[Column]) -> dict[int, Weights]:
     weights = {column.number: _weights_of(column, of_unit, of_name, of_values) for column in columns}
     real = [c for c in columns if not c.textual and not np.iscomplexobj(c.values)]
     for column, kind, weight, reason in (*_of_counters(real), *_of_relations(real, weights)):
+        weights[column.number].add(kind, weight, reason)
+    for column, kind, weight, reason in _of_drives(real, weights):
         weights[column.number].add(kind, weight, reason)
     return weights
 
@@ -123,6 +145,8 @@ def of_unit(column: Column) -> Iterator[tuple[str, float, str]]:
         yield "in", SURE, f"its unit is that of a force, {column.unit}"
     elif unit == "level":
         yield "mag", HINT, "its unit is dB"
+    elif unit == "no vibration" and plain_unit(column.unit) in UNITS_OF_TURNS and even_step(_finite(column)):
+        yield "frequency", SURE, f"its unit is {column.unit}"
     elif unit == "no vibration":
         yield "ignore", SURE, f"{column.unit} is no vibration"
     elif unit in _VIBRATIONS:
@@ -164,8 +188,8 @@ def _of_what_turns(column: Column) -> Iterator[tuple[str, float, str]]:
 
 
 def _is_bare_voltage(name: str) -> bool:
-    """Whether a name says nothing but that a channel is a voltage, as those of sensors without a sensitivity are."""
-    return {word for word in words_of(name) if not word.isdecimal()} <= {"voltage", "voltages", "volt", "volts"}
+    """Whether a name says nothing but that a channel is a voltage, as those of sensors without a sensitivity are, or its number."""
+    return {word for word in words_of(name) if not word.isdecimal()} <= _WORDS_OF_VOLTAGES
 
 
 def of_values(column: Column) -> Iterator[tuple[str, float, str]]:
@@ -178,7 +202,7 @@ def of_values(column: Column) -> Iterator[tuple[str, float, str]]:
     counted = _counts(values)
     if counted:
         yield "index", WORD, "it counts rows"
-        yield "in", -SURE if not column.name.strip() or column.name.strip() in ("N", "n") else 0.0, ""
+        yield "in", -SURE, ""
     else:
         yield "index", NEVER, ""
     step = even_step(values)
@@ -278,12 +302,20 @@ def _only(values: Array, allowed: tuple[float, ...]) -> bool:
 
 
 def _stands_still(values: Array) -> bool:
-    """Whether values drift slowly about a value far from zero, as temperatures and batteries do."""
+    """Whether values drift slowly about a value far from zero, as temperatures and batteries do; a lone faulty value does not count."""
     finite = values[np.isfinite(values)].astype(float)
-    spread = float(finite.std()) if finite.size >= _MIN_ROWS else 0.0
-    if spread == 0 or abs(finite.mean()) < _MIN_OFFSET * spread:
+    if finite.size < _MIN_ROWS:
         return False
-    return bool(np.mean(np.diff(finite) ** 2) < _MAX_ROUGHNESS * spread**2)
+    middle = np.median(finite)
+    far = np.abs(finite - middle) > _FAULTY * np.quantile(np.abs(finite - middle), 0.99) + _FAULTY * np.spacing(
+        abs(middle)
+    )
+    if far.mean() < _MAX_SHARE_OF_FAULTS and not np.any(far[1:] & far[:-1]):  # a hit lasts longer
+        finite = finite[~far]
+    spread = float(finite.std())
+    if abs(finite.mean()) < _MIN_OFFSET * spread or not (spread or far.any()):
+        return False
+    return bool(np.mean(np.diff(finite) ** 2) <= _MAX_ROUGHNESS * spread**2)
 
 
 def _is_spectrum_like(values: Array) -> bool:
@@ -312,19 +344,63 @@ def _of_relations(columns: Sequence[Column], weights: dict[int, Weights]) -> Ite
         part = max(weights[column.number].of(kind) for kind in ("real", "imag", "phase")) > 0
         if not part and np.min(column.values) >= 0 and _is_length(squares[column.number], others):
             yield column, "ignore", 2 * SURE, "it is the magnitude of the others"
+        signed = [c for c in measured if np.min(c.values) < 0 and not _is_whole(c)]
+        if _is_whole(column) and not kind_of_unit(column.unit) and len(signed) == len(measured) - 1 > 0:
+            yield column, "ignore", WORD, "it counts: whole numbers, none below zero"
     hit = _hit(measured)
     if hit is not None and not any(_is_force(weights[c.number]) for c in columns if c.number != hit.number):
         yield hit, "in", WORD, "it is a hit that the others answer"
 
 
+def _is_whole(column: Column) -> bool:
+    """Whether values are whole numbers of which none is negative, as numbers of features or satellites are."""
+    return bool(np.min(column.values) >= 0 and np.array_equal(column.values, np.rint(column.values)))
+
+
+def _of_drives(columns: Sequence[Column], weights: dict[int, Weights]) -> Iterator[Relation]:
+    """Give the voltages that drive a shaker, by their words, or by values: beside a measured force they are none, else the input."""
+    every = [c for c in columns if _is_force(weights[c.number])]
+    sensors = [c for c in columns if kind_of_unit(c.unit) in _VIBRATIONS and kind_of_unit(c.unit) != "voltage"]
+    for column in columns:
+        bare, forces = _is_bare_voltage(column.name), [c for c in every if c is not column]
+        voltage = kind_of_unit(column.unit) == "voltage" or (bare and not column.unit and bool(column.name))
+        measured = any(kind_of_unit(c.unit) == "force" for c in forces) and voltage
+        drives = "drive" in weights[column.number].sums or (measured and _is_force(weights[column.number]))
+        named = drives and (voltage or not kind_of_unit(column.unit))
+        if named and not forces:
+            yield column, "in", WORD + 1, "it drives the shaker, by its name"
+        elif named:
+            yield column, "ignore", 2 * WORD, "it drives the shaker, whose force is measured"
+        elif voltage and bare and forces and sensors and not _answers(column, forces[0], sensors):
+            yield column, "ignore", 2 * WORD, "it is a voltage that does not answer the force as the sensors do"
+
+
+def _answers(column: Column, force: Column, sensors: Sequence[Column]) -> bool:
+    """Whether a voltage is a response as those of sensors are: relative to the force it peaks where they peak, and as high."""
+    channels = [column, force, *sensors]
+    if len(column.values) < _MIN_ROWS or not all(np.isfinite(c.values).all() for c in channels):
+        return True
+    power = np.abs(np.fft.rfft(np.stack([c.values[:_MOST_ROWS] for c in channels]).astype(float), axis=1)[:, 1:]) ** 2
+    bands = np.array_split(power, max(2, min(256, power.shape[1] // 4)), axis=1)
+    levels = np.log(np.stack([part.mean(axis=1) for part in bands], axis=1) + np.finfo(float).tiny)
+    own, *others = levels[[0, *range(2, len(channels))]] - levels[1]
+    likeness = [np.corrcoef(own, other)[0, 1] for other in others]
+    return max(likeness) > _MIN_LIKENESS and float(levels[0].std()) > _MIN_LIKENESS * float(
+        levels[2:].std(axis=1).min()
+    )
+
+
 def _of_counters(columns: Sequence[Column]) -> Iterator[Relation]:
-    """Give the column that counts rows from 0 or 1 where another rises evenly, too: that one is the axis."""
+    """Give the columns that count rows where another rises evenly, too, which is the axis; of counters alone one from 0 or 1."""
     even = [column for column in columns if even_step(_finite(column))]
-    counters = [c for c in even if counts_rows(c.values) and c.values[0] in (0, 1) and even_step(c.values) == 1]
-    for column in counters[:1] if len(even) > 1 else []:
+    counters = sorted(
+        (c for c in even if counts_rows(c.values) and even_step(c.values) == 1), key=lambda c: c.values[0] not in (0, 1)
+    )
+    first = [c for c in counters[:1] if len(even) > 1 and c.values[0] in (0, 1)]
+    for column in counters if len(even) > len(counters) else first:
         yield column, "time", -HINT, ""
         yield column, "frequency", -HINT, ""
-        yield from ((other, "index", -WORD, "") for other in even if other is not column)
+        yield from ((other, "index", -WORD, "") for other in even if other not in counters)
 
 
 def _is_force(weights: Weights) -> bool:

@@ -12,8 +12,10 @@ from functools import cache
 from modalscope.data import DataError
 from modalscope.data.units import FACTORS, plain_unit
 from modalscope.io.columns.table import Column
-from modalscope.io.columns.vocabulary import MAX_CHARACTERS, words_of
+from modalscope.io.columns.vocabulary import MAX_CHARACTERS, meanings_of, words_of
 
+#: Turns or cycles a minute: of the axis frequencies, of a channel no vibration.
+UNITS_OF_TURNS = ("rpm", "RPM", "U/min", "1/min", "cpm", "CPM")
 #: What units measure. Letters keep their case: s is a second and S is none.
 UNITS: dict[str, tuple[str, ...]] = {
     "time": ("s", "sec", "secs", "second", "seconds", "ms", "msec", "us", "usec", "ns", "min", "h", "hr"),
@@ -22,14 +24,14 @@ UNITS: dict[str, tuple[str, ...]] = {
     "force": (*FACTORS["force"][1], *FACTORS["moment"][1]),
     "level": ("dB", "db", "DB"),
     "mass": ("kg",),
-    "no vibration": ("degC", "C", "K", "degF", "F", "%", "%RH", "rpm", "RPM", "U/min", "1/min", "A", "mA", "W", "kW", "ppm", "lx"),
+    "no vibration": ("degC", "C", "K", "degF", "F", "%", "%RH", *UNITS_OF_TURNS, "A", "mA", "W", "kW", "ppm", "lx"),
     "none": ("-", "1", "none", "n/a", "counts", "count", "LSB", "EU"),
 }  # fmt: skip
 
 #: Units by how many of the base unit (s, Hz, rad) they are.
 _FACTORS_TO_BASE = {
     "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "usec": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "hr": 3600.0, "kHz": 1e3,
-    "rad/s": 0.15915494309189535, "rad/sec": 0.15915494309189535, **FACTORS["angle"][1],
+    "rad/s": 0.15915494309189535, "rad/sec": 0.15915494309189535, **dict.fromkeys(UNITS_OF_TURNS, 1 / 60), **FACTORS["angle"][1],
 }  # fmt: skip
 
 _KIND_OF_UNIT = {unit: kind for kind, units in UNITS.items() for unit in units}
@@ -63,7 +65,9 @@ _STROKE = re.compile(
     r"^(?P<name>(?:[^\s/\[<{(|]|(?<=\S) (?=\S)|\([^()]*\)|\|[^|]*\||[\[<{][^\[\]<>{}]*[\]>}])+)"
     r"/(?:\((?P<round>[^()]*(?:\([^()]*\)[^()]*)*)\)|(?P<plain>[^()]+))$"
 )
-_PART_OF = re.compile(r"^(?P<part>re|im|real|imag|abs|arg|mag|phase)\{(?P<name>[^{}]*)\}", re.IGNORECASE)
+_PART_OF = re.compile(
+    r"^(?P<part>(?:re|im|real|imag|abs|arg|mag|phase)[a-z]*(?: part)?) ?[{\[](?P<name>[^{}\[\]]*)[}\]]", re.IGNORECASE
+)
 _UNDERSCORE = re.compile(r"^(?P<name>.*[A-Za-z0-9])_(?P<unit>s|ms|us|hz|Hz|kHz|N|kN|g|deg|rad|mm|um)$")
 #: Strokes of a unit at most: a ratio of ratios has three.
 _MAX_STROKES = 3
@@ -157,7 +161,10 @@ def split_head(head: str) -> tuple[str, str]:
     ... )
     (('AccA', 'm/s^2'), ('Force', 'N'), ('H (1)', ''), ('Zeit', 's'), ('time', 's'), ('a_1', 'm/s^2'), ('3Z/1Z', ''), ('3Z/1Z', 'm/s2/N'))
     """
-    text = _PART_OF.sub(r"\g<part>(\g<name>)", head.strip()[:MAX_CHARACTERS].strip("\"'").strip())
+    text = head.strip()[:MAX_CHARACTERS].strip("\"'").strip()
+    part = _PART_OF.match(text)
+    if part and part["name"] and not is_unit(part["name"]):
+        text = f"{part['part']}({part['name']}){text[part.end() :]}"
     match = None if _ENDS_BRACKETED.match(text) else _STROKE.match(text)
     if match:
         unit = (match["round"] or match["plain"]).strip()
@@ -167,7 +174,7 @@ def split_head(head: str) -> tuple[str, str]:
         if is_unit(unit) and not is_ambiguous(unit) and not whole:
             return match["name"].strip(), unit
     match = None if match else _BRACKETED.match(text)
-    if match and match["name"]:
+    if match and match["name"] and not (meanings_of(match["unit"]) and not is_unit(match["unit"])):  # [Re] is a part
         return " ".join(f"{match['name']} {match['rest']}".split()), match["unit"].strip()
     for pattern in (_ROUND, _SLASH, _UNDERSCORE):
         match = pattern.match(text)

@@ -44,6 +44,11 @@ _NAME_AND_UNIT = re.compile(r"\S++(?:\s*+[\[(][^\[\]()]*+[\])])?")
 _CLOCK = re.compile(r"h{1,2}:m{2}(?::s{1,2}(?:[.,:][0fsm]+)?)?\Z", re.IGNORECASE)
 #: A number and a word behind it, which may be its unit.
 _MEASURED = re.compile(r"[+-]?\d[\d.,]*\s+\S")
+#: A line of a list of columns: the number of one, its name and maybe its unit.
+_LISTED = re.compile(
+    r"\s*(?:col(?:umn)?s?|spalte|colonne|columna|coluna|ch(?:annel)?|kanal|signal)?[\s.#]*(?P<number>\d{1,4})\s*[\s:=;,)\-]\s*(?P<rest>\D.*)\Z",
+    re.IGNORECASE,
+)
 #: Letters before a number, as serial numbers are.
 _SERIAL = re.compile(r"[A-Z]{1,4}[ -]?\d{3,}\Z")
 
@@ -85,16 +90,47 @@ def layout_of(lines: Sequence[str], dialect: Dialect) -> Layout | None:
     body = next((k for k in range(len(rows)) if all(of_values[k : k + _MIN_ROWS_OF_BODY])), None)
     if body is None or not width:
         return None
-    names, units, name_line, unit_line = _head(lines, rows, body, width, dialect)
+    listed = _listed(lines[:body], width)
+    names, units, name_line, unit_line = listed or _head(lines, rows, body, width, dialect)
+    used = {name_line, unit_line, *(range(name_line, name_line + width) if listed else ())}
     facts = [
         Statement(k, *fact)
         for k, line in enumerate(lines[:body])
-        if k not in (name_line, unit_line)
+        if k not in used
         for fact in statements_of(line[:_MAX_CHARACTERS], dialect)
     ]
     return Layout(
         width=width, body=body, names=names, units=units, name_line=name_line, unit_line=unit_line, facts=tuple(facts)
     )
+
+
+def _listed(above: Sequence[str], width: int) -> tuple[tuple[str, ...], tuple[str, ...], int, int] | None:
+    r"""Return names, units and the lines of a list of columns above a table, a line a column; None where there is none.
+
+    Examples
+    --------
+    >>> _listed(["No\tName\tUnit", "1\tFrequency\trad/s", "2\tFRF 3: Real\tm/s2/N"], 2)
+    (('Frequency', 'FRF 3: Real'), ('rad/s', 'm/s2/N'), 1, -1)
+    """
+    found = [_LISTED.match(line.strip("\r\n")[:_MAX_CHARACTERS]) for line in above]
+    numbers = [int(match["number"]) if match else -1 for match in found]
+    for first in (1, 0):
+        wanted = list(range(first, first + width))
+        k = next((k for k in range(len(found) - width + 1) if numbers[k : k + width] == wanted), None)
+        if k is not None and width > 1:
+            rests = [match["rest"].strip() for match in found[k : k + width] if match]
+            heads = [
+                _name_and_unit([cell.strip(' "') for cell in re.split(r"\t|;|\s{2,}|,(?=\s*\S)", rest)])
+                for rest in rests
+            ]
+            return tuple(name for name, _ in heads), tuple(unit for _, unit in heads), k, -1
+    return None
+
+
+def _name_and_unit(cells: Sequence[str]) -> tuple[str, str]:
+    """Return name and unit of the cells of one channel: the unit stands behind the name, or in it."""
+    name, unit = split_head(cells[0])
+    return name, unit or next((_bare(cell) for cell in cells[1:] if is_unit(_bare(cell))), "")
 
 
 def statements_of(line: str, dialect: Dialect) -> list[tuple[str, str]]:
@@ -236,6 +272,9 @@ def _fitted(
     if not dialect.delimiter:
         ways += [re.split(r"\s{2,}|\t", line.strip()), _NAME_AND_UNIT.findall(line)]
         ways += [_by_place(line, where) for where in places if 0 < len(cells) < width and not _STATED.match(line)]
+    if len(cells) == 2 * width and all(map(is_unit, map(_bare, cells[1::2]))):
+        ways += [[f"{name} [{_bare(unit)}]" for name, unit in zip(cells[::2], cells[1::2], strict=True)]]
+    longer: list[str] | None = None
     for way in ways:
         fitted = [cell.strip().strip('"').strip() for cell in way]
         if len(fitted) == width + 1 and (not fitted[0] or _is_row_name(fitted[0])):
@@ -246,7 +285,7 @@ def _fitted(
             and way is cells
             and (_names_axis(fitted[0]) or all(not c or role_by_words(c) == "ignore" for c in over))
         ):
-            fitted = fitted[:width]
+            longer = fitted[:width]
         short = 2 if _two_stamps(first) is not None and all(map(is_unit, map(_bare, fitted))) else 1
         if len(fitted) == width - short and _name_columns(fitted) and way is cells:
             fitted = _with_one_more(fitted, first, bool(dialect.delimiter))
@@ -254,7 +293,7 @@ def _fitted(
             continue
         if len(fitted) == width and (width > 1 or not _FACT.match(line)) and not all(map(is_number, fitted)):
             return fitted
-    return None
+    return longer
 
 
 def _name_columns(cells: Sequence[str]) -> bool:
