@@ -154,7 +154,7 @@ def _openpyxl(path: str, left: int, sheet: str) -> Answer:
     openpyxl = import_module("openpyxl")
 
     arrays: list[Any] = []
-    with closing(openpyxl.load_workbook(path, read_only=True, data_only=True)) as book:
+    with Path(path).open("rb") as file, closing(openpyxl.load_workbook(file, read_only=True, data_only=True)) as book:
         sheets = list(map(str, book.sheetnames))
         read = [sheet] if sheet in sheets else [name for name in sheets if hasattr(book[name], "iter_rows")]
         for name in read:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from importlib import import_module
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, get_args
 
 from modalscope.data import (
@@ -25,9 +26,11 @@ from modalscope.data.shown import summary_of
 from modalscope.io.atomic import check_texts, replacing
 from modalscope.io.contents import Contents, DataObject, Format, Options, Survey, damage_as_error, unreadable
 from modalscope.io.given import overridden
+from modalscope.io.limits import room
 from modalscope.io.options import (
     ARRAYS,
     COLUMNS,
+    EVERY,
     FIELDS,
     JSON_WRITTEN,
     MESHES,
@@ -82,6 +85,7 @@ FORMATS: dict[str, Format] = {
     ".mat": Format("MATLAB file", _of("mat", "read"), _of("mat", "write"), ARRAYS),
     **dict.fromkeys((".h5", ".hdf5"), _HDF5),
     ".zarr": Format("Zarr folder", _of("zarr", "read"), None, STORED, folder=True),
+    **dict.fromkeys((".gz", ".zip"), Format("packed file", lambda path, options: _packed(path, options), None, EVERY)),
 }
 
 
@@ -194,6 +198,13 @@ def _whole_contents(path: Path, options: Options) -> Contents:
     return _of("geometry", "with_places")(whole, bool(options.get("exact_nodes")))  # type: ignore[no-any-return]
 
 
+def _packed(path: Path, options: Options) -> Contents:
+    """Read the one file that is packed in another, under its own name."""
+    with TemporaryDirectory() as folder:
+        inside = _of("signatures", "unpacked")(path, Path(folder), room(path.name, path.stat().st_size))
+        return _whole_contents(inside, options)
+
+
 def is_data(path: Path) -> bool:
     """Whether there is a file, or a folder of a format that is one: no device, which may never end, and no folder of anything."""
     row = FORMATS.get(path.suffix.lower())
@@ -216,6 +227,9 @@ def format_of(path: Path, doing: str) -> Format:
     """
     suffix = path.suffix.lower()
     row = FORMATS.get(suffix) or _added(suffix)
+    if doing == "reading" and path.is_file() and not (row and row.folder):
+        told: str = _of("signatures", "told_by_bytes")(path)
+        row = FORMATS[told] if _of("signatures", "replaces")(told, suffix, row is not None) else row
     if row is None:
         fault = f"the suffix {path.suffix!r} is unknown" if path.suffix else "it has no suffix"
         known = (*FORMATS, *(f".{name}" for name in names_added(plugins.FORMATS)))

@@ -22,4 +22,6 @@ RECORDERS, WORKBOOKS, SOUND = (*COLUMNS, "sheet"), (*COLUMNS, "skip", "sheet"), 
 
 #: Of universal files, read and written, and of JSON, written.
 UNIVERSAL, UNIVERSAL_WRITTEN = ("want", "repeated"), ("text", "dataset", "nodes", "lines")
+#: Of a file that holds another, whatever that one takes.
+EVERY = tuple(dict.fromkeys((*STORED, *TEXT, *UNIVERSAL)))
 JSON_WRITTEN = ("method", "domain", "orders", "route", "data", "result")

@@ -22,7 +22,7 @@ from modalscope.io.text import contents_of_lines
 from modalscope.io.text.cells import is_value
 from modalscope.numerics.errors import optional_package
 
-_SIGNATURES = {".nc": (b"CDF", b"\x89HDF"), ".tdms": (b"TDSm",), **dict.fromkeys((".mf4", ".mdf"), (b"MDF ",))}
+_SIGNATURES = {"xarray": (b"CDF", b"\x89HDF"), "nptdms": (b"TDSm",), "asammdf": (b"MDF ",)}
 _EXPORT = "Export it again, or as text (.csv)."
 #: A sheet is a table where at least so many of its first rows hold nothing but values.
 _ROWS_EXAMINED, _MIN_ROWS_OF_VALUES = 200, 3
@@ -49,7 +49,7 @@ def read_mdf(path: Path, options: Options) -> Contents:
 def _table_read_apart(package: str, path: Path, options: Options) -> Table:
     """Return the table of one group, which a package reads in a process of its own."""
     sheet = options.get("sheet")
-    answer, arrays = read_apart(package, path, "" if sheet is None else str(sheet), _SIGNATURES[path.suffix.lower()])
+    answer, arrays = read_apart(package, path, "" if sheet is None else str(sheet), _SIGNATURES[package])
     name = chosen(path.name, "groups", answer["groups"], answer["tables"], options)
     columns = tuple(
         Column(number=k, values=values, **column)
@@ -71,7 +71,7 @@ def read_netcdf(path: Path, options: Options) -> Contents:
 
     Raises `DataError`: xarray is missing, a damaged file, no common dimension, or what tables are refused for.
     """
-    answer, arrays = read_apart("xarray", path, signature=_SIGNATURES[".nc"])
+    answer, arrays = read_apart("xarray", path, signature=_SIGNATURES["xarray"])
     xarray = optional_package("reading .nc", "xarray", "netcdf")
     with damage_as_error(f"{path.name} with xarray", _EXPORT):
         variables = {

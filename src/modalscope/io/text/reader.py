@@ -84,7 +84,8 @@ def contents_of_lines(
             _refuse_cells(where, options, signs[0])
             return replace(contents, notes=(*contents.notes, *notes))
         lines = chain(below[len(first) - head.lines :], lines)
-        bare[head.first : head.lines] = [""] * (head.lines - head.first)  # no names of columns
+        if head.sure:
+            bare[head.first : head.lines] = [""] * (head.lines - head.first)  # no names of columns
     dialect = dialect_of(where, bare, *signs)
     if options.get("transpose"):
         bare, dialect = _transposed(chain(first, lines), dialect, space)
@@ -92,7 +93,7 @@ def contents_of_lines(
     layout = layout_of(bare, dialect)
     if layout is None:
         raise _no_body(where, bare, options)
-    if head is not None and head.step is not None and not options.get("transpose"):
+    if head is not None and head.sure and head.step is not None and not options.get("transpose"):
         layout = replace(layout, facts=(*layout.facts, Statement(head.first, "DT", head.said)))
     table = _table(where, first, bare, lines, dialect, layout, space, options)
     return contents_from_table(replace(table, notes=(*table.notes, *notes)), options)
