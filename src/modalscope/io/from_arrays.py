@@ -115,7 +115,7 @@ def _of_one_experiment(
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Return the arrays of the experiment that is asked, of several in one file, and what all share; and a note."""
     found = experiments_of(arrays)
-    if not found and options.get("sheet") is None:
+    if not found:
         return arrays, ()
     label = chosen(where, "experiments", found, list(found), options)
     others = set().union(*(names for other, names in found.items() if other != label))
@@ -141,7 +141,7 @@ def _by_evidence(
     if not complete:
         plain = {name: array.astype(np.uint8) if array.dtype == bool else array for name, array in arrays.items()}
         arrays, notes = _of_one_experiment(where, with_vectors(plain), options)
-    meant = None if complete or options.get("axes") else meaning_of(where, arrays, options)
+    meant = None if complete or options.get("axes") else meaning_of(where, arrays, options, bool(notes))
     if meant is None:
         raise _unknown_arrays(where, unknown or list(arrays), data_class)
     if meant.table is not None:

@@ -18,7 +18,8 @@ from modalscope.io.columns.facts import Statement, stated_by
 from modalscope.io.columns.vocabulary import key_meaning
 from modalscope.io.columns.weights import even_step, is_short, role_by_words
 from modalscope.io.columns.words import kind_of_unit, split_head
-from modalscope.io.contents import Options, unreadable
+from modalscope.io.contents import Options, chosen, unreadable
+from modalscope.io.pairs import table_of_pairs
 from modalscope.numerics.checks import Array
 
 _INPUTS = {*["u", "force", "forces", "input", "inputs", "in", "hammer", "exc", "excitation", "shaker"]}
@@ -63,13 +64,17 @@ class _Evidence:
     notes: tuple[str, ...] = ()
 
 
-def meaning_of(where: str, arrays: Mapping[str, Array], options: Options) -> Meant | None:
+def meaning_of(where: str, arrays: Mapping[str, Array], options: Options, part: bool = False) -> Meant | None:
     """Return the interpretation of arrays; None where names and shapes say nothing.
 
-    `options`: `sampling_rate`, `transpose`.
+    `options`: `sampling_rate`, `transpose`, `sheet`. `part`: whether they are a test that was chosen of several.
 
     Raises `DataError`: hits or channels, samples in rows or in columns, where nothing decides: the message names the options that do.
     """
+    own = table_of_pairs(where, arrays, options)
+    if own is not None:
+        return Meant(table=own)
+    chosen(where, "tests", {}, [], options) if options.get("sheet") is not None and not part else None
     evidence = _sorted(where, arrays)
     if not evidence.data:
         return None

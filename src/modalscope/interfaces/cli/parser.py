@@ -127,7 +127,8 @@ def add_tables(parser: Parser) -> None:
     add("--resample", metavar="HZ", help='resample uneven times to this rate, or to their mean rate ("auto")')
     add("--rows", metavar="FIRST-LAST", help="rows of a table to read, counted from 1, such as 1101-4000")
     add("--skip", type=int, metavar="N", help="lines to skip at the top of a text file")
-    add("--sheet", metavar="NAME", help="sheet of a workbook, or group or experiment of a file that holds several")
+    several = "the one to read of several tests in a file: a sheet, a group, an experiment, a block or a set of arrays"
+    add("--test", "--sheet", dest="sheet", metavar="NAME", help=several)
     add("--delimiter", metavar="SIGN", help='column separator: one character, "tab" or "space"')
     add("--decimal", choices=(".", ","), metavar="SIGN", help="decimal separator: . or ,")
     add("--transpose", action="store_true", help="channels are rows: exchange rows and columns")

@@ -276,7 +276,7 @@ def _pair_of(base: str, count: int) -> tuple[str, str]:
     """Return output and input of a name such as `H(3Z/1Z)`; without a pair every name is an output of one input."""
     bare = _PREFIX.sub("", base).strip(" )(") or base
     match = _PAIR.match(bare)
-    if match and kind_of_unit(match["in"]) == "":
+    if match and (kind_of_unit(match["in"]) == "" or match["in"].isdecimal()):
         return label_of(match["out"].strip()), label_of(match["in"].strip())
     return label_of(base) if base else f"y{count}", _ONLY_INPUT
 
