@@ -43,7 +43,8 @@ def test_responses_go_before_the_records_beside_them(names: tuple[str, str, str]
     assert found.coherence is not None
     note = " ".join(survey(tmp_path / "a.mat").notes)
     record = names[2].format("").rstrip("_")
-    assert f"{record} (" in note and f"To take one: --test {record}" in note
+    assert f"{record} (" in note
+    assert f"To take one: --test {record}" in note
 
 
 def test_one_option_takes_another_set(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ to Splines, 1978, ch. 5): what splines through every other sample miss at those 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,8 +23,17 @@ from modalscope.numerics.checks import RealArray, check_positive
 _STEPS_OF_GAP = 1.9
 #: Resampling without being asked: largest loss of the motion (-30 dB), and least share of the rows.
 _MAX_LOSS, _MIN_SHARE_OF_ROWS = 0.03, 0.8
+#: Gaps that are filled: largest loss of the motion, share of the samples that are missing, and gaps of as many samples that are tried.
+_MAX_LOSS_IN_GAPS, _MAX_SHARE_MISSING, _GAPS_TRIED = 5e-3, 5e-3, 20
+#: Samples on either side of a gap that tell whether they go on over it, part of the error of the other reading at most, and the jitter of a
+#: clock, in steps, that is even but for gaps.
+_AT_GAP, _CLEARLY_LESS, _STEADY = 12, 0.8, 0.02
+#: What samples miss on an even grid, relative to what they miss at their times, where the clock alone is uneven: noise scatters by less.
+_SMOOTHER = 0.9
 #: Share of the motion that splines through every other sample may miss for the loss of those through all to be known.
 _MAX_KNOWN_LOSS = 0.5
+#: By how much steps of the even grid may be longer than those of the samples, relative.
+_COARSER = 1e-3
 #: Rows of a record, at least.
 _MIN_ROWS = 8
 #: Steps of a record at least, and its duration at most, s: damaged numbers beyond have no squares.
@@ -77,6 +87,45 @@ def clock_of(times: RealArray) -> Clock:
     )
 
 
+def longest_without_gap(clock: Clock, rows: int) -> tuple[int, int]:
+    """Return the first and the last row, from 1, of the longest stretch in which no samples are missing."""
+    whole = np.ones(rows - 1, bool)
+    whole[[place - 1 for place, _ in clock.gaps]] = False
+    first, last = longest_stretch(whole)
+    return first, last + 1
+
+
+def _lost_in_gaps(values: RealArray, missing: Sequence[int]) -> float:
+    """Return the part of the motion that splines over gaps lose: as many samples in a row, left out elsewhere, tell it.
+
+    `values` (N, l). `missing`: samples in each gap.
+    """
+    from scipy.interpolate import CubicSpline
+
+    rows, longest = len(values), max(missing)
+    if sum(missing) > _MAX_SHARE_MISSING * rows or longest * _GAPS_TRIED > rows:
+        return np.inf
+    values = np.ldexp(values, -np.frexp(np.abs(values).max())[1])
+    k, lost = np.arange(rows), 0.0
+    for count in set(missing):
+        begins = np.arange(count, rows - 2 * count, max(2 * _GAPS_TRIED, rows // _GAPS_TRIED))
+        left = np.ones(rows, bool)
+        left[(begins[:, None] + np.arange(count)).ravel()] = False
+        error = CubicSpline(k[left], values[left])(k[~left]) - values[~left]
+        lost += missing.count(count) * count * float(np.mean(error**2))
+    return float(np.sqrt(lost / rows) / max(np.sqrt(np.mean((values - values.mean(axis=0)) ** 2)), 1e-300))
+
+
+def _go_on(times: RealArray, values: RealArray, clock: Clock) -> bool:
+    """Whether samples go on evenly over all gaps of their clock: there splines through every other miss clearly less on an even grid."""
+    errors = np.zeros(2)
+    for place, _ in clock.gaps:
+        near = slice(max(0, place - _AT_GAP), place + _AT_GAP)
+        grids = (np.arange(times[near].size, dtype=float), times[near])
+        errors += [max(_missed(grid, values[near]), _missed(grid[1:], values[near][1:])) ** 2 for grid in grids]
+    return bool(np.sqrt(errors[0]) < _CLEARLY_LESS * np.sqrt(errors[1]))
+
+
 def resampled(times: RealArray, values: RealArray, rate: float) -> tuple[RealArray, float]:
     """Return values (N, l) on an even grid over the times, and the part of the motion that is lost; NaN where it is not known."""
     from scipy.interpolate import CubicSpline
@@ -86,7 +135,7 @@ def resampled(times: RealArray, values: RealArray, rate: float) -> tuple[RealArr
     even = np.ldexp(CubicSpline(times, np.ldexp(values, -size))(grid), size)
     missed = _missed(times, values)
     coarser = (times.size - 1) / (rate * (times[-1] - times[0]))
-    return np.asarray(even), missed / 16 if missed <= _MAX_KNOWN_LOSS and coarser <= 1.001 else np.nan
+    return np.asarray(even), missed / 16 if missed <= _MAX_KNOWN_LOSS and coarser <= 1 + _COARSER else np.nan
 
 
 def _missed(times: RealArray, values: RealArray) -> float:
@@ -122,18 +171,26 @@ def evened(
         fault = f"its samples follow each other {1 / clock.step:.6g} times a second"
         remedy = "Give a lower rate: nothing stands between the samples."
         raise DataError(f"resampling {where} to {rate_asked:g} Hz was asked", fault, remedy)
-    whole = np.ones(times.size - 1, bool)
-    whole[[place - 1 for place, _ in clock.gaps]] = False
-    first, last = longest_stretch(whole)
-    last += 1
+    every = np.stack([c.values for c in channels], axis=1).astype(float)
+    filled = bool(clock.gaps) and _lost_in_gaps(every, [count for _, count in clock.gaps]) <= _MAX_LOSS_IN_GAPS
+    first, last = (1, times.size) if filled else longest_without_gap(clock, times.size)
     part, rows = slice(first - 1, last), f"{first}-{last}"
     if asked is None and last - first + 1 < _MIN_SHARE_OF_ROWS * times.size:
         return axis, channels, []
-    rate = rate_asked or roundest(1 / clock.step, 1e-4 / clock.step)
-    stretch, samples = times[part], np.stack([c.values[part] for c in channels], axis=1).astype(float)
+    stretch, samples = times[part], every[part]
+    # the usual step may be rounded; the mean one is that of the samples and of those that are missing between them
+    mean = float(np.ptp(stretch)) / (stretch.size - 1 + filled * sum(count for _, count in clock.gaps))
+    usual = clock.step if abs(mean - clock.step) <= _COARSER * mean else mean
+    rate = rate_asked or roundest(1 / usual, 1e-4 / usual)
+    steady = filled and clock.jitter <= _STEADY
+    if asked is None and steady and _go_on(times, every, clock):
+        said = f"{counted(len(clock.gaps), 'step')} of the clock {'is' if len(clock.gaps) == 1 else 'are'} longer, but the samples go on evenly there: taken at {rate:.6g} Hz"
+        return replace(axis, values=np.arange(times.size) / rate, unit="s", stamps=False), channels, [said]
     values, lost = resampled(stretch, samples, rate)
-    # the clock alone is uneven where samples on an even grid are smoother
-    even_samples = _missed(np.arange(stretch.size, dtype=float), samples) <= _missed(stretch, samples)
+    # the clock alone is uneven where samples on an even grid are clearly smoother
+    even_samples = not steady and _missed(np.arange(stretch.size, dtype=float), samples) < _SMOOTHER * _missed(
+        stretch, samples
+    )
     if asked is None and (even_samples or not lost <= _MAX_LOSS):
         return axis, channels, []
     share = (
@@ -142,7 +199,11 @@ def evened(
         else f"{100 * lost:.2g} % of the motion"
     )
     notes = [f"times are uneven ({clock}): resampled to {rate:.6g} Hz by cubic splines; what is lost is {share}"]
-    notes += [f"rows {rows} of {times.size} were taken, the longest stretch without a gap"] if clock.gaps else []
+    notes += (
+        [f"rows {rows} of {times.size} were taken, the longest stretch without a gap"]
+        if clock.gaps and not filled
+        else []
+    )
     even = replace(axis, values=np.arange(len(values)) / rate, unit="s", stamps=False)
     return even, [replace(c, values=values[:, k]) for k, c in enumerate(channels)], notes
 

@@ -22,6 +22,8 @@ from modalscope.numerics.functions.poles import QUANTITIES
 
 #: Relative uncertainty of a rate by the digits of the times, at most: frequencies have the same.
 _MAX_DOUBT_OF_RATE = 1e-3
+#: Samples of a record, at least.
+_MIN_SAMPLES = 3
 _PARTS_OF_SECOND = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
 
 
@@ -61,6 +63,9 @@ def records(
         evenly = [*unit_notes, *evenly]
     rate, notes = sampling_rate(table, axis, options)
     notes = [*evenly, *notes]
+    if table.rows < _MIN_SAMPLES:
+        fault = f"{'one sample is' if table.rows == 1 else f'{table.rows} samples are'} too few for any motion"
+        raise needs(table.where, f"{_MIN_SAMPLES} samples", fault, "Export the whole record.")
     if axis and options.get("columns") is None:
         _refuse_two_clocks(table, axis, [column for column in columns if column.number in twice])
     forces = [column for column in channels if roles[column.number] == "in"]

@@ -163,7 +163,7 @@ def _notes(odd: Sequence[tuple[int, str]], last: int) -> list[str]:
 
 
 def _none(kinds: Sequence[str]) -> list[Array]:
-    return [np.zeros(0, "U1" if kind in ("text", "stamp") else float) for kind in kinds]
+    return [np.zeros(0, "U1" if kind in ("text", "stamp", "name") else float) for kind in kinds]
 
 
 def _joined(pieces: list[list[Array]]) -> list[Array]:

@@ -255,5 +255,5 @@ def columns_of(rows: Sequence[Sequence[str]], kinds: Sequence[str], dialect: Dia
         elif kind == "empty":  # a sensor may begin late
             arrays.append(np.array([number_of(cell, dialect) if is_number(cell) else np.nan for cell in cells]))
         else:
-            arrays.append(np.array(cells if kind == "stamp" else [""], dtype=np.str_))
+            arrays.append(np.array(cells if kind in ("stamp", "name") else [""], dtype=np.str_))
     return arrays

@@ -18,6 +18,7 @@ from modalscope.data import DataError
 from modalscope.io.columns import Column, Table, contents_from_table
 from modalscope.io.columns.axis import rises, same_rate
 from modalscope.io.columns.facts import Statement, stated_by, steps_of
+from modalscope.io.columns.sensors import by_sensor, names_sensors
 from modalscope.io.columns.weights import even_step, role_by_words
 from modalscope.io.columns.words import ignored_columns, is_unit
 from modalscope.io.contents import Contents, Options, unreadable
@@ -202,7 +203,10 @@ def _table(
     options: Options,
 ) -> Table:
     rows = [split(line, dialect) for line in islice(bare, layout.body, layout.body + 200)]
-    kinds = _but_ignored(kinds_of([row for row in rows if len(row) == layout.width]), layout, options)
+    whole = [row for row in rows if len(row) == layout.width]
+    kinds = _but_ignored(kinds_of(whole), layout, options)
+    texts = [k for k, kind in enumerate(kinds) if kind == "text" and names_sensors([row[k] for row in whole])]
+    kinds = ["name" if [k] == texts else kind for k, kind in enumerate(kinds)]
     body, above = chain(islice(first, layout.body, None), lines), [line for _, line in first[: layout.body]]
     arrays, notes = read_body(where, body, kinds, dialect, layout.width, space, above)
     said = stated_by(layout.facts, dialect.decimal)
@@ -210,7 +214,7 @@ def _table(
     given = options.get("sampling_rate") is not None
     stated = None if given else said.rate(where, steps_of(column.values for column in columns))
     place = "" if stated is None else f"line {first[stated[1].line][0]} ({stated[1].key} {stated[1].value[:60]})"
-    return Table(
+    table = Table(
         where=where,
         columns=_with_unit(_with_axis(columns, said.axis), said.unit),
         rate=None if stated is None else stated[0],
@@ -220,6 +224,7 @@ def _table(
         notes=(*notes, *column_notes),
         layout=_evidence(first, dialect, layout, (stated is not None and place) or ""),
     )
+    return by_sensor(table) if options.get("columns") is None else table
 
 
 def _with_axis(columns: tuple[Column, ...], axis: tuple[str, float, float] | None) -> tuple[Column, ...]:
