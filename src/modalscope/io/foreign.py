@@ -106,13 +106,24 @@ def _nptdms(path: str, left: int, sheet: str) -> Answer:
         steps = {float(c.properties["wf_increment"]) for c in channels if c.properties.get("wf_increment")}
         units = [c.properties.get("unit_string") or c.properties.get("NI_UnitDescription") or "" for c in channels]
         columns = [{"name": c.name, "unit": str(unit)} for c, unit in zip(channels, units, strict=True)]
+        starts = [start for c in channels if (start := _start_of(c.properties)) is not None]
         arrays = [np.asarray(channel[:]) for channel in channels]
     for column, k in zip(columns, range(len(arrays)), strict=True):
         if arrays[k].dtype.kind == "M":
             arrays[k] = (arrays[k] - arrays[k][0]) / np.timedelta64(1, "ns") * 1e-9
             column |= {"unit": "s", "stamps": True}
     shorter = [channel.name for channel in groups[name] if len(channel) != longest]
-    return {**listed, "columns": columns, "steps": sorted(steps), "shorter": shorter}, arrays
+    late = [start - min(starts) for start in starts] if len(starts) == len(arrays) else []
+    return {**listed, "columns": columns, "steps": sorted(steps), "shorter": shorter, "late": late}, arrays
+
+
+def _start_of(properties: Any) -> float | None:
+    """Return when a waveform starts, s since 1970; None where it does not say so."""
+    start = properties.get("wf_start_time")
+    if start is None:
+        return None
+    nanoseconds = np.datetime64(start, "ns").astype(np.int64)
+    return float(nanoseconds) * 1e-9 + float(properties.get("wf_start_offset") or 0.0)
 
 
 def _asammdf(path: str, left: int, sheet: str) -> Answer:

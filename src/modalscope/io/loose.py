@@ -29,6 +29,7 @@ _MOST_SETTINGS = 8
 #: Rows a column of an array that can be nothing but samples of channels: no matrix of shapes or settings has so many.
 _MIN_ROWS_OF_CHANNEL = 20
 _ANGULAR = {"w", "om", "omega"}
+_DIRECTIONS = "XYZ"
 _COHERENCE = {"coh", "coherence", "gamma2"}
 #: Axes that analysers write as start, increment and number: `x_values` with `y_values`, as Testlab exports structures.
 _INCREMENT = re.compile(r"(?P<of>(?:.*\.)?)x_values\.increment\Z")
@@ -84,6 +85,30 @@ def meaning_of(where: str, arrays: Mapping[str, Array], options: Options, part: 
     if known or evidence.lines is not None or _is_table(evidence):
         return _samples(evidence, options)
     return None
+
+
+def points_of(array: Array) -> list[tuple[str, Array]] | None:
+    """Return the channels of points x samples x directions, in any order, as cameras give them; None where these may be runs.
+
+    The longest axis counts samples; that of two or three entries directions. Points move together, of runs each by itself: the largest
+    singular value of the channels holds twice the energy that it would hold of runs.
+    """
+    if array.ndim != 3 or array.dtype.kind not in "biuf" or not np.isfinite(array).all():
+        return None
+    at = int(np.argmax(array.shape))
+    rest = np.moveaxis(array, at, 0)
+    if rest.shape[0] < _MIN_ROWS_OF_CHANNEL or 2 * max(rest.shape[1:]) > rest.shape[0] or min(rest.shape[1:]) < 2:
+        return None
+    rest = rest.swapaxes(1, 2) if rest.shape[1] < rest.shape[2] else rest
+    if rest.shape[2] > len(_DIRECTIONS):
+        return None
+    moved = rest.reshape(len(rest), -1).astype(float)
+    moved = (moved - moved.mean(axis=0)) / np.maximum(moved.std(axis=0), np.finfo(float).tiny)
+    squares = np.linalg.eigvalsh(moved.T @ moved)
+    if squares[-1] * rest.shape[1] < 2 * squares.sum():
+        return None
+    places = [(p, d) for p in range(rest.shape[1]) for d in range(rest.shape[2])]
+    return [(f"{p + 1}{_DIRECTIONS[d]}", rest[:, p, d]) for p, d in places]
 
 
 def _is_table(evidence: _Evidence) -> bool:
@@ -313,6 +338,11 @@ def _is_input(name: str) -> bool:
 def _runs(evidence: _Evidence, arrays: Mapping[str, Array], forces: list[str], options: Options) -> Meant:
     """Return runs where shapes or values settle which axis counts them: forces (N, R) with responses (N, c, R) or (N, R, c), or hits."""
     outputs = [name for name in arrays if name not in forces]
+    points = points_of(arrays[outputs[0]]) if len(outputs) == 1 and not forces else None
+    if points is not None:
+        axis = [] if evidence.axis is None else [Column(number=1, name="time", unit="s", values=evidence.axis[2])]
+        table = _table(evidence, axis, dict(points), ())
+        return Meant(table=table, notes=(*evidence.notes, _as_points(outputs[0], arrays[outputs[0]])))
     if len(outputs) == 1 and len(forces) == 1 and arrays[forces[0]].ndim <= 2:
         out, into = arrays[outputs[0]], arrays[forces[0]]
         runs = into.shape[1] if into.ndim == 2 else 1
@@ -340,6 +370,11 @@ def _runs(evidence: _Evidence, arrays: Mapping[str, Array], forces: list[str], o
     channels = "" if deep else f"; for channels: {_as_channels(evidence, arrays, forces)}"
     fault = f"in {shapes} it is not clear whether an axis counts channels or hits"
     raise unreadable(f"{evidence.where} as records", fault, f"For hits: {' '.join(words)}{channels}")
+
+
+def _as_points(name: str, array: Array) -> str:
+    shape = " x ".join(map(str, array.shape))
+    return f"{name} ({shape}) is read as points that move together, in {min(array.shape)} directions each"
 
 
 def _stored_axes(array: Array, samples: int) -> str:

@@ -19,6 +19,7 @@ from modalscope.io.contents import ArrayData, Contents, Options, check_character
 from modalscope.io.diagrams import DIAGRAM, diagram_arrays, diagram_contents
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import Room, room
+from modalscope.io.loose import points_of
 from modalscope.numerics.checks import Array
 
 _MAGIC = b"\x93NUMPY"
@@ -35,7 +36,10 @@ def read_npy(path: Path, options: Options) -> Contents:
     Raises `DataError`: no array, a pickle, another size than its head says, more than two axes, more channels than samples.
     """
     array = _array(path, room(path.name, path.stat().st_size))
-    if array.dtype.names:
+    points = points_of(array) if not array.dtype.names else None
+    if points is not None:
+        fields = [(name, values[:, None]) for name, values in points]
+    elif array.dtype.names:
         fields = [(str(name), np.asarray(array[name]).reshape(len(array), -1)) for name in array.dtype.names]
     else:
         fields = [("", _columns(path.name, array, bool(options.get("transpose"))))]
@@ -47,7 +51,12 @@ def read_npy(path: Path, options: Options) -> Contents:
     table = Table(
         where=path.name,
         columns=tuple(Column(number=k, name=name, values=values) for k, (name, values) in enumerate(columns, 1)),
-        layout=(("array", f"{array.dtype} {'x'.join(map(str, array.shape))}"),),
+        layout=(
+            (
+                "array",
+                f"{array.dtype} {'x'.join(map(str, array.shape))}{', points that move together' if points else ''}",
+            ),
+        ),
     )
     return contents_from_table(table, options)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import warnings
 import zipfile
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from threading import Lock
 
@@ -23,6 +24,8 @@ from modalscope.io.text.cells import is_value
 from modalscope.numerics.errors import optional_package
 
 _SIGNATURES = {"xarray": (b"CDF", b"\x89HDF"), "nptdms": (b"TDSm",), "asammdf": (b"MDF ",)}
+#: Part of a step by which starts may differ from whole ones in silence.
+_MAX_ODD = 0.02
 _EXPORT = "Export it again, or as text (.csv)."
 #: A sheet is a table where at least so many of its first rows hold nothing but values.
 _ROWS_EXAMINED, _MIN_ROWS_OF_VALUES = 200, 3
@@ -56,14 +59,37 @@ def _table_read_apart(package: str, path: Path, options: Options) -> Table:
         for k, (column, values) in enumerate(zip(answer.get("columns", ()), arrays, strict=True), 1)
     )
     shorter, steps = answer.get("shorter", ()), answer.get("steps", ())
+    notes = [f"channels of other lengths were left: {', '.join(shorter[:6])}"] if shorter else []
+    if len(steps) == 1 and max(answer.get("late", ()), default=0.0) * 2 > steps[0]:
+        columns, said = _from_the_last_start(columns, answer["late"], steps[0])
+        notes.append(said)
     return Table(
         where=path.name,
         columns=columns,
         rate=1 / steps[0] if len(steps) == 1 else None,
         rate_from="wf_increment",
-        notes=(f"channels of other lengths were left: {', '.join(shorter[:6])}",) if shorter else (),
+        notes=tuple(notes),
         layout=(("group", name),),
     )
+
+
+def _from_the_last_start(
+    columns: Sequence[Column], late: Sequence[float], step: float
+) -> tuple[tuple[Column, ...], str]:
+    """Return channels from the start of the last one on, and what is said; as they stand where they would have nothing in common.
+
+    `late`: by how much each starts behind the first, s. `step`: between samples, s.
+    """
+    skipped = [round((max(late) - each) / step) for each in late]
+    rows = min(len(c.values) - skip for c, skip in zip(columns, skipped, strict=True))
+    first, last = (columns[f(range(len(late)), key=late.__getitem__)].label for f in (min, max))
+    said = f"start times differ: {last} begins {max(late):.6g} s after {first}"
+    if rows < 2:
+        return tuple(columns), f"{said}: channels have no samples in common, and are taken as if they began together"
+    cut = tuple(replace(c, values=c.values[skip : skip + rows]) for c, skip in zip(columns, skipped, strict=True))
+    odd = max(abs((max(late) - each) / step - skip) for each, skip in zip(late, skipped, strict=True))
+    rest = f", to {odd:.2g} of a step" if odd > _MAX_ODD else ""
+    return cut, f"{said}: each is taken from there on{rest}"
 
 
 def read_netcdf(path: Path, options: Options) -> Contents:

@@ -184,7 +184,8 @@ def evened(
     rate = rate_asked or roundest(1 / usual, 1e-4 / usual)
     steady = filled and clock.jitter <= _STEADY
     if asked is None and steady and _go_on(times, every, clock):
-        said = f"{counted(len(clock.gaps), 'step')} of the clock {'is' if len(clock.gaps) == 1 else 'are'} longer, but the samples go on evenly there: taken at {rate:.6g} Hz"
+        steps = f"{counted(len(clock.gaps), 'step')} of the clock {'is' if len(clock.gaps) == 1 else 'are'} longer"
+        said = f"{steps}, but the samples go on evenly there: taken at {rate:.6g} Hz"
         return replace(axis, values=np.arange(times.size) / rate, unit="s", stamps=False), channels, [said]
     values, lost = resampled(stretch, samples, rate)
     # the clock alone is uneven where samples on an even grid are clearly smoother

@@ -63,9 +63,7 @@ def records(
         evenly = [*unit_notes, *evenly]
     rate, notes = sampling_rate(table, axis, options)
     notes = [*evenly, *notes]
-    if table.rows < _MIN_SAMPLES:
-        fault = f"{'one sample is' if table.rows == 1 else f'{table.rows} samples are'} too few for any motion"
-        raise needs(table.where, f"{_MIN_SAMPLES} samples", fault, "Export the whole record.")
+    _refuse_few(table)
     if axis and options.get("columns") is None:
         _refuse_two_clocks(table, axis, [column for column in columns if column.number in twice])
     forces = [column for column in channels if roles[column.number] == "in"]
@@ -88,6 +86,12 @@ def records(
         units=(tuple(column.unit for column in others), tuple(column.unit for column in forces)),
     )
     return thing, notes, twice
+
+
+def _refuse_few(table: Table) -> None:
+    if table.rows < _MIN_SAMPLES:
+        fault = f"{'one sample is' if table.rows == 1 else f'{table.rows} samples are'} too few for any motion"
+        raise needs(table.where, f"{_MIN_SAMPLES} samples", fault, "Export the whole record.")
 
 
 def nothing_measured(table: Table, axis: Column | None, kind: str, options: Options) -> DataError:

@@ -7,6 +7,7 @@ the file does not. `modalscope info` shows the evidence.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import chain, islice
@@ -43,6 +44,9 @@ _BYTES_OF_ROW, _BYTES_OF_CELL = 120, 60
 
 Line = tuple[int, str]
 
+#: A line that stands in quotation marks as a whole, several cells in it.
+_QUOTED = re.compile(r'\s*"((?:[^"]|"")*[,;\t|](?:[^"]|"")*)"[,;\s]*\Z')
+
 
 def read(path: Path, options: Options) -> Contents:
     """Read a text table (options `columns`, `ignore`, `units`, `skip`, `decimal`, `delimiter`, `transpose`, `sampling_rate`).
@@ -72,6 +76,10 @@ def contents_of_lines(
     Raises `DataError`: as `read`.
     """
     first = _first(lines, space, _MAX_SAMPLES if options.get("transpose") else _MAX_COLUMNS)
+    if len(first) > 1 and all(
+        _QUOTED.match(line) for _, line in first
+    ):  # each line is one cell to a reader of quoted cells
+        first, lines = [(k, _unquoted(line)) for k, line in first], ((k, _unquoted(line)) for k, line in lines)
     bare = [_in_place(line) for _, line in first]
     if is_labview(bare):
         return labview_contents(where, chain(first, lines), space, options)
@@ -98,6 +106,11 @@ def contents_of_lines(
         layout = replace(layout, facts=(*layout.facts, Statement(head.first, "DT", head.said)))
     table = _table(where, first, bare, lines, dialect, layout, space, options)
     return contents_from_table(replace(table, notes=(*table.notes, *notes)), options)
+
+
+def _unquoted(line: str) -> str:
+    match = _QUOTED.match(line)
+    return match[1].replace('""', '"') if match else line
 
 
 def _in_place(line: str) -> str:

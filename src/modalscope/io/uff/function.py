@@ -197,6 +197,10 @@ def _from_text(where: str, lines: Sequence[bytes], shape: dict[str, Any]) -> tup
         infinite = any(word in whole.lower() for word in (b"nan", b"inf"))
         fault = "NaN or infinity" if infinite else f"the characters {odd[:10].decode('latin-1')!r}"
         raise DataError(f"{where} needs finite numbers as data", f"they hold {fault}", _REPAIR)
+    cells = b" ".join(lines).split() if len(whole) != points * sum(widths) else []
+    if len(cells) == points * len(widths):  # of another width than the standard, and all there
+        length = max(map(len, cells))
+        whole, widths = b"".join(cell.rjust(length) for cell in cells), [length] * len(widths)
     if len(whole) != points * sum(widths):
         columns_of_values = " and ".join(map(str, dict.fromkeys(widths)))
         asked = f"{where} needs the {points} points of its header, in columns of {columns_of_values}"
