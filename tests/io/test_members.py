@@ -160,7 +160,7 @@ def test_arrays_that_are_called_runs_are_asked_for(tmp_path: Path, labels: tuple
     path = tmp_path / "runs.mat"
     acc = np.random.default_rng(1).standard_normal((2, 300, 3))
     savemat(path, {f"acc_{label}": values for label, values in zip(labels, acc, strict=True)} | {"fs": RATE})
-    with pytest.raises(ms.DataError, match=f'--sheet "{labels[0]}" or --sheet "{labels[1]}"'):
+    with pytest.raises(ms.DataError, match=f'--test "{labels[0]}" or --test "{labels[1]}"'):
         ms.read(path)
     np.testing.assert_array_equal(ms.read(path, sheet=labels[1]).outputs, acc[1])
     savemat(path, {"acc_1": acc[0], "acc_2": acc[1], "fs": RATE})  # channels of two sensors

@@ -37,7 +37,7 @@ REFUSED = {
     "one array without a rate": "--sampling-rate",
     "one array with channels in rows": "--transpose",
     "hits as columns": "--axes",
-    "a workbook of two tables": "--sheet",
+    "a workbook of two tables": "--test",
     "a column that says overload": "--ignore",
 }
 

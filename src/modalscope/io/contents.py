@@ -59,6 +59,26 @@ def needs(where: str, need: str, fault: str, remedy: str) -> DataError:
     return DataError(f"reading {where} needs {need}", fault, remedy)
 
 
+class SeveralTests(DataError):
+    """Raised for a file that holds several tests where none was chosen; `names` are theirs."""
+
+    names: tuple[str, ...] = ()
+
+
+def several_tests(where: str, what: str, names: Sequence[str]) -> SeveralTests:
+    """Return the error of a file whose tables, called `what`, are tests of their own."""
+    remedy = (
+        "Name one: "
+        + " or ".join(f'--test "{name}"' for name in names[:3])
+        + ", or take each by itself: modalscope identify --each"
+    )
+    error = SeveralTests(
+        f"reading {where} was asked", f"several of its {what} hold tables: {', '.join(names[:12])}", remedy
+    )
+    error.names = tuple(names)
+    return error
+
+
 @contextmanager
 def damage_as_error(
     where: str, remedy: str = "Export or copy it again.", kinds: tuple[type[BaseException], ...] = DAMAGED
@@ -214,11 +234,10 @@ def chosen(where: str, what: str, names: Iterable[str], tables: Sequence[str], o
     if asked is not None:
         if str(asked) not in names:
             fault = f"its {what} are {', '.join(names[:12])}"
-            raise DataError(f"--sheet {str(asked)[:60]!r} of {where} was asked", fault, "Name one of them.")
+            raise DataError(f"--test {str(asked)[:60]!r} of {where} was asked", fault, "Name one of them.")
         return str(asked)
     if len(tables) > 1:
-        remedy = "Name one: " + " or ".join(f'--sheet "{name}"' for name in tables[:3])
-        raise unreadable(where, f"several of its {what} hold tables: {', '.join(tables[:12])}", remedy)
+        raise several_tests(where, what, tables)
     if not names:
         raise unreadable(where, f"it has no {what}")
     return tables[0] if tables else names[0]

@@ -17,7 +17,7 @@ STORED = (*ARRAYS, "stored")
 
 #: Of tables of any kind; of text; of recorders' files, workbooks and sound.
 COLUMNS = ("columns", "ignore", "transpose", "rows", "resample")
-TEXT = (*COLUMNS, "skip", "decimal", "delimiter")
+TEXT = (*COLUMNS, "skip", "decimal", "delimiter", "sheet")
 RECORDERS, WORKBOOKS, SOUND = (*COLUMNS, "sheet"), (*COLUMNS, "skip", "sheet"), ("columns", "ignore", "rows")
 
 #: Of universal files, read and written, and of JSON, written.

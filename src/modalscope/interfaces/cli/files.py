@@ -17,6 +17,7 @@ def add_info(parser: Parser) -> None:
         action="store_true",
         help="search every pair of many channels for outlying lines, and every output for a wrong quantity",
     )
+    parser.add_argument("--each", action="store_true", help="each file, and each test in it, by itself")
 
 
 def info(options: argparse.Namespace) -> None:
@@ -24,12 +25,28 @@ def info(options: argparse.Namespace) -> None:
     from modalscope.data import Geometry, ModalModel, StabilizationDiagram, StateSpace
     from modalscope.data.shown import summary_of
     from modalscope.data.units import si_form
-    from modalscope.interfaces.cli.reading import read_test, reading_options
+    from modalscope.interfaces.cli.reading import each_test, read_test, reading_options
     from modalscope.io import survey
+    from modalscope.io.contents import SeveralTests
     from modalscope.signals.doctor import examine
 
-    with progress("reading"):
-        surveys = [survey(path, **reading_options(options, path)) for path in options.files]
+    if options.each:
+        for name, one in each_test(options):
+            say(f"== {name}")
+            info(argparse.Namespace(**{**vars(one), "each": False}))
+        return
+    try:
+        with progress("reading"):
+            surveys = [survey(path, **reading_options(options, path)) for path in options.files]
+    except SeveralTests as several:
+        if len(options.files) > 1:
+            raise
+        say(
+            f"{options.files[0].name}: {len(several.names)} tests",
+            *(f"  {name}" for name in several.names),
+            several.change,
+        )
+        return
     data = surveys[0].thing
     if len(surveys) > 1:
         say(*(f"{contents.path.name}: {contents.result}" for contents in surveys))

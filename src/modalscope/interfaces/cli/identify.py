@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -73,7 +74,7 @@ def add_identify(parser: Parser) -> None:
     add(
         "--each",
         action="store_true",
-        help="each file is a test of its own: one table, with modes paired to those of the first file",
+        help="each file, and each test in it, by itself: one table, with modes paired to those of the first file",
     )
     add("--reference", type=Path, metavar="MODES", help="with --each: file of modes to pair with")
     add("--apart", action="store_true", help="identify the setups one by one and merge their modes, not their records")
@@ -245,12 +246,12 @@ def _run_each(options: argparse.Namespace) -> None:
     stderr, and the others are identified; the exit status is 4 then, and 2 if none could be used.
     """
     from modalscope.interfaces.cli.output import check_output, write_file, write_pictures
-    from modalscope.interfaces.cli.reading import read_modes
+    from modalscope.interfaces.cli.reading import each_test, read_modes
 
+    each = each_test(options)
     reference = None if options.reference is None else read_modes(options, options.reference)
     places = {
-        path: [out.with_name(f"{out.stem}_{path.stem}{out.suffix}") for out in options.outputs]
-        for path in options.files
+        name: [out.with_name(f"{out.stem}_{_as_stem(name)}{out.suffix}") for out in options.outputs] for name, _ in each
     }
     targets = [place for group in places.values() for place in group]
     for target in targets:
@@ -260,22 +261,28 @@ def _run_each(options: argparse.Namespace) -> None:
             raise DataError(asked, clash, "Give the files distinct names, or identify them one by one.")
     tests: list[tuple[str, ModalModel]] = []
     failed = []
-    for path in options.files:
+    for name, alone in each:
         try:
-            result = result_of(options, [path])
+            result = result_of(alone, alone.files)
         except DataError as error:
-            complain(f"{path.name}: {error}")
-            failed.append(path.name)
+            complain(f"{name}: {error}")
+            failed.append(name)
             continue
-        for place in places[path]:
-            remark(write_file(options, place, result, str(path)))
-        remark(*write_pictures(options, places[path], result.modes, result.diagrams))
-        tests.append((path.name, result.modes))
+        for place in places[name]:
+            remark(write_file(options, place, result, str(alone.files[0])))
+        remark(*write_pictures(options, places[name], result.modes, result.diagrams))
+        tests.append((name, result.modes))
     if tests:
         say(_table(tests, reference))
     if failed:
-        complain(f"{len(failed)} of {len(options.files)} files failed: {', '.join(failed)}")
+        complain(f"{len(failed)} of {len(each)} files failed: {', '.join(failed)}")
         raise SystemExit(EXIT_PARTLY if tests else EXIT_WRONG)
+
+
+def _as_stem(name: str) -> str:
+    """Return the name of a test, `tower.csv` or `tower.csv, run 2`, as a part of that of a file."""
+    file, _, test = name.partition(", ")
+    return "_".join([Path(file).stem, *re.findall(r"\w+", test)])
 
 
 def _table(tests: Sequence[tuple[str, ModalModel]], reference: ModalModel | None) -> str:

@@ -12,10 +12,11 @@ from modalscope.data.shown import summary_of
 from modalscope.interfaces.cli.parser import EXPERT, Parser, add_reading
 from modalscope.interfaces.cli.process import progress, remark
 from modalscope.io import set_max_memory, survey
+from modalscope.io.contents import SeveralTests
 from modalscope.io.options import TEXT
 
 #: Options of `modalscope.io.read` that the command line has under the same names.
-_READ_OPTIONS = ("sampling_rate", *TEXT, "sheet")
+_READ_OPTIONS = ("sampling_rate", *TEXT)
 
 
 def read_data(options: argparse.Namespace, path: Path) -> tuple[Any, tuple[Note, ...]]:
@@ -32,6 +33,23 @@ def read_test(options: argparse.Namespace) -> tuple[Any, tuple[Note, ...]]:
     with progress("reading"):
         data, _, notes = opened(options.files, [reading_options(options, path) for path in options.files])
     return data, notes
+
+
+def each_test(options: argparse.Namespace) -> list[tuple[str, argparse.Namespace]]:
+    """Return every test of every file with its name, and the options of the command for it alone."""
+    found = []
+    for path in options.files:
+        names: tuple[str, ...] = ("",)
+        try:
+            survey(path, **reading_options(options, path))
+        except SeveralTests as several:
+            names = several.names
+        except DataError:  # said where it is used
+            pass
+        for name in names:
+            alone = argparse.Namespace(**{**vars(options), "files": [path], "sheet": name or options.sheet})
+            found.append((f"{path.name}, {name}" if name else path.name, alone))
+    return found
 
 
 def read_modes(options: argparse.Namespace, path: Path) -> ModalModel:

@@ -27,6 +27,9 @@ _QUANTITY = re.compile(
 _BARE = re.compile(r"[+-]?\d+(?:[.,]\d*)?(?:[eE][+-]?\d+)?\Z")
 _WORDS_OF_RATE = {"s/s", "sps", "samples/s", "sa/s", "hz", "1/s", ""}
 _MAX_CHARACTERS_OF_KEY = 60
+#: What a header calls values that are complex; a unit in brackets.
+_COMPLEX = ("complex", "komplex", "frf", "frequency response", "transfer")
+_IN_BRACKETS = re.compile(r"^\((?P<unit>[^()]*)\)(?=/|\Z)")
 #: Relative difference of a step and a rate that agree.
 _AGREEMENT = 1e-2
 
@@ -45,7 +48,8 @@ class Stated:
     """What a header says.
 
     `rates`: samples per second, each with its statement. `lines`: first frequency and step, Hz. `axis`: unit, first value and step as they
-    stand. `unit`: of what is measured. `complex_values`: whether it says that values are complex.
+    stand. `unit`: of what is measured. `complex_values`: whether it says that values are complex. `label`, `reference`: the names of what
+    was measured, and of what drove it.
     """
 
     rates: list[tuple[float, Statement]] = field(default_factory=list)
@@ -53,6 +57,8 @@ class Stated:
     axis: tuple[str, float, float] | None = None
     unit: str = ""
     complex_values: bool = False
+    label: str = ""
+    reference: str = ""
 
     def rate(self, where: str, steps: Sequence[float]) -> tuple[float, Statement] | None:
         """Return the rate with its statement; of several the one that a step (s, or parts of it) agrees with.
@@ -91,13 +97,7 @@ def stated_by(statements: Iterable[Statement], decimal: str) -> Stated:
     found, first, step, axis, axis_unit = Stated(), None, None, "", ""
     for statement in statements:
         meaning = key_meaning(statement.key) if len(statement.key) <= _MAX_CHARACTERS_OF_KEY else ""
-        text = statement.value.strip().strip('"')
-        if meaning == "unit":
-            found.unit = text
-        elif meaning == "axis unit" and kind_of_unit(text) in ("frequency", "time"):
-            axis, axis_unit = kind_of_unit(text), text
-        elif meaning == "form":
-            found.complex_values = text.lower().startswith(("complex", "komplex"))
+        axis, axis_unit = _in_words(found, statement, meaning, (axis, axis_unit))
         if meaning not in ("rate", "step", "frequency step", "first"):
             continue
         number, unit = _quantity(statement, meaning, decimal)
@@ -116,8 +116,25 @@ def stated_by(statements: Iterable[Statement], decimal: str) -> Stated:
         found.axis = (axis_unit, first or 0.0, step)
     if step is not None and axis != "time" and (axis == "frequency" or first is not None):
         found.lines = (first or 0.0, step)
-        found.rates = [(rate, s) for rate, s in found.rates if axis != "frequency" or key_meaning(s.key) == "rate"]
+        lines = axis == "frequency" or found.complex_values
+        found.rates = [(rate, s) for rate, s in found.rates if not lines or key_meaning(s.key) == "rate"]
     return found
+
+
+def _in_words(found: Stated, statement: Statement, meaning: str, axis: tuple[str, str]) -> tuple[str, str]:
+    """Take up what a statement says in words, unit, form or names; return kind and unit of the axis."""
+    text = statement.value.strip().strip('"')
+    if meaning == "unit":
+        bare = _IN_BRACKETS.sub(r"\g<unit>", text)
+        ratio = "/" in found.unit and kind_of_unit(found.unit.rpartition("/")[2]) == "force"
+        found.unit = found.unit if ratio else bare
+    elif meaning in ("place", "reference") and len(text) <= _MAX_CHARACTERS_OF_KEY:
+        found.label, found.reference = (text, found.reference) if meaning == "place" else (found.label, text)
+    elif meaning == "form":
+        found.complex_values |= text.lower().startswith(_COMPLEX)
+    elif meaning == "axis unit" and kind_of_unit(text) in ("frequency", "time"):
+        return kind_of_unit(text), text
+    return axis
 
 
 def _others(statement: Statement) -> list[float]:

@@ -68,22 +68,24 @@ STATEMENTS = {
     "step": (
         "deltat deltax deltatime timestep timeincrement timeinterval timeresolution xincrement xresolution "
         "xinterval xstep sampleinterval samplinginterval sampleperiod samplingperiod sampletime samplingtime "
-        "xaxisdelta increment abtastintervall abtastzeit zeitschritt pasdetemps periodedechantillonnage "
+        "xaxisdelta increment delta abtastintervall abtastzeit zeitschritt pasdetemps periodedechantillonnage "
         "passodicampionamento passotemporale intervallodicampionamento intervalodemuestreo pasodetiempo "
         "tijdstap intervalodeamostragem passodetempo tidssteg dt ts dx"
     ),
     "first": (
-        "xaxisfirstvalue firstvalue startvalue startofaxis startfrequency startfrequenz firstfrequency "
+        "xaxisfirstvalue firstvalue first startvalue startofaxis startfrequency startfrequenz firstfrequency "
         "frequenceinitiale frequenzainiziale frecuenciainicial startfrequentie frequenciainicial x0 f0 fmin"
     ),
     "count": (
         "numberofsamples numberofvalues numberofpoints datapoints npts ndata ndat datanum xaxissize "
         "anzahlmesswerte nombredepoints numerodicampioni numerodemuestras aantalmonsters numerodeamostras"
     ),
-    "form": "datatype dataformat valuetype datentyp typededonnees",
+    "form": "datatype dataformat valuetype datentyp typededonnees function functiontype",
     "axis unit": "xaxisunit xunit xunits xunitlabel",
     "unit": "yunit yunits yaxisunit yunitlabel unit units einheit unite unita unidad unidade eenheid enhet",
+    "reference": "refsignal reference refpoint referencepoint referencesignal drivepoint",
     "channel": "channel channels name names kanal label title voie canale canal kanaal chno chname channelname",
+    "place": "signal signalname point location loclbl dof scnl node",
 }  # fmt: skip
 
 #: Letters that are whole names, and what they name.
@@ -162,6 +164,8 @@ def key_meaning(key: str) -> str:
     """
     words = words_of(key)
     joined = "".join(words)
+    if words and len(words) > 1 and words[-1] in STATEMENTS["unit"].split():
+        return "axis unit" if joined in STATEMENTS["axis unit"].split() else "unit"
     for known, meaning in _KEYS:
         if (known in joined) if len(known) > _MAX_LETTERS_OF_WORD else (known in words or known == joined):
             return meaning

@@ -53,6 +53,8 @@ _LISTED = re.compile(
 _SERIAL = re.compile(r"[A-Z]{1,4}[ -]?\d{3,}\Z")
 
 
+#: Meanings of keys whose values may be numbers that state nothing: heads of columns are written so, too.
+_NO_NUMBERS = ("", "unit", "channel", "place", "reference", "form")
 #: Where cells begin and end in a line.
 Places: TypeAlias = Sequence[tuple[int, int]]
 
@@ -364,7 +366,7 @@ def _is_statement(line: str, cells: Sequence[str], dialect: Dialect) -> bool:
     if cells and cells[0].endswith(":") and sum(not is_missing(cell) for cell in cells[1:]) == 1:
         return True
     stated = statements_of(line[:_MAX_CHARACTERS], dialect)[:1]
-    known = (value for key, value in stated if key_meaning(key) not in ("", "unit", "channel"))
+    known = (value for key, value in stated if key_meaning(key) not in _NO_NUMBERS)
     return any(is_number(value.split()[0]) for value in known)
 
 

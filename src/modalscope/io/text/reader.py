@@ -18,12 +18,14 @@ import numpy as np
 from modalscope.data import DataError
 from modalscope.io.columns import Column, Table, contents_from_table
 from modalscope.io.columns.axis import rises, same_rate
-from modalscope.io.columns.facts import Statement, stated_by, steps_of
+from modalscope.io.columns.facts import Stated, Statement, stated_by, steps_of
+from modalscope.io.columns.lines import part_of
 from modalscope.io.columns.sensors import by_sensor, names_sensors
 from modalscope.io.columns.weights import even_step, role_by_words
 from modalscope.io.columns.words import ignored_columns, is_unit
 from modalscope.io.contents import Contents, Options, unreadable
 from modalscope.io.limits import Room, room
+from modalscope.io.text.blocks import blocks_of, key_of, names_of, one_table, repeats
 from modalscope.io.text.body import kinds_of, read_body
 from modalscope.io.text.cells import Dialect, is_value, seconds_of, split, uncommented
 from modalscope.io.text.dialect import DELIMITERS, dialect_of, encoding_of, lines_of, words_of_delimiter
@@ -58,7 +60,34 @@ def read(path: Path, options: Options) -> Contents:
     encoding = encoding_of(path)
     notes = ("its text is not UTF-8: read as Windows-1252",) if encoding == "cp1252" else ()
     lines = lines_of(path, encoding, skip, space)
+    first = next(lines, (0, ""))
+    lines = chain([first] if first[1] else [], lines)
+    if (key := key_of(first[1])) and not encoding.startswith("utf-16") and repeats(path, key):
+        every = list(lines)
+        space.take("its lines", sum(len(line) for _, line in every) + _BYTES_OF_ROW * len(every))
+        blocks, lines = blocks_of(every, key), iter(every)
+        if len(blocks) > 1 and not options.get("transpose"):
+            names = names_of(blocks)
+            tables = [table_of_lines(path.name, iter(block), _signs(options), space, options) for block in blocks]
+            table = one_table(path.name, tables, names, options)
+            return contents_from_table(replace(table, notes=(*table.notes, *notes)), options)
     return contents_of_lines(path.name, lines, _signs(options), space, options, notes)
+
+
+def table_of_lines(
+    where: str, lines: Iterator[Line], signs: tuple[str | None, str | None], space: Room, options: Options
+) -> Table:
+    """Return the table that lines hold.
+
+    Raises `DataError`: no rows of values.
+    """
+    first = _first(lines, space, _MAX_COLUMNS)
+    bare = [_in_place(line) for _, line in first]
+    dialect = dialect_of(where, bare, *signs)
+    layout = layout_of(bare, dialect)
+    if layout is None:
+        raise _no_body(where, bare, options)
+    return _table(where, first, bare, lines, dialect, layout, space, options)
 
 
 def contents_of_lines(
@@ -229,7 +258,7 @@ def _table(
     place = "" if stated is None else f"line {first[stated[1].line][0]} ({stated[1].key} {stated[1].value[:60]})"
     table = Table(
         where=where,
-        columns=_with_unit(_with_axis(columns, said.axis), said.unit),
+        columns=_with_label(_with_unit(_with_axis(columns, said.axis), said.unit), said),
         rate=None if stated is None else stated[0],
         rate_from=place,
         lines=said.lines,
@@ -258,12 +287,33 @@ def _with_axis(columns: tuple[Column, ...], axis: tuple[str, float, float] | Non
 
 def _with_unit(columns: tuple[Column, ...], unit: str) -> tuple[Column, ...]:
     """Return columns with the unit that the header says of one quantity, where it says it of no column and one or two have none."""
-    taken = ("time", "frequency", "index")
-    bare = [c for c in columns if not (c.unit or c.textual or role_by_words(c.name) in taken or rises(c.values))]
+    bare = [c for c in _measured(columns) if not c.unit]
     said = any(c.unit for c in columns if role_by_words("", c.unit) in ("in", "out"))
     if not is_unit(unit) or said or len(bare) > _MAX_COLUMNS_OF_UNIT:
         return columns
     return tuple(replace(c, unit=unit) if c in bare else c for c in columns)
+
+
+def _with_label(columns: tuple[Column, ...], said: Stated) -> tuple[Column, ...]:
+    """Return columns of which the one without a name, or the two parts of a response, have the name that the header says."""
+    bare = [(c, part_of(c.name)) for c in _measured(columns)]
+    parts = [part[1] if part else "" for _, part in bare]
+    unnamed = not any(c.name if part is None else part[0] for c, part in bare)
+    if not said.label or not unnamed or not bare or (len(bare) != 1 + said.complex_values and not all(parts)):
+        return columns
+    name = f"{said.label}/{said.reference}" if said.reference and "/" not in said.label else said.label
+    words = parts if all(parts) else [("real", "imag")[k % 2] for k in range(len(bare))] if len(bare) > 1 else [""]
+    called = {c.number: f"{name} {word}".strip() for (c, _), word in zip(bare, words, strict=True)}
+    return tuple(replace(c, name=called.get(c.number, c.name)) for c in columns)
+
+
+def _measured(columns: tuple[Column, ...]) -> list[Column]:
+    """Return the columns that are no axis, no counter and no text."""
+    return [
+        c
+        for c in columns
+        if not (c.textual or role_by_words(c.name) in ("time", "frequency", "index") or rises(c.values))
+    ]
 
 
 def _but_ignored(kinds: list[str], layout: Layout, options: Options) -> list[str]:
