@@ -67,11 +67,7 @@ class SeveralTests(DataError):
 
 def several_tests(where: str, what: str, names: Sequence[str]) -> SeveralTests:
     """Return the error of a file whose tables, called `what`, are tests of their own."""
-    remedy = (
-        "Name one: "
-        + " or ".join(f'--test "{name}"' for name in names[:3])
-        + ", or take each by itself: modalscope identify --each"
-    )
+    remedy = "Name one: " + " or ".join(f'--test "{name}"' for name in names[:3])
     error = SeveralTests(
         f"reading {where} was asked", f"several of its {what} hold tables: {', '.join(names[:12])}", remedy
     )

@@ -41,11 +41,8 @@ def info(options: argparse.Namespace) -> None:
     except SeveralTests as several:
         if len(options.files) > 1:
             raise
-        say(
-            f"{options.files[0].name}: {len(several.names)} tests",
-            *(f"  {name}" for name in several.names),
-            several.change,
-        )
+        head = f"{options.files[0].name}: {len(several.names)} tests"
+        say(head, *(f"  {name}" for name in several.names), f"{several.change}. All: modalscope identify --each")
         return
     data = surveys[0].thing
     if len(surveys) > 1:
