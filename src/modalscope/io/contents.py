@@ -131,12 +131,16 @@ class Finding:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Contents:
-    """The data object that a file gives, what was found in it, what is missing and what else to know."""
+    """The data object that a file gives, what was found in it, what is missing and what else to know.
+
+    `margin`: of a table, by how much a record over time is likelier than responses over frequency, in log likelihood; may be negative.
+    """
 
     thing: DataObject
     findings: tuple[Finding, ...] = ()
     missing: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    margin: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,6 +176,8 @@ class Survey:
     missing : tuple of str
         What would be needed to take more.
     notes : tuple of str
+    margin : float
+        Of a table, by how much a record is likelier than responses, in log likelihood.
     """
 
     path: Path
@@ -181,6 +187,7 @@ class Survey:
     found: tuple[Finding, ...]
     missing: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    margin: float = 0.0
 
     @property
     def left(self) -> tuple[Finding, ...]:

@@ -166,6 +166,7 @@ def survey(path: str | Path, **options: Any) -> Survey:
         found=contents.findings,
         missing=contents.missing,
         notes=contents.notes,
+        margin=contents.margin,
     )
 
 
@@ -183,7 +184,7 @@ def _whole_contents(path: Path, options: Options) -> Contents:
     row = format_of(path, "reading")
     if not path.exists():
         raise unreadable(repr(str(path)), "there is no such file", "Check the name and the folder.")
-    check_options(path, options, (*row.read_options, *FIELDS, "exact_nodes"), "reading")
+    check_options(path, options, (*row.read_options, *FIELDS, "exact_nodes", "content"), "reading")
     for name in {"rename", "axes"} & set(options):
         _check_names(name, options[name])
     if path.stat().st_size == 0:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from modalscope.numerics.checks import check_each, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.progress import stage
 from modalscope.signals.doctor.places import against_labels, label_by_place, with_hits
+from modalscope.signals.doctor.together import check_units, named_by_files, on_common_lines, read_alike
 from modalscope.signals.preprocess.decays import as_free_decay
 from modalscope.signals.preprocess.excitation import moved_by_base, without_dead_forces
 from modalscope.signals.preprocess.merging import merge
@@ -45,16 +47,61 @@ def opened(
     several = isinstance(data, list | tuple) and are_paths(data)
     each = _of_each(reading, len(data) if several else 1)
     if several:
-        parts = [_opened(path, options) for path, options in zip(data, each, strict=True)]
-        named, places = _placed([part for part, _, _ in parts], [Path(path).stem for path in data], each)
-        merged, units = si_form(named[0] if len(named) == 1 else merge(named))
-        merged, kind = _as_what_it_is(merged, decays)
-        said = _alike([note for _, _, read_notes in parts for note in read_notes])
-        return merged, tuple(source for _, source, _ in parts), tuple(dict.fromkeys([*said, *places, *units, *kind]))
+        return merged_parts(data, each, opened_parts(data, each), decays=decays)
     single, source, notes = _opened(data, each[0])
     single, units = si_form(single)
     single, kind = _as_what_it_is(single, decays)
     return single, (source,), (*notes, *units, *kind)
+
+
+#: What a file holds, its source, and notes.
+Opened: TypeAlias = tuple[Any, SourceFile, tuple[Note, ...]]
+
+
+def opened_parts(data: Sequence[Any], each: Sequence[Mapping[str, Any]]) -> list[Opened]:
+    """Return what each of several files of a test holds, read by the evidence of all of them."""
+    return read_alike(partial(_opened_as, data, each), len(data))
+
+
+def merged_parts(
+    data: Sequence[Any], each: Sequence[Mapping[str, Any]], parts: Sequence[Opened], *, decays: bool
+) -> tuple[Any, tuple[SourceFile, ...], tuple[Note, ...]]:
+    """Return the files of a test as one, their sources, and the notes of reading."""
+    names = [Path(path).stem for path in data]
+    held, together = _together([part for part, _, _ in parts], names, each)
+    named, places = _placed(held, names, each)
+    merged, units = si_form(named[0] if len(named) == 1 else merge(named))
+    merged, kind = _as_what_it_is(merged, decays)
+    said = _alike([note for _, _, read_notes in parts for note in read_notes])
+    told = dict.fromkeys([*said, *together, *places, *units, *kind])
+    return merged, tuple(source for _, source, _ in parts), tuple(told)
+
+
+def _opened_as(
+    data: Sequence[Any], each: Sequence[Mapping[str, Any]], k: int, content: str | None
+) -> tuple[Opened, float]:
+    """Return one of several files, read as `content` where it is given, and by how much it is likelier a record than responses."""
+    thing, source, notes, margin = _read(data[k], {**each[k], "content": content or ""})
+    return (thing, replace(source, reading=dict(each[k]) | ({"content": content} if content else {})), notes), margin
+
+
+def _together(
+    parts: Sequence[Any], names: Sequence[str], each: Sequence[Mapping[str, Any]]
+) -> tuple[list[Any], tuple[Note, ...]]:
+    """Return the parts of a test on the lines that all have, and channels without names under those of their files; and notes."""
+    units: tuple[Note, ...] = ()
+    if (
+        len({getattr(part, "quantity", None) for part in parts}) > 1
+    ):  # a sensitivity that was given says what a voltage is
+        converted = [si_form(part) for part in parts]
+        parts, units = [part for part, _ in converted], tuple(note for _, notes in converted for note in notes)
+    check_units(parts, names)
+    lined, lines = on_common_lines(parts, names)
+    lines = (*units, *lines)
+    if any("output_dofs" in options for options in each):
+        return lined, lines
+    labelled, said = named_by_files(lined, names)
+    return labelled, (*lines, *said)
 
 
 def _placed(
@@ -114,17 +161,22 @@ def are_paths(data: Any) -> bool:
 
 
 def _opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tuple[Note, ...]]:
+    thing, source, notes, _ = _read(data, reading)
+    return thing, source, notes
+
+
+def _read(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tuple[Note, ...], float]:
     if is_frame(data):
         from modalscope.io.frames import from_frame  # most tests are files
 
         made = from_frame(data, **reading)
-        return made, source_of_data(made), ()
+        return made, source_of_data(made), (), 0.0
     if not isinstance(data, str | Path):
         if reading:
             asked, have = f"reading with {', '.join(reading)} was asked", f"the data are {type(data).__name__} already"
             raise DataError(asked, have, "Give a path, or make the data with these values.")
         runs = as_test(data) if isinstance(data, list | tuple) else data
-        return runs, source_of_data(runs), ()
+        return runs, source_of_data(runs), (), 0.0
     path = file_at(data)
     with stage("reading"):
         found, source = survey(path, **reading), replace(source_of_file(path, reading), path=str(Path(data)))
@@ -138,7 +190,7 @@ def _opened(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tup
             f"the file gives a {found.result}{f', and no method identifies from its {left}' if left else ''}",
             "Give a file of responses or records.",
         )
-    return found.thing, source, found.told
+    return found.thing, source, found.told, found.margin
 
 
 def file_at(path: str | Path) -> Path:

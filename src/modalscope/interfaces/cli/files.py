@@ -4,9 +4,16 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from modalscope.interfaces.cli.parser import Parser, add_files, add_force, add_outputs, add_reading
 from modalscope.interfaces.cli.process import progress, remark, say
+
+if TYPE_CHECKING:
+    from modalscope.data import Note
+
+#: Files of one kind that are listed one by one; more are one line.
+_MOST_LISTED = 4
 
 
 def add_info(parser: Parser) -> None:
@@ -24,38 +31,56 @@ def info(options: argparse.Namespace) -> None:
     """Print the contents of a file, how they are interpreted, and their quality; of several files what they are together."""
     from modalscope.data import Geometry, ModalModel, StabilizationDiagram, StateSpace
     from modalscope.data.shown import summary_of
-    from modalscope.data.units import si_form
-    from modalscope.interfaces.cli.reading import each_test, read_test, reading_options
+    from modalscope.interfaces.cli.reading import each_test, reading_options
     from modalscope.io import survey
     from modalscope.io.contents import SeveralTests
-    from modalscope.signals.doctor import examine
 
     if options.each:
         for name, one in each_test(options):
             say(f"== {name}")
             info(argparse.Namespace(**{**vars(one), "each": False}))
         return
+    if len(options.files) > 1:
+        data, notes = _together(options)
+        say(f"together: {summary_of(data)}", *(f"note: {note}" for note in notes))
+        _say_quality(options, data)
+        return
     try:
         with progress("reading"):
-            surveys = [survey(path, **reading_options(options, path)) for path in options.files]
+            found = survey(options.files[0], **reading_options(options, options.files[0]))
     except SeveralTests as several:
-        if len(options.files) > 1:
-            raise
         head = f"{options.files[0].name}: {len(several.names)} tests"
         say(head, *(f"  {name}" for name in several.names), f"{several.change}. All: modalscope identify --each")
         return
-    data = surveys[0].thing
-    if len(surveys) > 1:
-        say(*(f"{contents.path.name}: {contents.result}" for contents in surveys))
-        data, notes = read_test(options)
-        say(f"together: {summary_of(data)}", *(f"note: {note}" for note in notes))
-    else:
-        say(surveys[0])
-    if isinstance(data, ModalModel):
-        say(data.table())
-        return
-    if isinstance(data, Geometry | StateSpace | StabilizationDiagram):  # not measured
-        return
+    say(found)
+    if isinstance(found.thing, ModalModel):
+        say(found.thing.table())
+    elif not isinstance(found.thing, Geometry | StateSpace | StabilizationDiagram):  # these are not measured
+        _say_quality(options, found.thing)
+
+
+def _together(options: argparse.Namespace) -> tuple[Any, tuple[Note, ...]]:
+    """Print what several files hold, those that are alike in one line, and return what they are together, with notes."""
+    from modalscope.data.shown import summary_of
+    from modalscope.interfaces.cli.reading import read_parts
+
+    parts, merged = read_parts(options)
+    alike: dict[str, list[str]] = {}
+    for path, part in zip(options.files, parts, strict=True):
+        alike.setdefault(summary_of(part), []).append(path.name)
+    for what, names in alike.items():
+        if len(names) > _MOST_LISTED:
+            say(f"{len(names)} files alike ({names[0]} to {names[-1]}): {what}")
+        else:
+            say(*(f"{name}: {what}" for name in names))
+    return merged()
+
+
+def _say_quality(options: argparse.Namespace, data: Any) -> None:
+    """Print what is wrong with measured data."""
+    from modalscope.data.units import si_form
+    from modalscope.signals.doctor import examine
+
     measured, units = si_form(data)
     with progress("examining"):
         findings = examine(measured, whole=options.whole)

@@ -250,10 +250,10 @@ def _run_each(options: argparse.Namespace) -> None:
 
     each = each_test(options)
     reference = None if options.reference is None else read_modes(options, options.reference)
-    places = {
-        name: [out.with_name(f"{out.stem}_{_as_stem(name)}{out.suffix}") for out in options.outputs] for name, _ in each
-    }
-    targets = [place for group in places.values() for place in group]
+    places = [
+        [out.with_name(f"{out.stem}_{_as_stem(name)}{out.suffix}") for out in options.outputs] for name, _ in each
+    ]
+    targets = [place for group in places for place in group]
     for target in targets:
         check_output(target, options.files, options.force)
         if targets.count(target) > 1:
@@ -261,16 +261,16 @@ def _run_each(options: argparse.Namespace) -> None:
             raise DataError(asked, clash, "Give the files distinct names, or identify them one by one.")
     tests: list[tuple[str, ModalModel]] = []
     failed = []
-    for name, alone in each:
+    for (name, alone), written in zip(each, places, strict=True):
         try:
             result = result_of(alone, alone.files)
         except DataError as error:
             complain(f"{name}: {error}")
             failed.append(name)
             continue
-        for place in places[name]:
+        for place in written:
             remark(write_file(options, place, result, str(alone.files[0])))
-        remark(*write_pictures(options, places[name], result.modes, result.diagrams))
+        remark(*write_pictures(options, written, result.modes, result.diagrams))
         tests.append((name, result.modes))
     if tests:
         say(_table(tests, reference))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,21 @@ def read_test(options: argparse.Namespace) -> tuple[Any, tuple[Note, ...]]:
     with progress("reading"):
         data, _, notes = opened(options.files, [reading_options(options, path) for path in options.files])
     return data, notes
+
+
+def read_parts(options: argparse.Namespace) -> tuple[list[Any], Callable[[], tuple[Any, tuple[Note, ...]]]]:
+    """Read the files of one test; return what each holds, and what gives them together with the notes."""
+    from modalscope.analysis.workflow.sources import merged_parts, opened_parts
+
+    with progress("reading"):
+        reading = [reading_options(options, path) for path in options.files]
+        parts = opened_parts(options.files, reading)
+
+    def merged() -> tuple[Any, tuple[Note, ...]]:
+        data, _, notes = merged_parts(options.files, reading, parts, decays=False)
+        return data, notes
+
+    return [part for part, _, _ in parts], merged
 
 
 def each_test(options: argparse.Namespace) -> list[tuple[str, argparse.Namespace]]:

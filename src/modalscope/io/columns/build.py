@@ -11,7 +11,7 @@ import numpy as np
 from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, Signals
 from modalscope.io.columns.axis import check_numbers, with_rows
 from modalscope.io.columns.blanks import with_least_lost
-from modalscope.io.columns.lines import WORDS_OF_PARTS, frequency_response
+from modalscope.io.columns.lines import WORDS_OF_PARTS, frequency_response, part_of
 from modalscope.io.columns.reading import NEAR, Reading, readings
 from modalscope.io.columns.records import free_decay, nothing_measured, records
 from modalscope.io.columns.table import Column, Table, as_word
@@ -29,29 +29,44 @@ def contents_from_table(table: Table, options: Options) -> Contents:
     """Make the data object that a table holds.
 
     `options`: `columns` ("time=1,in=2,out=3-9"), `ignore` (numbers or names), `rows` ("1101-4000"), `units` (number or name -> unit),
-    `sampling_rate`.
+    `sampling_rate`, `content` ("record" or "response": what other files of the test are; empty where they do not say it).
 
     Raises `DataError`: nothing to take, a time column that is not even or of another rate, an axis that is not known: the message names
     the option that says what was meant.
     """
-    table = _with_units(with_rows(_real_where_real(table), options.get("rows")), options.get("units"))
+    table = _with_units(
+        with_rows(_real_where_real(table), options.get("rows")),
+        options.get("units"),
+        options.get("content") is not None,
+    )
     ignored = {column.number for column in ignored_columns(table.columns, options.get("ignore"))}
     columns = [column for column in table.columns if column.number not in ignored]
     option_roles = roles_of_option(columns, options["columns"]) if options.get("columns") else {}
     found = readings(table, columns, option_roles, options.get("sampling_rate") or table.rate)
-    if not option_roles:
+    margin = 0.0 if option_roles else _margin(found)
+    if options.get("content"):
+        rate = options.get("sampling_rate") or table.rate
+        found = readings(table, columns, option_roles, rate, options["content"])
+    if not option_roles and not options.get("content"):
         _refuse_near(table, found, _works(table, columns, options))
     contents = _read(table, columns, found, option_roles, options)
-    weighed = [] if option_roles else [Finding(part="reading", what=_compared(found))]
-    return replace(contents, findings=(*contents.findings, *weighed))
+    weighed = [] if option_roles else [Finding(part="reading", what=_compared(found, margin))]
+    return replace(contents, findings=(*contents.findings, *weighed), margin=margin)
 
 
-def _compared(found: Sequence[Reading]) -> str:
-    """Return how far the best reading is ahead of the next that differs in more than a counter, in words."""
-    best = found[0]
-    other = next((reading for reading in found if reading.content != best.content), best)
+def _margin(found: Sequence[Reading]) -> float:
+    """Return by how much the best record is likelier than the best responses, in log likelihood."""
+    best = {content: max(r.score for r in found if r.content == content) for content in ("record", "response")}
+    return float(best["record"] - best["response"])
+
+
+def _compared(found: Sequence[Reading], margin: float) -> str:
+    """Return how far the reading is ahead of the other, in words."""
     words = {"record": "a record over time", "response": "responses over frequency"}
-    return f"{words[best.content]}; log likelihood {best.score - other.score:.0f} above {words[other.content]}"
+    content = found[0].content
+    other = "response" if content == "record" else "record"
+    ahead = margin if content == "record" else -margin
+    return f"{words[content]}; log likelihood {ahead:.0f} above {words[other]}"
 
 
 def _read(
@@ -128,12 +143,17 @@ def _real_where_real(table: Table) -> Table:
     return replace(table, columns=columns)
 
 
-def _with_units(table: Table, units: Any) -> Table:
-    """Return a table with the units that the option names, all written short."""
+def _with_units(table: Table, units: Any, several: bool) -> Table:
+    """Return a table with the units that the option names, all written short.
+
+    Names of channels, which come of several columns, are for later; so are, `several`, those that other files of the test have.
+    """
+    stems = {stem for c in table.columns for stem in (part_of(c.name) or (c.name,))[0].split("/")[:1]}
+    known = {str(c.number) for c in table.columns} | {name for c in table.columns for name in (c.name, c.label)}
     units_by_number = {
         column.number: str(unit)
         for name, unit in (units.items() if isinstance(units, Mapping) else ())
-        if name not in ("outputs", "inputs")
+        if name not in ("outputs", "inputs") and (name in known or not (several or name in stems))
         for column in named_columns(table.columns, [str(name)], "units")
     }
     columns = (

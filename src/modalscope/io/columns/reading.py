@@ -68,18 +68,20 @@ class Reading:
 
 
 def readings(
-    table: Table, columns: Sequence[Column], option_roles: Mapping[int, str], rate: float | None
+    table: Table, columns: Sequence[Column], option_roles: Mapping[int, str], rate: float | None, content: str = ""
 ) -> list[Reading]:
     """Return readings of a table, the likeliest first.
 
     `columns`: those that may be taken. `option_roles`: what the user says. `rate`: samples per second, where a header or an option says it.
+    `content`: "response" where other files of the test say that they are: columns without names are then pairs, the likeliest ones.
     """
     with np.errstate(all="ignore"):  # numbers of a file may be anything
-        return _readings(table, columns, option_roles, rate)
+        found = _readings(table, columns, option_roles, rate, content == "response")
+    return [reading for reading in found if reading.content == content] or found
 
 
 def _readings(
-    table: Table, columns: Sequence[Column], option_roles: Mapping[int, str], rate: float | None
+    table: Table, columns: Sequence[Column], option_roles: Mapping[int, str], rate: float | None, paired: bool
 ) -> list[Reading]:
     weights = weigh(columns)
     for number, role in table.roles.items():
@@ -114,7 +116,7 @@ def _readings(
                 reading.roles[axis.number] = kind
                 reading.score += _of_rate(axis, rate) if content == "record" else 0.0
                 reading.score -= 2 * SURE * (not np.isfinite(axis.values).all())  # an axis has a value in every row
-            build(reading, [c for c in columns if c is not axis], weights, stated)
+            build(reading, [c for c in columns if c is not axis], weights, stated, paired)
             if table.complex_values and content == "response":
                 _pair_parts(reading)
             found.append(reading)
@@ -146,7 +148,7 @@ def _take(reading: Reading, column: Column, weights: Weights, kinds: Sequence[st
     reading.score += weights.of(role)
 
 
-def _record(reading: Reading, others: Sequence[Column], weights: dict[int, Weights], stated: bool) -> None:
+def _record(reading: Reading, others: Sequence[Column], weights: dict[int, Weights], stated: bool, _: bool) -> None:
     """Add the columns of a record: a second column of times is left; parts of complex values speak against it."""
     reading.score -= WORD + 1 if reading.axis is None and not stated else 0.0
     for column in others:
@@ -174,8 +176,10 @@ def _record(reading: Reading, others: Sequence[Column], weights: dict[int, Weigh
             reading.score -= held.of("frequency") if kind_of_unit(column.unit) == "frequency" else 0.0
 
 
-def _response(reading: Reading, others: Sequence[Column], weights: dict[int, Weights], stated: bool) -> None:
-    """Add the columns of responses: by name, else as pairs by their places that are causal."""
+def _response(
+    reading: Reading, others: Sequence[Column], weights: dict[int, Weights], stated: bool, paired: bool
+) -> None:
+    """Add the columns of responses: by name, else as pairs by their places that are causal, or `paired` for sure."""
     if reading.axis is None:
         reading.score += SURE if stated else NEVER
     for column in others:
@@ -202,7 +206,7 @@ def _response(reading: Reading, others: Sequence[Column], weights: dict[int, Wei
     within = [column for column in others if column in bare or column.number in by_size]
     ways = [pairing_of(*layout) for layout in (*_layouts(bare), *(_layouts(within) if by_size else ()))]
     best, pairing = max(ways, key=lambda way: way[0], default=(0.0, {}))
-    pairing = pairing if best > 0 else {}
+    pairing = pairing if best > 0 or paired else {}
     reading.score += best if ways else 0.0
     magnitudes = bool(bare) and all(weights[c.number].of("level") > 0 for c in bare)
     if ways and not pairing:

@@ -392,7 +392,7 @@ def _answers(column: Column, force: Column, sensors: Sequence[Column]) -> bool:
 
 def _of_counters(columns: Sequence[Column]) -> Iterator[Relation]:
     """Give the columns that count rows where another rises evenly, too, which is the axis; of counters alone one from 0 or 1."""
-    even = [column for column in columns if even_step(_finite(column))]
+    even = [column for column in columns if goes_one_way(_finite(column)) and even_step(_finite(column))]
     counters = sorted(
         (c for c in even if counts_rows(c.values) and even_step(c.values) == 1), key=lambda c: c.values[0] not in (0, 1)
     )

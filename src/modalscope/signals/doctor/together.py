@@ -1,0 +1,163 @@
+"""Bring the files of one test together: what differs is named by file, lines that all have are kept, channels of one event are a record."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from modalscope.data.notes import Note
+from modalscope.data.records import Signals
+from modalscope.data.responses import FrequencyResponse
+from modalscope.data.shown import counted
+from modalscope.numerics.checks import RealArray
+from modalscope.numerics.errors import DataError
+
+#: Lines of files are one where they differ by less, in steps; part of the lines of a file that all must have.
+_SAME_LINE, _MIN_COMMON = 0.01, 0.5
+#: Stretches over which coherence is averaged, and the least of channels of one event: of records that have nothing in common it is 1 / 8.
+_STRETCHES, _COHERENT = 8, 0.5
+#: Names that a channel has where its file names none; words of files that are runs.
+_NO_NAME = re.compile(r"(?:col|y|ch)\d+\Z", re.IGNORECASE)
+_RUN = re.compile(
+    r"(?<![a-z])(?:run|test|trial|hit|meas|measurement|repeat|setup|versuch|messung|essai|prova)(?![a-z])",
+    re.IGNORECASE,
+)
+
+
+def check_units(parts: Sequence[Any], names: Sequence[str]) -> None:
+    """Raise where responses or records of one test differ in what they measure; the message names the files, and options that help.
+
+    Raises `DataError`: other quantities, or other units of a channel.
+    """
+    if any(not isinstance(part, FrequencyResponse) for part in parts):
+        return
+    said = [(part.quantity, _units_of(part)) for part in parts]
+    if len({quantity for quantity, _ in said}) < 2:
+        return
+    usual = Counter(said).most_common(1)[0][0]
+    odd = [(name, units) for name, (quantity, units) in zip(names, said, strict=True) if quantity != usual[0]]
+    listed = ", ".join(f"{name} ({units or 'no unit'})" for name, units in odd[:4]) + (
+        f" and {len(odd) - 4} more" if len(odd) > 4 else ""
+    )
+    fault = f"{len(parts) - len(odd)} of {len(parts)} files are in {usual[1] or 'no unit'}, others not: {listed}"
+    labels = ",".join(f"{dof}=100 mV/g" for name, _ in odd[:2] for dof in parts[names.index(name)].output_dofs[:1])
+    quantity = usual[0] or "acceleration"
+    remedy = f'Give the sensitivity of these sensors, such as --units "{labels}", or take all as one quantity: --quantity {quantity}'
+    raise DataError("files of one test need responses of one quantity", fault, remedy)
+
+
+def _units_of(part: FrequencyResponse) -> str:
+    out, into = part.units[0][0], part.units[1][0]
+    return f"{out}/{into}" if out and into else out
+
+
+def on_common_lines(parts: Sequence[Any], names: Sequence[str]) -> tuple[list[Any], tuple[Note, ...]]:
+    """Return responses on the lines that all of them have, and what is said; unchanged where lines are alike, or few are shared."""
+    if len(parts) < 2 or any(not isinstance(part, FrequencyResponse) for part in parts):
+        return list(parts), ()
+    step = (
+        min(float(np.min(np.diff(part.frequencies))) for part in parts if part.lines > 1)
+        if all(p.lines > 1 for p in parts)
+        else 0.0
+    )
+    if not step or all(np.array_equal(part.frequencies, parts[0].frequencies) for part in parts):
+        return list(parts), ()
+    first = min(parts, key=lambda part: part.lines).frequencies
+    places = [np.clip(np.searchsorted(part.frequencies, first - step / 2), 0, part.lines - 1) for part in parts]
+    near = [
+        np.abs(part.frequencies[place] - first) <= _SAME_LINE * step for part, place in zip(parts, places, strict=True)
+    ]
+    shared = np.all(near, axis=0)
+    if shared.sum() < max(3, _MIN_COMMON * max(part.lines for part in parts)):
+        return list(parts), ()
+    kept = [_at(part, place[shared]) for part, place in zip(parts, places, strict=True)]
+    lost = [
+        f"{name} {part.lines - int(shared.sum())}"
+        for name, part in zip(names, parts, strict=True)
+        if part.lines > shared.sum()
+    ]
+    text = f"Lines differ from file to file: {counted(int(shared.sum()), 'line')} that all have are taken (left out: {', '.join(lost[:6])})"
+    return [replace(part, frequencies=kept[0].frequencies) for part in kept], (
+        Note("file", {"lines": float(shared.sum())}, text),
+    )
+
+
+def _at(part: FrequencyResponse, places: Any) -> FrequencyResponse:
+    taken = np.zeros(part.lines, bool)
+    taken[places] = True
+    return part.at_lines(taken)
+
+
+def named_by_files(parts: Sequence[Any], names: Sequence[str]) -> tuple[list[Any], tuple[Note, ...]]:
+    """Return channels without names, one a file, under the names of their files where they are channels of one event; and what is said.
+
+    Names of the files that are runs say that they are none; else their coherence decides, over stretches and weighted by power.
+    """
+    bare = len(parts) > 1 and all(
+        isinstance(part, Signals)
+        and part.inputs is None
+        and part.runs == len(part.output_dofs) == 1
+        and _NO_NAME.match(part.output_dofs[0])
+        for part in parts
+    )
+    if not bare or len(set(names)) < len(names) or any(_RUN.search(name) for name in names):
+        return list(parts), ()
+    if len({part.sampling_rate for part in parts}) > 1 or not _coherent([part.by_run()[0][0, :, 0] for part in parts]):
+        return list(parts), ()
+    text = f"{len(parts)} files hold a channel each of one event, named after their files (if they are runs: --output-dofs 1)"
+    return [replace(part, output_dofs=(name,)) for part, name in zip(parts, names, strict=True)], (
+        Note("file", {}, text),
+    )
+
+
+def _coherent(channels: Sequence[RealArray]) -> bool:
+    """Whether channels are coherent with the first: records of one event are, repeated ones of noise are not."""
+    size = min(map(len, channels)) // _STRETCHES
+    if size < _STRETCHES:
+        return False
+    window = np.hanning(size)
+    X = [np.fft.rfft((c[: size * _STRETCHES].reshape(_STRETCHES, size) - c.mean()) * window, axis=1) for c in channels]
+    powers = [np.sum(np.abs(x) ** 2, axis=0) for x in X]
+
+    def coherence(k: int) -> float:
+        cross = np.abs(np.sum(X[k] * X[0].conj(), axis=0)) ** 2
+        return float(np.sum(cross) / max(float(np.sum(powers[k] * powers[0])), np.finfo(float).tiny))
+
+    return bool(np.median([coherence(k) for k in range(1, len(X))]) > _COHERENT)
+
+
+def read_alike(read: Callable[[int, str | None], tuple[Any, float]], count: int) -> list[Any]:
+    """Return what files of one test hold, read by the evidence of all of them.
+
+    `read`: (number of the file, content) -> what it holds, and by how much it is likelier a record than responses; content is None,
+    "record" or "response". A file that is not read by itself, or as something else than its brothers, is read as these are: log
+    likelihoods add up.
+
+    Raises `DataError`: a file that is read neither way.
+    """
+    found: list[Any] = [None] * count
+    margins, errors = np.zeros(count), {}
+    for k in range(count):
+        try:
+            found[k], margins[k] = read(k, None)
+        except DataError as error:
+            errors[k] = error
+    total = float(margins.sum())
+    content = "record" if total > 0 else "response"
+    odd = [k for k in range(count) if k in errors or margins[k] * total < 0]
+    if len(odd) == count or total == 0:
+        if errors:
+            raise next(iter(errors.values()))
+        return found
+    for k in odd:
+        try:
+            found[k], _ = read(k, content)
+        except DataError:
+            if k in errors:
+                raise errors[k] from None
+    return found

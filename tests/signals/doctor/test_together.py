@@ -1,0 +1,118 @@
+"""Files of one test: read by the evidence of all, on the lines that all have, what differs named by file, with options that work."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import modalscope as ms
+from modalscope.analysis.workflow.sources import opened
+from modalscope.interfaces.cli import main
+from modalscope.signals.doctor.together import named_by_files, on_common_lines
+
+_RNG = np.random.default_rng(4)
+F = np.arange(1.0, 801)
+MODES = ((60, 0.01), (170, 0.008), (410, 0.006))
+
+
+def _response(x: float) -> np.ndarray:
+    shapes = np.sin(np.pi * x * np.arange(1, 4))
+    values = sum(a * 0.8 * F**2 / (f**2 - F**2 + 2j * z * f * F) for a, (f, z) in zip(shapes, MODES, strict=True))
+    return np.asarray(values + 1e-3 * (_RNG.standard_normal(F.size) + 1j * _RNG.standard_normal(F.size)))
+
+
+H = [_response(x) for x in (0.13, 0.31, 0.42, 0.66)]
+
+
+def _table(path: Path, head: str, f: np.ndarray, values: np.ndarray) -> Path:
+    rows = (f"{a:.4f}\t{b.real:.6e}\t{b.imag:.6e}" for a, b in zip(f, values, strict=True))
+    path.write_text("\n".join([*([head] if head else []), *rows]) + "\n")
+    return path
+
+
+def test_a_file_that_is_doubtful_by_itself_is_read_as_its_brothers_are(tmp_path: Path) -> None:
+    doubtful = H[3] * np.exp(2j * np.pi * _RNG.random(F.size))  # no causal response: noise
+    files = [_table(tmp_path / f"P{k}.txt", "", F, h) for k, h in enumerate((*H[:3], doubtful))]
+    with pytest.raises(ms.DataError, match="--sampling-rate"):
+        ms.read(files[3])
+    merged, sources, _ = opened(files, {})
+    assert isinstance(merged, ms.FrequencyResponse)
+    assert sources[3].reading == {"content": "response"}  # so that a replay reads it so, too
+    again, _, _ = opened(files, [source.reading for source in sources])
+    np.testing.assert_array_equal(again.values, merged.values)
+
+
+@pytest.mark.parametrize("lost", [2, 40])
+def test_lines_that_nearly_agree_are_merged_on_what_all_have(lost: int, tmp_path: Path) -> None:
+    cuts = (slice(None), slice(lost, None), slice(None, -lost))
+    files = [
+        _table(tmp_path / f"P{k}.txt", "f (Hz)\tRe\tIm", F[cut], h[cut])
+        for k, (cut, h) in enumerate(zip(cuts, H, strict=False))
+    ]
+    merged, _, notes = opened(files, {})
+    np.testing.assert_array_equal(merged.frequencies, F[lost:-lost])
+    assert any("that all have are taken" in note.text and f"P0 {2 * lost}" in note.text for note in notes)
+
+
+def test_lines_with_little_in_common_are_no_test(tmp_path: Path) -> None:
+    parts = [
+        ms.FrequencyResponse(values=H[0][cut, None, None], frequencies=F[cut])
+        for cut in (slice(0, 500), slice(400, 800))
+    ]
+    assert on_common_lines(parts, ["a", "b"]) == (parts, ())
+    other = ms.FrequencyResponse(values=H[0][:, None, None], frequencies=1.3 * F)
+    assert on_common_lines([parts[0], other], ["a", "b"])[1] == ()
+
+
+def _exported(path: Path, k: int, unit: str) -> Path:
+    head = "Data Type:\tComplex\nX-Axis unit:\tHz\nX-Axis first value:\t1\nX-Axis delta:\t1\n"
+    head += f"AmplitudeUnit:\t({unit})/N\nRef_Signal:\thammer\nSignal:\tACC{k}"
+    return _table(path, head, F, H[k])
+
+
+def test_a_sensor_left_in_volts_is_named_with_options_that_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = [_exported(tmp_path / f"M{k}.txt", k, "V" if k == 2 else "m/s2") for k in range(4)]
+    with pytest.raises(ms.DataError, match=r"3 of 4 files are in m/s2/N, others not: M2 \(V/N\)") as error:
+        opened(files, {})
+    ways = re.findall(r'--units "[^"]+"|--quantity \w+', error.value.change)
+    assert len(ways) == 2
+    for way in ways:
+        capsys.readouterr()
+        assert main(["info", *map(str, files), *shlex.split(way)]) == 0
+        assert (
+            "together: frequency responses (acceleration): 800 lines from 1 to 800 Hz, 4 outputs, 1 input"
+            in capsys.readouterr().out
+        )
+
+
+def test_many_files_alike_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = [_exported(tmp_path / f"M{k}.txt", k % 4, "m/s2") for k in range(4)]
+    files += [_table(tmp_path / f"N{k}.txt", "f (Hz)\tRe\tIm", F, H[k]) for k in (0,)]
+    for copy in range(3):
+        files.append(_exported(tmp_path / f"O{copy}.txt", copy, "m/s2"))
+    main(["info", *map(str, files[:4]), *map(str, files[5:])])
+    assert "7 files alike (M0.txt to O2.txt): frequency responses (acceleration)" in capsys.readouterr().out
+
+
+def test_channels_of_one_event_are_named_after_their_files_and_repeats_are_not() -> None:
+    event = np.cumsum(_RNG.standard_normal(4000)) * np.hanning(4000)
+    made = [
+        ms.Signals(
+            outputs=(event + 0.1 * _RNG.standard_normal(4000))[:, None], sampling_rate=100.0, output_dofs=["col1"]
+        )
+        for _ in range(3)
+    ]
+    named, notes = named_by_files(made, ["A", "B", "C"])
+    assert [part.output_dofs for part in named] == [("A",), ("B",), ("C",)]
+    assert notes
+    assert named_by_files(made, ["run1", "run2", "run3"])[1] == ()
+    alone = [
+        ms.Signals(outputs=_RNG.standard_normal((4000, 1)), sampling_rate=100.0, output_dofs=["col1"]) for _ in range(3)
+    ]
+    assert named_by_files(alone, ["A", "B", "C"])[1] == ()
