@@ -12,7 +12,7 @@ import pytest
 import modalscope as ms
 from modalscope.analysis.workflow.sources import opened
 from modalscope.interfaces.cli import main
-from modalscope.signals.doctor.together import named_by_files, on_common_lines
+from modalscope.signals.doctor.together import from_its_start, named_by_files, on_common_lines
 
 _RNG = np.random.default_rng(4)
 F = np.arange(1.0, 801)
@@ -116,3 +116,31 @@ def test_channels_of_one_event_are_named_after_their_files_and_repeats_are_not()
         ms.Signals(outputs=_RNG.standard_normal((4000, 1)), sampling_rate=100.0, output_dofs=["col1"]) for _ in range(3)
     ]
     assert named_by_files(alone, ["A", "B", "C"])[1] == ()
+
+
+def test_a_record_begins_where_its_recorder_does() -> None:
+    y = _RNG.standard_normal((4000, 3))
+    started = y.copy()
+    started[:32, 1:] = -250.0
+    cut, notes = from_its_start(ms.Signals(outputs=started, sampling_rate=2000.0))
+    np.testing.assert_array_equal(cut.outputs, y[32:])
+    assert "first 32 samples (16 ms)" in notes[0].text
+    # a hit at the beginning, a channel that stands still within its range, and a long rest are motion
+    hit, within, long = y.copy(), y.copy(), y.copy()
+    hit[:6, 0] = (900, 700, 400, -200, 90, 40)
+    within[:40, 0] = 2.0
+    long[:200, 0] = -250.0
+    for other in (y, hit, within, long):
+        assert from_its_start(ms.Signals(outputs=other, sampling_rate=2000.0))[1] == ()
+
+
+def test_whether_a_record_is_a_decay_is_asked_without_the_channels_that_are_excluded() -> None:
+    t = np.arange(4000) / 200
+    decay = np.stack([np.exp(-0.3 * t) * np.sin(2 * np.pi * f * t) for f in (4.0, 7.0)], 1)
+    noisy = ms.Signals(outputs=np.column_stack([decay, _RNG.standard_normal(t.size)]), sampling_rate=200.0)
+    assert isinstance(opened(noisy, {}, decays=True)[0], ms.Signals)
+    found, _, notes = opened(noisy, {}, decays=True, exclude=("y3",))
+    assert isinstance(found, ms.ImpulseResponse)
+    assert any("free decay" in note.text for note in notes)
+    modes = ms.analyze(noisy, exclude="y3").modes
+    np.testing.assert_allclose(modes.frequencies, [4.0, 7.0], rtol=1e-3)

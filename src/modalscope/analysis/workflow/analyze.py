@@ -117,13 +117,15 @@ def analyze(
     (5, True)
     """
     exclude, route = options.pop("exclude", None), options.pop("route", None)
-    opened_data, sources, notes = opened(data, {} if reading is None else reading, decays=route in (None, "auto"))
+    excluded = () if exclude is None else labels_of(exclude)
+    given = {} if reading is None else reading
+    opened_data, sources, notes = opened(data, given, decays=route in (None, "auto"), exclude=excluded)
     bands = _bands(options.pop("band", None))
     reciprocal = options.pop("reciprocal", None)
     document = Analysis(
         files=sources,
         bands=bands,
-        exclude=() if exclude is None else still_there(labels_of(exclude), notes),
+        exclude=still_there(excluded, notes),
         route=route or "auto",
         reciprocal=reciprocal,
         method=method,

@@ -85,7 +85,7 @@ def replay(
         files, outside = confined(files, folders)
     # options of reading apply to files; a data object was read already
     reading = replace(document, files=files).reading if from_files else {}
-    response, sources, notes = opened(given, reading, decays=document.route == "auto")
+    response, sources, notes = opened(given, reading, decays=document.route == "auto", exclude=document.exclude)
     if outside and (from_files or not force):
         notes = (*notes, _outside("read" if from_files else "compared", outside))
     if not force:

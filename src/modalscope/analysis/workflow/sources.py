@@ -23,7 +23,7 @@ from modalscope.numerics.checks import check_each, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.progress import stage
 from modalscope.signals.doctor.places import against_labels, label_by_place, with_hits
-from modalscope.signals.doctor.together import check_units, named_by_files, on_common_lines, read_alike
+from modalscope.signals.doctor.together import check_units, from_its_start, named_by_files, on_common_lines, read_alike
 from modalscope.signals.preprocess.decays import as_free_decay
 from modalscope.signals.preprocess.excitation import moved_by_base, without_dead_forces
 from modalscope.signals.preprocess.merging import merge
@@ -36,21 +36,22 @@ _CHUNK_BYTES = 1 << 20
 
 
 def opened(
-    data: Any, reading: Reading, *, decays: bool = False
+    data: Any, reading: Reading, *, decays: bool = False, exclude: Sequence[Any] = ()
 ) -> tuple[Any, tuple[SourceFile, ...], tuple[Note, ...]]:
     """Return the data in SI, their sources and the notes of reading; several files are merged (see `merge`).
 
-    `reading`: options of `read`, of all files or of each. `decays`: whether records that are free decays become that.
+    `reading`: options of `read`, of all files or of each. `decays`: whether records that are free decays become that, `exclude`: without
+    which channels that is asked.
 
     Raises `DataError`: a file of modes, options for data that are no file.
     """
     several = isinstance(data, list | tuple) and are_paths(data)
     each = _of_each(reading, len(data) if several else 1)
     if several:
-        return merged_parts(data, each, opened_parts(data, each), decays=decays)
+        return merged_parts(data, each, opened_parts(data, each), decays=decays, exclude=exclude)
     single, source, notes = _opened(data, each[0])
     single, units = si_form(single)
-    single, kind = _as_what_it_is(single, decays)
+    single, kind = _as_what_it_is(single, decays, exclude)
     return single, (source,), (*notes, *units, *kind)
 
 
@@ -64,14 +65,19 @@ def opened_parts(data: Sequence[Any], each: Sequence[Mapping[str, Any]]) -> list
 
 
 def merged_parts(
-    data: Sequence[Any], each: Sequence[Mapping[str, Any]], parts: Sequence[Opened], *, decays: bool
+    data: Sequence[Any],
+    each: Sequence[Mapping[str, Any]],
+    parts: Sequence[Opened],
+    *,
+    decays: bool,
+    exclude: Sequence[Any] = (),
 ) -> tuple[Any, tuple[SourceFile, ...], tuple[Note, ...]]:
     """Return the files of a test as one, their sources, and the notes of reading."""
     names = [Path(path).stem for path in data]
     held, together = _together([part for part, _, _ in parts], names, each)
     named, places = _placed(held, names, each)
     merged, units = si_form(named[0] if len(named) == 1 else merge(named))
-    merged, kind = _as_what_it_is(merged, decays)
+    merged, kind = _as_what_it_is(merged, decays, exclude)
     said = _alike([note for _, _, read_notes in parts for note in read_notes])
     told = dict.fromkeys([*said, *together, *places, *units, *kind])
     return merged, tuple(source for _, source, _ in parts), tuple(told)
@@ -128,15 +134,18 @@ def _alike(notes: Sequence[Note]) -> list[Note]:
     return found
 
 
-def _as_what_it_is(data: Any, decays: bool) -> tuple[Any, tuple[Note, ...]]:
-    """Return records without forces that never change, of an earthquake with the channels of the base as inputs, a free decay as that."""
+def _as_what_it_is(data: Any, decays: bool, exclude: Sequence[Any] = ()) -> tuple[Any, tuple[Note, ...]]:
+    """Return records from their start on, without forces that never change, with the base as inputs of an earthquake, a decay as that."""
     if not isinstance(data, Signals | Records):
         return data, ()
     alone, left = without_dead_forces(data)
-    driven, notes = moved_by_base(alone) if isinstance(alone, Signals) else (alone, ())
+    begun, start = from_its_start(alone) if isinstance(alone, Signals) else (alone, ())
+    driven, notes = moved_by_base(begun) if isinstance(begun, Signals) else (begun, ())
     if isinstance(driven, Signals) and decays and not notes:
-        driven, notes = as_free_decay(driven)
-    return driven, (*left, *notes)
+        there = [label for label in exclude if label in driven.output_dofs]
+        judged = driven.select(exclude=there) if there and len(there) < len(driven.output_dofs) else None
+        driven, notes = as_free_decay(driven, judged)
+    return driven, (*left, *start, *notes)
 
 
 def _of_each(reading: Reading, count: int) -> list[Mapping[str, Any]]:

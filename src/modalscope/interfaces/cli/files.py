@@ -78,13 +78,21 @@ def _together(options: argparse.Namespace) -> tuple[Any, tuple[Note, ...]]:
 
 def _say_quality(options: argparse.Namespace, data: Any) -> None:
     """Print what is wrong with measured data."""
+    from modalscope.data import Signals
     from modalscope.data.units import si_form
     from modalscope.signals.doctor import examine
+    from modalscope.signals.doctor.together import from_its_start
 
     measured, units = si_form(data)
+    if isinstance(measured, Signals):
+        measured, start = from_its_start(measured)
+        units = (*units, *start)
     with progress("examining"):
         findings = examine(measured, whole=options.whole)
-    say(*(f"units: {note}" for note in units), "quality:" if findings else "quality: no data problem found")
+    say(
+        *(f"note: {note}" if note.kind == "start" else f"units: {note}" for note in units),
+        "quality:" if findings else "quality: no data problem found",
+    )
     say(*(f"  {finding}" for finding in findings))
 
 

@@ -21,6 +21,8 @@ from modalscope.numerics.errors import DataError
 _SAME_LINE, _MIN_COMMON = 0.01, 0.5
 #: Stretches over which coherence is averaged, and the least of channels of one event: of records that have nothing in common it is 1 / 8.
 _STRETCHES, _COHERENT = 8, 0.5
+#: A start: samples of the record and of the start at least, part of the record at most, and how far beyond the rest it lies.
+_MIN_SAMPLES, _MIN_START, _MAX_START, _FAR_BEYOND = 400, 4, 0.01, 3.0
 #: Names that a channel has where its file names none; words of files that are runs.
 _NO_NAME = re.compile(r"(?:col|y|ch)\d+\Z", re.IGNORECASE)
 _RUN = re.compile(
@@ -113,6 +115,31 @@ def named_by_files(parts: Sequence[Any], names: Sequence[str]) -> tuple[list[Any
     return [replace(part, output_dofs=(name,)) for part, name in zip(parts, names, strict=True)], (
         Note("file", {}, text),
     )
+
+
+def from_its_start(record: Signals) -> tuple[Signals, tuple[Note, ...]]:
+    """Return a record without the rows in which channels stand still far beyond all that follows, and what is said.
+
+    Recorders give the end of a range until they begin. No motion does: it neither stands still nor leaves for good at once.
+    """
+    if record.runs != 1 or record.samples < _MIN_SAMPLES:
+        return record, ()
+    y = record.by_run()[0][0]
+    most, begin = int(_MAX_START * len(y)), 0
+    still: list[str] = []
+    for k, channel in enumerate(y.T):
+        change = np.flatnonzero(channel[: most + 1] != channel[0])
+        rows = int(change[0]) if change.size else 0
+        rest = channel[rows:] - np.median(channel[rows:]) if rows >= _MIN_START else channel
+        if rows >= _MIN_START and abs(channel[0] - np.median(channel[rows:])) > _FAR_BEYOND * np.abs(rest).max():
+            begin, still = max(begin, rows), [*still, record.output_dofs[k]]
+    if not still:
+        return record, ()
+    u = record.by_run()[1]
+    cut = replace(record, outputs=y[begin:], inputs=None if u is None else u[0, begin:])
+    names, ms = ", ".join(still[:4]), 1e3 * begin / record.sampling_rate
+    said = f"The first {begin} samples ({ms:.3g} ms) were left out: {names} stand still there, far beyond what follows"
+    return cut.processed(f"cut to begin at sample {begin + 1}"), (Note("start", {"samples": float(begin)}, said),)
 
 
 def _coherent(channels: Sequence[RealArray]) -> bool:

@@ -10,11 +10,15 @@ from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.responses import ImpulseResponse
 from modalscope.data.sizes import check_size
-from modalscope.numerics.functions.damped_tones import Decay, decay_of
+from modalscope.numerics.functions.damped_tones import Decay, decay_of, one_in
 
 
-def as_free_decay(signals: Signals) -> tuple[Signals | ImpulseResponse, tuple[Note, ...]]:
+def as_free_decay(
+    signals: Signals, judged: Signals | None = None
+) -> tuple[Signals | ImpulseResponse, tuple[Note, ...]]:
     """Return a record as free decays, one column a run, and notes; unchanged where a run is none, or a force was measured.
+
+    `judged`: the channels that decide it, where others will be excluded.
 
     The modes of a decay are exponentials themselves. As ambient vibration its correlations would average over what is left of it.
     """
@@ -23,13 +27,17 @@ def as_free_decay(signals: Signals) -> tuple[Signals | ImpulseResponse, tuple[No
     if inputs is not None:
         return signals, ()
     decays: list[Decay] = []
-    for run in outputs:
+    for run in outputs if judged is None else judged.by_run()[0]:
         decay = decay_of(run)
         if decay is None or (decays and decay.step != decays[0].step):
             return signals, ()
         decays.append(decay)
     step, start = decays[0].step, decays[0].first / signals.sampling_rate
-    shortest = min(len(decay.samples) for decay in decays)
+    samples = [decay.samples for decay in decays]
+    if judged is not None:
+        ends = (run - run[-max(len(run) // 10, 1) :].mean(axis=0) for run in outputs)
+        samples = [one_in(y, step)[decay.first // step :] for y, decay in zip(ends, decays, strict=True)]
+    shortest = min(map(len, samples))
     unexplained = max(decay.unexplained for decay in decays)
     where = f"from {start:.4g} s on" if len(decays) == 1 else f"of {len(decays)} runs, each from its release on"
     text = (
@@ -41,7 +49,7 @@ def as_free_decay(signals: Signals) -> tuple[Signals | ImpulseResponse, tuple[No
         "units": (signals.units[0], None),
     }
     response = ImpulseResponse(
-        values=np.stack([decay.samples[:shortest] for decay in decays], axis=2),
+        values=np.stack([each[:shortest] for each in samples], axis=2),
         sampling_rate=signals.sampling_rate / step,
         kind="free decay",
         quantity=signals.quantity,
