@@ -20,9 +20,9 @@ import numpy as np
 import pytest
 
 from modalscope.data import DataError
+from tests.extras.test_meshes import FILES as MESHES
 from tests.io import corpus, fuzz, ordinary, test_recorders, test_stored
 from tests.io.apart import read
-from tests.io.test_meshes import FILES as MESHES
 
 #: Damaged files and wrong values of a whole attack.
 FILES, VALUES = 25_000, 15_000

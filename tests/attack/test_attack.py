@@ -12,8 +12,8 @@ import pytest
 import modalscope as ms
 from modalscope.data import DataError
 from tests.attack import harness
+from tests.extras.test_seismic import sac
 from tests.io.apart import read
-from tests.io.test_seismic import sac
 from tests.test_every_argument import SLOW
 
 

@@ -12,8 +12,8 @@ import modalscope as ms
 import modalscope.io as mio
 from modalscope.data.analysis import Analysis, SourceFile
 from modalscope.io.analysis import write_analysis
+from tests.extras.test_seismic import record, sac
 from tests.io import samples
-from tests.io.test_seismic import record, sac
 
 h5py = pytest.importorskip("h5py")
 

@@ -18,14 +18,15 @@ from modalscope.data import (
     Signals,
     StabilizationDiagram,
     StateSpace,
+    StoredSignals,
 )
 from modalscope.data.analysis import Analysis
-from modalscope.data.channels import files_of
+from modalscope.data.channels import AUTO, Channels, files_of, input_groups
+from modalscope.data.geometry import label_of
 from modalscope.data.results import Result
 from modalscope.data.shown import summary_of
 from modalscope.io.atomic import check_texts, replacing
 from modalscope.io.contents import Contents, DataObject, Format, Options, Survey, damage_as_error, unreadable
-from modalscope.io.given import overridden
 from modalscope.io.limits import room
 from modalscope.io.options import (
     ARRAYS,
@@ -53,12 +54,17 @@ def _of(module: str, name: str) -> Callable[..., Any]:
     return lambda *given: getattr(import_module(f"modalscope.io.{module}"), name)(*given)
 
 
+def _few_need(name: str) -> Callable[..., Any]:
+    """Return a reader that the program registers as plug-ins do: few need it."""
+    return lambda *given: added(plugins.READINGS, name)(*given)
+
+
 _UNIVERSAL = Format(
     "universal file", _of("uff.reader", "read"), _of("uff.writer", "write"), UNIVERSAL, UNIVERSAL_WRITTEN
 )
 _TEXT = Format("text table", _of("text", "read"), None, TEXT)
 _MDF = Format("MDF file", _of("recorders", "read_mdf"), None, RECORDERS)
-_ACCELEROGRAM = Format("accelerogram", _of("accelerograms", "read"), None, COLUMNS)
+_ACCELEROGRAM = Format("accelerogram", _few_need("accelerogram"), None, COLUMNS)
 _HDF5 = Format("HDF5", _of("hdf5", "read"), _of("hdf5", "write"), STORED)
 
 #: Suffix -> format.
@@ -69,17 +75,15 @@ FORMATS: dict[str, Format] = {
     ".csv": Format("CSV table", _of("csv", "read"), _of("csv", "write"), TEXT),
     **dict.fromkeys((".txt", ".asc", ".tsv", ".dat", ".lvm", ".at2", ".vt2", ".dt2"), _TEXT),
     **dict.fromkeys((".v1", ".v2", ".v3", ".v1c", ".v2c", ".cosmos"), _ACCELEROGRAM),
-    **dict.fromkeys(
-        (".mseed", ".miniseed", ".msd"), Format("miniSEED file", _of("seismic", "read_miniseed"), None, COLUMNS)
-    ),
-    ".sac": Format("SAC file", _of("seismic", "read_sac"), None, COLUMNS),
-    ".smc": replace(_ACCELEROGRAM, reader=_of("accelerograms", "read_smc")),
+    **dict.fromkeys((".mseed", ".miniseed", ".msd"), Format("miniSEED file", _few_need("miniseed"), None, COLUMNS)),
+    ".sac": Format("SAC file", _few_need("sac"), None, COLUMNS),
+    ".smc": replace(_ACCELEROGRAM, reader=_few_need("smc")),
     ".npy": Format("NumPy array", _of("npz", "read_npy"), None, COLUMNS),
     ".parquet": Format("Parquet table", _of("recorders", "read_parquet"), None, RECORDERS),
     ".nc": Format("netCDF file", _of("recorders", "read_netcdf"), None, RECORDERS),
     ".tdms": Format("TDMS file", _of("recorders", "read_tdms"), None, RECORDERS),
     **dict.fromkeys((".mf4", ".mdf"), _MDF),
-    **dict.fromkeys(MESHES, Format("mesh", _of("meshes", "read_mesh"))),
+    **dict.fromkeys(MESHES, Format("mesh", _few_need("mesh"))),
     ".wav": Format("sound file", _of("recorders", "read_wav"), None, SOUND),
     ".xlsx": Format("Excel workbook", _of("recorders", "read_excel"), None, WORKBOOKS),
     ".mat": Format("MATLAB file", _of("mat", "read"), _of("mat", "write"), ARRAYS),
@@ -204,6 +208,44 @@ def _packed(path: Path, options: Options) -> Contents:
     with TemporaryDirectory() as folder:
         inside = _of("signatures", "unpacked")(path, Path(folder), room(path.name, path.stat().st_size))
         return _whole_contents(inside, options)
+
+
+def _units_by_label(thing: DataObject, given: Mapping[str, str]) -> tuple[list[str], list[str]] | None:
+    """Return the units of all channels with those given by label, or for all outputs or inputs; None where no channel is named.
+
+    Columns of tables have theirs already, by their number or name.
+    """
+    if not isinstance(thing, Channels):
+        return None
+    sides = (list(thing.units[0]), list(thing.units[1]))
+    changed = False
+    for name, unit in given.items():
+        for word, side, dofs in zip(("outputs", "inputs"), sides, (thing.output_dofs, thing.input_dofs), strict=True):
+            for i, dof in enumerate(dofs):
+                if name == word or dof in (name, label_of(name)):
+                    side[i], changed = unit, True
+    return sides if changed else None
+
+
+def overridden(thing: DataObject, options: Options, path: Path | None) -> DataObject:
+    """Return the data with the fields that the caller gave, which replace those of the file, and their source."""
+    given = {name: options[name] for name in FIELDS if options.get(name) is not None}
+    if isinstance(given.get("units"), Mapping):
+        units = _units_by_label(thing, given.pop("units"))
+        given |= {} if units is None else {"units": units}
+    if isinstance(thing, Signals | StoredSignals) and "quantity" in given:
+        given["quantities"] = given.pop("quantity")
+    refused = sorted(set(given) - {field.name for field in fields(thing)})
+    if refused:
+        fault = f"the file gives {summary_of(thing)}, which has no such field"
+        raise DataError(f"the options {', '.join(refused)} were asked", fault, "Leave them out.")
+    if isinstance(thing, Channels):
+        given |= {} if path is None else {"source_path": path.absolute()}
+        if "input_dofs" in given and getattr(thing, "groups", None) == input_groups(thing.input_dofs):
+            given.setdefault("groups", AUTO)
+    if isinstance(thing, StabilizationDiagram) and path is not None:
+        given["response"] = replace(thing.response, source_path=path.absolute())
+    return replace(thing, **given) if given else thing
 
 
 def is_data(path: Path) -> bool:

@@ -12,7 +12,7 @@ from modalscope.io.columns import Column, Table, contents_from_table
 from modalscope.io.columns.weights import role_by_words
 from modalscope.io.columns.words import kind_of_unit, split_head
 from modalscope.io.contents import DataObject, is_frame, unreadable
-from modalscope.io.given import overridden
+from modalscope.io.formats import overridden
 from modalscope.numerics.arguments import plainly
 from modalscope.numerics.checks import Array
 

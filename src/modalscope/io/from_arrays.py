@@ -24,8 +24,9 @@ from modalscope.io.arrays import (
     names_of,
 )
 from modalscope.io.columns import contents_from_table
+from modalscope.io.columns.weights import role_by_words
 from modalscope.io.contents import Contents, DataObject, Finding, Options, chosen, damage_as_error, needs
-from modalscope.io.loose import meaning_of, with_vectors
+from modalscope.io.loose import is_rate, meaning_of, with_vectors
 from modalscope.io.members import Lists, experiments_of, lists_of, names_selecting, stacked_runs
 from modalscope.io.options import FIELDS
 from modalscope.numerics.checks import Array
@@ -43,15 +44,9 @@ _NEEDED: dict[type[Any], set[str]] = {
 #: Names of arrays in a message, and how alike a name is to the one that it may be meant for.
 _MAX_NAMES, _SPELLING = 12, 0.8
 
-#: Names that other programs use, for the hint of an error message.
-_FOREIGN_NAMES = {
-    **dict.fromkeys(("fs", "rate"), "sampling_rate"),
-    **dict.fromkeys(("f", "freq", "freqs", "frequency"), "frequencies"),
-    **dict.fromkeys(("h", "frf"), "values"),
-    **dict.fromkeys(("y", "acc", "data"), "outputs"),
-    **dict.fromkeys(("u", "force"), "inputs"),
-    "phi": "shapes",
-}
+#: What arrays of other names are in the layout, by their meaning, and letters of formulas.
+_MEANINGS = {"frequency": "frequencies", "in": "inputs", "out": "outputs"}
+_LETTERS = {"y": "outputs", "data": "outputs", "u": "inputs", "h": "values", "frf": "values", "phi": "shapes"}
 
 
 def contents_from_arrays(
@@ -169,8 +164,9 @@ def _unknown_arrays(where: str, names: list[str], data_class: type[Any] | None) 
     known = sorted(names_of(data_class)) if data_class else usual
     hints: dict[str, str] = {}
     for name in names[:_MAX_NAMES]:
-        near = _FOREIGN_NAMES.get(name.lower()) or next(
-            iter(get_close_matches(name, known, n=1, cutoff=_SPELLING)), None
+        spelt = next(iter(get_close_matches(name, known, n=1, cutoff=_SPELLING)), None)
+        near = (
+            "sampling_rate" if is_rate(name) else _LETTERS.get(name.lower(), _MEANINGS.get(role_by_words(name), spelt))
         )
         if near is not None and near in known and near != name:
             hints[name] = near

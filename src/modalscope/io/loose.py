@@ -19,10 +19,9 @@ from modalscope.io.columns.vocabulary import key_meaning
 from modalscope.io.columns.weights import even_step, is_short, role_by_words
 from modalscope.io.columns.words import kind_of_unit, split_head
 from modalscope.io.contents import Options, chosen, unreadable
-from modalscope.io.pairs import table_of_pairs
 from modalscope.numerics.checks import Array
 
-_INPUTS = {*["u", "force", "forces", "input", "inputs", "in", "hammer", "exc", "excitation", "shaker"]}
+_INPUTS = {"u", "in"}
 _LABELS = {"labels", "label", "dofs", "sensors"}
 #: Numbers of an array of settings at most, beside measured ones at least twenty times as many.
 _MOST_SETTINGS = 8
@@ -72,9 +71,12 @@ def meaning_of(where: str, arrays: Mapping[str, Array], options: Options, part: 
 
     Raises `DataError`: hits or channels, samples in rows or in columns, where nothing decides: the message names the options that do.
     """
-    own = table_of_pairs(where, arrays, options)
-    if own is not None:
-        return Meant(table=own)
+    if sum(array.ndim == 2 and 2 in array.shape for array in arrays.values()) > 1:
+        from modalscope.io.pairs import table_of_pairs  # analysers save such arrays, few others do
+
+        own = table_of_pairs(where, arrays, options)
+        if own is not None:
+            return Meant(table=own)
     chosen(where, "tests", {}, [], options) if options.get("sheet") is not None and not part else None
     evidence = _sorted(where, arrays)
     if not evidence.data:

@@ -18,6 +18,7 @@ import numpy as np
 
 from modalscope.data import Signals
 from modalscope.io.columns.axis import rises
+from modalscope.io.columns.vocabulary import RUNS
 from modalscope.io.contents import unreadable
 from modalscope.io.loose import axis_kind, is_rate
 from modalscope.numerics.checks import Array
@@ -28,10 +29,7 @@ BYTES_OF_MEMBER = 300
 _MAX_LISTED = 6
 
 #: What experiments are called.
-_EXPERIMENT = re.compile(
-    r"(?<![A-Za-z])(?P<label>(?:run|test|trial|exp|experiment|meas|measurement|messung|versuch|essai|prova|ensayo)_?\d+)(?!\d)",
-    re.IGNORECASE,
-)
+_EXPERIMENT = re.compile(rf"(?<![A-Za-z])(?P<label>{RUNS}_?\d+)(?!\d)", re.IGNORECASE)
 _MEMBER = re.compile(r"(?P<of>[^({]*)(?:\((?P<round>[0-9]{1,9})\)|\{(?P<curly>[0-9]{1,9})\})(?P<rest>.*)\Z")
 
 

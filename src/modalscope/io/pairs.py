@@ -60,11 +60,8 @@ def table_of_pairs(where: str, arrays: Mapping[str, Array], options: Options) ->
     for f in sets[of]:
         label, unit = _label(f.channels, named) or f.name, _unit(f.channels, units)
         columns.append(Column(number=len(columns) + 1, name=label, unit=unit, values=f.values))
-    coherent = _coherences(sets, sets[of])
-    columns += [
-        Column(number=len(columns) + 1 + k, name=f"Coherence {label}", values=f.values)
-        for k, (label, f) in enumerate(coherent)
-    ]
+    for label, f in _coherences(sets, sets[of]):
+        columns.append(Column(number=len(columns) + 1, name=f"Coherence {label}", values=f.values))
     other = next((each for each in usual if each != of), "")
     taken = ", ".join(f.name for f in sets[of][:4])
     note = f"{of} of several sets of arrays ({taken}); not read: {'; '.join(others)}. To take one: --test {other}"
@@ -77,11 +74,8 @@ def _function(name: str, array: Array) -> _Function | None:
     if array.ndim != 2 or array.shape[1] != 2 or len(array) < _MIN_ROWS or array.dtype.kind not in "fc":
         return None
     axis, values = array[:, 0], array[:, 1]
-    if (
-        np.any(axis.imag)
-        or not even_step(axis.real.astype(float))
-        or (not np.iscomplexobj(values) and even_step(values))
-    ):
+    axis_too = not np.iscomplexobj(values) and even_step(values)
+    if np.any(axis.imag) or axis_too or not even_step(axis.real.astype(float)):
         return None
     match = _NAME.match(name)
     numbers = tuple(int(n) for n in (match["first"], match["second"]) if n is not None) if match else ()
@@ -99,9 +93,8 @@ def _rank(of: str, first: _Function) -> int:
 def _axis_of(functions: Sequence[_Function]) -> Column:
     """Return the axis of a set: of complex values frequencies, of others times."""
     lines = np.iscomplexobj(functions[0].values) or np.min(functions[0].values) >= 0
-    return Column(
-        number=1, name="frequency" if lines else "time", unit="Hz" if lines else "s", values=functions[0].axis
-    )
+    name, unit = ("frequency", "Hz") if lines else ("time", "s")
+    return Column(number=1, name=name, unit=unit, values=functions[0].axis)
 
 
 def _of_channels(arrays: Mapping[str, Array]) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -133,11 +126,8 @@ def _coherences(sets: Mapping[str, Sequence[_Function]], taken: Sequence[_Functi
     """Return the coherences of the responses that are taken, each with their label."""
     if len(taken[0].channels) != 2:
         return []
-    within = [f for fs in sets.values() for f in fs if not np.iscomplexobj(f.values) and len(f.channels) == 2]
-    within = [f for f in within if f.values.min() >= 0 and f.values.max() <= 1 + 1e-6 and f.of[:1].lower() in "cg"]
-    by_channels = {
-        f.channels: f for f in within if len(f.values) == len(taken[0].values) and f.channels[0] != f.channels[1]
-    }
-    return [
-        ("/".join(map(str, reversed(f.channels))), by_channels[f.channels]) for f in taken if f.channels in by_channels
-    ]
+    within = (f for fs in sets.values() for f in fs if not np.iscomplexobj(f.values) and f.of[:1].lower() in "cg")
+    size = len(taken[0].values)
+    found = {f.channels: f for f in within if len(f.values) == size and len(set(f.channels)) == 2}
+    found = {k: f for k, f in found.items() if f.values.min() >= 0 and f.values.max() <= 1 + 1e-6}
+    return [("/".join(map(str, reversed(f.channels))), found[f.channels]) for f in taken if f.channels in found]

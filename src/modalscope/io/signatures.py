@@ -7,7 +7,6 @@ import re
 import zipfile
 from pathlib import Path
 
-from modalscope.data import DataError
 from modalscope.io.contents import damage_as_error, unreadable
 from modalscope.io.limits import Room
 
@@ -18,21 +17,7 @@ _BEGINNINGS = {
 }  # fmt: skip
 #: Suffixes that name one container, and those whose files are no text.
 _HDF5 = {".h5", ".hdf5", ".mat", ".nc", ".med", ".mf4", ".mdf"}
-_BINARY = {
-    *_HDF5,
-    ".npy",
-    ".npz",
-    ".xlsx",
-    ".wav",
-    ".tdms",
-    ".parquet",
-    ".sac",
-    ".mseed",
-    ".miniseed",
-    ".msd",
-    ".gz",
-    ".zip",
-}
+_BINARY = {*_HDF5, ".npy", ".npz", ".xlsx", ".wav", ".tdms", ".parquet", ".sac", ".mseed", ".miniseed", ".msd", ".gz", ".zip"}  # fmt: skip
 #: Files of programs that are not read: what they begin with, their suffixes, the program, and what it exports.
 _PROGRAMS = (
     (b"|CF,", (), "imc FAMOS", "ASCII (.csv) or universal file (.uff)"),
@@ -67,9 +52,8 @@ def told_by_bytes(path: Path) -> str:
         return "" if told == suffix or {told, suffix} <= _HDF5 else told
     for starts, suffixes, program, exports in _PROGRAMS:
         if (starts and head.startswith(starts)) or suffix in suffixes:
-            raise unreadable(
-                path.name, f"it is a file of {program}, in a form of its own", f"Export it there as {exports}."
-            )
+            fault = f"it is a file of {program}, in a form of its own"
+            raise unreadable(path.name, fault, f"Export it there as {exports}.")
     return ".txt" if _is_text(head) and len(_ROW.findall(head)) >= _MIN_ROWS else ""
 
 
@@ -79,9 +63,7 @@ def replaces(told: str, suffix: str, known: bool) -> bool:
 
 
 def _is_text(head: bytes) -> bool:
-    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return True
-    return bool(head) and not re.search(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]", head)
+    return head.startswith((b"\xff\xfe", b"\xfe\xff")) or not re.search(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]", head)
 
 
 def _of_members(path: Path) -> str:
@@ -101,24 +83,15 @@ def unpacked(path: Path, folder: Path, space: Room) -> Path:
 
     Raises `DataError`: several files, a damaged one, or more than the room.
     """
-    with damage_as_error(
-        f"{path.name} as a packed file", kinds=(OSError, EOFError, ValueError, RuntimeError, zipfile.BadZipFile)
-    ):
-        if zipfile.is_zipfile(path):
-            with zipfile.ZipFile(path) as archive:
-                members = [
-                    each
-                    for each in archive.infolist()
-                    if not each.is_dir() and not each.filename.startswith("__MACOSX")
-                ]
-                if len(members) != 1:
-                    listed = ", ".join(Path(each.filename).name for each in members[:6])
-                    raise DataError(
-                        f"reading {path.name} was asked", f"it holds {len(members)} files ({listed})", "Unpack it."
-                    )
-                name, file = Path(members[0].filename).name, archive.open(members[0])
-                return _written(file, folder / name, space)
-        return _written(gzip.open(path), folder / Path(path.stem).name, space)
+    with damage_as_error(f"{path.name} as a packed file"):
+        if not zipfile.is_zipfile(path):
+            return _written(gzip.open(path), folder / Path(path.stem).name, space)
+        with zipfile.ZipFile(path) as archive:
+            names = [each for each in archive.namelist() if not each.endswith("/") and not each.startswith("__MACOSX")]
+            if len(names) != 1:
+                fault = f"it holds {len(names)} files ({', '.join(Path(each).name for each in names[:6])})"
+                raise unreadable(path.name, fault, "Unpack it.")
+            return _written(archive.open(names[0]), folder / Path(names[0]).name, space)
 
 
 def _written(file: object, target: Path, space: Room) -> Path:

@@ -23,7 +23,6 @@ from modalscope.numerics.checks import check_each, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.progress import stage
 from modalscope.signals.doctor.places import against_labels, label_by_place, with_hits
-from modalscope.signals.doctor.together import check_units, from_its_start, named_by_files, on_common_lines, read_alike
 from modalscope.signals.preprocess.decays import as_free_decay
 from modalscope.signals.preprocess.excitation import moved_by_base, without_dead_forces
 from modalscope.signals.preprocess.merging import merge
@@ -61,6 +60,8 @@ Opened: TypeAlias = tuple[Any, SourceFile, tuple[Note, ...]]
 
 def opened_parts(data: Sequence[Any], each: Sequence[Mapping[str, Any]]) -> list[Opened]:
     """Return what each of several files of a test holds, read by the evidence of all of them."""
+    from modalscope.signals.doctor.together import read_alike  # most tests are one file
+
     return read_alike(partial(_opened_as, data, each), len(data))
 
 
@@ -95,6 +96,8 @@ def _together(
     parts: Sequence[Any], names: Sequence[str], each: Sequence[Mapping[str, Any]]
 ) -> tuple[list[Any], tuple[Note, ...]]:
     """Return the parts of a test on the lines that all have, and channels without names under those of their files; and notes."""
+    from modalscope.signals.doctor.together import check_units, named_by_files, on_common_lines
+
     units: tuple[Note, ...] = ()
     if (
         len({getattr(part, "quantity", None) for part in parts}) > 1
@@ -138,6 +141,8 @@ def _as_what_it_is(data: Any, decays: bool, exclude: Sequence[Any] = ()) -> tupl
     """Return records from their start on, without forces that never change, with the base as inputs of an earthquake, a decay as that."""
     if not isinstance(data, Signals | Records):
         return data, ()
+    from modalscope.signals.doctor.together import from_its_start  # responses have no start
+
     alone, left = without_dead_forces(data)
     begun, start = from_its_start(alone) if isinstance(alone, Signals) else (alone, ())
     driven, notes = moved_by_base(begun) if isinstance(begun, Signals) else (begun, ())

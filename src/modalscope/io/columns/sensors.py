@@ -12,46 +12,15 @@ from modalscope.io.columns.axis import grain_of, roundest
 from modalscope.io.columns.clock import clock_of, longest_without_gap, resampled
 from modalscope.io.columns.records import seconds_of
 from modalscope.io.columns.table import Column, Table
-from modalscope.io.columns.vocabulary import words_of
+from modalscope.io.columns.vocabulary import RUNS, SENSORS, words_of
 from modalscope.io.columns.weights import goes_one_way, role_by_words
 from modalscope.numerics.checks import Array, IntArray, RealArray
 
 #: Sensors at most, rows of each at least, and by how much numbers of rows may differ, relative.
 _MOST_SENSORS, _MIN_ROWS, _MAX_DIFFERENCE = 200, 16, 0.1
-#: Words for the sensor of a row, and for its run.
-_WORDS = {
-    "sensor",
-    "sensors",
-    "node",
-    "board",
-    "channel",
-    "ch",
-    "device",
-    "id",
-    "mac",
-    "unit",
-    "kanal",
-    "knoten",
-    "capteur",
-    "sensore",
-}
-_OF_RUNS = re.compile(
-    r"(?<![a-z])(?:run|test|trial|exp|experiment|setup|meas|measurement|messung|versuch|essai|prova|ensayo)(?![a-z])",
-    re.I,
-)
+_OF_RUNS = re.compile(rf"(?<![a-z]){RUNS}(?![a-z])", re.IGNORECASE)
 #: Distance of times from a straight line, in grains of their digits, that are even but for these; share of the rows taken, at least.
 _GRAINS, _MIN_SHARE = 1.5, 0.5
-
-
-def names_sensors(cells: Sequence[str]) -> bool:
-    """Whether the cells of a column of text name the sensor of their row: none is blank, and all but few repeat.
-
-    Examples
-    --------
-    >>> names_sensors(["S1", "S2"] * 20), names_sensors([f"remark {k}" for k in range(40)])
-    (True, False)
-    """
-    return all(cells) and 1 <= len(set(cells)) <= max(1, min(_MOST_SENSORS, len(cells) // 3))
 
 
 def by_sensor(table: Table) -> Table:
@@ -93,7 +62,7 @@ def _names_sensors(column: Column) -> bool:
         return False
     if column.textual:
         return not _OF_RUNS.search(str(column.values[0]))
-    whole = bool(_WORDS & set(words_of(column.name))) and not np.iscomplexobj(column.values)
+    whole = bool(SENSORS & set(words_of(column.name))) and not np.iscomplexobj(column.values)
     return whole and bool(np.isfinite(column.values).all()) and 1 < np.unique(column.values).size <= _MOST_SENSORS
 
 
@@ -121,43 +90,28 @@ def _on_one_clock(
     times: Sequence[RealArray], parts: Sequence[RealArray]
 ) -> tuple[RealArray, list[RealArray], str] | None:
     """Return even times, the values of every sensor at these, and what was done; None where clocks have nothing long in common."""
+    from scipy.interpolate import CubicSpline
+
     if all(len(t) == len(times[0]) and np.array_equal(t, times[0]) for t in times):
         return times[0], list(parts), "they share their times"
     if any(np.any(np.diff(t) <= 0) for t in times):
         return None
-    steps = [clock_of(t).step for t in times]
-    stretches = [longest_without_gap(clock_of(t), t.size) for t in times]
-    cut = [slice(first - 1, last) for first, last in stretches]
-    begin, end = (
-        max(t[c][0] for t, c in zip(times, cut, strict=True)),
-        min(t[c][-1] for t, c in zip(times, cut, strict=True)),
-    )
-    if end - begin < _MIN_SHARE * min(float(np.ptp(t)) for t in times):
-        return None
+    cut = [slice(first - 1, last) for first, last in (longest_without_gap(clock_of(t), t.size) for t in times)]
     even = [_without_grain(t[c]) for t, c in zip(times, cut, strict=True)]
-    step = float(np.median([np.mean(np.diff(t)) for t in even])) or steps[0]
+    begin, end = max(t[0] for t in even), min(t[-1] for t in even)
+    shortest = min(float(np.ptp(t)) for t in times)
+    if end - begin < _MIN_SHARE * shortest:
+        return None
+    step = float(np.median([np.mean(np.diff(t)) for t in even]))
     rate = roundest(1 / step, 1e-3 / step)
     grid = begin + np.arange(int((end - begin) * rate) + 1) / rate
-    made, lost = [], 0.0
-    for t, c, part in zip(even, cut, parts, strict=True):
-        inside = resampled(t, part[c], rate)
-        lost = max(lost, inside[1]) if np.isfinite(inside[1]) else np.nan
-        made.append(_at(t, part[c], grid))
+    held = [part[c] for c, part in zip(cut, parts, strict=True)]
+    lost = max(resampled(t, part, rate)[1] for t, part in zip(even, held, strict=True))
     share = "not known" if np.isnan(lost) else f"{100 * lost:.2g} % of the motion"
-    whole = (
-        f", the longest stretch without a gap ({end - begin:.4g} of {min(map(np.ptp, times)):.4g} s)"
-        if _has_gap(times, cut)
-        else ""
-    )
-    return (
-        grid - grid[0],
-        made,
-        f"their clocks are put on one, {rate:.6g} Hz, by cubic splines{whole}; what is lost is {share}",
-    )
-
-
-def _has_gap(times: Sequence[RealArray], cut: Sequence[slice]) -> bool:
-    return any(c.stop - c.start < len(t) for t, c in zip(times, cut, strict=True))
+    gaps = any(c.stop - c.start < len(t) for t, c in zip(times, cut, strict=True))
+    whole = f", the longest stretch without a gap ({end - begin:.4g} of {shortest:.4g} s)" if gaps else ""
+    said = f"their clocks are put on one, {rate:.6g} Hz, by cubic splines{whole}; what is lost is {share}"
+    return grid - begin, [np.asarray(CubicSpline(t, part)(grid)) for t, part in zip(even, held, strict=True)], said
 
 
 def _without_grain(times: RealArray) -> RealArray:
@@ -166,9 +120,3 @@ def _without_grain(times: RealArray) -> RealArray:
     line = np.polynomial.Polynomial.fit(k, times, 1)(k)
     off = float(np.sqrt(np.mean((times - line) ** 2)))
     return np.asarray(line) if off <= _GRAINS * grain_of(times) else times
-
-
-def _at(times: RealArray, values: RealArray, grid: RealArray) -> RealArray:
-    from scipy.interpolate import CubicSpline
-
-    return np.asarray(CubicSpline(times, values)(grid))

@@ -88,6 +88,11 @@ STATEMENTS = {
     "place": "signal signalname point location loclbl dof scnl node",
 }  # fmt: skip
 
+#: Words of names that say a voltage or a number alone, of columns that name the sensor of a row, and of what holds a run.
+VOLTAGES = {"voltage", "voltages", "volt", "volts", "spannung", "tension", "ch", "channel", "kanal", "voie", "canal", "ai"}  # fmt: skip
+SENSORS = {"sensor", "sensors", "node", "board", "channel", "ch", "device", "id", "mac", "unit", "kanal", "knoten", "capteur"}  # fmt: skip
+RUNS = r"(?:run|test|trial|hit|setup|repeat|exp|experiment|meas|measurement|messung|versuch|essai|prova|ensayo)"
+
 #: Letters that are whole names, and what they name.
 LETTERS = {"t": "time", "T": "time", "X_Value": "time", "x_value": "time", "f": "frequency", "F": "force"}
 LETTERS |= dict.fromkeys(("n", "N", "k", "i"), "index")

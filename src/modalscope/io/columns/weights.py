@@ -16,7 +16,7 @@ from modalscope.data import DataError
 from modalscope.data.units import plain_unit
 from modalscope.io.columns.axis import in_epoch, nearly_even, rises, sampling_of
 from modalscope.io.columns.table import Column
-from modalscope.io.columns.vocabulary import meanings_of, words_of
+from modalscope.io.columns.vocabulary import VOLTAGES, meanings_of, words_of
 from modalscope.io.columns.words import UNITS_OF_TURNS, kind_of_unit
 from modalscope.numerics.checks import Array, RealArray
 
@@ -37,20 +37,6 @@ _VIBRATIONS = {
     "pressure": 6.0,
     "angle": 6.0,
     "voltage": 2.0,
-}
-_WORDS_OF_VOLTAGES = {
-    "voltage",
-    "voltages",
-    "volt",
-    "volts",
-    "spannung",
-    "tension",
-    "ch",
-    "channel",
-    "kanal",
-    "voie",
-    "canal",
-    "ai",
 }
 #: Share of the steps of times that turn back, at most: half way from a clock (none) to a vibration (every second one).
 _MAX_SHARE_OF_TURNS = 0.25
@@ -189,7 +175,7 @@ def _of_what_turns(column: Column) -> Iterator[tuple[str, float, str]]:
 
 def _is_bare_voltage(name: str) -> bool:
     """Whether a name says nothing but that a channel is a voltage, as those of sensors without a sensitivity are, or its number."""
-    return {word for word in words_of(name) if not word.isdecimal()} <= _WORDS_OF_VOLTAGES
+    return {word for word in words_of(name) if not word.isdecimal()} <= VOLTAGES
 
 
 def of_values(column: Column) -> Iterator[tuple[str, float, str]]:

@@ -20,7 +20,7 @@ from modalscope.io.columns import Column, Table, contents_from_table
 from modalscope.io.columns.axis import rises, same_rate
 from modalscope.io.columns.facts import Stated, Statement, stated_by, steps_of
 from modalscope.io.columns.lines import part_of
-from modalscope.io.columns.sensors import by_sensor, names_sensors
+from modalscope.io.columns.vocabulary import SENSORS, words_of
 from modalscope.io.columns.weights import even_step, role_by_words
 from modalscope.io.columns.words import ignored_columns, is_unit
 from modalscope.io.contents import Contents, Options, unreadable
@@ -31,7 +31,7 @@ from modalscope.io.text.cells import Dialect, is_value, seconds_of, split, uncom
 from modalscope.io.text.dialect import DELIMITERS, dialect_of, encoding_of, lines_of, words_of_delimiter
 from modalscope.io.text.labview import is_labview, labview_contents
 from modalscope.io.text.layout import Layout, layout_of
-from modalscope.io.text.wrapped import gathered, head_of, runs_on, wrapped_contents
+from modalscope.io.text.wrapped import WrappedHead, gathered, head_of, runs_on, wrapped_contents
 from modalscope.numerics.checks import Array, check_count, check_positive
 from modalscope.numerics.errors import check_choice
 
@@ -68,26 +68,10 @@ def read(path: Path, options: Options) -> Contents:
         blocks, lines = blocks_of(every, key), iter(every)
         if len(blocks) > 1 and not options.get("transpose"):
             names = names_of(blocks)
-            tables = [table_of_lines(path.name, iter(block), _signs(options), space, options) for block in blocks]
+            tables = [_table(path.name, block, iter(()), _signs(options), space, options) for block in blocks]
             table = one_table(path.name, tables, names, options)
             return contents_from_table(replace(table, notes=(*table.notes, *notes)), options)
     return contents_of_lines(path.name, lines, _signs(options), space, options, notes)
-
-
-def table_of_lines(
-    where: str, lines: Iterator[Line], signs: tuple[str | None, str | None], space: Room, options: Options
-) -> Table:
-    """Return the table that lines hold.
-
-    Raises `DataError`: no rows of values.
-    """
-    first = _first(lines, space, _MAX_COLUMNS)
-    bare = [_in_place(line) for _, line in first]
-    dialect = dialect_of(where, bare, *signs)
-    layout = layout_of(bare, dialect)
-    if layout is None:
-        raise _no_body(where, bare, options)
-    return _table(where, first, bare, lines, dialect, layout, space, options)
 
 
 def contents_of_lines(
@@ -105,9 +89,7 @@ def contents_of_lines(
     Raises `DataError`: as `read`.
     """
     first = _first(lines, space, _MAX_SAMPLES if options.get("transpose") else _MAX_COLUMNS)
-    if len(first) > 1 and all(
-        _QUOTED.match(line) for _, line in first
-    ):  # each line is one cell to a reader of quoted cells
+    if len(first) > 1 and all(_QUOTED.match(line) for _, line in first):  # each line is one cell to others
         first, lines = [(k, _unquoted(line)) for k, line in first], ((k, _unquoted(line)) for k, line in lines)
     bare = [_in_place(line) for _, line in first]
     if is_labview(bare):
@@ -122,18 +104,7 @@ def contents_of_lines(
             _refuse_cells(where, options, signs[0])
             return replace(contents, notes=(*contents.notes, *notes))
         lines = chain(below[len(first) - head.lines :], lines)
-        if head.sure:
-            bare[head.first : head.lines] = [""] * (head.lines - head.first)  # no names of columns
-    dialect = dialect_of(where, bare, *signs)
-    if options.get("transpose"):
-        bare, dialect = _transposed(chain(first, lines), dialect, space)
-        first, lines = list(enumerate(bare, 1)), iter(())
-    layout = layout_of(bare, dialect)
-    if layout is None:
-        raise _no_body(where, bare, options)
-    if head is not None and head.sure and head.step is not None and not options.get("transpose"):
-        layout = replace(layout, facts=(*layout.facts, Statement(head.first, "DT", head.said)))
-    table = _table(where, first, bare, lines, dialect, layout, space, options)
+    table = _table(where, first, lines, signs, space, options, head if head is not None and head.sure else None)
     return contents_from_table(replace(table, notes=(*table.notes, *notes)), options)
 
 
@@ -237,17 +208,29 @@ def _no_body(where: str, bare: list[str], options: Options) -> DataError:
 def _table(
     where: str,
     first: list[Line],
-    bare: list[str],
     lines: Iterator[Line],
-    dialect: Dialect,
-    layout: Layout,
+    signs: tuple[str | None, str | None],
     space: Room,
     options: Options,
+    head: WrappedHead | None = None,
 ) -> Table:
+    """Return the table of some first lines and those that follow; `head`: what counts its samples, which is no row of names."""
+    bare = [_in_place(line) for _, line in first]
+    if head is not None:
+        bare[head.first : head.lines] = [""] * (head.lines - head.first)
+    dialect = dialect_of(where, bare, *signs)
+    if options.get("transpose"):
+        bare, dialect = _transposed(chain(first, lines), dialect, space)
+        first, lines = list(enumerate(bare, 1)), iter(())
+    layout = layout_of(bare, dialect)
+    if layout is None:
+        raise _no_body(where, bare, options)
+    if head is not None and head.step is not None and not options.get("transpose"):
+        layout = replace(layout, facts=(*layout.facts, Statement(head.first, "DT", head.said)))
     rows = [split(line, dialect) for line in islice(bare, layout.body, layout.body + 200)]
     whole = [row for row in rows if len(row) == layout.width]
     kinds = _but_ignored(kinds_of(whole), layout, options)
-    texts = [k for k, kind in enumerate(kinds) if kind == "text" and names_sensors([row[k] for row in whole])]
+    texts = [k for k, kind in enumerate(kinds) if kind == "text" and _repeat([row[k] for row in whole])]
     kinds = ["name" if [k] == texts else kind for k, kind in enumerate(kinds)]
     body, above = chain(islice(first, layout.body, None), lines), [line for _, line in first[: layout.body]]
     arrays, notes = read_body(where, body, kinds, dialect, layout.width, space, above)
@@ -266,7 +249,16 @@ def _table(
         notes=(*notes, *column_notes),
         layout=_evidence(first, dialect, layout, (stated is not None and place) or ""),
     )
-    return by_sensor(table) if options.get("columns") is None else table
+    if options.get("columns") is not None or not (texts or any(SENSORS & set(words_of(c.name)) for c in columns)):
+        return table
+    from modalscope.io.columns.sensors import by_sensor  # few tables name sensors in their rows
+
+    return by_sensor(table)
+
+
+def _repeat(cells: list[str]) -> bool:
+    """Whether cells may name the sensor of their row: none is blank, and all but few repeat."""
+    return all(cells) and 3 * len(set(cells)) <= max(3, len(cells))
 
 
 def _with_axis(columns: tuple[Column, ...], axis: tuple[str, float, float] | None) -> tuple[Column, ...]:

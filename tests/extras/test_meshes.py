@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.io import apart, meshes
+from modalscope.extras import meshes
+from modalscope.io import apart
 from tests.io.mutations import KINDS
 from tests.support import refused
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from modalscope.extras.seismic import steim
 from modalscope.io import survey
-from modalscope.io.seismic import steim
 from tests.support import refused
 
 RNG = np.random.default_rng(3)
