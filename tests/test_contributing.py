@@ -48,7 +48,7 @@ def test_every_format_is_in_the_readme_or_the_page_of_files(suffix: str) -> None
 
 @pytest.mark.parametrize("name", sorted({row.name for row in FORMATS.values()}))
 def test_every_format_is_read_by_a_test(name: str) -> None:
-    text = words_of("io")
+    text = words_of("io") + words_of("extras")
     suffixes = [suffix for suffix, row in FORMATS.items() if row.name == name]
     assert any(re.search(rf"{re.escape(suffix)}\b", text) for suffix in suffixes), f"test {suffixes} in tests/io"
 

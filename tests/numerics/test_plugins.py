@@ -47,7 +47,7 @@ def test_the_suffix_of_another_package_is_read(installed: None, tmp_path: Path) 
 
 def test_without_the_package_the_suffix_is_unknown(tmp_path: Path) -> None:
     with pytest.raises(ms.DataError, match=r"the suffix '\.vnd' is unknown"):
-        ms.read(written(tmp_path))
+        ms.read(written(tmp_path, "\0\1\2"))  # text would be read as text
 
 
 def test_what_no_installed_package_adds_is_asked_in_vain() -> None:

@@ -72,7 +72,7 @@ def meaning_of(where: str, arrays: Mapping[str, Array], options: Options, part: 
     Raises `DataError`: hits or channels, samples in rows or in columns, where nothing decides: the message names the options that do.
     """
     if sum(array.ndim == 2 and 2 in array.shape for array in arrays.values()) > 1:
-        from modalscope.io.pairs import table_of_pairs  # analysers save such arrays, few others do
+        from modalscope.io.own_axes import table_of_pairs  # analysers save such arrays, few others do
 
         own = table_of_pairs(where, arrays, options)
         if own is not None:
