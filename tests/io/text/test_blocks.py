@@ -101,8 +101,9 @@ def test_info_lists_the_tests_of_a_file_and_takes_one_or_each(
     assert out.count("read gives records: 300 samples") == out.count("== a.csv, Structure: ") == 2
 
 
-def test_a_header_that_a_logger_writes_again_begins_no_test(tmp_path: Path) -> None:
+@pytest.mark.parametrize("head", ["time (s),a,b\n", "Logger 7\nSampling rate: 100 Hz\ntime (s),a,b\n"])
+def test_a_head_that_a_logger_writes_again_begins_no_test(head: str, tmp_path: Path) -> None:
     half = len(T) // 2
     rows = _rows(T, *X["tower"].T, sep=",").splitlines(keepends=True)
-    (tmp_path / "a.csv").write_text("time (s),a,b\n" + "".join(rows[:half]) + "time (s),a,b\n" + "".join(rows[half:]))
+    (tmp_path / "a.csv").write_text(head + "".join(rows[:half]) + head + "".join(rows[half:]))
     assert ms.read(tmp_path / "a.csv").samples == len(T)

@@ -58,6 +58,8 @@ def blocks_of(lines: Sequence[Line], key: str) -> list[list[Line]]:
     whole = all(
         len(part) - head >= _MIN_LINES and head >= _MIN_LINES_OF_HEAD for part, head in zip(parts, heads, strict=True)
     )
+    heads_differ = len({tuple(line for _, line in part[:head]) for part, head in zip(parts, heads, strict=True)}) > 1
+    whole = whole and heads_differ  # a logger that is started again writes its head again
     return parts if 1 < len(parts) <= _MOST_BLOCKS and starts[0] == 0 and whole else [list(lines)]
 
 
