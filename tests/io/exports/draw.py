@@ -47,7 +47,7 @@ def draw_choices(rng: np.random.Generator, half: str) -> Choices:
     axes = (
         words.axes
         if choices["content"] in RECORDS
-        else ("Hz", "rad/s")
+        else ("Hz", "rad/s", "rpm")
         if half == "near"
         else ("kHz", "start and step")
     )
@@ -129,7 +129,7 @@ def _of_axis(choices: Choices) -> Choices:
         changed |= {"axis": "s"} if choices["axis"] == "ms" else {}
     elif choices["axis"] in ("ms", "us") and choices["head"] == "names":
         changed["rate"] = "said"
-    if choices["axis"] in ("rad/s", "kHz") and (
+    if choices["axis"] in ("rad/s", "rpm", "kHz") and (
         choices["head"] in ("none", "names") or choices["container"] in ("npy", "mat matrix")
     ):
         changed["axis"] = "Hz"

@@ -116,7 +116,9 @@ def _read_back(truth: Truth, columns: list[Column]) -> None:
 def _axis(rng: np.random.Generator, truth: Truth, choices: Choices, words: Half) -> list[Column]:
     kind, x = choices["axis"], truth.axis
     if truth.of_lines:
-        factor, unit = {"rad/s": (2 * np.pi, "rad/s"), "kHz": (1e-3, "kHz")}.get(kind, (1.0, "Hz"))
+        factor, unit = {"rad/s": (2 * np.pi, "rad/s"), "rpm": (60.0, "rpm"), "kHz": (1e-3, "kHz")}.get(
+            kind, (1.0, "Hz")
+        )
         if kind in ("start and step", "absent"):
             return []
         return [Column(str(rng.choice(words.frequency)), unit, [f"{value * factor:.9g}" for value in x], "axis")]
@@ -222,6 +224,10 @@ def _extra(rng: np.random.Generator, truth: Truth, name: str) -> Column:
         return Column("Tacho", "", [str(int(v % 17 < 3)) for v in k])
     if name == "second time":
         return Column("Time_chan_2", "s", [f"{v:.8f}" for v in truth.axis], "extra")
+    if name == "features":
+        return Column("Features", "", [str(int(v)) for v in np.rint(80 + 5 * rng.standard_normal(rows))], "extra")
+    if name == "generator":
+        return Column("Source", "V", [], values=rng.standard_normal(rows))
     slow = np.round(21.5 + 0.3 * np.sin(k / rows), 1)
     if name in ("temperature", "temp"):
         return Column(

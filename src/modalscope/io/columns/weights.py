@@ -353,8 +353,11 @@ def _of_drives(columns: Sequence[Column], weights: dict[int, Weights]) -> Iterat
         measured = any(kind_of_unit(c.unit) == "force" for c in forces) and voltage
         drives = "drive" in weights[column.number].sums or (measured and _is_force(weights[column.number]))
         named = drives and (voltage or not kind_of_unit(column.unit))
-        if named and not forces:
+        others = [c for c in columns if c is not column and not goes_one_way(c.values)]
+        if named and not forces and others and likeliest_force([column, *others]) == (column, True):
             yield column, "in", WORD + 1, "it drives the shaker, by its name"
+        elif named and not forces:
+            yield column, "ignore", 2 * WORD, "it is called a drive, but the others do not follow it"
         elif named:
             yield column, "ignore", 2 * WORD, "it drives the shaker, whose force is measured"
         elif voltage and bare and forces and sensors and not _answers(column, forces[0], sensors):
