@@ -129,9 +129,8 @@ def _of_axis(choices: Choices) -> Choices:
         changed |= {"axis": "s"} if choices["axis"] == "ms" else {}
     elif choices["axis"] in ("ms", "us") and choices["head"] == "names":
         changed["rate"] = "said"
-    if choices["axis"] in ("rad/s", "rpm", "kHz") and (
-        choices["head"] in ("none", "names") or choices["container"] in ("npy", "mat matrix")
-    ):
+    bare = choices["container"] in (ARRAYS if choices["axis"] == "rpm" else ("npy", "mat matrix"))  # no array says rpm
+    if choices["axis"] in ("rad/s", "rpm", "kHz") and (choices["head"] in ("none", "names") or bare):
         changed["axis"] = "Hz"
     if "rate" in changed and text and choices["header"] == "absent":
         changed["header"] = "colon"

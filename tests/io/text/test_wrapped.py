@@ -60,3 +60,18 @@ def test_rows_of_four_channels_stay_rows(spreads: tuple[int, ...], tmp_path: Pat
     table = _RNG.standard_normal((500, 4)) * spreads
     (tmp_path / "a.txt").write_text("Site 5\nSampling rate: 200 Hz\n" + _wrapped(table.ravel(), 4, "{:12.5f}"))
     np.testing.assert_allclose(ms.read(tmp_path / "a.txt").outputs, table, atol=1e-5)
+
+
+@pytest.mark.parametrize("width", [2, 4])
+def test_a_cut_last_row_under_names_makes_no_channel(width: int, tmp_path: Path) -> None:
+    rows = _wrapped(_RNG.standard_normal((300, width)).ravel(), width, "{:12.5f}").rstrip("\n")[:-14]
+    head = "Sampling rate: 200 Hz\n" + " ".join(f"A{k}" for k in range(width))
+    (tmp_path / "a.txt").write_text(f"{head}\n{rows}\n")
+    assert ms.read(tmp_path / "a.txt").outputs.shape == (299, width)
+
+
+def test_rows_that_are_half_the_count_below_a_head_that_stands_again_are_rows(tmp_path: Path) -> None:
+    head, table = "Number of values: 300\nSampling rate: 200 Hz\nA B\n", _RNG.standard_normal((300, 2))
+    rows = _wrapped(table.ravel(), 2, "{:12.5f}").splitlines(keepends=True)
+    (tmp_path / "a.txt").write_text(head + "".join(rows[:150]) + head + "".join(rows[150:]))
+    np.testing.assert_allclose(ms.read(tmp_path / "a.txt").outputs, table, atol=1e-5)

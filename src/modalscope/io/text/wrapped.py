@@ -33,12 +33,15 @@ Line = tuple[int, str]
 _LINES_OF_HEAD = 12
 #: The same where it is in words; characters of a line that are examined, and of a name.
 _LINES_OF_HEAD_IN_WORDS, _MAX_CHARACTERS, _MAX_LETTERS_OF_NAME = 60, 400, 40
-#: Count and rate of GSE2 (`WID2 date time station channel INT count rate`) and in words; counts of a full scale; names of a channel.
+#: Count and rate of GSE2 (`WID2 date time station channel INT count rate`) and in words; counts of a full scale; names of a channel;
+#: what no row of names holds; cells of a line without a count, at least.
 _GSE = re.compile(r"\bWID[12]\b.*?\bINT\w?\s+(\d{1,9})\s+(\d+(?:\.\d+)?)")
 _SAMPLES = re.compile(r"\b(\d{2,9})\s*(?:samples|points|values|data points|pts)\b(?!\s*(?:/|per))", re.IGNORECASE)
 _RATE = re.compile(r"\b(\d+(?:\.\d+)?)\s*(?:sps|hz|samples\s*(?:/|per)\s*s(?:ec(?:ond)?)?)\b", re.IGNORECASE)
 _SCALE = re.compile(r"\b(\d+(?:\.\d+)?)\s*\(([A-Za-z/^*0-9]+)\)\s*/\s*(\d+(?:\.\d+)?)")
 _NAMED = re.compile(r"^\W*TIMESERIES\s+([^\s,]+)", re.IGNORECASE)
+_STATED = re.compile(r"[:=]|(?<![A-Za-z\d.])\d[\d.]*\s*[A-Za-z/]*\s*\Z")
+_MIN_CELLS = 4
 _KEYS_OF_NAME = {"station code", "dir", "channel", "component"}
 #: Columns of one process: relative difference of their deviations, and of their means in deviations, at most; and the correlation of
 #: neighbours by which a series goes on, at least.
@@ -122,6 +125,7 @@ def _in_words(first: Sequence[str]) -> WrappedHead | None:
     )
     if not end or len(first[end].split()) < 2:
         return None
+    names = len(first[end - 1].split()) > 1 and not _STATED.search(first[end - 1])  # a row of names, and no statement
     head = [line[:_MAX_CHARACTERS] for line in first[:end]]
     facts = [Statement(k, *fact) for k, line in enumerate(head) for fact in statements_of(line, Dialect(delimiter=""))]
     said, text = stated_by(facts, "."), " ".join(head)
@@ -133,13 +137,15 @@ def _in_words(first: Sequence[str]) -> WrappedHead | None:
     numbers += [
         int(f.value.split()[0]) for f in facts if key_meaning(f.key) == "count" and f.value.split()[0].isdecimal()
     ]
+    if not numbers and (names or len(first[end].split()) < _MIN_CELLS):
+        return None
     scale = _SCALE.search(text)
     full = float(scale[1]) / float(scale[3]) if scale and float(scale[3]) > 0 else 1.0
     named = _NAMED.search(text)
-    names = [named[1]] if named else [f.value for f in facts if f.key.lower().strip(". ") in _KEYS_OF_NAME]
+    called = [named[1]] if named else [f.value for f in facts if f.key.lower().strip(". ") in _KEYS_OF_NAME]
     return WrappedHead(
         first=0, lines=end, count=numbers[0] if numbers else 0, step=1 / rates[0], said=f"{rates[0]:g} Hz",
-        series=" ".join(name.strip() for name in names)[:_MAX_LETTERS_OF_NAME], unit=scale[2] if scale else said.unit, scale=full,
+        series=" ".join(name.strip() for name in called)[:_MAX_LETTERS_OF_NAME], unit=scale[2] if scale else said.unit, scale=full,
         sure=False,
     )  # fmt: skip
 
@@ -195,8 +201,8 @@ def runs_on(head: WrappedHead, body: Sequence[Line], rate: float | None) -> bool
     rows = [row for row in takewhile(bool, (_numbers(line) for _, line in body)) if row]
     widths = {len(row) for row in rows}
     if not head.sure:
-        total = sum(map(len, rows))
-        return total == head.count if head.count else _is_one_process(rows)
+        total, more = sum(map(len, rows)), any(_numbers(line) for _, line in body[len(rows) :])
+        return not more and (total == head.count if head.count else _is_one_process(rows))
     if len(widths) != 1 or widths == {1}:
         return True
     if len(rows) == head.count or (len(rows) > 1 and widths == {head.count}):
