@@ -183,8 +183,8 @@ def _(thing: StateSpace) -> Picture:
 def _(thing: Geometry) -> Picture:
     places = thing.coordinates @ oblique().matrix
     x, y = places.T
-    items = [strokes(places[thing.lines], width=1.0), Marks(x, y)]
-    return Picture([Panel(axis_of("", [x]), axis_of("", [y]), items, equal=True, bare=True)], "Geometry")
+    across, upward, lines = axis_of("", [x]), axis_of("", [y]), strokes(places[thing.lines], width=1.0)
+    return Picture([Panel(across, upward, [lines, Marks(x, y)], equal=True, bare=True)], "Geometry")
 
 
 @glance_of.register
