@@ -147,6 +147,7 @@ def merge_modes(
 
     Examples
     --------
+    >>> from modalscope import mac
     >>> from modalscope.systems import chain5
     >>> modes = chain5().modes()
     >>> parts = [modes.select(outputs=["1:+X", "2:+X"]), modes.select(outputs=["1:+X", "4:+X", "5:+X"])]
