@@ -71,6 +71,15 @@ def test_the_frequency_of_a_tone_without_damping_is_judged_on_its_own_scale(shar
     assert {grade.words["damping"] for grade in grades(tone)} == {"doubtful"}
 
 
+def test_shapes_without_any_damping_have_words() -> None:
+    """Deflection shapes at one frequency each are modes of poles on the axis."""
+    modes = known()
+    still = replace(modes, poles=2j * np.pi * modes.frequencies, damping_ratios_std=np.full(len(modes), 1e-4))
+    assert {grade.words["damping"].reason for grade in grades(still)} == {"no damping told"}
+    unknown = replace(still, frequencies_std=None, damping_ratios_std=None)
+    assert {grade.reason for grade in grades(unknown)} == {"uncertainty not known"}
+
+
 def test_alike_shapes_are_no_fault_of_modes_that_lie_apart_and_tell_of_pairs() -> None:
     modes = known()
     shapes = np.array(modes.shapes)

@@ -117,7 +117,7 @@ def grades(modes: ModalModel, holds: BoolArray | None = None) -> tuple[Grade, ..
         ]
         said = {
             "frequency": f"frequency known within ±{f:.2g} Hz",
-            "damping": f"damping known within ±{percent(zeta / float(modes.damping_ratios[i]), 2)}",
+            "damping": f"damping known within ±{percent(_relative(zeta, float(modes.damping_ratios[i])), 2)}",
             "shape": "no rule speaks against it"
             if np.isinf(known[i])
             else f"errors leave it a MAC of {known[i]:.3f} with itself",
@@ -126,6 +126,11 @@ def grades(modes: ModalModel, holds: BoolArray | None = None) -> tuple[Grade, ..
         worse = _worst([one for one in against if {"frequency", "shape"} & {*one.of}], words["damping"].reason)
         graded.append(Grade(str(worse), worse.reason, words))
     return tuple(graded)
+
+
+def _relative(deviation: float, value: float) -> float:
+    """Return a deviation relative to a value; infinite, or NaN, of no damping."""
+    return deviation / value if value else float(np.inf * deviation)
 
 
 def _worst(against: Sequence[_Objection], otherwise: str) -> Word:
@@ -156,7 +161,11 @@ def _doubts(modes: ModalModel, i: int, f: float, zeta: float) -> Iterator[_Objec
     if f > max(value, SAME_FREQUENCY) * modes.frequencies[i]:
         yield _Objection(("frequency",), "doubtful", "frequency uncertain beyond its bandwidth")
     if zeta >= value:
-        text = f"damping uncertain by {percent(zeta / value, 2)}, more than its value"
+        text = (
+            f"damping uncertain by {percent(_relative(zeta, value), 2)}, more than its value"
+            if value
+            else "no damping told"
+        )
         yield _Objection(("damping",), "doubtful", text)
 
 
@@ -166,7 +175,7 @@ def _weaknesses(modes: ModalModel, i: int, zeta: float, holds: BoolArray | None)
         yield _Objection(("frequency", "damping"), "look", "interval failed in simulations")
     if modes.converged is False:
         yield _Objection(QUANTITIES, "look", "refinement did not converge")
-    uncertainty = zeta / float(modes.damping_ratios[i])
+    uncertainty = _relative(zeta, float(modes.damping_ratios[i]))
     if uncertainty > _MAX_DAMPING_UNCERTAINTY:
         yield _Objection(("damping",), "look", f"damping uncertain by ±{percent(uncertainty, 2)}")
     reasons: Mapping[str, Any] = modes.reasons[i] if modes.reasons else {}
