@@ -223,6 +223,7 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "sweep": lambda t: {"data": t["samples"], "method": "era", "orders": (2, 4)},
     "tuned_dwell": lambda t: {"response": t["lines"]},
     "write": lambda t: {"path": FOLDER / "out.npz", "thing": t["modes"]},
+    "Result.save": lambda _: {"path": FOLDER / "saved.npz"},
     "indicators.amplitude_coherence": lambda t: {
         "identified": np.ones((3, 2, 1)),
         "first": np.ones((2, 1)),

@@ -160,6 +160,8 @@ class StabilizationDiagram(Shown, HasPoles):
         freeze(
             self,
             notes=notes_of(self.notes),
+            output_whitening=None if self.output_whitening is None else locked(self.output_whitening),
+            reference_whitening=None if self.reference_whitening is None else locked(self.reference_whitening),
             indicators={k: locked(np.asarray(v)) for k, v in self.indicators.items()},
             fit_errors=locked(np.asarray(self.fit_errors)),
             singular_values=locked(np.asarray(self.singular_values)),

@@ -105,6 +105,8 @@ def points_of(array: Array) -> list[tuple[str, Array]] | None:
     if rest.shape[2] > len(_DIRECTIONS):
         return None
     moved = rest.reshape(len(rest), -1).astype(float)
+    if not np.isfinite(moved).all():
+        return None
     moved = (moved - moved.mean(axis=0)) / np.maximum(moved.std(axis=0), np.finfo(float).tiny)
     squares = np.linalg.eigvalsh(moved.T @ moved)
     if squares[-1] * rest.shape[1] < 2 * squares.sum():

@@ -17,7 +17,7 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.response import Response, output_scale
-from modalscope.data.responses import FrequencyResponse, ImpulseResponse
+from modalscope.data.responses import FrequencyResponse
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.setups import Setups, setups_of
 from modalscope.data.shown import counted
@@ -161,7 +161,7 @@ _OF_CHANNELS = frozenset(
 
 def _exchanged(data: Any, document: Analysis) -> tuple[Any, bool | None, tuple[Note, ...]]:
     """Return responses exchanged by reciprocity where that is asked or helps, what is left to ask, and notes: in the units as measured."""
-    if not isinstance(data, FrequencyResponse | ImpulseResponse) or data.of_correlations or document.exclude:
+    if not _plain(data) or document.exclude:
         return data, document.reciprocal, ()
     found, notes = by_reciprocity(data, document.reciprocal)
     kept = document.reciprocal is None and bool(notes) and not found.exchanged
@@ -170,10 +170,15 @@ def _exchanged(data: Any, document: Analysis) -> tuple[Any, bool | None, tuple[N
 
 def _levels(data: Any, document: Analysis) -> Whitening | None:
     """Return levels by which outputs and inputs of responses are of one size, so that no unit counts; None of other data."""
-    plain = isinstance(data, FrequencyResponse | ImpulseResponse) and not data.of_correlations
-    if plain:
-        check_size(data)
-    return levelling(data.values) if plain and not _OF_CHANNELS & set(document.options) else None
+    if not _plain(data):
+        return None
+    check_size(data)
+    return None if _OF_CHANNELS & set(document.options) else levelling(data.values)
+
+
+def _plain(data: Any) -> bool:
+    """Whether data are responses to forces that act one by one."""
+    return isinstance(data, Response) and data.separable and not data.of_correlations
 
 
 def _of_channels(level: Whitening, whole: Response, part: Response) -> Whitening:

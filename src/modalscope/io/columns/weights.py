@@ -298,7 +298,8 @@ def _stands_still(values: Array) -> bool:
     )
     if far.mean() < _MAX_SHARE_OF_FAULTS and not np.any(far[1:] & far[:-1]):  # a hit lasts longer
         finite = finite[~far]
-    spread = float(finite.std())
+    with np.errstate(over="ignore", invalid="ignore"):
+        spread = float(finite.std())
     if abs(finite.mean()) < _MIN_OFFSET * spread or not (spread or far.any()):
         return False
     return bool(np.mean(np.diff(finite) ** 2) <= _MAX_ROUGHNESS * spread**2)

@@ -220,6 +220,8 @@ def _is_one_process(rows: Sequence[Sequence[str]]) -> bool:
     whole = np.array([[_number(cell) for cell in row] for row in rows[:_MOST_ROWS] if len(row) == width])
     if len(whole) < _MIN_ROWS_ALIKE or any(len(row) != width for row in rows[:-1]):
         return False
+    if not np.isfinite(whole).all():
+        return False
     spreads, middle = whole.std(axis=0), float(np.median(whole.std(axis=0)))
     alike = (
         middle > 0
