@@ -176,6 +176,12 @@ OWNERS = {
     "systems.Structure": lambda t: CHAIN,
 }
 
+
+def frame() -> Any:
+    """Return a table of pandas with times and one channel."""
+    return pd.DataFrame({"a [g]": [0.0, 1.0, 0.0]}, index=pd.Index([0.0, 0.1, 0.2], name="time [s]"))
+
+
 #: What the required arguments of functions and methods are, by name of the callable.
 GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "analyze": lambda t: {"data": t["lines"], "method": "alternate", "orders": (2, 4, 6)},
@@ -186,9 +192,8 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "estimate_markov": lambda t: {"signals": t["records"], "observer_order": 10},
     "first_order_form": lambda t: {"model": ms.StateSpace(A=-np.eye(2), B=np.eye(2), C=np.eye(2))},
     "fit_residues": lambda t: {"response": t["lines"], "modes": t["modes"]},
-    "from_frame": lambda t: {
-        "frame": pd.DataFrame({"a [g]": [0.0, 1.0, 0.0]}, index=pd.Index([0.0, 0.1, 0.2], name="time [s]"))
-    },
+    "from_frame": lambda _: {"frame": frame()},
+    "Signals.from_frame": lambda _: {"frame": frame()},
     "full_field": lambda t: {
         "modes": ms.identify(t["kept"], method="era", order=4).modes,
         "data": t["kept"],
