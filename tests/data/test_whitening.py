@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from modalscope.analysis.workflow.bands import in_units
 from modalscope.data.whitening import Whitening, levelling, whitening_matrix
 
 
@@ -65,7 +66,7 @@ def test_levelled_responses_are_the_same_in_all_units_and_their_diagram_is_back_
     power = np.mean(even.values**2, axis=0)
     assert power.mean(axis=0) == pytest.approx(1)
     assert power.mean(axis=1) == pytest.approx(1)
-    back = ms.stabilize(even, orders=[10]).in_units(level)
+    back = in_units(ms.stabilize(even, orders=[10]), level)
     assert back.response.values == pytest.approx(response.values)
     assert back.whitened().shapes == pytest.approx(ms.stabilize(even, orders=[10]).shapes)
     modes = ms.analyze(response).modes

@@ -188,23 +188,6 @@ class StabilizationDiagram(Shown, HasPoles):
             reference_whitening=None,
         )
 
-    def in_units(self, level: Whitening) -> StabilizationDiagram:
-        """Return a diagram of levelled channels as that of the channels, which knows how they were levelled.
-
-        Parameters
-        ----------
-        level : Whitening
-            Of the diagram's own channels; see `modalscope.data.whitening.levelling`.
-        """
-        return self.changed(
-            response=level.back_of_response(self.response),
-            measured=None if self.measured is None else level.back_of_response(self.measured),
-            shapes=level.outputs_back(self.shapes),
-            participation=level.references_back(self.participation),
-            output_whitening=level.outputs,
-            reference_whitening=level.references,
-        )
-
     def to_xarray(self) -> Any:
         """Return an xarray Dataset of all poles: order, frequency, damping ratio, what is stable, deviations, indicators, shapes.
 

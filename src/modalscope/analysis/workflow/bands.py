@@ -127,7 +127,7 @@ def looked_at(
             watch=watch,
             **document.options,
         )
-        return found if level is None else found.in_units(_of_channels(level, seen, found.response))
+        return found if level is None else in_units(found, _of_channels(level, seen, found.response))
 
     bands: tuple[tuple[float, float], ...] = document.bands
     told = exchanged
@@ -188,6 +188,18 @@ def _of_channels(level: Whitening, whole: Response, part: Response) -> Whitening
     sides = zip((level.outputs, level.references), (whole.output_dofs, whole.input_dofs), (rows, columns), strict=True)
     outputs, inputs = (each[[of_whole.index(dof) for dof in kept]] for each, of_whole, kept in sides)
     return Whitening(inputs, outputs) if turned else Whitening(outputs, inputs)
+
+
+def in_units(diagram: StabilizationDiagram, level: Whitening) -> StabilizationDiagram:
+    """Return a diagram of levelled channels as that of the channels, which knows how they were levelled; `level`: of its own channels."""
+    return diagram.changed(
+        response=level.back_of_response(diagram.response),
+        measured=None if diagram.measured is None else level.back_of_response(diagram.measured),
+        shapes=level.outputs_back(diagram.shapes),
+        participation=level.references_back(diagram.participation),
+        output_whitening=level.outputs,
+        reference_whitening=level.references,
+    )
 
 
 def _fitted(data: Any, band: Band) -> Band:
