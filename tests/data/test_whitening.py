@@ -70,7 +70,7 @@ def test_levelled_responses_are_the_same_in_all_units_and_their_diagram_is_back_
     assert back.response.values == pytest.approx(response.values)
     assert back.whitened().shapes == pytest.approx(ms.stabilize(even, orders=[10]).shapes)
     modes = ms.analyze(response).modes
-    there = level.of_modes(modes)
+    there = level.inverse.modes_back(modes)
     assert level.modes_back(there).residues == pytest.approx(modes.residues)
     assert there.unrefined.shapes == pytest.approx(modes.unrefined.shapes / np.sqrt(1 / level.outputs**2)[:, None])
     huge = levelling(1e200 * response.values)

@@ -82,6 +82,11 @@ class Whitening:
     outputs: RealArray
     references: RealArray
 
+    @property
+    def inverse(self) -> Whitening:
+        """The way back, of levels."""
+        return Whitening(1 / self.outputs, 1 / self.references)
+
     def of_values(self, values: Array) -> Array:
         """Return W Y V' of a stack of matrices, (..., l, m)."""
         return np.ascontiguousarray(_columns(_rows(self.outputs, values), self.references))
@@ -121,10 +126,6 @@ class Whitening:
         """Return W^-1 Y V'^-1 of a stack of matrices, (..., l, m)."""
         return self.references_back(self.outputs_back(values))
 
-    def of_modes(self, modes: ModalModel) -> ModalModel:
-        """Return modes of the channels as those of levelled ones."""
-        return Whitening(1 / self.outputs, 1 / self.references).modes_back(modes)
-
     def modes_back(self, modes: ModalModel) -> ModalModel:
         """Return modes of the combinations as those of the channels; deviations of shapes are those of levels alone."""
         terms: dict[str, Any] = {
@@ -145,10 +146,6 @@ class Whitening:
             unrefined=None if modes.unrefined is None else self.modes_back(modes.unrefined),
             **terms,
         )
-
-    def back_of_response(self, response: Some) -> Some:
-        """Return a levelled response as it was."""
-        return Whitening(1 / self.outputs, 1 / self.references).of_response(response)
 
 
 def _rows(W: RealArray, values: Array) -> Array:

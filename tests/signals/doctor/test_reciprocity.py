@@ -71,6 +71,22 @@ def test_the_shapes_of_a_roving_hammer_are_over_its_points() -> None:
     assert np.allclose(kept.modes.frequencies, result.modes.frequencies, rtol=1e-4)
 
 
+@pytest.mark.parametrize("options", [{}, {"exclude": ["5:+X"]}, {"exclude": ["5:+X"], "band": (0.5, 7.0)}])
+def test_reciprocity_is_asked_of_responses_as_they_were_measured(options: dict[str, Any]) -> None:
+    """Levels, by which an analysis divides every channel, leave nothing reciprocal."""
+    data = CHAIN.frequency_response(
+        LINES, outputs=[0, 1, 3], inputs=range(5), quantity="acceleration", noise=0.005, seed=0
+    )
+    result = analyze(data, refine=False, **options)
+    assert result.data.exchanged
+    assert "exchanged" in {note.kind for note in result.notes}
+    assert result.modes.output_dofs == CHAIN.dofs[: 4 if options else 5]
+    contradicted = replace(data, values=data.values * np.array([1.0, 3.0, 0.2])[:, None])
+    kept = analyze(contradicted, refine=False, **options)
+    assert not kept.data.exchanged
+    assert [note.kind for note in kept.notes].count("not exchanged") == 1
+
+
 def test_every_verb_exchanges_alike_and_what_was_done_is_repeated() -> None:
     data = roving()
     diagram = stabilize(data, orders=[10])

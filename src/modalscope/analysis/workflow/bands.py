@@ -109,7 +109,7 @@ def looked_at(
         ]
 
     seen, ambient = _seen(data, document)
-    seen, reciprocal, exchanged = _exchanged(seen, document)
+    seen, reciprocal, told = _exchanged(seen, document)
     level = _levels(seen, document)
     within = seen if level is None else level.of_response(seen)
 
@@ -130,10 +130,9 @@ def looked_at(
         return found if level is None else in_units(found, _of_channels(level, seen, found.response))
 
     bands: tuple[tuple[float, float], ...] = document.bands
-    told = exchanged
     if not bands and document.orders is None:
-        bands, told = _bands_of(seen, document)
-        told = (*exchanged, *told)
+        bands, of_bands = _bands_of(seen, document)
+        told = (*told, *of_bands)
     if len(bands) > 1 or document.orders is not None or document.frequencies is not None:
         by_hand = document.orders is not None or document.frequencies is not None
         swept = sweep if by_hand else lambda band: _with_clear_peaks(ambient, sweep, band, choose)
@@ -160,12 +159,19 @@ _OF_CHANNELS = frozenset(
 
 
 def _exchanged(data: Any, document: Analysis) -> tuple[Any, bool | None, tuple[Note, ...]]:
-    """Return responses exchanged by reciprocity where that is asked or helps, what is left to ask, and notes: in the units as measured."""
-    if not _plain(data) or document.exclude:
+    """Return responses exchanged by reciprocity where that is asked or helps, what is left to ask, and notes.
+
+    Of the channels and lines that are analysed, as they were measured: levels of single channels leave nothing reciprocal.
+    """
+    if not _plain(data) or data.exchanged:
         return data, document.reciprocal, ()
-    found, notes = by_reciprocity(data, document.reciprocal)
-    kept = document.reciprocal is None and bool(notes) and not found.exchanged
-    return found, False if kept else document.reciprocal, notes
+    kept = data.select(exclude=document.exclude) if document.exclude else data
+    if document.bands:
+        kept = kept.in_band((min(low for low, _ in document.bands), max(high for _, high in document.bands)))
+    found, notes = by_reciprocity(kept, document.reciprocal)
+    if found.exchanged:
+        return data.transposed(), document.reciprocal, notes
+    return data, False if notes else document.reciprocal, notes
 
 
 def _levels(data: Any, document: Analysis) -> Whitening | None:
@@ -182,19 +188,19 @@ def _plain(data: Any) -> bool:
 
 
 def _of_channels(level: Whitening, whole: Response, part: Response) -> Whitening:
-    """Return levels of the channels that a part of a response has, exchanged as it is."""
-    turned = part.exchanged and not whole.exchanged
-    rows, columns = (part.input_dofs, part.output_dofs) if turned else (part.output_dofs, part.input_dofs)
-    sides = zip((level.outputs, level.references), (whole.output_dofs, whole.input_dofs), (rows, columns), strict=True)
-    outputs, inputs = (each[[of_whole.index(dof) for dof in kept]] for each, of_whole, kept in sides)
-    return Whitening(inputs, outputs) if turned else Whitening(outputs, inputs)
+    """Return levels of the channels that a part of a response has."""
+    outputs, inputs = whole.output_dofs, whole.input_dofs
+    return Whitening(
+        level.outputs[[outputs.index(dof) for dof in part.output_dofs]],
+        level.references[[inputs.index(dof) for dof in part.input_dofs]],
+    )
 
 
 def in_units(diagram: StabilizationDiagram, level: Whitening) -> StabilizationDiagram:
     """Return a diagram of levelled channels as that of the channels, which knows how they were levelled; `level`: of its own channels."""
     return diagram.changed(
-        response=level.back_of_response(diagram.response),
-        measured=None if diagram.measured is None else level.back_of_response(diagram.measured),
+        response=level.inverse.of_response(diagram.response),
+        measured=None if diagram.measured is None else level.inverse.of_response(diagram.measured),
         shapes=level.outputs_back(diagram.shapes),
         participation=level.references_back(diagram.participation),
         output_whitening=level.outputs,

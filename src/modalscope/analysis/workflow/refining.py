@@ -42,7 +42,7 @@ def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> 
     level = diagram.whitening
     if level is None or diagram.response.ambient:
         return _refined(diagram, modes)
-    found = level.modes_back(_refined(diagram.whitened(), level.of_modes(modes)))
+    found = level.modes_back(_refined(diagram.whitened(), level.inverse.modes_back(modes)))
     before = found.unrefined
     scaled = replace(found, unrefined=None if before is None else before.normalized("unit")).normalized("unit")
     return with_indicators_of_shapes(scaled)

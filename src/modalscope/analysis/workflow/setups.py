@@ -19,7 +19,7 @@ from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_eac
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.poles import poles_from
 from modalscope.selection.likelihood.covariance import degrees_of_wider
-from modalscope.selection.likelihood.noise import KIND
+from modalscope.selection.likelihood.noise import undenied
 
 #: Minimum number of groups whose scatter is estimated.
 _MIN_GROUPS = 4
@@ -43,15 +43,15 @@ def with_repeatability(modes: ModalModel, response: Response) -> ModalModel:
     own = [None if x is None or np.isnan(x).all() else x for x in (modes.frequencies_std, modes.damping_ratios_std)]
     stated = np.array([np.zeros(len(modes)) if each is None else np.nan_to_num(each) for each in own])
     free = np.full(stated.shape, np.inf) if modes.degrees is None else modes.degrees.T
-    return replace(
+    found = replace(
         modes,
         frequencies_std=own[0],
         damping_ratios_std=own[1],
         frequencies_repeatability=between[0],
         damping_ratios_repeatability=between[1],
         degrees=degrees_of_wider(stated, free, np.array(between), len(steps)).T,
-        notes=tuple(note for note in modes.notes if own[0] is not None or note.kind != KIND),
     )
+    return replace(found, notes=undenied(found, found.notes))
 
 
 def steps_of_groups(poles: Array, response: Response) -> ComplexArray:

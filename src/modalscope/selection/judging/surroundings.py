@@ -12,8 +12,8 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.response import Response, line_step
 from modalscope.data.shown import counted, percent
+from modalscope.data.whitening import levelling
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
-from modalscope.numerics.statistics import levels_of_table
 
 #: Names of what is said, among the reasons of a mode.
 EXPLAINED_NEARBY, OF_NYQUIST, LEFT_AT_END = "explained_nearby", "of_nyquist", "left_at_end"
@@ -32,9 +32,9 @@ def explained_nearby(response: Response, fitted: Array, modes: ModalModel) -> Re
     was measured. `fitted`: rebuilt from the modes, as the values of the response.
     """
     f, values = _lines(response, response.values)
-    level = np.outer(*levels_of_table(np.mean(np.abs(values) ** 2, axis=0)))
-    power = np.sum(np.abs(values) ** 2 / level, axis=(1, 2))
-    left = np.sum(np.abs(values - _lines(response, fitted)[1]) ** 2 / level, axis=(1, 2))
+    even = levelling(values)
+    power = np.sum(np.abs(even.of_values(values)) ** 2, axis=(1, 2))
+    left = np.sum(np.abs(even.of_values(values - _lines(response, fitted)[1])) ** 2, axis=(1, 2))
     step = float(np.ptp(f)) / max(len(np.unique(f)) - 1, 1)
     found = np.full(len(modes), np.nan)
     for k, (at, zeta) in enumerate(zip(modes.frequencies, modes.damping_ratios, strict=True)):

@@ -70,6 +70,12 @@ def gradients_of_poles(poles: Array) -> tuple[RealArray, RealArray]:
     return to_f, to_zeta
 
 
+def steps_of_poles(gradient: RealArray, inverse: RealArray) -> RealArray:
+    """Return x = J'J^-1 g of numbers that poles alone change, (n, 2 n p); `gradient` (n, 2): of each by Re s and Im s of its pole."""
+    n = len(gradient)
+    return np.asarray((gradient[:, None] @ inverse.reshape(n, -1, len(inverse))[:, :2]).reshape(n, -1))
+
+
 def pole_blocks(covariance: RealArray, first: Array) -> RealArray:
     """Return the 2 x 2 blocks on the diagonal of a covariance that begin at the given rows, (n, 2, 2).
 

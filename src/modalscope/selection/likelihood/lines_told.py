@@ -16,6 +16,7 @@ from modalscope.selection.likelihood.covariance import (
     Parts,
     degrees_of_lines,
     of_parts,
+    steps_of_poles,
     variances_of_lines,
 )
 from modalscope.selection.likelihood.information import influence_on_poles, leverage, on_rows, scores_of_lines
@@ -109,8 +110,7 @@ class ToldByLines:
         `gradients`: of both by Re s and Im s of their pole, (n, 2) each.
         """
         n = self.shapes.shape[1]
-        steps = np.stack([g[:, None] @ inverse.reshape(n, -1, len(inverse))[:, :2] for g in gradients])
-        steps = steps.reshape(2 * n, -1)
+        steps = np.concatenate([steps_of_poles(g, inverse) for g in gradients])
         degrees = degrees_of_lines(self._by_line(steps)).reshape(2, n)
         self.W, self.left = [self.times(self.W.pop(0)) for _ in range(n)], self.times(self.left)
         power, pull = np.zeros((2, 2 * n, self.left.shape[2]))

@@ -13,11 +13,11 @@ import scipy.linalg as sla
 from modalscope.data.record_residual import excess, excess_notes
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.response import Response, fading, line_step, output_scale, window_over_lines
+from modalscope.data.whitening import levelling
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.pole_basis import ModalBasis
 from modalscope.numerics.orthonormal import triangle_of
-from modalscope.numerics.statistics import levels_of_table
 from modalscope.selection.likelihood.descent import Descent, descend_from
 from modalscope.selection.likelihood.driven import whitened_records
 from modalscope.selection.likelihood.information import residual, residuals, window_noise
@@ -133,7 +133,7 @@ def _projected(response: Response, poles: Array) -> _Projected:
     columns = _unit(_columns_of(basis))
     Q, R = (np.asarray(each, float) for each in sla.qr(columns, mode="economic", check_finite=False))
     Z, left, outputs = np.empty((R.shape[0], *basis.data.shape[1:])), 0.0, basis.data.shape[1]
-    level = np.sqrt(np.outer(*levels_of_table(np.mean(np.abs(response.values) ** 2, axis=0))))
+    level = 1 / levelling(response.values).of_values(np.ones(basis.data.shape[1:]))
     step = max(_NUMBERS_AT_A_TIME // basis.data[:, 0].size, 1)
     for few in (slice(k, k + step) for k in range(0, outputs, step)):
         flat = (basis.data[:, few] / level[few]).reshape(len(columns), -1)

@@ -24,6 +24,7 @@ from modalscope.selection.likelihood.covariance import (
     pole_blocks,
     sandwich,
     shape_deviations,
+    steps_of_poles,
     wandering,
 )
 from modalscope.selection.likelihood.information import (
@@ -116,9 +117,7 @@ def spread_of(settled: Settled, poles: ComplexArray, response: Response, groups:
 
 def _by_side(point: Point, fitted: Fitted, inverse: RealArray, poles: ComplexArray) -> tuple[Parts, Parts]:
     """Return what outputs and inputs say of the frequencies of poles, each as one part."""
-    n = len(poles)
-    steps = gradients_of_poles(poles)[0][:, None] @ inverse.reshape(n, -1, len(inverse))[:, :2]
-    power, pull = by_channel(point, fitted, steps.reshape(n, -1))
+    power, pull = by_channel(point, fitted, steps_of_poles(gradients_of_poles(poles)[0], inverse))
     total = np.maximum(power.sum(axis=(1, 2)), 1e-300)[:, None]
     by_output, by_input = (parts_of(power.sum(axis=axis) / total, pull.sum(axis=axis)) for axis in (2, 1))
     return by_output, by_input
