@@ -62,14 +62,20 @@ def levelling(values: Array) -> Whitening:
 
     `values` (F, l, m).
     """
-    size = np.abs(values)
+    parts = (values.real, values.imag) if np.iscomplexobj(values) else (values,)
+    peak = np.max([np.maximum(part.max(axis=0), -part.min(axis=0)) for part in parts], axis=0)
     tops = []
-    for axes in ((0, 2), (0, 1)):  # squares of numbers near one stay numbers
-        top = size.max(axis=axes, keepdims=True)
-        size = size / np.where(top > 0, top, 1.0)
-        tops.append(np.where(top > 0, top, 1.0).ravel())
-    outputs, inputs = levels_of_table(np.mean(size**2, axis=0))
-    return Whitening(1 / np.sqrt(outputs) / tops[0], 1 / np.sqrt(inputs) / tops[1])
+    for axis in (1, 0):  # squares of numbers near one stay numbers
+        top = peak.max(axis=axis, keepdims=True)
+        tops.append(np.where(top > 0, top, 1.0))
+        peak = peak / tops[-1]
+    squares = np.zeros(peak.shape)
+    for part in parts:
+        even = part / tops[0]
+        even /= tops[1]
+        squares += np.einsum("kij,kij->ij", even, even)
+    outputs, inputs = levels_of_table(squares / len(values))
+    return Whitening(1 / np.sqrt(outputs) / tops[0].ravel(), 1 / np.sqrt(inputs) / tops[1].ravel())
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -189,10 +189,10 @@ def _plain(data: Any) -> bool:
 
 def _of_channels(level: Whitening, whole: Response, part: Response) -> Whitening:
     """Return levels of the channels that a part of a response has."""
-    outputs, inputs = whole.output_dofs, whole.input_dofs
+    outputs, inputs = ({dof: k for k, dof in enumerate(dofs)} for dofs in (whole.output_dofs, whole.input_dofs))
     return Whitening(
-        level.outputs[[outputs.index(dof) for dof in part.output_dofs]],
-        level.references[[inputs.index(dof) for dof in part.input_dofs]],
+        level.outputs[[outputs[dof] for dof in part.output_dofs]],
+        level.references[[inputs[dof] for dof in part.input_dofs]],
     )
 
 

@@ -229,9 +229,8 @@ def whitened(
     of the data.
     """
     basis = response.basis(fixed, powers)
-    data = basis.data / rows[:, None, None]
-    data /= outputs[:, None]
-    data /= inputs
+    data = basis.data / np.outer(outputs, inputs)
+    data /= rows[:, None, None]
     terms = scaled_span(basis.columns / rows[:, None])
     turned = len(outputs) < len(inputs)
     data = data.transpose(0, 2, 1) if turned else data

@@ -133,7 +133,7 @@ def _projected(response: Response, poles: Array) -> _Projected:
     columns = _unit(_columns_of(basis))
     Q, R = (np.asarray(each, float) for each in sla.qr(columns, mode="economic", check_finite=False))
     Z, left, outputs = np.empty((R.shape[0], *basis.data.shape[1:])), 0.0, basis.data.shape[1]
-    level = 1 / levelling(response.values).of_values(np.ones(basis.data.shape[1:]))
+    level = 1 / levelling(basis.data).of_values(np.ones(basis.data.shape[1:]))
     step = max(_NUMBERS_AT_A_TIME // basis.data[:, 0].size, 1)
     for few in (slice(k, k + step) for k in range(0, outputs, step)):
         flat = (basis.data[:, few] / level[few]).reshape(len(columns), -1)
