@@ -63,19 +63,12 @@ def levelling(values: Array) -> Whitening:
     `values` (F, l, m).
     """
     parts = (values.real, values.imag) if np.iscomplexobj(values) else (values,)
-    peak = np.max([np.maximum(part.max(axis=0), -part.min(axis=0)) for part in parts], axis=0)
-    tops = []
-    for axis in (1, 0):  # squares of numbers near one stay numbers
-        top = peak.max(axis=axis, keepdims=True)
-        tops.append(np.where(top > 0, top, 1.0))
-        peak = peak / tops[-1]
-    squares = np.zeros(peak.shape)
-    for part in parts:
-        even = part / tops[0]
-        even /= tops[1]
-        squares += np.einsum("kij,kij->ij", even, even)
+    peak = np.max([np.abs(part).max(axis=0) for part in parts], axis=0)
+    rows = np.where(peak.any(axis=1), peak.max(axis=1), 1.0)[:, None]  # squares of numbers near one stay numbers
+    columns = np.where(peak.any(axis=0), (peak / rows).max(axis=0), 1.0)
+    squares = sum(np.einsum("kij,kij->ij", each, each) for each in (part / (rows * columns) for part in parts))
     outputs, inputs = levels_of_table(squares / len(values))
-    return Whitening(1 / np.sqrt(outputs) / tops[0].ravel(), 1 / np.sqrt(inputs) / tops[1].ravel())
+    return Whitening(1 / np.sqrt(outputs) / rows[:, 0], 1 / np.sqrt(inputs) / columns)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from modalscope.analysis.workflow.setups import merge_modes, steps_of_groups, with_repeatability
+from modalscope.analysis.workflow.setups import merge_modes, with_repeatability
 from modalscope.data import DataError, ImpulseResponse, ModalModel
 from modalscope.data.indicators import mac
 from modalscope.numerics.functions.poles import poles_from
+from modalscope.selection.likelihood.covariance import steps_of_groups
 from modalscope.systems import chain5
 
 MODES = chain5().modes()

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from modalscope.analysis.workflow.setups import glued
 from modalscope.data.indicators import mac, with_indicators_of_shapes
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.results import StabilizationDiagram
+from modalscope.data.setups import Setups
 from modalscope.data.stored import StoredSignals
-from modalscope.selection.likelihood.line_shapes import line_shapes
+from modalscope.selection.likelihood.line_shapes import LineShapes, line_shapes
 from modalscope.signals.preprocess.ambient_records import SeenRecord
+from modalscope.signals.preprocess.harmonics import Line, find_lines
 from modalscope.signals.preprocess.spectral_peaks import Levels, clear_peaks
 
 #: Half width of a machine's line: in its spreads, plus this part of its frequency.
@@ -37,16 +40,18 @@ def with_lines_of_record(
     """
     if seen is None:
         return modes
-    machines = machines_in(seen)
+    machines = machines_in(seen.lines)
     record = seen.record.settled() if isinstance(seen.record, StoredSignals) else seen.record
-    found = _with_line_shapes(record, modes, machines) if isinstance(record, Signals) else modes
+    found = modes
+    if isinstance(record, Signals) and len(modes) and len(record.output_dofs) > 1:
+        found = _with_shapes(modes, line_shapes(record, modes, machines))
     bands = [diagram.response.reported_band(diagram.settings.band) for diagram in diagrams]
     return with_note_on_peaks(found, peaks_in(seen.levels, bands, machines)) if chosen else found
 
 
-def machines_in(seen: SeenRecord) -> list[tuple[float, float]]:
+def machines_in(lines: Iterable[Line]) -> list[tuple[float, float]]:
     """Return the frequencies and half widths of the lines of machines, Hz."""
-    return [(line.frequency, _HALF_WIDTH_SPREADS * line.spread + _HALF_WIDTH * line.frequency) for line in seen.lines]
+    return [(line.frequency, _HALF_WIDTH_SPREADS * line.spread + _HALF_WIDTH * line.frequency) for line in lines]
 
 
 def peaks_in(
@@ -80,16 +85,33 @@ def with_note_on_peaks(modes: ModalModel, peaks: Sequence[float]) -> ModalModel:
     return modes.noted(Note("peaks without a mode", {"peaks": float(len(open_there))}, text))
 
 
-def _with_line_shapes(record: Signals, modes: ModalModel, avoided: Sequence[tuple[float, float]]) -> ModalModel:
-    """Return modes with the shapes of `likelihood.line_shapes`, to which participation is still to be fitted.
+def with_lines_of_setups(setups: Setups, modes: ModalModel) -> ModalModel:
+    """Return modes of setups with the shapes of the lines of each, put together by the outputs that they share (`glued`).
 
-    `avoided`: frequencies and half widths of machines' lines (Hz).
+    A mode keeps its shape, and has no deviations, where a setup has too few lines of it.
     """
-    if not len(modes) or len(record.output_dofs) < 2:
+    if not len(modes):
         return modes
-    shapes, deviations = line_shapes(record, modes, avoided)
-    refitted = with_indicators_of_shapes(replace(modes, shapes=shapes, shapes_std=deviations).normalized("unit"))
-    real = np.all(shapes.imag == 0, axis=0)
+    outputs, band = modes.output_dofs, (0.0, 1.1 * float(modes.frequencies.max()))
+    places = [[outputs.index(dof) for dof in part.output_dofs] for part in setups.parts]
+    each = [
+        line_shapes(part, modes.select(outputs=list(part.output_dofs)), machines_in(find_lines(part, band)))
+        for part in setups.parts
+    ]
+    shapes, deviations = np.array(modes.shapes), np.full(modes.shapes.shape, np.nan)
+    for k in range(len(modes)):
+        x, s = [own.shapes[:, k] for own in each], [own.with_size[:, k] for own in each]
+        if np.isfinite(np.concatenate(s)).all():
+            shapes[:, k], deviations[:, k] = glued(x, s, places, len(outputs))
+    return _with_shapes(modes, LineShapes(shapes, deviations))
+
+
+def _with_shapes(modes: ModalModel, found: LineShapes) -> ModalModel:
+    """Return modes with shapes of lines, to which participation is still to be fitted, and notes on what they change."""
+    refitted = with_indicators_of_shapes(
+        replace(modes, shapes=found.shapes, shapes_std=found.deviations).normalized("unit")
+    )
+    real = np.all(found.shapes.imag == 0, axis=0)
     if real.any():
         which = ", ".join(f"{f:.5g} Hz" for f in modes.frequencies[real])
         text = f"Shapes assumed real, so that their MPC is 1 by assumption, because other modes overlap with {which}"

@@ -275,7 +275,7 @@ def _with_clear_peaks(seen: SeenRecord | None, sweep: Sweep, band: Band, choose:
         return found
     from modalscope.analysis.workflow.ambient_lines import machines_in, peaks_in, without_mode
 
-    peaks = peaks_in(seen.levels, [found.response.reported_band(found.settings.band)], machines_in(seen))
+    peaks = peaks_in(seen.levels, [found.response.reported_band(found.settings.band)], machines_in(seen.lines))
     lacking = len(without_mode(peaks, choose(found)))
     for _ in range(_MAX_DOUBLINGS):
         if not lacking:
@@ -328,12 +328,15 @@ def modes_chosen(data: Any, document: Analysis, looks: Sequence[Look], choose: C
         diagrams = [look.diagram for look in looks]
         found = with_lines_of_record(looks[0].seen, found, diagrams, chosen=document.frequencies is None)
         return _with_terms_of_correlations(found, looks)
+    from modalscope.analysis.workflow.ambient_lines import with_lines_of_setups
+
     found = _of_setups(data, replace(document, refine=False), looks, choose)
+    kept = data.select(exclude=document.exclude) if document.exclude else data
     if document.refine:
         from modalscope.selection.likelihood.refine_setups import refine_setups
 
-        kept = data.select(exclude=document.exclude) if document.exclude else data
         found = refine_setups(kept, found, apart=document.apart)
+    found = with_lines_of_setups(kept, found)
     return found if document.apart else _with_terms_of_correlations(found, looks)
 
 

@@ -15,14 +15,11 @@ from modalscope.data.notes import Candidate, Note
 from modalscope.data.response import Response
 from modalscope.data.sameness import likeliest, log_ratios
 from modalscope.numerics.arguments import POSITIVE, named
-from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_each, check_kind
+from modalscope.numerics.checks import ComplexArray, RealArray, check_each, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.poles import poles_from
-from modalscope.selection.likelihood.covariance import degrees_of_wider
+from modalscope.selection.likelihood.covariance import LEAST_GROUPS, degrees_of_wider, deviations_between
 from modalscope.selection.likelihood.noise import undenied
-
-#: Minimum number of groups whose scatter is estimated.
-_MIN_GROUPS = 4
 
 
 def with_repeatability(modes: ModalModel, response: Response) -> ModalModel:
@@ -30,15 +27,9 @@ def with_repeatability(modes: ModalModel, response: Response) -> ModalModel:
 
     `modes`: identified from all groups together. `response`: with `groups`: one label an input.
     """
-    labels = response.groups
-    if labels is None or len(set(labels)) < _MIN_GROUPS or not len(modes):
+    between = deviations_between(modes.poles, response)
+    if between is None:
         return modes
-    steps = steps_of_groups(modes.poles, response)
-    moved = modes.poles + steps
-    f = np.abs(moved) / (2 * np.pi)
-    zeta = -moved.real / np.abs(moved)
-    count = np.sqrt(len(steps))
-    between = [np.asarray(each.std(axis=0, ddof=1) / count) for each in (f, zeta)]
     # of correlations that were merged no noise is known: then the groups alone tell
     own = [None if x is None or np.isnan(x).all() else x for x in (modes.frequencies_std, modes.damping_ratios_std)]
     stated = np.array([np.zeros(len(modes)) if each is None else np.nan_to_num(each) for each in own])
@@ -49,53 +40,16 @@ def with_repeatability(modes: ModalModel, response: Response) -> ModalModel:
         damping_ratios_std=own[1],
         frequencies_repeatability=between[0],
         damping_ratios_repeatability=between[1],
-        degrees=degrees_of_wider(stated, free, np.array(between), len(steps)).T,
+        degrees=degrees_of_wider(stated, free, between, len(set(response.groups or ()))).T,
     )
     return replace(found, notes=undenied(found, found.notes))
 
 
-def steps_of_groups(poles: Array, response: Response) -> ComplexArray:
-    """Return how far every group of inputs would move the poles, (groups, n), in rad/s.
-
-    Residues R are fitted to the columns of the group with the poles given. Then ds is that of the least
-    |(1 - Q Q')(E - sum_r ds_r R_r dg_r/ds)|^2 over its pairs, with E what is left and Q an orthonormal basis of the functions g:
-    the residues are free in this step, too.
-
-    `poles` (n,).
-    """
-    assert response.groups is not None
-    basis = response.basis(poles, response.outside_powers)
-    columns = np.hstack([basis.terms, basis.functions])
-    Q = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny))[0]
-    slopes = response.derivatives(poles)
-    slopes = slopes - Q @ (Q.T @ slopes)
-    steps = []
-    for label in dict.fromkeys(response.groups):
-        chosen = [k for k, own in enumerate(response.groups) if own == label]
-        data = basis.data[:, :, chosen].reshape(len(basis.data), -1)
-        own = np.linalg.lstsq(columns, data, rcond=None)[0][basis.terms.shape[1] :].reshape(len(poles), 2, -1)
-        steps.append(_step(slopes, data - Q @ (Q.T @ data), own[:, 0] + 1j * own[:, 1]))
-    return np.array(steps)
-
-
-def _step(slopes: RealArray, left: RealArray, residues: ComplexArray) -> ComplexArray:
-    """Return ds (n,) of the least squares of `left` (rows, pairs) by residue times slope, real and imaginary part of each.
-
-    With e1 and e2 the slopes of 2 Re and -2 Im, a residue R and a step d give Re(R d) e1 + Im(R d) e2.
-    """
-    n = len(residues)
-    gram = (slopes.T @ slopes).reshape(n, 2, n, 2)
-    seen = (slopes.T @ left).reshape(n, 2, -1)
-    # what a unit step along the real and the imaginary axis does, as factors of e1 and e2: (n, step, slope, pairs)
-    factors = np.array([[residues.real, residues.imag], [-residues.imag, residues.real]]).transpose(2, 0, 1, 3)
-    A = np.einsum("asip,aibj,btjp->asbt", factors, gram, factors, optimize=True).reshape(2 * n, 2 * n)
-    b = np.einsum("asip,aip->as", factors, seen, optimize=True).ravel()
-    x = np.linalg.lstsq(A, b, rcond=None)[0].reshape(n, 2)
-    return np.asarray(x[:, 0] + 1j * x[:, 1])
-
-
 #: Rounds in which shapes and the scales of their parts are fitted alternately.
 _MAX_ROUNDS = 10
+
+#: Information on the scales of parts below this part of the largest is rounding: nothing tells the size of all of them.
+_ROUNDING = 1e-9
 
 #: Numbers that have deviations.
 _NAMES = ("frequencies", "damping_ratios")
@@ -172,10 +126,11 @@ def merge_modes(
     kept, f, zeta = [kept[k] for k in order], f[order], zeta[order]
     poles = poles_from(f, zeta)
     outputs = tuple(dict.fromkeys(dof for part in parts for dof in part.output_dofs))
-    pieces = _pieces(parts, kept, poles, given)
     places = [[outputs.index(dof) for dof in part.output_dofs] for part in parts]
-    shapes = np.array([_glued(x, places, len(outputs)) for x in pieces], dtype=complex).reshape(-1, len(outputs)).T
-    repeated = None if labels is None or len(set(labels)) < _MIN_GROUPS else labels
+    even = [np.ones(len(place)) for place in places]
+    glues = [glued(x, even, places, len(outputs))[0] for x in _pieces(parts, kept, poles, given)]
+    shapes = np.array(glues, dtype=complex).reshape(-1, len(outputs)).T
+    repeated = None if labels is None or len(set(labels)) < LEAST_GROUPS else labels
     return ModalModel(
         poles=poles,
         shapes=shapes,
@@ -277,7 +232,7 @@ def _between(x: RealArray, labels: list[str]) -> float:
     means = np.array(
         [np.mean([a for a, own in zip(x, labels, strict=True) if own == label]) for label in dict.fromkeys(labels)]
     )
-    return float(means.std(ddof=1) / np.sqrt(means.size)) if means.size >= _MIN_GROUPS else np.nan
+    return float(means.std(ddof=1) / np.sqrt(means.size)) if means.size >= LEAST_GROUPS else np.nan
 
 
 def _residues(response: Response, poles: ComplexArray) -> ComplexArray:
@@ -288,20 +243,42 @@ def _residues(response: Response, poles: ComplexArray) -> ComplexArray:
     return np.linalg.svd(residues, full_matrices=False)[0][:, :, 0].T
 
 
-def _glued(pieces: list[ComplexArray], places: list[list[int]], outputs: int) -> ComplexArray:
-    """Return the shape of which the pieces are multiples: scales and shape by least squares in turn, the first piece as it is."""
-    phi, seen = np.zeros(outputs, dtype=complex), np.zeros(outputs, dtype=bool)
-    phi[places[0]], seen[places[0]] = pieces[0], True
+def glued(
+    pieces: Sequence[ComplexArray], deviations: Sequence[RealArray], places: Sequence[Sequence[int]], outputs: int
+) -> tuple[ComplexArray, RealArray]:
+    """Return the shape phi of which the pieces x_j are multiples, and the deviations of its outputs, (outputs,) each.
+
+    min over phi and b of Q = sum_j |(x_j - b_j phi_j) / s_j|^2, in turn, the first piece as it is at first. With D = sum_j |b_j|^2 / s_j^2
+    and G = phi_j conj(b_j) / (s_j^2 D), information on b_j sum |phi_j|^2 / s_j^2 and none on the size of all, the covariance of phi is
+    D^-1 + G C G^*, C that of b; what lies along phi is no error of a shape. It is multiplied by Q over its degrees of freedom where that
+    exceeds one.
+
+    `deviations`: s_j of the outputs of each piece. `places`: those outputs among all.
+    """
+    weights = [1 / np.maximum(s, np.finfo(float).tiny) ** 2 for s in deviations]
+    phi, D = np.zeros(outputs, dtype=complex), np.zeros(outputs)
+    phi[places[0]], D[places[0]] = pieces[0], 1
+    b = np.ones(len(pieces), dtype=complex)
     for _ in range(_MAX_ROUNDS):
-        total, count = np.zeros(outputs, dtype=complex), np.zeros(outputs)
-        for x, place in zip(pieces, places, strict=True):
-            known = seen[place]
-            own = x[known]
-            scale = np.vdot(own, phi[place][known]) / max(np.vdot(own, own).real, np.finfo(float).tiny)
-            total[place] += scale * x
-            count[place] += 1
-        phi, seen = total / count, count > 0
-    return phi
+        seen, total, D = D > 0, np.zeros(outputs, dtype=complex), np.zeros(outputs)
+        for j, (x, w, place) in enumerate(zip(pieces, weights, places, strict=True)):
+            known = w * seen[place]
+            b[j] = known * phi[place].conj() @ x / max(known @ np.abs(phi[place]) ** 2, np.finfo(float).tiny)
+            total[place] += w * b[j].conj() * x
+            D[place] += w * abs(b[j]) ** 2
+        phi = total / np.where(D > 0, D, 1)
+    left, G, own = 0.0, np.zeros((outputs, len(b)), dtype=complex), np.zeros(len(b))
+    for j, (x, w, place) in enumerate(zip(pieces, weights, places, strict=True)):
+        left += float(w @ np.abs(x - b[j] * phi[place]) ** 2)
+        own[j] = w @ np.abs(phi[place]) ** 2
+        G[place, j] = w * phi[place] * b[j].conj() / D[place]
+    C = np.linalg.pinv(np.diag(own) - (G.conj().T * D) @ G, rcond=_ROUNDING, hermitian=True)
+    along = phi / max(float(np.linalg.norm(phi)), np.finfo(float).tiny)
+    across = G - along[:, None] * (along.conj() @ G)
+    size = np.abs(along) ** 2
+    variance = (1 - 2 * size) / D + size * np.sum(size / D) + np.einsum("oj,jk,ok->o", across, C, across.conj()).real
+    free = sum(map(len, pieces)) - outputs - len(b) + 1
+    return phi, np.sqrt(np.maximum(variance * max(1.0, left / max(free, 1)), 0))
 
 
 def _reason(mode: _Mode, parts: Sequence[ModalModel]) -> dict[str, object]:

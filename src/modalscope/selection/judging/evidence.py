@@ -15,6 +15,7 @@ from modalscope.identification.orders import usable_orders
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.functions.poles import frequencies_and_damping, poles_from
 from modalscope.selection.judging.tracking import GAP, Poles, consensus, join_broken, merge_splits, tracks
+from modalscope.selection.likelihood.covariance import deviations_between
 from modalscope.selection.likelihood.noise import typical_deviation
 from modalscope.signals.preprocess.spectral_peaks import PEAK
 
@@ -240,12 +241,6 @@ def _orders_of(facts: dict[str, Any]) -> str:
 #: Minimum MAC of two modes within a half bandwidth that are one.
 SAME_SHAPE = 0.9
 
-#: A late group is reported below these standard deviations of frequency (half bandwidths) and damping (relative) ...
-_MAX_LATE_DEVIATION = 0.3
-
-#: ... and at this share of all orders or more: poles of noise stay below.
-_MIN_LATE_SHARE = 0.5
-
 
 def counted(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> tuple[Poles, list[Candidate]]:
     """Return the groups of poles that agree over orders, splits merged, with what speaks for each and what against."""
@@ -254,40 +249,12 @@ def counted(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> 
     poles = replace(every, orders=orders).take(np.flatnonzero(every.order <= orders[-1]))
     groups = [group for group in (consensus(poles, t) for t in tracks(poles)) if group.size >= min(3, len(orders))]
     peak = peaks(diagram, poles, evidence)
+    groups = join_broken(poles, groups)
     candidates = [
-        judge(poles, group, peak, fit, evidence, _left_open(diagram, poles, group), _height(diagram, poles, group))
-        for group in join_broken(poles, groups)
+        judge(poles, group, peak, fit, evidence, float(left_open), _height(diagram, poles, group))
+        for group, left_open in zip(groups, _all_left_open(diagram, poles, groups), strict=True)
     ]
-    found = _none_twice(poles, candidates)
-    if known is None:  # what noise makes is not told from what agrees
-        return every, found
-    return every, found + _late(diagram, every, found, (orders[-1], fit), evidence)
-
-
-def _late(
-    diagram: StabilizationDiagram,
-    every: Poles,
-    found: list[Candidate],
-    explaining: tuple[int, float],
-    evidence: Evidence,
-) -> list[Candidate]:
-    """Return what agrees over all orders, is known well and is not among the modes: too weak for the orders that explain the data.
-
-    `explaining` are the last of these orders and its fit error.
-    """
-    (last, fit), peak = explaining, peaks(diagram, every, evidence)
-    least = max(LEAST_ORDERS, _MIN_LATE_SHARE * len(every.orders))
-    late: list[Candidate] = []
-    told = [c for c in found if not c.against or c.members.size >= LEAST_SHARE * len(every.orders)]
-    for group in sorted((consensus(every, t) for t in tracks(every)), key=lambda g: -g.size):
-        if group.size < least or not _left_open(diagram, every, group) < _MAX_LATE_DEVIATION:
-            continue
-        f, zeta = float(np.median(every.frequency[group])), float(np.median(every.damping[group]))
-        if any(abs(f - c.frequency) < f * zeta + c.frequency * c.damping for c in [*told, *late]):
-            continue
-        text = f"weak: found at {group.size} of {len(every.orders)} orders, but hardly at those sufficient for the data (up to {last})"
-        late.append(replace(judge(every, group, peak, fit, evidence), against=(text,)))
-    return late
+    return every, _none_twice(poles, candidates)
 
 
 def _known(diagram: StabilizationDiagram) -> RealArray | None:
@@ -301,6 +268,15 @@ def _known(diagram: StabilizationDiagram) -> RealArray | None:
     if f is None or zeta is None:
         return None
     return np.asarray(2 * np.pi * np.hypot(f, zeta * diagram.frequencies))
+
+
+def _all_left_open(diagram: StabilizationDiagram, poles: Poles, groups: list[Array]) -> RealArray:
+    """Return the larger deviation of every group, see `_left_open`; of merged setups, whose noise is not known, by what these disagree."""
+    own = np.array([_left_open(diagram, poles, group) for group in groups])
+    middles = [(np.median(poles.frequency[group]), np.median(poles.damping[group])) for group in groups]
+    f, zeta = np.array(middles).reshape(-1, 2).T
+    between = deviations_between(poles_from(f, zeta), diagram.response) if np.isnan(own).all() else None
+    return own if between is None else np.asarray(np.max(between / [f * zeta, zeta], axis=0))
 
 
 def _left_open(diagram: StabilizationDiagram, poles: Poles, group: Array) -> float:

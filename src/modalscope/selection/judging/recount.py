@@ -6,7 +6,6 @@ that a mode is more significant there.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,7 +19,7 @@ from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.functions.poles import frequencies_and_damping, overlap
 from modalscope.selection.judging.selection_problem import MAX_DAMPING_OF_RESONANCES, SelectionProblem
 from modalscope.selection.likelihood.descent import Descent
-from modalscope.selection.likelihood.line_levels import parts_of_level
+from modalscope.selection.likelihood.line_levels import few_channels, parts_of_level
 from modalscope.selection.likelihood.matched import apart, explained_by_channel, grid_of, residues_by_channel
 from modalscope.selection.likelihood.whitening import LEVEL_LINES, free_bound, lag_factor, smoothed
 
@@ -38,9 +37,6 @@ _MAX_LAGS, _END_DEVIATIONS, _END_LAGS = 200, 2.0, 8
 
 #: Variance of a product of two different errors, relative to that of the square of one and to the prior variance of a correlation.
 _VARIANCE_OF_PRODUCT = 0.5
-
-#: Numbers that are transformed at a time.
-_NUMBERS_AT_A_TIME = 1 << 18
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -113,7 +109,7 @@ def errors_of(left: RealArray, data: RealArray, even: RealArray, unknown: int) -
 def _levels(left: RealArray, data: RealArray, even: RealArray) -> tuple[RealArray, RealArray]:
     """Return the variance of errors of channels (F, c), and the share of the response's own in it."""
     (variance, share), excess = np.empty((2, len(even), left.shape[1])), np.zeros(len(even))
-    for few in _few(*variance.shape):
+    for few in few_channels(*variance.shape):
         squares = (each**2 for each in (left[:, few], data[:, few] - left[:, few]))
         power, size = (real + imag for real, imag in (np.split(each, 2) for each in squares))
         noise, own = parts_of_level(power, even, size)
@@ -124,12 +120,6 @@ def _levels(left: RealArray, data: RealArray, even: RealArray) -> tuple[RealArra
     return variance, share
 
 
-def _few(lines: int, channels: int) -> Iterator[slice]:
-    """Yield some channels after others."""
-    step = max(_NUMBERS_AT_A_TIME // lines, 1)
-    return (slice(k, k + step) for k in range(0, channels, step))
-
-
 def _correlations(left: RealArray, variance: RealArray, share: RealArray) -> tuple[RealArray, RealArray]:
     """Return the correlations of the even part and of the response's own, one line apart, two lines apart, ..., to where each ends."""
 
@@ -138,7 +128,7 @@ def _correlations(left: RealArray, variance: RealArray, share: RealArray) -> tup
         u = lines_of_rows(left[:, few]) / np.sqrt(variance[:, few])
         return np.array([_at_lags(each) for each in (q * u, s * u, q**2, s**2, q * s)])
 
-    even, own, qq, ss, qs = np.sum([sums(few) for few in _few(*variance.shape)], axis=0)
+    even, own, qq, ss, qs = np.sum([sums(few) for few in few_channels(*variance.shape)], axis=0)
     products = np.stack([even, own], axis=1)
     gram = np.stack([np.stack([qq, qs], axis=1), np.stack([qs, ss], axis=1)], axis=1)
     spread = np.linalg.inv(gram + _VARIANCE_OF_PRODUCT * np.eye(2))

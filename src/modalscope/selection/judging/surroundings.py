@@ -33,8 +33,8 @@ def explained_nearby(response: Response, fitted: Array, modes: ModalModel) -> Re
     """
     f, values = _lines(response, response.values)
     even = levelling(values)
-    weight = even.of_values(np.ones(values.shape[1:])) ** 2
-    power, left = (_power(each, weight) for each in (values, values - _lines(response, fitted)[1]))
+    power = np.sum(np.abs(even.of_values(values)) ** 2, axis=(1, 2))
+    left = np.sum(np.abs(even.of_values(values - _lines(response, fitted)[1])) ** 2, axis=(1, 2))
     step = float(np.ptp(f)) / max(len(np.unique(f)) - 1, 1)
     found = np.full(len(modes), np.nan)
     for k, (at, zeta) in enumerate(zip(modes.frequencies, modes.damping_ratios, strict=True)):
@@ -42,12 +42,6 @@ def explained_nearby(response: Response, fitted: Array, modes: ModalModel) -> Re
         if near.any() and f.min() <= at <= f.max() and power[near].sum() > 0:
             found[k] = max(1 - left[near].sum() / power[near].sum(), 0.0)
     return found
-
-
-def _power(values: Array, weight: RealArray) -> RealArray:
-    """Return the sum of the weighted squares of all channels on every line, (F,)."""
-    parts = (values.real, values.imag) if np.iscomplexobj(values) else (values,)
-    return np.asarray(sum(np.einsum("kom,kom,om->k", part, part, weight) for part in parts))
 
 
 def left_at_end(response: Response, modes: ModalModel) -> RealArray:

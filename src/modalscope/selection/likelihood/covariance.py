@@ -10,6 +10,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.special import fdtri, stdtrit
 
+from modalscope.data.response import Response
 from modalscope.identification.matrices.full import full
 from modalscope.identification.matrices.influence import Influence, Lines, Moments
 from modalscope.identification.matrices.matrix import DataMatrix, Eigen, Realization, Triple
@@ -177,6 +178,60 @@ def degrees_of_wider(deviations: RealArray, degrees: RealArray, between: RealArr
     """Return the degrees of freedom of the wider interval of 95 %: of deviations from the noise, or of those between so many groups."""
     few, tail = groups - 1.0, (1 + _LEVEL) / 2
     return np.where(between * stdtrit(few, tail) > deviations * stdtrit(degrees, tail), few, degrees)
+
+
+def deviations_between(poles: ComplexArray, response: Response) -> RealArray | None:
+    """Return the deviations of the means over groups, s / sqrt(G), of frequencies (Hz) and damping ratios, (2, n).
+
+    None of fewer than four groups, and without poles. `response`: with `groups`: one label an input.
+    """
+    labels = response.groups
+    if labels is None or len(set(labels)) < LEAST_GROUPS or not len(poles):
+        return None
+    moved = poles + steps_of_groups(poles, response)
+    f = np.abs(moved) / (2 * np.pi)
+    zeta = -moved.real / np.abs(moved)
+    return np.array([each.std(axis=0, ddof=1) / np.sqrt(len(moved)) for each in (f, zeta)])
+
+
+def steps_of_groups(poles: Array, response: Response) -> ComplexArray:
+    """Return how far every group of inputs would move the poles, (groups, n), in rad/s.
+
+    Residues R are fitted to the columns of the group with the poles given. Then ds is that of the least
+    |(1 - Q Q')(E - sum_r ds_r R_r dg_r/ds)|^2 over its pairs, with E what is left and Q an orthonormal basis of the functions g:
+    the residues are free in this step, too.
+
+    `poles` (n,).
+    """
+    assert response.groups is not None
+    basis = response.basis(poles, response.outside_powers)
+    columns = np.hstack([basis.terms, basis.functions])
+    Q = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny))[0]
+    slopes = response.derivatives(poles)
+    slopes = slopes - Q @ (Q.T @ slopes)
+    steps = []
+    for label in dict.fromkeys(response.groups):
+        chosen = [k for k, own in enumerate(response.groups) if own == label]
+        data = basis.data[:, :, chosen].reshape(len(basis.data), -1)
+        own = np.linalg.lstsq(columns, data, rcond=None)[0][basis.terms.shape[1] :].reshape(len(poles), 2, -1)
+        steps.append(_step(slopes, data - Q @ (Q.T @ data), own[:, 0] + 1j * own[:, 1]))
+    return np.array(steps)
+
+
+def _step(slopes: RealArray, left: RealArray, residues: ComplexArray) -> ComplexArray:
+    """Return ds (n,) of the least squares of `left` (rows, pairs) by residue times slope, real and imaginary part of each.
+
+    With e1 and e2 the slopes of 2 Re and -2 Im, a residue R and a step d give Re(R d) e1 + Im(R d) e2.
+    """
+    n = len(residues)
+    gram = (slopes.T @ slopes).reshape(n, 2, n, 2)
+    seen = (slopes.T @ left).reshape(n, 2, -1)
+    # what a unit step along the real and the imaginary axis does, as factors of e1 and e2: (n, step, slope, pairs)
+    factors = np.array([[residues.real, residues.imag], [-residues.imag, residues.real]]).transpose(2, 0, 1, 3)
+    A = np.einsum("asip,aibj,btjp->asbt", factors, gram, factors, optimize=True).reshape(2 * n, 2 * n)
+    b = np.einsum("asip,aip->as", factors, seen, optimize=True).ravel()
+    x = np.linalg.lstsq(A, b, rcond=None)[0].reshape(n, 2)
+    return np.asarray(x[:, 0] + 1j * x[:, 1])
 
 
 def lower_damping(poles: ComplexArray, scatter: RealArray) -> RealArray:

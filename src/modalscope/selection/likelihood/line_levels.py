@@ -36,7 +36,7 @@ def parts_of_level(power: RealArray, even: RealArray, size: RealArray) -> tuple[
     Source of the latter: C. Févotte and J. Idier, Neural Computation 23, 2011.
     """
     noise, own = np.empty(power.shape), np.empty(power.shape)
-    for few in _few(*power.shape):
+    for few in few_channels(*power.shape):
         parts = _likeliest(np.ascontiguousarray(power[:, few].T), even, np.ascontiguousarray(size[:, few].T))
         noise[:, few], own[:, few] = (part.T for part in parts)
     return noise, own
@@ -50,7 +50,7 @@ def rows_of_lines(left: RealArray, data: RealArray, count: int, *, smooth: bool 
     """
     flat, whole = (each.reshape(2, count, -1)[..., telling(left[0].size)] for each in (left, data))
     level, total = np.zeros((2, count))
-    for few in _few(count, flat.shape[2]):
+    for few in few_channels(count, flat.shape[2]):
         power, size = _squares(flat[..., few]), _squares(whole[..., few] - flat[..., few])
         power /= np.maximum(power.mean(axis=1), 1e-300)[:, None]
         noise, own = _likeliest(power, np.ones(count), size)
@@ -71,8 +71,8 @@ def _squares(parts: RealArray) -> RealArray:
     return np.ascontiguousarray(np.einsum("rfc,rfc->fc", parts, parts).T)
 
 
-def _few(lines: int, channels: int) -> Iterator[slice]:
-    """Yield some channels after others."""
+def few_channels(lines: int, channels: int) -> Iterator[slice]:
+    """Yield some channels after others, as many as stay in the cache."""
     step = max(_NUMBERS_AT_A_TIME // max(lines, 1), 1)
     return (slice(k, k + step) for k in range(0, channels, step))
 

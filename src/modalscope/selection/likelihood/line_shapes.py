@@ -49,6 +49,10 @@ _CORRELATED_LINES = np.array([1.0, 2 / 3, 1 / 6]) ** 2
 _MAX_MISFIT = 10.0
 
 
+#: Least part of the error of a component that lies across its shape: one that is nearly alone has hardly any.
+_LEAST_ACROSS = 0.05
+
+
 class _Lines(NamedTuple):
     """Lines of a record, channels at a root mean square of one: transforms Y (R, F, l), Hz (F,), responses h of all modes (n, F)."""
 
@@ -67,6 +71,12 @@ class LineShapes(NamedTuple):
 
     shapes: ComplexArray
     deviations: RealArray
+
+    @property
+    def with_size(self) -> RealArray:
+        """Deviations s / sqrt(1 - u^2), u a component of the shape of length one: of components whose common size is not taken off."""
+        unit = np.abs(self.shapes) / np.maximum(np.linalg.norm(self.shapes, axis=0), np.finfo(float).tiny)
+        return np.asarray(self.deviations / np.sqrt(np.maximum(1 - unit**2, _LEAST_ACROSS)))
 
 
 def line_shapes(record: Signals, modes: ModalModel, avoided: Sequence[tuple[float, float]] = ()) -> LineShapes:
