@@ -1,6 +1,6 @@
 // Bundles the front end: page (served), viewer (report), widget (notebook). The folder to write is the first argument.
 import { build } from "esbuild";
-import { copyFile, mkdir, readFile, writeFile } from "node:fs/promises";
+import { copyFile, mkdir } from "node:fs/promises";
 import { join } from "node:path";
 
 const out = process.argv[2] ?? "dist";
@@ -12,7 +12,3 @@ await Promise.all([
   build({ ...shared, entryPoints: { widget: "src/widget.js" }, outdir: out, format: "esm" }),
 ]);
 await copyFile("src/index.html", join(out, "index.html"));
-// what is bundled keeps its licences
-const named = ["uplot"];
-const texts = await Promise.all(named.map(async (name) => `${name}\n\n${await readFile(`node_modules/${name}/LICENSE`, "utf8")}`));
-await writeFile(join(out, "LICENSES.txt"), texts.join("\n\n"));

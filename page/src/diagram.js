@@ -1,8 +1,7 @@
 // The stabilization diagram: poles of every order over the mode indicator, with a click to take or refuse.
-// It is drawn in layers, of which a change draws its own alone: curves and axes, lines of modes, poles, the pole under the pointer.
-import { axis, decibels, fitted, uPlot, wheelZoom } from "./chart.js";
-import { colour, dodge, fill, h, hertz, number, rgb, soon } from "./dom.js";
-import { makePixels, packed, stamped } from "./pixels.js";
+import { axisOf, cut, decibels } from "./axes.js";
+import { colour, fill, h, hertz, number } from "./dom.js";
+import { makePicture } from "./picture.js";
 
 /** The mark of a kind in a legend, in its ink. @param {any} kind  as modalscope.interfaces.plot.web.poles describes it */
 export const keyOf = (kind) => h(`i.key.${kind.mark}`, { style: `color: var(--ink-${kind.ink})` });
@@ -14,6 +13,12 @@ const STABLE = 4;
 const NEAR = 16;
 const LISTED = 5;
 const SAME = 7;
+
+/** Multiples of a frequency that are drawn at most. */
+const HARMONICS = 40;
+
+/** Inks of the curves behind the poles, from the first on. */
+const BEHIND = ["muted", "middle", "pale", "grid"];
 
 /** From the lowest to the highest of several bands. @param {number[][]} bands @returns {[number, number]} */
 export const ends = (bands) => [Math.min(...bands.map((b) => b[0])), Math.max(...bands.map((b) => b[1]))];
@@ -39,294 +44,159 @@ export function makeDiagram(place, acts = {}) {
   let band = /** @type {[number, number]} */ ([0, 1]);
   let top = 10;
   let shownTop = Infinity;
-  let letters = false;
-  let linear = false;
-  let harmonics = false;
+  let [letters, linear, harmonics] = [false, false, false];
   let pointer = NaN;
   let level = "mode indicator";
   let always = false; // linear whatever was chosen
   let hover = -1;
-  let curves = { lines: /** @type {ArrayLike<number>} */ ([0, 1]), levels: /** @type {any[]} */ ([]) };
-  let chart = /** @type {any} */ (null);
-  // poles of each kind, and how many orders there are
+  let curves = { lines: /** @type {ArrayLike<number>} */ ([]), levels: /** @type {any[]} */ ([]) };
+  let [decibel, bare] = [/** @type {any[]} */ ([]), /** @type {any[]} */ ([])];
   let table = /** @type {any[]} */ ([]);
-  let kinds = /** @type {number[][]} */ ([]);
   let rows = 1;
-  const layers = ["marks", "poles", "ring"].map(() => h("canvas.layer", { "aria-hidden": "true" }));
-  const [markLayer, poleLayer, ringLayer] = layers;
-  const sheet = makePixels(poleLayer);
 
-  const options = () => ({
-    width: Math.max(holder.clientWidth, 60),
-    height: Math.max(holder.clientHeight, 60),
-    padding: [30, 4, 0, 0],
-    legend: { show: false },
-    cursor: { drag: { x: true, y: false, dist: 4 }, points: { show: false }, focus: { prox: 1e6 } },
-    scales: {
-      x: { time: false, range: (_, min, max) => (min === max || min === null ? band : [min, max]) },
-      y: { range: () => [0, top * 1.04 + 1] },
-      c: { range: (_, min, max) => (min === null ? [0, 1] : [min - (max - min) * 0.03, max + (max - min) * 0.04]) },
+  const picture = makePicture(holder, {
+    whole: () => band,
+    over,
+    leave: () => show([]),
+    move(x, y, box) {
+      pointer = box.value(x);
+      show(under(x, y, box));
     },
-    axes: [
-      axis({ label: "frequency [Hz]", size: 24 }),
-      axis({ scale: "y", label: "model order (states)", size: 30, grid: { show: false }, space: 26 }),
-      axis({ scale: "c", side: 1, size: 32, grid: { show: false }, label: linear || always ? level : level.includes("[") ? level.replace("[", "[dB re ") : `${level} [dB]` }),
-    ],
-    series: [
-      {},
-      { scale: "y", show: true, points: { show: false } },
-      ...curves.levels.map((_, i) => ({ scale: "c", stroke: () => colour(`curve-${Math.min(i + 1, 3)}`), width: i ? 1 : 1.5, points: { show: false } })),
-    ],
-    hooks: { draw: [drawMarks, drawPoles, drawRing], setScale: [() => (hover = -1)] },
+    click(x, y, box) {
+      const found = under(x, y, box);
+      if (found.length) return act(found[0]);
+      const near = modes.map((m, i) => [Math.abs(box.across(m.frequency) - x), i]).sort((a, b) => a[0] - b[0])[0];
+      if (near && near[0] < SAME) acts.select?.(near[1]);
+    },
   });
 
-  function build() {
-    const zoom = chart && chart.scales.x.min > band[0] + 1e-9 ? { min: chart.scales.x.min, max: chart.scales.x.max } : null;
-    chart?.destroy();
-    const empty = new Array(curves.lines.length).fill(null);
-    if (empty.length) empty[0] = 0;
-    const levels = curves.levels.map((level) => (linear || always ? level : Array.from(level, decibels)));
-    chart = new uPlot(/** @type {any} */ (options()), /** @type {any} */ ([curves.lines, empty, ...levels]), holder);
-    chart.over.before(...layers);
-    chart.setScale("x", zoom && zoom.max <= band[1] * 1.001 ? zoom : { min: band[0], max: band[1] });
-    listen(chart);
+  /** The picture of a part of the band: curves in the ends that they have there. @param {[number, number] | null} view */
+  function described(view) {
+    const [low, high] = view ?? band;
+    const levels = linear || always ? bare : decibel;
+    const label = linear || always ? level : level.includes("[") ? level.replace("[", "[dB re ") : `${level} [dB]`;
+    const highest = top * 1.04 + 1;
+    const spans = modes.flatMap(({ frequency_interval: interval }, i) => (interval?.[0] ? [{ kind: "Areas", ink: "vermillion", corners: [interval[0], 0, interval[0], highest, interval[1], highest, interval[1], 0], strength: [i === chosen ? 0.24 : 0.1] }] : []));
+    return {
+      words: "Stabilization diagram: poles of all orders over frequency",
+      panels: [
+        {
+          x: { label: "frequency [Hz]", low, high },
+          y: { label: "model order (states)", low: 0, high: highest },
+          items: [...spans, ...marksOf(), { kind: "Marks", ink: "muted", mark: "stick", x: leftOut.map((c) => c.frequency_hz), y: leftOut.map(() => highest) }],
+          flat: true,
+          marked: modes.map((mode, i) => [mode.frequency, String(i + 1), { width: i === chosen ? 1.8 : 1, full: i === chosen && mode.shown?.grade !== "preliminary" }]),
+          behind: levels.length ? { axis: axisOf(label, view ? cut(curves.lines, levels, view).levels : levels), items: levels.map((y, k) => ({ kind: "Line", x: curves.lines, y, ink: BEHIND[k], width: k ? 1 : 1.5 })) } : null,
+        },
+      ],
+    };
   }
 
-  const paint = Object.fromEntries(Object.entries({ marks: drawMarks, poles: drawPoles, ring: drawRing }).map(([name, draw]) => [name, soon(() => chart && draw(chart))]));
-
-  /** Put a layer where the chart is, or where its poles are, and return its size in pixels and what a pixel of the page is. @param {any} u @param {HTMLCanvasElement} layer @param {boolean} [inside] */
-  function placed(u, layer, inside = true) {
-    const ratio = uPlot.pxRatio;
-    const box = inside ? { left: u.bbox.left, top: u.bbox.top, width: u.bbox.width, height: u.bbox.height } : { left: 0, top: 0, width: u.width * ratio, height: u.height * ratio };
-    for (const [side, value] of Object.entries(box)) layer.style[side] = `${value / ratio}px`;
-    return { width: Math.round(box.width), height: Math.round(box.height), ratio };
+  /** Marks of all poles up to the order that is shown, by their kinds; those that are stable in all over the others. */
+  function marksOf() {
+    const size = Math.min(1.9, Math.max(0.42, ((0.42 * holder.clientHeight) / rows / 2.6) ** 2));
+    const items = table.map((kind, k) => ({ kind: "Marks", x: /** @type {number[]} */ ([]), y: /** @type {number[]} */ ([]), ink: kind.ink, mark: kind.mark, letter: kind.letter, letters, size: k === STABLE ? size : 0.64 * size, hollow: !["dot", "cross"].includes(kind.mark) }));
+    for (let i = 0; i < poles.frequency.length; i++) {
+      if (poles.order[i] > shownTop) continue;
+      items[poles.kind[i]]?.x.push(poles.frequency[i]);
+      items[poles.kind[i]]?.y.push(poles.order[i]);
+    }
+    return items;
   }
 
-  /** The same, wiped and ready to be drawn on. @param {any} u @param {HTMLCanvasElement} layer @param {boolean} [inside] */
-  function wiped(u, layer, inside) {
-    const { width, height, ratio } = placed(u, layer, inside);
-    [layer.width, layer.height] = [width, height];
-    return { ctx: layer.getContext("2d"), ratio };
-  }
-
-  /** How large a mark is, in pixels of the screen. @param {any} u @param {number} ratio */
-  const sizeOf = (u, ratio) => Math.min(3.6, Math.max(1.7, (0.42 * u.bbox.height) / ratio / rows)) * ratio;
-
-  /** @param {any} u */
-  function drawPoles(u) {
-    const { width, height, ratio } = placed(u, poleLayer);
-    sheet.begin(width, height);
-    const { min, max } = u.scales.x;
-    const kx = width / (max - min);
-    const ky = height / u.scales.y.max;
-    const size = sizeOf(u, ratio);
-    kinds.forEach((members, kind) => {
-      const stamp = letters ? letterOf(table[kind], ratio) : markOf(table[kind], size * (kind === STABLE ? 1 : 0.8), ratio);
-      const [red, green, blue] = rgb(`ink-${table[kind].ink}`);
-      const ink = packed(red, green, blue);
-      for (const i of members) {
-        const f = poles.frequency[i];
-        if (poles.order[i] <= shownTop && f >= min && f <= max) sheet.dot(stamp, (f - min) * kx, height - poles.order[i] * ky, ink);
+  /** A ring about the pole under the pointer, with its interval, and the multiples of the frequency there. @param {CanvasRenderingContext2D} ctx @param {any} box */
+  function over(ctx, box) {
+    if (harmonics && pointer > 0) {
+      ctx.strokeStyle = ctx.fillStyle = colour("accent");
+      ctx.setLineDash([2, 3]);
+      for (let k = 1; k <= HARMONICS && k * pointer <= box.x.high; k++) {
+        if (!box.inside(k * pointer)) continue;
+        const x = box.across(k * pointer);
+        ctx.beginPath();
+        ctx.moveTo(x, box.top);
+        ctx.lineTo(x, box.foot);
+        ctx.stroke();
+        ctx.fillText(k === 1 ? `1 x ${hertz(pointer, band[1])}` : String(k), x + 3, box.foot - 5);
       }
-    });
-    sheet.end();
-  }
-
-  /** Lines of modes with their numbers, and ticks of what was left out. @param {any} u */
-  function drawMarks(u) {
-    const { ctx, ratio } = wiped(u, markLayer, false);
-    const { bbox } = u;
-    ctx.font = `600 ${11 * ratio}px system-ui, sans-serif`;
-    ctx.textAlign = "center";
-    ctx.textBaseline = "alphabetic";
-    const named = /** @type {[number, string][]} */ ([]);
-    modes.forEach((mode, i) => {
-      const x = u.valToPos(mode.frequency, "x", true);
-      if (x < bbox.left || x > bbox.left + bbox.width) return;
-      const interval = mode.frequency_interval;
-      ctx.globalAlpha = i === chosen ? 0.24 : 0.1;
-      ctx.fillStyle = colour("mode");
-      if (interval?.[0]) {
-        const [a, b] = interval.map((/** @type {number} */ f) => Math.min(Math.max(u.valToPos(f, "x", true), bbox.left), bbox.left + bbox.width));
-        ctx.fillRect(a, bbox.top, b - a, bbox.height);
-      }
-      ctx.globalAlpha = i === chosen ? 1 : 0.75;
-      ctx.strokeStyle = ctx.fillStyle = colour("mode");
-      ctx.lineWidth = (i === chosen ? 1.8 : 1) * ratio;
-      ctx.setLineDash(mode.shown?.grade === "preliminary" ? [2 * ratio, 3 * ratio] : i === chosen ? [] : [6 * ratio, 4 * ratio]);
-      ctx.beginPath();
-      ctx.moveTo(x, bbox.top);
-      ctx.lineTo(x, bbox.top + bbox.height);
-      ctx.stroke();
       ctx.setLineDash([]);
-      named.push([x, String(i + 1)]);
-    });
-    drawNumbers(ctx, named, bbox, ratio);
-    ctx.globalAlpha = 0.9;
-    ctx.fillStyle = colour("muted");
-    for (const candidate of leftOut) {
-      const x = u.valToPos(candidate.frequency_hz, "x", true);
-      if (x < bbox.left || x > bbox.left + bbox.width) continue;
-      ctx.beginPath();
-      ctx.moveTo(x - 3.5 * ratio, bbox.top);
-      ctx.lineTo(x + 3.5 * ratio, bbox.top);
-      ctx.lineTo(x, bbox.top + 5.5 * ratio);
-      ctx.fill();
     }
-  }
-
-  /** The numbers of modes over their lines, apart from each other, with a stroke to where each belongs. @param {any} ctx @param {[number, string][]} named @param {any} bbox @param {number} ratio */
-  function drawNumbers(ctx, named, bbox, ratio) {
-    const places = dodge(named.map(([x]) => x), 17 * ratio);
-    ctx.globalAlpha = 1;
-    ctx.strokeStyle = ctx.fillStyle = colour("mode");
-    ctx.lineWidth = ratio;
-    ctx.beginPath();
-    named.forEach(([x, words], k) => {
-      ctx.moveTo(x, bbox.top);
-      ctx.lineTo(places[k], bbox.top - 9 * ratio);
-      ctx.fillText(words, places[k], bbox.top - 12 * ratio);
-    });
-    ctx.stroke();
-  }
-
-  /** A ring about the pole under the pointer, with its interval. @param {any} u */
-  function drawRing(u) {
-    const { ctx, ratio } = wiped(u, ringLayer);
-    if (harmonics && pointer > 0) drawHarmonics(u, ctx, ratio);
     if (hover < 0) return;
-    const x = u.valToPos(poles.frequency[hover], "x", true) - u.bbox.left;
-    const y = u.valToPos(poles.order[hover], "y", true) - u.bbox.top;
-    const half = poles.std?.[hover];
+    const [x, y] = [box.across(poles.frequency[hover]), box.upward(poles.order[hover])];
+    const wide = box.across(poles.frequency[hover] + 1.96 * (poles.std?.[hover] || 0)) - x;
     ctx.strokeStyle = colour("ink");
-    ctx.lineWidth = 1.6 * ratio;
-    if (half > 0) {
-      const wide = (1.96 * half * u.bbox.width) / (u.scales.x.max - u.scales.x.min);
-      ctx.beginPath();
-      ctx.moveTo(x - wide, y);
-      ctx.lineTo(x + wide, y);
-      ctx.stroke();
-    }
+    ctx.lineWidth = 1.6;
     ctx.beginPath();
-    ctx.arc(x, y, sizeOf(u, ratio) + 3.5 * ratio, 0, 7);
+    ctx.moveTo(x - wide, y);
+    ctx.lineTo(x + wide, y);
+    ctx.stroke();
+    ctx.beginPath();
+    ctx.arc(x, y, 6.5, 0, 7);
     ctx.stroke();
   }
 
-  /** Lines at the multiples of the frequency under the pointer, with their numbers. @param {any} u @param {any} ctx @param {number} ratio */
-  function drawHarmonics(u, ctx, ratio) {
-    ctx.strokeStyle = ctx.fillStyle = colour("accent");
-    ctx.font = `${10 * ratio}px system-ui, sans-serif`;
-    ctx.lineWidth = ratio;
-    ctx.setLineDash([2 * ratio, 3 * ratio]);
-    for (let k = 1; k <= 40 && k * pointer <= u.scales.x.max; k++) {
-      const x = u.valToPos(k * pointer, "x", true) - u.bbox.left;
-      if (x < 0) continue;
-      ctx.beginPath();
-      ctx.moveTo(x, 0);
-      ctx.lineTo(x, u.bbox.height);
-      ctx.stroke();
-      ctx.fillText(`${k} x ${hertz(pointer, band[1])}`.slice(0, k === 1 ? 40 : String(k).length), x + 3 * ratio, u.bbox.height - 5 * ratio);
-    }
-    ctx.setLineDash([]);
-  }
-
-  /** Poles under the pointer, the nearest first. @param {any} u @param {number} x @param {number} y */
-  function under(u, x, y) {
-    const { min, max } = u.scales.x;
-    const kx = u.over.clientWidth / (max - min);
-    const ky = u.over.clientHeight / u.scales.y.max;
+  /** Poles under the pointer, the nearest first. @param {number} x @param {number} y @param {any} box */
+  function under(x, y, box) {
     const found = [];
     for (let i = 0; i < poles.frequency.length; i++) {
       if (poles.kind[i] >= table.length || poles.order[i] > shownTop) continue;
-      const dx = (poles.frequency[i] - min) * kx - x;
+      const dx = box.across(poles.frequency[i]) - x;
       if (dx > NEAR || dx < -NEAR) continue;
-      const dy = u.over.clientHeight - poles.order[i] * ky - y;
-      const far = dx * dx + dy * dy;
+      const far = dx * dx + (box.upward(poles.order[i]) - y) ** 2;
       if (far < NEAR * NEAR) found.push([far - (poles.kind[i] === STABLE ? 9 : 0), i]);
     }
     return found.sort((a, b) => a[0] - b[0]).slice(0, LISTED).map((pair) => pair[1]);
   }
 
-  /** The mode whose line is where a pole is. @param {any} u @param {number} pole */
-  function modeAt(u, pole) {
-    const x = u.valToPos(poles.frequency[pole], "x");
-    let best = -1;
-    let near = SAME;
-    modes.forEach((mode, i) => {
-      const far = Math.abs(u.valToPos(mode.frequency, "x") - x);
-      if (far < near) [best, near] = [i, far];
-    });
-    return best;
+  /** The mode whose line is where a pole is. @param {number} pole */
+  function modeAt(pole) {
+    const far = modes.map((mode) => Math.abs(picture.box.across(mode.frequency) - picture.box.across(poles.frequency[pole])));
+    const best = far.indexOf(Math.min(...far));
+    return far[best] < SAME ? best : -1;
   }
 
-  /** @param {any} u @param {number[]} found */
-  function show(u, found) {
+  /** @param {number[]} found */
+  function show(found) {
     hover = found[0] ?? -1;
-    paint.ring();
+    picture.again();
     tip.hidden = hover < 0;
     if (hover < 0) return;
-    const mode = modeAt(u, hover);
-    const rows = found.map((i, k) =>
+    const mode = modeAt(hover);
+    const listed = found.map((i, k) =>
       h(`div.row${k ? "" : ".first"}`, {}, keyOf(table[poles.kind[i]]), h("span", {}, `${hertz(poles.frequency[i], band[1])} Hz`), h("span", {}, `${number(100 * poles.damping[i], 3)} %`), h("span.muted", {}, `order ${poles.order[i]}, ${table[poles.kind[i]].words}`)),
     );
     const does = acts.take ? h("div.does", {}, mode >= 0 ? `click: refuse mode ${mode + 1}` : "click: take") : null;
-    fill(tip, rows, does);
-    const left = u.over.offsetLeft + u.valToPos(poles.frequency[hover], "x");
-    const high = u.over.offsetTop + u.valToPos(poles.order[hover], "y");
-    const over = left > place.clientWidth * 0.55;
-    tip.style.left = over ? "" : `${left + 14}px`;
-    tip.style.right = over ? `${place.clientWidth - left + 14}px` : "";
+    fill(tip, listed, does);
+    const [left, high] = [picture.box.across(poles.frequency[hover]), picture.box.upward(poles.order[hover])];
+    const right = left > place.clientWidth * 0.55;
+    tip.style.left = right ? "" : `${left + 14}px`;
+    tip.style.right = right ? `${place.clientWidth - left + 14}px` : "";
     tip.style.top = `${Math.max(4, Math.min(high - 12, place.clientHeight - tip.offsetHeight - 8))}px`;
   }
 
-  /** @param {any} u @param {number} pole */
-  function act(u, pole) {
-    if (pole < 0) return;
-    const mode = modeAt(u, pole);
+  /** @param {number} pole */
+  function act(pole) {
+    const mode = modeAt(pole);
     if (mode >= 0) acts.refuse?.(mode);
     else acts.take?.(pole);
   }
 
-  /** @param {any} u */
-  function listen(u) {
-    let down = [0, 0];
-    u.over.addEventListener("mousedown", (/** @type {MouseEvent} */ e) => (down = [e.clientX, e.clientY]));
-    u.over.addEventListener("mousemove", (/** @type {MouseEvent} */ e) => {
-      pointer = u.posToVal(e.offsetX, "x");
-      show(u, under(u, e.offsetX, e.offsetY));
-    });
-    u.over.addEventListener("mouseleave", () => show(u, []));
-    u.over.addEventListener("click", (/** @type {MouseEvent} */ e) => {
-      if (Math.hypot(e.clientX - down[0], e.clientY - down[1]) > 4) return;
-      const found = under(u, e.offsetX, e.offsetY);
-      if (found.length) act(u, found[0]);
-      else {
-        const x = u.valToPos(modes[0]?.frequency ?? 0, "x");
-        const near = modes.map((m, i) => [Math.abs(u.valToPos(m.frequency, "x") - e.offsetX), i]).sort((a, b) => a[0] - b[0])[0];
-        if (near && near[0] < SAME && x !== undefined) acts.select?.(near[1]);
-      }
-    });
-    u.over.addEventListener("dblclick", () => whole());
-    wheelZoom(u, () => band);
-  }
-
   holder.addEventListener("keydown", (event) => {
-    if (!chart || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (!picture.box || event.ctrlKey || event.metaKey || event.altKey) return;
     const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
     if (step) {
       event.preventDefault();
       event.stopPropagation();
-      show(chart, [neighbour(step[0], step[1])].filter((i) => i >= 0));
+      show([neighbour(step[0], step[1])].filter((i) => i >= 0));
     } else if (event.key === "Enter" && hover >= 0) {
       event.preventDefault();
-      act(chart, hover);
-    } else if (event.key === "Home") whole();
+      act(hover);
+    } else if (event.key === "Home") picture.zoom();
   });
-  holder.addEventListener("blur", () => chart && show(chart, []));
+  holder.addEventListener("blur", () => show([]));
 
   /** The next pole in a direction: along an order, or at the next one. @param {number} right @param {number} up */
   function neighbour(right, up) {
-    const stable = [...poles.kind.length ? Array(poles.kind.length).keys() : []].filter((i) => poles.kind[i] <= STABLE && poles.frequency[i] >= chart.scales.x.min && poles.frequency[i] <= chart.scales.x.max);
+    const stable = [...poles.kind.length ? Array(poles.kind.length).keys() : []].filter((i) => poles.kind[i] <= STABLE && picture.box.inside(poles.frequency[i]));
     if (hover < 0) return stable.find((i) => poles.kind[i] === STABLE) ?? stable[0] ?? -1;
     const [f, n] = [poles.frequency[hover], poles.order[hover]];
     if (right) {
@@ -338,40 +208,23 @@ export function makeDiagram(place, acts = {}) {
     return stable.filter((i) => poles.order[i] === orders[0]).sort((a, b) => Math.abs(poles.frequency[a] - f) - Math.abs(poles.frequency[b] - f))[0];
   }
 
-  function whole() {
-    chart?.setScale("x", { min: band[0], max: band[1] });
-  }
-
-  const resize = fitted(holder, () => chart);
   return {
     /** @param {{lines: ArrayLike<number>, levels: any[]}} given @param {[number, number]} limits @param {string} [name] @param {boolean} [onlyLinear] */
     setCurves(given, limits, name = "mode indicator", onlyLinear = false) {
-      level = name;
-      always = onlyLinear;
-      const [low, high] = limits;
-      let a = 0;
-      let b = given.lines.length;
-      while (a < b && given.lines[a] < low) a++;
-      while (b > a && given.lines[b - 1] > high) b--;
-      const cut = (/** @type {any} */ values) => values.slice(a, b);
-      curves = b - a > 1 ? { lines: Array.from(cut(given.lines)), levels: given.levels.map(cut) } : { lines: [low, high], levels: [] };
+      [level, always] = [name, onlyLinear];
+      curves = cut(given.lines, given.levels, limits);
+      [bare, decibel] = [curves.levels, curves.levels.map((each) => Float64Array.from(each, decibels))];
+      const kept = picture.view && picture.view[1] <= limits[1] * 1.001 && picture.view[0] >= limits[0] ? picture.view : null;
       band = limits;
-      build();
-      resize();
+      picture.zoom(kept);
+      picture.set(described);
     },
     /** @param {Poles} given @param {number} highest */
     setPoles(given, highest) {
       poles = given;
-      hover = -1;
-      kinds = table.map(() => []);
-      for (let i = 0; i < given.frequency.length; i++) kinds[given.kind[i]]?.push(i);
+      [hover, top] = [-1, highest];
       rows = Math.max(new Set(Array.from(given.order)).size, 1);
-      if (highest !== top) {
-        top = highest;
-        chart?.setScale("y", { min: 0, max: top * 1.04 + 1 });
-      }
-      paint.poles();
-      paint.ring();
+      picture.paint();
     },
     /** @param {any[]} given  letter, words, mark and ink of each kind of poles, by its number */
     setKinds(given) {
@@ -380,92 +233,33 @@ export function makeDiagram(place, acts = {}) {
     /** @param {{modes: any[], leftOut: any[], chosen: number}} given */
     setModes(given) {
       ({ modes, leftOut, chosen } = given);
-      paint.marks();
+      picture.paint();
     },
     setOrder(/** @type {number} */ order) {
       shownTop = order;
-      paint.poles();
+      picture.paint();
     },
     toggleLetters() {
       letters = !letters;
-      paint.poles();
-      return letters;
+      picture.paint();
     },
     toggleHarmonics() {
       harmonics = !harmonics;
-      paint.ring();
-      return harmonics;
+      picture.again();
     },
     toggleLinear() {
       linear = !linear;
-      if (chart) build();
-      return linear;
+      picture.paint();
     },
-    whole,
+    whole: () => picture.zoom(),
     /** Where a pole is on the screen. @param {number} i */
     at: (i) => {
-      const box = chart.over.getBoundingClientRect();
-      return [box.left + chart.valToPos(poles.frequency[i], "x"), box.top + chart.valToPos(poles.order[i], "y")];
+      const { left, top: upper } = picture.canvas.getBoundingClientRect();
+      return [left + picture.box.across(poles.frequency[i]), upper + picture.box.upward(poles.order[i])];
     },
+    told: picture.told,
     get poles() {
       return poles;
     },
   };
-}
-
-/** Marks and letters that were drawn once. */
-const stamps = new Map();
-/** @param {string} name @param {number} size @param {(ctx: CanvasRenderingContext2D, middle: number) => void} draw */
-function kept(name, size, draw) {
-  if (!stamps.has(name)) stamps.set(name, stamped(size, draw));
-  return stamps.get(name);
-}
-
-/** @param {any} kind @param {number} r @param {number} ratio */
-const markOf = (kind, r, ratio) =>
-  kept(`${kind.mark} ${r} ${ratio}`, 2 * (r + 2 * ratio), (ctx, middle) => {
-    ctx.beginPath();
-    mark(ctx, kind.mark, middle, middle, r);
-    ctx.lineWidth = ratio * 1.15;
-    if (kind.mark === "dot") ctx.fill();
-    else ctx.stroke();
-  });
-
-/** @param {any} kind @param {number} ratio */
-const letterOf = (kind, ratio) =>
-  kept(`${kind.letter} ${ratio}`, 14 * ratio, (ctx, middle) => {
-    ctx.font = `${kind.letter === "s" ? 600 : 400} ${10 * ratio}px ui-monospace, monospace`;
-    ctx.textAlign = "center";
-    ctx.textBaseline = "middle";
-    ctx.fillText(kind.letter, middle, middle);
-  });
-
-/** @param {any} ctx @param {string} name @param {number} x @param {number} y @param {number} r */
-export function mark(ctx, name, x, y, r) {
-  if (name === "cross") {
-    const a = r * 0.72;
-    ctx.moveTo(x - a, y - a);
-    ctx.lineTo(x + a, y + a);
-    ctx.moveTo(x + a, y - a);
-    ctx.lineTo(x - a, y + a);
-  } else if (name === "diamond") {
-    ctx.moveTo(x, y - r);
-    ctx.lineTo(x + r, y);
-    ctx.lineTo(x, y + r);
-    ctx.lineTo(x - r, y);
-    ctx.closePath();
-  } else if (name === "triangle") {
-    ctx.moveTo(x, y - r);
-    ctx.lineTo(x + r, y + r);
-    ctx.lineTo(x - r, y + r);
-    ctx.closePath();
-  } else if (name === "square") ctx.rect(x - r, y - r, r * 2, r * 2);
-  else if (name === "bar" || name === "stick") {
-    const [a, b] = name === "bar" ? [2 * r, 0] : [0, 2 * r];
-    ctx.moveTo(x - a, y - b);
-    ctx.lineTo(x + a, y + b);
-  } else {
-    ctx.moveTo(x + r, y);
-    ctx.arc(x, y, r, 0, 7);
-  }
 }

@@ -1,5 +1,4 @@
 // The page on a local server: the document is the state; every action makes a new one.
-import "uplot/dist/uPlot.min.css";
 import "./style.css";
 import * as api from "./api.js";
 import { bench } from "./bench.js";

@@ -1,84 +1,59 @@
-// The AutoMAC of the modes.
-import { colour, h, onTheme, soon } from "./dom.js";
+// The AutoMAC of the modes, or their MAC with those of a file: a cell says its number, and a click chooses a mode.
+import { h } from "./dom.js";
+import { makePicture } from "./picture.js";
+
+/** Shade from which numbers are white; pixels of a cell that holds its number, and of a name at the axes. */
+const [DARK, NUMBERED, NAMED] = [0.55, 18, 11];
 
 /** @param {HTMLElement} place @param {(mode: number) => void} select */
 export function makeMatrix(place, select) {
-  const canvas = h("canvas", { role: "img", "aria-label": "AutoMAC of the modes" });
   const words = h("div.muted.matrix-words");
-  const holder = h("div.plot", {}, canvas);
+  const holder = h("div.plot");
   const key = h("div.matrix-key", { "aria-hidden": "true" }, "0", h("i"), "1");
   place.append(holder, key, words);
   let values = /** @type {ArrayLike<number>} */ ([]);
-  let count = 0;
-  let across = 0;
-  let chosen = -1;
-  let geometry = { left: 0, top: 0, cell: 1 };
-
-  const paint = soon(() => {
-    const ratio = devicePixelRatio || 1;
-    const { clientWidth: w, clientHeight: high } = holder;
-    if (!w || !high) return;
-    [canvas.width, canvas.height] = [w * ratio, high * ratio];
-    const ctx = canvas.getContext("2d");
-    ctx.scale(ratio, ratio);
-    if (!count) return;
-    const cell = Math.min((w - 26) / across, (high - 22) / count);
-    const left = (w - cell * across - 18) / 2 + 18;
-    const top = 2;
-    geometry = { left, top, cell };
-    ctx.font = `${Math.min(11, Math.max(8, cell * 0.4))}px system-ui, sans-serif`;
-    ctx.textAlign = "center";
-    ctx.textBaseline = "middle";
-    const ink = colour("ink");
-    for (let i = 0; i < count; i++)
-      for (let j = 0; j < across; j++) {
-        const v = values[i * across + j];
-        ctx.globalAlpha = 0.05 + 0.95 * v;
-        ctx.fillStyle = colour("matrix");
-        ctx.fillRect(left + j * cell + 0.5, top + i * cell + 0.5, cell - 1, cell - 1);
-        ctx.globalAlpha = 1;
-        if (cell > 18) {
-          ctx.fillStyle = v > 0.55 ? colour("on-matrix") : ink;
-          ctx.fillText(v > 0.995 ? "1" : v.toFixed(2).replace(/^0/, ""), left + (j + 0.5) * cell, top + (i + 0.5) * cell);
-        }
-      }
-    for (let i = 0; i < count; i++) {
-      if (cell < 11 && i % Math.ceil(11 / cell)) continue;
-      ctx.fillStyle = i === chosen ? colour("mode") : colour("muted");
-      ctx.fillText(String(i + 1), left - 9, top + (i + 0.5) * cell);
-    }
-    for (let j = 0; j < across; j++) {
-      if (cell < 11 && j % Math.ceil(11 / cell)) continue;
-      ctx.fillStyle = j === chosen && across === count ? colour("mode") : colour("muted");
-      ctx.fillText(String(j + 1), left + (j + 0.5) * cell, top + count * cell + 9);
-    }
+  let [count, across, chosen] = [0, 0, -1];
+  const find = (/** @type {number} */ x, /** @type {number} */ y, /** @type {any} */ box) => [Math.round(box.height_of(y)), Math.round(box.value(x))];
+  const picture = makePicture(holder, {
+    move(x, y, box) {
+      const [i, j] = find(x, y, box);
+      words.textContent = count && i >= 0 && j >= 0 && i < count && j < across ? `modes ${i + 1} and ${j + 1}: ${values[i * across + j].toFixed(3)}` : "";
+    },
+    leave: () => count && (words.textContent = ""),
+    click(x, y, box) {
+      const [i] = find(x, y, box);
+      if (i >= 0 && i < count) select(i);
+    },
   });
 
-  const find = (/** @type {MouseEvent} */ event) => [event.offsetY - geometry.top, event.offsetX - geometry.left].map((v) => Math.floor(v / geometry.cell));
-  canvas.addEventListener("mousemove", (event) => {
-    if (!count) return;
-    const [i, j] = find(event);
-    const inside = i >= 0 && j >= 0 && i < count && j < across;
-    words.textContent = inside ? `modes ${i + 1} and ${j + 1}: ${values[i * across + j].toFixed(3)}` : "";
-  });
-  canvas.addEventListener("mouseleave", () => count && (words.textContent = ""));
-  canvas.addEventListener("click", (event) => {
-    const [i] = find(event);
-    if (i >= 0 && i < count) select(i);
-  });
-  new ResizeObserver(paint).observe(holder);
-  onTheme(paint);
+  function described() {
+    const cell = Math.min((holder.clientWidth - 30) / across, (holder.clientHeight - 30) / count);
+    const cells = Array.from({ length: count * across }, (_, k) => [k % across, Math.floor(k / across), values[k]]);
+    const axis = (/** @type {number} */ n, /** @type {boolean} */ down) => {
+      const every = Math.ceil(NAMED / cell);
+      const ticks = Array.from({ length: n }, (_, k) => [k, String(k + 1), k === chosen && across === count ? "vermillion" : "muted"]).filter((_, k) => k % every === 0);
+      return { label: "", low: down ? n - 0.5 : -0.5, high: down ? -0.5 : n - 0.5, ticks };
+    };
+    const numbers = [true, false].map((dark) => {
+      const own = cell > NUMBERED ? cells.filter(([, , v]) => v > DARK === dark) : [];
+      return { kind: "Words", ink: dark ? "paper" : "ink", x: own.map((c) => c[0]), y: own.map((c) => c[1]), texts: own.map(([, , v]) => (v > 0.995 ? "1" : v.toFixed(2).replace(/^0/, ""))) };
+    });
+    const corners = cells.flatMap(([j, i]) => [j - 0.48, i - 0.48, j - 0.48, i + 0.48, j + 0.48, i + 0.48, j + 0.48, i - 0.48]);
+    const shades = { kind: "Areas", ink: "blue", corners, strength: cells.map(([, , v]) => 0.05 + 0.95 * v) };
+    return { words: "MAC of the modes", panels: [{ x: axis(across, false), y: axis(count, true), items: count ? [shades, ...numbers] : [], equal: true, middle: true, grid: false, bare: !count }] };
+  }
+
   return {
     /** @param {ArrayLike<number>} mac @param {number} modes @param {number} outputs @param {number} [columns]  those of another file */
     set(mac, modes, outputs, columns = modes) {
       [values, count, across] = [mac, outputs > 1 ? modes : 0, columns];
       key.hidden = !count;
       words.textContent = modes && outputs === 1 ? "One output: shapes cannot be compared." : "";
-      paint();
+      picture.set(described);
     },
     choose(/** @type {number} */ mode) {
       chosen = mode;
-      paint();
+      picture.paint();
     },
   };
 }

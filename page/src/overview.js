@@ -1,128 +1,84 @@
 // The strip over the full range: drag to select a band.
-import { colour, h, hertz, onTheme, soon } from "./dom.js";
+import { axisOf } from "./axes.js";
+import { colour, h, hertz } from "./dom.js";
+import { makePicture } from "./picture.js";
+
+/** Pixels about an end of the band in which it is taken hold of; least part of the range that is a band. */
+const [NEAR, LEAST] = [8, 1 / 500];
 
 /**
  * @param {HTMLElement} place
  * @param {(band: [number, number] | null) => void} choose
  */
 export function makeOverview(place, choose) {
-  const canvas = h("canvas", { role: "img", "aria-label": "Mode indicator over the full range; drag to select a band" });
   const words = h("div.strip-words", { "aria-hidden": true });
-  place.append(canvas, words);
-  let lines = /** @type {ArrayLike<number>} */ ([]);
-  let level = /** @type {ArrayLike<number>} */ ([]);
-  let tops = new Float64Array(0);
-  let span = [0, 1];
+  let span = /** @type {[number, number]} */ ([0, 1]);
   let band = /** @type {[number, number] | null} */ (null);
   let drag = /** @type {any} */ (null);
-
-  const paint = soon(() => {
-    const ratio = devicePixelRatio || 1;
-    const { clientWidth: w, clientHeight: hgt } = place;
-    if (!w || !hgt) return;
-    [canvas.width, canvas.height] = [w * ratio, hgt * ratio];
-    const ctx = canvas.getContext("2d");
-    ctx.scale(ratio, ratio);
-    if (lines.length > 1) curve(ctx, w, hgt);
-    const [a, b] = (band ?? span).map((f) => place_(f, w));
-    ctx.fillStyle = colour("veil");
-    ctx.fillRect(0, 0, a, hgt);
-    ctx.fillRect(b, 0, w - b, hgt);
-    ctx.strokeStyle = ctx.fillStyle = colour("accent");
-    ctx.lineWidth = 1.5;
-    ctx.strokeRect(a + 0.75, 0.75, Math.max(b - a - 1.5, 1), hgt - 1.5);
-    for (const x of [a, b]) {
-      ctx.beginPath();
-      ctx.roundRect(x - 3, hgt / 2 - 9, 6, 18, 3);
-      ctx.fill();
-    }
-    const shown = drag?.band ?? band;
-    words.textContent = shown ? `${hertz(shown[0], span[1])} – ${hertz(shown[1], span[1])} Hz` : "Full range: drag to select a band";
+  const picture = makePicture(place, {
+    over(ctx, box) {
+      const [a, b] = (band ?? span).map(box.across);
+      ctx.fillStyle = colour("veil");
+      ctx.fillRect(0, 0, a, place.clientHeight);
+      ctx.fillRect(b, 0, place.clientWidth - b, place.clientHeight);
+      ctx.strokeStyle = ctx.fillStyle = colour("accent");
+      ctx.lineWidth = 1.5;
+      ctx.strokeRect(a, 0.75, Math.max(b - a, 1), place.clientHeight - 1.5);
+      for (const x of [a, b]) {
+        ctx.beginPath();
+        ctx.roundRect(x - 3, place.clientHeight / 2 - 9, 6, 18, 3);
+        ctx.fill();
+      }
+      words.textContent = band ? `${hertz(band[0], span[1])} – ${hertz(band[1], span[1])} Hz` : "Full range: drag to select a band";
+    },
   });
+  const canvas = picture.canvas;
+  place.append(words);
 
-  /** @param {number} f @param {number} w */
-  const place_ = (f, w) => ((f - span[0]) / (span[1] - span[0])) * w;
-
-  /** The highest value of each column, which a drag looks up and does not seek again. @param {number} w */
-  function highest(w) {
-    const found = new Float64Array(w).fill(-Infinity);
-    for (let i = 0; i < lines.length; i++) {
-      const x = Math.min(w - 1, Math.max(0, Math.floor(place_(lines[i], w))));
-      if (level[i] > found[x]) found[x] = level[i];
-    }
-    return found.map((v) => (v > 0 ? Math.log10(v) : -Infinity));
+  /** The frequency under the pointer, and what is there: an end of the band, the band, or nothing. @param {PointerEvent} event */
+  function under(event) {
+    const f = Math.min(span[1], Math.max(span[0], picture.box.value(event.offsetX)));
+    const at = (band ?? span).map((end) => Math.abs(picture.box.across(end) - event.offsetX) < NEAR);
+    return { f, what: at[0] ? "low" : at[1] ? "high" : band && f > band[0] && f < band[1] ? "move" : "new" };
   }
-
-  /** @param {CanvasRenderingContext2D} ctx @param {number} w @param {number} high */
-  function curve(ctx, w, high) {
-    if (tops.length !== Math.ceil(w)) tops = highest(Math.ceil(w));
-    const known = tops.filter(Number.isFinite);
-    const [low, top] = [Math.min(...known), Math.max(...known)];
-    ctx.beginPath();
-    ctx.moveTo(0, high);
-    tops.forEach((v, x) => Number.isFinite(v) && ctx.lineTo(x, high - 4 - ((v - low) / (top - low || 1)) * (high - 10)));
-    ctx.lineTo(w, high);
-    ctx.closePath();
-    ctx.fillStyle = colour("strip");
-    ctx.fill();
-    ctx.strokeStyle = colour("curve-1");
-    ctx.lineWidth = 1;
-    ctx.stroke();
-  }
-
-  /** @param {PointerEvent} event */
-  const value = (event) => {
-    const box = canvas.getBoundingClientRect();
-    return Math.min(span[1], Math.max(span[0], span[0] + ((event.clientX - box.left) / box.width) * (span[1] - span[0])));
-  };
 
   canvas.addEventListener("pointerdown", (event) => {
-    if (lines.length < 2) return;
-    canvas.setPointerCapture(event.pointerId);
-    const near = ((span[1] - span[0]) / canvas.clientWidth) * 8;
-    const f = value(event);
-    const [a, b] = band ?? span;
-    const what = Math.abs(f - a) < near ? "low" : Math.abs(f - b) < near ? "high" : band && f > a && f < b ? "move" : "new";
-    drag = { what, from: f, was: /** @type {[number, number]} */ ([a, b]), band: null };
+    if (!picture.box) return;
+    const { f, what } = under(event);
+    drag = { what, from: f, was: band, band: null };
   });
   canvas.addEventListener("pointermove", (event) => {
+    if (!picture.box) return;
+    const { f, what } = under(event);
     if (!drag) {
-      const near = ((span[1] - span[0]) / canvas.clientWidth) * 8;
-      const f = value(event);
-      canvas.style.cursor = (band ?? span).some((end) => Math.abs(end - f) < near) ? "ew-resize" : "crosshair";
+      canvas.style.cursor = ["low", "high"].includes(what) ? "ew-resize" : "crosshair";
       return;
     }
-    const f = value(event);
-    const [a, b] = drag.was;
+    const [a, b] = drag.was ?? span;
     const ends = { low: [f, b], high: [a, f], new: [drag.from, f], move: [a + f - drag.from, b + f - drag.from] }[drag.what];
     ends.sort((/** @type {number} */ x, /** @type {number} */ y) => x - y);
-    drag.band = [Math.max(span[0], ends[0]), Math.min(span[1], ends[1])];
-    band = drag.band;
-    paint();
+    band = drag.band = /** @type {[number, number]} */ ([Math.max(span[0], ends[0]), Math.min(span[1], ends[1])]);
+    picture.again();
   });
   canvas.addEventListener("pointerup", () => {
     const done = drag;
     drag = null;
-    if (done?.band && done.band[1] - done.band[0] > (span[1] - span[0]) / 500) choose(done.band);
-    else if (done) band = done.was[0] === span[0] && done.was[1] === span[1] ? null : done.was;
-    paint();
+    if (done?.band && done.band[1] - done.band[0] > (span[1] - span[0]) * LEAST) choose(done.band);
+    else if (done) band = done.was;
+    picture.again();
   });
   canvas.addEventListener("dblclick", () => choose(null));
-  new ResizeObserver(paint).observe(place);
-  onTheme(paint);
   return {
     /** @param {any} overview  the blob */
     setData(overview) {
-      lines = overview.lines;
-      level = overview.curves.subarray(0, lines.length);
       span = overview.span ?? [0, 1];
-      tops = new Float64Array(0);
-      paint();
+      const level = overview.curves.subarray(0, overview.lines.length);
+      picture.set({ words: "Mode indicator over the full range; drag to select a band", panels: [{ x: { low: span[0], high: span[1] }, y: axisOf("", [level], { log: true }), items: [{ kind: "Line", x: overview.lines, y: level, ink: "muted" }], bare: true }] });
     },
     /** @param {[number, number] | null} given */
     setBand(given) {
       if (!drag) band = given;
-      paint();
+      picture.again();
     },
     get span() {
       return span;

@@ -1,10 +1,15 @@
 // Paints a described picture on a canvas: the same lines, marks, areas and words that reports and Matplotlib show (interfaces/plot/picture.py).
-import { mark } from "./diagram.js";
-import { colour, dodge, h, onTheme, soon } from "./dom.js";
+// A picture may be enlarged along its horizontal axis, and may have what follows the pointer on a canvas above it.
+import { drawnOf, share, ticksOf } from "./axes.js";
+import { colour, dodge, h, onTheme, rgb, soon } from "./dom.js";
+import { makePixels, packed, stamped } from "./pixels.js";
 
 /** Pixels of a character, a line of text, a name above the axes with its distance to the next, and between panels. */
 const [CHARACTER, LINE, NAME, GAP] = [6.2, 15, 13, 12];
 const FONT = "11px system-ui, sans-serif";
+
+/** Pixels between ticks along the axes and up them; of a move that is no click; marks from which they are set pixel by pixel. */
+const [ACROSS, UPWARD, MOVED, MANY] = [76, 30, 4, 300];
 
 /** @param {any} axis */
 const longest = (axis) => Math.max(0, ...axis.ticks.map((/** @type {any} */ t) => t[1].length));
@@ -12,36 +17,66 @@ const longest = (axis) => Math.max(0, ...axis.ticks.map((/** @type {any} */ t) =
 const leftOf = (p) => (p.bare ? 8 : 10 + CHARACTER * longest(p.y) + (p.y.label ? LINE : 0));
 /** @param {any} p */
 const rightOf = (p) => (p.behind ? 12 + CHARACTER * longest(p.behind.axis) + LINE : p.bare ? 8 : 8 + (CHARACTER * longest(p.x)) / 2);
+/** Names above the axes stand upright, or lie flat. @param {any} p */
+const namesHigh = (p) => (!p.marked.length ? 0 : 12 + (p.flat ? LINE - 4 : 5.6 * Math.max(...p.marked.map((/** @type {any} */ m) => m[1].length))));
 /** @param {any} p */
-const aboveOf = (p) => 6 + (p.title || p.aside ? LINE : 0) + (p.marked.length ? 12 + 5.6 * Math.max(...p.marked.map((/** @type {any} */ m) => m[1].length)) : 0);
+const aboveOf = (p) => 6 + (p.title || p.aside ? LINE : 0) + namesHigh(p);
 /** @param {any} x */
 const ticksHigh = (x) => (x.upright ? 8 + CHARACTER * longest(x) : longest(x) ? LINE + 4 : 4);
 /** @param {any} p @param {boolean} last */
 const belowOf = (p, last) => (p.bare || !(last || p.labelled) ? GAP : ticksHigh(p.x) + (p.x.label ? LINE + 3 : 2));
 
-/** Where a value lies between the ends of an axis. @param {any} axis @param {number} v */
-const share = ({ low, high, log }, v) => (log ? Math.log(v / low) / Math.log(high / low) : (v - low) / (high - low || 1));
-
 /** The colour between two inks for a tone from -1 to 1. @param {number} tone */
 const toned = (tone) => `color-mix(in srgb, ${colour(tone > 0 ? "ink-vermillion" : "ink-blue")} ${Math.min(100, Math.abs(tone) * 100)}%, ${colour("ink-middle")})`;
+const ink = (/** @type {string} */ name) => colour(`ink-${name}`);
 
-/** A picture in a place, painted again when the place or the theme changes. @param {HTMLElement} place */
-export function makePicture(place) {
+/** What a panel has where it is not said. */
+const PLAIN = { title: "", aside: "", share: 1, marked: [], grid: true, x: {}, y: {} };
+
+/**
+ * A picture in a place, painted again when the place or the theme changes.
+ * @param {HTMLElement} place
+ * @param {{whole?: () => [number, number], over?: (ctx: CanvasRenderingContext2D, box: any) => void, move?: (x: number, y: number, box: any) => void, leave?: () => void, click?: (x: number, y: number, box: any) => void}} acts
+ *   `whole`: the ends of the axis that is enlarged by dragging and by the wheel; `over`: draws above the picture
+ */
+export function makePicture(place, acts = {}) {
   const canvas = h("canvas.picture", { role: "img" });
-  place.append(canvas);
-  let blob = /** @type {any} */ (null);
-  const told = { words: /** @type {string[]} */ ([]), marks: 0 };
+  const above = h("canvas.picture.over", { "aria-hidden": "true" });
+  place.append(canvas, acts.over || acts.whole ? above : "");
+  const sheet = makePixels(h("canvas"));
+  let described = /** @type {any} */ (null);
+  let view = /** @type {[number, number] | null} */ (null);
+  let box = /** @type {any} */ (null);
+  let dragged = /** @type {[number, number] | null} */ (null);
+  const told = { words: /** @type {string[]} */ ([]), marks: 0, took: 0 };
+
+  /** A context of so many pixels of the page. @param {HTMLCanvasElement} on @param {number} w @param {number} high */
+  function ready(on, w, high) {
+    const ratio = devicePixelRatio || 1;
+    [on.width, on.height] = [Math.round(w * ratio), Math.round(high * ratio)];
+    const ctx = on.getContext("2d");
+    ctx.scale(ratio, ratio);
+    ctx.lineCap = ctx.lineJoin = "round";
+    ctx.font = FONT;
+    return ctx;
+  }
 
   const paint = soon(() => {
     const [w, high] = [place.clientWidth, place.clientHeight];
-    if (!blob || !w || !high) return;
-    const ratio = devicePixelRatio || 1;
-    [canvas.width, canvas.height] = [w * ratio, high * ratio];
-    const ctx = canvas.getContext("2d");
-    ctx.scale(ratio, ratio);
-    ctx.lineCap = ctx.lineJoin = "round";
+    if (!described || !w || !high) return;
+    const begun = performance.now();
+    const blob = typeof described === "function" ? described(view) : described;
+    canvas.setAttribute("aria-label", blob.words);
+    const ctx = ready(canvas, w, high);
     [told.words, told.marks] = [[], 0];
-    const ink = (/** @type {string} */ name) => colour(`ink-${name}`);
+    /** The numbers of a name among the arrays, or those that were given. @param {any} v */
+    const of = (v) => (typeof v === "string" ? blob[v] : v);
+    const panels = blob.panels.map((/** @type {any} */ given) => {
+      const p = { ...PLAIN, ...given };
+      const x = view && acts.whole ? { ...p.x, low: view[0], high: view[1] } : p.x;
+      const upright = (/** @type {any} */ axis) => ({ ...axis, ticks: ticksOf(axis, (0.7 * high * p.share) / UPWARD) });
+      return { ...p, x: { ...x, ticks: ticksOf(x, w / ACROSS) }, y: upright(p.y), behind: p.behind && { ...p.behind, axis: upright(p.behind.axis) } };
+    });
 
     /** @param {string} words @param {number} x @param {number} y @param {string} name @param {CanvasTextAlign} [align] @param {number} [turn] @param {string} [weight] */
     function text(words, x, y, name, align = "center", turn = 0, weight = "") {
@@ -70,19 +105,15 @@ export function makePicture(place) {
 
     /** @param {any} item @param {number} x @param {number} y @param {string} [style] */
     function stamp(item, x, y, style = ink(item.ink)) {
-      ctx.beginPath();
-      mark(ctx, item.mark, x, y, 2.6 * Math.sqrt(item.size ?? 1));
       ctx.fillStyle = ctx.strokeStyle = style;
-      ctx.lineWidth = 1.2;
-      if (item.hollow || ["cross", "bar", "stick"].includes(item.mark)) ctx.stroke();
-      else ctx.fill();
+      drawMark(ctx, item, x, y, 1);
     }
 
     let top = 6 + key(w);
     /** @param {number} wide */
     function key(wide) {
       let [x, row] = [8, 0];
-      for (const item of blob.key) {
+      for (const item of blob.key ?? []) {
         const long = 30 + CHARACTER * item.words.length;
         if (x > 8 && x + long > wide) [x, row] = [8, row + 1];
         const y = 12 + LINE * row;
@@ -96,76 +127,98 @@ export function makePicture(place) {
         text(item.words, x + 20, y, "muted", "left");
         x += long + 10;
       }
-      return blob.key.length ? LINE * (row + 1) : 0;
+      return blob.key?.length ? LINE * (row + 1) : 0;
     }
 
-    const [left, right] = [Math.max(...blob.panels.map(leftOf)), Math.max(...blob.panels.map(rightOf))];
-    const room = blob.panels.map((/** @type {any} */ p, /** @type {number} */ i) => [aboveOf(p), belowOf(p, i === blob.panels.length - 1)]);
+    const [left, right] = [Math.max(...panels.map(leftOf)), Math.max(...panels.map(rightOf))];
+    const room = panels.map((/** @type {any} */ p, /** @type {number} */ i) => [aboveOf(p), belowOf(p, i === panels.length - 1)]);
     const free = high - top - room.reduce((/** @type {number} */ sum, /** @type {number[]} */ r) => sum + r[0] + r[1], 0);
-    const shares = blob.panels.reduce((/** @type {number} */ sum, /** @type {any} */ p) => sum + p.share, 0);
-    blob.panels.forEach((/** @type {any} */ p, /** @type {number} */ i) => {
+    const shares = panels.reduce((/** @type {number} */ sum, /** @type {any} */ p) => sum + p.share, 0);
+    panels.forEach((/** @type {any} */ p, /** @type {number} */ i) => {
       const tall = Math.max((free * p.share) / shares, 20);
       panel(p, { left, top: top + room[i][0], width: w - left - right, height: tall }, room[i][1] > GAP);
       top += room[i][0] + tall + room[i][1];
     });
+    told.took = performance.now() - begun;
+    again();
 
-    /** @param {any} p @param {{left: number, top: number, width: number, height: number}} box @param {boolean} named */
-    function panel(p, box, named) {
-      const head = [box.left, box.left + box.width, box.top - aboveOf(p) + LINE - 6];
+    /** @param {any} p @param {any} own  left, top, width and height @param {boolean} named */
+    function panel(p, own, named) {
+      const head = [own.left, own.left + own.width, own.top - aboveOf(p) + LINE - 6];
       if (p.equal) {
         const [wide, tall] = [Math.abs(p.x.high - p.x.low) || 1, Math.abs(p.y.high - p.y.low) || 1];
-        const scale = Math.min(box.width / wide, box.height / tall);
-        if (p.bare) [box.left, box.top] = [box.left + (box.width - scale * wide) / 2, box.top + (box.height - scale * tall) / 2];
-        [box.width, box.height] = [scale * wide, scale * tall];
+        const scale = Math.min(own.width / wide, own.height / tall);
+        if (p.bare || p.middle) own.left += (own.width - scale * wide) / 2;
+        if (p.bare) own.top += (own.height - scale * tall) / 2;
+        [own.width, own.height] = [scale * wide, scale * tall];
       }
-      const across = (/** @type {number} */ v) => box.left + box.width * share(p.x, v);
-      const upward = (/** @type {number} */ v, axis = p.y) => box.top + box.height * (1 - share(axis, v));
-      const foot = box.top + box.height;
+      const across = (/** @type {number} */ v) => own.left + own.width * share(p.x, v);
+      const upward = (/** @type {number} */ v, axis = p.y) => own.top + own.height * (1 - share(axis, v));
+      const foot = own.top + own.height;
+      const inside = (/** @type {number} */ v) => share(p.x, v) >= -1e-9 && share(p.x, v) <= 1 + 1e-9;
+      box = { ...own, foot, across, upward, inside, x: p.x, y: p.y, value: (/** @type {number} */ px) => p.x.low + ((px - own.left) / own.width) * (p.x.high - p.x.low), height_of: (/** @type {number} */ px) => p.y.high - ((px - own.top) / own.height) * (p.y.high - p.y.low) };
       if (p.behind) {
-        for (const item of [...p.behind.items].reverse()) line(item, p.behind.axis);
-        for (const [v, words] of p.behind.axis.ticks) text(words, box.left + box.width + 5, upward(v, p.behind.axis), "muted", "left");
-        text(p.behind.axis.label, box.left + box.width + rightOf(p) - 10, box.top + box.height / 2, "muted", "center", Math.PI / 2);
+        clipped(() => [...p.behind.items].reverse().forEach((item) => line(item, p.behind.axis)));
+        for (const [v, words] of p.behind.axis.ticks) text(words, own.left + own.width + 5, upward(v, p.behind.axis), "muted", "left");
+        text(p.behind.axis.label, own.left + own.width + rightOf(p) - 10, own.top + own.height / 2, "muted", "center", Math.PI / 2);
       }
       if (!p.bare) {
-        for (const [v, words] of p.y.ticks) {
-          if (p.grid) stroke(ink("grid"), 0.8, false, () => (ctx.moveTo(box.left, upward(v)), ctx.lineTo(box.left + box.width, upward(v))));
-          text(words, box.left - 5, upward(v), "muted", "right");
+        for (const [v, words, name] of p.y.ticks) {
+          if (p.grid) stroke(ink("grid"), 0.8, false, () => (ctx.moveTo(own.left, upward(v)), ctx.lineTo(own.left + own.width, upward(v))));
+          text(words, own.left - 5, upward(v), name ?? "muted", "right");
         }
-        if (p.y.label) text(p.y.label, box.left - leftOf(p) + 8, box.top + box.height / 2, "muted", "center", -Math.PI / 2);
-        for (const [v, words] of p.x.ticks) {
-          if (p.grid && !p.named) stroke(ink("grid"), 0.8, false, () => (ctx.moveTo(across(v), box.top), ctx.lineTo(across(v), foot)));
-          if (named) text(words, across(v), foot + (p.x.upright ? 7 : LINE - 4), "muted", p.x.upright ? "right" : "center", p.x.upright ? -Math.PI / 2 : 0);
+        if (p.y.label) text(p.y.label, own.left - leftOf(p) + 8, own.top + own.height / 2, "muted", "center", -Math.PI / 2);
+        for (const [v, words, name] of p.x.ticks) {
+          if (p.grid && !p.named) stroke(ink("grid"), 0.8, false, () => (ctx.moveTo(across(v), own.top), ctx.lineTo(across(v), foot)));
+          if (named) text(words, across(v), foot + (p.x.upright ? 7 : LINE - 4), name ?? "muted", p.x.upright ? "right" : "center", p.x.upright ? -Math.PI / 2 : 0);
         }
-        if (named && p.x.label) text(p.x.label, box.left + box.width / 2, foot + ticksHigh(p.x) + LINE - 6, "muted");
+        if (named && p.x.label) text(p.x.label, own.left + own.width / 2, foot + ticksHigh(p.x) + LINE - 6, "muted");
       }
       if (p.title) text(p.title, head[0], head[2], "ink", "left", 0, "600 ");
       if (p.aside && CHARACTER * (p.title.length + p.aside.length + 3) < head[1] - head[0]) text(p.aside, head[1], head[2], "muted", "right");
-      const places = dodge(p.marked.map((/** @type {any} */ m) => across(m[0])), NAME);
-      p.marked.forEach((/** @type {any} */ [v, words], /** @type {number} */ i) => {
-        stroke(ink("vermillion"), 1.1, true, () => (ctx.moveTo(across(v), foot), ctx.lineTo(across(v), box.top)));
-        stroke(ink("vermillion"), 0.9, false, () => (ctx.moveTo(across(v), box.top), ctx.lineTo(places[i], box.top - 7)));
-        text(words, places[i], box.top - 10, "vermillion", "left", -Math.PI / 2);
+      marked(p.marked.filter((/** @type {any} */ m) => inside(m[0])));
+      const many = p.items.reduce((/** @type {number} */ sum, /** @type {any} */ item) => sum + (item.kind === "Marks" && !item.tones ? of(item.x).length : 0), 0) > MANY;
+      if (many) sheet.begin(canvas.width, canvas.height);
+      clipped(() => {
+        for (const item of p.items) ({ Line: line, Marks: marks, Areas: areas, Words: words })[item.kind](item);
+        if (many) ctx.drawImage(sheet.end(), 0, 0, w, high);
       });
-      ctx.save();
-      ctx.beginPath();
-      ctx.rect(box.left - 4, box.top - 4, box.width + 8, box.height + 8);
-      if (!p.bare) ctx.clip();
-      for (const item of p.items) ({ Line: line, Marks: marks, Areas: areas, Words: words })[item.kind](item);
-      ctx.restore();
+
+      /** @param {() => void} draw */
+      function clipped(draw) {
+        ctx.save();
+        ctx.beginPath();
+        ctx.rect(own.left - 4, own.top - 4, own.width + 8, own.height + 8);
+        if (!p.bare) ctx.clip();
+        draw();
+        ctx.restore();
+      }
+
+      /** A line at each place that is marked, and its name above the axes, apart from its neighbours. @param {any[]} listed  place, name and look of each */
+      function marked(listed) {
+        const places = dodge(listed.map((m) => across(m[0])), p.flat ? 17 : NAME);
+        listed.forEach(([v, words, look = {}], i) => {
+          stroke(ink("vermillion"), look.width ?? 1.1, !look.full, () => (ctx.moveTo(across(v), foot), ctx.lineTo(across(v), own.top)));
+          stroke(ink("vermillion"), 0.9, false, () => (ctx.moveTo(across(v), own.top), ctx.lineTo(places[i], own.top - 7)));
+          if (p.flat) text(words, places[i], own.top - 14, "vermillion", "center", 0, "600 ");
+          else text(words, places[i], own.top - 10, "vermillion", "left", -Math.PI / 2);
+        });
+      }
 
       /** @param {any} item @param {any} [axis] */
       function line(item, axis) {
-        const [x, y] = [blob[item.x], blob[item.y]];
+        const [x, y] = [of(item.x), of(item.y)];
         if (item.tones) {
-          const tones = blob[item.tones];
+          const tones = of(item.tones);
           for (let i = 0; i + 1 < x.length; i++)
             if (Number.isFinite(x[i]) && Number.isFinite(x[i + 1])) stroke(toned((tones[i] + tones[i + 1]) / 2), item.width, false, () => (ctx.moveTo(across(x[i]), upward(y[i])), ctx.lineTo(across(x[i + 1]), upward(y[i + 1]))));
           return;
         }
-        stroke(ink(item.ink), item.width, item.dashed, () => {
+        const drawn = x.length > 4 * own.width ? drawnOf(x, y, p.x, Math.ceil(own.width)) : x.keys();
+        stroke(ink(item.ink), item.width ?? 1, item.dashed, () => {
           let pen = false;
-          for (let i = 0; i < x.length; i++) {
-            const known = Number.isFinite(x[i]) && Number.isFinite(y[i]);
+          for (const i of drawn) {
+            const known = y[i] !== null && Number.isFinite(x[i]) && Number.isFinite(y[i]);
             if (known) ctx[pen ? "lineTo" : "moveTo"](across(x[i]), upward(y[i], axis));
             pen = known;
           }
@@ -180,18 +233,23 @@ export function makePicture(place) {
 
       /** @param {any} item */
       function marks(item) {
-        const [x, y, tones] = [blob[item.x], blob[item.y], item.tones && blob[item.tones]];
+        const [x, y, tones] = [of(item.x), of(item.y), item.tones && of(item.tones)];
+        const ratio = canvas.width / w;
+        const [cover, style] = many && !tones ? [stampOf(item, ratio), packed(.../** @type {[number, number, number]} */ (rgb(`ink-${item.ink}`)))] : [null, 0];
         for (let i = 0; i < x.length; i++) {
-          if (!Number.isFinite(y[i]) || share(p.x, x[i]) < 0 || share(p.x, x[i]) > 1 || share(p.y, y[i]) < 0 || share(p.y, y[i]) > 1) continue;
+          const [a, b] = [share(p.x, x[i]), share(p.y, y[i])];
+          if (!(a >= 0 && a <= 1 && b >= 0 && b <= 1)) continue;
           told.marks += 1;
-          stamp(item, across(x[i]), upward(y[i]), tones ? toned(tones[i]) : undefined);
+          const [px, py] = [own.left + own.width * a, own.top + own.height * (1 - b)];
+          if (cover) sheet.dot(cover, px * ratio, py * ratio, style);
+          else stamp(item, px, py, tones ? toned(tones[i]) : undefined);
         }
       }
 
       /** @param {any} item */
       function areas(item) {
-        const [count, corners] = blob.shapes[item.corners];
-        const [at, strength, tones] = [blob[item.corners], blob[item.strength], item.tones && blob[item.tones]];
+        const [count, corners] = blob.shapes?.[item.corners] ?? [item.corners.length / 8, 4];
+        const [at, strength, tones] = [of(item.corners), of(item.strength), item.tones && of(item.tones)];
         for (let k = 0; k < count; k++) {
           ctx.beginPath();
           for (let c = 0; c < corners; c++) ctx.lineTo(across(at[2 * (k * corners + c)]), upward(at[2 * (k * corners + c) + 1]));
@@ -204,21 +262,136 @@ export function makePicture(place) {
 
       /** @param {any} item */
       function words(item) {
-        const align = /** @type {CanvasTextAlign} */ ({ left: "left", middle: "center", right: "right" }[item.side]);
-        item.texts.forEach((/** @type {string} */ one, /** @type {number} */ i) => text(one, across(blob[item.x][i]), upward(blob[item.y][i]), item.ink, item.turned ? "right" : align, item.turned ? -Math.PI / 2 : 0));
+        const align = /** @type {CanvasTextAlign} */ ({ left: "left", middle: "center", right: "right" }[item.side ?? "middle"]);
+        item.texts.forEach((/** @type {string} */ one, /** @type {number} */ i) => text(one, across(of(item.x)[i]), upward(of(item.y)[i]), item.ink, item.turned ? "right" : align, item.turned ? -Math.PI / 2 : 0));
       }
     }
   });
 
+  /** What is above the picture, which follows the pointer. */
+  const again = soon(() => {
+    if (!box || !above.parentNode) return;
+    const ctx = ready(above, place.clientWidth, place.clientHeight);
+    acts.over?.(ctx, box);
+    if (!dragged || !acts.whole) return;
+    ctx.fillStyle = colour("accent");
+    ctx.globalAlpha = 0.16;
+    ctx.fillRect(Math.min(...dragged), box.top, Math.abs(dragged[1] - dragged[0]), box.height);
+  });
+
+  /** Show a part of the horizontal axis; all of it where there is none. @param {[number, number] | null} [part] */
+  function zoom(part = null) {
+    const [low, high] = acts.whole?.() ?? [0, 1];
+    view = part && part[1] - part[0] < (high - low) * 0.999 ? [Math.max(low, part[0]), Math.min(high, part[1])] : null;
+    paint();
+  }
+
+  let down = /** @type {[number, number] | null} */ (null);
+  const ofClick = (/** @type {MouseEvent} */ e) => box && acts.click?.(e.offsetX, e.offsetY, box);
+  canvas.addEventListener("pointerdown", (e) => {
+    canvas.setPointerCapture(e.pointerId);
+    down = [e.offsetX, e.offsetY];
+  });
+  canvas.addEventListener("pointermove", (e) => {
+    if (!box) return;
+    dragged = down && e.buttons && Math.abs(e.offsetX - down[0]) > MOVED ? [down[0], e.offsetX] : null;
+    acts.move?.(e.offsetX, e.offsetY, box);
+    again();
+  });
+  canvas.addEventListener("pointerup", (e) => {
+    const part = dragged;
+    if (part && acts.whole) zoom(/** @type {[number, number]} */ (part.map((px) => Math.min(box.x.high, Math.max(box.x.low, box.value(px)))).sort((a, b) => a - b)));
+    else if (down && Math.hypot(e.offsetX - down[0], e.offsetY - down[1]) <= MOVED) ofClick(e);
+    [down, dragged] = [null, null];
+    again();
+  });
+  canvas.addEventListener("pointerleave", () => {
+    dragged = null;
+    acts.leave?.();
+    again();
+  });
+  if (acts.whole) {
+    canvas.addEventListener("dblclick", () => zoom());
+    canvas.addEventListener("wheel", (e) => {
+      if (!box) return;
+      e.preventDefault();
+      const [at, factor] = [box.value(e.offsetX), e.deltaY < 0 ? 0.8 : 1.25];
+      zoom([at - (at - box.x.low) * factor, at + (box.x.high - at) * factor]);
+    }, { passive: false });
+  }
+
   new ResizeObserver(paint).observe(place);
   onTheme(paint);
   return {
-    /** @param {any} given  a blob of interfaces/plot/web/blob.py */
+    /** @param {any} given  a blob of interfaces/plot/web/blob.py, or a function of the part that is shown which gives the like of it */
     set(given) {
-      blob = given;
-      canvas.setAttribute("aria-label", given.words);
+      described = given;
       paint();
     },
+    paint,
+    again,
+    zoom,
     told,
+    canvas,
+    get box() {
+      return box;
+    },
+    get view() {
+      return view;
+    },
   };
+}
+
+/** A mark in the colours that are set, full or its outline; a letter where it has one. @param {any} ctx @param {any} item @param {number} x @param {number} y @param {number} ratio */
+function drawMark(ctx, item, x, y, ratio) {
+  if (item.letters) {
+    ctx.font = `${item.mark === "dot" ? 600 : 400} ${10 * ratio}px ui-monospace, monospace`;
+    [ctx.textAlign, ctx.textBaseline] = ["center", "middle"];
+    ctx.fillText(item.letter, x, y);
+    return;
+  }
+  ctx.beginPath();
+  trace(ctx, item.mark, x, y, 2.6 * ratio * Math.sqrt(item.size ?? 1));
+  ctx.lineWidth = 1.2 * ratio;
+  if (item.hollow || ["cross", "bar", "stick"].includes(item.mark)) ctx.stroke();
+  else ctx.fill();
+}
+
+/** Marks and letters that were drawn once. */
+const stamps = new Map();
+/** @param {any} item @param {number} ratio */
+function stampOf(item, ratio) {
+  const name = [item.letters ? item.letter : item.mark, item.size, item.hollow, ratio].join(" ");
+  if (!stamps.has(name)) stamps.set(name, stamped((item.letters ? 14 : 6 + 8 * Math.sqrt(item.size ?? 1)) * ratio, (ctx, middle) => drawMark(ctx, item, middle, middle, ratio)));
+  return stamps.get(name);
+}
+
+/** @param {any} ctx @param {string} name @param {number} x @param {number} y @param {number} r */
+function trace(ctx, name, x, y, r) {
+  if (name === "cross") {
+    const a = r * 0.72;
+    ctx.moveTo(x - a, y - a);
+    ctx.lineTo(x + a, y + a);
+    ctx.moveTo(x + a, y - a);
+    ctx.lineTo(x - a, y + a);
+  } else if (name === "diamond") {
+    ctx.moveTo(x, y - r);
+    ctx.lineTo(x + r, y);
+    ctx.lineTo(x, y + r);
+    ctx.lineTo(x - r, y);
+    ctx.closePath();
+  } else if (name === "triangle") {
+    ctx.moveTo(x, y - r);
+    ctx.lineTo(x + r, y + r);
+    ctx.lineTo(x - r, y + r);
+    ctx.closePath();
+  } else if (name === "square") ctx.rect(x - r, y - r, r * 2, r * 2);
+  else if (name === "bar" || name === "stick") {
+    const [a, b] = name === "bar" ? [2 * r, 0] : [0, 2 * r];
+    ctx.moveTo(x - a, y - b);
+    ctx.lineTo(x + a, y + b);
+  } else {
+    ctx.moveTo(x + r, y);
+    ctx.arc(x, y, r, 0, 7);
+  }
 }

@@ -75,6 +75,7 @@ export function makePixels(canvas) {
 
     end() {
       ctx.putImageData(image, 0, 0);
+      return canvas;
     },
 
     /** @param {Stamp} stamp @param {number} x @param {number} y @param {number} colour */

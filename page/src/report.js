@@ -1,5 +1,4 @@
 // In a report: the data stand in the page itself; without scripts its pictures stay.
-import "uplot/dist/uPlot.min.css";
 import "./style.css";
 import { fromBase64, inflated, unpack } from "./blob.js";
 import { makeViewer } from "./viewer.js";

@@ -1,7 +1,8 @@
 // Channels, measured and rebuilt: magnitude, phase, real, imaginary, coherence, or one part over the other.
-import { axis, decibels, fitted, uPlot, wheelZoom } from "./chart.js";
+import { axisOf, cut, decibels } from "./axes.js";
 import { colour, fill, h, icon, ICONS, number } from "./dom.js";
 import { peaksOf } from "./peaks.js";
+import { makePicture } from "./picture.js";
 
 /** The first choice of outputs: all channels together, as the sum of their magnitudes, which has neither phase nor parts. */
 const ALL = "all (sum)";
@@ -19,7 +20,7 @@ const FORMS = {
 
 /** Most channels over one another, and the colours of those behind the first. */
 const MOST = 6;
-const BEHIND = ["ink-blue", "ink-green", "ink-purple", "ink-amber", "curve-1"];
+const BEHIND = ["blue", "green", "purple", "amber", "middle"];
 
 /** Channels that the list of what is unexplained names at most. */
 const LISTED = 200;
@@ -38,15 +39,19 @@ export function makeResponse(place, ask) {
   const fit = h("button.small.quiet.fit", { title: "List what is unexplained of every channel", onclick: list });
   const key = h("div.curve-key");
   const holder = h("div.plot");
+  const message = h("div.muted.one-output");
   const listed = h("div.menu.fits", { hidden: true });
-  place.append(h("div.bar", {}, h("h2", {}, "Responses"), outputs, inputs, forms, pin, marks, clear, h("div.holder", {}, fit, listed)), key, holder);
+  place.append(h("div.bar", {}, h("h2", {}, "Responses"), outputs, inputs, forms, pin, marks, clear, h("div.holder", {}, fit, listed)), key, message, holder);
   let data = /** @type {any} */ (null);
   let kept = /** @type {any[]} */ ([]);
   let fits = /** @type {number[][] | undefined} */ (undefined);
   let whole = /** @type {number | undefined} */ (undefined);
-  let chart = /** @type {any} */ (null);
-  let asked = 0;
+  let shown = /** @type {any[]} */ ([]);
+  let readings = /** @type {any[]} */ ([]);
+  let [asked, at] = [0, -1];
   let marked = false;
+  const where = h("span.reading");
+  const picture = makePicture(holder, { whole: () => ends(), over, move: (x, _, box) => data && read(nearest(box.value(x))), leave: () => read(-1) });
   outputs.hidden = inputs.hidden = true;
 
   async function load() {
@@ -68,39 +73,52 @@ export function makeResponse(place, ask) {
   function mark() {
     marked = !marked;
     marks.setAttribute("aria-pressed", String(marked));
-    chart?.redraw(false);
+    picture.again();
   }
 
-  /** Marks at the peaks of the measured curve that is seen, with their frequency and value, the most prominent first, as far as there is room. @param {any} u */
-  function drawPeaks(u) {
-    if (!marked || !["dB", "linear"].includes(forms.value)) return;
-    const { ctx, bbox } = u;
-    const ratio = uPlot.pxRatio;
-    const [first, last] = [u.valToIdx(u.scales.x.min), u.valToIdx(u.scales.x.max)];
-    const levels = Array.from(data.measured_real, (v, i) => decibels(Math.hypot(v, data.measured_imag[i])));
-    ctx.save();
-    ctx.fillStyle = ctx.strokeStyle = colour("ink");
-    ctx.font = `${10.5 * ratio}px system-ui, sans-serif`;
-    ctx.textAlign = "center";
-    ctx.setLineDash([]);
-    const taken = [];
-    for (const i of peaksOf(levels, first, last)) {
-      const [x, y] = [u.valToPos(u.data[0][i], "x", true), u.valToPos(u.data[1][i], "y", true)];
-      const words = [`${number(u.data[0][i], 5)} Hz`, forms.value === "dB" ? `${u.data[1][i].toFixed(1)} dB` : number(u.data[1][i], 3)];
-      const wide = Math.max(...words.map((text) => ctx.measureText(text).width)) / 2;
-      const above = y - 30 * ratio > bbox.top;
-      const beside = x + 2 * wide + 8 * ratio < bbox.left + bbox.width ? x + wide + 8 * ratio : x - wide - 8 * ratio;
-      const middle = above ? Math.min(Math.max(x, bbox.left + wide), bbox.left + bbox.width - wide) : beside;
-      const base = above ? y - 8 * ratio : Math.max(y + 8 * ratio, bbox.top + 22 * ratio);
-      const box = [middle - wide, middle + wide, base - 22 * ratio, base];
-      if (taken.some((t) => box[0] < t[1] + 4 * ratio && box[1] > t[0] - 4 * ratio && box[2] < t[3] && box[3] > t[2])) continue;
-      taken.push(box);
+  /** The line under the pointer, and marks at the peaks of the measured curve with their frequency and value, the most prominent first, as far as there is room. @param {CanvasRenderingContext2D} ctx @param {any} box */
+  function over(ctx, box) {
+    if (!shown || forms.value === "Nyquist") return;
+    ctx.strokeStyle = colour("muted");
+    if (at >= 0) {
       ctx.beginPath();
-      ctx.arc(x, y, 3 * ratio, 0, 7);
+      ctx.moveTo(box.across(data.lines[at]), box.top);
+      ctx.lineTo(box.across(data.lines[at]), box.foot);
       ctx.stroke();
-      words.forEach((text, k) => ctx.fillText(text, middle, base - (1 - k) * 11 * ratio));
     }
-    ctx.restore();
+    if (!marked || marks.disabled) return;
+    ctx.fillStyle = ctx.strokeStyle = colour("ink");
+    ctx.textAlign = "center";
+    const levels = Array.from(data.measured_real, (v, i) => decibels(Math.hypot(v, data.measured_imag[i])));
+    const taken = /** @type {number[][]} */ ([]);
+    for (const i of peaksOf(levels, nearest(box.x.low), nearest(box.x.high))) {
+      const [x, y] = [box.across(data.lines[i]), box.upward(shown[0][i])];
+      const words = [`${number(data.lines[i], 5)} Hz`, forms.value === "dB" ? `${shown[0][i].toFixed(1)} dB` : number(shown[0][i], 3)];
+      const wide = Math.max(...words.map((text) => ctx.measureText(text).width)) / 2;
+      const middle = Math.min(Math.max(x, box.left + wide), box.left + box.width - wide);
+      const base = Math.max(y - 8, box.top + 22);
+      if (taken.some((t) => Math.abs(t[0] - middle) < t[1] + wide + 4 && Math.abs(t[2] - base) < 24)) continue;
+      taken.push([middle, wide, base]);
+      ctx.beginPath();
+      ctx.arc(x, y, 3, 0, 7);
+      ctx.stroke();
+      words.forEach((text, k) => ctx.fillText(text, middle, base - (1 - k) * 11));
+    }
+  }
+
+  /** The index of the line nearest to a frequency. @param {number} f */
+  function nearest(f) {
+    let [a, b] = [0, data.lines.length - 1];
+    while (b - a > 1) data.lines[(a + b) >> 1] < f ? (a = (a + b) >> 1) : (b = (a + b) >> 1);
+    return f - data.lines[a] < data.lines[b] - f ? a : b;
+  }
+
+  /** Say the values under the pointer. @param {number} line  its index, -1 for none */
+  function read(line) {
+    at = line;
+    const unit = FORMS[forms.value].unit ?? data?.unit ?? "";
+    where.textContent = at < 0 ? "" : `${number(data.lines[at], 6)} Hz`;
+    readings.forEach((reading, i) => (reading.textContent = at < 0 || !Number.isFinite(shown[i]?.[at]) ? "" : ` ${number(shown[i][at], 4)}${unit ? ` ${unit}` : ""}`));
   }
 
   function keep() {
@@ -128,17 +146,14 @@ export function makeResponse(place, ask) {
 
   /** What a curve is made of, by form. @param {any} d @param {string} side */
   function valuesOf(d, side) {
-    const form = FORMS[forms.value];
-    if (forms.value === "coherence") return side === "measured" && d.coherence ? Array.from(d.coherence, (v) => (Number.isFinite(v) ? v : null)) : null;
+    if (forms.value === "coherence") return side === "measured" ? d.coherence : null;
     const [x, y] = [d[`${side}_real`], d[`${side}_imag`]];
-    return Array.from(x, (v, i) => (Number.isFinite(v) ? form.of(v, y[i]) : null));
+    return Float64Array.from(x, (v, i) => FORMS[forms.value].of(v, y[i]));
   }
 
   function draw() {
     if (!data) return;
     const form = FORMS[forms.value];
-    chart?.destroy();
-    fill(holder);
     const behind = kept.filter((d) => d !== data && d.lines.length === data.lines.length);
     clear.hidden = !kept.length;
     const share = (data.all ? whole : fits?.[outputs.selectedIndex - 1]?.[Math.max(inputs.selectedIndex, 0)]) ?? data.fit;
@@ -148,59 +163,30 @@ export function makeResponse(place, ask) {
     const unit = form.unit ?? data.unit ?? "";
     const label = data.all && form.label.startsWith("magnitude") ? form.label.replace("magnitude", "sum |H|") : form.label;
     const words = forms.value === "dB" && data.unit ? label.replace("[dB]", `[dB re ${data.unit}]`) : form.unit === undefined && unit ? `${label} [${unit}]` : label;
-    const entries = [["measured", `measured ${nameOf(data)}`], ...(forms.value === "coherence" ? [] : [["mode", "rebuilt"]]), ...behind.map((d, k) => [BEHIND[k], nameOf(d)])];
-    const readings = entries.map(() => h("span.reading"));
-    const where = h("span.reading");
-    fill(key, entries.map(([c, text], i) => h("span", {}, h("i.stroke", { style: `background: var(--${c})` }), text, readings[i])), where);
-    const common = { width: Math.max(holder.clientWidth, 60), height: Math.max(holder.clientHeight, 60), legend: { show: false }, padding: [8, 24, 0, 0] };
-    const looks = [{ stroke: () => colour("measured"), width: 1.3 }, { stroke: () => colour("mode"), width: 1.5, dash: [5, 3] }];
-    const behindLooks = behind.map((_, k) => ({ stroke: () => colour(BEHIND[k]), width: 1.1 }));
+    const drawn = /** @type {any[][]} */ ([[data, "measured", "ink", `measured ${nameOf(data)}`], ...(forms.value === "coherence" ? [] : [[data, "rebuilt", "vermillion", "rebuilt"]]), ...behind.map((d, k) => [d, "measured", BEHIND[k], nameOf(d)])]);
+    readings = drawn.map(() => h("span.reading"));
+    fill(key, drawn.map(([, , ink, text], i) => h("span", {}, h("i.stroke", { style: `background: var(--ink-${ink})` }), text, readings[i])), where);
+    const none = forms.value === "coherence" && !data.coherence;
+    fill(message, none ? "The coherence of these data is not known." : "");
+    holder.hidden = none;
+    shown = none ? [] : drawn.map(([d, side]) => (forms.value === "Nyquist" ? d[`${side}_imag`] : valuesOf(d, side)));
+    const looks = drawn.map(([, side, ink], k) => ({ kind: "Line", ink, width: side === "rebuilt" ? 1.5 : 1.2, dashed: side === "rebuilt", y: shown[k] })).reverse();
+    const panelOf = (/** @type {any} */ x, /** @type {any} */ y, /** @type {any[]} */ items) => ({ words: `Responses: ${words} over frequency`, panels: [{ x, y, items }] });
     if (forms.value === "Nyquist") {
-      const sides = [...["measured", "rebuilt"].map((side) => [data[`${side}_real`], data[`${side}_imag`]]), ...behind.map((d) => [d.measured_real, d.measured_imag])];
-      const box = limits(sides);
-      const path = (/** @type {any} */ u, /** @type {number} */ s) => trace(u, u.data[s][0], u.data[s][1]);
-      chart = new uPlot(
-        /** @type {any} */ ({
-          ...common,
-          mode: 2,
-          scales: { x: { time: false, range: () => box[0] }, y: { range: () => box[1] } },
-          axes: [axis({ label: unit ? `real [${unit}]` : "real", size: 24 }), axis({ label: words, size: 50 })],
-          series: [null, ...[...looks, ...behindLooks].map((look) => ({ ...look, facets: [{ scale: "x", auto: true }, { scale: "y", auto: true }], paths: path, points: { show: false } }))],
-          cursor: { points: { show: false } },
-        }),
-        /** @type {any} */ ([null, ...sides]),
-        holder,
-      );
-      return;
-    }
-    const curves = [valuesOf(data, "measured"), ...(forms.value === "coherence" ? [] : [valuesOf(data, "rebuilt")]), ...behind.map((d) => valuesOf(d, "measured"))];
-    if (!curves[0]) {
-      fill(holder, h("div.muted.one-output", {}, "The coherence of these data is not known."));
-      chart = null;
-      return;
-    }
-    const drawn = curves.map((values, i) => ({ values: values ?? [], look: i === 0 ? looks[0] : i < entries.length - behind.length ? looks[1] : behindLooks[i - (entries.length - behind.length)] }));
-    const read = (/** @type {any} */ u) => {
-      const at = u.cursor.idx;
-      where.textContent = at === null || at === undefined ? "" : `${number(data.lines[at], 6)} Hz`;
-      drawn.forEach(({ values }, i) => (readings[i].textContent = at === null || at === undefined || values[at] === null ? "" : ` ${number(values[at], 4)}${unit ? ` ${unit}` : ""}`));
-    };
-    chart = new uPlot(
-      /** @type {any} */ ({
-        ...common,
-        cursor: { drag: { x: true, y: false, dist: 4 }, points: { size: 5 } },
-        scales: { x: { time: false }, ...(forms.value === "coherence" ? { y: { range: () => [0, 1.02] } } : {}) },
-        axes: [axis({ label: "frequency [Hz]", size: 24 }), axis({ label: words, size: 44 })],
-        series: [{}, ...drawn.map(({ look }) => ({ ...look, points: { show: false } }))],
-        hooks: { setCursor: [read], draw: [drawPeaks] },
-      }),
-      /** @type {any} */ ([data.lines, ...drawn.map(({ values }) => values)]),
-      holder,
-    );
-    wheelZoom(chart, () => [data.lines[0], data.lines[data.lines.length - 1]]);
+      const real = drawn.map(([d, side]) => d[`${side}_real`]);
+      picture.set(() => panelOf(axisOf(unit ? `real [${unit}]` : "real", real), axisOf(words, shown), looks.map((look, k) => ({ ...look, x: real[real.length - 1 - k] }))));
+    } else if (!none)
+      picture.set((/** @type {[number, number] | null} */ view) => {
+        const [low, high] = view ?? ends();
+        const seen = view ? cut(data.lines, shown, view).levels : shown;
+        return panelOf({ label: "frequency [Hz]", low, high }, forms.value === "coherence" ? { label: words, low: 0, high: 1.02 } : axisOf(words, seen), looks.map((look) => ({ ...look, x: data.lines })));
+      });
+    read(-1);
   }
 
-  fitted(holder, () => chart);
+  /** The first and the last line. @returns {[number, number]} */
+  const ends = () => [data?.lines[0] ?? 0, data?.lines[data.lines.length - 1] ?? 1];
+
   /** @param {number} step */
   function next(step) {
     outputs.selectedIndex = (outputs.selectedIndex + step + outputs.options.length) % outputs.options.length;
@@ -225,31 +211,4 @@ export function makeResponse(place, ask) {
     next,
     mark,
   };
-}
-
-/** @param {any[][]} sides */
-function limits(sides) {
-  return [0, 1].map((part) => {
-    let [low, high] = [Infinity, -Infinity];
-    for (const side of sides) for (const v of side[part]) if (Number.isFinite(v)) [low, high] = [Math.min(low, v), Math.max(high, v)];
-    const room = (high - low || 1) * 0.05;
-    return /** @type {[number, number]} */ ([low - room, high + room]);
-  });
-}
-
-/** @param {any} u @param {ArrayLike<number>} x @param {ArrayLike<number>} y */
-function trace(u, x, y) {
-  const stroke = new Path2D();
-  let pen = false;
-  for (let i = 0; i < x.length; i++) {
-    if (!Number.isFinite(x[i])) {
-      pen = false;
-      continue;
-    }
-    const [a, b] = [u.valToPos(x[i], "x", true), u.valToPos(y[i], "y", true)];
-    if (pen) stroke.lineTo(a, b);
-    else stroke.moveTo(a, b);
-    pen = true;
-  }
-  return { stroke, fill: null, clip: null, flags: 1 };
 }

@@ -1,5 +1,6 @@
 // A mode shape, moving: on the geometry, or as bars where none is known.
-import { colour, fill, h, icon, ICONS, onTheme } from "./dom.js";
+import { fill, h, icon, ICONS, onTheme } from "./dom.js";
+import { makePicture } from "./picture.js";
 import { makeStage, VIEW_NAMES } from "./stage.js";
 
 /** @param {HTMLElement} place @param {{geometry?: () => void, line?: () => void}} acts */
@@ -28,7 +29,8 @@ export function makeShape(place, acts = {}) {
   let frames = 0;
   let visible = true;
   let stage = /** @type {any} */ (null);
-  const bars = h("canvas", { role: "img", "aria-label": "Mode shape as bars, one per channel, with one standard deviation to either side" });
+  const barsPlace = h("div.plot");
+  const bars = makePicture(barsPlace);
 
   const ONE_OUTPUT = "One point was measured: a shape of one number says nothing. Measure more points, or give responses to several forces.";
 
@@ -48,54 +50,29 @@ export function makeShape(place, acts = {}) {
     frames++;
     if (chosen < 0 || !data) return;
     if (stage) stage.draw(Math.cos(phase), real.value === "real" ? 0 : Math.sin(phase), Number(amplitude.value), outline.checked);
-    else drawBars();
+    else bars.paint();
   }
 
-  function drawBars() {
-    const ratio = devicePixelRatio || 1;
-    const { clientWidth: w, clientHeight: high } = holder;
-    if (!w || !high) return;
-    [bars.width, bars.height] = [w * ratio, high * ratio];
-    const ctx = bars.getContext("2d");
-    ctx.scale(ratio, ratio);
+  /** Bars of all channels at a phase of the motion, at rest behind them, with one standard deviation to either side. */
+  function barsOf() {
     const count = data.points.length;
-    const at = chosen * count;
+    const from = chosen * count;
     const [c, s] = [Math.cos(phase), real.value === "real" ? 0 : Math.sin(phase)];
-    const wide = (w - 16) / count;
-    const [middle, reach] = [(high - 18) / 2, ((high - 30) / 2) * Math.min(1, 0.35 + Number(amplitude.value) * 5)];
-    ctx.font = "10.5px system-ui, sans-serif";
-    ctx.textAlign = "center";
-    const every = Math.ceil(34 / wide);
-    for (let i = 0; i < count; i++) {
-      const still = data.shape_real[at + i];
-      const v = run || phase ? still * c - data.shape_imag[at + i] * s : still;
-      const x = 8 + i * wide + wide * 0.14;
-      if (outline.checked) {
-        ctx.strokeStyle = colour("line");
-        ctx.strokeRect(x, middle - Math.max(still, 0) * reach, wide * 0.72, Math.abs(still) * reach);
-      }
-      ctx.fillStyle = v < 0 ? colour("below") : colour("above");
-      ctx.fillRect(x, middle - Math.max(v, 0) * reach, wide * 0.72, Math.max(Math.abs(v) * reach, 0.5));
-      if (data.shape_std?.[at + i]) { // one standard deviation to either side
-        ctx.strokeStyle = colour("ink");
-        ctx.beginPath();
-        const [upper, lower] = [1, -1].map((sign) => middle - (v + sign * data.shape_std[at + i]) * reach);
-        ctx.moveTo(x + wide * 0.36, upper);
-        ctx.lineTo(x + wide * 0.36, lower);
-        for (const end of [upper, lower]) {
-          ctx.moveTo(x + wide * 0.22, end);
-          ctx.lineTo(x + wide * 0.5, end);
-        }
-        ctx.stroke();
-      }
-      ctx.fillStyle = colour("muted");
-      if (i % every === 0) ctx.fillText(data.points[i], x + wide * 0.36, high - 5);
-    }
-    ctx.strokeStyle = colour("muted");
-    ctx.beginPath();
-    ctx.moveTo(8, middle);
-    ctx.lineTo(w - 8, middle);
-    ctx.stroke();
+    const part = (/** @type {string} */ name) => data[name]?.subarray(from, from + count);
+    const still = part("shape_real");
+    const now = run || phase ? still.map((/** @type {number} */ v, /** @type {number} */ i) => v * c - part("shape_imag")[i] * s) : still;
+    const reach = 1.15 / Math.min(1, 0.35 + Number(amplitude.value) * 5);
+    const boxes = (/** @type {number[]} */ heights) => Array.from(heights, (v, i) => [i - 0.36, 0, i - 0.36, v, i + 0.36, v, i + 0.36, 0]).flat();
+    const spread = Array.from(part("shape_std") ?? [], (std, i) => (std ? [now[i] - std, now[i] + std, NaN] : [])).flat();
+    const every = Math.ceil((34 * count) / Math.max(holder.clientWidth, 1));
+    const ticks = data.points.map((/** @type {string} */ name, /** @type {number} */ i) => [i, name]).filter((/** @type {any} */ _, /** @type {number} */ i) => i % every === 0);
+    const items = [
+      { kind: "Areas", ink: "pale", corners: outline.checked ? boxes(still) : [], strength: [0.45] },
+      { kind: "Areas", ink: "blue", corners: boxes(now), tones: now.map(Math.sign), strength: [1] },
+      { kind: "Line", ink: "muted", x: [-0.6, count - 0.4], y: [0, 0] },
+      { kind: "Line", ink: "ink", mark: "bar", x: spread.map((_, k) => Math.floor(k / 3)), y: spread },
+    ];
+    return { words: "Mode shape as bars, one per channel", panels: [{ x: { label: "", low: -0.6, high: count - 0.4, ticks }, y: { label: "", low: -reach, high: reach, ticks: [] }, items, named: true, grid: false }] };
   }
 
   function toggle(/** @type {boolean} */ on = !run) {
@@ -139,7 +116,10 @@ export function makeShape(place, acts = {}) {
         fill(holder);
         if (data.points.length === 1 && data.modes.length) fill(holder, h("div.muted.one-output", {}, ONE_OUTPUT));
         else if (solid) (stage = makeStage(holder, data, () => run || draw())).look(views.value);
-        else holder.append(bars);
+        else {
+          holder.append(barsPlace);
+          bars.set(barsOf);
+        }
       } else stage.data(data);
       choose(Math.min(mode, data.modes.length - 1));
     },

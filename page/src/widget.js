@@ -1,5 +1,4 @@
 // In a notebook, by anywidget: the model holds the blob, and which mode is chosen.
-import "uplot/dist/uPlot.min.css";
 import "./style.css";
 import { unpack } from "./blob.js";
 import { makeViewer } from "./viewer.js";
