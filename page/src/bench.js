@@ -15,7 +15,7 @@ function madeUp() {
   const damping = new Float32Array(POLES).fill(0.01);
   const std = new Float32Array(POLES).fill(0.01);
   const indicators = [{ name: "cmif", words: "CMIF", level: "mode indicator", linear: false }];
-  const poles = { indicators, cmif_lines: lines, cmif_curves: curves, frequency, order, kind, damping, std, damping_std: std, bands: [[1, 2001]], orders: [2, 1000], label: "made up", shapes: { cmif_curves: [1, LINES] } };
+  const poles = { indicators, cmif_lines: lines, cmif_curves: curves, frequency, order, kind, damping, std, bands: [[1, 2001]], orders: [2, 1000], label: "made up", shapes: { cmif_curves: [1, LINES] } };
   const side = Math.sqrt(NODES);
   const rest = Float32Array.from({ length: NODES * 3 }, (_, i) => [((i / 3) | 0) % side / side - 0.5, Math.floor(((i / 3) | 0) / side) / side - 0.5, 0][i % 3]);
   const moved = Float32Array.from({ length: NODES * 3 }, (_, i) => (i % 3 === 2 ? Math.sin(6 * rest[i - 2]) * Math.cos(6 * rest[i - 1]) : 0));

@@ -19,6 +19,12 @@ export function unpack(buffer) {
   return found;
 }
 
+/** The rows of an array of a blob. @param {any} blob @param {string} name @returns {any[]} */
+export function rowsOf(blob, name) {
+  const [count, long] = blob.shapes[name];
+  return Array.from({ length: count }, (_, k) => blob[name].subarray(k * long, (k + 1) * long));
+}
+
 /** The number of sixteen bits of half precision. @param {number} bits */
 export function half(bits) {
   const [sign, power, rest] = [bits & 0x8000 ? -1 : 1, (bits >> 10) & 31, bits & 1023];

@@ -1,5 +1,6 @@
 // The stabilization diagram: poles of every order over the mode indicator, with a click to take or refuse.
 import { axisOf, cut, decibels } from "./axes.js";
+import { rowsOf } from "./blob.js";
 import { colour, fill, h, hertz, number } from "./dom.js";
 import { makePicture } from "./picture.js";
 
@@ -24,8 +25,7 @@ const BEHIND = ["muted", "middle", "pale", "grid"];
 export const ends = (bands) => [Math.min(...bands.map((b) => b[0])), Math.max(...bands.map((b) => b[1]))];
 
 /**
- * @typedef {{frequency: ArrayLike<number>, damping: ArrayLike<number>, order: ArrayLike<number>, kind: ArrayLike<number>,
- *   std?: ArrayLike<number>, damping_std?: ArrayLike<number>}} Poles
+ * @typedef {{frequency: ArrayLike<number>, damping: ArrayLike<number>, order: ArrayLike<number>, kind: ArrayLike<number>, std?: ArrayLike<number>}} Poles
  */
 
 /**
@@ -225,6 +225,11 @@ export function makeDiagram(place, acts = {}) {
       [hover, top] = [-1, highest];
       rows = Math.max(new Set(Array.from(given.order)).size, 1);
       picture.paint();
+    },
+    /** Poles, and one of the indicators behind them. @param {any} blob @param {[number, number]} limits @param {any} [shown]  the first by default */
+    setBlob(blob, limits, shown = blob.indicators[0]) {
+      this.setCurves({ lines: blob[`${shown.name}_lines`], levels: rowsOf(blob, `${shown.name}_curves`) }, limits, shown.level, shown.linear);
+      this.setPoles(blob, Math.max(...blob.orders, 2));
     },
     /** @param {any[]} given  letter, words, mark and ink of each kind of poles, by its number */
     setKinds(given) {

@@ -83,8 +83,10 @@ export function pictured(name, words, ask, kind = "") {
 
 /** @param {any} found @param {(name: string) => Promise<any>} ask  for a picture */
 export function showComparison(found, ask) {
-  const counts = ["good", "look", "doubtful"].map((word) => [word, found.rows.filter((/** @type {any} */ r) => r.trust === word).length]).filter(([, n]) => n);
-  const rows = found.rows.map((/** @type {any} */ r, /** @type {number} */ i) => h("tr", {}, h("td", {}, i + 1), h("td.num", {}, number(r.frequency, 6)), h("td.num", {}, number(100 * r.damping, 3)), h("td.num", {}, number(r.between, 2)), h("td", {}, r.found), h("td", {}, r.methods), h("td", {}, h(`span.grade.${r.trust}`, {}, r.trust)), h("td.words", {}, r.why)));
+  const [columns, ...listed] = found.rows;
+  const graded = columns.indexOf("grade");
+  const counts = ["good", "look", "doubtful"].map((word) => [word, listed.filter((/** @type {any} */ r) => r[graded] === word).length]).filter(([, n]) => n);
+  const rows = listed.map((/** @type {any} */ r) => h("tr", {}, r.map((/** @type {string} */ cell, /** @type {number} */ k) => (k === graded ? h("td", {}, h(`span.grade.${cell}`, {}, cell)) : h(k < graded ? "td.num" : "td.words", {}, cell)))));
   const methods = found.methods.map((/** @type {any} */ m) => h("tr", {}, h("td", {}, m.label), h("td.num", {}, m.modes ?? "–"), h("td.num", {}, m.fit === null ? "–" : number(100 * m.fit, 3)), h("td.words", {}, m.failure)));
   const picture = (/** @type {string} */ name, /** @type {string} */ words) => (found.pictures.includes(name) ? pictured(name, words, ask) : null);
   dialog(
@@ -92,7 +94,7 @@ export function showComparison(found, ask) {
     [
       found.verdict.split("\n").map((/** @type {string} */ line) => h("p", {}, line)),
       counts.length ? h("p.counts", {}, counts.map(([word, n]) => h(`span.grade.${word}`, {}, `${n} ${word}`))) : null,
-      h("div.scroll", {}, h("table", {}, heads("#", ["f [Hz]", "damping [%]", "between [Hz]"], "identified by", "methods", "grade", "reason"), h("tbody", {}, rows))),
+      h("div.scroll", {}, h("table", {}, heads(columns.slice(0, graded), ...columns.slice(graded)), h("tbody", {}, rows))),
       h("div.pictures", {}, picture("map", "Map of methods by the distance of their poles"), picture("deviations", "Deviation of each method from the consensus")),
       h("div.scroll", {}, h("table", {}, heads("method", ["modes", "unexplained [%]"], "remark"), h("tbody", {}, methods))),
       Object.entries(found.causes).map(([name, cure]) => h("p", {}, h("b", {}, `${cap(name)}: `), String(cure))),

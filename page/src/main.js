@@ -1,6 +1,7 @@
 // The page on a local server: the document is the state; every action makes a new one.
 import "./style.css";
 import * as api from "./api.js";
+import { rowsOf } from "./blob.js";
 import { bench } from "./bench.js";
 import { ends, keyOf, makeDiagram } from "./diagram.js";
 import { dialog, editGeometry, errorBox, showComparison, showData, showKeys, showScript } from "./dialogs.js";
@@ -277,11 +278,8 @@ function makeWork(begin, state) {
   function behind() {
     if (!overview?.span) return;
     const band = now.document.bands[0] ?? overview.span;
-    diagram.setCurves({ lines: overview.lines, levels: rows(overview) }, band);
+    diagram.setCurves({ lines: overview.lines, levels: rowsOf(overview, "curves") }, band);
   }
-
-  /** @param {any} blob */
-  const rows = (blob) => Array.from({ length: blob.shapes.curves[0] }, (_, k) => blob.curves.subarray(k * blob.shapes.curves[1], (k + 1) * blob.shapes.curves[1]));
 
   /** Draw the indicator that was chosen behind the poles, the first of those there are by default. @param {any} blob */
   function curvesOf(blob) {
@@ -291,9 +289,7 @@ function makeWork(begin, state) {
     const shown_ = listed.find((/** @type {any} */ each) => each.name === before) ?? listed[0];
     behindPoles.value = shown_.name;
     behindPoles.hidden = false;
-    const [lines, curves] = [blob[`${shown_.name}_lines`], `${shown_.name}_curves`];
-    const levels = rows({ shapes: { curves: blob.shapes[curves] }, curves: blob[curves] });
-    diagram.setCurves({ lines, levels }, now.document.bands.length === 1 ? now.document.bands[0] : ends(blob.bands), shown_.level, shown_.linear);
+    diagram.setBlob(blob, now.document.bands.length === 1 ? now.document.bands[0] : ends(blob.bands), shown_);
   }
 
   /** @param {any} blob */
@@ -301,7 +297,6 @@ function makeWork(begin, state) {
     poles = blob;
     live = null;
     curvesOf(blob);
-    diagram.setPoles(blob, Math.max(...blob.orders, 2));
     settings.setTop(Math.max(...blob.orders, 2));
     settings.setUsed(now.document.method ? "" : `automatic: ${blob.label}`);
     drawModes();

@@ -29,10 +29,8 @@ export function makeViewer(root, data, acts = {}) {
   const matrixPlace = panel("matrix");
   matrixPlace.append(h("div.bar", {}, h("h2", {}, "AutoMAC")));
   const matrix = makeMatrix(matrixPlace, select);
-  const count = data.shapes.curves[1];
   diagram.setKinds(data.kinds);
-  diagram.setCurves({ lines: data.behind, levels: Array.from({ length: data.shapes.curves[0] }, (_, k) => data.curves.subarray(k * count, (k + 1) * count)) }, ends(data.bands), data.level);
-  diagram.setPoles({ frequency: data.frequency, damping: data.damping, order: data.order, kind: data.kind, std: data.std, damping_std: data.damping_std }, Math.max(...data.orders, 2));
+  diagram.setBlob(data, ends(data.bands));
   shape.set(data, 0);
   matrix.set(data.mac, data.modes.length, data.points.length);
   modes.set({ modes: data.modes, leftOut: data.left_out, refused: [], chosen: 0, unexplained: data.unexplained, warnings: data.warnings });

@@ -48,7 +48,7 @@ def test_nothing_is_asked_from_outside(page: str) -> None:
 def test_the_sections_stand_in_the_order_of_reading(page: str) -> None:
     anchors = re.findall(r'<section id="(\w+)"', page)
     assert anchors == [
-        "verdict", "modes", "methods", "map", "identities", "disagreements",
+        "verdict", "modes", "methods", "map", "disagreements",
         "stabilization", "shapes", "mac", "responses", "data", "settings", "repeat",
     ]  # fmt: skip
 

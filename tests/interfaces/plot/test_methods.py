@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.interfaces.plot.methods import deviations_picture, distances_picture, map_picture
+from modalscope.interfaces.plot.methods import deviations_picture, map_picture
 from modalscope.interfaces.plot.picture import Areas, Marks, Words
 from modalscope.systems import chain5
 
@@ -51,24 +51,12 @@ def test_a_doubtful_mode_does_not_set_the_scale(comparison: ms.Comparison) -> No
     assert ends[0] == ends[1]
 
 
-def test_map_and_distances_name_every_method(comparison: ms.Comparison) -> None:
+def test_the_map_names_every_method(comparison: ms.Comparison) -> None:
     kin = comparison.kinship
     items = map_picture(kin).panels[0].items
     assert sum(len(item.x) for item in items if isinstance(item, Marks)) == len(kin.names)
     (words,) = [item for item in items if isinstance(item, Words)]
     assert sorted(name for text in words.texts for name in text.split(" = ")) == sorted(kin.labels)
-    panel = distances_picture(kin).panels[0]
-    (cells,) = [item for item in panel.items if isinstance(item, Areas)]
-    assert len(cells.corners) == len(kin.names) ** 2
-    assert [name for _, name in panel.x.ticks()] == [name for _, name in panel.y.ticks()] == list(kin.labels)
-    texts = [
-        (x, y, text)
-        for item in panel.items
-        if isinstance(item, Words)
-        for x, y, text in zip(item.x, item.y, item.texts, strict=True)
-    ]
-    assert len(texts) == len(kin.names) ** 2
-    assert all((text == "") == (x == y) for x, y, text in texts)
 
 
 def test_a_report_on_a_comparison_draws_without_pictures_as_data(comparison: ms.Comparison, tmp_path: Path) -> None:

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, strategies as st
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PathCollection, PolyCollection
-from matplotlib.figure import Figure
 
 from modalscope import plot
 from modalscope.data import DataError, Geometry, ModalModel
@@ -147,11 +146,12 @@ def test_a_mode_that_is_not_there_is_an_error() -> None:
         plot.complexity(examples.modes(), 7)
 
 
-def test_complexity_draws_one_arrow_a_channel_on_polar_axes() -> None:
-    ax = plot.complexity(examples.modes(), 0)
-    assert len(ax.get_lines()) == len(examples.modes().output_dofs)
-    with pytest.raises(DataError, match="rectilinear"):
-        plot.complexity(examples.modes(), 0, Figure().add_subplot())
+def test_complexity_shows_every_component_in_the_complex_plane_turned_and_scaled() -> None:
+    *_, ends = plot.complexity(examples.modes(), 0).get_lines()
+    shape = examples.modes().shapes[:, 0]
+    drawn = np.asarray(ends.get_xdata()) + 1j * np.asarray(ends.get_ydata())
+    assert np.abs(drawn).max() == pytest.approx(1)
+    assert drawn / drawn[0] == pytest.approx(shape / shape[0])
 
 
 def test_bars_stand_in_the_order_of_the_structure() -> None:

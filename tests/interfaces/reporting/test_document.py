@@ -162,23 +162,20 @@ def test_the_table_of_modes_holds_every_value() -> None:
     modes = judged()
     body = figures_of(modes)
     cells = [re.findall(r"<td[^>]*>([^<]*)</td>", row) for row in body.split("<tr>")[2:]]
-    f, f_spread, zeta, zeta_spread = ([float(row[column]) for row in cells] for column in (1, 2, 3, 4))
+    heads = re.findall(r"<th [^>]*>([^<]*)</th>", body)
+    names = ("f [Hz]", "f spread", "damping [%]", "damping spread")
+    f, f_spread, zeta, zeta_spread = ([float(row[heads.index(name)]) for row in cells] for name in names)
     assert f == pytest.approx(modes.frequencies, rel=1e-5)  # about six digits are written
     assert zeta == pytest.approx(100 * modes.damping_ratios, abs=5e-4)  # three decimals of a per cent
     assert f_spread == pytest.approx(modes.frequencies_spread)
     assert zeta_spread == pytest.approx(100 * np.asarray(modes.damping_ratios_spread))
     assert "emac" in body
-    assert "<td>–</td>" in body  # an indicator that is not known
+    assert "<td>-</td>" in body  # an indicator that is not known
     assert body.count("<tr>") == 6
 
 
-def test_reasons_are_shown_whatever_they_hold() -> None:
+def test_every_mode_has_its_reason() -> None:
     section = sections.reasons_section(judged())
-    heads = re.findall(r"<th[^>]*>([^<]*)</th>", section.body)
-    assert heads == ["mode", "frequency [Hz]", "orders found", "orders tried", "fit loss [%]", "agrees", "nearest"]
-    assert "<td>12.5</td>" in section.body
-    assert "<td>yes</td>" in section.body
-    assert "mode 2, mac 0.04" in section.body
     assert section.body.count("<li>") == 5
     assert "</b> Found at 6 of 7 orders." in section.body
 

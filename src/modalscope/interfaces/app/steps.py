@@ -20,7 +20,7 @@ from modalscope.data.results import Result
 from modalscope.identification.method_names import cell_label
 from modalscope.interfaces.app.actions import diagrams_key
 from modalscope.interfaces.plot.picture import Picture
-from modalscope.interfaces.plot.web.fits import channel_blob, fit_of_bands, strongest
+from modalscope.interfaces.plot.web.fits import channel_blob, fit_of_result
 from modalscope.interfaces.plot.web.modes import modes_blob
 from modalscope.interfaces.plot.web.poles import cut_view, overview_blob, poles_blob, spectra_of
 from modalscope.interfaces.plot.web.verdict import grouped, notes_that_matter, verdict_of
@@ -36,18 +36,13 @@ def result_head(result: Result) -> dict[str, Any]:
     first, (texts, computing) = result.diagrams[0], notes_that_matter(result.notes)
     head: dict[str, Any] = {
         "label": cell_label(first.method, first.domain),
-        "orders": [first.orders[0], first.orders[-1]] if first.orders else [],
-        "settings": [dict(settings.items()) for settings in result.settings],
         "notes": texts,
         "computing": computing,
         "findings": [finding._asdict() for finding in grouped(result.findings)],
         "script": result_script(result),
         "columns": list(first.response.columns),
-        "strongest": strongest(first.response.values),
     }
-    rebuildable = len(result.modes) > 0 and not result.analysis.apart
-    fit = fit_of_bands(result.modes, result.diagrams) if rebuildable else None
-    if fit is not None:
+    if (fit := fit_of_result(result)) is not None:
         head |= {"fit": fit[0], "fits": np.broadcast_to(fit[1], first.response.values.shape[1:])}
     verdict = verdict_of(result.modes, first.response, fit)
     return head | {"taken": verdict.taken, "unexplained": verdict.unexplained, "warnings": verdict.warnings}

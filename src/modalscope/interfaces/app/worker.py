@@ -128,20 +128,8 @@ def picture(stages: Stages, progress: Progress, name: str) -> bytes:
 def compared_view(comparison: Comparison) -> dict[str, Any]:
     """Return a comparison as the page shows it."""
     from modalscope.analysis.comparing import CAUSES
+    from modalscope.interfaces.reporting.comparison import consensus_table
 
-    ran = sum(r.modes is not None for r in comparison.results)
-    rows = [
-        {
-            "frequency": group.frequency,
-            "damping": group.damping,
-            "between": group.frequency_between,
-            "found": f"{len(group.members)} of {ran}",
-            "trust": trust.grade,
-            "methods": trust.agreement,
-            "why": trust.why,
-        }
-        for group, trust in zip(comparison.groups, comparison.trust, strict=True)
-    ]
     methods = [
         {
             "label": r.label,
@@ -153,7 +141,7 @@ def compared_view(comparison: Comparison) -> dict[str, Any]:
     ]
     causes = {cause.name: CAUSES[cause.name] for d in comparison.disagreements for cause in d.causes}
     verdict = f"{comparison.headline}\n{comparison.verdict}"
-    return {"verdict": verdict, "rows": rows, "methods": methods, "causes": causes}
+    return {"verdict": verdict, "rows": consensus_table(comparison), "methods": methods, "causes": causes}
 
 
 #: The questions of the page by name.

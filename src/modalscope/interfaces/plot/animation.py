@@ -18,9 +18,10 @@ from modalscope.interfaces.plot.on_axes import painted
 from modalscope.interfaces.plot.picture import INKS
 from modalscope.interfaces.plot.shapes import TONES, check_mode, has_channels, shape_picture
 from modalscope.io.atomic import replacing
-from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import check_count, check_each, check_path, check_positive
-from modalscope.numerics.errors import check_choice, optional_package
+from modalscope.io.formats import sources_of
+from modalscope.numerics.arguments import COUNT, POSITIVE, named
+from modalscope.numerics.checks import check_each, check_path
+from modalscope.numerics.errors import optional_package
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,7 +38,7 @@ _WIDE, _HIGH, _DPI, _BESIDE = 12.0, 0.62, 100, 4
 Paint = Callable[[float], None]
 
 
-@named()
+@named(modes=ModalModel, scale=POSITIVE, seconds=POSITIVE, rate=COUNT, tones=TONES)
 def animate(
     modes: ModalModel,
     index: int | Iterable[int],
@@ -94,15 +95,12 @@ def animate(
         raise DataError(
             asked, f"it needs a mode, and the formats are {formats}", "Choose a mode and one of these suffixes."
         )
-    frames = max(2.0, check_positive("seconds", seconds) * check_count("rate", rate))
+    frames = max(2.0, seconds * rate)
     if frames > _MAX_FRAMES:
         asked = f"{seconds:g} s at {rate:g} frames per second were asked"
         raise DataError(asked, f"the maximum is {_MAX_FRAMES} frames", "Lower seconds or rate.")
-    size = check_choice("tones", tones, TONES) == "size"
-    figure, paint = _figure(modes, chosen, geometry, check_positive("scale", scale), size=size, dark=dark)
-    with replacing(
-        target, [modes.source_path] if isinstance(modes.source_path, Path) else modes.source_path or ()
-    ) as place:
+    figure, paint = _figure(modes, chosen, geometry, scale, size=tones == "size", dark=dark)
+    with replacing(target, sources_of(modes)) as place:
         if suffix == ".html":
             picture = _written(figure, paint, round(frames), rate, ".gif")
             place.write_text(_page(modes, chosen, picture), encoding="utf-8")

@@ -14,8 +14,7 @@ from modalscope.interfaces.plot.on_axes import painted
 from modalscope.interfaces.plot.picture import Axis, Line, Marks, Panel, Picture, axis_of, modes_marked, unit_of
 from modalscope.interfaces.plot.web.poles import KINDS, behind, indicator_curves, level_of, pole_arrays
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, check_kind, real_array
-from modalscope.numerics.errors import check_choice
+from modalscope.numerics.checks import Array, real_array
 from modalscope.signals.preprocess.singular_spectra import Decomposition
 
 if TYPE_CHECKING:
@@ -28,7 +27,7 @@ _BEHIND, _OVER, _MAX_CURVES = ("muted", "middle", "pale", "grid"), ("blue", "ora
 _BEYOND = 3
 
 
-@named()
+@named(diagram=StabilizationDiagram, modes=ModalModel, indicator=("cmif", "sum", "none"), spectra=Decomposition)
 def stabilization(
     diagram: StabilizationDiagram,
     modes: ModalModel | None = None,
@@ -68,12 +67,6 @@ def stabilization(
     DataError
         An unknown indicator.
     """
-    check_kind("a plot of a stabilization diagram", diagram, StabilizationDiagram)
-    if modes is not None:
-        check_kind("what is marked in a diagram", modes, ModalModel)
-    if spectra is not None:
-        check_kind("spectra behind a diagram", spectra, Decomposition)
-    check_choice("indicator", indicator, ("cmif", "sum", "none"))
     return painted(stabilization_picture([diagram], modes, indicator=indicator, limits=limits, spectra=spectra), ax)
 
 
@@ -123,7 +116,7 @@ def _curves(
     return [Line(lines[inside], y, inks[k], words and f"{words} {k + 1}", 0.8 if k else 1.1) for k, y in kept]
 
 
-@named()
+@named(response=Response, modes=ModalModel, kind=("cmif", "sum"))
 def indicator(
     response: Response, modes: ModalModel | None = None, ax: Axes | None = None, *, kind: str = "cmif"
 ) -> Axes:
@@ -146,8 +139,6 @@ def indicator(
     DataError
         An unknown kind.
     """
-    check_kind("a plot of a mode indicator", response, Response)
-    check_choice("kind", kind, ("cmif", "sum"))
     return painted(indicator_picture(response, modes, kind), ax)
 
 
@@ -163,7 +154,7 @@ def indicator_picture(response: Response, modes: ModalModel | None = None, kind:
     return Picture([panel], f"Mode indicator: {name} over frequency", above=True)
 
 
-@named()
+@named(diagram=StabilizationDiagram)
 def fit_errors(diagram: StabilizationDiagram, ax: Axes | None = None) -> Axes:
     """Draw what is unexplained at each order; beyond the knee of the curve, more states fit only noise.
 
@@ -172,7 +163,6 @@ def fit_errors(diagram: StabilizationDiagram, ax: Axes | None = None) -> Axes:
     diagram : StabilizationDiagram
     ax : Axes, optional
     """
-    check_kind("a plot of fit errors", diagram, StabilizationDiagram)
     return painted(fit_errors_picture(diagram), ax)
 
 

@@ -25,8 +25,8 @@ from modalscope.interfaces.plot.picture import (
     ranges,
 )
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import RealArray, check_kind
-from modalscope.numerics.errors import DataError, check_choice
+from modalscope.numerics.checks import RealArray
+from modalscope.numerics.errors import DataError
 from modalscope.selection.judging.description import decimals
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ _MAX_WIDER = 2.5
 _ROW, _REST = 30, 130
 
 
-@named()
+@named(modes=ModalModel, of=("frequency", "damping"))
 def intervals(modes: ModalModel, ax: Axes | None = None, *, of: str = "frequency") -> Axes:
     """Draw the 95 % interval of every mode on a scale of its own, with its ends: from the noise, and between groups if these are known.
 
@@ -64,8 +64,6 @@ def intervals(modes: ModalModel, ax: Axes | None = None, *, of: str = "frequency
     DataError
         No standard deviations are known.
     """
-    check_kind("modes of intervals", modes, ModalModel)
-    check_choice("of", of, _QUANTITIES)
     return painted(intervals_picture(modes, of), ax)
 
 
@@ -111,7 +109,7 @@ def _reach(interval: RealArray, before: RealArray) -> RealArray:
     return np.where(reach > 0, reach, 1.0)
 
 
-@named()
+@named(found=Certificate, of=("frequency", "damping"))
 def certificate(found: Certificate, ax: Axes | None = None, *, of: str = "frequency") -> Axes:
     """Draw the 95 % range of the simulated values of every mode over the predicted interval, in predicted standard deviations.
 
@@ -122,8 +120,6 @@ def certificate(found: Certificate, ax: Axes | None = None, *, of: str = "freque
         A new figure by default.
     of : {"frequency", "damping"}
     """
-    check_kind("found of certificate", found, Certificate)
-    check_choice("of", of, _QUANTITIES)
     return painted(certificate_picture(found, of), ax)
 
 

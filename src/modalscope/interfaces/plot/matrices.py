@@ -11,7 +11,18 @@ from numpy.typing import ArrayLike
 from modalscope.data import ModalModel, indicators
 from modalscope.interfaces.plot.diagrams import singular_values_picture
 from modalscope.interfaces.plot.on_axes import painted
-from modalscope.interfaces.plot.picture import Areas, Axis, Item, Panel, Picture, Words, boxes, decimals, remark
+from modalscope.interfaces.plot.picture import (
+    Areas,
+    Axis,
+    Item,
+    Panel,
+    Picture,
+    Words,
+    axis_of_names,
+    boxes,
+    decimals,
+    remark,
+)
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, RealArray, complex_array
 
@@ -67,43 +78,24 @@ def mac_picture(a: ModalModel | ArrayLike, b: ModalModel | ArrayLike | None = No
         return remark("One output was measured: shapes cannot be compared.")
     values = np.atleast_2d(indicators.mac(_shapes(a), None if b is None else _shapes(b)))
     title = "AutoMAC" if b is None else "MAC, rows against columns"
-    return cells_picture(values, _names(a, len(values)), _names(a if b is None else b, values.shape[1]), title)
-
-
-def cells_picture(
-    values: Array,
-    rows: tuple[str, list[str]],
-    columns: tuple[str, list[str]],
-    title: str,
-    numbers: list[list[str]] | None = None,
-) -> Picture:
-    """Return a matrix of values from 0 to 1 as shades; `rows`, `columns`: label and names. `numbers`: the texts of few cells."""
-    if numbers is None and max(values.shape) <= _MAX_NUMBERED:
-        numbers = [[f"{v:.2f}" if v >= 0.005 else "·" for v in row] for row in values]
     i, j = (index.ravel() for index in np.indices(values.shape))
     shades = np.clip(np.nan_to_num(values.ravel()), 0, 1)
     items: list[Item] = [Areas(boxes(j - 0.48, j + 0.48, i - 0.48, i + 0.48), "blue", strength=shades)]
     for dark, ink in ((True, "paper"), (False, "ink")):
-        kept = np.flatnonzero((shades > _DARK) == dark)
-        if numbers is not None:
-            items.append(Words(j[kept], i[kept], [numbers[i[k]][j[k]] for k in kept], ink))
-    across, down = (_places(*side) for side in (columns, rows))
+        kept = np.flatnonzero((shades > _DARK) == dark) if max(values.shape) <= _MAX_NUMBERED else np.zeros(0, int)
+        items.append(Words(j[kept], i[kept], [f"{v:.2f}" if v >= 0.005 else "·" for v in shades[kept]], ink))
+    across, down = _names(a if b is None else b, values.shape[1]), _names(a, len(values))
     down = replace(down, low=down.high, high=down.low)
     return Picture([Panel(across, down, items, title, "white 0, blue 1", equal=True, grid=False)], title, (720, 640))
 
 
-def _places(label: str, names: list[str]) -> Axis:
-    """Return the axis of the rows or columns of a matrix."""
-    every = max(1, -(-len(names) // _MAX_TICKS))
-    named = tuple((float(k), name) for k, name in enumerate(names))
-    return Axis(label, -0.5, len(names) - 0.5, named=named[::every])
-
-
-def _names(modes: ModalModel | ArrayLike, count: int) -> tuple[str, list[str]]:
-    """Return the label and the names of the modes: frequencies, or numbers of those that have none."""
+def _names(modes: ModalModel | ArrayLike, count: int) -> Axis:
+    """Return an axis with the names of modes: frequencies, or numbers of those that have none."""
     if isinstance(modes, ModalModel):
-        return "frequency [Hz]", [f"{f:.{decimals(modes.frequencies)}f}" for f in modes.frequencies]
-    return "mode", [str(i + 1) for i in range(count)]
+        label, names = "frequency [Hz]", [f"{f:.{decimals(modes.frequencies)}f}" for f in modes.frequencies]
+    else:
+        label, names = "mode", [str(k + 1) for k in range(count)]
+    return replace(axis_of_names(label, names, _MAX_TICKS), low=-0.5, high=count - 0.5)
 
 
 def _shapes(modes: ModalModel | ArrayLike) -> Array:

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from modalscope.analysis.comparing import Comparison, MethodResult
-from modalscope.analysis.comparing.kinship import SAME, Kinship
-from modalscope.interfaces.plot.matrices import cells_picture
+from modalscope.analysis.comparing.kinship import Kinship
 from modalscope.interfaces.plot.on_axes import painted
 from modalscope.interfaces.plot.picture import (
     Areas,
@@ -27,7 +26,7 @@ from modalscope.interfaces.plot.picture import (
     strokes,
 )
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import RealArray, check_kind
+from modalscope.numerics.checks import RealArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,11 +40,8 @@ _WIDTH = 0.64
 #: Characters of the name of a method at most; of a name that several share.
 _MAX_NAME, _MAX_NAMES = 34, 60
 
-#: Degrees below which an angle is zero to rounding.
-_ZERO_ANGLE = 1e-4
 
-
-@named()
+@named(kin=(Comparison, Kinship))
 def method_map(kin: Comparison | Kinship, ax: Axes | None = None) -> Axes:
     """Draw the map of methods: methods at the same place have the same poles.
 
@@ -54,7 +50,6 @@ def method_map(kin: Comparison | Kinship, ax: Axes | None = None) -> Axes:
     kin : Comparison or Kinship
     ax : Axes, optional
     """
-    check_kind("a map of methods", kin, (Comparison, Kinship))
     return painted(map_picture(kin), ax)
 
 
@@ -87,27 +82,7 @@ def map_picture(compared: Comparison | Kinship) -> Picture:
     return Picture([panel], "Map of methods", (960, 560))
 
 
-def distances_picture(kin: Kinship) -> Picture:
-    """Return the distances of pole sets below the diagonal, and principal angles in degrees above it."""
-    count = len(kin.names)
-    below = np.tri(count, k=-1, dtype=bool)
-    sizes = np.where(below, kin.distances, kin.angles / 90)
-    values = np.where(np.eye(count, dtype=bool), 0.0, np.sqrt(np.clip(np.nan_to_num(sizes), 0, 1)))
-    texts = [["" if i == j else _text(kin, i, j) for j in range(count)] for i in range(count)]
-    names = [plain(label, _MAX_NAME) for label in kin.labels]
-    return cells_picture(values, ("", names), ("", names), "Distances between methods", texts)
-
-
-def _text(kin: Kinship, i: int, j: int) -> str:
-    """Return the distance of two methods, or above the diagonal their angle."""
-    if i > j:
-        distance = float(kin.distances[i, j])
-        return "0" if distance < SAME else f"{distance:.2g}".removeprefix("0")
-    angle = float(kin.angles[i, j])
-    return f"{angle if angle > _ZERO_ANGLE else 0:.2g}°"
-
-
-@named()
+@named(comparison=Comparison)
 def deviations(comparison: Comparison, axes: tuple[Axes, Axes] | None = None) -> tuple[Axes, Axes]:
     """Draw the deviation of every method from the consensus, mode by mode, over the stated scatter.
 
@@ -117,7 +92,6 @@ def deviations(comparison: Comparison, axes: tuple[Axes, Axes] | None = None) ->
     axes : (Axes, Axes), optional
         For frequency (in half-power half-bandwidths) and damping (in per cent of its value).
     """
-    check_kind("a plot of deviations", comparison, Comparison)
     first = painted(deviations_picture(comparison), axes)
     return axes if axes is not None else tuple(first.figure.axes[:2])  # type: ignore[return-value]
 

@@ -48,7 +48,7 @@ class Identified(Protocol):
         """The modes."""
 
 
-@named()
+@named(data=Response)
 def response(
     data: Response,
     modes: ModalModel | Identified | None = None,
@@ -81,7 +81,6 @@ def response(
     DataError
         An unknown channel, or modes of other channels.
     """
-    check_kind("a plot of responses", data, Response)
     model: Any = modes if isinstance(modes, ModalModel) else getattr(modes, "modes", modes)
     if model is not None:
         check_kind("modes over responses", model, ModalModel)
@@ -202,7 +201,7 @@ def _samples(
     return Picture(_labelled(panels, "lag [s]" if data.ambient else "time [s]"), title)
 
 
-@named()
+@named(found=Decomposition)
 def spectra(found: Decomposition, ax: Axes | None = None, *, peaks: int | None = 12) -> Axes:
     """Draw the singular values of the cross spectra of the outputs, and mark the peaks of the first (FDD).
 
@@ -215,7 +214,6 @@ def spectra(found: Decomposition, ax: Axes | None = None, *, peaks: int | None =
     peaks : int, optional
         Maximum number of marked peaks, the most prominent ones.
     """
-    check_kind("a plot of spectra", found, Decomposition)
     return painted(spectra_picture(found, peaks), ax)
 
 

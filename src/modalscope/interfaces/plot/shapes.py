@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import TYPE_CHECKING, TypeGuard
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from modalscope.data.indicators import mpc
 from modalscope.interfaces.plot._camera import AXES, View, extent, oblique, view_of
 from modalscope.interfaces.plot.on_axes import painted
 from modalscope.interfaces.plot.picture import (
-    INKS,
     Areas,
     Axis,
     Item,
@@ -34,8 +33,8 @@ from modalscope.interfaces.plot.picture import (
 )
 from modalscope.io.geometry import neighbour_lines
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, BoolArray, ComplexArray, IntArray, RealArray, check_count, check_kind
-from modalscope.numerics.errors import DataError, check_choice
+from modalscope.numerics.checks import Array, BoolArray, ComplexArray, IntArray, RealArray, check_count
+from modalscope.numerics.errors import DataError
 from modalscope.selection.judging.description import described
 
 if TYPE_CHECKING:
@@ -92,7 +91,7 @@ def in_phase(shape: Array) -> RealArray:
     return real / largest if largest else real
 
 
-@named()
+@named(modes=ModalModel, tones=TONES)
 def shape(
     modes: ModalModel,
     index: int = 0,
@@ -141,7 +140,7 @@ def shape(
     check_mode(modes, index)
     angles = {name: v for name, v in (("azimuth", azimuth), ("elevation", elevation)) if v is not None}
     view = oblique(**angles) if angles else None
-    size = check_choice("tones", tones, TONES) == "size"
+    size = tones == "size"
     return painted(shape_picture(modes, index, geometry, scale=scale, view=view, std=std, size=size), ax, dark=dark)
 
 
@@ -182,8 +181,8 @@ def shape_picture(
         measured = _measured(joined, modes.output_dofs)
         moving = _over_length if seen.kind == "line" else _wireframe
         panel = moving(joined, motion, np.asarray(largest, dtype=float), measured, seen, scale, size)
-    panel = replace(panel, title=mode_title(modes, index), aside=f"MPC {float(mpc(modes.shapes[:, [index]])[0]):.3f}")
-    return Picture([panel], f"Shape of mode {index + 1}", (_WIDTH, 600))
+    title, aside = _head(modes, index)
+    return Picture([replace(panel, title=title, aside=aside)], f"Shape of mode {index + 1}", (_WIDTH, 600))
 
 
 def mode_title(modes: ModalModel, index: int) -> str:
@@ -211,7 +210,6 @@ def has_channels(geometry: Geometry | None, labels: tuple[str, ...]) -> TypeGuar
 
 def check_mode(modes: ModalModel, index: int) -> None:
     """Raise if there is no mode of that index."""
-    check_kind("a plot of shapes", modes, ModalModel)
     check_count("index", index, least=0)
     if index >= len(modes):
         asked, count = f"the shape of mode index {index} was asked", f"there are {len(modes)} modes, counted from zero"
@@ -335,7 +333,7 @@ def _triad(view: View, foot: Array, far: float) -> list[Item]:
     return [strokes(arrows, "muted", 1.0), Words(names[:, 0], names[:, 1], [AXES[k] for k in seen], "muted")]
 
 
-@named()
+@named(modes=ModalModel)
 def complexity(modes: ModalModel, index: int, ax: Axes | None = None) -> Axes:
     """Draw the components of one shape in the complex plane; on a line they are in phase or in opposition.
 
@@ -345,30 +343,29 @@ def complexity(modes: ModalModel, index: int, ax: Axes | None = None) -> Axes:
     index : int
         Index of the mode, from zero.
     ax : Axes, optional
-        Polar axes; those of a new figure by default.
+        A new figure by default.
 
     Raises
     ------
     DataError
-        An unknown mode, or axes that are not polar.
+        An unknown mode.
     """
     check_mode(modes, index)
-    if ax is None:
-        from matplotlib import pyplot
+    return painted(complexity_picture(modes, index), ax)
 
-        ax = pyplot.figure(figsize=(6.0, 6.0), layout="constrained").add_subplot(projection="polar")
-    if ax.name != "polar":
-        remedy = 'Create them with projection="polar".'
-        raise DataError("the complexity of a shape needs polar axes", f"the axes are {ax.name}", remedy)
-    blue, muted, pale, ink = (INKS[name][0] for name in ("blue", "muted", "pale", "ink"))
-    look: dict[str, Any] = {"color": blue, "linewidth": 1.6, "marker": "o", "markevery": [1], "markersize": 5}
-    for value in turned(modes.shapes[:, index]):
-        ax.plot([0, np.angle(value)], [0, np.abs(value)], **look)
-    ax.set_ylim(0, 1.08)
-    ax.set_yticks([0.5, 1.0], ["", ""])
-    ax.tick_params(labelsize=9, labelcolor=muted)
-    ax.grid(visible=True, color=pale, linewidth=0.5)
-    ax.spines["polar"].set_color(pale)
-    ax.set_title(mode_title(modes, index), loc="left", fontsize=11.5, color=ink, fontweight="bold", pad=8)
-    ax.set_title(f"MPC {float(mpc(modes.shapes[:, [index]])[0]):.3f}", loc="right", fontsize=9.5, color=muted, pad=8)
-    return ax
+
+def complexity_picture(modes: ModalModel, index: int) -> Picture:
+    """Return the components of a shape in the complex plane, turned to the smallest imaginary parts, the largest of length 1."""
+    phi, ring = turned(modes.shapes[:, index]), np.exp(2j * np.pi * np.linspace(0, 1, 181))
+    ends = np.stack([np.zeros_like(phi), phi], axis=1)
+    items: list[Item] = [Line(r * ring.real, r * ring.imag, "pale", width=0.7) for r in (0.5, 1.0)]
+    items += [strokes(np.stack([ends.real, ends.imag], axis=-1), "blue", 1.5), Marks(phi.real, phi.imag)]
+    title, aside = _head(modes, index)
+    across, upward = Axis("real part", -1.1, 1.1), Axis("imaginary part", -1.1, 1.1)
+    panel = Panel(across, upward, items, title, aside, equal=True, grid=False)
+    return Picture([panel], f"Components of mode {index + 1} in the complex plane", (640, 640))
+
+
+def _head(modes: ModalModel, index: int) -> tuple[str, str]:
+    """Return the title of a mode, and its MPC as a remark."""
+    return mode_title(modes, index), f"MPC {float(mpc(modes.shapes[:, [index]])[0]):.3f}"

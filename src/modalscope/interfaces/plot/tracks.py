@@ -27,7 +27,7 @@ from modalscope.interfaces.plot.picture import (
     strokes,
 )
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, RealArray, check_kind
+from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import check_choice
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ _INKS = ("blue", "orange", "green", "vermillion", "purple", "sky")
 _MOST_INTERVALS = 500
 
 
-@named()
+@named(found=Tracks)
 def tracks(found: Tracks, ax: Axes | None = None) -> Axes:
     """Draw the frequencies of tracks over time, with 95 % intervals where there is room, and what is of no track.
 
@@ -52,7 +52,6 @@ def tracks(found: Tracks, ax: Axes | None = None) -> Axes:
     ax : Axes, optional
         A new figure by default.
     """
-    check_kind("found of tracks", found, Tracks)
     return painted(tracks_picture(found), ax)
 
 
@@ -78,7 +77,7 @@ def tracks_picture(found: Tracks) -> Picture:
     return Picture([panel], "Frequencies of all tracks over time")
 
 
-@named()
+@named(found=Explained)
 def against(found: Explained, covariate: str | None = None, ax: Axes | None = None) -> Axes:
     """Draw relative changes of the frequencies against a covariate, and the lines by which it explains them.
 
@@ -95,7 +94,6 @@ def against(found: Explained, covariate: str | None = None, ax: Axes | None = No
     DataError
         A covariate that is none of the regressors.
     """
-    check_kind("found of against", found, Explained)
     choices = [name for name in found.regressors[1:] if " below " not in name]
     name = check_choice("covariate", choices[0] if covariate is None and choices else covariate, choices)
     return painted(against_picture(found, name), ax)
@@ -119,7 +117,7 @@ def against_picture(found: Explained, name: str) -> Picture:
     return Picture([panel], f"Frequencies against {name}", columns=4)
 
 
-@named()
+@named(found=Alarms)
 def control_chart(found: Alarms, ax: Axes | None = None) -> Axes:
     """Draw a control chart over time, with its limit at 1, the records of the reference, and the alarms with their times of change.
 
@@ -129,7 +127,6 @@ def control_chart(found: Alarms, ax: Axes | None = None) -> Axes:
     ax : Axes, optional
         A new figure by default.
     """
-    check_kind("found of control_chart", found, Alarms)
     return painted(chart_picture(found), ax)
 
 

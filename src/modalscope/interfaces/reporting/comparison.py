@@ -12,7 +12,7 @@ from modalscope.analysis.comparing.verdict import LEADS
 from modalscope.data.mode_fields import told
 from modalscope.data.rebuilt import explains_enough, unexplained
 from modalscope.interfaces.plot.diagrams import stabilization_picture
-from modalscope.interfaces.plot.methods import deviations_picture, distances_picture, map_picture
+from modalscope.interfaces.plot.methods import deviations_picture, map_picture
 from modalscope.interfaces.plot.web.fits import fit_of, lines_of_response
 from modalscope.interfaces.reporting import record, sections
 from modalscope.interfaces.reporting.html import Section, figure, folded, listing, paragraph, table
@@ -28,9 +28,6 @@ _LINES_ON_MODES = (*LEADS.values(), "Methods differ on")
 #: A map is drawn of at least so many classes of methods, at this maximum distance at least (half-power half-bandwidths).
 _MIN_MAP_CLASSES, _MIN_MAP_DISTANCE = 4, 0.01
 
-#: Number of methods from which the table of distances takes the width of the page.
-_MIN_WIDE_METHODS = 9
-
 #: The table of MAC values is omitted if all are at least this.
 _ALIKE_MAC = 0.99
 
@@ -43,7 +40,6 @@ def comparison_sections(c: Comparison, *, source: str | None = None, command: st
     yield _methods(c)
     if len(c.kinship.names) > 1:
         yield _kinship(c)
-    yield _identities(c)
     yield _disagreements(c)
     if any(r.diagram is not None for r in c.results):
         yield _stabilization(c)
@@ -62,46 +58,38 @@ def _verdict(c: Comparison) -> Section:
     lead = f"The same data for all, {low:.5g} to {high:.5g} Hz; {len(c.modes)} modes in the consensus."
     if c.groups and explains_enough(c.fit_error):
         lead += f" {unexplained(c.fit_error)}"
-    reasons = ["; ".join([t.why.partition(":")[0], *(x.name for x in t.causes)]) for t in c.trust]
-    columns = _columns(c) | {"reason and causes": reasons}
-    rows = list(zip(*columns.values(), strict=True))
     lines = [line for line in c.verdict.splitlines() if not line.startswith(_LINES_ON_MODES)] or [c.verdict]
     first = "loud" if c.groups and not explains_enough(c.fit_error) else "verdict"
     body = paragraph(c.headline) + paragraph(lines[0], first) + "".join(paragraph(line) for line in lines[1:])
-    body += table(list(columns), rows, words=[5, 6, 7], graded=5) if rows else ""
-    body += paragraph(lead, "muted")
-    return Section("verdict", "Verdict", body)
+    return Section("verdict", "Verdict", body + paragraph(lead, "muted"))
 
 
-def _columns(c: Comparison) -> dict[str, list[str]]:
-    """Return what both tables of the consensus say of its modes, by the heads of their columns."""
-    digits = decimals(c.modes.frequencies, 6)
-    return {
+def consensus_table(c: Comparison) -> list[list[str]]:
+    """Return the table of the consensus cell by cell, its heads first."""
+    digits, ran = decimals(c.modes.frequencies, 6), sum(r.modes is not None for r in c.results)
+    columns = {
         "mode": [str(k + 1) for k in range(len(c.groups))],
-        "frequency [Hz]": [f"{g.frequency:.{digits}f}" for g in c.groups],
+        "f [Hz]": [f"{g.frequency:.{digits}f}" for g in c.groups],
         "± [Hz]": [told(v) for v in c.scatter.frequency],
+        "between [Hz]": [f"{g.frequency_between:.2g}" for g in c.groups],
         "damping [%]": [f"{100 * g.damping:.3f}" for g in c.groups],
         "± [%]": [told(100 * v) for v in c.scatter.damping],
+        "between [%]": [f"{100 * g.damping_between:.2g}" for g in c.groups],
+        "found by": [f"{len(g.members)} of {ran}" for g in c.groups],
+        "MAC": [f"{min(g.mac.values()):.3f}" for g in c.groups],
         "grade": [t.grade for t in c.trust],
         "methods": [t.agreement.removeprefix("methods ") for t in c.trust],
+        "reason and causes": ["; ".join([t.why.partition(":")[0], *(x.name for x in t.causes)]) for t in c.trust],
     }
+    return [list(columns), *map(list, zip(*columns.values(), strict=True))]
 
 
 def _modes(c: Comparison) -> Section:
-    ran = sum(r.modes is not None for r in c.results)
-    columns = _columns(c) | {
-        "between [Hz]": [f"{g.frequency_between:.2g}" for g in c.groups],
-        "between [%]": [f"{100 * g.damping_between:.2g}" for g in c.groups],
-        "identified by": [f"{len(g.members)} of {ran}" for g in c.groups],
-        "minimum MAC": [f"{min(g.mac.values()):.3f}" for g in c.groups],
-    }
-    head = ["mode", "frequency [Hz]", "± [Hz]", "between [Hz]", "damping [%]", "± [%]", "between [%]"]
-    head += ["identified by", "minimum MAC", "grade", "methods"]
-    rows = list(zip(*(columns[name] for name in head), strict=True))
-    body = table(head, rows, words=[9, 10]) if rows else paragraph("No significant mode.")
+    head, *rows = consensus_table(c)
+    body = table(head, rows, words=[9, 10, 11], graded=9) if rows else paragraph("No significant mode.")
     body += paragraph(
         f"±: {100 * LEVEL:g} % interval from the noise and the scatter between methods, no narrower than that of the analysis; "
-        "between: standard deviation between methods; minimum MAC: of the methods' shapes with the consensus.",
+        "between: standard deviation between methods; MAC: the lowest of the methods' shapes with the consensus.",
         "muted",
     )
     if c.unconfirmed:
@@ -157,8 +145,7 @@ def _kinship(c: Comparison) -> Section:
     equal = [" = ".join(labels) for labels in kin.equals]
     body = paragraph(
         f"Distance of two methods: how far their poles of order {kin.order} lie apart, in half-power half-bandwidths; strong poles count "
-        "more (0: equal poles, 1: none in common). On the map, methods with similar poles lie close together. "
-        "The table adds the largest angle between the subspaces of two methods' modes."
+        "more (0: equal poles, 1: none in common). On the map, methods with similar poles lie close together."
     )
     if equal:
         body += paragraph(f"Equal methods on these data, to rounding: {'; '.join(equal)}.")
@@ -167,30 +154,7 @@ def _kinship(c: Comparison) -> Section:
         text = f"All methods agree within {distance:.2g} half-power half-bandwidths: no map."
         return Section("map", "Map of methods", body + paragraph(text))
     body += figure(map_picture(kin), width=900)
-    caption = "Below the diagonal: distances of pole sets; above: principal angles in degrees."
-    kind = "narrow" if len(kin.names) < _MIN_WIDE_METHODS else "whole"
-    width = 200 + 46 * min(len(kin.names), 14)
-    body += f'<div class="{kind}">{figure(distances_picture(kin), caption, width, width)}</div>'
     return Section("map", "Map of methods", body)
-
-
-def _identities(c: Comparison) -> Section:
-    lead = paragraph(
-        "These relations hold to rounding on any data, with noise. Each is computed by two routes on the present data: "
-        "a residual above 1e-9 is a fault of the program, not of the measurement."
-    )
-    rows = [
-        [
-            i.name,
-            i.domain,
-            i.source,
-            str(i.order),
-            f"{i.residual:.1e}" if np.isfinite(i.residual) else f"not checked: {i.note}",
-        ]
-        for i in c.identities
-    ]
-    body = lead + table(["identity", "domain", "report", "order", "residual"], rows, words=[0, 2])
-    return Section("identities", "Identities on these data", body)
 
 
 def _disagreements(c: Comparison) -> Section:

@@ -226,7 +226,7 @@ def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, ori
             band_lines = Lines(*rebuilt_lines(modes, band.diagram, len(bands)))
             band_fit = fit_error(band_lines.measured, band_lines.rebuilt)
         yield band.named(sections.responses_section(band.diagram.response, band_fit, band_lines), several)
-    if modes.reasons:
+    if any("text" in reason for reason in modes.reasons):
         yield sections.reasons_section(modes)
     if modes.left_out:
         yield sections.left_out_section(modes)

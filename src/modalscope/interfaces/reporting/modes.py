@@ -8,7 +8,6 @@ import numpy as np
 
 from modalscope.analysis.checking.certificate import Certificate
 from modalscope.data import ModalModel, StabilizationDiagram
-from modalscope.data.mode_fields import told
 from modalscope.data.rebuilt import asked_ends, explains_enough, unexplained
 from modalscope.data.shown import counted, frequency, percent
 from modalscope.identification.identify import Identification
@@ -18,7 +17,7 @@ from modalscope.interfaces.plot.web.fits import Fit
 from modalscope.interfaces.plot.web.verdict import notes_that_matter, verdict_of
 from modalscope.interfaces.reporting.html import Section, figure, folded, paragraph, table
 from modalscope.numerics.checks import BoolArray
-from modalscope.selection.judging.description import HEADS, WORDS, decimals, described
+from modalscope.selection.judging.description import HEADS, WORDS, described, table_of
 from modalscope.selection.judging.grades import Grade
 
 #: Meaning of the indicators, for the legend below their table.
@@ -154,26 +153,10 @@ def modes_section(modes: ModalModel, holds: BoolArray | None = None) -> Section:
 
 
 def figures_of(modes: ModalModel) -> str:
-    """Return the table of all values of the modes, and the meaning of their names."""
-    columns: list[tuple[str, Sequence[str]]] = [("mode", [str(i + 1) for i in range(len(modes))])]
-    for name, title, unit, scale, places in (
-        ("frequencies", "frequency", "[Hz]", 1.0, decimals(modes.frequencies, 6)),
-        ("damping_ratios", "damping", "[%]", 100.0, 3),
-    ):
-        columns.append((f"{title} {unit}", [f"{scale * v:.{places}f}" for v in getattr(modes, name)]))
-        for suffix, word in (("spread", "spread"), ("std", "± noise"), ("repeatability", "± repeatability")):
-            values = getattr(modes, f"{name}_{suffix}")
-            if values is not None:
-                columns.append((f"{word} {unit}", [told(scale * v) for v in values]))
-    if any(kind != "mode" for kind in modes.kinds):
-        columns.append(("kind", modes.kinds))
-    for name, values in modes.indicators.items():
-        columns.append((name.replace("_", " "), [f"{v:.3f}" if np.isfinite(v) else "–" for v in values]))
-    head, cells = zip(*columns, strict=True)
-    body = table(head, zip(*cells, strict=True), words=[i for i, name in enumerate(head) if name == "kind"])
+    """Return the table of modes with spreads, significance and indicators, and the meaning of their names."""
+    head, *rows = table_of(modes, wide=True)
+    body = table(head, rows, words=[k for k, name in enumerate(head) if name in ("kind", "grade", "reason")])
     meanings = [_INDICATOR_MEANINGS[name] for name in modes.indicators if name in _INDICATOR_MEANINGS]
     if modes.frequencies_spread is not None:
         meanings = ["spread: standard deviation over the orders at which the mode was identified", *meanings]
-    if modes.frequencies_std is not None:
-        meanings = ["± noise: one standard deviation", *meanings]
     return body + (paragraph(f"{'; '.join(meanings)}.", "muted") if meanings else "")

@@ -21,17 +21,7 @@ from modalscope.interfaces.plot.responses import coherence_of, lines_picture, ti
 from modalscope.interfaces.plot.shapes import shape_picture
 from modalscope.interfaces.plot.web.alive import Drawing, alive_blob, front_end
 from modalscope.interfaces.plot.web.fits import Fit, Lines
-from modalscope.interfaces.reporting.html import (
-    Section,
-    figure,
-    folded,
-    heading,
-    listing,
-    numbered,
-    paragraph,
-    table,
-    value,
-)
+from modalscope.interfaces.reporting.html import Section, figure, listing, numbered, paragraph, table
 from modalscope.numerics.checks import Array, BoolArray, RealArray
 from modalscope.selection.judging.description import described
 from modalscope.signals.preprocess.singular_spectra import Decomposition
@@ -189,20 +179,9 @@ def mode_pictures(
 
 
 def reasons_section(modes: ModalModel) -> Section:
-    """List a sentence per mode, and the other fields of its reasons as a table."""
-    shown = {"text", *modes.indicators, "indicators", "frequency_spread_hz", "damping_ratio_spread"}
-    keys = list(dict.fromkeys(key for reason in modes.reasons for key in reason if key not in shown))
-    pairs = list(zip(modes.frequencies, modes.reasons, strict=True))
-    body = ""
-    if any("text" in reason for reason in modes.reasons):
-        body += numbered((frequency(f), str(reason.get("text", ""))) for f, reason in pairs)
-    if keys:
-        rows = [
-            [str(i + 1), f"{f:.5g}", *(value(key, reason.get(key)) for key in keys)]
-            for i, (f, reason) in enumerate(pairs)
-        ]
-        figures = table(["mode", "frequency [Hz]", *map(heading, keys)], rows)
-        body += folded("All values behind these sentences", figures) if body else figures
+    """List a sentence per mode."""
+    pairs = zip(modes.frequencies, modes.reasons, strict=True)
+    body = numbered((frequency(f), str(reason.get("text", ""))) for f, reason in pairs)
     return Section("reasons", "Reasons for each mode", body)
 
 

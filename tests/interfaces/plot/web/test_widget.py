@@ -49,8 +49,8 @@ def test_singular_values_of_spectra_stand_behind_the_poles_in_the_band_that_was_
     told = _head(alive_blob(drawing_of(result.modes, result.diagram, spectra=spectra)))
     inside = np.count_nonzero((spectra.frequencies >= 2.0) & (spectra.frequencies <= 5.0))
     assert told["bands"] == [[2.0, 5.0]]
-    assert told["level"] == "singular values of the spectra [(m/s²)²/Hz]"
-    assert next(entry["shape"] for entry in told["arrays"] if entry["name"] == "curves") == [4, inside]
+    assert told["indicators"][0]["level"] == "singular values of the spectra [(m/s²)²/Hz]"
+    assert next(entry["shape"] for entry in told["arrays"] if entry["name"] == "spectra_curves") == [4, inside]
 
 
 def _head(blob: bytes) -> dict[str, Any]:

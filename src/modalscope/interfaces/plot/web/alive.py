@@ -10,14 +10,12 @@ from typing import Any
 import numpy as np
 
 from modalscope.data import DataError, ModalModel, StabilizationDiagram
-from modalscope.data.rebuilt import asked_ends, band_of
 from modalscope.data.results import Result
-from modalscope.identification.method_names import cell_label
 from modalscope.interfaces.plot.picture import unit_of
 from modalscope.interfaces.plot.web.blob import pack
-from modalscope.interfaces.plot.web.fits import Fit, Lines, fit_of_bands, lines_of, strongest
+from modalscope.interfaces.plot.web.fits import Fit, Lines, fit_of_bands, lines_of
 from modalscope.interfaces.plot.web.modes import modes_parts, over_points
-from modalscope.interfaces.plot.web.poles import KINDS, amplitudes, behind, level_of, pole_arrays
+from modalscope.interfaces.plot.web.poles import first_indicator, poles_parts
 from modalscope.interfaces.plot.web.verdict import Verdict, verdict_of
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, BoolArray, IntArray
@@ -86,31 +84,25 @@ def drawing_of(
 
 def alive_blob(drawing: Drawing) -> bytes:
     """Return modes and their diagrams as one blob."""
-    diagrams, spectra = drawing.diagrams, drawing.spectra
-    first = diagrams[0]
-    lines, curves = behind(diagrams, _MAX_POINTS, spectra)
+    diagrams, response = drawing.diagrams, drawing.diagrams[0].response
+    shown, arrays, exact = poles_parts(diagrams, [first_indicator(diagrams, drawing.spectra, _MAX_POINTS)])
     head: dict[str, Any] = {
         **drawing.entries,
-        "kinds": [kind._asdict() for kind in KINDS],
-        "label": cell_label(first.method, first.domain),
-        "orders": sorted({order for diagram in diagrams for order in diagram.orders}),
-        "bands": [list(band_of(d, len(diagrams)) if spectra is None else asked_ends(d)) for d in diagrams],
-        "level": level_of("cmif" if spectra is None else "spectra", first.response),
-        "columns": list(first.response.columns),
-        "unit": unit_of(first.response.picture()).strip(" []"),
+        **shown,
+        "columns": list(response.columns),
+        "unit": unit_of(response.picture()).strip(" []"),
         "fit": None if drawing.fit is None else drawing.fit[0],
         "unexplained": drawing.verdict.unexplained,
         "warnings": drawing.verdict.warnings,
     }
-    arrays = {**drawing.arrays, **pole_arrays(diagrams), "behind": lines, "curves": amplitudes(curves, spectra)}
+    arrays |= drawing.arrays
     if drawing.fit is not None and drawing.lines is not None:
         shape = drawing.lines.measured.shape[1:]
         channels, scales = _channels(drawing.modes, drawing.lines)
         if channels:  # records have one fit error per output, (l, 1)
             head |= {"channels": True, "fits": np.broadcast_to(drawing.fit[1], shape), "scales": scales}
-            head["strongest"] = strongest(drawing.lines.measured)
             arrays |= channels
-    return pack(head, arrays, exact=("frequency", "behind", "response_lines"), half=tuple(_SIDES))
+    return pack(head, arrays, exact=(*exact, "response_lines"), half=tuple(_SIDES))
 
 
 #: Arrays of responses: half precision, relative to the largest value of each channel, is a hundredth of a decibel.

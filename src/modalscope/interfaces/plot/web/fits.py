@@ -10,6 +10,7 @@ import numpy as np
 from modalscope.data import DataError, ImpulseResponse, ModalModel, StabilizationDiagram
 from modalscope.data.rebuilt import band_of, fit_error, fit_error_heard, heard_lines, of_band, rebuilt
 from modalscope.data.response import Response
+from modalscope.data.results import Result
 from modalscope.interfaces.plot.picture import unit_of
 from modalscope.interfaces.plot.responses import coherence_of
 from modalscope.interfaces.plot.web.blob import pack
@@ -103,11 +104,10 @@ def fit_of_bands(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) ->
     return fit_error(measured, fitted)
 
 
-def strongest(values: Array) -> tuple[int, int]:
-    """Return the output and the column of the channel with the most power, which is shown first; `values` (F, l, m)."""
-    power = np.sum(np.abs(values) ** 2, axis=0)
-    output, column = np.unravel_index(int(np.argmax(power)), power.shape)
-    return int(output), int(column)
+def fit_of_result(result: Result) -> Fit:
+    """Return the fit error of a result; None where its modes cannot be rebuilt: none, or setups identified apart."""
+    rebuildable = len(result.modes) > 0 and not result.analysis.apart
+    return fit_of_bands(result.modes, result.diagrams) if rebuildable else None
 
 
 def channel_blob(

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.data import DataError, Geometry, ModalModel
+from modalscope.data import Geometry, ModalModel
 from modalscope.data.analysis import named_near
 from modalscope.data.indicators import mac
+from modalscope.data.mode_fields import interval_ends
 from modalscope.data.response import Response
 from modalscope.interfaces.plot._camera import extent
 from modalscope.interfaces.plot.shapes import has_channels, turned, with_lines
@@ -83,15 +84,13 @@ def modes_parts(
 ) -> tuple[dict[str, Any], dict[str, Array]]:
     """Return the entries and the arrays of modes; `points`: as of `over_points`. `holds`, `preliminary`: as in `described`."""
     points = modes if points is None else points
-    entries = {
+    entries: dict[str, Any] = {
         "heads": HEADS,
         "modes": _rows(modes, names, described(modes, holds, preliminary=preliminary)),
         "left_out": [candidate.to_dict() for candidate in modes.left_out],
-        "harmonics": [harmonic.to_dict() for harmonic in modes.harmonics],
         "outputs": list(modes.output_dofs),
         "points": list(points.output_dofs),
         "over": "outputs" if points is modes else "inputs",
-        "converged": modes.converged,
     }
     shapes = turned(points.shapes)
     arrays = {
@@ -112,40 +111,23 @@ def modes_parts(
 
 def _rows(modes: ModalModel, names: Mapping[str, str], shown: Sequence[ModeDescription]) -> list[dict[str, Any]]:
     """Return one row per mode: what is shown of it, values, 95 % intervals, indicators and why it is a mode."""
-    try:
-        intervals = modes.interval(0.95)
-    except DataError:  # no standard deviations
-        intervals = {}
+    (ends, _), before = interval_ends(modes, 0.95), modes.unrefined
     rows = []
     for j, mode in enumerate(modes):
-        row = {
+        row: dict[str, Any] = {
             "frequency": mode.frequency,
             "damping": mode.damping_ratio,
+            "frequency_interval": ends[j],
             "shown": shown[j].to_dict(),
-            "kind": mode.kind,
             "indicators": {name: float(values[j]) for name, values in modes.indicators.items()},
             "text": str(mode.reason.get("text", "")),
             "name": named_near(names, mode.frequency),
-            **{name: float(values[j]) for name, values in _measures(modes).items()},
+            "gain": None if modes.gain is None else float(modes.gain[j]),
         }
-        for name, ends in intervals.items():
-            row[f"{name}_interval"] = ends[j]
+        if before is not None and len(before) == len(modes):
+            row |= {"frequency_before": before.frequencies[j], "damping_before": before.damping_ratios[j]}
         rows.append(row)
     return rows
-
-
-def _measures(modes: ModalModel) -> dict[str, Array]:
-    """Return significance, deviations, spreads and the unrefined values, as far as they are known."""
-    measures: dict[str, Any] = {
-        "gain": modes.gain,
-        "frequency_std": modes.frequencies_std,
-        "damping_std": modes.damping_ratios_std,
-        "frequency_spread": modes.frequencies_spread,
-        "damping_spread": modes.damping_ratios_spread,
-    }
-    if modes.unrefined is not None and len(modes.unrefined) == len(modes):
-        measures |= {"frequency_before": modes.unrefined.frequencies, "damping_before": modes.unrefined.damping_ratios}
-    return {name: values for name, values in measures.items() if values is not None}
 
 
 def _moved(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple
 
@@ -143,13 +143,20 @@ def level_of(name: str, response: Response) -> str:
     return INDICATORS[name][1] + (unit_of(response) if has_unit else "")
 
 
+def first_indicator(
+    diagrams: Sequence[StabilizationDiagram], spectra: Decomposition | None, points: int
+) -> tuple[str, Array, Array]:
+    """Return the curves that stand behind the poles first, at most `points` each: name, lines and values."""
+    lines, curves = behind(diagrams, points, spectra)
+    return ("cmif", lines, curves) if spectra is None else ("spectra", lines, np.sqrt(curves))
+
+
 def _indicators(
     diagrams: Sequence[StabilizationDiagram], spectra: Decomposition | None
 ) -> Iterator[tuple[str, Array, Array]]:
     """Yield the curves that can stand behind the poles: name, lines and values; spectra, where there are, first."""
     if spectra is not None:
-        lines, curves = behind(diagrams, _MAX_POINTS, spectra)
-        yield "spectra", lines, amplitudes(curves, spectra)
+        yield first_indicator(diagrams, spectra, _MAX_POINTS)
     responses = [d.response for d in diagrams]
     for name in ("cmif", "mmif", "sum") if all(map(_has_mif, responses)) else ("cmif", "sum"):
         with suppress(DataError):  # too large for another decomposition
@@ -164,30 +171,31 @@ def _has_mif(response: Response) -> bool:
 
 def poles_blob(diagrams: Sequence[StabilizationDiagram], spectra: Decomposition | None = None) -> bytes:
     """Return the poles of all orders and bands, with the indicators behind them; `spectra`: those of `spectra_of`."""
-    first, arrays = diagrams[0], pole_arrays(diagrams)
-    indicators = []
-    for name, lines, curves in _indicators(diagrams, spectra):
+    return pack(*poles_parts(diagrams, _indicators(diagrams, spectra)))
+
+
+def poles_parts(
+    diagrams: Sequence[StabilizationDiagram], indicators: Iterable[tuple[str, Array, Array]]
+) -> tuple[dict[str, Any], dict[str, Array], tuple[str, ...]]:
+    """Return the entries and arrays of poles, and which arrays are exact; `indicators`: name, lines and values of each."""
+    first, arrays, listed = diagrams[0], pole_arrays(diagrams), []
+    for name, lines, curves in indicators:
         words, _, linear = INDICATORS[name]
-        indicators.append({"name": name, "words": words, "level": level_of(name, first.response), "linear": linear})
+        listed.append({"name": name, "words": words, "level": level_of(name, first.response), "linear": linear})
         arrays |= {f"{name}_lines": lines, f"{name}_curves": curves}
     head = {
-        "indicators": indicators,
+        "kinds": [kind._asdict() for kind in KINDS],
+        "indicators": listed,
         "label": cell_label(first.method, first.domain),
-        "method": first.method,
-        "domain": first.domain,
         "orders": sorted({order for d in diagrams for order in d.orders}),
-        "bands": [list(band_of(d, len(diagrams))) for d in diagrams],
-        "tolerances": dict(first.tolerances),
+        # spectra have lines where nobody asked for modes
+        "bands": [asked_ends(d) if "spectra_lines" in arrays else band_of(d, len(diagrams)) for d in diagrams],
     }
-    return pack(head, arrays, exact=("frequency", *(f"{each['name']}_lines" for each in indicators)))
+    return head, arrays, ("frequency", *(f"{each['name']}_lines" for each in listed))
 
 
 def pole_arrays(diagrams: Sequence[StabilizationDiagram]) -> dict[str, Array]:
-    """Return frequency, damping, order, kind and standard deviations of all poles."""
-
-    def or_nan(values: Array | None, count: int) -> Array:
-        return np.full(count, np.nan) if values is None else values
-
+    """Return frequency, damping, order, kind and standard deviation of the frequency of all poles."""
     joined = {
         "frequency": [d.frequencies for d in diagrams],
         "damping": [d.damping_ratios for d in diagrams],
@@ -196,8 +204,7 @@ def pole_arrays(diagrams: Sequence[StabilizationDiagram]) -> dict[str, Array]:
             _kinds(np.asarray(d.kinds), np.stack([d.stable_frequency, d.stable_damping, d.stable_shape]))
             for d in diagrams
         ],
-        "std": [or_nan(d.frequencies_std, len(d.poles)) for d in diagrams],
-        "damping_std": [or_nan(d.damping_ratios_std, len(d.poles)) for d in diagrams],
+        "std": [np.full(len(d.poles), np.nan) if d.frequencies_std is None else d.frequencies_std for d in diagrams],
     }
     return {name: np.concatenate(parts) for name, parts in joined.items()}
 
@@ -216,11 +223,6 @@ def behind(
     curves = [cut_to_band(curves_of(d.response, kind), d, len(diagrams)) for d in diagrams]
     count = min(_MAX_CURVES, *(c.shape[1] for _, c in curves))
     return thinned(np.concatenate([f for f, _ in curves]), np.concatenate([c[:, :count] for _, c in curves]), points)
-
-
-def amplitudes(curves: Array, spectra: Decomposition | None) -> Array:
-    """Return curves as amplitudes, whose decibels are told: of spectra their square roots."""
-    return curves if spectra is None else np.sqrt(curves)
 
 
 def thinned(lines: Array, curves: Array, points: int) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ from modalscope.data.rebuilt import explains_enough, unexplained
 from modalscope.data.response import Response
 from modalscope.data.results import Result
 from modalscope.data.shown import counted, frequency
-from modalscope.interfaces.plot.web.fits import Fit, fit_of_bands
+from modalscope.interfaces.plot.web.fits import Fit, fit_of_result
 from modalscope.selection.judging.grades import GRADES, Grade, alike_pairs, grades
 
 #: Kinds of notes on how something was computed, which say nothing about the result.
@@ -68,9 +68,7 @@ def verdict_of(modes: ModalModel, response: Response, fit: Fit, judged: Sequence
 
 def verdict_of_result(result: Result) -> Verdict:
     """Return the sentences on the result of an analysis."""
-    rebuildable = len(result.modes) > 0 and not result.analysis.apart
-    fit = fit_of_bands(result.modes, result.diagrams) if rebuildable else None
-    return verdict_of(result.modes, result.diagrams[0].response, fit)
+    return verdict_of(result.modes, result.diagrams[0].response, fit_of_result(result))
 
 
 def _alike(modes: ModalModel) -> tuple[str, ...]:
