@@ -249,3 +249,12 @@ def test_a_message_begins_with_the_fault(asked: str, fault: str) -> None:
     error = DataError(asked, "the rank is 10", "Lower it.")
     assert error.fault == fault
     assert str(error) == f"{fault}.\nLower it."
+
+
+def test_lines_of_a_geometry_are_positions_where_no_node_has_such_a_name() -> None:
+    points = {"coordinates": np.eye(3), "lines": [[0, 1], [1, 2]]}
+    assert Geometry(nodes=["a", "b", "c"], **points).lines.tolist() == [[0, 1], [1, 2]]
+    with pytest.raises(DataError, match="there is no node 0"):  # names count where one of them is a node
+        Geometry(nodes=["1", "2", "3"], **points)
+    with pytest.raises(DataError, match="there is no node 5"):
+        Geometry(nodes=["a", "b", "c"], coordinates=np.eye(3), lines=[[0, 5]])

@@ -145,6 +145,8 @@ def _elements(name: str, elements: ArrayLike | None, sizes: tuple[int, ...], nod
             "Give one row each.",
         )
     position = {node: i for i, node in enumerate(nodes)}
+    if array.dtype.kind in "iu" and not {str(k) for k in array.ravel()} & set(nodes):  # no names: positions
+        position |= {str(i): i for i in range(len(nodes))}
     unknown = sorted({str(node) for node in array.ravel()} - set(position))
     if unknown:
         raise DataError(

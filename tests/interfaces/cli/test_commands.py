@@ -25,7 +25,7 @@ def test_every_command_stands_in_the_help_in_order(capsys: pytest.CaptureFixture
 def test_no_command_prints_what_there_is_in_groups(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(words) == 0
     said = capsys.readouterr().out
-    assert re.findall(r"^(\w+)$", said, re.MULTILINE) == ["first", "look", "identify", "compare", "models", "files"]
+    assert re.findall(r"^(\w+)$", said, re.MULTILINE) == ["first", "look", "check", "models", "files"]
     assert "\n  modalscope identify test.uff -o report.html\n" in said
 
 

@@ -120,7 +120,7 @@ def test_the_terminal_says_of_merged_bands_what_the_report_says(kind, capsys):
     summary = next(stabilization_sections(result.modes, result.diagram, Origin(diagrams=result.diagrams))).body
     words = " ".join(html.unescape(re.sub(r"<[^>]+>", " ", summary)).split())
     start = r"Unexplained: |Graded: |WARNING: |No force was measured"
-    said = [line for line in out.splitlines() if re.match(start, line)]
+    said = [line for line in out.replace(" Graded: ", "\nGraded: ").splitlines() if re.match(start, line)]
     assert any("of the response" in line for line in said)
     assert any("are alike (MAC" in line for line in said) == (kind == "frf")
     assert any("taken as ambient" in line for line in said) == (kind == "ambient")

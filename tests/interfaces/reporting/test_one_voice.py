@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from modalscope.data import Note
 from modalscope.data.indicators import mpc, mpd
 from modalscope.interfaces.app.steps import result_head
 from modalscope.interfaces.cli.identify import _print
 from modalscope.interfaces.plot.web.alive import alive_blob, drawing_of
 from modalscope.interfaces.plot.web.modes import modes_blob
-from modalscope.interfaces.plot.web.verdict import verdict_of_result
+from modalscope.interfaces.plot.web.verdict import notes_that_matter, verdict_of_result
 from modalscope.selection.judging.description import HEADS, described
 from modalscope.selection.judging.grades import grades
 from modalscope.systems import chain5
@@ -153,3 +154,9 @@ def test_the_table_fits_a_terminal_whatever_the_reason(
 
     assert max(map(len, narrowed(modes.table(), longest).splitlines())) <= longest
     assert "errors leave it a MAC of" in narrowed(modes.table(), longest)
+
+
+@pytest.mark.parametrize(("scatter", "told"), [(0.04, 0), (0.06, 1)])
+def test_a_scatter_of_channels_that_says_nothing_is_not_told(scatter: float, told: int) -> None:
+    note = Note("shifts", {"by_output": scatter, "by_input": 0.01}, "Sensors disagree")
+    assert [len(texts) for texts in notes_that_matter([note])] == [told, 1 - told]

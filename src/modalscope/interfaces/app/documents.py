@@ -115,29 +115,28 @@ class DocumentStore:
 
     def _of_paths(self, document: Analysis, folder: Path) -> Analysis:
         """Return a document with the paths of its files: as stored, or in the folder of the document."""
-        files = []
-        for file in document.files or (SourceFile(),):
-            stored = Path(file.path)
-            path = stored if self._may_read(stored) else folder / stored.name
-            if not file.path or not is_file_in(path, self._tops):
-                missing = f"its data, {stored.name[:60] or 'arrays'}, are no file in the folder"
-                raise DataError(
-                    "opening a document was asked", missing, "Put the file into the folder of the document."
-                )
-            files.append(replace(file, path=str(path), reading=self._of_geometry(file.reading, folder)))
+        files = [
+            replace(
+                file,
+                path=str(self._readable(Path(file.path), folder, "data")),
+                reading=self._of_geometry(file.reading, folder),
+            )
+            for file in document.files or (SourceFile(),)
+        ]
         return replace(document, files=tuple(files))
 
     def _of_geometry(self, reading: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         """Return options of reading whose geometry is a file that may be read: as stored, or in the folder of the document."""
-        if not named_in(reading):
-            return dict(reading)
-        stored = [Path(str(name)) for name in named_in(reading)]
-        paths = [path if self._may_read(path) else folder / path.name for path in stored]
-        lost = next((path.name for path in paths if not is_file_in(path, self._tops)), None)
-        if lost is not None:
-            fault = f"its geometry, {lost[:60]}, is no file in the folder"
+        paths = [self._readable(Path(str(name)), folder, "geometry") for name in named_in(reading)]
+        return {**reading, "geometry": tuple(map(str, paths))} if paths else dict(reading)
+
+    def _readable(self, stored: Path, folder: Path, what: str) -> Path:
+        """Return a file of a document that may be read: as stored, or in the folder of the document."""
+        path = stored if self._may_read(stored) else folder / stored.name
+        if not stored.name or not is_file_in(path, self._tops):
+            fault = f"its {what}, {stored.name[:60] or 'arrays'}, is no file in the folder"
             raise DataError("opening a document was asked", fault, "Put the file into the folder of the document.")
-        return {**reading, "geometry": tuple(map(str, paths))}
+        return path
 
     @property
     def _tops(self) -> list[Path]:

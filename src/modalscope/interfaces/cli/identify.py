@@ -197,7 +197,8 @@ def _print(result: Result, *, everything: bool = False, wide: bool = False) -> N
     else:
         reasons = [str(note) for note in result.modes.notes if note.kind == "no mode"]
         say(next(iter(reasons), "no significant mode"))
-    say(*verdict.unexplained, *verdict.graded, *verdict.warnings)
+    first = " ".join([*verdict.unexplained, *verdict.graded])
+    say(*filter(None, [first]), *verdict.warnings)
     texts, computing = notes_that_matter(note for note in result.notes if note.kind not in _ON_READING)
     if result.findings:
         remark("data:", *(f"  {finding}" for finding in grouped(result.findings)))

@@ -15,15 +15,44 @@ _READING, _TABLES = "what the file does not state", "tables and bare numbers"
 _STORED, _COMMON = "records that stay in their file (.h5, .zarr)", "all commands"
 _EXPERT = "expert: the data matrix of the method (see the table of methods)"
 
-#: The groups that the help of a command lists last.
+#: The groups that the help of a command lists last, and what only `--help expert` lists: whole groups, and options of others.
 _LAST = (_READING, _TABLES, _STORED, _EXPERT, _COMMON)
+_RARE_GROUPS = (_STORED, _EXPERT)
+_RARE = "allow-outside axes config decimal delays delimiter exact-nodes lines log max-memory reciprocal rename route skip transpose"
+
+
+class _Help(argparse.Action):
+    """Print the help of a command: what most need, or with `expert` all options."""
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option_string: str | None = None) -> None:
+        """Print the help and exit."""
+        rare = {f"--{name}" for name in _RARE.split()}
+        rare |= {
+            o
+            for g in parser._action_groups
+            if g.title in _RARE_GROUPS
+            for a in g._group_actions
+            for o in a.option_strings
+        }
+        hidden = [action for action in parser._actions if values != "expert" and rare & set(action.option_strings)]
+        for action in hidden:
+            action.help = argparse.SUPPRESS
+        if hidden:
+            parser.epilog = f"{len(hidden)} more options: {parser.prog} --help expert"
+        parser.print_help()
+        parser.exit()
 
 
 class Parser(argparse.ArgumentParser):
     """A parser with one-line errors that accepts no abbreviations: --order does not match --orders."""
 
     def __init__(self, **given: Any) -> None:
-        super().__init__(**{"allow_abbrev": False, **given})
+        super().__init__(**{"allow_abbrev": False, **given, "add_help": False})
+        if given.get("add_help", True):
+            words = "print this help; --help expert: with all options"
+            self.add_argument(
+                "-h", "--help", action=_Help, nargs="?", metavar="expert", default=argparse.SUPPRESS, help=words
+            )
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
         """Parse the arguments; an unknown one is an error that names the nearest known option."""

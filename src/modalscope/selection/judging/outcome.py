@@ -114,8 +114,8 @@ def _shifting(chosen: Sequence[Candidate]) -> tuple[Note, ...]:
         return ()
     by_output, by_input = (100 * known[f"shift_by_{side}"] for side in ("output", "input"))
     text = (
-        f"Frequencies scatter by about {by_output:.2g} % from output to output and {by_input:.2g} % from input to input: "
-        "the structure or its loading changed during the test"
+        f"Sensors disagree on frequency by {by_output:.2g} %, places of force by {by_input:.2g} %: "
+        "mass loading, or the structure changed during the test"
     )
     return (Note("shifts", {"by_output": by_output, "by_input": by_input}, text),)
 

@@ -71,6 +71,9 @@ def test_a_widget_carries_the_front_end() -> None:
     assert made.blob == alive_blob(drawing_of(examples.modes(), examples.diagram()))
     made.chosen = 1
     assert made.chosen == 1
+    exported = made._repr_mimebundle_()[0]["text/html"]  # what a notebook shows that no program answers
+    assert "<svg" in exported
+    assert "± 95 %" in exported
 
 
 def test_a_notebook_shows_the_table_of_a_result_and_the_living_diagram() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from modalscope.data import DataError, ModalModel, StabilizationDiagram
 from modalscope.data.results import Result
+from modalscope.data.shown import html_table
 from modalscope.interfaces.plot.picture import unit_of
 from modalscope.interfaces.plot.web.blob import pack
 from modalscope.interfaces.plot.web.fits import Fit, Lines, fit_of_bands, lines_of
@@ -20,6 +21,7 @@ from modalscope.interfaces.plot.web.verdict import Verdict, verdict_of
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, BoolArray, IntArray
 from modalscope.numerics.errors import optional_package
+from modalscope.selection.judging.description import table_of
 from modalscope.selection.judging.grades import grades
 from modalscope.selection.judging.select import select
 from modalscope.signals.preprocess.singular_spectra import Decomposition
@@ -175,7 +177,14 @@ def widget(thing: Any) -> Any:
         "blob": traitlets.Bytes().tag(sync=True),
         "chosen": traitlets.Int(0).tag(sync=True),
     }
-    return type("Widget", (anywidget.AnyWidget,), fields)(blob=alive_blob(drawing_of(modes, *diagrams)))
+
+    class Exported(anywidget.AnyWidget):  # type: ignore[name-defined,misc]
+        def _repr_mimebundle_(self, **given: Any) -> Any:
+            """Return the widget, and what a notebook shows of it where no program answers: diagram and table."""
+            data, *more = super()._repr_mimebundle_(**given)
+            return ({**data, "text/html": diagrams[0]._repr_html_() + html_table(table_of(modes))}, *more)
+
+    return type("Widget", (Exported,), fields)(blob=alive_blob(drawing_of(modes, *diagrams)))
 
 
 def selected(thing: Any, asked: str = "a widget") -> tuple[ModalModel, tuple[StabilizationDiagram, ...]]:

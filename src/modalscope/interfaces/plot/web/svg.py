@@ -378,17 +378,9 @@ def envelope(x: Array, y: Array, columns: int) -> tuple[Array, Array]:
         return x, y
     known = np.isfinite(y)
     group = np.arange(len(x)) * columns // len(x) + len(x) * np.cumsum(~known)
-    starts = np.flatnonzero(np.diff(group, prepend=-1))
-    ends = np.append(starts[1:], len(x))
-    picked = {
-        int(k)
-        for a, b in zip(starts.tolist(), ends.tolist(), strict=True)
-        if known[a:b].any()
-        for k in _extremes(y, a, b)
-    }
-    kept = sorted(picked | set(np.flatnonzero(~known).tolist()))
+    seen = np.flatnonzero(known)
+    ranked = seen[np.lexsort((y[seen], group[seen]))]
+    starts = np.flatnonzero(np.diff(group[ranked], prepend=-1))
+    ends = np.append(starts[1:], len(ranked)) - 1
+    kept = np.unique(np.concatenate([ranked[starts], ranked[ends], np.flatnonzero(~known)]))
     return x[kept], y[kept]
-
-
-def _extremes(y: Array, a: int, b: int) -> tuple[int, int]:
-    return a + int(np.nanargmin(y[a:b])), a + int(np.nanargmax(y[a:b]))

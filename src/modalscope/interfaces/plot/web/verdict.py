@@ -35,6 +35,9 @@ _ON_COMPUTING = (
     "transformed",
 )
 
+#: Disagreement of channels on frequencies, in per cent, below which it says nothing about the result.
+_SMALL_SHIFT = 0.05
+
 #: Kinds of notes that verdict and findings state already.
 _STATED = ("little explained", "no mode")
 
@@ -108,5 +111,6 @@ def notes_that_matter(notes: Iterable[Note]) -> tuple[list[str], list[str]]:
     texts: tuple[dict[str, None], dict[str, None]] = ({}, {})
     for note in notes:
         if note.kind not in _STATED and not note.kind.startswith("data: "):
-            texts[note.kind in _ON_COMPUTING].setdefault(str(note), None)
+            small = note.kind == "shifts" and max(note.numbers.values()) < _SMALL_SHIFT
+            texts[small or note.kind in _ON_COMPUTING].setdefault(str(note), None)
     return list(texts[0]), list(texts[1])
