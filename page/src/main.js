@@ -219,8 +219,8 @@ function makeWork(begin, state) {
     if (given.stage !== saidOf) [saidOf, since] = [given.stage, Date.now()];
     say();
     status.classList.toggle("busy", busy);
-    status.classList.toggle("unknown", busy && given.stage !== "sweeping");
-    bar.style.width = given.stage === "sweeping" ? `${(100 * given.done) / given.total}%` : "";
+    status.classList.toggle("unknown", busy && !given.total);
+    bar.style.width = given.total ? `${(100 * given.done) / given.total}%` : "";
     stop.hidden = !busy;
     root.dataset.stage = given.stage;
   }
@@ -234,7 +234,7 @@ function makeWork(begin, state) {
     const busy = !["idle", "done", "failed", "stopped"].includes(name);
     const bytes = now.document.files.reduce((/** @type {number} */ sum, /** @type {any} */ f) => sum + (f.size ?? 0), 0);
     const seconds = Math.floor((Date.now() - since) / 1000);
-    const words = name === "sweeping" ? `orders ${done} of ${total}` : name === "reading" && bytes ? `reading ${size(bytes)}` : WORDS[name] ?? name;
+    const words = name === "sweeping" ? `orders ${done} of ${total}` : name === "reading" && bytes ? `reading ${size(bytes)}${total ? `, ${number(done / 1e6, 3)} of ${number(total / 1e6, 3)}` : ""}` : WORDS[name] ?? name;
     stage.textContent = words && busy && seconds > 2 && name !== "sweeping" ? `${words}, ${seconds} s` : words;
     const there = { poles: Boolean(poles || live), modes: Boolean(found) };
     for (const [pane, what] of Object.entries(PANES)) {

@@ -42,6 +42,7 @@ export function makeWelcome(root, begin, with_) {
 
   /** @param {string[]} names */
   async function open(names) {
+    fill(told, h("p.error", { role: "status" }, `opening ${names.map((name) => name.split(/[/:]/).at(-1)).join(", ")}…`));
     try {
       location.hash = (await api.open(names)).key;
     } catch (error) {

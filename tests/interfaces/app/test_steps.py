@@ -15,8 +15,10 @@ import modalscope as ms
 from modalscope.analysis.workflow.sources import source_of_file
 from modalscope.data import DataError
 from modalscope.data.analysis import Analysis
+from modalscope.interfaces.app.reading import read_so_far, watched
 from modalscope.interfaces.app.steps import Stages, result_head
 from modalscope.interfaces.app.worker import TASKS, against, compared_pictures, compared_view, error_parts
+from tests.interfaces.app.server import until
 from tests.support import refused
 
 CHAIN = ms.systems.chain5()
@@ -181,6 +183,21 @@ def test_a_comparison_is_rows_methods_and_pictures() -> None:
     run.stages.pictures |= pictures
     head = TASKS["picture"](run.stages, None, "map")
     assert b"Map of methods" in head[: 4 + int.from_bytes(head[:4], "little")]
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="the system does not say where a process reads")
+def test_what_is_read_of_several_files_is_told_while_they_are_read(tmp_path: Path) -> None:
+    files = [tmp_path / name for name in "ab"]
+    for file in files:
+        file.write_bytes(bytes(1000))
+    seen: list[tuple[int, int]] = []
+    with watched(files, lambda done, total: seen.append((done, total))), files[1].open("rb") as second:
+        second.seek(300)
+        until(lambda: len(seen) > 1)
+    assert set(seen) == {(1300, 2000)}
+    told = len(seen)
+    assert read_so_far(dict.fromkeys(files, 1000)) is None
+    assert len(seen) == told
 
 
 @pytest.mark.parametrize(

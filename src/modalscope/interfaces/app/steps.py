@@ -19,6 +19,7 @@ from modalscope.data.analysis import Analysis
 from modalscope.data.results import Result
 from modalscope.identification.method_names import cell_label
 from modalscope.interfaces.app.actions import diagrams_key
+from modalscope.interfaces.app.reading import watched
 from modalscope.interfaces.plot.picture import Picture
 from modalscope.interfaces.plot.web.fits import channel_blob, fit_of_result
 from modalscope.interfaces.plot.web.modes import modes_blob
@@ -94,9 +95,9 @@ class Stages:
         self._tell("stage", {"stage": "reading"})
         self._of_data, self._findings = "", None
         paths: list[Any] = [file.path for file in document.files]
-        data, sources, notes = opened(
-            paths[0] if len(paths) == 1 else paths, document.reading, decays=document.route == "auto"
-        )
+        with watched(paths, lambda done, of: self._tell("stage", {"stage": "reading", "done": done, "total": of})):
+            source = paths[0] if len(paths) == 1 else paths
+            data, sources, notes = opened(source, document.reading, decays=document.route == "auto")
         check_same(document.files, sources, data)
         self.data, self._notes, self._of_data = data, notes, key
         self._spectra = spectra_of(data)
