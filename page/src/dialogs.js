@@ -139,6 +139,17 @@ export function editGeometry(found, give, matching) {
   }
 }
 
+/** What a report says first, a line each. @param {string[]} remarks @param {(remarks: string[]) => void} set */
+export function editHead(remarks, set) {
+  const usual = ["project", "structure", "operator", "date", "conclusion"].filter((name) => !remarks.some((line) => line.startsWith(`${name}:`)));
+  const text = h("textarea", { rows: 9, "aria-label": "Head of the report", value: [...remarks, ...usual.map((name) => `${name}: `)].join("\n") });
+  const use = () => {
+    set(text.value.split("\n").map((/** @type {string} */ line) => line.trim()).filter((/** @type {string} */ line) => /^[^:]+: .|^[^:]+$/.test(line)));
+    shown.element.close();
+  };
+  const shown = dialog("Head of the report", [h("p", {}, "A line each, such as project: Bridge 7. Other lines are told as they are named; they are kept with the document."), text, h("footer", {}, h("button.primary", { onclick: use }, "Apply"))]);
+}
+
 /** @param {string} script */
 export function showScript(script) {
   const copy = h("button", { onclick: () => navigator.clipboard.writeText(script).then(() => fill(copy, "copied")) }, "copy");

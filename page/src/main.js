@@ -4,7 +4,7 @@ import * as api from "./api.js";
 import { rowsOf } from "./blob.js";
 import { bench } from "./bench.js";
 import { ends, keyOf, makeDiagram } from "./diagram.js";
-import { dialog, editGeometry, errorBox, showComparison, showData, showKeys, showScript } from "./dialogs.js";
+import { dialog, editGeometry, editHead, errorBox, showComparison, showData, showKeys, showScript } from "./dialogs.js";
 import { fill, h, icon, ICONS, number, paintAgain } from "./dom.js";
 import { makeMatrix } from "./matrix.js";
 import { makeModes } from "./modes.js";
@@ -41,7 +41,7 @@ const KEYS = [
 ];
 
 const WORDS = {
-  idle: "", waiting: "starting", reading: "reading", factoring: "preparing the data matrix", sweeping: "orders", selecting: "selecting modes",
+  idle: "", waiting: "starting", reading: "reading", examining: "looking at what was read", factoring: "preparing the data matrix", sweeping: "orders", selecting: "selecting modes",
   refining: "refining values", done: "", failed: "", stopped: "stopped; all choices are kept",
 };
 
@@ -391,7 +391,7 @@ function makeWork(begin, state) {
   function menu() {
     formats.hidden = !formats.hidden;
     if (formats.hidden) return;
-    fill(formats, Object.entries(begin.formats).map(([suffix, words]) => h("button", { role: "menuitem", disabled: suffix in begin.missing, onclick: () => save(suffix.slice(1)) }, h("b", {}, suffix), h("span.muted", {}, begin.missing[suffix] ?? String(words)))));
+    fill(formats, Object.entries(begin.formats).map(([suffix, words]) => h("button", { role: "menuitem", disabled: suffix in begin.missing, onclick: () => save(suffix.slice(1)) }, h("b", {}, suffix), h("span.muted", {}, begin.missing[suffix] ?? String(words)))), h("button", { role: "menuitem", onclick: () => (menu(), editHead(now.document.remarks, (remarks) => act("set", { remarks }))) }, h("b", {}, "head…"), h("span.muted", {}, "project, structure, operator, conclusion of the report")));
     formats.querySelector("button")?.focus();
   }
 

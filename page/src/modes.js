@@ -1,6 +1,9 @@
 // The table of modes, with intervals, reasons and what was left out.
 import { fill, h, icon, ICONS, number } from "./dom.js";
 
+/** Types of modes that a name is chosen from, or begins with. */
+const TYPES = ["first bending", "second bending", "third bending", "first torsion", "second torsion", "axial", "local", "rigid body"];
+
 /** From the surest on. */
 const GRADES = ["good", "look", "doubtful", "preliminary"];
 
@@ -32,7 +35,8 @@ export function makeModes(place, acts) {
   const why = h("div.why", { "aria-live": "polite" });
   const left = h("div.left");
   const heading = h("h2", {}, "Modes");
-  place.append(heading, h("div.scroll.table", { tabIndex: 0, role: "region", "aria-label": "Modes" }, table), why, left);
+  const types = h("datalist", { id: "mode-types" }, TYPES.map((name) => h("option", {}, name)));
+  place.append(types, heading, h("div.scroll.table", { tabIndex: 0, role: "region", "aria-label": "Modes" }, table), why, left);
   let modes = /** @type {any[]} */ ([]);
   let chosen = -1;
 
@@ -71,7 +75,7 @@ export function makeModes(place, acts) {
 
   function rename(/** @type {number} */ i) {
     const cell = rowOf(i).children[1];
-    const field = h("input.name", { value: modes[i].name ?? "", "aria-label": `name of mode ${i + 1}`, placeholder: "name" });
+    const field = h("input.name", { value: modes[i].name ?? "", "aria-label": `name of mode ${i + 1}`, placeholder: "name, type or remark", list: "mode-types" });
     let done = false;
     const end = (/** @type {boolean} */ keep) => {
       if (done) return;

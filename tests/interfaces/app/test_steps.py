@@ -87,7 +87,7 @@ def test_a_choice_by_hand_sweeps_nothing_again_and_a_new_process_starts_from_wha
     document = document_of(data, tmp_path, orders=orders)
     run = Run()
     run.run(document)
-    assert run.names("stage") == ["reading", "factoring", "selecting", "refining"]
+    assert run.names("stage") == ["reading", "examining", "factoring", "selecting", "refining"]
     kept = next(payload for kind, payload in run.told if kind == "keep")
     first = run.stages.finished().modes.frequencies
     chosen = Analysis(files=document.files, orders=orders, refused=(float(first[0]),))
@@ -95,7 +95,7 @@ def test_a_choice_by_hand_sweeps_nothing_again_and_a_new_process_starts_from_wha
     assert run.names("stage") == ["selecting", "refining"]
     other = Run()
     other.run(chosen, kept[1])
-    assert other.names("stage") == ["reading", "selecting", "refining"]
+    assert other.names("stage") == ["reading", "examining", "selecting", "refining"]
     assert (other.stages.finished().modes.poles == run.stages.finished().modes.poles).all()
     assert len(pickle.loads(kept[1])) == 1
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
@@ -46,6 +47,19 @@ def test_a_header_is_told_first_with_its_sensors_and_the_conclusion(tmp_path: Pa
     assert heads == ["channel", "serial", "calibrated", "place"]  # what no sensor has is no column
     given = ms.report((examples.modes(), examples.diagram()), tmp_path / "r.html", header={"project": "P-7"}, title="A")
     assert "<h1>A</h1>" in given.read_text()
+
+
+def test_remarks_and_names_of_an_analysis_are_told_in_its_report(tmp_path: Path) -> None:
+    result = ms.analyze(examples.response(), orders=range(8, 13, 2), refine=False)
+    told = {
+        "remarks": ("project: Bridge 7", "rain"),
+        "names": {f"{result.modes.frequencies[1]:.6g}": "first <torsion>"},
+    }
+    result = replace(result, analysis=replace(result.analysis, **told))
+    page = ms.report(result, tmp_path / "r.html").read_text()
+    assert "<dt>project</dt><dd>Bridge 7</dd>" in page
+    assert page.count("first &lt;torsion&gt;") == 1
+    assert "Bridge 7" not in ms.report(result, tmp_path / "r.html", header={}).read_text().partition('id="repeat"')[0]
 
 
 def test_without_entries_there_is_no_head() -> None:

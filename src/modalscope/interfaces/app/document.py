@@ -262,13 +262,13 @@ class OpenDocument:
         self.windows.send({"type": "failed", **payload})
 
     def _fail(self, reason: str, remedy: str) -> None:
-        self._on_failed({"asked": "the analysis was computed", "found": reason, "change": remedy})
+        self._on_failed({"asked": "the analysis was asked", "found": reason, "change": remedy})
 
     def _ended(self, code: int | None) -> None:
         """Report that the process ended by itself; the next change of the document starts another."""
         self._dismiss()
         status = f"signal {-code}" if code is not None and code < 0 else f"exit status {code}"
-        reason = f"its process ended ({status}), probably out of memory"
+        reason = f"its process ended ({status}){', probably out of memory' if code in (-9, 137) else ''}"
         self._fail(reason, "All choices are kept. Press again, or choose a band, fewer orders or channels.")
         for number in list(self._asked):
             self._answer(number, (False, self.failed))

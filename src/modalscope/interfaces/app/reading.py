@@ -19,12 +19,14 @@ _INTERVAL = 0.25
 def watched(paths: Sequence[str | Path], tell: Callable[[int, int], None]) -> Iterator[None]:
     """Call `tell` with the bytes read and those of all files while the block runs, from another thread."""
     sizes = {file: file.stat().st_size for file in (Path(path).resolve() for path in paths) if file.is_file()}
-    stopped = Event()
+    stopped, total = Event(), sum(sizes.values())
 
     def look() -> None:
+        seen = 0
         while not stopped.wait(_INTERVAL):
-            if (done := read_so_far(sizes)) is not None:
-                tell(done, sum(sizes.values()))
+            seen = read_so_far(sizes) or (seen and total)
+            if seen:
+                tell(seen, total)
 
     thread = Thread(target=look, daemon=True)
     thread.start()

@@ -99,6 +99,7 @@ class Stages:
             source = paths[0] if len(paths) == 1 else paths
             data, sources, notes = opened(source, document.reading, decays=document.route == "auto")
         check_same(document.files, sources, data)
+        self._tell("stage", {"stage": "examining"})
         self.data, self._notes, self._of_data = data, notes, key
         self._spectra = spectra_of(data)
         self._tell("blob", ("overview", overview_blob(data, self._spectra)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import date
 from itertools import chain, takewhile
 from pathlib import Path
@@ -26,7 +26,7 @@ from modalscope.interfaces.plot.web.alive import drawing_of, selected
 from modalscope.interfaces.plot.web.fits import Lines, fit_of, lines_of_response, rebuilt_lines
 from modalscope.interfaces.reporting import record, sections
 from modalscope.interfaces.reporting.comparison import comparison_sections
-from modalscope.interfaces.reporting.header import header_of, header_sections
+from modalscope.interfaces.reporting.header import header_of, header_of_remarks, header_sections
 from modalscope.interfaces.reporting.html import Section, listing, page
 from modalscope.interfaces.reporting.modes import (
     certificate_section,
@@ -98,8 +98,9 @@ def report(
     data : Signals or Records, optional
         With inputs: what a model is simulated beside.
     header : path or mapping, optional
-        What a customer's report says first, as a .toml file or its entries: `project`, `structure`, `operator`, `date` and any others;
-        `sensors`, a table each with `channel`, `sensor`, `serial`, `sensitivity`, `calibrated`; `conclusion`; `title`, the heading.
+        What a customer's report says first, as a .toml file or its entries; by default remarks of the analysis such as `project: P-22`.
+        `project`, `structure`, `operator`, `date` and any others; `sensors`, a table each with `channel`, `sensor`, `serial`,
+        `sensitivity`, `calibrated`; `conclusion`; `title`, the heading.
 
     Returns
     -------
@@ -134,7 +135,8 @@ def report(
         heading = title or _heading(f"{cell_label(thing.method, thing.domain)}, order {thing.order}", ": ", source)
         parts = identification_sections(thing, source=source, command=command)
         return write_page(path, heading, _subtitle(thing.response), parts, sources_of(thing))
-    head = header_of(header)
+    remarks = thing.analysis.remarks if isinstance(thing, Result) else ()
+    head = header_of_remarks(remarks) if header is None else header_of(header)
     origin = _origin(thing, source, command) if isinstance(thing, Result) else Origin(source, command)
     modes, (diagram, *_) = selected(thing, "a report")
     if certificate is not None:
@@ -177,6 +179,7 @@ class Origin:
 
     `source`, `command`: the file, and the command line. `findings`, `notes`, `script`: of the whole analysis; by default those of the
     diagram. `data`: the measurement; the spectra of ambient records are drawn behind the diagram. `diagrams`: of all bands, if several.
+    `names`: what the user calls modes, by their frequencies.
     """
 
     source: str | None = None
@@ -187,6 +190,7 @@ class Origin:
     certificate: Certificate | None = None
     data: object = None
     diagrams: Sequence[StabilizationDiagram] = ()
+    names: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def spectra(self) -> Decomposition | None:
@@ -201,7 +205,8 @@ def _origin(result: Result, source: str | None, command: str | None) -> Origin:
         raise DataError("a report shows one diagram", "setups identified apart have one each", remedy)
     source = source or ", ".join(file.path for file in result.analysis.files if file.path) or None
     script = record.result_script(result)
-    return Origin(source, command, result.findings, result.notes, script, data=result.data, diagrams=result.diagrams)
+    told = {"data": result.data, "diagrams": result.diagrams, "names": result.analysis.names}
+    return Origin(source, command, result.findings, result.notes, script, **told)
 
 
 def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, origin: Origin) -> Iterator[Section]:
@@ -213,7 +218,7 @@ def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, ori
     drawing = drawing_of(modes, *diagrams, spectra=spectra, holds=holds)
     yield summary_section(modes, diagrams, drawing.fit, band=_limits(bands), judged=judged)
     yield from sections.alive_section(drawing)
-    yield modes_section(modes, holds)
+    yield modes_section(modes, holds, origin.names)
     if len(modes):
         yield intervals_section(modes)
     if origin.certificate is not None:

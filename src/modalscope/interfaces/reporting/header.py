@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +38,18 @@ def header_of(given: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
         remedy = "Write a table [[sensors]] for each, with channel, sensor, serial, sensitivity, calibrated."
         raise DataError("the sensors of a header are tables", f"they are {str(sensors)[:60]}", remedy)
     return header
+
+
+def header_of_remarks(remarks: Iterable[str]) -> dict[str, str]:
+    """Return the entries of a header that remarks on an analysis are: `project: Bridge 7`.
+
+    Examples
+    --------
+    >>> header_of_remarks(["project: Bridge 7", "measured in rain"])
+    {'project': 'Bridge 7'}
+    """
+    pairs = (remark.partition(": ") for remark in remarks)
+    return {key.strip(): text.strip() for key, sign, text in pairs if sign and text.strip()}
 
 
 def header_sections(header: Mapping[str, Any]) -> Iterator[Section]:

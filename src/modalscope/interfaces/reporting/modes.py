@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
 from modalscope.analysis.checking.certificate import Certificate
 from modalscope.data import ModalModel, StabilizationDiagram
+from modalscope.data.analysis import named_near
 from modalscope.data.rebuilt import asked_ends, explains_enough, unexplained
 from modalscope.data.shown import counted, frequency, percent
 from modalscope.identification.identify import Identification
@@ -143,12 +145,16 @@ def _least_certain(modes: ModalModel) -> str:
     return f"Least certain: {where}, whose damping scatters by {percent(share[worst], 2)} over the orders."
 
 
-def modes_section(modes: ModalModel, holds: BoolArray | None = None) -> Section:
-    """Write the table of modes: values, 95 % intervals, grade and its reason; all indicators are folded."""
-    shown = described(modes, holds)
-    graded = list(HEADS).index("grade")
-    rows = (list(each.to_dict().values()) for each in shown)
-    body = table(list(HEADS.values()), rows, words=WORDS, graded=graded)
+def modes_section(
+    modes: ModalModel, holds: BoolArray | None = None, names: Mapping[str, str] = MappingProxyType({})
+) -> Section:
+    """Write the table of modes: values, 95 % intervals, grade and its reason, and names if any; all indicators are folded."""
+    head, graded = list(HEADS.values()), list(HEADS).index("grade")
+    rows = [list(each.to_dict().values()) for each in described(modes, holds)]
+    words = [named_near(names, f) for f in modes.frequencies]
+    if any(words):
+        head, rows = [*head, "name"], [[*row, name] for row, name in zip(rows, words, strict=True)]
+    body = table(head, rows, words=(*WORDS, len(HEADS)), graded=graded)
     return Section("modes", "Modes", body + folded("All values: deviations, spreads, indicators", figures_of(modes)))
 
 
