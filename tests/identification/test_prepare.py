@@ -267,7 +267,7 @@ def test_what_makes_a_row_cannot_be_another_thing() -> None:
     row = replace(find_method("era", None, "time"), fixed={"block_rows": 5})
     assert pose(measure(samples()), row, {"block_rows": 5}).options.block_rows == 5
     assert pose(measure(samples()), row, {}).options.block_rows == 5
-    with pytest.raises(DataError, match="that row has block_rows=5"):
+    with pytest.raises(DataError, match="fixes block_rows=5"):
         pose(measure(samples()), row, {"block_rows": 6})
 
 

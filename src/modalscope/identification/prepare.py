@@ -162,8 +162,8 @@ def _options_of(row: Method, given: Mapping[str, Any]) -> Options:
     for name, value in row.fixed.items():
         if chosen.get(name, value) != value:
             raise DataError(
-                f"{name}={chosen[name]!r} was asked of method {row}",
-                f"that row has {name}={value!r}",
+                f"{row} fixes {name}={value!r}",
+                f"{name}={chosen[name]!r} was given",
                 "Omit the option, or choose another method.",
             )
     asked = {**row.fixed, **chosen}

@@ -57,7 +57,7 @@ def modal_damping(M: RealArray, K: RealArray, ratios: Array | float) -> RealArra
         raise DataError(
             f"damping ratios of {w.size} modes were asked",
             f"their shape is {np.shape(ratios)}",
-            "Give one, or one a mode.",
+            "Give one for all modes, or one per mode.",
         )
     carried = M @ Phi
     return np.asarray((carried * (2 * np.broadcast_to(ratios, w.shape) * w)) @ carried.T)

@@ -37,6 +37,7 @@ def test_identify_writes_modes_that_read_back_as_they_were_printed(test_file, tm
         assert f"{f:.6f}"[:5] in out
 
 
+@pytest.mark.slow
 def test_values_are_refined_unless_that_is_refused(test_file, tmp_path):
     refined, plain, orders = tmp_path / "refined.json", tmp_path / "plain.json", ["--orders", "6:20:2"]
     assert main(["identify", str(test_file), *orders, "-o", str(refined)]) == 0
@@ -63,6 +64,7 @@ def test_progress_goes_to_stderr_and_results_to_stdout(test_file):
     assert "order/s" not in run.stdout
 
 
+@pytest.mark.slow
 def test_bands_given_one_by_one_are_merged_and_no_mode_stands_twice(test_file, tmp_path, capsys):
     target = tmp_path / "modes.json"
     bands = ["--band", "0.5", "4.5", "--band", "3.5", "7"]
@@ -75,6 +77,7 @@ def test_bands_given_one_by_one_are_merged_and_no_mode_stands_twice(test_file, t
     assert len(set(said)) == len(said)  # what both noted is said once
 
 
+@pytest.mark.slow
 def test_a_document_is_done_again(test_file, tmp_path, capsys):
     document, first, again = tmp_path / "a.analysis.json", tmp_path / "first.json", tmp_path / "again.json"
     result = ms.analyze(test_file, orders=range(2, 21, 2))

@@ -52,6 +52,7 @@ def test_runs_of_one_test_are_identified_together_and_repeated_by_the_document(
     assert len(places[1].read_text().splitlines()) == 1 + len(again.modes)
 
 
+@pytest.mark.slow
 def test_a_run_that_has_changed_is_refused_when_the_document_is_replayed(runs: list[str], tmp_path: Path) -> None:
     place = tmp_path / "r.json"
     assert main(["identify", *runs, "--orders", "8:12:2", "-q", "-o", str(place)]) == 0
@@ -124,6 +125,7 @@ def test_each_file_is_a_test_of_its_own_and_modes_stand_beside_those_of_the_firs
     assert (tmp_path / "m_run2.json").exists()
 
 
+@pytest.mark.slow
 def test_each_file_is_paired_with_a_reference_where_one_is_given(
     runs: list[str], modes_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -135,6 +137,7 @@ def test_each_file_is_paired_with_a_reference_where_one_is_given(
     assert all(row.count("Hz") == 3 for row in rows)
 
 
+@pytest.mark.slow
 def test_options_come_from_a_file_and_the_command_line_counts_more(
     test_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -210,6 +213,7 @@ def test_a_model_is_realized_and_read_back_from_every_format(runs: list[str], tm
         assert model.dt == expected.dt
 
 
+@pytest.mark.slow
 def test_a_model_is_validated_on_a_record_and_modes_on_responses(
     test_file: Path, modes_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

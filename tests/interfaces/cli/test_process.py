@@ -50,6 +50,7 @@ def test_a_full_disk_is_one_line_and_leaves_the_earlier_file(tmp_path: Path, tes
     assert {path.name for path in tmp_path.iterdir()} == {test_file.name, target.name}
 
 
+@pytest.mark.slow
 def test_a_closed_pipe_loses_no_file(tmp_path: Path, test_file: Path) -> None:
     target = tmp_path / "same.npz"
     command = f"{' '.join(PROGRAM)} convert {test_file} {target} | true; echo ${{PIPESTATUS[0]}}"
@@ -68,6 +69,7 @@ def test_a_closed_pipe_for_json_loses_no_other_output(tmp_path: Path, test_file:
     assert len(ms.read(target)) > 0
 
 
+@pytest.mark.slow
 def test_results_that_cannot_be_printed_are_one_line(test_file: Path) -> None:
     if not Path("/dev/full").exists():
         pytest.skip("no /dev/full on this system")
@@ -91,6 +93,7 @@ def test_a_terminal_of_ascii_gets_escapes(tmp_path: Path, setting: dict[str, str
     assert "\x1b" not in run.stdout
 
 
+@pytest.mark.slow
 def test_a_name_of_300_letters_or_with_signs_of_no_alphabet_is_one_line(tmp_path: Path, test_file: Path) -> None:
     for name in ("a" * 300 + ".json", "a\x1b[2J\n.xyz"):
         run = program("convert", test_file, tmp_path / name)

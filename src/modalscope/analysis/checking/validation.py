@@ -121,7 +121,7 @@ def validate(data: Any, modes: Any, *, leaving: str = "inputs") -> Validation | 
     labels = response.input_dofs if leaving == "inputs" else response.output_dofs
     if len(labels) < _MIN_PARTS:
         change = f"Give {_MIN_PARTS} at least, or leave out the other side."
-        raise DataError(f"{leaving} were to be left out in turn", f"there are {len(labels)}", change)
+        raise DataError(f"leaving {leaving} out in turn needs more of them", f"there are {len(labels)}", change)
     whole = refine(response, modes)
     without = [_without(response, whole, leaving, k, len(labels)) for k in range(len(labels))]
     kept = [_error(response, whole, leaving, k) for k in range(len(labels))]

@@ -123,7 +123,7 @@ class Tracks(Shown):
         if kept.shape != (len(self),) or kept.dtype != bool:
             have = f"it is of shape {kept.shape}, {kept.dtype}"
             raise DataError(
-                f"which needs one bool for each of {len(self)} tracks", have, "Give a condition on all tracks."
+                f"`which` needs True or False for each of {len(self)} tracks", have, "Give a condition on all tracks."
             )
         return chosen(self, np.flatnonzero(kept))
 

@@ -302,8 +302,8 @@ class DataMatrix(ABC):
 
     def _has_no(self, what: str) -> NoReturn:
         raise DataError(
-            f"a realization that needs {what} was asked",
-            f"this data matrix has no {what}: {self.describe()}",
+            f"this realization needs {what}",
+            f"the data matrix has none: {self.describe()}",
             "Choose another method, see methods().",
         )
 

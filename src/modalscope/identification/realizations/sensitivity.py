@@ -59,7 +59,9 @@ def sides(realization: Realization, n: int, eigen: Eigen) -> Sides:
     Raises `DataError`: the first-order change of its poles is not known.
     """
     raise DataError(
-        "standard deviations were asked", "a reduction has none", "Leave it out, or use method='alternate'."
+        "standard deviations were asked",
+        "they are not known of reduced models",
+        "Omit reduction, or use method='alternate'.",
     )
 
 
