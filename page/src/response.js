@@ -156,7 +156,7 @@ export function makeResponse(place, ask) {
     const form = FORMS[forms.value];
     const behind = kept.filter((d) => d !== data && d.lines.length === data.lines.length);
     clear.hidden = !kept.length;
-    const share = (data.all ? whole : fits?.[outputs.selectedIndex - 1]?.[Math.max(inputs.selectedIndex, 0)]) ?? data.fit;
+    const share = (data.all ? whole : fits?.[outputs.selectedIndex - 1]?.[Math.max(inputs.selectedIndex, 0)]) ?? null;
     fit.textContent = share === null ? "" : `unexplained ${number(100 * share, 3)} %, worst first ▾`;
     fit.disabled = !fits;
     marks.disabled = !["dB", "linear"].includes(forms.value);

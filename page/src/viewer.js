@@ -56,7 +56,7 @@ function channelOf(data, output, column) {
   if (output >= outputs) return null;
   const scale = data.scales[output][column];
   const part = (/** @type {string} */ name) => Float32Array.from(data[name].subarray(at, at + lines), (bits) => scale * half(bits));
-  return { lines: data.response_lines, measured_real: part("measured_real"), measured_imag: part("measured_imag"), rebuilt_real: part("rebuilt_real"), rebuilt_imag: part("rebuilt_imag"), fit: data.fits[output][column], unit: data.unit ?? "", output: data.outputs[output], input: data.columns[column] };
+  return { lines: data.response_lines, measured_real: part("measured_real"), measured_imag: part("measured_imag"), rebuilt_real: part("rebuilt_real"), rebuilt_imag: part("rebuilt_imag"), unit: data.unit ?? "", output: data.outputs[output], input: data.columns[column] };
 }
 
 /** The sum of the magnitudes of all channels. @param {any} data */
@@ -69,5 +69,5 @@ function sumOf(data) {
       for (let k = 0, at = c * lines; k < lines; k++, at++) sum[k] += scale * Math.hypot(half(data[`${name}_real`][at]), half(data[`${name}_imag`][at]));
   }
   const none = new Float64Array(lines);
-  return { all: true, lines: data.response_lines, measured_real: sides.measured, measured_imag: none, rebuilt_real: sides.rebuilt, rebuilt_imag: none, fit: data.fit, unit: data.unit ?? "" };
+  return { all: true, lines: data.response_lines, measured_real: sides.measured, measured_imag: none, rebuilt_real: sides.rebuilt, rebuilt_imag: none, unit: data.unit ?? "" };
 }

@@ -156,6 +156,7 @@ def test_a_dead_process_is_no_spare() -> None:
         taken = pool.take(None)  # type: ignore[arg-type]
         found = isinstance(taken, WorkerProcess) and taken is not spare and taken.alive
         pool.close()
+        until(lambda: spare._pipe.closed)  # by who reads it, which ends with the process
         return found
 
     assert asyncio.run(story())

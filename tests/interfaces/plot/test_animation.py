@@ -30,12 +30,6 @@ def test_a_gif_has_a_period_of_pictures_that_differ(modes: ms.ModalModel, tmp_pa
     assert all((a != b).any() for a, b in pairwise(frames))
 
 
-def test_a_page_holds_its_picture_and_asks_nobody(tmp_path: Path) -> None:
-    text = ms.plot.animate(MODES, 0, tmp_path / "a.html", seconds=0.2, rate=10).read_text()
-    assert "data:image/gif;base64," in text
-    assert "http" not in text
-
-
 def test_a_film_is_written_where_there_is_a_program_for_it(tmp_path: Path) -> None:
     pytest.importorskip("imageio_ffmpeg", reason="the extra `video` is not installed")
     path = ms.plot.animate(MODES, 0, tmp_path / "a.mp4", seconds=0.4, rate=10)

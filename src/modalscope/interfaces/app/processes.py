@@ -58,11 +58,10 @@ class WorkerProcess:
         """End the process and ignore its messages."""
         self._hear, self._ended = None, True
         self.process.kill()
-        with suppress(OSError):
-            self._pipe.close()
 
     def _listen(self, pipe: Connection) -> None:
-        with suppress(EOFError, OSError, TypeError):  # TypeError: the pipe was closed during a read
+        # the pipe is closed by who reads it: its number could be that of the next process's while a message is half read
+        with pipe, suppress(EOFError, OSError):
             while True:
                 self._call(pipe.recv())
         self.process.join()

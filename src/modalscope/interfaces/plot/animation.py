@@ -1,11 +1,9 @@
-"""Write animated mode shapes as GIF, MP4 or HTML."""
+"""Write animated mode shapes as GIF or MP4."""
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from html import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -13,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modalscope.data import DataError, Geometry, ModalModel
-from modalscope.data.analysis import VERSION
 from modalscope.interfaces.plot.on_axes import painted
 from modalscope.interfaces.plot.picture import INKS
 from modalscope.interfaces.plot.shapes import TONES, check_mode, has_channels, shape_picture
@@ -27,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Formats by suffix.
-_SUFFIXES = (".gif", ".mp4", ".html")
+_SUFFIXES = (".gif", ".mp4")
 
 #: Maximum frames of a period.
 _MAX_FRAMES = 1000
@@ -60,7 +57,7 @@ def animate(
     index : int or iterable of int
         Indices of the modes, from zero.
     path : path
-        Ends in .gif, .mp4 (needs the extra `video`) or .html (one file).
+        Ends in .gif, or .mp4 (needs the extra `video`).
     geometry : Geometry, optional
         That of the modes by default; without one every channel is a bar.
     scale : float
@@ -101,11 +98,7 @@ def animate(
         raise DataError(asked, f"the maximum is {_MAX_FRAMES} frames", "Lower seconds or rate.")
     figure, paint = _figure(modes, chosen, geometry, scale, size=tones == "size", dark=dark)
     with replacing(target, sources_of(modes)) as place:
-        if suffix == ".html":
-            picture = _written(figure, paint, round(frames), rate, ".gif")
-            place.write_text(_page(modes, chosen, picture), encoding="utf-8")
-        else:
-            place.write_bytes(_written(figure, paint, round(frames), rate, suffix))
+        place.write_bytes(_written(figure, paint, round(frames), rate, suffix))
     return target
 
 
@@ -154,14 +147,3 @@ def _written(figure: Figure, paint: Paint, frames: int, rate: int, suffix: str) 
                 paint(2 * np.pi * k / frames)
                 writer.grab_frame()
         return place.read_bytes()
-
-
-def _page(modes: ModalModel, chosen: list[int], picture: bytes) -> str:
-    """Return a page with the animation as data."""
-    words = ", ".join(f"mode {j + 1} at {modes.frequencies[j]:.5g} Hz" for j in chosen)
-    data = base64.b64encode(picture).decode("ascii")
-    return (
-        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><meta name="generator" content="modalscope {VERSION}">'
-        f"<title>{escape(words)}</title><style>body {{ margin: 2rem }} img {{ max-width: 100% }}</style>"
-        f'</head><body><figure><img src="data:image/gif;base64,{data}" alt="{escape(words)}, animated"></figure></body></html>\n'
-    )

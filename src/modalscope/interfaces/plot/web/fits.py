@@ -119,18 +119,17 @@ def channel_blob(
 
     Between two bands stands a line without values: curves do not join there.
     """
+    pair = None if output is None or column is None else (output, column)
     parts = []
     for diagram in diagrams:
         response = diagram.response
         outputs, columns = response.values.shape[1:]
-        known = output is None or column is None or (0 <= output < outputs and 0 <= column < columns)
-        if not known:
+        if pair and not (0 <= pair[0] < outputs and 0 <= pair[1] < columns):
             counts = f"there are {outputs} outputs and {columns} inputs"
             raise DataError(f"channel {output}, {column} was asked", counts, "Choose one of these.")
         chosen = of_band(modes, diagram, len(diagrams))
-        curves = _channel_lines(response, chosen, output, column)
+        curves = _channel_lines(response, chosen, pair)
         parts.append(cut_to_band(curves, diagram, len(diagrams)))
-    measured, fitted = (np.concatenate(side) for side in list(zip(*parts, strict=True))[1:3])
     f, *sides = (_apart(side) for side in zip(*parts, strict=True))
     every = max(1, -(-len(f) // _MAX_POINTS))
     first = diagrams[0].response
@@ -138,9 +137,7 @@ def channel_blob(
         "output": "" if output is None else first.output_dofs[output],
         "input": "" if column is None else list(first.columns)[column],
         "all": output is None,
-        "quantity": first.quantity,
         "unit": unit_of(first.picture(), output, column).strip(" []"),
-        "fit": float(np.linalg.norm(measured - fitted) / max(float(np.linalg.norm(measured)), 1e-300)),
     }
     arrays = {
         f"{name}_{part}": getattr(side[::every], part)
@@ -162,28 +159,20 @@ def _apart(bands: Sequence[Array]) -> Array:
     return np.concatenate(joined)
 
 
-def _channel_lines(response: Response, modes: ModalModel, output: int | None, column: int | None) -> tuple[Array, ...]:
+def _channel_lines(response: Response, modes: ModalModel, pair: tuple[int, int] | None) -> tuple[Array, ...]:
     """Return lines, measured and rebuilt values and coherence of one channel; samples are transformed, and have no coherence.
 
-    Of all channels together these are sums of magnitudes, and the mean coherence.
+    Without a pair of output and column these are of all channels together: sums of magnitudes, and the mean coherence.
     """
-    complete = len(modes) and modes.participation is not None
-    shown = response.picture()
+    complete, shown = len(modes) and modes.participation is not None, response.picture()
     fitted = rebuilt(shown, modes) if complete else np.full_like(shown.values, np.nan)
-    pairs = np.ndindex(shown.values.shape[1:]) if output is None or column is None else [(output, column)]
-    own, G, coherence = [], [], []
-    f = _grid(shown) if isinstance(shown, ImpulseResponse) else np.asarray(shown.spectrum()[0])
-    known = None if isinstance(shown, ImpulseResponse) else shown.coherence
-    for i, j in pairs:
-        sides = [side[:, i, j] for side in (shown.values, fitted)]
-        if isinstance(shown, ImpulseResponse):
-            sides = [_transformed(shown, side, True) for side in sides]
-        own.append(sides[0])
-        G.append(sides[1])
-        coherence.append(
-            coherence_of(known, i, j) if known is not None and len(known) == len(f) else np.full(len(f), np.nan)
-        )
-    if output is not None and column is not None:
-        return f, own[0], G[0], coherence[0]
-    together = (np.abs(own).sum(axis=0) + 0j, np.abs(G).sum(axis=0) + 0j)
-    return f, *together, np.mean(coherence, axis=0)
+    sides = [side[:, pair[0], pair[1]] if pair else side for side in (shown.values, fitted)]
+    if isinstance(shown, ImpulseResponse):
+        f, sides = _grid(shown), [_transformed(shown, side, True) for side in sides]
+    else:
+        f = np.asarray(shown.spectrum()[0])
+    drawn = [side if pair else np.abs(side).sum(axis=(1, 2)) + 0j for side in sides]
+    known = getattr(shown, "coherence", None)
+    if known is None or len(known) != len(f):
+        return f, *drawn, np.full(len(f), np.nan)
+    return f, *drawn, coherence_of(known, *pair) if pair else known.reshape(len(f), -1).mean(axis=1)
