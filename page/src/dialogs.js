@@ -86,7 +86,7 @@ export function showComparison(found, ask) {
   const [columns, ...listed] = found.rows;
   const graded = columns.indexOf("grade");
   const counts = ["good", "look", "doubtful"].map((word) => [word, listed.filter((/** @type {any} */ r) => r[graded] === word).length]).filter(([, n]) => n);
-  const rows = listed.map((/** @type {any} */ r) => h("tr", {}, r.map((/** @type {string} */ cell, /** @type {number} */ k) => (k === graded ? h("td", {}, h(`span.grade.${cell}`, {}, cell)) : h(k < graded ? "td.num" : "td.words", {}, cell)))));
+  const rows = listed.map((/** @type {any} */ r) => h("tr", {}, r.map((/** @type {string} */ cell, /** @type {number} */ k) => (k === graded ? h("td", {}, h(`span.grade.${cell}`, {}, cell)) : h(k < graded ? "td.num" : k === r.length - 1 ? "td.words" : "td", {}, cell)))));
   const methods = found.methods.map((/** @type {any} */ m) => h("tr", {}, h("td", {}, m.label), h("td.num", {}, m.modes ?? "–"), h("td.num", {}, m.fit === null ? "–" : number(100 * m.fit, 3)), h("td.words", {}, m.failure)));
   const picture = (/** @type {string} */ name, /** @type {string} */ words) => (found.pictures.includes(name) ? pictured(name, words, ask) : null);
   dialog(

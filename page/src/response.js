@@ -80,6 +80,7 @@ export function makeResponse(place, ask) {
   function over(ctx, box) {
     if (!shown || forms.value === "Nyquist") return;
     ctx.strokeStyle = colour("muted");
+    ctx.lineWidth = 0.8;
     if (at >= 0) {
       ctx.beginPath();
       ctx.moveTo(box.across(data.lines[at]), box.top);
@@ -170,11 +171,12 @@ export function makeResponse(place, ask) {
     fill(message, none ? "The coherence of these data is not known." : "");
     holder.hidden = none;
     shown = none ? [] : drawn.map(([d, side]) => (forms.value === "Nyquist" ? d[`${side}_imag`] : valuesOf(d, side)));
-    const looks = drawn.map(([, side, ink], k) => ({ kind: "Line", ink, width: side === "rebuilt" ? 1.5 : 1.2, dashed: side === "rebuilt", y: shown[k] })).reverse();
+    const order = [...drawn.keys()].sort((i, j) => Number(drawn[i][1] === "rebuilt") - Number(drawn[j][1] === "rebuilt") || j - i);
+    const looks = order.map((k) => ({ kind: "Line", ink: drawn[k][2], width: drawn[k][1] === "rebuilt" ? 1.5 : 1.2, dashed: drawn[k][1] === "rebuilt", y: shown[k] }));
     const panelOf = (/** @type {any} */ x, /** @type {any} */ y, /** @type {any[]} */ items) => ({ words: `Responses: ${words} over frequency`, panels: [{ x, y, items }] });
     if (forms.value === "Nyquist") {
       const real = drawn.map(([d, side]) => d[`${side}_real`]);
-      picture.set(() => panelOf(axisOf(unit ? `real [${unit}]` : "real", real), axisOf(words, shown), looks.map((look, k) => ({ ...look, x: real[real.length - 1 - k] }))));
+      picture.set(() => panelOf(axisOf(unit ? `real [${unit}]` : "real", real), axisOf(words, shown), looks.map((look, k) => ({ ...look, x: real[order[k]] }))));
     } else if (!none)
       picture.set((/** @type {[number, number] | null} */ view) => {
         const [low, high] = view ?? ends();
