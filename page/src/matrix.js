@@ -3,7 +3,7 @@ import { h } from "./dom.js";
 import { makePicture } from "./picture.js";
 
 /** Shade from which numbers are white; pixels of a cell that holds its number, and of a name at the axes. */
-const [DARK, NUMBERED, NAMED] = [0.55, 18, 11];
+const [DARK, NUMBERED, NAMED] = [0.55, 21, 11];
 
 /** @param {HTMLElement} place @param {(mode: number) => void} select */
 export function makeMatrix(place, select) {

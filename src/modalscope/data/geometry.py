@@ -139,11 +139,8 @@ def _elements(name: str, elements: ArrayLike | None, sizes: tuple[int, ...], nod
     if array.size == 0:
         return locked(np.zeros((0, sizes[0]), dtype=np.int64))
     if array.ndim != 2 or array.shape[1] not in sizes:
-        raise DataError(
-            f"{name} need {' or '.join(map(str, sizes))} nodes a row",
-            f"the shape is {array.shape}",
-            "Give one row each.",
-        )
+        needs = f"{name} need {' or '.join(map(str, sizes))} nodes a row"
+        raise DataError(needs, f"the shape is {array.shape}", "Give one row each.")
     position = {node: i for i, node in enumerate(nodes)}
     if array.dtype.kind in "iu" and not {str(k) for k in array.ravel()} & set(nodes):  # no names: positions
         position |= {str(i): i for i in range(len(nodes))}

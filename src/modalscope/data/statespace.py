@@ -158,9 +158,7 @@ class StateSpace(Quadruple):
         u = real_array("inputs", inputs, "(samples, inputs)", 2)
         if u.shape[1] != self.B.shape[1]:
             raise DataError(
-                f"the model has {self.B.shape[1]} inputs",
-                f"{u.shape[1]} columns were given",
-                "Give one column per input.",
+                f"the model has {self.B.shape[1]} inputs", f"there are {u.shape[1]}", "Give one column per input."
             )
         return self._states(self.A, u @ self.B.T, initial) @ self.C.T + u @ self.D.T
 

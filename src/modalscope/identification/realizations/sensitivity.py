@@ -59,9 +59,7 @@ def sides(realization: Realization, n: int, eigen: Eigen) -> Sides:
     Raises `DataError`: the first-order change of its poles is not known.
     """
     raise DataError(
-        "standard deviations were asked",
-        "they are not known of reduced models",
-        "Omit reduction, or use method='alternate'.",
+        "standard deviations were asked", "reduced models have none", "Omit reduction, or use method='alternate'."
     )
 
 
