@@ -74,8 +74,8 @@ def test_a_map_is_drawn_where_it_says_something(comparison: Comparison, page: st
 def test_the_script_repeats_the_comparison(comparison: Comparison) -> None:
     text = comparison_script(comparison, "chain.uff")
     compile(text, "script", "exec")
-    assert "methods=('era/time', 'least_squares/time', 'prce/time', 'era/s')" in text
-    assert "orders=(2, 4, 6" in text
+    assert "methods=['era/time', 'least_squares/time', 'prce/time', 'era/s']" in text
+    assert "orders=[2, 4, 6" in text
     assert "ms.report(comparison" in text
 
 

@@ -30,10 +30,14 @@ from modalscope.interfaces.reporting.html import (
     table,
     value,
 )
+from modalscope.io.arrays import plain
 from modalscope.signals.doctor import Finding, examine
 
 #: Maximum number of listed channels.
 _MAX_CHANNEL_ROWS = 60
+
+#: How a script begins.
+_IMPORT = "import modalscope as ms\n\n"
 
 #: Coherence below which a line is counted.
 _LOW_COHERENCE = 0.8
@@ -44,9 +48,7 @@ def stabilization_script(diagram: StabilizationDiagram, source: str | None) -> s
     orders = diagram.asked_orders or diagram.orders
     steps = {b - a for a, b in pairwise(orders)}
     listed = (
-        f"range({orders[0]}, {orders[-1] + 1}, {int(steps.pop())})"
-        if len(steps) == 1
-        else repr(tuple(map(int, orders)))
+        f"range({orders[0]}, {orders[-1] + 1}, {int(steps.pop())})" if len(steps) == 1 else repr(list(map(int, orders)))
     )
     cell = {"method": diagram.method, "domain": diagram.domain}
     lines = [*_options(cell), f"    orders={listed},\n", *_options(diagram.settings)]
@@ -64,7 +66,7 @@ def result_script(result: Result) -> str:
     lines = _options(reading | document.choices())
     source = repr(paths if len(paths) > 1 else paths[0]) + "," if paths else "data,  # arrays, not from a file"
     call = f"result = ms.analyze(\n    {source}\n{''.join(lines)})\n"
-    return f'{_imports(lines)}{call}print(result.modes.table())\nms.report(result, "report.html")\n'
+    return f'{_IMPORT}{call}print(result.modes.table())\nms.report(result, "report.html")\n'
 
 
 def identification_script(identified: Identification, source: str | None) -> str:
@@ -84,31 +86,12 @@ def comparison_script(c: Comparison, source: str | None) -> str:
 
 def _call(name: str, verb: str, source: str | None, lines: list[str]) -> str:
     data = f"data = ms.read({source or 'your file'!r})\n"
-    return f"{_imports(lines)}{data}{name} = ms.{verb}(\n    data,\n{''.join(lines)})\n"
-
-
-def _imports(lines: list[str]) -> str:
-    arrays = "import numpy as np\n\n" if any("np." in line for line in lines) else ""
-    return f"{arrays}import modalscope as ms\n\n"
+    return f"{_IMPORT}{data}{name} = ms.{verb}(\n    data,\n{''.join(lines)})\n"
 
 
 def _options(settings: Settings | Mapping[str, Any]) -> list[str]:
     """Return options as arguments with all digits: the script gives the same result to the last bit."""
-    return [f"    {name}={_literal(value)},\n" for name, value in settings.items()]
-
-
-def _literal(value: Any) -> str:
-    """Return the Python expression of a value, numbers with all digits."""
-    if isinstance(value, np.ndarray):
-        return f"np.array({value.tolist()!r})"
-    if isinstance(value, np.generic):
-        return repr(value.item())
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{key!r}: {_literal(item)}" for key, item in value.items()) + "}"
-    if isinstance(value, tuple | list):
-        parts = ", ".join(_literal(part) for part in value)
-        return f"[{parts}]" if isinstance(value, list) else f"({parts}{',' if len(value) == 1 else ''})"
-    return repr(value)
+    return [f"    {name}={plain(value)!r},\n" for name, value in settings.items()]
 
 
 def data_section(
