@@ -53,6 +53,18 @@ def test_the_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) 
     assert capsys.readouterr().out.strip() == modalscope.__version__
 
 
+def test_the_help_lists_what_most_need_and_that_of_experts_all(capsys: pytest.CaptureFixture[str]) -> None:
+    listed = []
+    for words in ([], ["expert"]):
+        with pytest.raises(SystemExit):
+            main(["identify", "--help", *words])
+        listed.append(set(re.findall(r"^  (?:-\w.*, )?(--[\w-]+)", capsys.readouterr().out, re.MULTILINE)))
+    usual, everything = listed
+    assert usual < everything
+    assert len(usual) <= 32
+    assert {"--row-shifts", "--scheduler", "--max-memory"} <= everything - usual
+
+
 @pytest.mark.parametrize("question", ["--help", "--version"])
 def test_a_question_alone_loads_no_numerical_library(question: str) -> None:
     command = [sys.executable, "-X", "importtime", "-m", "modalscope", question]
