@@ -100,7 +100,7 @@ def drag_a_band(window: Window) -> None:
     """Drag a band on the strip: poles appear order by order."""
     page = window.page
     page.evaluate(f"(() => {{{LISTEN}}})()")
-    box = page.locator(".strip canvas").bounding_box()
+    box = page.locator(".strip canvas").first.bounding_box()
     page.mouse.move(box["x"] + 24, box["y"] + 30)
     page.mouse.down()
     page.mouse.move(box["x"] + box["width"] * 0.5, box["y"] + 30, steps=4)

@@ -26,15 +26,11 @@ class _Help(argparse.Action):
 
     def __call__(self, parser: Any, namespace: Any, values: Any, option_string: str | None = None) -> None:
         """Print the help and exit."""
-        rare = {f"--{name}" for name in _RARE.split()}
-        rare |= {
-            o
-            for g in parser._action_groups
-            if g.title in _RARE_GROUPS
-            for a in g._group_actions
-            for o in a.option_strings
-        }
-        hidden = [action for action in parser._actions if values != "expert" and rare & set(action.option_strings)]
+        rare, usual = {f"--{name}" for name in _RARE.split()}, values != "expert"
+        members = [
+            (action, group.title in _RARE_GROUPS) for group in parser._action_groups for action in group._group_actions
+        ]
+        hidden = [action for action, few in members if usual and (few or rare & set(action.option_strings))]
         for action in hidden:
             action.help = argparse.SUPPRESS
         if hidden:
