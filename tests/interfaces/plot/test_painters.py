@@ -24,7 +24,7 @@ from modalscope.interfaces.plot.picture import INKS, Line, Marks, Picture
 from modalscope.interfaces.plot.responses import response_picture
 from modalscope.interfaces.plot.shapes import shape_picture
 from modalscope.interfaces.plot.web.blob import picture_blob
-from modalscope.interfaces.plot.web.svg import svg
+from modalscope.interfaces.plot.web.svg import envelope, svg
 from tests.interfaces.app.server import until
 from tests.interfaces.plot import examples
 from tests.support import ROOT
@@ -159,3 +159,14 @@ def test_inks_of_the_page_are_those_of_all_painters() -> None:
     style = (ROOT / "page" / "src" / "style.css").read_text(encoding="utf-8")
     found = dict(re.findall(r"--ink-(\w+): (light-dark\([^)]*\))", style))
     assert found == {name: f"light-dark({light}, {dark})" for name, (light, dark) in INKS.items()}
+
+
+def test_a_line_is_thinned_to_the_ends_of_its_columns_and_keeps_its_gaps() -> None:
+    x, y = np.arange(1000.0), np.sin(np.arange(1000.0))
+    y[400:450] = np.nan
+    drawn_x, drawn_y = envelope(x, y, 20)
+    assert len(drawn_x) < 150
+    assert np.nanmax(drawn_y) == np.nanmax(y)
+    assert np.nanmin(drawn_y) == np.nanmin(y)
+    assert np.isnan(drawn_y).sum() == 50
+    assert len(envelope(x, np.full(1000, np.nan), 20)[0]) == 1000  # nothing is known: all gap

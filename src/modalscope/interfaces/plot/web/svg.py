@@ -381,6 +381,6 @@ def envelope(x: Array, y: Array, columns: int) -> tuple[Array, Array]:
     seen = np.flatnonzero(known)
     ranked = seen[np.lexsort((y[seen], group[seen]))]
     starts = np.flatnonzero(np.diff(group[ranked], prepend=-1))
-    ends = np.append(starts[1:], len(ranked)) - 1
+    ends = np.append(starts[1:], len(ranked))[: len(starts)] - 1
     kept = np.unique(np.concatenate([ranked[starts], ranked[ends], np.flatnonzero(~known)]))
     return x[kept], y[kept]
