@@ -18,8 +18,7 @@ def real_times(left: RealArray, right: Array) -> Array:
     """Return left @ right of a real left side, (..., a, n) and (n, k)."""
     if not np.iscomplexobj(right):
         return left @ right
-    product = left @ np.ascontiguousarray(right).view(np.float64)
-    return np.ascontiguousarray(product).view(np.complex128)
+    return np.ascontiguousarray(left @ np.ascontiguousarray(right).view(np.float64)).view(np.complex128)
 
 
 def times_real(left: Array, right: RealArray) -> Array:

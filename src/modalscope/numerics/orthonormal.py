@@ -61,8 +61,7 @@ def _orthogonally(chunks: Iterator[RealArray], columns: int) -> RealArray:
                 filled = _reflected(place, filled)
             place[filled : filled + len(part)] = part
             filled += len(part)
-    filled = _reflected(place, filled)
-    return np.ascontiguousarray(place[:filled])
+    return np.ascontiguousarray(place[: _reflected(place, filled)])
 
 
 def _reflected(place: RealArray, filled: int) -> int:

@@ -44,8 +44,7 @@ def noise_threshold(singular_values: Array, ratio: float = 1.0) -> float:
     >>> round(noise_threshold([1.0, 1.0, 1.0]), 2)
     2.86
     """
-    omega = 0.56 * ratio**3 - 0.95 * ratio**2 + 1.82 * ratio + 1.43
-    return float(omega * np.median(singular_values))
+    return float((0.56 * ratio**3 - 0.95 * ratio**2 + 1.82 * ratio + 1.43) * np.median(singular_values))
 
 
 #: Rounds in which levels of rows and columns are brought to one another.

@@ -8,7 +8,13 @@ from scipy import signal
 
 from modalscope.data.kind_of_test import kind_of_test
 from modalscope.numerics.checks import RealArray
-from modalscope.numerics.functions.damped_tones import release_of, slower, unexplained_by_decay
+from modalscope.numerics.functions.damped_tones import (
+    blow_out_of_silence,
+    decay_of,
+    release_of,
+    slower,
+    unexplained_by_decay,
+)
 
 F, ZETA = np.array([1.7, 4.1, 6.6]), np.array([0.006, 0.01, 0.004])
 SHAPES = np.array([[1.0, 0.8, -0.5], [0.6, -1.0, 0.9]])
@@ -45,11 +51,25 @@ def test_as_many_exponentials_as_there_are_explain_all_and_fewer_do_not() -> Non
 def test_a_decay_begins_at_its_release() -> None:
     release = release_of(decay(2000, 20.0, before=400, noise=0.01))
     assert release is not None
-    assert 400 <= release.first <= 410
-    assert release.unexplained < 0.02
+    assert 400 <= release[0] <= 410
+    assert release[1] < 0.02
     first = release_of(decay(2000, 20.0))
     assert first is not None
-    assert first.first <= 10
+    assert first[0] <= 10
+
+
+def test_a_blow_out_of_silence_is_a_decay_of_many_modes_at_once_and_vibration_before_it_is_none() -> None:
+    rng = np.random.default_rng(4)
+    f, zeta = rng.uniform(5, 400, 25), rng.uniform(0.01, 0.03, 25)
+    s = 2 * np.pi * f * (-zeta + 1j * np.sqrt(1 - zeta**2))
+    t = np.arange(4000) / 1000.0
+    struck = np.exp(np.outer(t, s)).real @ rng.standard_normal((25, 3))
+    quiet = np.vstack([np.zeros((500, 3)), struck]) + 1e-3 * rng.standard_normal((4500, 3))
+    found = decay_of(quiet)
+    assert found is not None
+    assert found.first == 500
+    moving = quiet + 0.05 * np.abs(struck).max() * rng.standard_normal((4500, 3))
+    assert blow_out_of_silence(moving) == 0
 
 
 @pytest.mark.parametrize("samples", [3000, 20000])

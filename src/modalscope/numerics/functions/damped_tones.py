@@ -21,6 +21,9 @@ _MAX_UNEXPLAINED = 0.1
 #: A free decay begins where its power first is this part of its largest: random phases let it grow for some periods.
 _POWER_AT_RELEASE = 0.1
 
+#: Median power just before a blow, relative to the largest, at most.
+_SILENCE = 1e-4
+
 #: Power of the last quarter of a free decay relative to the first at most: a tone that does not decay is none.
 _MAX_LASTING = 0.8
 
@@ -48,13 +51,6 @@ _DEPENDENT = 1e-10
 _RANK_TOLERANCE = 1e-13
 
 
-class Release(NamedTuple):
-    """Where a free decay begins (sample), and the share of its mean square that exponentials leave."""
-
-    first: int
-    unexplained: float
-
-
 class Decay(NamedTuple):
     """A free decay in a record.
 
@@ -78,9 +74,23 @@ class Decay(NamedTuple):
 def decay_of(run: RealArray) -> Decay | None:
     """Return the free decay in a record (N, l), at the rate that its tones need; None where it is no free decay."""
     # the mean of the end: that of the whole is a part of the decay
-    y, step = slower(run - run[-max(len(run) // 10, 1) :].mean(axis=0))
-    release = release_of(y)
-    return None if release is None else Decay(y[release.first :], step, step * release.first, release.unexplained)
+    whole = run - run[-max(len(run) // 10, 1) :].mean(axis=0)
+    blow, (y, step) = blow_out_of_silence(whole), slower(whole)
+    y = one_in(whole[blow:], step) if blow else y
+    release = release_of(y, weighed=blow == 0)
+    return None if release is None else Decay(y[release[0] :], step, blow + step * release[0], release[1])
+
+
+def blow_out_of_silence(y: RealArray) -> int:
+    """Return the sample at which a record (N, l) is struck out of silence, 0 where it is not.
+
+    Under forces that go on the median power just before the release is a hundredth of the largest and more, in random events and codas as
+    in ambient vibration; before a blow it is that of the noise. What follows a blow is a decay whatever its length.
+    """
+    power = np.sum(y**2 / np.maximum(np.mean(y**2, axis=0), np.finfo(float).tiny), axis=1)
+    first, stretch = int(np.argmax(power >= _POWER_AT_RELEASE * power.max())), max(len(y) // 100, 1)
+    before = power[max(first - stretch, 0) : first]
+    return first if len(before) == stretch and np.median(before) < _SILENCE * power.max() else 0
 
 
 def slower(y: RealArray) -> tuple[RealArray, int]:
@@ -93,8 +103,7 @@ def slower(y: RealArray) -> tuple[RealArray, int]:
     ranges = np.array_split(power, max(1, len(power) // _LINES_OF_RANGE))
     tones = np.concatenate([np.any(part > _SIGNIFICANT_POWER * np.median(part, axis=0), axis=1) for part in ranges])
     highest = (int(np.max(np.flatnonzero(tones), initial=0)) + 1) / len(power)  # in Nyquist frequencies
-    q = max(1, int(2 / (_SAMPLES_PER_PERIOD * highest)))
-    q = min(q, largest_step(len(y)))
+    q = min(max(1, int(2 / (_SAMPLES_PER_PERIOD * highest))), largest_step(len(y)))
     return one_in(y, q), q
 
 
@@ -113,14 +122,18 @@ def one_in(y: RealArray, q: int) -> RealArray:
     return np.ascontiguousarray(windows @ (taps / taps.sum()))
 
 
-def release_of(y: RealArray) -> Release | None:
-    """Return where the free decay in a record (N, l) begins; None where it is no free decay.
+def release_of(y: RealArray, weighed: bool = True) -> tuple[int, float] | None:
+    """Return where the free decay in a record (N, l) begins (sample), and the share of its mean square that exponentials leave.
+
+    None where it is no free decay.
+
+    `weighed`: whether a strong beginning counts for no more samples than it has, which leaves fewer exponentials to explain it.
 
     Examples
     --------
     >>> t = np.arange(2000) / 100
     >>> y = (np.exp(-0.3 * t) * np.sin(9 * t))[:, None] + 0.01 * np.random.default_rng(0).standard_normal((2000, 1))
-    >>> release_of(y).first < 30, release_of(np.random.default_rng(0).standard_normal((2000, 1))) is None
+    >>> release_of(y)[0] < 30, release_of(np.random.default_rng(0).standard_normal((2000, 1))) is None
     (True, True)
     """
     y = y[:_MAX_SAMPLES] - np.median(y[:_MAX_SAMPLES], axis=0)
@@ -133,11 +146,10 @@ def release_of(y: RealArray) -> Release | None:
     quarter = len(decay) // 4
     if len(decay) < _MIN_SAMPLES or power[-quarter:].sum() > _MAX_LASTING * power[:quarter].sum():
         return None
-    # a strong beginning counts for no more samples than it has
-    worth = float(power.sum() ** 2 / np.sum(power**2))
+    worth = float(power.sum() ** 2 / np.sum(power**2)) if weighed else len(decay)
     states = int(min(_MAX_STATES, worth * y.shape[1] / (_SAMPLES_PER_UNKNOWN * (y.shape[1] + 1))))
     left = unexplained_by_decay(decay, max(states, 2))
-    return Release(first, left) if left < _MAX_UNEXPLAINED else None
+    return (first, left) if left < _MAX_UNEXPLAINED else None
 
 
 def unexplained_by_decay(y: RealArray, states: int) -> float:

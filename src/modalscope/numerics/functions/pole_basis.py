@@ -114,8 +114,7 @@ class ModalBasis:
     @property
     def reach(self) -> RealArray:
         """Norm of each pole's functions over the rows, (n,): how much of the data a pole can be seen in."""
-        squares = np.einsum("kj,kj->j", self.functions, self.functions)
-        return np.asarray(np.sqrt(squares.reshape(-1, 2).sum(axis=1)))
+        return np.asarray(np.sqrt(np.einsum("kj,kj->j", self.functions, self.functions).reshape(-1, 2).sum(axis=1)))
 
     def compressed(self) -> ModalBasis:
         """Return the same problem on as many rows as there are columns: fits are the same, the misfit less what no column can explain."""

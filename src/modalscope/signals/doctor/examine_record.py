@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from modalscope.data.kind_of_test import kind_of_test
 from modalscope.data.notes import Finding
 from modalscope.data.records import Signals
 from modalscope.numerics.checks import RealArray
@@ -35,7 +36,7 @@ def examine_record(signals: Signals, whole: bool) -> list[Finding]:
     findings = transposed(signals)
     if findings:  # all other checks take columns for channels
         return findings
-    kind = "ambient" if signals.inputs is None else find_excitation(signals)
+    kind = kind_of_test(*signals.by_run()) if signals.inputs is None else find_excitation(signals)
     moving_channels: dict[str, list[int]] = {}
     for side, columns, labels in sides_of(signals):
         constant = dead_channels(columns, labels)
@@ -53,7 +54,7 @@ def examine_record(signals: Signals, whole: bool) -> list[Finding]:
     moving = signals if every else signals.select(**{f"{side}s": chosen for side, chosen in moving_channels.items()})
     if steady and not every:
         prediction = prediction_of(moving.by_run()[0])
-    single = events(moving)
+    single = events(moving) if kind == "ambient" else []
     altered = changes(moving, "event" if single else kind)
     findings += single + missing_samples(moving, prediction.first) + altered
     reversed_ = exchanged(moving) if kind != "sweep" else []
@@ -70,7 +71,7 @@ def examine_record(signals: Signals, whole: bool) -> list[Finding]:
     explained = {dof for f in (*changed, *altered) for dof in f.channels}
     if any(f.kind == "places" for f in changed):
         explained.update(moving.output_dofs)
-    part = None if kind in ("impact", "sweep", "burst") else predicted(moving)
+    part = predicted(moving) if steady else None
     noisy = [f for f in noisy_channels(moving, part, prediction.unexplained) if f.channels[0] not in explained]
     findings += noisy
     if forced:
