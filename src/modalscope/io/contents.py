@@ -134,6 +134,7 @@ class Contents:
     """The data object that a file gives, what was found in it, what is missing and what else to know.
 
     `margin`: of a table, by how much a record over time is likelier than responses over frequency, in log likelihood; may be negative.
+    `begins`: of a record, the time of its first sample, s.
     """
 
     thing: DataObject
@@ -141,6 +142,7 @@ class Contents:
     missing: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     margin: float = 0.0
+    begins: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,6 +180,8 @@ class Survey:
     notes : tuple of str
     margin : float
         Of a table, by how much a record is likelier than responses, in log likelihood.
+    begins : float
+        Of a record, the time of its first sample by the clock of its file, s.
     """
 
     path: Path
@@ -188,6 +192,7 @@ class Survey:
     missing: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     margin: float = 0.0
+    begins: float = 0.0
 
     @property
     def left(self) -> tuple[Finding, ...]:
@@ -202,7 +207,7 @@ class Survey:
         texts += ["other parts not used"] if len(reasons) > _MAX_LISTED else []
         texts += [f"missing: {text}" for text in self.missing]
         texts += self.notes
-        numbers = {"parts": len(self.found), "left": len(self.left)}
+        numbers = {"parts": len(self.found), "left": len(self.left), "begins": self.begins}
         return (Note("file", numbers, f"{self.path.name}: {'; '.join(texts)}"),) if texts else ()
 
     def __str__(self) -> str:

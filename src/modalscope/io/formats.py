@@ -171,6 +171,7 @@ def survey(path: str | Path, **options: Any) -> Survey:
         missing=contents.missing,
         notes=contents.notes,
         margin=contents.margin,
+        begins=contents.begins,
     )
 
 

@@ -29,7 +29,7 @@ def told(notes: tuple[ms.data.Note, ...]) -> str:
 def test_labels_of_places_that_a_user_gives_stay(tmp_path: Path) -> None:
     paths = written(tmp_path, hits(0), hits(2), hits(4))
     data, sources, notes = opened(paths, {})
-    assert (data.input_dofs, len(sources)) == (("place 1", "place 2", "place 3"), 3)
+    assert (data.input_dofs, len(sources)) == (("point1", "point2", "point3"), 3)
     assert "3 files look like 3 drive points" in told(notes)
     data, _, notes = opened(paths, {"input_dofs": ["P"]})
     assert (data.input_dofs, data.runs) == (("P",), 6)

@@ -12,7 +12,8 @@ import pytest
 import modalscope as ms
 from modalscope.analysis.workflow.sources import opened
 from modalscope.interfaces.cli import main
-from modalscope.signals.doctor.together import from_its_start, named_by_files, on_common_lines
+from modalscope.signals.doctor.places import label_by_place
+from modalscope.signals.doctor.together import from_its_start, named_by_files, on_common_lines, on_one_clock
 
 _RNG = np.random.default_rng(4)
 F = np.arange(1.0, 801)
@@ -116,6 +117,47 @@ def test_channels_of_one_event_are_named_after_their_files_and_repeats_are_not()
         ms.Signals(outputs=_RNG.standard_normal((4000, 1)), sampling_rate=100.0, output_dofs=["col1"]) for _ in range(3)
     ]
     assert named_by_files(alone, ["A", "B", "C"])[1] == ()
+
+
+def _recorder(path: Path, k: int, begin: float, millionths: float) -> Path:
+    """Write what a recorder with a clock of its own takes of one motion."""
+    own = 1.7e9 + begin + np.arange(6000) / 100 * (1 + 1e-6 * millionths)
+    y = sum(np.sin(2 * np.pi * f * (own - 1.7e9) + f * f) * (1 + k * f) for f in (1.3, 2.1, 4.7)) + 0.01 * k
+    path.write_text("t [s],acc [m/s2]\n" + "".join(f"{a:.5f},{b:.6e}\n" for a, b in zip(own, y, strict=True)))
+    return path
+
+
+def test_recorders_with_clocks_of_their_own_are_one_record_and_their_drift_is_said(tmp_path: Path) -> None:
+    clocks = ((0.0, 0.0), (0.5, 40.0), (0.137, -60.0))
+    files = [_recorder(tmp_path / f"node{k}.csv", k, *clock) for k, clock in enumerate(clocks)]
+    merged, _, notes = opened(files, {})
+    assert merged.output_dofs == ("node0", "node1", "node2")
+    assert "node0 +0, node1 +40, node2 -60; starts differ by 0.5 s" in " ".join(map(str, notes))
+    y = merged.outputs - merged.outputs.mean(axis=0)
+    shapes = np.fft.rfft(y * np.hanning(len(y))[:, None], axis=0)[
+        np.round(np.array((1.3, 2.1)) * len(y) / 100).astype(int)
+    ]
+    ratios = shapes[:, 1:] / shapes[:, :1]  # of one motion at one time: no phase between sensors
+    assert np.abs(np.angle(ratios)).max() < 2e-3
+    parts = [merged.select(outputs=[k]) for k in (0, 1)]
+    assert on_one_clock(parts, ["a", "b"], [1.7e9, 1.7e9 + 50])[1] == ()  # they share less than half
+    assert on_one_clock(parts, ["a", "b"], [1.7e9, 1.7e9])[1] == ()
+
+
+def test_files_of_several_structures_are_asked_about_and_those_of_one_are_not() -> None:
+    def test_of(f: np.ndarray, gains: np.ndarray) -> ms.FrequencyResponse:
+        lines = F[:, None]
+        H = np.sum(gains * lines**2 / (f**2 - lines**2 + 0.016j * f * lines), axis=1)
+        noise = 1e-3 * (_RNG.standard_normal(F.size) + 1j * _RNG.standard_normal(F.size))
+        return ms.FrequencyResponse(values=(H + noise)[:, None, None], frequencies=F, quantity="acceleration")
+
+    usual = np.array([60.0, 130.0, 240.0, 380.0, 610.0])
+    gains = np.array([[1.0, -0.8, 0.6, 1.1, 0.9], [0.7, 1.2, -0.9, 0.5, 1.0], [1.3, 0.5, 0.8, -0.7, 1.1]])
+    for spread, asked in ((0.003, False), (0.1, True)):
+        parts = [test_of(usual * (1 + spread * np.roll([-1, 0.5, 1, -0.4, 0.2], k)), g) for k, g in enumerate(gains)]
+        named, notes = label_by_place(parts, ["a", "b", "c"])
+        assert [part.input_dofs for part in named] == [("a",), ("b",), ("c",)]
+        assert ("Not one structure?" in str(notes[0])) == asked
 
 
 def test_a_record_begins_where_its_recorder_does() -> None:

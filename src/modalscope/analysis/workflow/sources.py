@@ -75,7 +75,8 @@ def merged_parts(
 ) -> tuple[Any, tuple[SourceFile, ...], tuple[Note, ...]]:
     """Return the files of a test as one, their sources, and the notes of reading."""
     names = [Path(path).stem for path in data]
-    held, together = _together([part for part, _, _ in parts], names, each)
+    begins = [next((n.numbers["begins"] for n in notes if "begins" in n.numbers), 0.0) for _, _, notes in parts]
+    held, together = _together([part for part, _, _ in parts], names, each, begins)
     named, places = _placed(held, names, each)
     merged, units = si_form(named[0] if len(named) == 1 else merge(named))
     merged, kind = _as_what_it_is(merged, decays, exclude)
@@ -93,10 +94,10 @@ def _opened_as(
 
 
 def _together(
-    parts: Sequence[Any], names: Sequence[str], each: Sequence[Mapping[str, Any]]
+    parts: Sequence[Any], names: Sequence[str], each: Sequence[Mapping[str, Any]], begins: Sequence[float]
 ) -> tuple[list[Any], tuple[Note, ...]]:
-    """Return the parts of a test on the lines that all have, and channels without names under those of their files; and notes."""
-    from modalscope.signals.doctor.together import check_units, named_by_files, on_common_lines
+    """Return the parts of a test on the lines and the clock that all have, channels without names under those of their files; and notes."""
+    from modalscope.signals.doctor.together import check_units, named_by_files, on_common_lines, on_one_clock
 
     units: tuple[Note, ...] = ()
     if (
@@ -109,7 +110,8 @@ def _together(
     lines = (*units, *lines)
     if any("output_dofs" in options for options in each):
         return lined, lines
-    labelled, said = named_by_files(lined, names)
+    labelled, said = on_one_clock(lined, names, begins)
+    labelled, said = (labelled, said) if said else named_by_files(lined, names)
     return labelled, (*lines, *said)
 
 

@@ -13,7 +13,7 @@ from modalscope.io.columns.axis import check_numbers, with_rows
 from modalscope.io.columns.blanks import with_least_lost
 from modalscope.io.columns.lines import WORDS_OF_PARTS, frequency_response, part_of
 from modalscope.io.columns.reading import NEAR, Reading, readings
-from modalscope.io.columns.records import free_decay, nothing_measured, records
+from modalscope.io.columns.records import begin_of, free_decay, nothing_measured, records
 from modalscope.io.columns.table import Column, Table, as_word
 from modalscope.io.columns.weights import even_step, likeliest_force
 from modalscope.io.columns.words import ignored_columns, named_columns, roles_of_option, short_unit
@@ -100,9 +100,9 @@ def _read(
         thing = free_decay(record, table.where, free.option) if "decay" in option_roles.values() else record
     findings = [Finding(part=part, what=what) for part, what in table.layout]
     findings += [_finding(column, reading, omitted | unused) for column in table.columns]
-    return Contents(
-        thing=thing, findings=tuple(findings), notes=tuple(dict.fromkeys([*table.notes, *notes, *notes_of_data]))
-    )
+    said = tuple(dict.fromkeys([*table.notes, *notes, *notes_of_data]))
+    begins = begin_of(axis) if axis is not None and kind == "time" else 0.0
+    return Contents(thing=thing, findings=tuple(findings), notes=said, begins=begins)
 
 
 def _works(table: Table, columns: Sequence[Column], options: Options) -> Callable[[str], bool]:

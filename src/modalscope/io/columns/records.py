@@ -183,6 +183,12 @@ def seconds_of(axis: Column) -> RealArray:
     return times * factor_to_base(axis.unit) if parts == 1.0 else _from_first(times, parts)
 
 
+def begin_of(axis: Column) -> float:
+    """Return the first time of a column in seconds, by the clock of its recorder."""
+    first = np.asarray(axis.values[:1], float)
+    return float(first[0] * factor_to_base(axis.unit) if axis.unit else first[0] / parts_of_second(axis.values))
+
+
 def _from_first(times: RealArray, parts: float) -> RealArray:
     """Return seconds from the first of times in parts of a second, with the digits that numbers of their size hold."""
     spacing = float(np.spacing(np.abs(times).max(initial=0.0))) / parts

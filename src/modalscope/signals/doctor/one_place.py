@@ -14,6 +14,7 @@ noise decide.
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -56,7 +57,7 @@ class Placed(NamedTuple):
     """Decision on files: "one" place, "several", "ask" (one until answered), "size" (one, but for the size of a file) or "unknown".
 
     Place of every file from 0 in the order of appearance; resonances that were compared; the height of the last join; distances of the
-    files with gain one and gains, (files, files).
+    files with gain one and gains, (files, files); of several places the share of the resonances that two files have in common.
     """
 
     kind: str
@@ -65,6 +66,7 @@ class Placed(NamedTuple):
     apart: float
     distances: RealArray
     gains: RealArray
+    shared: float = 1.0
 
 
 def white_noise(H: ComplexArray) -> RealArray:
@@ -108,8 +110,18 @@ def decide(H: ComplexArray, noise: RealArray) -> Placed:
         kind = "size"
     else:
         kind = "ask" if apart < _SEVERAL else "several"
-    places = _repeats(same_size) if kind == "several" else [0] * files
-    return Placed(kind, places, count, apart, same_size, gains)
+    if kind != "several":
+        return Placed(kind, [0] * files, count, apart, same_size, gains)
+    return Placed(kind, _repeats(same_size), count, apart, same_size, gains, _shared(H, noise))
+
+
+def _shared(H: ComplexArray, noise: RealArray) -> float:
+    """Return the mean share of the resonances that two files have in common, within two half bandwidths, of those of either."""
+    lines = [_windows(p, n) for p, n in zip(np.sum(np.abs(H) ** 2, axis=2), np.sum(noise, axis=2), strict=True)]
+    peaks = [np.array([(s.start + s.stop, s.stop - s.start) for s in own]).reshape(-1, 2) / 2 for own in lines]
+    pairs = [(a, b) for a, b in combinations(peaks, 2) if len(a) and len(b)]
+    near = [abs(np.subtract.outer(a[:, 0], b[:, 0])) <= np.minimum.outer(a[:, 1], b[:, 1]) for a, b in pairs]
+    return float(np.mean([min(n.any(0).sum(), n.any(1).sum()) / min(n.shape) for n in near])) if near else 1.0
 
 
 def _joins(d: RealArray) -> RealArray:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data.kind_of_test import kind_of_test
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.responses import FrequencyResponse
@@ -19,6 +20,8 @@ from modalscope.numerics.errors import DataError
 
 #: Lines of files are one where they differ by less, in steps; part of the lines of a file that all must have.
 _SAME_LINE, _MIN_COMMON = 0.01, 0.5
+#: Rates of recorders of one event differ by less, relative; seconds beyond which times are dates.
+_SAME_CLOCK, _DATES = 1e-3, 1e8
 #: Stretches over which coherence is averaged, and the least of channels of one event: of records that have nothing in common it is 1 / 8.
 _STRETCHES, _COHERENT = 8, 0.5
 #: A start: samples of the record and of the start at least, part of the record at most, and how far beyond the rest it lies.
@@ -96,18 +99,17 @@ def _at(part: FrequencyResponse, places: Any) -> FrequencyResponse:
 
 
 def named_by_files(parts: Sequence[Any], names: Sequence[str]) -> tuple[list[Any], tuple[Note, ...]]:
-    """Return channels without names, one a file, under the names of their files where they are channels of one event; and what is said.
+    """Return channels of one name, one a file, under the names of their files where they are channels of one event; and what is said.
 
-    Names of the files that are runs say that they are none; else their coherence decides, over stretches and weighted by power.
+    Names of the files that are runs say that they are none; else their coherence decides, over stretches and weighted by power. Free
+    decays are coherent in any case: repeated ones of a sensor that is named stay runs.
     """
-    bare = len(parts) > 1 and all(
-        isinstance(part, Signals)
-        and part.inputs is None
-        and part.runs == len(part.output_dofs) == 1
-        and _NO_NAME.match(part.output_dofs[0])
-        for part in parts
-    )
-    if not bare or len(set(names)) < len(names) or any(_RUN.search(name) for name in names):
+    if not _one_sensor_each(parts) or len(set(names)) < len(names) or any(_RUN.search(name) for name in names):
+        return list(parts), ()
+    called = {part.output_dofs[0] for part in parts}
+    if not all(map(_NO_NAME.match, called)) and (
+        len(called) > 1 or kind_of_test(parts[0].by_run()[0], None) != "ambient"
+    ):
         return list(parts), ()
     if len({part.sampling_rate for part in parts}) > 1 or not _coherent([part.by_run()[0][0, :, 0] for part in parts]):
         return list(parts), ()
@@ -115,6 +117,51 @@ def named_by_files(parts: Sequence[Any], names: Sequence[str]) -> tuple[list[Any
     return [replace(part, output_dofs=(name,)) for part, name in zip(parts, names, strict=True)], (
         Note("file", {}, text),
     )
+
+
+def _one_sensor_each(parts: Sequence[Any]) -> bool:
+    return len(parts) > 1 and all(
+        isinstance(part, Signals) and part.inputs is None and part.runs == len(part.output_dofs) == 1 for part in parts
+    )
+
+
+def on_one_clock(
+    parts: Sequence[Any], names: Sequence[str], begins: Sequence[float]
+) -> tuple[list[Any], tuple[Note, ...]]:
+    """Return records of one event, a sensor a file and each by a clock of its own, at the same times; and what is said.
+
+    `begins`: the time of the first sample of each, s. Where dates say the times, that is how they lie; else they must be coherent then.
+    Clocks whose rates differ by more than a thousandth, or records that share less than half, are no event.
+    """
+    rates = np.array([getattr(part, "sampling_rate", None) or 0.0 for part in parts])
+    start, usual = np.array(begins), float(np.median(rates))
+    if not _one_sensor_each(parts) or not np.all(abs(rates / usual - 1) < _SAME_CLOCK) or len(set(names)) < len(names):
+        return list(parts), ()
+    shift = start - start[0]
+    if np.ptp(rates) == 0 and np.ptp(shift) * usual < _SAME_LINE:
+        return list(parts), ()
+    samples = np.array([part.samples for part in parts])
+    first, last = shift.max(), float(np.min(shift + (samples - 1) / rates))
+    if last - first < _MIN_COMMON * float(np.min(samples / rates)):
+        return list(parts), ()
+    from scipy.interpolate import CubicSpline  # slow to load, and few tests need it
+
+    times = first + np.arange(int((last - first) * usual)) / usual
+    on = [
+        CubicSpline(s + np.arange(n) / rate, part.by_run()[0][0])(times)
+        for s, n, rate, part in zip(shift, samples, rates, parts, strict=True)
+    ]
+    if start.min() < _DATES and not _coherent([y[:, 0] for y in on]):
+        return list(parts), ()
+    ppm = ", ".join(f"{name} {1e6 * (usual / rate - 1):+.0f}" for name, rate in zip(names, rates, strict=True))
+    held = f"{usual:.6g} Hz, over the {last - first:.4g} s that all have, by cubic splines"
+    said = f"drift in millionths {ppm}; starts differ by {np.ptp(shift):.4g} s"
+    text = f"{len(parts)} recorders with clocks of their own are put on one, {held}: {said}"
+    made = [
+        replace(part, outputs=y, sampling_rate=usual, output_dofs=(name,))
+        for part, y, name in zip(parts, on, names, strict=True)
+    ]
+    return made, (Note("clock", {"start": float(np.ptp(shift))}, text),)
 
 
 def from_its_start(record: Signals) -> tuple[Signals, tuple[Note, ...]]:
