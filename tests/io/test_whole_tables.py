@@ -31,7 +31,7 @@ def table(tmp_path: Path) -> Callable[[str], Path]:
 
 def as_of_0_2_0(path: Path) -> list[str]:
     """Return the lines as 0.2.0 wrote them."""
-    return [line for line in path.read_text().splitlines() if not line.startswith(("# rows", "# sha256"))]
+    return [line for line in path.read_text().splitlines() if not line.startswith("# rows")]
 
 
 def without(lines: list[str], *rows: int) -> str:
@@ -85,20 +85,6 @@ def test_times_of_few_digits_are_those_of_the_header(tmp_path: Path) -> None:
             refused("row 8 under the header", ms.read, tmp_path / "a.csv")
     (tmp_path / "a.csv").write_text("# sampling_rate: 100\ntime_s,out 1:+Z [m]\n5.0,1\n5.01,2\nnan,3\n")
     refused("row 3 under the header", ms.read, tmp_path / "a.csv")
-
-
-@pytest.mark.parametrize("name", DATA)
-def test_another_number_on_a_whole_axis_is_a_note(table: Callable[[str], Path], name: str) -> None:
-    path = table(name)
-    assert not ms.io.survey(path).notes
-    lines = path.read_text().splitlines()
-    path.write_bytes("\r\n".join(lines).encode("utf-8-sig"))  # another program saved it, and changed nothing
-    assert not ms.io.survey(path).notes
-    cells = lines[-1].split(",")
-    path.write_text("\n".join([*lines[:-1], ",".join([*cells[:-1], "0.125"])]) + "\n")
-    assert "edited since it was written" in ms.io.survey(path).notes[0]
-    path.write_text("\n".join(line for line in lines if not line.startswith("# sha256")) + "\n")
-    assert not ms.io.survey(path).notes
 
 
 @pytest.mark.parametrize("name", DATA)

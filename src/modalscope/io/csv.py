@@ -11,8 +11,8 @@ sampling_rate, kind, first_sample).
 | `time_s` | `3:+Z / 1:+Z [m/s2 / N]`, for every output and input | an impulse response |
 | `mode` | what `ModalModel.columns` gives, then `real 3:+Z`, `imag 3:+Z` of the shapes | modes |
 
-Tables of responses and records also say how many rows they have, and the SHA-256 of all lines but comments: `# rows: 300`. Another number
-of rows, or samples that do not follow at the rate of the header, is refused; another sum alone is a note. Tables of 0.2.0 say neither.
+Tables of responses and records also say how many rows they have: `# rows: 300`. Another number of rows, or samples that do not follow at
+the rate of the header, is refused.
 
 Columns are separated by comma, semicolon or tab, whichever the header has. Numbers are written with every digit. Coherence,
 variance, geometry and direct terms have no column: .npz, .h5 and .uff keep them. Participation, reasons and notes of modes have none: .json
@@ -25,7 +25,6 @@ import csv
 import re
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
-from hashlib import sha256
 from itertools import chain, islice, product
 from pathlib import Path
 from typing import Any, NamedTuple, TextIO
@@ -72,7 +71,6 @@ class _Table(NamedTuple):
     notes: dict[str, str]
     header: list[str]
     numbers: RealArray
-    digest: str
 
 
 #: Largest number of a mode that is looked for, and missing ones that are named at most.
@@ -122,9 +120,7 @@ def read(path: Path, options: Options) -> Contents:
 
 
 def _edited(table: _Table) -> tuple[str, ...]:
-    """Say that rows are others than were written: by the checksum, of modes by their numbers."""
-    if table.notes.get("sha256", table.digest) != table.digest:
-        return ("edited since it was written: its rows are whole, and their checksum is another",)
+    """Say that modes were taken out, by their numbers."""
     if table.header[0] != "mode":
         return ()
     numbers = table.numbers[np.isfinite(table.numbers[:, 0]), 0]
@@ -172,17 +168,15 @@ def _is_own(path: Path) -> bool:
 
 
 def _empty(path: Path) -> DataError:
-    fault = "it has no header and rows"
-    return unreadable(f"{path.name} as CSV", fault, "Write a header and one row a line or sample.")
+    return unreadable(f"{path.name} as CSV", "it has no header and rows", "Write a header and a row a sample.")
 
 
 def _table(path: Path, space: Room) -> _Table:
     """Return comments, header and numbers, row by row: a cell of text takes thirty times its characters in the file."""
     notes: dict[str, str] = {}
-    digest = sha256()
     try:
         with path.open(encoding="utf-8-sig", newline=None) as file:
-            rows = _rows(file, notes, space, digest)
+            rows = _rows(file, notes, space)
             first, second = next(rows, ""), next(rows, "")
             if not second:
                 raise _empty(path)
@@ -193,7 +187,7 @@ def _table(path: Path, space: Room) -> _Table:
             words = [k for k, name in enumerate(header) if name in _OF_WORDS] if set(header) >= _OF_MODES else []
             body = ([cell for k, cell in enumerate(row) if k not in words] for row in reader)
             header = [name for k, name in enumerate(header) if k not in words]
-            return _Table(notes, header, _cells(path, body, len(header), space), digest.hexdigest())
+            return _Table(notes, header, _cells(path, body, len(header), space))
     except UnicodeDecodeError:
         remedy = "Save it as UTF-8, or give it the suffix of what it is."
         raise unreadable(f"{path.name} as CSV", "it is not text in UTF-8", remedy) from None
@@ -202,12 +196,11 @@ def _table(path: Path, space: Room) -> _Table:
         raise unreadable(f"{path.name} as CSV", fault, "Close it, or take it out.") from None
 
 
-def _rows(file: TextIO, notes: dict[str, str], space: Room, digest: Any) -> Iterator[str]:
-    """Yield the lines that are neither blank nor comments; what comments say is kept in the notes, the sum of the others in `digest`."""
+def _rows(file: TextIO, notes: dict[str, str], space: Room) -> Iterator[str]:
+    """Yield the lines that are neither blank nor comments; what comments say is kept in the notes."""
     for line in file:
         if not line.startswith("#"):
             if not line.isspace():
-                digest.update(f"{line.rstrip()}\n".encode())
                 yield line
             continue
         name, colon, value = line.lstrip("# ").partition(":")
@@ -371,10 +364,7 @@ def _put(path: Path, notes: dict[str, str] | None, header: Sequence[str], rows: 
     writer: Any = csv.writer(_Line(), lineterminator="\n")
     with path.open("w", encoding="utf-8", newline="") as file:
         if notes is not None:
-            digest = sha256()
-            for row in chain([header], rows):
-                digest.update(f"{writer.writerow(row).rstrip()}\n".encode())
-            whole = {"written by": MARK, **notes, "rows": len(rows), "sha256": digest.hexdigest()}
+            whole = {"written by": MARK, **notes, "rows": len(rows)}
             file.writelines(f"# {name}: {value}\n" for name, value in whole.items())
         file.writelines(map(writer.writerow, chain([header], rows)))
 

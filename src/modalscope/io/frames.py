@@ -149,5 +149,4 @@ def from_frame(frame: Any, **options: Any) -> DataObject:
         fault = f"it is {type(frame).__name__}"
         remedy = "Give such an object, a path to read, or make FrequencyResponse or Signals of arrays."
         raise DataError("from_frame needs a DataFrame, Series, Dataset or DataArray", fault, remedy)
-    contents = contents_from_table(table_of_frame(frame, type(frame).__name__), options)
-    return overridden(contents.thing, options, None)
+    return overridden(contents_from_table(table_of_frame(frame, type(frame).__name__), options).thing, options, None)

@@ -15,6 +15,7 @@ from threading import Lock
 import numpy as np
 
 from modalscope.io.columns import Column, Table, contents_from_table
+from modalscope.io.columns.vocabulary import words_of
 from modalscope.io.contents import Contents, Options, chosen, damage_as_error, unreadable
 from modalscope.io.foreign import read_apart
 from modalscope.io.frames import table_of_frame
@@ -98,6 +99,9 @@ def read_netcdf(path: Path, options: Options) -> Contents:
     Raises `DataError`: xarray is missing, a damaged file, no common dimension, or what tables are refused for.
     """
     answer, arrays = read_apart("xarray", path, signature=_SIGNATURES["xarray"])
+    damping = [each["name"] for each in answer["variables"] if {"damping", "zeta"} & set(words_of(each["name"]))]
+    if damping:
+        raise unreadable(path.name, f"it holds modes, by its {damping[0]!r}", "Give a file of responses or records.")
     xarray = optional_package("reading .nc", "xarray", "netcdf")
     with damage_as_error(f"{path.name} with xarray", _EXPORT):
         variables = {

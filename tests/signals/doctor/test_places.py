@@ -81,13 +81,6 @@ def test_responses_at_several_places_are_told_apart_too() -> None:
     assert str(told[0]).endswith("If places: --input-dofs 1 2")
 
 
-def test_a_file_alike_another_is_asked_about_where_repeats_were_not_planned() -> None:
-    parts = [hits(0), hits(2), hits(4), hits(0, seed=1)]
-    named, told = label_by_place(parts, ["a", "b", "c", "d"])
-    assert len({part.input_dofs for part in named}) == 4
-    assert "Are a and d one place? They differ by" in str(told[0])
-
-
 def test_many_files_of_one_place_are_not_all_counted_in_the_remedy() -> None:
     parts = [hits(0, count=1, seed=k) for k in range(13)]
     assert str(label_by_place(parts, [str(k) for k in range(13)])[1][0]).endswith(

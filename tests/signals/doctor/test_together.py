@@ -13,7 +13,7 @@ import modalscope as ms
 from modalscope.analysis.workflow.sources import opened
 from modalscope.interfaces.cli import main
 from modalscope.signals.doctor.places import label_by_place
-from modalscope.signals.doctor.together import from_its_start, named_by_files, on_common_lines, on_one_clock
+from modalscope.signals.doctor.together import as_one_event, from_its_start, on_common_lines
 
 _RNG = np.random.default_rng(4)
 F = np.arange(1.0, 801)
@@ -109,14 +109,14 @@ def test_channels_of_one_event_are_named_after_their_files_and_repeats_are_not()
         )
         for _ in range(3)
     ]
-    named, notes = named_by_files(made, ["A", "B", "C"])
+    named, notes = as_one_event(made, ["A", "B", "C"], [0.0] * 3)
     assert [part.output_dofs for part in named] == [("A",), ("B",), ("C",)]
     assert notes
-    assert named_by_files(made, ["run1", "run2", "run3"])[1] == ()
+    assert as_one_event(made, ["run1", "run2", "run3"], [0.0] * 3)[1] == ()
     alone = [
         ms.Signals(outputs=_RNG.standard_normal((4000, 1)), sampling_rate=100.0, output_dofs=["col1"]) for _ in range(3)
     ]
-    assert named_by_files(alone, ["A", "B", "C"])[1] == ()
+    assert as_one_event(alone, ["A", "B", "C"], [0.0] * 3)[1] == ()
 
 
 def _recorder(path: Path, k: int, begin: float, millionths: float) -> Path:
@@ -140,8 +140,7 @@ def test_recorders_with_clocks_of_their_own_are_one_record_and_their_drift_is_sa
     ratios = shapes[:, 1:] / shapes[:, :1]  # of one motion at one time: no phase between sensors
     assert np.abs(np.angle(ratios)).max() < 2e-3
     parts = [merged.select(outputs=[k]) for k in (0, 1)]
-    assert on_one_clock(parts, ["a", "b"], [1.7e9, 1.7e9 + 50])[1] == ()  # they share less than half
-    assert on_one_clock(parts, ["a", "b"], [1.7e9, 1.7e9])[1] == ()
+    assert as_one_event(parts, ["a", "b"], [1.7e9, 1.7e9 + 50])[1] == ()  # they share less than half
 
 
 def test_files_of_several_structures_are_asked_about_and_those_of_one_are_not() -> None:

@@ -97,7 +97,7 @@ def _together(
     parts: Sequence[Any], names: Sequence[str], each: Sequence[Mapping[str, Any]], begins: Sequence[float]
 ) -> tuple[list[Any], tuple[Note, ...]]:
     """Return the parts of a test on the lines and the clock that all have, channels without names under those of their files; and notes."""
-    from modalscope.signals.doctor.together import check_units, named_by_files, on_common_lines, on_one_clock
+    from modalscope.signals.doctor.together import as_one_event, check_units, on_common_lines
 
     units: tuple[Note, ...] = ()
     if (
@@ -107,12 +107,8 @@ def _together(
         parts, units = [part for part, _ in converted], tuple(note for _, notes in converted for note in notes)
     check_units(parts, names)
     lined, lines = on_common_lines(parts, names)
-    lines = (*units, *lines)
-    if any("output_dofs" in options for options in each):
-        return lined, lines
-    labelled, said = on_one_clock(lined, names, begins)
-    labelled, said = (labelled, said) if said else named_by_files(lined, names)
-    return labelled, (*lines, *said)
+    labelled, said = (lined, ()) if any("output_dofs" in o for o in each) else as_one_event(lined, names, begins)
+    return labelled, (*units, *lines, *said)
 
 
 def _placed(

@@ -139,8 +139,7 @@ def _real_where_real(table: Table) -> Table:
     bare = [c for c in table.columns if np.iscomplexobj(c.values) and not c.values.imag.any()]
     if not bare or len(bare) == sum(np.iscomplexobj(c.values) for c in table.columns):
         return table
-    columns = tuple(replace(c, values=c.values.real) if c in bare else c for c in table.columns)
-    return replace(table, columns=columns)
+    return replace(table, columns=tuple(replace(c, values=c.values.real) if c in bare else c for c in table.columns))
 
 
 def _with_units(table: Table, units: Any, several: bool) -> Table:

@@ -102,8 +102,7 @@ def _foreign(name: str, line: bytes, blocks: list[Block]) -> DataError:
 
 
 def _cut(name: str, place: int, fault: str) -> DataError:
-    remedy = "The file is cut off or damaged there; export or copy it again."
-    return unreadable(f"set {place} of {name}", fault, remedy)
+    return unreadable(f"set {place} of {name}", fault, "The file is cut off or damaged there; export or copy it again.")
 
 
 def _block(name: str, data: bytes, start: int, place: int, space: Room) -> tuple[Block, int]:

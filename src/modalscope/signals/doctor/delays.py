@@ -81,11 +81,11 @@ DELAYS = "delays taken out"
 def late(signals: Signals) -> list[Finding]:
     """Find outputs delayed after broadband forces, see `lateness`."""
     common, delays = lateness(signals)
-    rate = signals.sampling_rate
+    rate, given = signals.sampling_rate, " ".join(f"{dof}={lag}" for dof, lag in delays.items())
     if common:
         lag = next(iter(delays.values()))
-        return [finding("delay: all", *signals.output_dofs, samples=lag, seconds=lag / rate)]
-    return [finding("delay: one", dof, samples=lag, seconds=lag / rate) for dof, lag in delays.items()]
+        return [finding("delay: all", *signals.output_dofs, samples=lag, seconds=lag / rate, given=given)]
+    return [finding("delay: one", dof, samples=lag, seconds=lag / rate, given=given) for dof, lag in delays.items()]
 
 
 def lateness(signals: Signals) -> tuple[bool, dict[str, int]]:

@@ -20,7 +20,7 @@ Side = tuple[str, Array, tuple[str, ...]]
 
 _EXCLUDE = "Check cable and sensor, or leave it out: exclude=[{channels[0]!r}]."
 _AS_RUNS = "Give the parts before and after as runs: merge([...])."
-_ALIGNED = "Outputs are shifted back before modes are identified; keep them with delays={{}} (--delays none)."
+_ALIGNED = "Outputs are shifted back before modes are identified, as --delays {given} does; keep them with delays={{}} (--delays none)."
 
 #: Reason and remedy of every kind of finding; rows of one kind differ in what follows the colon.
 ROWS = {

@@ -56,15 +56,14 @@ _TINY = float(np.finfo(float).tiny)
 class Placed(NamedTuple):
     """Decision on files: "one" place, "several", "ask" (one until answered), "size" (one, but for the size of a file) or "unknown".
 
-    Place of every file from 0 in the order of appearance; resonances that were compared; the height of the last join; distances of the
-    files with gain one and gains, (files, files); of several places the share of the resonances that two files have in common.
+    Place of every file from 0 in the order of appearance; resonances that were compared; the height of the last join; gains of the
+    files, (files, files); of several places the share of the resonances that two files have in common.
     """
 
     kind: str
     places: list[int]
     resonances: int
     apart: float
-    distances: RealArray
     gains: RealArray
     shared: float = 1.0
 
@@ -82,7 +81,7 @@ def white_noise(H: ComplexArray) -> RealArray:
 
 def not_compared(files: int) -> Placed:
     """Return the decision on files of which nothing can be compared."""
-    return Placed("unknown", [0] * files, 0, np.nan, np.zeros((files, files)), np.ones((files, files)))
+    return Placed("unknown", [0] * files, 0, np.nan, np.ones((files, files)))
 
 
 def decide(H: ComplexArray, noise: RealArray) -> Placed:
@@ -111,8 +110,8 @@ def decide(H: ComplexArray, noise: RealArray) -> Placed:
     else:
         kind = "ask" if apart < _SEVERAL else "several"
     if kind != "several":
-        return Placed(kind, [0] * files, count, apart, same_size, gains)
-    return Placed(kind, _repeats(same_size), count, apart, same_size, gains, _shared(H, noise))
+        return Placed(kind, [0] * files, count, apart, gains)
+    return Placed(kind, _repeats(same_size), count, apart, gains, _shared(H, noise))
 
 
 def _shared(H: ComplexArray, noise: RealArray) -> float:
@@ -197,5 +196,4 @@ def _distances(a: RealArray, scatter: RealArray) -> tuple[RealArray, RealArray, 
     def root(square: RealArray) -> RealArray:
         return np.asarray(np.sqrt(np.maximum(square - free, 0.0)) * (1 - np.eye(len(square))))
 
-    gains = np.sqrt(np.divide.outer(energy, energy))
-    return root(2 - 2 * products / mean), root(2 - 2 * cosine), np.asarray(gains)
+    return root(2 - 2 * products / mean), root(2 - 2 * cosine), np.asarray(np.sqrt(np.divide.outer(energy, energy)))

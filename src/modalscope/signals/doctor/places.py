@@ -21,7 +21,7 @@ from modalscope.data.responses import FrequencyResponse
 from modalscope.data.shown import counted
 from modalscope.numerics.checks import ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
-from modalscope.signals.doctor.one_place import ALIKE, Placed, decide, not_compared, white_noise
+from modalscope.signals.doctor.one_place import Placed, decide, not_compared, white_noise
 from modalscope.signals.preprocess.bands import USEFUL_POWER
 from modalscope.signals.preprocess.excitation import excitation_of
 from modalscope.signals.preprocess.frf import estimate_frf
@@ -104,7 +104,7 @@ def label_by_place(
     doubt = f". Not one structure? Two files have {100 * found.shared:.0f} % of their resonances in common: --each"
     text = (
         f"{len(parts)} files look like {count} drive points, all labelled {parts[0].input_dofs[0]!r}: {_apart(found)}. Inputs are named "
-        f"{listed}; if one place: --input-dofs 1{_doubt(found, names)}{doubt if found.shared < _ONE_STRUCTURE else ''}"
+        f"{listed}; if one place: --input-dofs 1{doubt if found.shared < _ONE_STRUCTURE else ''}"
     )
     called = list(names) if single else [f"place {p + 1}" for p in found.places]
     named = [replace(part, input_dofs=[label], groups=AUTO) for part, label in zip(parts, called, strict=True)]
@@ -159,17 +159,6 @@ def _remedy(files: int) -> str:
     if files > _MAX_LISTED:
         return f"--input-dofs with {files} labels, one per file"
     return f"--input-dofs {' '.join(str(k + 1) for k in range(files))}"
-
-
-def _doubt(found: Placed, names: Sequence[str]) -> str:
-    """Return a question about the most similar files that are taken for two places, in words; empty where no two are alike."""
-    other = np.where(np.not_equal.outer(found.places, found.places), found.distances, np.inf)
-    i, j = sorted(divmod(int(np.argmin(other)), len(names)))
-    if other[i, j] > ALIKE:
-        return ""
-    return (
-        f". Are {names[i]} and {names[j]} one place? They differ by {100 * other[i, j]:.2g} %: if so, name them alike"
-    )
 
 
 def _comparable(parts: Sequence[Any]) -> bool:

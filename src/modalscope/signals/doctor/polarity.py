@@ -223,8 +223,7 @@ def _reversed_outputs(response: Response, negative: list[tuple[int, int]]) -> li
     times: Array = np.bincount(np.ravel(negative))
     names = tuple(response.output_dofs[i] for i in np.flatnonzero(times == times.max()))
     pairs = ", ".join(f"{response.output_dofs[i]} to {response.output_dofs[j]}" for i, j in negative)
-    which = "reciprocity" if len(names) == 1 else "one of several"
-    return [finding(f"polarity: {which}", *names, pairs=pairs)]
+    return [finding(f"polarity: {'reciprocity' if len(names) == 1 else 'one of several'}", *names, pairs=pairs)]
 
 
 def _difference(a: Array, b: Array) -> float:

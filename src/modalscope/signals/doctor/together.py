@@ -17,6 +17,7 @@ from modalscope.data.responses import FrequencyResponse
 from modalscope.data.shown import counted
 from modalscope.numerics.checks import RealArray
 from modalscope.numerics.errors import DataError
+from modalscope.signals.preprocess.merging import on_common_lines as common_of
 
 #: Lines of files are one where they differ by less, in steps; part of the lines of a file that all must have.
 _SAME_LINE, _MIN_COMMON = 0.01, 0.5
@@ -46,9 +47,8 @@ def check_units(parts: Sequence[Any], names: Sequence[str]) -> None:
         return
     usual = Counter(said).most_common(1)[0][0]
     odd = [(name, units) for name, (quantity, units) in zip(names, said, strict=True) if quantity != usual[0]]
-    listed = ", ".join(f"{name} ({units or 'no unit'})" for name, units in odd[:4]) + (
-        f" and {len(odd) - 4} more" if len(odd) > 4 else ""
-    )
+    more = f" and {len(odd) - 4} more" if len(odd) > 4 else ""
+    listed = ", ".join(f"{name} ({units or 'no unit'})" for name, units in odd[:4]) + more
     fault = f"{len(parts) - len(odd)} of {len(parts)} files are in {usual[1] or 'no unit'}, others not: {listed}"
     labels = ",".join(f"{dof}=100 mV/g" for name, _ in odd[:2] for dof in parts[names.index(name)].output_dofs[:1])
     quantity = usual[0] or "acceleration"
@@ -63,105 +63,63 @@ def _units_of(part: FrequencyResponse) -> str:
 
 def on_common_lines(parts: Sequence[Any], names: Sequence[str]) -> tuple[list[Any], tuple[Note, ...]]:
     """Return responses on the lines that all of them have, and what is said; unchanged where lines are alike, or few are shared."""
-    if len(parts) < 2 or any(not isinstance(part, FrequencyResponse) for part in parts):
+    if len(parts) < 2 or any(not isinstance(part, FrequencyResponse) or part.lines < 2 for part in parts):
         return list(parts), ()
-    step = (
-        min(float(np.min(np.diff(part.frequencies))) for part in parts if part.lines > 1)
-        if all(p.lines > 1 for p in parts)
-        else 0.0
-    )
-    if not step or all(np.array_equal(part.frequencies, parts[0].frequencies) for part in parts):
+    if all(np.array_equal(part.frequencies, parts[0].frequencies) for part in parts):
         return list(parts), ()
-    first = min(parts, key=lambda part: part.lines).frequencies
-    places = [np.clip(np.searchsorted(part.frequencies, first - step / 2), 0, part.lines - 1) for part in parts]
-    near = [
-        np.abs(part.frequencies[place] - first) <= _SAME_LINE * step for part, place in zip(parts, places, strict=True)
-    ]
-    shared = np.all(near, axis=0)
-    if shared.sum() < max(3, _MIN_COMMON * max(part.lines for part in parts)):
+    try:
+        kept = common_of(parts)
+    except DataError:  # no line in common
         return list(parts), ()
-    kept = [_at(part, place[shared]) for part, place in zip(parts, places, strict=True)]
-    lost = [
-        f"{name} {part.lines - int(shared.sum())}"
-        for name, part in zip(names, parts, strict=True)
-        if part.lines > shared.sum()
-    ]
-    text = f"Lines differ from file to file: {counted(int(shared.sum()), 'line')} that all have are taken (left out: {', '.join(lost[:6])})"
-    return [replace(part, frequencies=kept[0].frequencies) for part in kept], (
-        Note("file", {"lines": float(shared.sum())}, text),
-    )
-
-
-def _at(part: FrequencyResponse, places: Any) -> FrequencyResponse:
-    taken = np.zeros(part.lines, bool)
-    taken[places] = True
-    return part.at_lines(taken)
-
-
-def named_by_files(parts: Sequence[Any], names: Sequence[str]) -> tuple[list[Any], tuple[Note, ...]]:
-    """Return channels of one name, one a file, under the names of their files where they are channels of one event; and what is said.
-
-    Names of the files that are runs say that they are none; else their coherence decides, over stretches and weighted by power. Free
-    decays are coherent in any case: repeated ones of a sensor that is named stay runs.
-    """
-    if not _one_sensor_each(parts) or len(set(names)) < len(names) or any(_RUN.search(name) for name in names):
+    f, count = kept[0].frequencies, kept[0].lines
+    near = all(np.max(np.abs(part.frequencies - f)) <= _SAME_LINE * np.min(np.diff(f)) for part in kept)
+    if count < max(3, _MIN_COMMON * max(part.lines for part in parts)) or not near:
         return list(parts), ()
-    called = {part.output_dofs[0] for part in parts}
-    if not all(map(_NO_NAME.match, called)) and (
-        len(called) > 1 or kind_of_test(parts[0].by_run()[0], None) != "ambient"
-    ):
-        return list(parts), ()
-    if len({part.sampling_rate for part in parts}) > 1 or not _coherent([part.by_run()[0][0, :, 0] for part in parts]):
-        return list(parts), ()
-    text = f"{len(parts)} files hold a channel each of one event, named after their files (if they are runs: --output-dofs 1)"
-    return [replace(part, output_dofs=(name,)) for part, name in zip(parts, names, strict=True)], (
-        Note("file", {}, text),
-    )
+    lost = [f"{name} {part.lines - count}" for name, part in zip(names, parts, strict=True) if part.lines > count]
+    text = f"Lines differ from file to file: {counted(count, 'line')} that all have are taken (left out: {', '.join(lost[:6])})"
+    return [replace(part, frequencies=f) for part in kept], (Note("file", {"lines": float(count)}, text),)
 
 
-def _one_sensor_each(parts: Sequence[Any]) -> bool:
-    return len(parts) > 1 and all(
-        isinstance(part, Signals) and part.inputs is None and part.runs == len(part.output_dofs) == 1 for part in parts
-    )
-
-
-def on_one_clock(
+def as_one_event(
     parts: Sequence[Any], names: Sequence[str], begins: Sequence[float]
 ) -> tuple[list[Any], tuple[Note, ...]]:
-    """Return records of one event, a sensor a file and each by a clock of its own, at the same times; and what is said.
+    """Return the sensors of one event, one a file, under the names of their files and at the same times; and what is said.
 
-    `begins`: the time of the first sample of each, s. Where dates say the times, that is how they lie; else they must be coherent then.
-    Clocks whose rates differ by more than a thousandth, or records that share less than half, are no event.
+    `begins`: the time of the first sample of each, s. Where dates say the times, that is how they lie; else they must be coherent, over
+    stretches and weighted by power. Free decays are coherent in any case: repeated ones of a sensor that is named stay runs, as what files
+    call runs does. Clocks whose rates differ by more than a thousandth, or records that share less than half, are no event.
     """
-    rates = np.array([getattr(part, "sampling_rate", None) or 0.0 for part in parts])
-    start, usual = np.array(begins), float(np.median(rates))
-    if not _one_sensor_each(parts) or not np.all(abs(rates / usual - 1) < _SAME_CLOCK) or len(set(names)) < len(names):
+    one = all(isinstance(p, Signals) and p.inputs is None and p.runs == len(p.output_dofs) == 1 for p in parts)
+    if not one or not 1 < len(parts) == len(set(names)):
         return list(parts), ()
-    shift = start - start[0]
-    if np.ptp(rates) == 0 and np.ptp(shift) * usual < _SAME_LINE:
-        return list(parts), ()
-    samples = np.array([part.samples for part in parts])
+    rates, samples, start = *np.array([(p.sampling_rate, p.samples) for p in parts]).T, np.array(begins)
+    usual, shift = float(np.median(rates)), start - start[0]
     first, last = shift.max(), float(np.min(shift + (samples - 1) / rates))
-    if last - first < _MIN_COMMON * float(np.min(samples / rates)):
+    own = np.ptp(rates) > 0 or np.ptp(shift) * usual > _SAME_LINE
+    share = _MIN_COMMON * float(np.min(samples / rates))
+    if np.any(abs(rates / usual - 1) > _SAME_CLOCK) or last - first < share:
         return list(parts), ()
-    from scipy.interpolate import CubicSpline  # slow to load, and few tests need it
+    on = [p.by_run()[0][0] for p in parts]
+    if own:
+        from scipy.interpolate import CubicSpline  # slow to load, and few tests need it
 
-    times = first + np.arange(int((last - first) * usual)) / usual
-    on = [
-        CubicSpline(s + np.arange(n) / rate, part.by_run()[0][0])(times)
-        for s, n, rate, part in zip(shift, samples, rates, parts, strict=True)
-    ]
-    if start.min() < _DATES and not _coherent([y[:, 0] for y in on]):
+        own_times = [s + np.arange(len(y)) / rate for s, rate, y in zip(shift, rates, on, strict=True)]
+        times = first + np.arange(int((last - first) * usual)) / usual
+        on = [np.asarray(CubicSpline(t, y)(times)) for t, y in zip(own_times, on, strict=True)]
+    dated = own and start.min() > _DATES
+    bare = all(_NO_NAME.match(p.output_dofs[0]) for p in parts) or kind_of_test(parts[0].by_run()[0], None) == "ambient"
+    runs = any(_RUN.search(name) for name in names) or not bare
+    if not dated and (runs or not _coherent([y[:, 0] for y in on])):
         return list(parts), ()
-    ppm = ", ".join(f"{name} {1e6 * (usual / rate - 1):+.0f}" for name, rate in zip(names, rates, strict=True))
-    held = f"{usual:.6g} Hz, over the {last - first:.4g} s that all have, by cubic splines"
-    said = f"drift in millionths {ppm}; starts differ by {np.ptp(shift):.4g} s"
-    text = f"{len(parts)} recorders with clocks of their own are put on one, {held}: {said}"
-    made = [
-        replace(part, outputs=y, sampling_rate=usual, output_dofs=(name,))
-        for part, y, name in zip(parts, on, names, strict=True)
-    ]
-    return made, (Note("clock", {"start": float(np.ptp(shift))}, text),)
+    text = f"{len(parts)} files hold a channel each of one event, named after their files (if they are runs: --output-dofs 1)"
+    if own:
+        ppm = ", ".join(f"{name} {1e6 * (usual / rate - 1):+.0f}" for name, rate in zip(names, rates, strict=True))
+        held = f"{usual:.6g} Hz, over the {last - first:.4g} s that all have, by cubic splines"
+        text += f"; clocks of their own are put on one, {held}: drift in millionths {ppm}; starts differ by {np.ptp(shift):.4g} s"
+    of = [{"outputs": y, "sampling_rate": usual, "output_dofs": (name,)} for y, name in zip(on, names, strict=True)]
+    return [replace(p, **fields) for p, fields in zip(parts, of, strict=True)], (
+        Note("file", {"start": float(np.ptp(shift))}, text),
+    )
 
 
 def from_its_start(record: Signals) -> tuple[Signals, tuple[Note, ...]]:

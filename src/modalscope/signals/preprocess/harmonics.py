@@ -166,8 +166,7 @@ def _chance(g: float, n: float) -> float:
     """Return the probability that n independent values of random vibration have so small a g; small ones fall with n."""
     if n < 2:
         return 1.0
-    corrected = 2 * n * g / (1 + (n + 1) / (6 * n))
-    return float(special.gammainc((n - 1) / 2, corrected / 2))
+    return float(special.gammainc((n - 1) / 2, n * g / (1 + (n + 1) / (6 * n))))
 
 
 def _most_independent(count: Array, step: float, half: Array, seconds: float) -> RealArray:

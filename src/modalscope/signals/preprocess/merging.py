@@ -37,13 +37,13 @@ def joined_frf(parts: Sequence[Signals], **options: Any) -> FrequencyResponse:
     lengths = [round(part.sampling_rate / step) for part, step in zip(parts, steps, strict=True)]
     if len(set(lengths)) > 1 and options.get("segment") is None:
         responses = [estimate_frf(part, **{**options, "segment": min(lengths)}) for part in parts]
-    return merge_frf(_on_common_lines(responses)) if len(responses) > 1 else responses[0]
+    return merge_frf(on_common_lines(responses)) if len(responses) > 1 else responses[0]
 
 
-def _on_common_lines(parts: Sequence[FrequencyResponse]) -> list[FrequencyResponse]:
-    """Return the responses on the lines that all have: those with force in every part."""
+def on_common_lines(parts: Sequence[FrequencyResponse]) -> list[FrequencyResponse]:
+    """Return the responses on the lines that all have, counted in the smallest step."""
     step = min(float(np.min(np.diff(part.frequencies))) for part in parts)
-    numbers = [np.round(part.frequencies / step).astype(np.int64) for part in parts]
+    numbers = [np.round((part.frequencies - parts[0].frequencies[0]) / step).astype(np.int64) for part in parts]
     shared = set.intersection(*(set(lines.tolist()) for lines in numbers))
     return [
         part if len(shared) == len(lines) else part.at_lines(np.isin(lines, list(shared)))

@@ -28,8 +28,7 @@ _LAGS_OVER_SPAN, _MAX_STATE_ROWS = 5, 300
 
 def correlations(setups: Setups, **options: Any) -> tuple[ImpulseResponse, ...]:
     """Return the correlation of every setup with the references, by `estimate_correlation` with options."""
-    chosen = {"references": setups.references, **options}
-    return tuple(estimate_correlation(part, **chosen) for part in setups.parts)
+    return tuple(estimate_correlation(part, **{"references": setups.references, **options}) for part in setups.parts)
 
 
 def joined_setups(setups: Setups) -> ImpulseResponse:

@@ -56,8 +56,7 @@ def segment_starts(samples: int, segment: int, overlap: float) -> list[int]:
         raise DataError(
             f"overlap={overlap!r} was asked", "it is a part of a segment, 0 to below 1", "Give 0.5 for half."
         )
-    step = max(1, round(segment * (1 - overlap)))
-    return list(range(0, samples - segment + 1, step))
+    return list(range(0, samples - segment + 1, max(1, round(segment * (1 - overlap)))))
 
 
 def fast_length(samples: int) -> int:
