@@ -99,6 +99,7 @@ def test_mdf_keeps_clock_and_units(tmp_path: Path) -> None:
     refused("damaged", ms.read, tmp_path / "b.mf4")
 
 
+@pytest.mark.slow
 def test_netcdf_keeps_units_and_time(tmp_path: Path) -> None:
     write_netcdf(tmp_path / "a.nc")
     record = ms.read(tmp_path / "a.nc")
@@ -109,6 +110,17 @@ def test_netcdf_keeps_units_and_time(tmp_path: Path) -> None:
     assert again.units == record.units == (("m/s2", "m/s2"), ("N",))
     (tmp_path / "b.nc").write_bytes((tmp_path / "a.nc").read_bytes()[:900])
     refused("damaged", ms.read, tmp_path / "b.nc")
+
+
+@pytest.mark.slow
+def test_modes_in_a_netcdf_file_are_refused_as_what_they_are(tmp_path: Path) -> None:
+    xarray = pytest.importorskip("xarray")
+    f = np.sort(np.random.default_rng(0).random((30, 4)), axis=1)
+    sides = ("time", "mode")
+    xarray.Dataset({"frequency": (sides, f), "damping": (sides, 0.01 * f)}).to_netcdf(
+        tmp_path / "a.nc", engine="h5netcdf"
+    )
+    refused("it holds modes, by its 'damping'", ms.read, tmp_path / "a.nc")
 
 
 @pytest.mark.filterwarnings("error")

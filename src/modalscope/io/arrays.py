@@ -50,10 +50,8 @@ TEXTS = (
 #: What data classes raise on damaged fields, whose types are checked before.
 FIELD_FAULTS = (KeyError, IndexError, OverflowError, ValueError)
 INDICATOR = "indicator_"
-
 #: What the names of the arrays of modes before their refinement start with.
 UNREFINED = "unrefined_"
-
 #: Fields that stand there as JSON text.
 JSON = ("reasons", "notes", "left_out", "harmonics", "residual_terms", "geometry_motions")
 GEOMETRY = ("geometry_nodes", "geometry_coordinates", "geometry_lines", "geometry_faces", "geometry_motions")
@@ -62,10 +60,8 @@ _TEXT = ("quantity", "kind", "scaling")
 _FLOATS = ("sampling_rate", "added_damping", "dt")
 _WHOLE = ("averages", "first_sample")
 _BOOLEAN = ("held_input", "converged")
-
 #: Characters of a label, at most.
 _MAX_LETTERS = 1000
-
 #: Axes of the arrays that people store in another order.
 AXES: dict[type[Any], dict[str, tuple[str, ...]]] = {
     FrequencyResponse: dict.fromkeys(("values", "coherence", "variance"), ("lines", "outputs", "inputs")),

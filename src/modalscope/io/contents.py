@@ -37,10 +37,8 @@ Options: TypeAlias = Mapping[str, Any]
 
 #: Parts of one kind that are listed one by one; more are one line. Also the reasons for parts left that a note gives.
 _MAX_LISTED = 4
-
 #: Number of the last character of Unicode.
 _LAST_CHARACTER = 0x10FFFF
-
 #: What readers and the packages under them raise on damaged files. TypeError and AttributeError are faults of a program, MemoryError one
 #: of the machine: nobody is told to export a file again for them.
 DAMAGED = (

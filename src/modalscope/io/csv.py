@@ -48,13 +48,10 @@ _PAIR = re.compile(
     r"^(?:(?P<part>real|imag)\s+)?(?P<out>[^/\[\]]+?)\s*/\s*(?P<in>[^/\[\]]+?)\s*(?:\[(?P<unit>.*?)(?: / (?P<unit_in>.*))?\])?$"
 )
 _SIDE = re.compile(r"^(?P<side>out|in)\s+(?P<dof>.+?)\s*(?:\[(?P<unit>.*)\])?$")
-
 #: Columns by which a table of modes is known.
 _OF_MODES = {"frequency_hz", "damping_ratio"}
-
 #: Columns of words in a table of modes.
 _OF_WORDS = ("kind", "grade", "reason")
-
 #: What stands in a header without ambiguity.
 _PLAIN = re.compile(r"[\w :+.²³µ-]*|\w+/\w+²?")
 #: Relative tolerance of time steps: printed times have few digits.

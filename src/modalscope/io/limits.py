@@ -19,7 +19,6 @@ from modalscope.numerics.resources import set_allowed_memory
 
 #: What a user does who trusts a file.
 RAISE_THE_LIMIT = "If you trust the file, raise the limit: --max-memory, or modalscope.io.set_max_memory."
-
 #: Bytes that reading may take at least, and by size of the file.
 _MIN_BYTES, _BYTES_BY_SIZE = 500_000_000, 20
 #: Copies of the arrays in memory at once: inflated, joined and locked ones.

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import modalscope as ms
+from modalscope.interfaces.cli import main
 from tests.io.exports.draw import HALVES, SHARED, draw_choices
 from tests.io.exports.measure import by_dimension, measure, table
-from tests.io.exports.verdict import COSTS, dead_ends, obeyed, tried
+from tests.io.exports.verdict import COSTS, dead_ends, obeyed, suggestions, tried
 from tests.io.exports.words import FAR, NEAR
 from tests.io.exports.write import write
 from tests.io.ordinary import CASES, RATE
+from tests.support import DATA
 
 #: Seeds of the quick test, and of the study, whose seeds were looked at by nobody while the reader was made.
 _QUICK, _FIRST, _COUNT = 24, 980_000, 1000
@@ -69,6 +72,24 @@ def test_every_option_printed_for_ordinary_files_reads_them_or_asks_one_thing_mo
     path = tmp_path / f"case{CASES[name].suffix}"
     CASES[name].write(path)
     assert not dead_ends(path, _message(path), RATE), _message(path)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not (DATA / "standins").is_dir(), reason="the stand-ins are not there")
+def test_every_option_that_info_prints_is_obeyed_word_for_word(capsys: pytest.CaptureFixture[str]) -> None:
+    """Of all files of a stand-in together, in the command line; a rate that a person fills in is filled in."""
+    failed, count = [], 0
+    for truth in sorted((DATA / "standins").glob("*/truth.json")):
+        files = [str(truth.parent / name) for name in json.loads(truth.read_text())["files"]]
+        capsys.readouterr()
+        main(["info", *files])
+        said = "".join(capsys.readouterr())
+        for way in {tuple(way) for line in said.splitlines() for way in suggestions(line)}:
+            count += 1
+            if main(["info", *files, *("1000" if word == "HZ" else word for word in way)]):
+                failed.append((truth.parent.name, way))
+    assert count > 25
+    assert not failed
 
 
 @pytest.mark.study("reading")

@@ -19,8 +19,6 @@ from modalscope.io.columns.weights import even_step, likeliest_force
 from modalscope.io.columns.words import ignored_columns, named_columns, roles_of_option, short_unit
 from modalscope.io.contents import Contents, Finding, Options, needs
 
-#: Options of every format that gives columns.
-
 #: Why a column is what `--columns` says.
 _REASON_OF_OPTION = "--columns says so"
 

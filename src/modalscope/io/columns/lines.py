@@ -29,10 +29,8 @@ _PATTERNS = {
 }
 _BARS = re.compile(r"\|([^|]+)\|\Z")
 _DECIBEL = re.compile(r"(?<![A-Za-z])d[bB](?![A-Za-z])")
-
 #: Phases whose largest lies between these bounds (rad) are radians: a resonance turns by more than three degrees.
 _BOUNDS_OF_RADIANS = (2.0, 2 * np.pi + 0.01)
-
 #: Parts that `--columns` may name, and which of them make one complex value.
 _FAMILY_OF_PART = {"real": "parts", "imag": "parts", "mag": "polar", "phase": "polar", "coh": "coherence"}
 #: Whether words of `--columns` read the table at hand.

@@ -71,7 +71,7 @@ def records(
     if not others:
         forces, others = [], channels
         notes.append("all columns are forces; they were taken as outputs")
-    elif not forces and options.get("columns") is None:
+    elif not forces and options.get("columns") is None and not table.roles:
         base = [column for column in others if names_base(column.name)] if len(others) > 1 else []
         which = f"{base[0].name} may be a base that drives the rest" if base else "else"
         number = (base[0] if base else likeliest_force(others)[0]).number

@@ -53,7 +53,8 @@ def by_sensor(table: Table) -> Table:
         for k, column in enumerate(measured):
             label = name if len(measured) == 1 else f"{name} {column.name or k + 1}"
             columns.append(Column(number=len(columns) + 1, name=label, unit=column.unit, values=part[:count, k]))
-    return replace(table, columns=tuple(columns), notes=(*table.notes, *notes))
+    roles = {1: "time"} if axis is not None else {}  # columns that the user cannot name by number
+    return replace(table, columns=tuple(columns), notes=(*table.notes, *notes), roles=roles)
 
 
 def _names_sensors(column: Column) -> bool:

@@ -25,7 +25,6 @@ _MAX_AXES = 200
 #: Types of functions.
 _TIME, _FRF, _COHERENCE, _MULTIPLE = 1, 4, 6, 26
 _CORRELATIONS, _FILTER = (7, 8), 25
-
 #: Units of SI by specific data type.
 SI_UNITS = {8: "m", 9: "N", 11: "m/s", 12: "m/s2", 13: "N"}
 

@@ -23,7 +23,6 @@ _ELEMENT = tuple(
     for name in ("element", "descriptor", "physical table", "material table", "color", "number of nodes")
 )
 _SYSTEM = tuple(Field(name, 10, "i") for name in ("system", "type", "color"))
-
 #: Descriptors of rods and beams, which have a record of their own; the type of Cartesian coordinate systems; nodes in a line of a set 82.
 _RODS, _CARTESIAN, _NODES_OF_LINE = (11, 21, 22, 23, 24), 0, 8
 

@@ -111,7 +111,8 @@ def as_one_event(
     runs = any(_RUN.search(name) for name in names) or not bare
     if not dated and (runs or not _coherent([y[:, 0] for y in on])):
         return list(parts), ()
-    text = f"{len(parts)} files hold a channel each of one event, named after their files (if they are runs: --output-dofs 1)"
+    text = f"{len(parts)} files hold a channel each of one event, named after their files"
+    text += "" if np.ptp(rates) else " (if they are runs: --output-dofs 1)"
     if own:
         ppm = ", ".join(f"{name} {1e6 * (usual / rate - 1):+.0f}" for name, rate in zip(names, rates, strict=True))
         held = f"{usual:.6g} Hz, over the {last - first:.4g} s that all have, by cubic splines"
