@@ -34,7 +34,7 @@ FILES: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
     "palisaden": (("palisaden/palisaden_dec5.npz",), {}),
     "beam_uff": (("beam_uff/beam_2kHz.uff",), {"band": (30.0, 800.0)}),
     "shear_frame": (("shear_frame/data_shearframe.npy",), {"reading": {"sampling_rate": 12.0}}),
-    "footbridge, hammer taken as wind": (("footbridge/impulse_VI0.txt",), {}),
+    "footbridge, hammer without its force": (("footbridge/impulse_VI0.txt",), {}),
     "footbridge, wind": (("footbridge/ambient_testVI.lvm",), {}),
     "footbridge, wireless node": (("footbridge/node_p1_000.CSV",), {"band": (5.0, 40.0)}),
     "turbine_tdms": (("turbine_tdms/good_tdms_1.tdms",), {}),
