@@ -23,7 +23,7 @@ from modalscope.numerics.checks import check_count, check_kind, check_number, ch
 from modalscope.numerics.errors import DataError, check_choice, check_option_names
 
 #: Errors that Python and numpy raise on wrong values.
-_LIBRARY_ERRORS = (
+LIBRARY_ERRORS = (
     ArithmeticError,
     AssertionError,
     AttributeError,
@@ -83,7 +83,7 @@ def plainly(verb: Callable[P, R]) -> Callable[P, R]:
             return verb(*args, **kwargs)
         except DataError:
             raise
-        except _LIBRARY_ERRORS as error:
+        except LIBRARY_ERRORS as error:
             blamed = _blame(verb, args, kwargs)
             if blamed is None and isinstance(error, MemoryError):
                 have = f"this machine has less ({str(error)[:100] or 'its memory is used up'})"

@@ -7,29 +7,30 @@ import json
 import numpy as np
 import pytest
 
-from modalscope.analysis.monitoring import Alarms, alarms
+from modalscope.analysis.monitoring import Alarms, History, alarms, track
 from modalscope.analysis.monitoring.change import _bounded
 from modalscope.data import DataError
+from modalscope.numerics.checks import IntArray
 from tests.analysis.monitoring.test_weather import moved, tracks
-from tests.analysis.monitoring.years import tracked
+from tests.analysis.monitoring.years import SCATTER, WEATHER, damaged, known, tracked
 
-HALF = ("1970-01-01", "1970-03-10")
+HALF = ("1970-01-01", "1970-02-10")
 
 
 def chart(**given: object) -> Alarms:
-    return alarms(tracked(3000, 3, **given), reference=HALF, deviations={"temperature": 0.3})  # type: ignore[arg-type]
+    return alarms(tracked(1500, 3, **given), reference=HALF, deviations={"temperature": 0.3})  # type: ignore[arg-type]
 
 
 def test_a_change_is_told_with_its_time_and_its_modes() -> None:
     """Two thousandths in the first and the third mode, which is 3 and 4 times what a single record scatters."""
-    found = chart(shift=-2e-3, at=2500)
+    found = chart(shift=-2e-3, at=1300)
     (alarm,) = found.alarms
-    true = 2500 * 3600
+    true = 1300 * 3600
     assert 0 <= alarm.time - true < 48 * 3600
     assert alarm.interval[0] <= true <= alarm.interval[1]
     assert alarm.interval[1] - alarm.interval[0] < 72 * 3600
-    assert {name[0] for name in alarm.tracks} == {"1", "3"}
-    for name in alarm.tracks:
+    assert {name[0] for name in alarm.tracks[:2]} == {"1", "3"}
+    for name in alarm.tracks[:2]:
         assert abs(alarm.shifts[name] + 2e-3) < 4 * alarm.shifts_std[name] + 1e-4
     line = json.loads(json.dumps(alarm.to_dict()))
     assert line["alarm"] == str(np.datetime64(round(alarm.time), "s"))
@@ -45,14 +46,6 @@ def test_no_change_is_no_alarm_and_a_single_spoilt_record_is_none() -> None:
     found = alarms(tracks(f, none=np.zeros(1500)), reference=np.arange(1500) < 700)
     assert len(found) == 0
     assert found.novelty[1300] > 100
-
-
-@pytest.mark.parametrize("kind", ["cusum", "t2"])
-def test_the_other_charts_tell_a_large_change(kind: str) -> None:
-    f = np.ones((1500, 3)) * moved(np.zeros(1500), 3)
-    f[1200:] *= 1 - 6e-4
-    found = alarms(tracks(f, none=np.zeros(1500)), reference=np.arange(1500) < 700, chart=kind)
-    assert found.alarms[-1].change == 1200 * 3600
 
 
 @pytest.mark.slow
@@ -71,14 +64,62 @@ def test_records_count_as_usual_ones_at_most() -> None:
     assert np.linalg.norm(_bounded(z)[2]) == pytest.approx(3.0349, abs=1e-3)
 
 
-def test_a_reference_of_too_few_records_is_refused() -> None:
-    for count, fault in ((99, "99 are given"), (100, "")):
-        record = tracks(moved(np.zeros(300)), none=np.zeros(300))
-        if fault:
-            with pytest.raises(DataError, match=fault):
-                alarms(record, reference=np.arange(300) < count)
-        else:
-            assert len(alarms(record, reference=np.arange(300) < count)) == 0
+def test_a_short_reference_has_a_provisional_test_and_a_shorter_one_is_refused() -> None:
+    f = np.array([1.0, 2.0, 3.0]) * moved(np.zeros(200), 3)
+    f[150:, 1] *= 1 - 1e-3
+    f[130] *= 1.5
+    record = tracks(f, none=np.zeros(200))
+    for count in (20, 99):
+        found = alarms(record, reference=np.arange(200) < count)
+        (alarm,) = found.alarms
+        assert 0 <= alarm.time / 3600 - 150 < 16
+        assert alarm.tracks == ("2: 2 Hz",)
+        assert found.chart == "step"
+        assert "provisional" in found.notes[0]
+    assert "provisional" not in str(alarms(record, reference=np.arange(200) < 100).notes)
+    with pytest.raises(DataError, match="19 are given"):
+        alarms(record, reference=np.arange(200) < 19)
+
+
+def test_a_mode_that_is_not_found_is_an_alarm_that_says_where_it_may_be() -> None:
+    """Half of the later records have it elsewhere, with another damping; none has it at its place."""
+    history, truth = damaged(400, 7)
+    gone = (history.record >= 300) & (truth == 2)
+    for kept, there in ((~gone, False), (np.ones(gone.size, bool), True)):
+        f = np.where(gone, 1.7 * history.frequencies, history.frequencies)[kept]
+        z = np.where(gone, 40 * history.damping_ratios, history.damping_ratios)[kept]
+        less = History(
+            times=history.times,
+            record=history.record[kept],
+            frequencies=f,
+            damping_ratios=z,
+            covariates=history.covariates,
+        )
+        (alarm,) = alarms(known(less, truth[kept], 5), reference=np.arange(400) < 250).alarms
+        assert list(alarm.lost) == ["3: 3 Hz"] if not there else set(alarm.lost) <= {"3: 3 Hz"}
+        assert 0 <= alarm.time / 3600 - 300 < 12
+        assert alarm.interval[0] <= 3600 * 300 <= alarm.interval[1] + 3600 * 4
+        if not there:
+            assert np.isnan(alarm.lost["3: 3 Hz"])
+            assert "3: 3 Hz is not found" in str(alarm)
+            assert json.loads(json.dumps(alarm.to_dict()))["lost"] == {"3: 3 Hz": {"may_be_at": None}}
+
+
+@pytest.mark.parametrize(
+    ("weather", "size", "modes"), [("steady", 0.1, 1), ("not measured", 0.02, 5), ("measured", 0.4, 5)]
+)
+def test_no_damage_is_too_large_to_be_told(weather: str, size: float, modes: int) -> None:
+    history, _ = damaged(400, 5, at=300, size=size, modes=modes, weather=weather)
+    first = alarms(track(history), reference=np.arange(400) < 240).alarms[0]
+    assert 0 <= first.time / 3600 - 300 < 12
+    assert first.shifts["1: 1.2 Hz"] == pytest.approx(-size, abs=0.3 * size)
+
+
+def test_what_comes_later_changes_no_track_of_the_reference() -> None:
+    sound, damage = (damaged(400, 5, at=300, size=size, modes=5) for size in (0, 0.2))
+    found = [alarms(known(*each, 5), reference=np.arange(400) < 240).explained.tracks for each in (sound, damage)]
+    assert found[0].names == found[1].names
+    assert np.array_equal(found[0].frequencies[:240], found[1].frequencies[:240], equal_nan=True)
 
 
 def test_tracks_that_are_rare_are_left_out_and_said() -> None:
@@ -90,16 +131,54 @@ def test_tracks_that_are_rare_are_left_out_and_said() -> None:
     assert any("is taken for sound" in note for note in found.notes)
 
 
+SIZES = (0.003, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
+
+
 @pytest.mark.study("monitoring")
-def test_false_alarms_of_fifty_years(study) -> None:  # type: ignore[no-untyped-def]
-    """A year as the reference, a year judged; a slow disturbance that nobody measures, 5 % spoilt records."""
-    for kind in ("ewma", "cusum"):
-        counts = [
-            len(alarms(tracked(2 * 8766, 2000 + seed), chart=kind, deviations={"temperature": 0.3}, seed=seed))
-            for seed in range(50)
-        ]
-        table = study(f"50 years of features without damage, {kind}", "50 years, seeds 2000 to 2049")
-        table.row("false alarms a year where one is stated", float(np.mean(counts)), least=0.6, most=1.5, form=".2f")
+@pytest.mark.parametrize(("weather", "shapes"), [*((w, True) for w in WEATHER), ("steady", False)])
+def test_alarms_come_no_later_as_damage_grows(weather: str, shapes: bool, study) -> None:  # type: ignore[no-untyped-def]
+    """Hourly records: ten days as the reference, damage after another two and a half.
+
+    No test of a mean of known size, whose false alarms are a year apart, finds a change in fewer than ln(8766) / (sum of squares of the
+    change in deviations / 2) records on average (G. Lorden, "Procedures for reacting to a change in distribution", 1971).
+    """
+    seeds = range(4000, 4003)
+    words = "" if shapes else ", without shapes"
+    table = study(f"5 modes, damage after 300 hourly records, weather {weather}{words}", "seeds 4000 to 4002")
+    sound = [len(_alarms(*damaged(480, seed, weather=weather, shapes=shapes)).alarms) for seed in seeds]
+    table.row("alarms without damage in a week", sound, most=1)
+    for modes, name in ((1, "one mode"), (2, "two modes"), (5, "all modes")):
+        before = np.inf
+        for size in SIZES:
+            delays = []
+            for seed in seeds:
+                history, truth = damaged(480, seed, at=300, size=size, modes=modes, weather=weather, shapes=shapes)
+                times = [a.time / 3600 - 299 for a in _alarms(history, truth).alarms if a.time / 3600 >= 300]
+                delays.append(min(times, default=np.inf))
+            delay = float(np.median(delays))
+            bound = max(np.log(8766) / (modes * (size / SCATTER) ** 2 / 2), 1.0)
+            later = "" if delay <= before + 2 else ", LATER than of less"
+            told = f"{delay:.0f} ({min(delays):.0f} to {max(delays):.0f}); the bound of any test of a mean {bound:.1f}{later}"
+            table.row(f"records to the alarm, {100 * size:g} % of {name}", told)
+            assert not later, told
+            assert np.isfinite(delay), told
+            before = min(before, delay)
+
+
+def _alarms(history: History, truth: IntArray) -> Alarms:
+    return alarms(track(history), reference=np.arange(len(history)) < 240)
+
+
+@pytest.mark.study("monitoring")
+@pytest.mark.parametrize("weather", WEATHER)
+def test_false_alarms_of_two_hundred_years(weather: str, study) -> None:  # type: ignore[no-untyped-def]
+    """Followed records of six hours: 1000 as the reference, a year judged."""
+    counts = []
+    for seed in range(5000, 5200 if weather == "steady" else 5050):
+        history, truth = damaged(2461, seed, weather=weather, hours=6.0)
+        counts.append(len(alarms(known(history, truth, 5), reference=np.arange(2461) < 1000)))
+    table = study(f"{len(counts)} years without damage, weather {weather}", f"{len(counts)} years, seeds from 5000")
+    table.row("false alarms a year where one is stated", float(np.mean(counts)), least=0.2, most=1.2, form=".2f")
 
 
 @pytest.mark.study("monitoring")

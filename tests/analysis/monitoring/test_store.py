@@ -113,15 +113,12 @@ def test_several_read_while_one_writes(store: Store) -> None:
         assert len(reader) == 2
 
 
-def test_tables_are_written(store: Store, tmp_path: Path) -> None:
+def test_modes_become_a_table(store: Store) -> None:
     pytest.importorskip("pandas")
     store.add_modes(modes(), time="2026-06-01T00:00", name="first")
-    store.export(tmp_path / "a.csv")
-    lines = (tmp_path / "a.csv").read_text().splitlines()
-    assert lines[0] == "time,record,frequency_hz,damping_ratio,frequency_std_hz,damping_ratio_std"
-    assert lines[1].startswith("2026-06-01,first,15.9")
-    with pytest.raises(DataError, match=r"\.csv or \.parquet"):
-        store.export(tmp_path / "a.txt")
+    table = store.to_pandas()
+    assert list(table)[2:] == ["frequency_hz", "damping_ratio", "frequency_std_hz", "damping_ratio_std"]
+    assert table.frequency_hz[0] == pytest.approx(15.9, abs=0.1)
 
 
 def test_a_closed_store_says_so(store: Store) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope.analysis.monitoring import History, read_history, track
-from modalscope.data import DataError, ModalModel
+from modalscope.data import DataError
 from modalscope.numerics.checks import RealArray
 from tests.analysis.monitoring.years import judged, year
 from tests.support import DATA
@@ -106,13 +106,6 @@ def test_tracks_go_on_with_the_channels_that_are_left() -> None:
     assert np.array_equal(found.frequencies[:, [first, 1 - first]], f)
 
 
-def test_a_reference_begins_the_tracks_and_more_are_found() -> None:
-    f = scattered([1.0, 2.0])
-    reference = ModalModel(poles=2j * np.pi * np.array([1.03, 3.0]), shapes=ORTHOGONAL[[0, 2]].T)
-    found = track(history(f), reference=reference)
-    assert np.array_equal(found.frequencies, f)
-
-
 def test_a_jump_of_all_frequencies_is_followed() -> None:
     f = scattered([1.0, 2.0], 200) * np.where(np.arange(200) < 100, 1, 0.98)[:, None]
     found = track(history(f))
@@ -176,11 +169,10 @@ def test_the_strong_resonances_of_a_mast_are_one_track_each() -> None:
 
 
 @pytest.mark.parametrize(
-    ("part", "mac", "absent", "count"),
-    [(0.05, 1.0, 0, 1), (0.09, 1.0, 0, 1), (0.12, 1.0, 0, 2), (0.05, 0.6, 0, 1), (0.05, 0.4, 0, 2), (0.05, 1.0, 60, 1)],
+    ("part", "mac", "absent"), [(0.05, 1.0, 0), (0.12, 1.0, 0), (0.4, 1.0, 0), (0.05, 0.6, 0), (0.05, 1.0, 60)]
 )
-def test_a_mode_that_jumps_keeps_its_track(part: float, mac: float, absent: int, count: int) -> None:
-    """By a tenth at most, and with a shape that is nearer to what it was than to a right angle."""
+def test_a_mode_that_jumps_keeps_its_track(part: float, mac: float, absent: int) -> None:
+    """However far, and with a shape that is nearer to what it was than to a right angle."""
     f = scattered([1.0, 2.0], 240)
     f[150:, 0] *= 1 - part
     f[150 : 150 + absent, 0] = np.nan
@@ -190,9 +182,8 @@ def test_a_mode_that_jumps_keeps_its_track(part: float, mac: float, absent: int,
     shapes[after] = np.sqrt(mac) * ORTHOGONAL[0] + np.sqrt(1 - mac) * ORTHOGONAL[4]
     noise = 0.01 * np.random.default_rng(1).standard_normal(shapes.shape)
     found = track(history(f, shapes=shapes + noise))
-    assert len(found) == 1 + count
-    if count == 1:
-        assert np.array_equal(found.frequencies, f, equal_nan=True)
+    assert len(found) == 2
+    assert np.array_equal(found.frequencies, f, equal_nan=True)
 
 
 def test_a_mode_that_jumps_twice_keeps_its_first_track() -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -54,8 +56,7 @@ def test_several_processes_store_the_same_as_one(folder: Path, tmp_path: Path) -
         assert one.records.tolist() == two.records.tolist()
 
 
-def test_a_file_that_is_being_written_waits(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("modalscope.analysis.monitoring.collecting._SETTLED", 0.2)
+def test_a_file_that_is_being_written_waits(folder: Path, tmp_path: Path) -> None:
     grown, stop = folder / "20260601_0200.csv", threading.Event()
 
     def write() -> None:
@@ -68,10 +69,73 @@ def test_a_file_that_is_being_written_waits(folder: Path, tmp_path: Path, monkey
     writer.start()
     try:
         with Store(tmp_path / "a.modes") as store:
-            assert collect(folder, store, options=FEW).waiting == (grown.name,)
+            assert collect(folder, store, settled=0.2, options=FEW).waiting == (grown.name,)
     finally:
         stop.set()
         writer.join()
+
+
+def test_a_file_that_changed_replaces_its_record(folder: Path, tmp_path: Path) -> None:
+    path, hour_ago = folder / "20260601_0000.npz", (time.time() - 3600,) * 2
+    (folder / "copy_20260601_0100.npz").write_bytes((folder / "later/20260601_0100.npz").read_bytes())
+    os.utime(folder / "copy_20260601_0100.npz", hour_ago)
+    with Store(tmp_path / "a.modes") as store:
+        assert collect(folder, store, options=FEW).replaced == ()
+        for changed in (path, folder / "later/20260601_0100.npz"):
+            ms.write(changed, chain5().impulse_response(150, noise=0.01, seed=10 + len(changed.parts)))
+            os.utime(changed, hour_ago)
+            found = collect(folder, store, options=FEW)
+            assert (found.added, found.replaced) == (1, (changed.name,))
+        # the copy still has what the second one had before
+        assert sorted(name for name in store.records.file if name.endswith("npz")) == [
+            "20260601_0000.npz",
+            "20260601_0100.npz",
+            "copy_20260601_0100.npz",
+        ]
+        assert len(store.history().frequencies) == 15
+
+
+def test_times_ahead_of_the_clock_are_questioned(folder: Path, tmp_path: Path) -> None:
+    (folder / "20260601_0000.npz").rename(folder / "20990601_0000.npz")
+    os.utime(folder / "later/20260601_0100.npz", (time.time() + 500,) * 2)
+    with Store(tmp_path / "a.modes") as store:
+        found = collect(folder, store, settled=0, options=FEW)
+    assert found.waiting == ("20260601_0100.npz (its date is ahead of the clock)",)
+    assert any("2099-06-01 00:00 by the name of the file, is ahead of the clock" in why for _, why in found.refused)
+
+
+POOL = """
+import sys, time
+from pathlib import Path
+from modalscope.analysis.monitoring.collecting import Task, identified
+if __name__ == "__main__":
+    tasks = [Task(Path(sys.argv[1], f"{k}.csv"), str(k), str(k)) for k in range(40)]
+    for entry in identified(tasks, 2, {}):
+        print(entry.refused, flush=True)
+        time.sleep(60)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="children are listed by Linux")
+def test_workers_end_with_the_process_that_started_them(tmp_path: Path) -> None:
+    (tmp_path / "pool.py").write_text(POOL)
+    with subprocess.Popen([sys.executable, str(tmp_path / "pool.py"), str(tmp_path)], stdout=subprocess.PIPE) as work:
+        assert work.stdout is not None
+        assert b"gone" in work.stdout.readline()
+        workers = [int(k) for k in Path(f"/proc/{work.pid}/task/{work.pid}/children").read_text().split()]
+        work.kill()
+    assert len(workers) >= 2
+    end = time.monotonic() + 10
+    while any(_runs(pid) for pid in workers) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert not any(_runs(pid) for pid in workers)
+
+
+def _runs(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
 
 
 def test_the_time_of_a_file_is_what_its_name_says(tmp_path: Path) -> None:

@@ -96,6 +96,15 @@ def test_what_tracks_have_in_common_is_taken_out_where_nothing_was_measured() ->
     assert np.median(found.residual_std) == pytest.approx(1e-4 * np.sqrt(3 / 5), rel=0.15)
 
 
+def test_what_tracks_have_in_common_goes_no_further_than_in_the_reference() -> None:
+    swing = 5e-3 * np.sin(2 * np.pi * HOURS / 24)
+    f = (1 + swing - 0.02 * (HOURS >= 1000))[:, None] * moved(0 * HOURS, 5)
+    found = explain(tracks(f), during=HOURS < 900)
+    assert np.abs(found.residual[:1000]).max() < 1e-3
+    assert -0.025 < np.median(found.residual[1000:]) < -0.012
+    assert found.common.shape == (1500, 1)
+
+
 def test_a_simulated_year_is_explained_down_to_its_noise() -> None:
     found = explain(tracked(4000, 0, spoilt=0.05), deviations={"temperature": 0.3})
     true = np.column_stack([SLOPES, SLOPES * (KNEE - 1)])

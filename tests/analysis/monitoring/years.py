@@ -158,14 +158,67 @@ def tracked(records: int, seed: int, *, spoilt: float = 0.05, shift: float = 0.0
         times=3600 * hours,
         record=record,
         frequencies=f[record, mode],
+        shapes=np.eye(8)[mode] + 0.03 * draw.standard_normal((mode.size, 8)),
         covariates={"temperature": temperature + 0.3 * draw.standard_normal(records)},
     )
+    return known(history, mode, 8)
+
+
+def known(history: History, mode: IntArray, count: int) -> Tracks:
+    """Return tracks as the true modes make them; -1 for modes of none."""
     return Tracks(
         history=history,
         track=mode,
         mode_probability=np.ones(mode.size),
         double=np.zeros(mode.size, bool),
-        levels=levels(temperature),
-        scatter=NOISE * FREQUENCIES,
-        believed=np.zeros(8, bool),
+        levels=np.ones((len(history), count)),
+        scatter=np.full(count, 1e-3),
+        believed=np.zeros(count, bool),
     )
+
+
+#: Hz of a structure that is damaged, the relative deviation of a frequency, and the amplitude of a daily swing.
+SOUND, SCATTER, SWING = np.array([1.2, 2.1, 3.0, 4.0, 5.3]), 1e-3, 5e-3
+
+WEATHER = ("steady", "measured", "not measured")
+
+
+def damaged(
+    records: int,
+    seed: int,
+    *,
+    at: int = 0,
+    size: float = 0.0,
+    modes: int = 5,
+    weather: str = "steady",
+    hours: float = 1.0,
+    shapes: bool = True,
+) -> tuple[History, IntArray]:
+    """Draw modes, and the true one of each: the lowest lose a part `size` of their frequencies from record `at` on.
+
+    Each is found in 97 % of the records, and one in five has a mode that is none. `weather`: a daily swing.
+    """
+    draw, when = np.random.default_rng(seed), hours * np.arange(records)
+    swing = SWING * np.sin(2 * np.pi * when / 24) * (weather != "steady")
+    part = np.where(np.arange(5) < modes, size, 0) * (np.arange(records)[:, None] >= at)
+    f = SOUND * (1 + swing[:, None]) * (1 - part) * (1 + SCATTER * draw.standard_normal((records, 5)))
+    own = np.linalg.qr(draw.standard_normal((8, 8)))[0][:5]
+    record, truth = np.nonzero(draw.random((records, 5)) < 0.97)
+    other = np.flatnonzero(draw.random(records) < 0.2)
+    record, truth = np.concatenate([record, other]), np.concatenate([truth, np.full(other.size, -1)])
+    order = np.argsort(record, kind="stable")
+    record, truth = record[order], truth[order]
+    none = truth < 0
+    found = np.where(none, np.exp(draw.uniform(0, 2, truth.size)), f[record, truth])
+    u = np.where(none[:, None], draw.standard_normal((truth.size, 8)), own[truth])
+    air = {"temperature": 2000 * swing + 0.3 * draw.standard_normal(records)}
+    history = History(
+        times=3600 * when,
+        record=record,
+        frequencies=found,
+        damping_ratios=0.01 * np.exp(0.25 * draw.standard_normal(truth.size)),
+        frequencies_std=SCATTER * found,
+        shapes=u + 0.05 * draw.standard_normal(u.shape) if shapes else None,
+        covariates={} if weather == "not measured" else {"none": np.zeros(records)} if weather == "steady" else air,
+    )
+    return history, truth

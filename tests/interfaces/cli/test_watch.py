@@ -52,7 +52,7 @@ def test_a_change_is_a_line_of_json_an_exit_status_and_a_command(
     changed: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(changed) == 0
-    command = f"cat > {tmp_path / 'told.json'}"
+    command = f"cat > {tmp_path / 'told.json'}; exit 7"
     judged = [
         *changed,
         "--reference",
@@ -68,12 +68,16 @@ def test_a_change_is_a_line_of_json_an_exit_status_and_a_command(
     with pytest.raises(SystemExit) as stop:
         main(judged)
     assert stop.value.code == 3
-    (line,) = capsys.readouterr().out.splitlines()
+    said = capsys.readouterr()
+    (line,) = said.out.splitlines()
+    assert "the command failed (status 7)" in said.err
     assert json.loads(line)["change"].startswith("1970-01-21")
     assert next(iter(json.loads(line)["tracks"])).startswith("1:")
     assert json.loads((tmp_path / "told.json").read_text()) == json.loads(line)
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     assert "1 at 1 false ones a year" in (tmp_path / "a.html").read_text()
+    assert main(judged[:9]) == 0  # told once
+    assert capsys.readouterr().out == ""
 
 
 def test_it_waits_for_more_where_there_are_too_few_to_judge(

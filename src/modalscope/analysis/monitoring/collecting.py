@@ -8,8 +8,11 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
+from threading import Thread
 from typing import Any, NamedTuple
 
 from modalscope.analysis.monitoring.entries import Entry, entry_of, time_of_file
@@ -17,25 +20,36 @@ from modalscope.io.formats import FORMATS
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.executors import each, executor
 
-#: Seconds that size and date of a file must stay, before it counts as written.
-_SETTLED = 2.0
+#: Seconds that a file must stand still, before it counts as written, where its folder is added at once.
+SETTLED = 2.0
+
+#: Seconds that the time of a record may be ahead of the clock: a day, as names of files have the time of any zone.
+_AHEAD_OF_CLOCK = 86_400.0
 
 #: Records given to workers ahead of what they have done, for each of them: memory does not grow with the folder.
 _AHEAD = 2
 
 
 class Task(NamedTuple):
-    """A file to identify, known by the SHA-256 of its content; `time`: seconds since 1970, None where its name or date says it."""
+    """A file to identify, known by the SHA-256 of its content; `time`: seconds since 1970, None where its name or date says it.
+
+    `seen`: as of `Entry`. `replaces`: whether a record of the file is stored, of what it held before.
+    """
 
     path: Path
     sha256: str
     name: str
     time: float | None = None
     covariates: Mapping[str, float] | None = None
+    seen: tuple[str, int, int] | None = None
+    replaces: bool = False
 
 
-def settled(folder: Path) -> tuple[list[Path], list[str]]:
-    """Return the files of a folder that `read` knows, and the names of those that are still being written."""
+def settled(folder: Path, seconds: float) -> tuple[list[Path], list[str]]:
+    """Return the files of a folder that `read` knows and that have stood still for so long, and the names of the others.
+
+    It waits for those that have changed just now. One whose date is ahead of the clock is never taken.
+    """
 
     def look() -> dict[Path, tuple[int, int]]:
         found = {}
@@ -49,11 +63,13 @@ def settled(folder: Path) -> tuple[list[Path], list[str]]:
         return found
 
     first = look()
-    if any(time.time() - changed * 1e-9 < _SETTLED for _, changed in first.values()):
-        time.sleep(_SETTLED)
-    second = look()
-    same = [path for path, state in second.items() if first.get(path) == state]
-    return same, [path.name for path in second if path not in same]
+    ages = [time.time() - changed * 1e-9 for _, changed in first.values()]
+    if young := [seconds - age for age in ages if 0 <= age < seconds]:
+        time.sleep(max(young))
+    second, now = look(), time.time()
+    same = [p for p, state in second.items() if first.get(p) == state and now - state[1] * 1e-9 >= seconds]
+    late = {p for p, (_, changed) in second.items() if changed * 1e-9 > now + 1}
+    return same, [p.name + " (its date is ahead of the clock)" * (p in late) for p in second if p not in same]
 
 
 def identified(tasks: Sequence[Task], workers: int, options: Mapping[str, Any]) -> Iterator[Entry]:
@@ -68,7 +84,7 @@ def identified(tasks: Sequence[Task], workers: int, options: Mapping[str, Any]) 
     workers = min(workers, len(tasks), os.cpu_count() or 1)  # more would only wait for each other
     # not forked: a library's threads do not survive that
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_end_with_parent) as pool:
         under_way: set[Future[Entry]] = set()
         left = iter(tasks)
         try:
@@ -86,14 +102,32 @@ def identified(tasks: Sequence[Task], workers: int, options: Mapping[str, Any]) 
             ) from None
 
 
+def _end_with_parent() -> None:
+    """End this process as soon as the one that started it has ended, however that was."""
+    parent = multiprocessing.parent_process()
+
+    def wait() -> None:
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    Thread(target=wait, daemon=True).start()
+
+
 def _entry(task: Task, options: Mapping[str, Any]) -> Entry:
     """Return the entry of one file."""
     try:
         when, origin = time_of_file(task.path) if task.time is None else (task.time, "given")
     except OSError as error:
         refused = f"the file is gone ({error.strerror})"
-        return Entry(sha256=task.sha256, name=task.name, time=0.0, refused=refused)
-    return entry_of(
+        return Entry(sha256=task.sha256, name=task.name, time=0.0, refused=refused, seen=task.seen)
+    if origin != "given" and when > time.time() + _AHEAD_OF_CLOCK:
+        said = datetime.fromtimestamp(when, UTC).strftime("%Y-%m-%d %H:%M")
+        refused = (
+            f"its time, {said} by the {origin}, is ahead of the clock. Rename it or mend the clock, then try it again."
+        )
+        return Entry(sha256=task.sha256, name=task.name, time=when, refused=refused, seen=task.seen)
+    found = entry_of(
         task.path,
         sha=task.sha256,
         name=task.name,
@@ -102,3 +136,4 @@ def _entry(task: Task, options: Mapping[str, Any]) -> Entry:
         origin={"time": origin},
         options=options,
     )
+    return replace(found, seen=task.seen)

@@ -17,23 +17,11 @@ from modalscope.analysis.workflow.analyze import analyze
 from modalscope.data.analysis import VERSION
 from modalscope.identification.options import AllOptions
 from modalscope.io.analysis import analysis_to
+from modalscope.numerics.arguments import LIBRARY_ERRORS
 from modalscope.numerics.errors import DataError
 
 #: What `analyze` may be told of a record.
 CHOICES = (*inspect.signature(analyze).parameters, *AllOptions.__annotations__)
-
-#: What a record that nobody foresaw may raise.
-_FAILURES = (
-    ArithmeticError,
-    AssertionError,
-    AttributeError,
-    LookupError,
-    MemoryError,
-    OSError,
-    RuntimeError,
-    TypeError,
-    ValueError,
-)
 
 #: Date and time in the name of a file: 2026-06-01T12-30-00, 20260601_1230, 2026.06.01 12.30 and the like.
 _STAMP = re.compile(
@@ -60,7 +48,10 @@ def time_of_file(path: Path) -> tuple[float, str]:
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """What is stored of one record; `refused`: why it could not be used, else None. `time`: seconds since 1970."""
+    """What is stored of one record; `refused`: why it could not be used, else None. `time`: seconds since 1970.
+
+    `seen`: path, size and date (ns) of the file that it is the content of.
+    """
 
     sha256: str
     name: str
@@ -71,6 +62,7 @@ class Entry:
     findings: Sequence[str] = ()
     settings: Any = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    seen: tuple[str, int, int] | None = None
 
 
 def entry_of(
@@ -90,7 +82,7 @@ def entry_of(
         result = analyze(data, **(options or {}))
     except DataError as error:
         return Entry(**more, refused=str(error), provenance=about)
-    except _FAILURES as error:  # months go on without this record
+    except (*LIBRARY_ERRORS, OSError) as error:  # months go on without this record
         return Entry(**more, refused=f"the program fails ({type(error).__name__}: {error})", provenance=about)
     unit = result.modes.normalized()
     modes, kept = rows_of(unit), np.array([kind == "mode" for kind in unit.kinds], bool)

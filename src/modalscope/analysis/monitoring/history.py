@@ -15,6 +15,7 @@ from modalscope.data.shown import Shown, summary_of
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import (
     Array,
+    BoolArray,
     ComplexArray,
     IntArray,
     RealArray,
@@ -199,6 +200,27 @@ def _(history: History) -> str:
         return "modes of no record"
     first, last = (str(t.astype("datetime64[m]")).replace("T", " ") for t in history.times[[0, -1]])
     return f"modes of {len(history)} records: {history.record.size}, from {first} to {last}"
+
+
+def part_of(history: History, which: BoolArray) -> History:
+    """Return some of the records, (R,), with all channels."""
+    own = which[history.record]
+    rows = {name: getattr(history, name)[own] for name in (*PER_MODE, "shapes")}
+    return History(
+        times=history.times[which],
+        record=(np.cumsum(which) - 1)[history.record[own]],
+        output_dofs=history.output_dofs,
+        names=tuple(np.array(history.names, object)[which]),
+        covariates={name: x[which] for name, x in history.covariates.items()},
+        **rows,
+    )
+
+
+def modes_of(history: History, which: IntArray) -> ModalModel:
+    """Return some of the modes as a model."""
+    w, zeta = 2 * np.pi * history.frequencies[which], np.clip(np.nan_to_num(history.damping_ratios[which]), 0, 0.99)
+    shapes = np.nan_to_num(history.shapes[which]).T
+    return ModalModel(poles=w * (-zeta + 1j * np.sqrt(1 - zeta**2)), shapes=shapes, output_dofs=history.output_dofs)
 
 
 def rows_of(modes: ModalModel) -> dict[str, Any]:

@@ -9,15 +9,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import expit
 
 from modalscope.numerics.checks import BoolArray, ComplexArray, IntArray, RealArray
+from modalscope.numerics.statistics import assign
 
 #: Part of the modes that are worse than their deviations say, and how many times: the contaminated normal distribution of
 #: J. W. Tukey, "A survey of sampling from contaminated distributions", 1960. Their damping and MAC may be anything.
 SPOILT, _WIDER = 0.05, 10.0
 
-#: Log ratio below which a pair cannot matter: its probability is less than e to this power, as not taking it weighs 1.
-_NEGLIGIBLE = -15.0
+#: Probability that a record is of a structure that has changed, and the part that half of all changes move a frequency by at most.
+_CHANGED, _MOVED = 1e-3, 0.05
 
 #: Logarithms of k!, up to as many channels as any test has.
 _LOG_FACTORIAL = np.concatenate([[0.0], np.cumsum(np.log(np.arange(1, 100_000)))])
@@ -103,89 +105,53 @@ def noise_of(expected: Expected, stated: RealArray) -> RealArray:
     return np.where(expected.believed & np.isfinite(stated), stated, expected.noise)
 
 
-def gains(expected: Expected, found: Found, nothing: Nothing, spoilt: float = SPOILT) -> RealArray:
-    """Return the log likelihood ratio of every mode for every track, (T, n). `spoilt`: part that may be anything; 0: none.
+def gains(expected: Expected, found: Found, nothing: Nothing) -> tuple[RealArray, RealArray]:
+    """Return the log likelihood ratio of every mode for every track, (T, n), and that of modes that are not spoilt.
 
-    The frequency of a mode may be spoilt, or its shape: where both are, nothing says that it is the mode.
+    The frequency of a mode may be spoilt, or its shape: where both are, nothing says that it is the mode. The structure may have changed,
+    too: then frequencies are moved by any factor (a Cauchy distribution of its logarithm).
     """
     noise = np.where(expected.believed[:, None] & np.isfinite(found.noise), found.noise, expected.noise[:, None])
     away = (found.level - expected.level[:, None]) ** 2
     shape, other_shape = _log_shapes(expected, found)
-    log_fu = _log_normal(away, expected.variance[:, None] + noise) + shape
-    if spoilt:
-        wide = _log_normal(away, expected.variance[:, None] + _WIDER**2 * noise) + shape
-        log_fu = log_fu + np.log1p(-2 * spoilt)
-        log_fu = np.logaddexp(log_fu, wide + np.log(spoilt))
-        log_fu = np.logaddexp(
-            log_fu, _log_normal(away, expected.variance[:, None] + noise) + other_shape + np.log(spoilt)
-        )
-    Z = expected.damping_variance[:, None]
-    log_z = (
-        _log_normal((found.damping - expected.damping[:, None]) ** 2, Z) + np.log(nothing.dampings) + np.log1p(-SPOILT)
-    )
+    near = _log_normal(away, expected.variance[:, None] + noise)
+    wide = _log_normal(away, expected.variance[:, None] + _WIDER**2 * noise)
+    moved = np.log(_CHANGED) - np.log(np.pi * _MOVED * (1 + away / _MOVED**2))
+    other_shape = other_shape + np.log(SPOILT)
+    same_shape = np.logaddexp(np.logaddexp(near + np.log1p(-2 * SPOILT), wide + np.log(SPOILT)), moved) + shape
+    log_fu = np.logaddexp(same_shape, np.logaddexp(near, moved) + other_shape)
+    log_z = _log_normal((found.damping - expected.damping[:, None]) ** 2, expected.damping_variance[:, None])
+    log_z = log_z + np.log(nothing.dampings) + np.log1p(-SPOILT)
     log_z = np.where(np.isnan(log_z), 0.0, np.logaddexp(np.nan_to_num(log_z), np.log(SPOILT)))
     chance = np.log(expected.seen) - np.log1p(-expected.seen)
-    return np.asarray(log_fu + np.log(nothing.frequencies) + log_z + chance[:, None] - np.log(nothing.number))
+    rest = np.log(nothing.frequencies) + log_z + chance[:, None] - np.log(nothing.number)
+    return np.asarray(log_fu + rest), np.asarray(near + shape + rest)
 
 
 def _log_normal(square: RealArray, variance: RealArray) -> RealArray:
     return np.asarray(-square / (2 * variance) - 0.5 * np.log(2 * np.pi * variance))
 
 
-def marginals(gain: RealArray) -> RealArray:
-    """Return the probability of every pair, (T, n), when each track takes one mode at most, and each mode one track.
+def chance(gain: RealArray, i: int, j: int) -> float:
+    """Return the probability that track i has mode j: the odds of the best assignment with the pair against the best one without.
 
-    Sums over all assignments, track by track, by the modes that are taken; of groups of tracks and modes that can be confused, one by
-    one. Belief propagation would be certain of close pairs that are not.
+    Each track takes one mode at most, and each mode one track.
 
     Examples
     --------
-    >>> marginals(np.array([[30.0, 28.0], [29.0, 30.0]])).round(3)
-    array([[0.953, 0.047],
-           [0.047, 0.953]])
+    >>> gain = np.array([[30.0, 28.0], [29.0, 30.0]])
+    >>> round(chance(gain, 0, 0), 3), round(chance(gain, 0, 1), 3)
+    (0.953, 0.047)
     """
-    found = np.zeros(gain.shape)
-    near = gain > _NEGLIGIBLE
-    left = set(np.flatnonzero(near.any(axis=1)).tolist())
-    while left:
-        tracks, modes = {left.pop()}, set[int]()
-        while True:
-            more = set(np.flatnonzero(near[sorted(tracks)].any(axis=0)).tolist())
-            wider = set(np.flatnonzero(near[:, sorted(more)].any(axis=1)).tolist())
-            if wider == tracks and more == modes:
-                break
-            tracks, modes = wider, more
-        left -= tracks
-        place = np.ix_(sorted(tracks), sorted(modes))
-        found[place] = _summed(np.where(near[place], gain[place], -np.inf))
-    return found
+    without = gain.copy()
+    without[i, j] = -np.inf
+    rest = _best(np.delete(np.delete(gain, i, axis=0), j, axis=1))
+    return float(expit(gain[i, j] + rest - _best(without)))
 
 
-def _summed(gain: RealArray) -> RealArray:
-    """Return the marginals of one group."""
-    scale = np.maximum(gain.max(axis=1, keepdims=True), 0)
-    w, none = np.exp(gain - scale), np.exp(-scale[:, 0])
-    if w.size == 1:
-        return np.asarray(w / (w + none))
-    before: list[dict[int, float]] = [{0: 1.0}]  # weight of all that tracks above can do, by the modes that it takes
-    for row, alone in zip(w, none, strict=True):
-        after: dict[int, float] = {}
-        for taken, weight in before[-1].items():
-            after[taken] = after.get(taken, 0.0) + weight * alone
-            for j in np.flatnonzero(row):
-                if not taken >> int(j) & 1:
-                    after[taken | 1 << int(j)] = after.get(taken | 1 << int(j), 0.0) + weight * row[j]
-        least = 1e-12 * max(after.values())
-        before.append({taken: weight for taken, weight in after.items() if weight > least})
-    total = sum(before[-1].values())
-    found, below = np.zeros(w.shape), dict.fromkeys(before[-1], 1.0)
-    for i in range(len(w) - 1, -1, -1):
-        here: dict[int, float] = {}
-        for taken, weight in before[i].items():
-            here[taken] = none[i] * below.get(taken, 0.0)
-            for j in np.flatnonzero(w[i]):
-                rest = 0.0 if taken >> int(j) & 1 else w[i, j] * below.get(taken | 1 << int(j), 0.0)
-                here[taken] += rest
-                found[i, j] += weight * rest / total
-        below = here
-    return found
+def _best(gain: RealArray) -> float:
+    """Return the largest sum of log ratios of pairs, each track and mode at most once."""
+    if not gain.size:
+        return 0.0
+    positive = np.maximum(gain, 0)
+    return float(positive[assign(-positive)].sum())

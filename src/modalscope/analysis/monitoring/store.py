@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.analysis.monitoring.change import Alarm, alarms
-from modalscope.analysis.monitoring.collecting import Task, identified, settled
+from modalscope.analysis.monitoring.collecting import SETTLED, Task, identified, settled
 from modalscope.analysis.monitoring.entries import CHOICES, Entry, entry_of
 from modalscope.analysis.monitoring.history import PER_MODE, History, as_seconds, as_times, assembled, rows_of
 from modalscope.analysis.monitoring.tracking import track
@@ -25,10 +25,9 @@ from modalscope.analysis.workflow.sources import are_paths, source_of_data, sour
 from modalscope.data import ModalModel
 from modalscope.data.analysis import VERSION
 from modalscope.io.arrays import plain
-from modalscope.io.atomic import replacing
 from modalscope.numerics.arguments import COUNT, POSITIVE, named
 from modalscope.numerics.checks import RealArray, check_kind, check_path, check_shape, real_array
-from modalscope.numerics.errors import DataError, optional_package
+from modalscope.numerics.errors import DataError
 
 #: What the head of the file says of the program that made it ("mods"), and the number of the layout.
 _APPLICATION, _SCHEMA = 0x6D6F6473, 1
@@ -47,12 +46,12 @@ _TABLES = {
     " WITHOUT ROWID",
 }
 
-#: The columns of a record, the last of which ends in the seal of all of them, and has that of its modes.
+#: The columns of a record, the last of which ends in the checksum of all of them with its modes, and what else `seen` has by name.
 _HEAD = ("sha256", "name", "time", "refused", "dofs", "covariates", "findings", "settings", "provenance")
-_MODES, _SEAL, _SERIES = "seal of modes", ', "seal": "', "/covariate/"
+_SEAL, _SERIES, _ALARM = ', "checksum": "', "/covariate/", "/alarm/"
 
-#: Kinds of disks that other machines write to, where SQLite's write-ahead log does not work.
-_REMOTE = ("nfs", "cifs", "smb", "9p", "fuse.sshfs", "lustre", "gpfs", "ceph", "afs", "beegfs")
+#: The columns of a mode.
+_MODE = "frequency, damping_ratio, frequency_std, damping_ratio_std, shape, shape_std, gain"
 
 #: Seconds that a reader or a writer waits for another one.
 _PATIENCE = 30.0
@@ -118,20 +117,22 @@ class Store:
                 run(f"PRAGMA application_id = {_APPLICATION}")
                 run(f"PRAGMA user_version = {_SCHEMA}")
             run("COMMIT")
-        asked = f"the store {self.path.name} was asked"
-        if run("PRAGMA application_id").fetchone()[0] != _APPLICATION:
-            raise DataError(asked, "another program made this file", "Name a store, or a file that is not there yet.")
-        version = run("PRAGMA user_version").fetchone()[0]
-        if version != _SCHEMA:
-            raise DataError(asked, f"its layout is {version}; this program knows {_SCHEMA}", "Update modalscope.")
+        (made,), (version,) = (run(f"PRAGMA {name}").fetchone() for name in ("application_id", "user_version"))
         found = dict(run("SELECT name, sql FROM sqlite_master WHERE sql IS NOT NULL").fetchall())
-        if found != _TABLES:  # also triggers and views, which would run
-            odd = ", ".join(sorted(set(found) ^ set(_TABLES))) or "a table"
-            raise DataError(asked, f"its tables were changed: {odd}", "Make the store anew from its records.")
-        if not new and (fault := run("PRAGMA integrity_check(1)").fetchone()[0]) != "ok":
-            raise DataError(asked, f"it is damaged ({fault[:100]})", "Make it anew from its records.")
-        if run("PRAGMA journal_mode").fetchone()[0] != "wal" and _is_local(self.path):
-            run("PRAGMA journal_mode = WAL")
+        # also triggers and views, which would run
+        odd = ", ".join(sorted(set(found) ^ set(_TABLES))) or "a table" * (found != _TABLES)
+        faults = {
+            "another program made this file": made != _APPLICATION,
+            f"its layout is {version}; this program knows {_SCHEMA}": version != _SCHEMA,
+            f"its tables were changed: {odd}": bool(odd),
+            "it is damaged": not new and run("PRAGMA integrity_check(1)").fetchone()[0] != "ok",
+        }
+        if told := [fault for fault, is_so in faults.items() if is_so]:
+            asked, remedy = (
+                f"the store {self.path.name} was asked",
+                "Name a store of this version, or make it anew from its records.",
+            )
+            raise DataError(asked, told[0], remedy)
 
     @contextmanager
     def _plainly(self) -> Iterator[None]:
@@ -162,45 +163,61 @@ class Store:
         with self._plainly():
             return int(self._file.execute("SELECT count(*) FROM record WHERE refused IS NULL").fetchone()[0])
 
-    def holds(self, sha: str) -> bool:
-        """Return whether a record of this content is stored, or was refused.
-
-        Parameters
-        ----------
-        sha : str
-            The SHA-256 of its content.
-        """
-        with self._plainly():
-            return self._file.execute("SELECT 1 FROM record WHERE sha256 = ?", (sha,)).fetchone() is not None
-
-    def unknown(self, paths: Iterable[Path]) -> list[tuple[Path, str]]:
-        """Return the files whose content is neither stored nor refused, each content once, with its SHA-256.
+    def unknown(self, paths: Iterable[Path]) -> list[Task]:
+        """Return the files whose content is neither stored nor refused, each content once, as tasks.
 
         Parameters
         ----------
         paths : iterable of path
         """
-        found: dict[str, Path] = {}
+        found: dict[str, Task] = {}
         for path in paths:
-            sha = self._sha(path)
-            if not self.holds(sha):
-                found.setdefault(sha, path)
-        return [(path, sha) for sha, path in found.items()]
+            state = path.stat()
+            seen = (str(path), state.st_size, state.st_mtime_ns)
+            with self._plainly():
+                row = self._file.execute("SELECT size, changed, sha256 FROM seen WHERE path = ?", seen[:1]).fetchone()
+            # what lies in a folder changes without its date
+            same = row is not None and row[:2] == seen[1:] and path.is_file()
+            sha = row[2] if same else source_of_file(path, {}).sha256
+            if self._holds(sha) and same:
+                continue
+            if self._holds(sha):
+                with self._transaction():
+                    self._see(seen, sha)
+            else:
+                found.setdefault(sha, Task(path, sha, path.name, seen=seen, replaces=row is not None and row[2] != sha))
+        return list(found.values())
 
-    def _sha(self, path: Path) -> str:
-        """Return the SHA-256 of a file; one whose size and date were seen before is not read again."""
-        state = path.stat()
-        seen = (str(path), state.st_size, state.st_mtime_ns)
+    def _holds(self, sha: str) -> bool:
+        """Whether a record of this content is stored, or was refused."""
         with self._plainly():
-            row = self._file.execute(
-                "SELECT sha256 FROM seen WHERE path = ? AND size = ? AND changed = ?", seen
-            ).fetchone()
-        if row is not None and path.is_file():  # what lies in a folder changes without its date
-            return str(row[0])
-        sha = source_of_file(path, {}).sha256
-        with self._plainly():
-            self._file.execute("INSERT OR REPLACE INTO seen VALUES (?, ?, ?, ?)", (*seen, sha))
-        return sha
+            return self._file.execute("SELECT 1 FROM record WHERE sha256 = ?", (sha,)).fetchone() is not None
+
+    def _see(self, seen: tuple[str, int, int], sha: str) -> None:
+        """Keep what a file holds; the record of what it held before is forgotten, if no other file holds that."""
+        run = self._file.execute
+        old = run("SELECT sha256 FROM seen WHERE path = ? AND sha256 <> ?", (seen[0], sha)).fetchone()
+        run("INSERT OR REPLACE INTO seen VALUES (?, ?, ?, ?)", (*seen, sha))
+        if old is not None and run("SELECT 1 FROM seen WHERE sha256 = ?", old).fetchone() is None:
+            run("DELETE FROM mode WHERE record IN (SELECT id FROM record WHERE sha256 = ?)", old)
+            run("DELETE FROM record WHERE sha256 = ?", old)
+
+    def tell(self, alarm: Alarm, hours: float = 48.0) -> bool:
+        """Return whether an alarm is to be told: none within so many hours of it was, and from now on it is.
+
+        Parameters
+        ----------
+        alarm : Alarm
+        hours : float
+        """
+        when, reach = round(1000 * alarm.time), round(3.6e6 * hours)
+        with self._transaction():
+            near = (_ALARM + "%", when - reach, when + reach)
+            if self._file.execute("SELECT 1 FROM seen WHERE path LIKE ? AND changed BETWEEN ? AND ?", near).fetchone():
+                return False
+            told = (f"{_ALARM}{when}", 0, when, "")
+            self._file.execute("INSERT INTO seen VALUES (?, ?, ?, ?)", told)
+            return True
 
     @named(CHOICES, workers=COUNT, name=str, covariates=Mapping)
     def add(
@@ -216,7 +233,7 @@ class Store:
     ) -> int:
         """Identify records and store their modes, or the reason why one cannot be used; return how many were new.
 
-        What is stored already is left as it is.
+        What is stored already is left as it is; a file that changed replaces its earlier record.
 
         Parameters
         ----------
@@ -249,7 +266,7 @@ class Store:
             return int(self._add_data(files, times, name, given, options))
         paths = [check_path(path) for path in (files if several else [files])]
         if not several and paths[0].is_dir() and paths[0].suffix.lower() != ".zarr":
-            paths = settled(paths[0])[0]
+            paths = settled(paths[0], SETTLED)[0]
         for path in paths:
             if not path.exists():
                 raise DataError(f"{str(path)!r} was asked", "there is no such file", "Check the name.")
@@ -257,11 +274,14 @@ class Store:
         columns = {key: real_array(key, np.atleast_1d(x), "(files,)", 1, finite=False) for key, x in given.items()}
         for key, column in columns.items():
             check_shape(key, column, "one value a file", (len(paths),))
-        new = dict(self.unknown(paths))
+        place = {path: k for k, path in enumerate(paths)}
         tasks = [
-            Task(path, new[path], name or path.name, second, {key: float(x[k]) for key, x in columns.items()})
-            for k, (path, second) in enumerate(zip(paths, when, strict=True))
-            if path in new
+            task._replace(
+                name=name or task.name,
+                time=when[place[task.path]],
+                covariates={key: float(x[place[task.path]]) for key, x in columns.items()},
+            )
+            for task in self.unknown(paths)
         ]
         return sum(self.put(entry) for entry in identified(tasks, workers, options))
 
@@ -273,7 +293,7 @@ class Store:
             raise DataError("a record is stored with its time", "this time is not known", "Give time.")
         seconds = as_seconds("time", time)
         sha = sha256(f"{source_of_data(data).sha256} {seconds}".encode()).hexdigest()
-        if self.holds(sha):
+        if self._holds(sha):
             return False
         more = {key: float(x) for key, x in covariates.items()}
         about = {"time": "given"}
@@ -346,7 +366,7 @@ class Store:
         with self._transaction():
             self._file.executemany("INSERT OR REPLACE INTO covariate VALUES (?, ?, ?)", rows)
             # beside the hashes of files: a table of its own would make stores of 0.2.0 others
-            sealed = (_SERIES + name, len(rows), 0, _seal(*self._series(name)))
+            sealed = (_SERIES + name, len(rows), 0, _checksum(*self._series(name)))
             self._file.execute("INSERT OR REPLACE INTO seen VALUES (?, ?, ?, ?)", sealed)
 
     def _series(self, name: str) -> list[tuple[int, float]]:
@@ -378,10 +398,11 @@ class Store:
     def _insert(self, entry: Entry) -> bool:
         modes = entry.modes or {"output_dofs": ()}
         rows = [] if entry.modes is None else list(_mode_rows(entry.modes))
-        about = {**entry.provenance, _MODES: _seal(*rows)}
-        texts = (list(modes["output_dofs"]), entry.covariates, list(entry.findings), entry.settings, about)
+        texts = (list(modes["output_dofs"]), entry.covariates, list(entry.findings), entry.settings, entry.provenance)
         row: list[Any] = [entry.sha256, entry.name, round(1000 * entry.time), entry.refused, *map(_text, texts)]
-        row[-1] = f'{row[-1][:-1]}{_SEAL}{_seal(row)}"}}'
+        row[-1] = f'{row[-1][:-1]}{_SEAL if entry.provenance else _SEAL[2:]}{_checksum(row, *rows)}"}}'
+        if entry.seen is not None:
+            self._see(entry.seen, entry.sha256)
         insert = "INSERT OR IGNORE INTO record VALUES (NULL, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
         done = self._file.execute(insert, row)
         if not done.rowcount:
@@ -392,18 +413,23 @@ class Store:
         )
         return True
 
-    def _heads(self) -> list[dict[str, Any]]:
-        """Return all records by time, but for their modes.
+    def _records(self) -> tuple[list[dict[str, Any]], list[list[Any]]]:
+        """Return all records by time, and the rows of their modes.
 
         Raises `DataError`: one is not as it was written; those of 0.2.0 do not tell.
         """
-        found = []
+        heads, found = list[dict[str, Any]](), list[list[Any]]()
+        modes: dict[int, list[Any]] = {}
+        for number, *values in self._file.execute(f"SELECT record, {_MODE} FROM mode ORDER BY record, position"):
+            modes.setdefault(number, []).append(values)
         for number, *row in self._file.execute(f"SELECT id, {', '.join(_HEAD)} FROM record ORDER BY time, id"):
-            body, mark, seal = str(row[-1]).rpartition(_SEAL)
-            if (mark or _MODES in str(row[-1])) and seal != f'{_seal([*row[:-1], body + "}"])}"}}':
-                raise self._changed("a record")
-            found.append({"id": number, **dict(zip(_HEAD, row, strict=True))})
-        return found
+            rows = modes.get(number, [])
+            body, mark, seal = str(row[-1]).rpartition(_SEAL[2:])
+            if mark and seal != f'{_checksum([*row[:-1], body.removesuffix(", ") + "}"], *rows)}"}}':
+                raise self._changed(f"the record {row[1]!r}")
+            heads.append(dict(zip(_HEAD, row, strict=True)))
+            found.append(rows)
+        return heads, found
 
     def _changed(self, what: str) -> DataError:
         asked = f"the store {self.path.name} was asked"
@@ -420,11 +446,10 @@ class Store:
         with self._plainly():
             told = [
                 {**{k: r[k] for k in ("name", "refused")}, **{k: json.loads(r[k]) for k in parts}}
-                for r in self._heads()
+                for r in self._records()[0]
             ]
         for each in told:
-            for key in (_MODES, "seal"):
-                each["provenance"].pop(key, None)
+            each["provenance"].pop("checksum", None)
         return told
 
     def history(self) -> History:
@@ -436,29 +461,21 @@ class Store:
             A damaged file.
         """
         with self._plainly():
-            self._file.execute("BEGIN")  # both tables as they are now, whoever writes
+            self._file.execute("BEGIN")  # all tables as they are now, whoever writes
             try:
-                records = [head for head in self._heads() if head["refused"] is None]
-                columns = "record, frequency, damping_ratio, frequency_std, damping_ratio_std, shape, shape_std, gain"
-                modes: dict[int, list[Any]] = {}
-                for number, *values in self._file.execute(f"SELECT {columns} FROM mode ORDER BY record, position"):
-                    modes.setdefault(number, []).append(values)
+                pairs = [(head, rows) for head, rows in zip(*self._records(), strict=True) if head["refused"] is None]
                 weather = self._file.execute("SELECT name, time, value FROM covariate ORDER BY name, time").fetchall()
                 seals = self._file.execute(
                     "SELECT path, sha256 FROM seen WHERE path LIKE ?", (_SERIES + "%",)
                 ).fetchall()
-                if any(seal != _seal(*self._series(path.removeprefix(_SERIES))) for path, seal in seals):
+                if any(seal != _checksum(*self._series(path.removeprefix(_SERIES))) for path, seal in seals):
                     raise self._changed("a covariate")
             finally:
                 self._file.execute("ROLLBACK")
-            for head in records:
-                seal = json.loads(head["provenance"]).get(_MODES)
-                if seal is not None and seal != _seal(*modes.get(head["id"], [])):
-                    raise self._changed(f"the record {head['name']!r}")
-            rows = [_rows([row[:5] for row in modes.get(r["id"], [])], json.loads(r["dofs"])) for r in records]
-            own = [json.loads(head["covariates"]) for head in records]
-        times = np.array([head["time"] for head in records], "datetime64[ms]")
-        names = [head["name"] for head in records]
+            rows = [_rows([row[:5] for row in each], json.loads(head["dofs"])) for head, each in pairs]
+            own = [json.loads(head["covariates"]) for head, _ in pairs]
+        times = np.array([head["time"] for head, _ in pairs], "datetime64[ms]")
+        names = [head["name"] for head, _ in pairs]
         return assembled(rows, times, names, covariates=_covariates(own, weather, times.astype(np.int64)))
 
     @property
@@ -470,21 +487,14 @@ class Store:
         with self._plainly():
             rows = [
                 (r["time"] / 1000, r["name"], "used" if r["refused"] is None else "refused", r["refused"] or "")
-                for r in self._heads()
+                for r in self._records()[0]
             ]
         kinds = [("time", float), ("file", object), ("state", object), ("reason", object)]
         return np.array(rows, kinds).view(np.recarray)
 
-    @named(reference=(ModalModel,))
-    def tracks(self, reference: ModalModel | None = None) -> Tracks:
-        """Return the modes of all records joined into tracks; see `track`.
-
-        Parameters
-        ----------
-        reference : ModalModel, optional
-            Modes that the tracks begin with.
-        """
-        return track(self.history(), reference=reference)
+    def tracks(self) -> Tracks:
+        """Return the modes of all records joined into tracks; see `track`."""
+        return track(self.history())
 
     @named(covariates=Mapping, false_per_year=POSITIVE)
     def alarms(
@@ -518,30 +528,6 @@ class Store:
         """Return a DataFrame, one row a mode; see `History.to_pandas`."""
         return self.history().to_pandas()
 
-    @named()
-    def export(self, path: str | Path) -> None:
-        """Write a table of all modes, one row a mode.
-
-        Parameters
-        ----------
-        path : path
-            With the suffix .csv or .parquet.
-
-        Raises
-        ------
-        DataError
-            Another suffix, or pandas (of .parquet pyarrow, too) is missing.
-        """
-        target = check_path(path)
-        suffix = target.suffix.lower()
-        if suffix not in (".csv", ".parquet"):
-            raise DataError(f"writing {target.name} was asked", "tables are .csv or .parquet", "Choose one of these.")
-        if suffix == ".parquet":
-            optional_package("writing .parquet", "pyarrow", "parquet")
-        table = self.to_pandas()
-        with replacing(target, [self.path]) as temporary:
-            table.to_csv(temporary, index=False) if suffix == ".csv" else table.to_parquet(temporary)
-
 
 def _each_second(times: Any, count: int) -> list[float]:
     """Return the times of so many files as seconds since 1970."""
@@ -555,7 +541,7 @@ def _text(value: Any) -> str:
     return json.dumps(plain(value), default=str, allow_nan=False)
 
 
-def _seal(*rows: Sequence[Any]) -> str:
+def _checksum(*rows: Sequence[Any]) -> str:
     """Return the SHA-256 of rows of a table, which SQLite does not keep."""
     digest = sha256()
     for row in rows:
@@ -654,15 +640,3 @@ def at_times(times: Any, known: RealArray, values: RealArray) -> RealArray:
         wide = known[after] - known[after - 1] > 4 * np.median(np.diff(known))
         found[wide & ~np.isin(when, known)] = np.nan
     return np.asarray(found)
-
-
-def _is_local(path: Path) -> bool:
-    """Whether no other machine writes to the disk of a file, as far as the system says."""
-    try:
-        mounts = [line.split()[1:3] for line in Path("/proc/mounts").read_text(encoding="utf-8").splitlines()]
-    except OSError:
-        return True
-    folder = path.resolve()
-    above = [(place, kind) for place, kind in mounts if folder.is_relative_to(place)]
-    kind = max(above, key=lambda each: len(each[0]), default=("", ""))[1]
-    return not kind.startswith(_REMOTE)

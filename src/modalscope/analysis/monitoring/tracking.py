@@ -10,22 +10,23 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.special import expit
 
-from modalscope.analysis.monitoring.history import History, rows_of
+from modalscope.analysis.monitoring.history import History, modes_of, part_of
 from modalscope.analysis.monitoring.likelihood import (
     SPOILT,
     Expected,
     Found,
     Nothing,
+    chance,
     gains,
-    marginals,
     noise_of,
     shape_misfit,
 )
 from modalscope.analysis.monitoring.tracks import DOUBT, Tracks, chosen
-from modalscope.data import ModalModel
+from modalscope.data.sameness import log_ratios
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
+from modalscope.numerics.checks import BoolArray, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import assign
 
@@ -60,16 +61,14 @@ _FAR = 0.05
 _MAD = 1.4826
 
 
-@named(history=History, reference=(ModalModel,))
-def track(history: History, *, reference: ModalModel | None = None) -> Tracks:
+@named(history=History)
+def track(history: History) -> Tracks:
     """Join the modes of many records into tracks.
 
     Parameters
     ----------
     history : History
         Of two records at least.
-    reference : ModalModel, optional
-        Modes that the tracks begin with, such as those of a model; others are found beside them.
 
     Returns
     -------
@@ -94,7 +93,6 @@ def track(history: History, *, reference: ModalModel | None = None) -> Tracks:
         have = f"there are {len(history)} records with {history.frequencies.size} modes"
         raise DataError("tracks of modes were asked", have, "Give more records.")
     follower = _Follower(history)
-    follower.begin(reference)
     follower.search()
     while True:
         follower.merge()
@@ -102,7 +100,62 @@ def track(history: History, *, reference: ModalModel | None = None) -> Tracks:
         back = follower.follow(range(len(history) - 1, -1, -1))
         follower.merge()
         if len(follower.hits) == count:
-            return follower.result(follower.joined(follower.follow(range(len(history)), back)))
+            return follower.result(follower.follow(range(len(history)), back))
+
+
+def followed(tracks: Tracks, sound: BoolArray) -> Tracks:
+    """Return the tracks as the modes of some records make them, followed from there: no later record changes them, and none is given up.
+
+    Parameters
+    ----------
+    tracks : Tracks
+    sound : array of bool, (R,)
+        Records of the sound structure.
+    """
+    history = tracks.history
+    own = sound[history.record]
+    reference, follower = _Follower(part_of(history, sound)), _Follower(history)
+    reference.take_up(tracks.track[own], tracks.double[own])
+    back = reference.follow(range(len(reference.history) - 1, -1, -1))
+    reference.learn()
+    reference.follow(range(len(reference.history)), back)
+    reference.learn()
+    follower.of_mode[own], follower.double[own] = reference.of_mode, reference.double
+    for name in ("expected", "drift", "hits", "score", "nothing", "usual"):
+        setattr(follower, name, getattr(reference, name))
+    middle, first = np.nanmedian(tracks.frequencies[sound], axis=0), int(np.flatnonzero(sound)[0])
+    told = follower.follow(range(first, -1, -1))
+    before = history.record < first
+    track, double = follower.of_mode.copy(), follower.double.copy()
+    follower.of_mode[own], follower.double[own] = reference.of_mode, reference.double
+    later = follower.follow(range(first, len(history)))
+    track, double = np.where(before, track, follower.of_mode), np.where(before, double, follower.double)
+    return replace(
+        tracks,
+        track=track,
+        double=double,
+        mode_probability=np.where(track >= 0, 1.0, 0.0),
+        levels=np.exp(np.where(np.arange(len(history))[:, None] < first, told[0], later[0])),
+        scatter=np.sqrt(follower.expected.noise) * middle,
+        believed=follower.expected.believed,
+        called=tuple(f"{k + 1}: {f:.4g} Hz" for k, f in enumerate(middle)),
+    )
+
+
+def went(tracks: Tracks, t: int, first: int, end: int) -> float:
+    """Return where the mode of a track may be in the records from `first` to before `end`, Hz: what is of no track, and like it.
+
+    NaN where fewer than half of them have such a mode.
+    """
+    history = tracks.history
+    free = np.flatnonzero((tracks.track < 0) & (history.record >= first) & (history.record < end))
+    own = np.flatnonzero((tracks.track == t) & ~tracks.double & (history.record < first))
+    if not free.size or not own.size:
+        return np.nan
+    alike = free[log_ratios(modes_of(history, own[-1:]), modes_of(history, free), room=6 * _FAR)[0] > 0]
+    if 2 * np.unique(history.record[alike]).size < end - first:
+        return np.nan
+    return float(np.median(history.frequencies[alike]))
 
 
 class _Follower:
@@ -157,22 +210,6 @@ class _Follower:
         # computed data may not scatter at all
         return max(float((_MAD * np.median(f)) ** 2 / 2), 1e-10), max(middle, 1e-4), max(float(np.median(u)), 1e-8)
 
-    def begin(self, reference: ModalModel | None) -> None:
-        """Make a track of every mode of a reference."""
-        if reference is None:
-            return
-        rows, place = rows_of(reference), {dof: k for k, dof in enumerate(self.history.output_dofs)}
-        shape = np.zeros((len(rows["frequencies"]), len(place)), complex)
-        for column, dof in enumerate(rows["output_dofs"]):
-            if dof in place:
-                shape[:, place[dof]] = rows["shapes"][:, column]
-        shape /= np.maximum(np.linalg.norm(shape, axis=1, keepdims=True), 1e-300)
-        damping = np.where(rows["damping_ratios"] > 0, np.log(np.maximum(rows["damping_ratios"], 1e-300)), np.nan)
-        level = np.log(rows["frequencies"])
-        self._bear(Found(level, np.full_like(level, _FAR**2), damping, shape, shape != 0))
-        self.expected.variance[:] = _FAR**2
-        self.score[:] = _SURE
-
     def _bear(self, new: Found) -> None:
         """Begin a track with each of some modes."""
         f, z, u = self.usual
@@ -186,9 +223,18 @@ class _Follower:
         self.drift = np.append(self.drift, f / self.spacing * ones)
         e.believed = np.append(e.believed, ones < 0)
         self.hits = np.append(self.hits, ones)
-        self.outlying = np.append(self.outlying, 0 * ones)
+        self.outlying = np.append(self.outlying, np.inf * ones)
         # one birth is expected in the whole history
         self.score = np.append(self.score, -np.log(len(self.history)) * ones)
+
+    def take_up(self, of_mode: IntArray, double: BoolArray) -> None:
+        """Begin with tracks whose modes are known, each of one mode at least."""
+        counts = np.bincount(of_mode[(of_mode >= 0) & ~double])
+        self._bear(
+            _some(self.modes, np.array([np.flatnonzero((of_mode == t) & ~double)[0] for t in range(counts.size)]))
+        )
+        self.of_mode, self.double, self.hits = of_mode.copy(), double.copy(), counts.astype(float)
+        self.learn()
 
     def search(self) -> None:
         """Follow modes forward; one that no track explains begins a new one, which is dropped when it is not seen again."""
@@ -221,7 +267,7 @@ class _Follower:
         expected, before = self.expected, records[0]
         self._begin_at(before)
         told, every = np.zeros((2, len(self.history), expected.level.size)), np.arange(expected.level.size)
-        self.of_mode[:], self.double[:], self.outlying = -1, False, np.zeros(every.size)
+        self.of_mode[:], self.double[:], self.outlying = -1, False, np.full(every.size, np.inf)
         for k in records:
             self._drift(k, before)
             before, here = k, slice(self.starts[k], self.starts[k + 1])
@@ -259,7 +305,7 @@ class _Follower:
         every = np.arange(len(found))
         if not active.size or not len(found):
             return np.full((active.size, len(found)), -np.inf), every
-        gain = gains(view, found, self.nothing)
+        gain, second = gains(view, found, self.nothing)
         rows = np.flatnonzero((gain > 0).any(axis=1))
         columns = rows[:0]
         if rows.size:
@@ -267,7 +313,7 @@ class _Follower:
             kept = gain[rows[i], columns] > 0
             rows, columns = rows[i[kept]], columns[kept]
         # a mode beside the one that its track has, as rare as a spoilt one
-        second = gains(view, found, self.nothing, 0.0) + np.log(SPOILT)
+        second = second + np.log(SPOILT)
         second[np.setdiff1d(np.arange(active.size), rows)] = -np.inf
         kept = gain[rows, columns] >= np.where(
             np.arange(active.size)[:, None] == rows, -np.inf, second[:, columns]
@@ -288,9 +334,10 @@ class _Follower:
         S = e.variance[rows] + noise
         weight, reach = e.variance[rows] / S, _CLIP * np.sqrt(S)
         away = found.level[columns] - e.level[rows]
-        # twice far off on one side is no outlier, but a jump
-        jump = (np.abs(away) > _JUMP * np.sqrt(S)) & (away * self.outlying[rows] > 0)
-        self.outlying[rows] = np.where(np.abs(away) > _JUMP * np.sqrt(S), away, 0)
+        # twice far off at one place is no outlier, but a jump
+        far = np.abs(away) > _JUMP * np.sqrt(S)
+        jump = far & (np.abs(found.level[columns] - self.outlying[rows]) < _JUMP * np.sqrt(2 * S))
+        self.outlying[rows] = np.where(far, found.level[columns], np.inf)
         e.level[rows] += np.where(jump, away, weight * np.clip(away, -reach, reach))
         e.variance[rows] = np.where(jump, noise, e.variance[rows] * (1 - weight))
         part = 1 / np.minimum(self.hits[rows] + 1, _MEMORY)
@@ -322,31 +369,6 @@ class _Follower:
                     break
         self._keep(np.flatnonzero(~gone))
         self.learn()
-
-    def joined(self, told: RealArray) -> RealArray:
-        """Let a track that begins after one of the same shape has ended be that one, which jumped; return what is told of both."""
-        record, e = self.history.record, self.expected
-        own = [np.flatnonzero((self.of_mode == t) & ~self.double) for t in range(e.level.size)]
-        spans = [(int(record[x[0]]), int(record[x[-1]]), x.size) if x.size else (0, 0, 0) for x in own]
-        into = np.arange(e.level.size)
-        cost = np.full((into.size, into.size), np.inf)
-        for a, (_, end, many) in enumerate(spans):
-            for b, (first, _, more) in enumerate(spans):
-                if end >= first:
-                    continue
-                away = abs(np.median(self.modes.level[own[b][:_OWN]]) - np.median(self.modes.level[own[a][-_OWN:]]))
-                alike = not e.shape.shape[1] or np.abs(e.shape[a].conj() @ e.shape[b]) ** 2 > _ALIKE
-                if min(many, more) >= _OWN and alike and away < 2 * _FAR:
-                    cost[a, b] = away
-        pairs = zip(*assign(np.minimum(cost, 1e3)), strict=True)
-        for a, b in sorted(pairs, key=lambda pair: spans[pair[1]][0]):  # one that jumps twice keeps its first name
-            if np.isfinite(cost[a, b]):
-                into[b] = into[a]
-                told[:, spans[b][0] :, into[a]] = told[:, spans[b][0] :, b]
-        self.of_mode = np.append(into, -1)[self.of_mode]
-        kept = np.unique(into)
-        self._keep(kept)
-        return told[:, :, kept]
 
     def _same(self, a: int, b: int) -> bool:
         """Whether two tracks are one mode.
@@ -456,11 +478,11 @@ def _both_sides(expected: Expected, other: RealArray) -> Expected:
 
 def _chances(gain: RealArray, of_mode: IntArray) -> RealArray:
     """Return the probability that each mode is of its track; of doubles that it is of this one among all tracks."""
-    found = np.zeros(of_mode.size)
-    own = np.flatnonzero(of_mode >= 0)
-    if own.size:
-        together = marginals(gain)
-        found[own] = together[of_mode[own], own]
+    found, near = np.zeros(of_mode.size), gain > 0
+    for j in np.flatnonzero(of_mode >= 0):
+        i = int(of_mode[j])
+        alone = near[i].sum() <= 1 and near[:, j].sum() <= 1
+        found[j] = expit(gain[i, j]) if alone else chance(gain, i, int(j))
     return found
 
 

@@ -41,6 +41,8 @@ class Tracks(Shown):
     believed : array of bool, (T,)
         Whether the stated deviations agree with the scatter.
     notes : tuple of str
+    called : tuple of str, (T,)
+        Names; by default number and middle frequency.
     """
 
     history: History
@@ -51,6 +53,7 @@ class Tracks(Shown):
     scatter: RealArray
     believed: BoolArray
     notes: tuple[str, ...] = ()
+    called: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         """Return the number of tracks."""
@@ -94,7 +97,9 @@ class Tracks(Shown):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The tracks by number and middle frequency."""
+        """What the tracks are called, by default by number and middle frequency."""
+        if self.called:
+            return self.called
         middle = np.nanmedian(self.frequencies, axis=0) if len(self) else np.zeros(0)
         return tuple(f"{k + 1}: {f:.4g} Hz" for k, f in enumerate(middle))
 
@@ -205,6 +210,7 @@ def chosen(tracks: Tracks, kept: IntArray) -> Tracks:
         levels=tracks.levels[:, kept],
         scatter=tracks.scatter[kept],
         believed=tracks.believed[kept],
+        called=tuple(tracks.called[k] for k in kept) if tracks.called else (),
     )
 
 
@@ -231,6 +237,8 @@ class Explained(Shown):
         Part of the variance that is explained.
     reference : array of bool, (R,)
         Records that it was estimated from.
+    common : array, (R, c)
+        What tracks have in common, as principal components; in `design` they reach no further than in the reference.
     notes : tuple of str
     """
 
@@ -244,12 +252,13 @@ class Explained(Shown):
     residual_std: RealArray
     part_explained: RealArray
     reference: BoolArray
+    common: RealArray
     notes: tuple[str, ...] = ()
 
     def rows(self) -> list[list[str]]:
         """Return the cells of `table`, its head first."""
         rows = [["track", *self.regressors[1:], "explained [%]", "before [%]", "after [%]"]]
-        before = spread(_relative(self.tracks)[self.reference])
+        before = spread(_relative(self.tracks, self.reference)[self.reference])
         for k, name in enumerate(self.tracks.names):
             pairs = zip(self.coefficients[k, 1:], self.coefficients_std[k, 1:], strict=True)
             numbers = (
@@ -289,7 +298,8 @@ def explain(
     ----------
     tracks : Tracks
     covariates : mapping of name to array (R,), optional
-        By default those of the history. Where there are none, the principal components that are larger than noise can make them.
+        By default those of the history. Where there are none, the principal components that are larger than noise can make them, no
+        further than they reached in the records to estimate from.
     deviations : mapping of name to number, optional
         Standard deviations of the errors of covariates.
     knee : float
@@ -324,7 +334,7 @@ def explain(
     measured = {name: real_array(name, x, "(records,)", 1, finite=False) for name, x in given.items()}
     for name, x in measured.items():
         check_shape(name, x, "one value a record", (len(tracks.history),))
-    y = _relative(tracks)
+    y = _relative(tracks, inside)
     if not measured:
         noise = np.maximum(tracks.scatter / np.nanmedian(tracks.frequencies, axis=0), 1e-12)
         return _explained(tracks, y, in_common(y, noise, inside), inside)
@@ -349,11 +359,13 @@ def _explained(tracks: Tracks, y: RealArray, found: Regression, inside: BoolArra
         residual_std=after,
         part_explained=np.clip(share, 0, 1),
         reference=inside,
+        common=found.common,
         notes=(*found.notes, *seldom),
     )
 
 
-def _relative(tracks: Tracks) -> RealArray:
-    """Return relative changes of frequencies, (R, T), from the middle of each track."""
+def _relative(tracks: Tracks, inside: BoolArray) -> RealArray:
+    """Return relative changes of frequencies, (R, T), from the middle of each track in some records, if it stands in any of them."""
     f = tracks.frequencies
-    return np.asarray(f / np.nanmedian(f, axis=0) - 1)
+    known = np.isfinite(f) & (inside[:, None] | ~np.isfinite(f[inside]).any(axis=0))
+    return np.asarray(f / np.nanmedian(np.where(known, f, np.nan), axis=0) - 1)

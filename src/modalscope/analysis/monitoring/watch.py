@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.analysis.monitoring.collecting import Task, identified, settled
+from modalscope.analysis.monitoring.collecting import identified, settled as still
 from modalscope.analysis.monitoring.entries import CHOICES
 from modalscope.analysis.monitoring.history import as_times
 from modalscope.analysis.monitoring.store import Store
-from modalscope.numerics.arguments import COUNT, named
+from modalscope.numerics.arguments import COUNT, between, named
 from modalscope.numerics.checks import RealArray, check_path
 from modalscope.numerics.errors import DataError, check_option_names
 from modalscope.numerics.plugins import READINGS, added
@@ -36,27 +36,31 @@ class Collected:
         Files that cannot be used, each with the reason.
     waiting : tuple of str
         Files that are still being written.
+    replaced : tuple of str
+        Files whose content changed: the record of the earlier one is stored no more.
     """
 
     added: int
     known: int
     refused: tuple[tuple[str, str], ...]
     waiting: tuple[str, ...]
+    replaced: tuple[str, ...] = ()
 
 
-@named(store=Store, jobs=COUNT, options=Mapping)
+@named(store=Store, jobs=COUNT, settled=between(0, 86_400, low_included=True), options=Mapping)
 def collect(
     folder: str | Path,
     store: Store,
     *,
     jobs: int = 1,
+    settled: float = 60.0,
     options: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> Collected:
     """Identify every file of a folder that the store does not know, and store its modes or the reason why there are none.
 
-    A file is known by its content. Files whose size or date change within two seconds are still being written: they are left for the
-    next look.
+    A file is known by its content; one that changed replaces its earlier record. Files that do not stand still are being written: they
+    are left for the next look.
 
     Parameters
     ----------
@@ -65,6 +69,8 @@ def collect(
     store : Store
     jobs : int
         Processes that identify; within `working(client)` the workers of its scheduler do.
+    settled : float
+        Seconds that a file must have stood still; it waits for those that have for less.
     options : mapping, optional
         As of `analyze`.
     progress : callable, optional
@@ -85,14 +91,14 @@ def collect(
     >>> place = Path(mkdtemp())
     >>> with Store(place / "bridge.modes") as store:
     ...     collect(place, store)
-    Collected(added=0, known=0, refused=(), waiting=())
+    Collected(added=0, known=0, refused=(), waiting=(), replaced=())
     """
     place = check_path(folder)
     check_option_names("analyze", options or {}, CHOICES)
     if not str(folder) or not place.is_dir():  # no name at all is no folder, and not the one that the program works in
         raise DataError(f"records in {str(place)!r} were asked", "there is no such folder", "Name a folder.")
-    files, waiting = settled(place)
-    new = [Task(path, sha, path.name) for path, sha in store.unknown(files)]
+    files, waiting = still(place, settled)
+    new = store.unknown(files)
     added = 0
     refused: list[tuple[str, str]] = []
     for done, entry in enumerate(identified(new, jobs, options or {}), 1):
@@ -102,7 +108,8 @@ def collect(
             refused.append((entry.name, entry.refused))
         if progress is not None:
             progress(done, len(new))
-    return Collected(added, len(files) - len(new), tuple(refused), tuple(waiting))
+    replaced = tuple(task.name for task in new if task.replaces)
+    return Collected(added, len(files) - len(new), tuple(refused), tuple(waiting), replaced)
 
 
 @named(statistic=str)

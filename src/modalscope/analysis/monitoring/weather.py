@@ -133,11 +133,12 @@ def inflation(e: RealArray) -> float:
 
 @dataclass(frozen=True)
 class Regression:
-    """Names and values (R, p) of the regressors, the fit of each track, and notes."""
+    """Names and values (R, p) of the regressors, the fit of each track, what tracks have in common without bounds, and notes."""
 
     names: tuple[str, ...]
     design: RealArray
     fits: list[_Fit]
+    common: RealArray
     notes: tuple[str, ...] = ()
 
 
@@ -167,25 +168,26 @@ def regression(
         need = f"no track stands in {_LEAST} records a coefficient where all covariates are known"
         raise DataError("tracks were to be explained", need, "Give more records, or fewer covariates.")
     _, names, X, fits, lag = best
-    return Regression(names, X, fits, (f"temperature and the like are felt with a lag of {lag:g} h",) if lag else ())
+    note = (f"temperature and the like are felt with a lag of {lag:g} h",) if lag else ()
+    return Regression(names, X, fits, np.zeros((len(y), 0)), note)
 
 
 def in_common(y: RealArray, noise: RealArray, inside: BoolArray) -> Regression:
-    """Take out the principal components that are larger than noise of single frequencies makes them.
+    """Take out the principal components that are larger than noise of single frequencies makes them, as far as they reached inside.
 
     The largest eigenvalue of a covariance of noise alone, R records of T tracks, is (1 + sqrt(T / R))^2 (Marchenko and Pastur, 1967).
+    No component goes further than the records inside took it, and no track has a say beyond its range there: what does is no weather
+    that was seen.
     """
     tracks = y.shape[1]
     middle = np.nanmedian(y[inside], axis=0)
     z = (y - middle) / noise
     known = np.isfinite(z)
     count = int(inside.sum())
-    if count < _LEAST * (tracks + 1):
-        fault = f"there are {count} records of {tracks} tracks"
-        raise DataError("what tracks have in common was asked", fault, f"Give {_LEAST} records a track, or covariates.")
+    most = min(count // _LEAST, tracks) - 1  # components that so many records can tell
     edge = (1 + np.sqrt(tracks / count)) ** 2
-    filled, mean = np.where(known, z, 0.0), np.zeros(tracks)
-    for large in range(tracks):
+    filled, mean, weight = np.where(known, z, 0.0), np.zeros(tracks), np.ones(count)
+    for large in range(max(most, 0) + 1):
         loads = np.zeros((0, tracks))
         for _ in range(_ROUNDS):  # what is missing is what the components say; spoilt records lose their weight
             said = mean + _scores(z - mean, known, loads) @ loads
@@ -198,12 +200,19 @@ def in_common(y: RealArray, noise: RealArray, inside: BoolArray) -> Regression:
             loads = vectors[:, tracks - large :].T
         if values[tracks - large - 1] <= edge:
             break
-    scores = _scores(z - mean, known, loads)
-    X = np.column_stack([np.ones(len(y)), np.where(known.sum(axis=1, keepdims=True) > large, scores, np.nan)])
+    usual = np.flatnonzero(inside)[weight > 0.5]
+    ends = (
+        np.nanmin(np.where(known[usual], z[usual], 0), axis=0),
+        np.nanmax(np.where(known[usual], z[usual], 0), axis=0),
+    )
+    enough = known.sum(axis=1, keepdims=True) > large
+    scores = np.where(enough, _scores(np.clip(z, *ends) - mean, known, loads), np.nan)
+    bounds = (np.nanmin(scores[usual], axis=0), np.nanmax(scores[usual], axis=0)) if usual.size else (-np.inf, np.inf)
+    X = np.column_stack([np.ones(len(y)), np.clip(scores, *bounds)])
     fits = [_fit(y[inside, t], X[inside], np.zeros((count, X.shape[1], X.shape[1]))) for t in range(tracks)]
     names = ("constant", *(f"component {k + 1}" for k in range(large)))
-    note = f"no covariates: {large} principal components are larger than noise, and are taken out"
-    return Regression(names, X, fits, (note,))
+    note = f"no covariates: {large} principal components are larger than noise, and are taken out as far as they reached in the reference"
+    return Regression(names, X, fits, scores, (note,))
 
 
 def _scores(z: RealArray, known: BoolArray, loads: RealArray) -> RealArray:

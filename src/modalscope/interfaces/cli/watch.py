@@ -31,6 +31,13 @@ def add_watch(parser: Parser) -> None:
         metavar="SECONDS",
         help="seconds between two checks of the folder (default: 10)",
     )
+    add(
+        "--settled",
+        type=float,
+        default=60.0,
+        metavar="SECONDS",
+        help="a file is taken when it has stood still for so long (default: 60)",
+    )
     add("--jobs", type=int, default=1, metavar="N", help="number of processes (default: 1)")
     add("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers identify; local:4 starts four processes")
     words = "report of the period, .html: tracks, covariates, control chart, records that could not be used"
@@ -59,8 +66,9 @@ def add_watch(parser: Parser) -> None:
 def watch(options: argparse.Namespace) -> None:
     """Identify every new record of a folder, store its modes, and tell changes.
 
-    Files that cannot be used are listed with their reasons; the rest goes on. Every record is stored once, whatever ends the command.
-    With --reference, modes are followed through all records, and each alarm is a line of JSON; with --once, the exit status is 3 then.
+    Files that cannot be used are listed with their reasons; the rest goes on. Every record is stored once, whatever ends the command; a
+    file that changed replaces its record. With --reference, modes are followed through all records, and each alarm is a line of JSON, told
+    once; with --once, the exit status is 3 then.
     With -o, a report of the period is written after every look that found something new.
     """
     import time
@@ -69,7 +77,7 @@ def watch(options: argparse.Namespace) -> None:
     from modalscope.interfaces.cli.identify import workers_of
 
     pause = _checked(options)
-    told: set[str] = set()
+    told = False
     with Store(options.store) as store, workers_of(options):
         if options.covariates is not None:
             times, columns = read_covariates(options.covariates)
@@ -79,7 +87,7 @@ def watch(options: argparse.Namespace) -> None:
             store.forget_refused()
         while True:
             if _look(options, store) or options.once:
-                _tell(options, store, told)
+                told |= _tell(options, store)
             if options.once:
                 remark(f"{options.store}: {store.history()!r}")
                 if told:
@@ -102,18 +110,18 @@ def _checked(options: argparse.Namespace) -> float:
     return check_positive("--every", options.every)
 
 
-def _tell(options: argparse.Namespace, store: Store, told: set[str]) -> None:
-    """Write the report and tell changes, where they were asked for; too few records yet are no end of waiting."""
+def _tell(options: argparse.Namespace, store: Store) -> bool:
+    """Write the report and tell changes, where they were asked for; return whether there was one. Too few records are no end of waiting."""
     from modalscope.numerics.errors import DataError
 
     try:
         _report(options, store)
-        if options.reference is not None:
-            _judge(options, store, told)
+        return options.reference is not None and _judge(options, store)
     except DataError as error:
         if options.once:
             raise
         complain(error)
+        return False
 
 
 def _report(options: argparse.Namespace, store: Store) -> None:
@@ -129,8 +137,8 @@ def _report(options: argparse.Namespace, store: Store) -> None:
     remark(str(written))
 
 
-def _judge(options: argparse.Namespace, store: Store, told: set[str]) -> None:
-    """Follow the modes of all records, and tell the alarms that were not told before."""
+def _judge(options: argparse.Namespace, store: Store) -> bool:
+    """Follow the modes of all records, and tell the alarms that were not told before; return whether there was one."""
     import subprocess
 
     from modalscope.analysis.monitoring import alarms, track
@@ -140,17 +148,19 @@ def _judge(options: argparse.Namespace, store: Store, told: set[str]) -> None:
         tracks = track(store.history())
         found = alarms(tracks, reference=options.reference, false_per_year=options.false_per_year)
     remark(tracks.table(), *found.notes)
-    for alarm in found.alarms:
+    new = [alarm for alarm in found.alarms if store.tell(alarm)]
+    for alarm in new:
         line = json.dumps(alarm.to_dict())
-        if (key := str(alarm.time)) not in told:
-            told.add(key)
-            say(line)
-            if options.call is not None:
-                subprocess.run(options.call, input=line.encode(), shell=True, check=False)  # as the user's shell would
+        say(line)
+        if options.call is not None:  # as the user's shell would
+            status = subprocess.run(options.call, input=line.encode(), shell=True, check=False).returncode
+            if status:
+                complain(f"--call: the command failed (status {status}); the alarm counts as told")
     if options.chart is not None:
         from modalscope.interfaces.plot import control_chart
 
         remark(write_picture(options.chart, control_chart, found))
+    return bool(new)
 
 
 def _look(options: argparse.Namespace, store: Store) -> bool:
@@ -158,13 +168,16 @@ def _look(options: argparse.Namespace, store: Store) -> bool:
     from modalscope.analysis.monitoring import collect
 
     with progress("identifying", "record") as show:
-        found = collect(options.folder, store, jobs=options.jobs, options=_choices(options), progress=show)
+        choices = {"jobs": options.jobs, "settled": options.settled, "options": _choices(options)}
+        found = collect(options.folder, store, **choices, progress=show)
     for name, reason in found.refused:
         complain(f"{name}: {reason}")
     if found.added or found.refused or options.once:
         remark(f"{found.added} stored, {found.known} known before, {len(found.refused)} cannot be used")
+    if found.replaced:
+        remark(f"their content changed, the earlier record is replaced: {', '.join(found.replaced)}")
     if found.waiting and options.once:
-        complain(f"still being written, left for the next run: {', '.join(found.waiting)}")
+        complain(f"they do not stand still, left for the next run: {', '.join(found.waiting)}")
     return found.added > 0
 
 
