@@ -94,13 +94,25 @@ def replacing(path: str | Path, sources: Iterable[Path | None] = ()) -> Iterator
         yield temporary
         if rights is not None:
             temporary.chmod(rights)
+        _kept(temporary)
         temporary.replace(target)
+        _kept(target.parent)
     except OSError as error:
         raise _unwritable(path, error) from None
     finally:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
         PENDING.discard(temporary)
+
+
+def _kept(path: Path) -> None:
+    """Have the disk keep what was written into a file or a folder, though the power fails."""
+    if os.name == "posix":
+        opened = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(opened)
+        finally:
+            os.close(opened)
 
 
 def check_target(path: str | Path, sources: Iterable[Path | None] = ()) -> Path:

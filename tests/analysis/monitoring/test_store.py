@@ -270,6 +270,15 @@ def test_a_store_gives_tracks_what_moves_them_and_alarms(months: Store) -> None:
         assert alarm.statistic > 1
 
 
+def test_an_alarm_is_told_once_whoever_asks(store: Store) -> None:
+    alarm = Alarm(time=5e5, change=4e5, interval=(3e5, 5e5), statistic=2.0, shifts={}, shifts_std={})
+    assert store.tell(alarm)
+    with Store(store.path) as again:
+        assert not again.tell(replace(alarm, time=5e5 + 3600 * 40))
+        assert again.tell(replace(alarm, time=5e5 + 3600 * 60))
+    assert store.records.size == 0
+
+
 def test_covariates_of_refused_records_may_be_given_too(months: Store, tmp_path: Path) -> None:
     (tmp_path / "19700105_0030.csv").write_text("spoilt\n")
     months.add(tmp_path / "19700105_0030.csv")

@@ -80,6 +80,33 @@ def test_an_old_upload_stays_while_its_document_changes(fresh: Served, folder: P
     assert stored(place) == 1
 
 
+def test_the_number_of_uploads_is_bounded(folder: Path, place: Path) -> None:
+    with served(folder, place, Limits(upload=SMALL, files=2, spare=False)) as made:
+        for _ in range(2):
+            dropped(made, b"x")
+        code, _, answer = made.request("POST", "/api/upload?name=b.npz", b"x")
+        assert code == 400
+        assert b"more than 2 files together" in answer
+
+
+def test_an_upload_on_a_full_disk_is_said_and_leaves_nothing(
+    fresh: Served, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = Path.open
+
+    def full(path: Path, mode: str = "r", *rest: Any) -> Any:
+        if mode != "xb":
+            return plain(path, mode, *rest)
+        path.touch()
+        return plain(Path("/dev/full"), "wb", buffering=0)
+
+    monkeypatch.setattr(Path, "open", full)
+    code, _, answer = fresh.request("POST", "/api/upload?name=b.npz", b"x" * 5000)
+    assert code == 507
+    assert b"no space left on device" in answer
+    assert (stored(place), fresh.store.files.total) == (0, 0)
+
+
 def test_all_uploads_together_are_bounded(fresh: Served, place: Path) -> None:
     dropped(fresh, b"x" * 60_000)
     code, _, answer = fresh.request("POST", "/api/upload?name=b.npz", b"x" * 40_001)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import http.client
 import json
 import os
+import socket
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -261,6 +264,23 @@ def test_the_cookie_is_found_among_those_of_other_programs(rubbish: Served, othe
     for cookies in (f"{other}; {rubbish.cookie}", f"{rubbish.cookie}; {other}"):
         assert rubbish.request("GET", "/api/start", Cookie=cookies.encode().decode("latin-1"))[0] == 200
     assert rubbish.request("GET", "/api/start", Cookie=other.encode().decode("latin-1"))[0] == 401
+
+
+def test_a_request_that_does_not_come_on_ends(rubbish: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A head in parts has its time once, a body for each part; a stream of events is no request that waits."""
+    monkeypatch.setattr("modalscope.interfaces.app.serve._PATIENCE", 0.5)
+    host, _, port = rubbish.base.removeprefix("http://").partition(":")
+    head = f"POST /api/upload?name=a.csv HTTP/1.1\r\nHost: {host}:{port}\r\nOrigin: {rubbish.base}\r\nCookie: {rubbish.cookie}\r\n"
+    whole = f"{head}Content-Length: 6\r\n\r\n"
+    for sent, answered in ((["GET / HT", *"TP/1."], False), ([whole, "1"], False), ([whole, *"123456"], True)):
+        with socket.create_connection((host, int(port)), timeout=20) as line:
+            for part in sent:
+                with contextlib.suppress(OSError):
+                    line.sendall(part.encode())
+                time.sleep(0.2)
+            begun = time.monotonic()
+            assert (line.recv(100)[:12] == b"HTTP/1.1 200") == answered
+            assert time.monotonic() - begun < 5
 
 
 def test_lengths_that_are_none_are_answered(rubbish: Served) -> None:

@@ -14,6 +14,7 @@ from secrets import token_hex
 
 from modalscope.data import DataError
 from modalscope.datasets import shipped
+from modalscope.interfaces.app.guard import Limits
 from modalscope.io.beside import is_file_in, lies_in
 from modalscope.io.formats import FORMATS as READ
 from modalscope.io.options import MESHES
@@ -145,34 +146,40 @@ class FileStore:
         )
 
     async def store_upload(
-        self, name: str, chunks: AsyncIterator[bytes], max_bytes: int, most: float = float("inf")
+        self, name: str, chunks: AsyncIterator[bytes], max_bytes: int, limits: Limits | None = None
     ) -> str:
         """Write an upload chunk by chunk and return its name; one that is too large or interrupted is removed.
 
-        `most`: bytes that all uploads together may take.
+        `limits`: of all uploads together.
 
         Each upload has a folder with a random name, so that uploads of one name do not replace each other.
 
         Raises
         ------
         DataError
-            More than `max_bytes` bytes, or more than `most` with all others.
+            More than `max_bytes` bytes, more than may be with all others, or no space on the disk.
         """
+        most, count = (limits.uploads, limits.files) if limits else (float("inf"), float("inf"))
+        if len(self.uploads()) >= count:
+            raise _full(name, f"{count} files")
         folder = self._uploads / token_hex(8)
-        folder.mkdir(mode=0o700)
         path, size = folder / safe_name(name), 0
         try:
+            folder.mkdir(mode=0o700)
             with path.open("xb") as file:
                 async for chunk in chunks:
                     size, self.total = size + len(chunk), self.total + len(chunk)
                     if size > max_bytes:
                         raise too_large(name, max_bytes)
                     if self.total > most:
-                        raise _full(name, most)
+                        raise _full(name, f"{most / 1e9:g} GB")
                     file.write(chunk)
-        except BaseException:  # a cancelled request, too
+        except BaseException as error:  # a cancelled request, too
             self.total -= size
             shutil.rmtree(folder, ignore_errors=True)
+            if isinstance(error, OSError) and error.strerror:
+                fault = f"the system refuses: {error.strerror.lower()}"
+                raise DataError(f"uploading {name} was asked", fault, "Make room on the disk.") from None
             raise
         return f"{_UPLOAD}{folder.name}/{path.name}"
 
@@ -191,9 +198,9 @@ def _size_of(folder: Path) -> int:
     return sum(path.lstat().st_size for path in folder.iterdir())
 
 
-def _full(name: str, most: float) -> DataError:
+def _full(name: str, most: str) -> DataError:
     """Return the error of an upload for which there is no room."""
-    fault = f"the files that were dropped on the page would take more than {most / 1e9:g} GB together"
+    fault = f"the files that were dropped on the page would be more than {most} together"
     remedy = "Close documents that are done with, start `modalscope app --forget`, or raise --max-dropped."
     return DataError(f"uploading {name} was asked", fault, remedy)
 

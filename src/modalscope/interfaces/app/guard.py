@@ -13,8 +13,8 @@ from urllib.parse import parse_qs
 class Limits:
     """Limits of one server.
 
-    `upload`: bytes of an uploaded file. `uploads`: bytes of all uploads. `days`: how long uploads are kept after the last change of their
-    document. `body`: bytes of any other request. `documents`: open documents. `workers`: processes; the one idle longest is ended for
+    `upload`: bytes of an uploaded file. `uploads`, `files`: bytes and number of all uploads. `days`: how long uploads are kept after the
+    last change of their document. `body`: bytes of any other request. `documents`: open documents. `workers`: processes; the one idle longest is ended for
     another. `spare`: whether a started process waits for the next document. `history`: steps that can be undone. `kept`: bytes of finished
     stages that a document caches. `patience`: seconds from a cancellation to the end of the process. `seconds`: the longest job.
     `listeners`: windows of one document.
@@ -22,6 +22,7 @@ class Limits:
 
     upload: int = 2 << 30
     uploads: int = 10_000_000_000
+    files: int = 1000
     days: float = 30.0
     body: int = 1 << 20
     documents: int = 100

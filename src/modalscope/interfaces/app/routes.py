@@ -30,19 +30,22 @@ _MAX_STEM = 200
 
 Handler = Callable[[Request], Awaitable[Response]]
 
+#: Words of what was found, and the status of the answer.
+_STATUS = {"another window": 409, "no space left": 507, "quota": 507}
+
 #: Seconds between keep-alive messages of an event stream.
 _KEEP_ALIVE_SECONDS = 15.0
 
 
 def _answered(handler: Handler) -> Handler:
-    """Return the handler with DataErrors answered as their three parts and status 409 or 400."""
+    """Return the handler with DataErrors answered as their three parts and status 409, 507 or 400."""
 
     async def answer(request: Request) -> Response:
         try:
             return await handler(request)
         except DataError as error:
             parts = {"asked": error.asked, "found": error.found, "change": error.change, "text": str(error)}
-            return _json(parts, 409 if "another window" in error.found else 400)
+            return _json(parts, next((status for word, status in _STATUS.items() if word in error.found), 400))
         except ClientDisconnect:
             return Response(status_code=400)
 
@@ -107,7 +110,7 @@ async def upload(request: Request) -> Response:
     length = request.headers.get("content-length", "0")
     if length.isascii() and length.isdigit() and int(length) > most:
         raise too_large(name, most)
-    stored = await store.files.store_upload(name, request.stream(), most, store.limits.uploads)
+    stored = await store.files.store_upload(name, request.stream(), most, store.limits)
     return _json({"file": stored})
 
 

@@ -27,6 +27,9 @@ from modalscope.interfaces.app.routes import routes
 #: The front end, bundled when the package was built.
 STATIC = Path(__file__).parent / "static"
 
+#: Seconds within which the head of a request has to come, and the next part of its body.
+_PATIENCE = 10.0
+
 #: What a report may do: it carries all that it shows, and asks nobody.
 _OF_REPORTS = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; frame-ancestors 'none'"
 
@@ -133,7 +136,36 @@ def _bound(host: str, port: int) -> socket.socket:
 
 def server_of(made: Page) -> Any:
     """Return the server of a page: `run([made.socket])` serves until `should_exit` is set."""
+    import h11
     import uvicorn
+    from uvicorn.protocols.http.h11_impl import H11Protocol
+
+    class Prompt(H11Protocol):
+        """A connection that ends where a request does not come on."""
+
+        late: asyncio.TimerHandle | None = None
+
+        def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+            super().connection_made(transport)
+            self._wait(h11.IDLE)
+
+        def data_received(self, data: bytes) -> None:
+            before = self.conn.their_state
+            super().data_received(data)
+            if before is not h11.IDLE or self.conn.their_state is not h11.IDLE:  # a head has all of its time together
+                self._wait(self.conn.their_state)
+
+        def _wait(self, state: Any) -> None:
+            if self.late is not None:
+                self.late.cancel()
+            waits = state in (h11.IDLE, h11.SEND_BODY)
+            self.late = self.loop.call_later(_PATIENCE, self._end) if waits else None
+
+        def _end(self) -> None:
+            if self.flow.read_paused:  # it is this side that is slow
+                self._wait(self.conn.their_state)
+            else:
+                self.transport.close()
 
     class Server(uvicorn.Server):
         async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
@@ -141,7 +173,9 @@ def server_of(made: Page) -> Any:
                 made.store.end()  # closes the event streams, which would delay the shutdown
             await super().shutdown(sockets)
 
-    settings = uvicorn.Config(made.app, log_level="warning", access_log=False, timeout_graceful_shutdown=2, ws="none")
+    settings = uvicorn.Config(
+        made.app, http=Prompt, log_level="warning", access_log=False, timeout_graceful_shutdown=2, ws="none"
+    )
     return Server(settings)
 
 
