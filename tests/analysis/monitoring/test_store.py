@@ -9,13 +9,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.analysis.monitoring import History, Store
+from modalscope.analysis.monitoring import Alarm, History, Store
 from modalscope.data import DataError, ModalModel
 from modalscope.systems import chain5
 

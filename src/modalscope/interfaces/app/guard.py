@@ -14,10 +14,10 @@ class Limits:
     """Limits of one server.
 
     `upload`: bytes of an uploaded file. `uploads`, `files`: bytes and number of all uploads. `days`: how long uploads are kept after the
-    last change of their document. `body`: bytes of any other request. `documents`: open documents. `workers`: processes; the one idle longest is ended for
-    another. `spare`: whether a started process waits for the next document. `history`: steps that can be undone. `kept`: bytes of finished
-    stages that a document caches. `patience`: seconds from a cancellation to the end of the process. `seconds`: the longest job.
-    `listeners`: windows of one document.
+    last change of their document. `body`: bytes of any other request. `documents`: open documents. `workers`: processes; the one idle
+    longest is ended for another. `spare`: whether a started process waits for the next document. `history`: steps that can be undone.
+    `kept`: bytes of finished stages that a document caches. `patience`: seconds from a cancellation to the end of the process. `seconds`:
+    the longest job. `listeners`: windows of one document.
     """
 
     upload: int = 2 << 30
