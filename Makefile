@@ -37,7 +37,7 @@ help:
 	@echo "make page          the front end of modalscope app (needs Node 20 and npm)"
 	@echo "make test          lint, the quick tests and every example in a docstring (5 minutes on two cores; TESTS=tests/io: a part)"
 	@echo "make test-slow     the other tests (minutes)"
-	@echo "make attack SEED=3 damaged files and wrong values by the ten thousand: anything but an answer or a DataError is printed (half an hour)"
+	@echo "make attack SEED=3 what SECURITY.md promises: damaged and contradictory files, wrong values, units, kills, full disks (half an hour)"
 	@echo "make coverage      both, and which lines the quick ones run (95 % of them at least)"
 	@echo "make versions      formats, data classes and methods with the earliest and the newest packages (minutes)"
 	@echo "make release-check archive and wheel built, installed into empty environments, and tested there (minutes)"

@@ -1,8 +1,10 @@
-"""Attack readers and public names with damaged files and wrong values: `make attack SEED=3`, or `python -m tests.attack.harness 3`.
+"""Attack what SECURITY.md promises: `make attack SEED=3`, or `python -m tests.attack.harness 3`.
 
 Files: a corpus of all suffixes, damaged by the mutations of `tests.io.mutations`, each read in a process with limits (`tests.io.fuzz`).
 Values: those of `tests.arguments`, at every argument of every public name. What ends in anything but an answer or a DataError, or takes
 more than 4 s for a file or 20 s for a call, is printed.
+Files whose fields contradict each other (`built`), tests told in other units and orders (`moved`), commands that are killed, on a full disk
+or with few descriptors (`cut_off`): what they answer otherwise than they may is printed, too. After half an hour no more is begun.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ import argparse
 import contextlib
 import sys
 import tempfile
+import time
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -24,9 +27,11 @@ from tests.extras.test_meshes import FILES as MESHES
 from tests.io import corpus, fuzz, ordinary, test_recorders, test_stored
 from tests.io.apart import read
 
-#: Damaged files and wrong values of a whole attack.
-FILES, VALUES = 25_000, 15_000
+#: What a whole attack has of each kind: damaged and built files, wrong values, data sets told otherwise, kills.
+COUNTS = {"files": 20_000, "built": 10_000, "values": 10_000, "sets": 400, "kills": 60}
 
+#: Seconds after which no further part is begun, and how many of one kind are a part.
+_LONGEST, _PARTS = 1500.0, 10
 
 #: Files that other packages write, by name: each is left out where its package is not installed.
 WRITTEN: dict[str, Callable[[Path], None]] = {
@@ -116,12 +121,19 @@ def values(count: int, seed: int, leave: tuple[str, ...] = ()) -> list[str]:
 
 
 def main() -> int:
+    from tests.attack import built, cut_off, moved
+
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("seed", type=int)
-    parser.add_argument("--files", type=int, default=FILES)
-    parser.add_argument("--values", type=int, default=VALUES)
+    for name, count in COUNTS.items():
+        parser.add_argument(f"--{name}", type=int, default=count)
     options = parser.parse_args()
-    told = files(options.files, options.seed) + values(options.values, options.seed)
+    attacks = {"files": files, "built": built.files, "values": values, "sets": moved.sets, "kills": cut_off.kills}
+    told, begun = cut_off.want(), time.monotonic()
+    for part in range(_PARTS):
+        for name, attack in attacks.items():
+            if (count := -(-getattr(options, name) // _PARTS)) and time.monotonic() - begun < _LONGEST:
+                told += attack(count, _PARTS * options.seed + part)
     print(*told, sep="\n")
     return bool(told)
 
