@@ -127,7 +127,7 @@ def arrays(suffix: str, what: Any) -> Callable[[np.random.Generator], tuple[str,
         if suffix == ".npz":
             np.savez(into, **found)
         elif suffix == ".mat":
-            scipy.io.savemat(into, {name[:31]: x for name, x in found.items()})
+            scipy.io.savemat(into, {name[:31]: np.array(x, order="C") for name, x in found.items()})
         else:
             with h5py.File(into, "w") as file:
                 for name, x in found.items():

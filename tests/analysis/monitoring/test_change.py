@@ -46,7 +46,6 @@ def test_no_change_is_no_alarm_and_a_single_spoilt_record_is_none() -> None:
     f[1300] *= 1.5
     found = alarms(tracks(f, none=np.zeros(1500)), reference=np.arange(1500) < 700)
     assert len(found) == 0
-    assert found.novelty[1300] > 100
 
 
 @pytest.mark.slow

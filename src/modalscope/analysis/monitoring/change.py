@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.signal import lfilter
 from scipy.special import betaincinv, chdtri, stdtrit
 
 from modalscope.analysis.monitoring.tracking import followed, went
@@ -128,8 +129,6 @@ class Alarms(Shown):
         "ewma": exponentially weighted averages; "step": the provisional test of a short reference.
     statistic : array, (R,)
         The chart, in limits: distance of the averaged residuals from zero, or how long a mode was not found, the larger; 1 is the limit.
-    novelty : array, (R,)
-        Distance of each single record from the reference, root of the mean square over its tracks, in deviations; NaN without tracks.
     alarms : tuple of Alarm
     false_per_year : float
         The rate that the limit is set for.
@@ -139,7 +138,6 @@ class Alarms(Shown):
     explained: Explained
     chart: str
     statistic: RealArray
-    novelty: RealArray
     alarms: tuple[Alarm, ...]
     false_per_year: float
     notes: tuple[str, ...] = ()
@@ -236,8 +234,7 @@ def alarms(
         )
         value = _stepped(z, inside, judged, found.design.shape[1], rate * _years(hours[judged]))
     else:
-        draw = np.random.default_rng(seed)
-        value = _charted(_Chart(memory), found, z, judged, hours, rate, draw)
+        value = _charted(found, z, judged, memory, rate, seed)
     missing, most = _missing(found, judged, hours, false_per_year * _OF_LOSS)
     value = np.fmax(value, (missing / most).max(axis=1))
     value = np.where(judged | inside, value, 0)
@@ -249,36 +246,24 @@ def alarms(
     first = [max(a, b) for a, b in zip(first, [0, *ends[:-1]], strict=True)] if starts.size else []
     lost = missing > most
     each = [_alarm(found, z, value, lost, missing, *where) for where in zip(first, map(int, starts), ends, strict=True)]
-    known = np.isfinite(z)
-    square = np.where(known, z, 0) ** 2
-    novelty = np.sqrt(square.sum(axis=1) / np.where(known.any(axis=1), known.sum(axis=1), np.nan))
     return Alarms(
         explained=found,
         chart="step" if count < _LEAST else "ewma",
         statistic=value,
-        novelty=novelty,
         alarms=tuple(each),
         false_per_year=false_per_year,
         notes=(*notes, *found.notes),
     )
 
 
-def _charted(
-    chart: _Chart,
-    found: Explained,
-    z: RealArray,
-    judged: BoolArray,
-    hours: RealArray,
-    rate: float,
-    draw: np.random.Generator,
-) -> RealArray:
+def _charted(found: Explained, z: RealArray, judged: BoolArray, memory: float, rate: float, seed: int) -> RealArray:
     """Return the chart of residuals, and that of what tracks have in common, in limits that share the rate, the larger (R,)."""
-    inside = found.reference
+    inside, hours, draw = found.reference, found.tracks.times / 3600, np.random.default_rng(seed)
     common = found.common - np.nanmean(found.common[inside], axis=0)
     groups = [(z, True)] + [(common / np.nanstd(common[inside], axis=0), False)] * (common.shape[1] > 0)
     values = []
     for x, residual in groups:
-        build = chart.of(_bounded(x[inside]))
+        build = _Chart(memory).of(_bounded(x[inside]))
         limit = _limit(build, found if residual else None, x[inside], judged, hours, rate / len(groups), draw)
         values.append(build.run(_bounded(x)[None], hours)[0] / limit)
     return np.asarray(np.max(values, axis=0))
@@ -419,11 +404,8 @@ def _spectra_again(
     x = _bounded(z)
     x = np.where(np.isfinite(x), x, 0) / np.sqrt(np.isfinite(x).mean(axis=0))
     spectrum = np.fft.rfft(x - x.mean(axis=0), axis=0)
-    part = 1 - np.exp(-step / chart.memory)
-    averages, mean = np.empty_like(x), np.zeros(x.shape[1])
-    for k, row in enumerate(x):
-        mean = mean + part * (row - mean)
-        averages[k] = mean
+    kept = np.exp(-step / chart.memory)
+    averages = lfilter([1 - kept], [1, -kept], x, axis=0)
     degrees = len(z) / np.array([inflation(column**2) for column in averages.T])
     pieces = []
     for _ in range(-(-records // len(z))):
@@ -465,9 +447,9 @@ def _alarm(
     x = _bounded(z[first:end])
     known = np.isfinite(x)
     filled = np.where(known, x, 0)
-    reference = z[found.reference]
+    reference = _bounded(z[found.reference])
     after, count = filled[::-1].cumsum(axis=0)[::-1], known[::-1].cumsum(axis=0)[::-1]
-    fewer = _of_means(_bounded(reference), len(filled))[::-1]
+    fewer = np.array([inflation(column[np.isfinite(column)]) for column in reference.T])
     gain = (after**2 / np.maximum(count, 1) / fewer).sum(axis=1) / 2
     weight = np.exp(gain - gain.max())
     share = np.cumsum(weight) / weight.sum()
@@ -477,7 +459,7 @@ def _alarm(
     there = np.isfinite(z[first + at : end]).sum(axis=0)
     seen = np.flatnonzero(there)
     shift = np.nanmedian(found.residual[first + at : end, seen], axis=0)
-    std = found.residual_std[seen] * np.sqrt(np.pi / 2 * fewer[at, seen] / there[seen])
+    std = found.residual_std[seen] * np.sqrt(np.pi / 2 * fewer[seen] / there[seen])
     names = [found.tracks.names[t] for t in seen]
     change, interval = first + at, (first + low, first + min(high, len(x) - 1))
     if lost[k].any():  # not found since the record after it was last seen
@@ -493,15 +475,3 @@ def _alarm(
         shifts_std=dict(zip(names, map(float, std), strict=True)),
         lost={found.tracks.names[t]: went(found.tracks, int(t), change, end) for t in gone},
     )
-
-
-def _of_means(z: RealArray, most: int) -> RealArray:
-    """Return the variance of the mean of 1 to `most` records times their number, (most, T): it grows as errors follow each other."""
-    x = np.where(np.isfinite(z), z, 0) / np.sqrt(np.isfinite(z).mean(axis=0))
-    sizes = 2 ** np.arange(max(int(np.log2(len(x) / 8)), 0) + 1)
-    variances = []
-    for n in sizes:
-        means = x[: len(x) // n * n].reshape(-1, n, x.shape[1]).mean(axis=1)
-        variances.append(n * np.mean(means**2, axis=0))
-    grown = np.maximum.accumulate(np.array(variances), axis=0)
-    return np.column_stack([np.interp(np.log2(np.arange(1, most + 1)), np.log2(sizes), column) for column in grown.T])

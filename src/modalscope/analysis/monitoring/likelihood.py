@@ -7,6 +7,7 @@ frequencies, damping ratios (both on the scale of the logarithm) and shapes, so 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from scipy.special import expit
@@ -17,6 +18,8 @@ from modalscope.numerics.statistics import assign
 #: Part of the modes that are worse than their deviations say, and how many times: the contaminated normal distribution of
 #: J. W. Tukey, "A survey of sampling from contaminated distributions", 1960. Their damping and MAC may be anything.
 SPOILT, _WIDER = 0.05, 10.0
+
+Each = TypeVar("Each", "Expected", "Found")
 
 #: Probability that a record is of a structure that has changed, and the part that half of all changes move a frequency by at most.
 _CHANGED, _MOVED = 1e-3, 0.05
@@ -41,10 +44,6 @@ class Expected:
     seen: RealArray  # probability of being seen in a record
     believed: BoolArray  # whether stated variances are taken
 
-    def take(self, which: IntArray) -> Expected:
-        """Return some of the tracks."""
-        return Expected(*(getattr(self, name)[which] for name in Expected.__dataclass_fields__))
-
 
 @dataclass(frozen=True)
 class Found:
@@ -67,6 +66,11 @@ class Nothing:
     number: float
     frequencies: float
     dampings: float
+
+
+def some(of: Each, which: IntArray | slice) -> Each:
+    """Return some of the tracks, or of the modes."""
+    return type(of)(*(getattr(of, name)[which] for name in of.__dataclass_fields__))
 
 
 def shape_misfit(shape: ComplexArray, found: Found) -> tuple[RealArray, RealArray]:

@@ -7,7 +7,6 @@ the drift and the presence of every track are estimated from what it holds, as s
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 from scipy.special import expit
@@ -22,8 +21,9 @@ from modalscope.analysis.monitoring.likelihood import (
     gains,
     noise_of,
     shape_misfit,
+    some,
 )
-from modalscope.analysis.monitoring.tracks import DOUBT, Tracks, chosen
+from modalscope.analysis.monitoring.tracks import Tracks, chosen
 from modalscope.data.sameness import log_ratios
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import BoolArray, ComplexArray, IntArray, RealArray
@@ -124,18 +124,15 @@ def followed(tracks: Tracks, sound: BoolArray) -> Tracks:
     for name in ("expected", "drift", "hits", "score", "nothing", "usual"):
         setattr(follower, name, getattr(reference, name))
     middle, first = np.nanmedian(tracks.frequencies[sound], axis=0), int(np.flatnonzero(sound)[0])
-    told = follower.follow(range(first, -1, -1))
-    before = history.record < first
-    track, double = follower.of_mode.copy(), follower.double.copy()
-    follower.of_mode[own], follower.double[own] = reference.of_mode, reference.double
-    later = follower.follow(range(first, len(history)))
-    track, double = np.where(before, track, follower.of_mode), np.where(before, double, follower.double)
+    told = follower.follow(range(first, len(history)))
+    told[:, :first] = follower.follow(range(first - 1, -1, -1))[:, :first] if first else 0
+    track = follower.of_mode
     return replace(
         tracks,
         track=track,
-        double=double,
+        double=follower.double,
         mode_probability=np.where(track >= 0, 1.0, 0.0),
-        levels=np.exp(np.where(np.arange(len(history))[:, None] < first, told[0], later[0])),
+        levels=np.exp(told[0]),
         scatter=np.sqrt(follower.expected.noise) * middle,
         believed=follower.expected.believed,
         called=tuple(f"{k + 1}: {f:.4g} Hz" for k, f in enumerate(middle)),
@@ -186,7 +183,7 @@ class _Follower:
 
     def at(self, k: int) -> Found:
         """Return the modes of a record."""
-        return _some(self.modes, slice(self.starts[k], self.starts[k + 1]))
+        return some(self.modes, slice(self.starts[k], self.starts[k + 1]))
 
     def _usual(self) -> tuple[float, float, float]:
         """Return the variances of level, damping and one component of a shape, by the modes of neighbouring records that are most alike."""
@@ -231,7 +228,7 @@ class _Follower:
         """Begin with tracks whose modes are known, each of one mode at least."""
         counts = np.bincount(of_mode[(of_mode >= 0) & ~double])
         self._bear(
-            _some(self.modes, np.array([np.flatnonzero((of_mode == t) & ~double)[0] for t in range(counts.size)]))
+            some(self.modes, np.array([np.flatnonzero((of_mode == t) & ~double)[0] for t in range(counts.size)]))
         )
         self.of_mode, self.double, self.hits = of_mode.copy(), double.copy(), counts.astype(float)
         self.learn()
@@ -242,7 +239,7 @@ class _Follower:
         for k in range(len(self.history)):
             self._drift(k, max(k - 1, 0))
             active = np.flatnonzero(self.score > birth - _SURE)
-            gain, new = self._assign(k, active, self.expected.take(active))
+            gain, new = self._assign(k, active, some(self.expected, active))
             mine = self.of_mode[self.starts[k] : self.starts[k + 1]]
             mine = np.where(self.double[self.starts[k] : self.starts[k + 1]], -1, mine)
             seen = np.isin(active, mine)
@@ -254,7 +251,7 @@ class _Follower:
             visits[active] += 1
             self.expected.seen[active] = (self.hits[active] + 1) / (visits[active] + 2)
             self.of_mode[self.starts[k] + new] = self.hits.size + np.arange(new.size)
-            self._bear(_some(self.at(k), new))
+            self._bear(some(self.at(k), new))
             visits = np.append(visits, np.ones(new.size))
             nothing += (new.size - nothing) / min(k + 1, 200)
             self.nothing = replace(self.nothing, number=max(nothing, 1 / (k + 10)))
@@ -267,17 +264,18 @@ class _Follower:
         expected, before = self.expected, records[0]
         self._begin_at(before)
         told, every = np.zeros((2, len(self.history), expected.level.size)), np.arange(expected.level.size)
-        self.of_mode[:], self.double[:], self.outlying = -1, False, np.full(every.size, np.inf)
+        self.outlying = np.full(every.size, np.inf)
         for k in records:
             self._drift(k, before)
             before, here = k, slice(self.starts[k], self.starts[k + 1])
+            self.of_mode[here], self.double[here] = -1, False
             if other is None:
                 told[:, k] = expected.level, expected.variance
                 self._assign(k, every, expected)
                 continue
-            gain, _ = self._assign(k, every, _both_sides(expected, other[:, k]))
-            self.probability[here] = _chances(gain, self.of_mode[here])
             both = _both_sides(expected, other[:, k])
+            gain, _ = self._assign(k, every, both)
+            self.probability[here] = _chances(gain, self.of_mode[here])
             told[:, k] = both.level, both.variance
         return told
 
@@ -330,7 +328,7 @@ class _Follower:
     def _update(self, rows: IntArray, columns: IntArray, found: Found) -> None:
         """Move tracks by the modes that they were given."""
         e = self.expected
-        noise = noise_of(e.take(rows), found.noise[columns])
+        noise = noise_of(some(e, rows), found.noise[columns])
         S = e.variance[rows] + noise
         weight, reach = e.variance[rows] / S, _CLIP * np.sqrt(S)
         away = found.level[columns] - e.level[rows]
@@ -394,7 +392,7 @@ class _Follower:
         number[kept] = np.arange(kept.size)
         self.of_mode = number[self.of_mode]
         self.double &= self.of_mode >= 0
-        self.expected = self.expected.take(kept)
+        self.expected = some(self.expected, kept)
         self.drift, self.hits, self.score, self.outlying = (
             a[kept] for a in (self.drift, self.hits, self.score, self.outlying)
         )
@@ -463,10 +461,6 @@ class _Follower:
         return replace(tracks, notes=_notes(tracks))
 
 
-def _some(found: Found, which: IntArray | slice) -> Found:
-    return Found(*(getattr(found, name)[which] for name in Found.__dataclass_fields__))
-
-
 def _both_sides(expected: Expected, other: RealArray) -> Expected:
     """Return what is expected with a second, independent level and variance."""
     level, variance = other
@@ -517,7 +511,7 @@ def _agrees(least: float, most: float, stated: RealArray) -> bool:
 
 
 def _notes(tracks: Tracks) -> tuple[str, ...]:
-    """Return what must be told: contradicted deviations, doubles, doubts, tracks that begin, end or come near each other."""
+    """Return what must be told beside the table: stated deviations that the scatter contradicts."""
     history, said = tracks.history, list(tracks.history.notes)
     stated = tracks.of(history.frequencies_std)
     for k, name in enumerate(tracks.names):
@@ -525,24 +519,4 @@ def _notes(tracks: Tracks) -> tuple[str, ...]:
         if known.size >= _OWN and not tracks.believed[k]:
             ratio = np.median(known) / tracks.scatter[k]
             said.append(f"{name}: stated deviations are {ratio:.2g} times the scatter, which is used")
-    doubles = np.count_nonzero(tracks.double)
-    if doubles:
-        said.append(
-            f"{doubles} modes stand a second time in their record, like one of its tracks: left out of the tracks"
-        )
-    doubt = np.count_nonzero((tracks.track >= 0) & ~tracks.double & (tracks.mode_probability < DOUBT))
-    if doubt:
-        said.append(f"{doubt} modes have a probability below {DOUBT:g} to be of their track")
-    seen = np.isfinite(tracks.frequencies)
-    for k, name in enumerate(tracks.names):
-        where, share = np.flatnonzero(seen[:, k]), seen[:, k].mean()
-        chance = np.log(1e-3) / np.log1p(-min(share, 1 - 1e-9))  # so many records without it are no chance any more
-        for word, empty, at in (("begins", where[0], where[0]), ("ends", len(history) - 1 - where[-1], where[-1])):
-            if empty > chance:
-                said.append(f"{name} {word} at {str(history.times[at].astype('datetime64[m]')).replace('T', ' ')}")
-    for (a, first), (b, second) in pairwise(enumerate(tracks.names)):
-        apart = np.sign(tracks.levels[:, b] - tracks.levels[:, a])
-        crossed = int(np.count_nonzero(np.diff(apart[apart != 0])))
-        if crossed:
-            said.append(f"{first} and {second} cross {crossed} times")
     return tuple(said)
