@@ -13,7 +13,7 @@ from modalscope.analysis.monitoring.change import _bounded
 from modalscope.data import DataError
 from modalscope.numerics.checks import IntArray
 from tests.analysis.monitoring.test_weather import moved, tracks
-from tests.analysis.monitoring.years import SCATTER, WEATHER, damaged, known, tracked
+from tests.analysis.monitoring.years import SCATTER, SOUND, WEATHER, damaged, known, tracked
 
 HALF = ("1970-01-01", "1970-02-10")
 
@@ -95,7 +95,7 @@ def test_a_mode_that_is_not_found_is_an_alarm_that_says_where_it_may_be() -> Non
             damping_ratios=z,
             covariates=history.covariates,
         )
-        (alarm,) = alarms(known(less, truth[kept], 5), reference=np.arange(400) < 250).alarms
+        (alarm,) = alarms(known(less, truth[kept], SCATTER * SOUND), reference=np.arange(400) < 250).alarms
         assert list(alarm.lost) == ["3: 3 Hz"] if not there else set(alarm.lost) <= {"3: 3 Hz"}
         assert 0 <= alarm.time / 3600 - 300 < 12
         assert alarm.interval[0] <= 3600 * 300 <= alarm.interval[1] + 3600 * 4
@@ -117,7 +117,10 @@ def test_no_damage_is_too_large_to_be_told(weather: str, size: float, modes: int
 
 def test_what_comes_later_changes_no_track_of_the_reference() -> None:
     sound, damage = (damaged(400, 5, at=300, size=size, modes=5) for size in (0, 0.2))
-    found = [alarms(known(*each, 5), reference=np.arange(400) < 240).explained.tracks for each in (sound, damage)]
+    found = [
+        alarms(known(*each, SCATTER * SOUND), reference=np.arange(400) < 240).explained.tracks
+        for each in (sound, damage)
+    ]
     assert found[0].names == found[1].names
     assert np.array_equal(found[0].frequencies[:240], found[1].frequencies[:240], equal_nan=True)
 
@@ -182,7 +185,7 @@ def test_false_alarms_of_two_hundred_years(
     counts = []
     for seed in range(5000, 5000 + years):
         history, truth = damaged(2461, seed, weather=weather, hours=6.0)
-        counts.append(len(alarms(known(history, truth, 5), reference=np.arange(2461) < 1000, seed=seed)))
+        counts.append(len(alarms(known(history, truth, SCATTER * SOUND), reference=np.arange(2461) < 1000, seed=seed)))
     words = ", followed" if follow else ""
     table = study(f"{years} years without damage, weather {weather}{words}", f"{years} years, seeds from 5000")
     most = 1.2 if years > 50 else 3.0

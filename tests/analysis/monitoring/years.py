@@ -161,19 +161,19 @@ def tracked(records: int, seed: int, *, spoilt: float = 0.05, shift: float = 0.0
         shapes=np.eye(8)[mode] + 0.03 * draw.standard_normal((mode.size, 8)),
         covariates={"temperature": temperature + 0.3 * draw.standard_normal(records)},
     )
-    return known(history, mode, 8)
+    return known(history, mode, NOISE * FREQUENCIES)
 
 
-def known(history: History, mode: IntArray, count: int) -> Tracks:
-    """Return tracks as the true modes make them; -1 for modes of none."""
+def known(history: History, mode: IntArray, scatter: RealArray) -> Tracks:
+    """Return tracks as the true modes make them; -1 for modes of none. `scatter`: Hz."""
     return Tracks(
         history=history,
         track=mode,
         mode_probability=np.ones(mode.size),
         double=np.zeros(mode.size, bool),
-        levels=np.ones((len(history), count)),
-        scatter=np.full(count, 1e-3),
-        believed=np.zeros(count, bool),
+        levels=np.ones((len(history), scatter.size)),
+        scatter=scatter,
+        believed=np.zeros(scatter.size, bool),
     )
 
 

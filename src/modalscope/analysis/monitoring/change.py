@@ -341,7 +341,8 @@ class _Chart:
         part = len(covariance) / (len(covariance) + len(z))
         covariance = (1 - part) * covariance + part * np.diag(np.diag(covariance))
         values, vectors = np.linalg.eigh(covariance)
-        return replace(self, root=vectors / np.sqrt(np.maximum(values, 1e-3 * values[-1])))
+        # what was taken out leaves a direction without residuals, which is not to count more than others
+        return replace(self, root=vectors / np.sqrt(np.maximum(values, 0.5 * np.median(values))))
 
     def run(self, z: RealArray, hours: RealArray) -> RealArray:
         """Return the chart of paths of residuals (S, R, T), (S, R); where a track was not seen it stays as it was."""
@@ -397,9 +398,9 @@ def _spectra_again(
 ) -> RealArray:
     """Return normal errors with the spectra of the reference, and those between tracks (S, R, T): what an average makes of any errors.
 
-    Each line is that of the reference times a normal number, the same for all tracks (after D. Prichard and J. Theiler, "Generating
-    surrogate data for time series with several simultaneously measured variables", 1994). The variance of averages is known from few of
-    them: so uncertain is the size of each path.
+    Each line is that of the reference with another phase, the same for all tracks, so that a daily swing stays as large as it is (D. Prichard
+    and J. Theiler, "Generating surrogate data for time series with several simultaneously measured variables", 1994). The variance of
+    averages is known from few of them: so uncertain is the size of each path.
     """
     x = _bounded(z)
     x = np.where(np.isfinite(x), x, 0) / np.sqrt(np.isfinite(x).mean(axis=0))
@@ -409,8 +410,7 @@ def _spectra_again(
     degrees = len(z) / np.array([inflation(column**2) for column in averages.T])
     pieces = []
     for _ in range(-(-records // len(z))):
-        lines = draw.standard_normal((2, paths, len(spectrum), 1))
-        turned = spectrum * (lines[0] + 1j * lines[1]) / np.sqrt(2)
+        turned = spectrum * np.exp(2j * np.pi * draw.random((paths, len(spectrum), 1)))
         pieces.append(np.fft.irfft(turned, len(z), axis=1))
     sizes = np.sqrt(degrees / draw.chisquare(degrees, (paths, 1, degrees.size)))
     return np.asarray(np.concatenate(pieces, axis=1)[:, :records] * sizes)

@@ -15,6 +15,9 @@ from modalscope.numerics.errors import DataError
 #: Hours over which a structure may follow the air, of which the likelihood chooses.
 _LAGS = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 
+#: Deviations of a frequency by which noise alone goes beyond the range that a reference shows.
+_MARGIN = 3.0
+
 #: Part of the records on the rarer side of a knee, and records a regressor, at least.
 _KNEE_SHARE, _LEAST = 0.05, 10
 
@@ -201,13 +204,11 @@ def in_common(y: RealArray, noise: RealArray, inside: BoolArray) -> Regression:
         if values[tracks - large - 1] <= edge:
             break
     usual = np.flatnonzero(inside)[weight > 0.5]
-    ends = (
-        np.nanmin(np.where(known[usual], z[usual], 0), axis=0),
-        np.nanmax(np.where(known[usual], z[usual], 0), axis=0),
-    )
+    held = np.where(known[usual], z[usual], 0)
+    ends = held.min(axis=0) - _MARGIN, held.max(axis=0) + _MARGIN
     enough = known.sum(axis=1, keepdims=True) > large
     scores = np.where(enough, _scores(np.clip(z, *ends) - mean, known, loads), np.nan)
-    bounds = (np.nanmin(scores[usual], axis=0), np.nanmax(scores[usual], axis=0)) if usual.size else (-np.inf, np.inf)
+    bounds = np.nanmin(scores[usual], axis=0) - _MARGIN, np.nanmax(scores[usual], axis=0) + _MARGIN
     X = np.column_stack([np.ones(len(y)), np.clip(scores, *bounds)])
     fits = [_fit(y[inside, t], X[inside], np.zeros((count, X.shape[1], X.shape[1]))) for t in range(tracks)]
     names = ("constant", *(f"component {k + 1}" for k in range(large)))
