@@ -112,7 +112,7 @@ def test_no_damage_is_too_large_to_be_told(weather: str, size: float, modes: int
     history, _ = damaged(400, 5, at=300, size=size, modes=modes, weather=weather)
     first = alarms(track(history), reference=np.arange(400) < 240).alarms[0]
     assert 0 <= first.time / 3600 - 300 < 12
-    assert first.shifts["1: 1.2 Hz"] == pytest.approx(-size, abs=0.3 * size)
+    assert -1.3 * size < first.shifts["1: 1.2 Hz"] < (-0.3 if weather == "not measured" else -0.7) * size
 
 
 def test_what_comes_later_changes_no_track_of_the_reference() -> None:

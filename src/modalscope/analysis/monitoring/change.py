@@ -398,8 +398,8 @@ def _spectra_again(
 ) -> RealArray:
     """Return normal errors with the spectra of the reference, and those between tracks (S, R, T): what an average makes of any errors.
 
-    Each line is that of the reference with another phase, the same for all tracks, so that a daily swing stays as large as it is (D. Prichard
-    and J. Theiler, "Generating surrogate data for time series with several simultaneously measured variables", 1994). The variance of
+    Each line is that of the reference with another phase, the same for all tracks, so that a daily swing stays as large (D. Prichard and
+    J. Theiler, "Generating surrogate data for time series with several simultaneously measured variables", 1994). The variance of
     averages is known from few of them: so uncertain is the size of each path.
     """
     x = _bounded(z)

@@ -274,5 +274,4 @@ def read_history(path: str | Path, *, damping: str = "auto") -> History:
     DataError
         h5py is missing, a damaged file, no frequencies or times in it.
     """
-    found = History(**added(READINGS, "history")(check_path(path), damping))
-    return found
+    return History(**added(READINGS, "history")(check_path(path), damping))

@@ -211,11 +211,10 @@ class Store:
         hours : float
         """
         when, reach = round(1000 * alarm.time), round(3.6e6 * hours)
+        near, told = (_ALARM + "%", when - reach, when + reach), (f"{_ALARM}{when}", 0, when, "")
         with self._transaction():
-            near = (_ALARM + "%", when - reach, when + reach)
             if self._file.execute("SELECT 1 FROM seen WHERE path LIKE ? AND changed BETWEEN ? AND ?", near).fetchone():
                 return False
-            told = (f"{_ALARM}{when}", 0, when, "")
             self._file.execute("INSERT INTO seen VALUES (?, ?, ?, ?)", told)
             return True
 

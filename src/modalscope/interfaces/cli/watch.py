@@ -31,13 +31,7 @@ def add_watch(parser: Parser) -> None:
         metavar="SECONDS",
         help="seconds between two checks of the folder (default: 10)",
     )
-    add(
-        "--settled",
-        type=float,
-        default=60.0,
-        metavar="SECONDS",
-        help="a file is taken when it has stood still for so long (default: 60)",
-    )
+    add("--settled", type=float, default=60.0, metavar="SECONDS", help="how long a file stands still (default: 60)")
     add("--jobs", type=int, default=1, metavar="N", help="number of processes (default: 1)")
     add("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers identify; local:4 starts four processes")
     words = "report of the period, .html: tracks, covariates, control chart, records that could not be used"
