@@ -10,9 +10,8 @@ import pytest
 from modalscope import DataError
 from modalscope.data.results import StabilizationDiagram
 from modalscope.identification.orders import SLACK
-from modalscope.selection.judging.evidence import Candidate, _none_twice
 from modalscope.selection.judging.select import select
-from tests.selection.judging.made import NUDGE, Pole, at_angle, diagram_of, poles_of, response_of
+from tests.selection.judging.made import NUDGE, Pole, diagram_of, response_of
 
 ONE = Pole(2, 8, 0.02, shape=(1, 2), part=(0.5, 1, -2))
 TWO = Pole(2, 14, 0.01, shape=(3, -1), part=(1, 0.5, 1))
@@ -124,42 +123,6 @@ def test_of_exact_data_the_modes_are_the_poles_of_their_rank() -> None:
 def test_a_pole_of_exact_data_that_contributes_rounding_is_no_mode(part: float, count: int) -> None:
     made = [ONE, TWO, RARE._replace(part=(part, 0, 0))]
     assert len(select(diagram_of(*made, response=RESPONSE, exact_rank=2))) == count
-
-
-# ------------------------------------------------------------------------------------------------------------ none twice
-
-
-def kept(*groups: list[Pole]) -> list[int]:
-    """Return which of several groups are kept, by their place."""
-    poles = poles_of(*(p for group in groups for p in group))
-    ends = np.cumsum([0, *(len(group) for group in groups)])
-    candidates = [
-        Candidate(np.arange(a, b), group[0].f, group[0].zeta, {"place": k}, ())
-        for k, (group, a, b) in enumerate(zip(groups, ends[:-1], ends[1:], strict=True))
-    ]
-    return sorted(c.facts["place"] for c in _none_twice(poles, candidates) if not c.against)
-
-
-MANY = at(Pole(2, 10, 0.02), range(2, 12, 2))
-
-
-def test_of_two_that_are_the_same_the_one_at_fewer_orders_goes() -> None:
-    assert kept(MANY, MANY[:3]) == [0]
-    assert kept(MANY[:3], MANY) == [1]
-
-
-@pytest.mark.parametrize(("side", "left"), [(-1, [0]), (1, [0, 1])])
-def test_the_same_lies_within_the_larger_half_bandwidth(side: int, left: list[int]) -> None:
-    # the half bandwidth is 0.2 Hz, that of the other 0.05 Hz
-    few = at(Pole(2, 10 + 0.2 * (1 + side * NUDGE), 0.005), range(2, 8, 2))
-    assert kept(MANY, few) == left
-    # and the other way round
-    assert kept(at(Pole(2, 10, 0.005), range(2, 12, 2)), at(Pole(2, 10 - 0.198, 0.0204), range(2, 8, 2))) == [0]
-
-
-@pytest.mark.parametrize(("likeness", "left"), [(0.9 + NUDGE, [0]), (0.9 - NUDGE, [0, 1])])
-def test_the_same_has_the_same_shape(likeness: float, left: list[int]) -> None:
-    assert kept(MANY, at(Pole(2, 10, 0.02, shape=at_angle(likeness)), range(2, 8, 2))) == left
 
 
 # --------------------------------------------------------------------------------------------------------------- by hand

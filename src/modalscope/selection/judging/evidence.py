@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from modalscope.data.indicators import cmif, mac, prominence
+from modalscope.data.indicators import cmif, prominence
 from modalscope.data.rebuilt import of_diagram, peak_sizes
 from modalscope.data.response import Response, output_scale
 from modalscope.data.results import StabilizationDiagram
@@ -238,9 +238,6 @@ def _orders_of(facts: dict[str, Any]) -> str:
 # ------------------------------------------------------------------------------------------------------------- counted
 # Modes by counting orders: where the errors of the data have no likelihood that modes could maximize.
 
-#: Minimum MAC of two modes within a half bandwidth that are one.
-SAME_SHAPE = 0.9
-
 
 def counted(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> tuple[Poles, list[Candidate]]:
     """Return the groups of poles that agree over orders, splits merged, with what speaks for each and what against."""
@@ -254,7 +251,7 @@ def counted(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> 
         judge(poles, group, peak, fit, evidence, float(left_open), _height(diagram, poles, group))
         for group, left_open in zip(groups, _all_left_open(diagram, poles, groups), strict=True)
     ]
-    return every, _none_twice(poles, candidates)
+    return every, candidates
 
 
 def _known(diagram: StabilizationDiagram) -> RealArray | None:
@@ -297,22 +294,3 @@ def _height(diagram: StabilizationDiagram, poles: Poles, group: Array) -> float:
 def _of_most(values: RealArray) -> float:
     """Return the typical deviation of a group; NaN where it is withheld at most of its members: the others are those that split."""
     return typical_deviation(values) if np.isfinite(values).mean() >= _MIN_SHARE_WITH_DEVIATION else float("nan")
-
-
-def _none_twice(poles: Poles, candidates: list[Candidate]) -> list[Candidate]:
-    """Speak, of two modes within a half bandwidth and of one shape, against the one found at fewer orders."""
-    kept: list[Candidate] = []
-    others = [c for c in candidates if c.against]
-    for c in sorted((c for c in candidates if not c.against), key=lambda c: (-c.members.size, c.frequency)):
-        host = next((k for k in kept if _the_same(poles, c, k)), None)
-        if host is None:
-            kept.append(c)
-        else:
-            others.append(replace(c, against=(f"duplicate of {host.frequency:.5g} Hz, which is found at more orders",)))
-    return kept + others
-
-
-def _the_same(poles: Poles, c: Candidate, k: Candidate) -> bool:
-    near = abs(c.frequency - k.frequency) < max(c.frequency * c.damping, k.frequency * k.damping)
-    alike = np.median(mac(poles.shape[c.members].T, poles.shape[k.members].T)) > SAME_SHAPE
-    return bool(near and alike and c.members.size > 1)
