@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import tomllib
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from modalscope import methods
 from tests.support import ROOT
+from tools.home import written
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 PAPER = (ROOT / "paper" / "paper.md").read_text(encoding="utf-8")
@@ -95,3 +98,60 @@ def test_the_figures_of_the_paper_are_those_of_the_commands_beside_them() -> Non
     for figure in ("334", "0.8 s a record", "67", "12 records", "12 s a record"):
         assert figure in hold
         assert figure in paper
+
+
+def places(root: Path) -> list[Any]:
+    """Return what each file says of where the sources are, None where it says nothing."""
+    urls = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"].get("urls", {})
+    citation = re.search(
+        r'^repository-code: "(.*)"$', (root / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE
+    )
+    codemeta = json.loads((root / "codemeta.json").read_text(encoding="utf-8"))
+    return [urls.get("Source"), citation and citation.group(1), codemeta.get("codeRepository")]
+
+
+def test_where_the_project_lives_is_said_once_and_everywhere(tmp_path: Path) -> None:
+    assert len(set(places(ROOT))) == 1
+    for name in ("pyproject.toml", "CITATION.cff", "codemeta.json"):
+        shutil.copy(ROOT / name, tmp_path)
+    written("https://example.org/first/", "https://example.org/docs", tmp_path)
+    once = {path.name: path.read_text(encoding="utf-8") for path in tmp_path.iterdir()}
+    written("https://example.org/second", "https://example.org/docs/", tmp_path)
+    assert places(tmp_path) == ["https://example.org/second"] * 3
+    written("https://example.org/first", "https://example.org/docs/", tmp_path)
+    assert {path.name: path.read_text(encoding="utf-8") for path in tmp_path.iterdir()} == once
+    with pytest.raises(ValueError, match="begins with https://"):
+        written("example.org", "https://example.org/docs", tmp_path)
+
+
+def workflow(name: str) -> Any:
+    return told(f".github/workflows/{name}.yml")["jobs"]
+
+
+def test_a_change_is_tried_on_three_systems_and_by_every_python_that_is_declared() -> None:
+    matrix = workflow("tests")["tests"]["strategy"]["matrix"]
+    declared = [text.rpartition(" ")[2] for text in PROJECT["classifiers"] if re.search(r":: 3\.\d+$", text)]
+    assert matrix["python"] == declared == ["3.11", "3.12", "3.13", "3.14"]
+    assert len({system.partition("-")[0] for system in matrix["system"]}) == 3
+    assert workflow("tests")["packages"]["steps"][-1]["run"] == "make versions"
+
+
+def test_a_release_holds_no_password_and_is_signed_where_it_is_built() -> None:
+    jobs = workflow("release")
+    assert "secrets." not in (ROOT / ".github" / "workflows" / "release.yml").read_text(encoding="utf-8")
+    used = {name: [step.get("uses", "").partition("@")[0] for step in job["steps"]] for name, job in jobs.items()}
+    assert {"actions/attest-build-provenance", "actions/attest-sbom"} <= set(used["build"])
+    assert jobs["publish"]["permissions"] == {"id-token": "write"}
+    assert used["publish"] == ["actions/download-artifact", "pypa/gh-action-pypi-publish"]
+    assert jobs["publish"]["environment"] == "release"
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / ".github" / "workflows").glob("*.yml")), ids=lambda path: path.stem)
+def test_a_workflow_asks_make_for_what_there_is(path: Path) -> None:
+    targets = set(re.findall(r"^([\w-]+):(?!=)", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+    text = path.read_text(encoding="utf-8") + (ROOT / ".readthedocs.yaml").read_text(encoding="utf-8")
+    asked = {word for line in re.findall(r"\bmake ((?:[\w-]+ ?)+)$", text, re.MULTILINE) for word in line.split()}
+    assert asked
+    assert asked <= targets
+    jobs = workflow(path.stem).values()
+    assert all("timeout-minutes" in job for job in jobs)
