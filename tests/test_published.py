@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from modalscope import methods
+from modalscope.interfaces.cli.commands import COMMANDS
 from tests.support import ROOT
 from tools.home import written
 
@@ -155,3 +156,20 @@ def test_a_workflow_asks_make_for_what_there_is(path: Path) -> None:
     assert asked <= targets
     jobs = workflow(path.stem).values()
     assert all("timeout-minutes" in job for job in jobs)
+
+
+FORMS = sorted((ROOT / ".github" / "ISSUE_TEMPLATE").glob("[0-9]*.yml"))
+
+
+@pytest.mark.parametrize("path", FORMS, ids=lambda path: path.stem)
+def test_a_form_asks_for_what_the_answer_needs(path: Path) -> None:
+    form = told(f".github/ISSUE_TEMPLATE/{path.name}")
+    assert {"name", "description", "body"} <= set(form)
+    asked = {each["id"]: each for each in form["body"] if each["type"] != "markdown"}
+    assert "version" in asked
+    assert all(each["attributes"]["label"] for each in asked.values())
+    text = path.read_text(encoding="utf-8")
+    commands = set(re.findall(r"`modalscope (\w+)", text))
+    assert commands <= {command.name for command in COMMANDS}
+    wanted = {"1-file": {"info", "origin", "expected"}, "2-modes": {"info", "document", "command"}, "3-other": {"what"}}
+    assert {name for name, each in asked.items() if each.get("validations", {}).get("required")} >= wanted[path.stem]

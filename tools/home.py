@@ -52,7 +52,7 @@ def main() -> int:
     if len(sys.argv) != 3:
         print(__doc__, file=sys.stderr)
         return 2
-    written(*sys.argv[1:])
+    written(sys.argv[1], sys.argv[2])
     return 0
 
 
