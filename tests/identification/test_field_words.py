@@ -30,6 +30,8 @@ ANSWERED = {
     "MMIF": "indicator", "MLE": "refine", "MLMM": "refine", "matrix pencil": "esprit", "circle fit": "band",
     "half-power": "band", "subspace": "n4sid", "ARX": "n4sid", "STD": "itd", "normal mode": "tuned_dwell",
     "phase resonance": "tuned_dwell", "OMA": "ssi-cov", "EMA": "identify", "OMAX": "n4sid",
+    "BAYOMA": "posterior under a flat prior", "Bayesian FFT": "refine", "SSI-dat": "ssi-data", "LSRF": "polyreference",
+    "AR": "ssi-cov", "Ewins-Gleeson": "band",
 }  # fmt: skip
 
 
