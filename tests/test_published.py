@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import re
 import shutil
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -99,6 +101,16 @@ def test_the_figures_of_the_paper_are_those_of_the_commands_beside_them() -> Non
     for figure in ("334", "0.8 s a record", "67", "12 records", "12 s a record"):
         assert figure in hold
         assert figure in paper
+
+
+@pytest.mark.slow
+def test_what_the_paper_says_of_the_report_is_what_reproduce_prints(tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "modalscope", "reproduce"]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=True)
+    paper = " ".join(PAPER.split())
+    for figure, said in re.findall(r"^(\d+ of \d+) (published values|sections)", done.stdout, re.MULTILINE):
+        assert f"{figure} {said.removeprefix('published ')}" in paper
+    assert done.stdout.count(" of ") >= 2
 
 
 def places(root: Path) -> list[Any]:
