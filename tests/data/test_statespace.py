@@ -181,7 +181,7 @@ def test_a_pole_on_the_negative_real_axis_has_no_continuous_model() -> None:
         (lambda: _one().to_discrete(0.1).to_discrete(0.1), r"Call to_continuous\(\) first"),
         (lambda: _one().transfer(-1.0), "at a pole: it is infinite there"),
         (lambda: _one().transformed([[0.0]]), "singular"),
-        (lambda: _one().to_discrete(0.1).simulate(np.ones((3, 2))), "1 inputs: there are 2"),
+        (lambda: _one().to_discrete(0.1).simulate(np.ones((3, 2))), "the model has 1 inputs, but there are 2"),
         (lambda: _one().to_discrete(0.1).simulate(np.ones((3, 1)), [1, 2]), "initial needs 1 entries, but it has 2"),
         (lambda: _one().to_discrete(0.1).impulse_response(0), "samples needs a whole number of at least 1"),
     ],

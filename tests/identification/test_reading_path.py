@@ -65,11 +65,13 @@ def check_equal(plain: StabilizationDiagram, usual: StabilizationDiagram, residu
             np.testing.assert_allclose(values, usual.indicators[name], atol=1e-6, err_msg=name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["era", "polyreference", "alternate", "least_squares"])
 def test_the_diagram_of_the_beam_is_that_of_plain_steps(method: str) -> None:
     check_equal(*both(ms.datasets.load("beam_hammer"), method=method, band=(100, 4500)))
 
 
+@pytest.mark.slow
 def test_the_same_modes_are_selected_from_plain_steps() -> None:
     lists = [ms.select(diagram) for diagram in both(ms.datasets.load("beam_hammer"), band=(100, 4500))]
     np.testing.assert_allclose(lists[0].frequencies, lists[1].frequencies, rtol=1e-9)

@@ -105,6 +105,7 @@ def test_a_mode_that_is_not_found_is_an_alarm_that_says_where_it_may_be() -> Non
             assert json.loads(json.dumps(alarm.to_dict()))["lost"] == {"3: 3 Hz": {"may_be_at": None}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("weather", "size", "modes"), [("steady", 0.1, 1), ("not measured", 0.02, 5), ("measured", 0.4, 5)]
 )
@@ -115,6 +116,7 @@ def test_no_damage_is_too_large_to_be_told(weather: str, size: float, modes: int
     assert -1.3 * size < first.shifts["1: 1.2 Hz"] < (-0.3 if weather == "not measured" else -0.7) * size
 
 
+@pytest.mark.slow
 def test_what_comes_later_changes_no_track_of_the_reference() -> None:
     sound, damage = (damaged(400, 5, at=300, size=size, modes=5) for size in (0, 0.2))
     found = [

@@ -225,6 +225,7 @@ def _killed(path: Path, times: int) -> None:
     assert before > 0
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="the system has no kill -9")
 def test_nothing_is_lost_or_twice_when_it_is_killed(tmp_path: Path) -> None:
     _killed(tmp_path / "a.modes", 1)
@@ -248,6 +249,7 @@ def months(store: Store) -> Store:
     return store
 
 
+@pytest.mark.slow
 def test_a_store_gives_tracks_what_moves_them_and_alarms(months: Store) -> None:
     hours = np.arange(240)
     tracks = months.tracks()

@@ -48,6 +48,7 @@ def test_the_best_candidate_explains_what_it_was_not_fitted_to_and_has_the_order
     assert "n4sid" in validation.table()
 
 
+@pytest.mark.slow
 def test_the_held_out_part_is_not_fitted() -> None:
     """Noise put on the last quarter alone leaves the candidates as they are, and their score falls."""
     clean = record()
@@ -293,6 +294,7 @@ def test_nothing_is_held_out_where_that_is_asked_and_of_responses() -> None:
     refused("from 0 and below 0.9", ms.realize, record(), holdout=0.9)
 
 
+@pytest.mark.slow
 def test_a_model_is_validated_on_another_record() -> None:
     model, fresh = ms.realize(record(), order=10), record(800, seed=5)
     seen = ms.validate(model, fresh)

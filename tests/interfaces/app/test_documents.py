@@ -18,6 +18,7 @@ from tests.interfaces.app.server import SMALL, Served, served, until
 FEW = list(range(2, 21, 2))
 
 
+@pytest.mark.slow
 def test_the_modes_are_those_of_replay_to_the_last_digit(server: Served, key: str) -> None:
     server.act(key, "refuse", frequency=server.modes(key)["modes"][1]["frequency"])
     state = server.settled(key)
