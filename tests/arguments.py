@@ -344,6 +344,7 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "monitoring.Store.add": lambda t: {"files": t["samples"], "time": next(NUMBERS), "method": "era", "orders": (2, 4)},
     "monitoring.Store.add_covariates": lambda t: {"name": "air", "times": [0.0, 1.0], "values": [1.0, 2.0]},
     "monitoring.Store.add_modes": lambda t: {"modes": t["modes"], "time": 0.0},
+    "monitoring.Store.tell": lambda t: {"alarm": ALARM},
     "monitoring.Store.put": lambda t: {"entry": Entry(sha256=str(next(NUMBERS)), name="a", time=0.0)},
     "monitoring.Store.alarms": lambda t: {},
     "monitoring.Store.tracks": lambda t: {},
