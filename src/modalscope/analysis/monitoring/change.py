@@ -296,8 +296,8 @@ def _missing(found: Explained, judged: BoolArray, hours: RealArray, rate: float)
 def _stepped(z: RealArray, inside: BoolArray, judged: BoolArray, coefficients: int, chance: float) -> RealArray:
     """Return the largest t of a step of any track that ends at each record, over what chance gives in all records together, (R,).
 
-    The means of the last 1, 2, 4, ... records are held against the reference. A record counts as far as the limit, so that no single
-    one makes an alarm beyond which a mean of four does not.
+    The means of the last 4, 8, 16, ... records are held against the reference. A record counts as far as the limit, so that no single one
+    makes an alarm.
     """
     found = np.zeros(len(z))
     sizes = 2 ** np.arange(2, max(int(np.log2(max(judged.sum(), 4))), 2) + 1)

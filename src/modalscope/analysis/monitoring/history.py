@@ -28,6 +28,7 @@ from modalscope.numerics.checks import (
     real_array,
 )
 from modalscope.numerics.errors import DataError, optional_package
+from modalscope.numerics.functions.poles import poles_from
 from modalscope.numerics.plugins import READINGS, added
 
 #: Columns of the table of modes -> fields.
@@ -218,9 +219,8 @@ def part_of(history: History, which: BoolArray) -> History:
 
 def modes_of(history: History, which: IntArray) -> ModalModel:
     """Return some of the modes as a model."""
-    w, zeta = 2 * np.pi * history.frequencies[which], np.clip(np.nan_to_num(history.damping_ratios[which]), 0, 0.99)
-    shapes = np.nan_to_num(history.shapes[which]).T
-    return ModalModel(poles=w * (-zeta + 1j * np.sqrt(1 - zeta**2)), shapes=shapes, output_dofs=history.output_dofs)
+    poles = poles_from(history.frequencies[which], np.clip(np.nan_to_num(history.damping_ratios[which]), 0, 0.99))
+    return ModalModel(poles=poles, shapes=np.nan_to_num(history.shapes[which]).T, output_dofs=history.output_dofs)
 
 
 def rows_of(modes: ModalModel) -> dict[str, Any]:

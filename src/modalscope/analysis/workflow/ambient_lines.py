@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from modalscope.analysis.workflow.setups import glued
+from modalscope.data.geometry import indices_of
 from modalscope.data.indicators import mac, with_indicators_of_shapes
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
@@ -93,7 +94,7 @@ def with_lines_of_setups(setups: Setups, modes: ModalModel) -> ModalModel:
     if not len(modes):
         return modes
     outputs, band = modes.output_dofs, (0.0, 1.1 * float(modes.frequencies.max()))
-    places = [[outputs.index(dof) for dof in part.output_dofs] for part in setups.parts]
+    places = [indices_of("output", part.output_dofs, outputs) for part in setups.parts]
     each = [
         line_shapes(part, modes.select(outputs=list(part.output_dofs)), machines_in(find_lines(part, band)))
         for part in setups.parts

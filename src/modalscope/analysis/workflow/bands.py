@@ -13,6 +13,7 @@ import numpy as np
 
 from modalscope.analysis.workflow.refining import refined_where_it_helps
 from modalscope.data.analysis import Analysis
+from modalscope.data.geometry import indices_of
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals, as_records
@@ -189,11 +190,9 @@ def _plain(data: Any) -> bool:
 
 def _of_channels(level: Whitening, whole: Response, part: Response) -> Whitening:
     """Return levels of the channels that a part of a response has."""
-    outputs, inputs = ({dof: k for k, dof in enumerate(dofs)} for dofs in (whole.output_dofs, whole.input_dofs))
-    return Whitening(
-        level.outputs[[outputs[dof] for dof in part.output_dofs]],
-        level.references[[inputs[dof] for dof in part.input_dofs]],
-    )
+    outputs = indices_of("output", part.output_dofs, whole.output_dofs)
+    inputs = indices_of("input", part.input_dofs, whole.input_dofs)
+    return Whitening(level.outputs[outputs], level.references[inputs])
 
 
 def in_units(diagram: StabilizationDiagram, level: Whitening) -> StabilizationDiagram:

@@ -10,6 +10,7 @@ import numpy as np
 
 from modalscope.analysis.workflow.shapes import free_residues
 from modalscope.data.channels import AUTO, Groups, check_groups, source_of
+from modalscope.data.geometry import indices_of
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Candidate, Note
 from modalscope.data.response import Response
@@ -126,7 +127,7 @@ def merge_modes(
     kept, f, zeta = [kept[k] for k in order], f[order], zeta[order]
     poles = poles_from(f, zeta)
     outputs = tuple(dict.fromkeys(dof for part in parts for dof in part.output_dofs))
-    places = [[outputs.index(dof) for dof in part.output_dofs] for part in parts]
+    places = [indices_of("output", part.output_dofs, outputs) for part in parts]
     even = [np.ones(len(place)) for place in places]
     glues = [glued(x, even, places, len(outputs))[0] for x in _pieces(parts, kept, poles, given)]
     shapes = np.array(glues, dtype=complex).reshape(-1, len(outputs)).T
