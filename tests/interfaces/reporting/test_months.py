@@ -41,8 +41,8 @@ def test_a_report_of_months_is_one_file_with_its_pictures_and_what_was_refused(s
 
 @pytest.mark.slow
 def test_where_there_is_no_chart_its_section_says_why(store: Store) -> None:
-    sections = {each.anchor: each.body for each in months_sections(store, reference=(0, 3600 * 50))}
-    assert "Give 100 records, or more" in sections["chart"]
+    sections = {each.anchor: each.body for each in months_sections(store, reference=(0, 3600 * 10))}
+    assert "Give 20 records, or more" in sections["chart"]
     assert list(sections) == ["summary", "tracks", "chart", "refused"]
     store.close()
 
