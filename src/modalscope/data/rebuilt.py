@@ -240,5 +240,7 @@ def _in_the_data(response: Response, poles: Array, shapes: Array, participation:
     own = poles - response.added_damping
     t0 = response.steps_late / (response.sampling_rate or 1.0)
     driven = response.driven(own, participation)
-    size = np.linalg.norm(shapes / output_scale(response), axis=1) * driven * np.exp(own.real * t0)
+    parts, weights = np.ascontiguousarray(shapes).view(np.float64), np.repeat(output_scale(response) ** -2.0, 2)
+    level = np.sqrt(np.einsum("pl,pl,l->p", parts, parts, weights))  # of many poles and outputs shapes are large
+    size = level * driven * np.exp(own.real * t0)
     return size, np.maximum(np.abs(own.real), 1e-12 * np.abs(own))

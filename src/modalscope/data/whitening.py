@@ -11,7 +11,7 @@ from modalscope.data.mode_fields import DIRECT
 from modalscope.data.modes import ModalModel
 from modalscope.data.records import Signals
 from modalscope.data.response import Response
-from modalscope.numerics.checks import Array, RealArray
+from modalscope.numerics.checks import Array, RealArray, sealed
 from modalscope.numerics.statistics import levels_of_table
 
 #: Minimum eigenvalue of the normed covariance relative to the largest: channels may depend on each other to rounding.
@@ -92,7 +92,7 @@ class Whitening:
 
     def of_response(self, response: Some) -> Some:
         """Return a response in these combinations; labels stay, each the name of its row."""
-        changed: dict[str, Any] = {"values": self.of_values(response.values)}
+        changed: dict[str, Any] = {"values": sealed(self.of_values(response.values))}
         if response.feedthrough is not None:
             changed["feedthrough"] = self.of_values(response.feedthrough)
         if response.variance is not None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from modalscope.numerics.checks import Array, RealArray
@@ -93,3 +95,21 @@ def assign(cost: RealArray) -> tuple[Array, Array]:
 
     rows, columns = linear_sum_assignment(cost)
     return np.asarray(rows), np.asarray(columns)
+
+
+#: Channels that tell what all have in common, evenly among more: a mean over them is then known to 1 / sqrt(2000).
+_TOLD_BY = 2000
+
+#: Numbers that are computed at a time: they stay in the cache.
+_NUMBERS_AT_A_TIME = 1 << 16
+
+
+def telling(channels: int) -> slice:
+    """Return every n-th channel, the fewest n that leave no more than tell what all have in common."""
+    return slice(None, None, -(-channels // _TOLD_BY))
+
+
+def few_channels(lines: int, channels: int, numbers: int = _NUMBERS_AT_A_TIME) -> Iterator[slice]:
+    """Yield some channels after others, of about so many `numbers`: by default as many as stay in the cache."""
+    step = max(numbers // max(lines, 1), 1)
+    return (slice(k, k + step) for k in range(0, channels, step))

@@ -112,9 +112,9 @@ def looked_at(
     seen, ambient = _seen(data, document)
     seen, reciprocal, told = _exchanged(seen, document)
     level = _levels(seen, document)
-    within = seen if level is None else level.of_response(seen)
 
     def sweep(band: Band, orders: Sequence[int] | None = document.orders) -> StabilizationDiagram:
+        within = seen if level is None else level.of_response(seen)
         found = stabilize(
             within,
             method=document.method,
@@ -128,7 +128,10 @@ def looked_at(
             watch=watch,
             **document.options,
         )
-        return found if level is None else in_units(found, _of_channels(level, seen, found.response))
+        if level is None:
+            return found
+        own = _of_channels(level, seen, found.response)
+        return in_units(found, own, seen if found.response.values is within.values else None)
 
     bands: tuple[tuple[float, float], ...] = document.bands
     if not bands and document.orders is None:
@@ -195,10 +198,13 @@ def _of_channels(level: Whitening, whole: Response, part: Response) -> Whitening
     return Whitening(level.outputs[outputs], level.references[inputs])
 
 
-def in_units(diagram: StabilizationDiagram, level: Whitening) -> StabilizationDiagram:
-    """Return a diagram of levelled channels as that of the channels, which knows how they were levelled; `level`: of its own channels."""
+def in_units(diagram: StabilizationDiagram, level: Whitening, whole: Response | None = None) -> StabilizationDiagram:
+    """Return a diagram of levelled channels as that of the channels, which knows how they were levelled.
+
+    `level`: of the diagram's own channels. `whole`: what its response is where nothing of that was left out or changed.
+    """
     return diagram.changed(
-        response=level.inverse.of_response(diagram.response),
+        response=level.inverse.of_response(diagram.response) if whole is None else whole,
         measured=None if diagram.measured is None else level.inverse.of_response(diagram.measured),
         shapes=level.outputs_back(diagram.shapes),
         participation=level.references_back(diagram.participation),

@@ -11,6 +11,7 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.response import Response, line_step, output_scale
 from modalscope.numerics.checks import RealArray
+from modalscope.numerics.statistics import few_channels
 
 #: The kind of the note on peaks without a mode.
 BARE = "peaks without a mode"
@@ -36,10 +37,7 @@ def bare_peaks(response: Response, modes: ModalModel, band: tuple[float, float])
     grid = response.grid
     if grid is None or response.ambient or not response.separable or len(grid) < 2 * _NEIGHBOURS:
         return np.zeros(0)
-    values = (response.values / output_scale(response)[:, None]).reshape(len(grid), -1)
-    power = np.sum(np.abs(values) ** 2, axis=1)
-    rough = np.zeros(len(grid))
-    rough[1:-1] = np.sum(np.abs(values[1:-1] - (values[:-2] + values[2:]) / 2) ** 2, axis=1) / 1.5
+    power, rough = _by_line(response)
     noise = scipy.ndimage.median_filter(rough, 2 * _NEIGHBOURS + 1, mode="nearest")
     tiny = np.finfo(float).tiny
     at, seen = scipy.signal.find_peaks(10 * np.log10(np.maximum(power, tiny)), prominence=10 * np.log10(_PLAIN))
@@ -49,6 +47,20 @@ def bare_peaks(response: Response, modes: ModalModel, band: tuple[float, float])
     reach = np.maximum(2 * line_step(response), modes.damping_ratios * modes.frequencies)
     bare = np.all(np.abs(f[:, None] - modes.frequencies) > reach, axis=1)
     return np.asarray(f[bare][np.argsort(-height[bare], kind="stable")])
+
+
+def _by_line(response: Response) -> tuple[RealArray, RealArray]:
+    """Return the power of every line, outputs brought level, and its variance of noise by the neighbours, zero at the ends, (F,) each."""
+    lines, outputs, inputs = response.values.shape
+    scale = output_scale(response)
+    power, rough = np.zeros((2, lines))
+    for few in few_channels(2 * lines * inputs, outputs):
+        x = np.ascontiguousarray(response.values[:, few]) / scale[few, None]
+        x = x.view(np.float64).reshape(lines, -1)
+        power += np.einsum("kc,kc->k", x, x)
+        bend = x[1:-1] - (x[:-2] + x[2:]) / 2
+        rough[1:-1] += np.einsum("kc,kc->k", bend, bend) / 1.5
+    return power, rough
 
 
 def with_note_on_peaks(modes: ModalModel, response: Response, band: tuple[float, float]) -> ModalModel:

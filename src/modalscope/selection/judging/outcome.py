@@ -19,12 +19,15 @@ from modalscope.data.sameness import likeliest, log_ratios
 from modalscope.identification.orders import ORDERS_END, usable_orders
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.functions.poles import poles_from
-from modalscope.numerics.statistics import scatter
+from modalscope.numerics.statistics import few_channels, scatter
 from modalscope.selection.judging.evidence import LEAST_ORDERS, LEAST_SHARE, Candidate, sentence
 from modalscope.selection.judging.tracking import Poles
 from modalscope.selection.likelihood.joint_fit import joint_fit, joint_residues
 from modalscope.selection.likelihood.noise import KIND, typical_deviation, withheld
 from modalscope.selection.likelihood.settling import needed_beside, out_of_band_poles
+
+#: Numbers of responses that are rebuilt at a time.
+_NUMBERS_AT_A_TIME = 1 << 20
 
 
 def modes_of(
@@ -202,21 +205,27 @@ def _reasons(model: ModalModel, response: Response, facts: list[dict[str, Any]])
     """Complete the reasons: what the rebuilt response loses without the mode, and a sentence."""
     if not len(model):
         return ()
-    size = np.linalg.norm(response.values)
     model = replace(model, residual_terms=())  # poles besides the modes may explain what a mode would
+    size, without = np.linalg.norm(response.values), np.zeros(len(model) + 1)
+    for few in few_channels(response.count * len(response.input_dofs), len(response.output_dofs), _NUMBERS_AT_A_TIME):
+        outputs = range(len(response.output_dofs))[few]
+        without += _missed_without(response.select(outputs=outputs), model.select(outputs=outputs))
+    losses = (np.sqrt(without[:-1]) - np.sqrt(without[-1])) / size
+    return tuple(
+        {**known, "fit_loss": float(loss), "text": known.get("text") or sentence(known, float(loss))}
+        for known, loss in zip(facts, losses, strict=True)
+    )
+
+
+def _missed_without(response: Response, model: ModalModel) -> RealArray:
+    """Return the squared misfit of modes without each of them, and of all of them, (n + 1,)."""
     left = response.values - rebuilt(response, model)
-    rest = np.linalg.norm(left)
+    missed = np.full(len(model) + 1, np.linalg.norm(left) ** 2)
     no_terms: dict[str, Any] = dict.fromkeys(DIRECT)
-    reasons = []
-    for j, known in enumerate(facts):
-        alone = replace(model.take([j]), **no_terms)
-        more = rebuilt(response, alone)
-        together = rest**2 + np.linalg.norm(more) ** 2 + 2 * np.vdot(left, more).real
-        del more  # of long records each is large: there are never three
-        loss = np.sqrt(max(float(together), 0.0)) / size - rest / size
-        text = known.get("text") or sentence(known, float(loss))
-        reasons.append({**known, "fit_loss": float(loss), "text": text})
-    return tuple(reasons)
+    for j in range(len(model)):
+        more = rebuilt(response, replace(model.take([j]), **no_terms))
+        missed[j] += np.linalg.norm(more) ** 2 + 2 * np.vdot(left, more).real
+    return np.maximum(missed, 0)
 
 
 # ----------------------------------------------------------------------------------------------------------- reference

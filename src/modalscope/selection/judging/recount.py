@@ -17,9 +17,10 @@ from scipy.special import ndtri
 from modalscope.data.indicators import mac
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.functions.poles import frequencies_and_damping, overlap
+from modalscope.numerics.statistics import few_channels
 from modalscope.selection.judging.selection_problem import MAX_DAMPING_OF_RESONANCES, SelectionProblem
 from modalscope.selection.likelihood.descent import Descent
-from modalscope.selection.likelihood.line_levels import few_channels, parts_of_level
+from modalscope.selection.likelihood.line_levels import parts_of_level
 from modalscope.selection.likelihood.matched import apart, explained_by_channel, grid_of, residues_by_channel
 from modalscope.selection.likelihood.whitening import LEVEL_LINES, free_bound, lag_factor, smoothed
 
@@ -285,23 +286,23 @@ def _products(left: RealArray, right: RealArray, weights: RealArray) -> RealArra
 
 
 def _inverses(M: RealArray) -> RealArray:
-    return np.array([_inverse(each) for each in M]).reshape(M.shape)
-
-
-def _inverse(M: RealArray) -> RealArray:
-    """Return the inverse, columns brought to one level first; where they lie near each other's span, of what stands out of rounding.
+    """Return the inverses, columns brought to one level first; where they lie near each other's span, of what stands out of rounding.
 
     Columns that are nothing but rounding are left at zero: one function of a pole on the real axis has no length.
     """
-    square = np.diag(M)
-    size = np.sqrt(np.where(square > _ROUNDING_OF_SQUARES * square.max(initial=0.0), square, np.inf))
-    scale = np.outer(size, size)
-    even = M / scale
+    square = np.einsum("cii->ci", M)
+    size = np.sqrt(np.where(square > _ROUNDING_OF_SQUARES * square.max(axis=1, initial=0.0)[:, None], square, np.inf))
+    scale = size[:, :, None] * size[:, None, :]
+    return np.asarray(np.array([_inverse(each) for each in M / scale]).reshape(M.shape) / scale)
+
+
+def _inverse(even: RealArray) -> RealArray:
+    """Return the inverse of the products of unit columns: by Cholesky factors where no pivot is near rounding."""
     L, failed = dpotrf(even, lower=True)
-    if not failed and np.diag(L).min() > _MIN_PIVOT:
-        root = dtrtri(L, lower=True)[0]
-        return np.asarray(root.T @ root / scale)
-    return np.asarray(np.linalg.pinv(even, hermitian=True) / scale)
+    if failed or L.diagonal().min() <= _MIN_PIVOT:
+        return np.asarray(np.linalg.pinv(even, hermitian=True))
+    root = dtrtri(L, lower=True)[0]
+    return np.asarray(root.T @ root)
 
 
 # ------------------------------------------------------------------------------------------------------------- recount

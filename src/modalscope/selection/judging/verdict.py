@@ -191,12 +191,10 @@ class Contest:
 
     @cached_property
     def recounted(self) -> Deferred:
-        """The gain of each pole relative to coloured errors, one by one; see `Recount.relative_gains`."""
+        """The gain of each pole relative to coloured errors; see `Recount.relative_gains`."""
         recount, count = self.outcome.recount, len(self.outcome.poles)
-        if recount is None:
-            return Deferred(count, lambda index: np.zeros((1, len(index))), rows=1)
-        of_one = recount.relative_gains
-        return Deferred(count, lambda index: np.stack([of_one(index[[k]]) for k in range(len(index))], axis=1), rows=1)
+        compute = np.zeros_like if recount is None else recount.relative_gains
+        return Deferred(count, lambda index: compute(index)[None].astype(float), rows=1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,6 +23,7 @@ from scipy.linalg.blas import dgemm
 from modalscope.data.response import Response
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.orthonormal import scaled_span, spanning
+from modalscope.numerics.statistics import few_channels
 from modalscope.selection.likelihood.matched import Peak, strongest_peaks
 
 #: Singular values below this fraction of the largest are rounding, as of exactly repeated poles.
@@ -30,6 +31,9 @@ _ROUNDING = 1e-11
 
 #: Orthogonalize against the terms first if they hold more than 99 % of the energy of a column: cancellation.
 _MIN_REMAINDER = 1e-2
+
+#: Numbers of divided data whose part in the terms is taken off at a time.
+_NUMBERS_AT_A_TIME = 1 << 20
 
 #: Orthogonal columns P W as (P, W), or P alone: a step does not need their product.
 _Span = tuple[RealArray, RealArray | None]
@@ -233,13 +237,14 @@ def whitened(
     data /= rows[:, None, None]
     terms = scaled_span(basis.columns / rows[:, None])
     turned = len(outputs) < len(inputs)
-    data = data.transpose(0, 2, 1) if turned else data
-    flat = np.ascontiguousarray(data).reshape(len(data), -1)
-    flat -= terms @ (terms.T @ flat)
+    data = np.ascontiguousarray(data.transpose(0, 2, 1) if turned else data)
+    flat = data.reshape(len(data), -1)
+    for few in few_channels(len(flat), flat.shape[1], _NUMBERS_AT_A_TIME):  # of many channels each product is large
+        flat[:, few] -= terms @ (terms.T @ flat[:, few])
     sides = (inputs, outputs) if turned else (outputs, inputs)
     light = response.select(outputs=[0], inputs=[0])
     energy = np.einsum("kq,kq->q", flat, flat) if swift else None
-    return WhitenedResponse(light, rows, terms, *sides, turned, flat.reshape(data.shape), swift, energy)
+    return WhitenedResponse(light, rows, terms, *sides, turned, data, swift, energy)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -296,21 +301,26 @@ class Point:
     def spanned(
         self, coefficients: RealArray, lines: int | None = None
     ) -> Iterator[tuple[slice | IntArray, RealArray, RealArray]]:
-        """Yield some rows, `span` times coefficients (4 n, k) and the data (rows, q, p) there: both parts of some lines.
+        """Yield some rows, `span` times coefficients (4 n, k) and the data (rows, q, p) there: both parts of some lines, or samples.
 
-        `lines`: about so many at a time; by default all rows of a response, real parts first.
+        `lines`: so many at a time; by default all rows of a response, real parts first.
         """
         (P, W), problem = self.basis, self.problem
         assert isinstance(problem, WhitenedResponse)
-        if W is not None or lines is None:
-            on_rows = P @ coefficients if W is None else _less_terms(P @ (W @ coefficients), problem.terms)
-            yield slice(None), np.asarray(on_rows), problem.data
-            return
-        count = len(P) // 2
-        for start in range(0, count, lines):
-            real = np.arange(start, min(start + lines, count))
-            rows = np.concatenate([real, count + real])
-            yield rows, P[rows] @ coefficients, problem.data[rows]
+        weights = coefficients if W is None else W @ coefficients
+        taken = (
+            None if W is None else (problem.terms.T @ P) @ weights
+        )  # of the terms, which the columns still have a part in
+        parts = 1 if problem.light.grid is None else 2
+        count = len(P) // parts
+        step = min(lines or count, count)
+        for start in range(0, count, step):
+            some = np.arange(start, min(start + step, count))
+            rows = slice(None) if step == count else (some + count * np.arange(parts)[:, None]).ravel()
+            on_rows = P[rows] @ weights
+            if taken is not None:
+                on_rows -= problem.terms[rows] @ taken
+            yield rows, on_rows, problem.data[rows]
 
     def columns(self) -> ComplexArray:
         """Return b g of every mode, complex columns (4 n p, n): a coefficient c contributes Re(c b g)."""

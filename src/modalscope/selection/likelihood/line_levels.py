@@ -5,11 +5,10 @@ Calibration, leakage and shifts leave errors that grow with the response: one pe
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from modalscope.numerics.checks import RealArray
+from modalscope.numerics.statistics import few_channels, telling
 from modalscope.selection.likelihood.whitening import LEVEL_LINES, smoothed
 
 #: Steps at most, rise of the log likelihood at which they end, and the longest in the logarithm.
@@ -17,12 +16,6 @@ _STEPS, _LEAST_RISE, _LONGEST = 30, 1e-3, 2.0
 
 #: Least information of a step relative to that of its lines, and of a part: one that is not there tells nothing.
 _ROUNDING, _LEAST_PART = 1e-9, 1e-12
-
-#: Channels that tell the levels of lines, evenly among more: a level, a mean over them, is then known to 1 / sqrt(2000).
-_TOLD_BY = 2000
-
-#: Numbers that are computed at a time: they stay in the cache.
-_NUMBERS_AT_A_TIME = 1 << 16
 
 
 def parts_of_level(power: RealArray, even: RealArray, size: RealArray) -> tuple[RealArray, RealArray]:
@@ -61,28 +54,19 @@ def rows_of_lines(left: RealArray, data: RealArray, count: int, *, smooth: bool 
     return np.asarray(np.tile(np.sqrt(level / np.exp(np.mean(np.log(level)))), 2))
 
 
-def telling(channels: int) -> slice:
-    """Return every n-th channel, the fewest n that leave no more than tell the levels of lines."""
-    return slice(None, None, -(-channels // _TOLD_BY))
-
-
 def _squares(parts: RealArray) -> RealArray:
     """Return the squares of complex values by their real and imaginary parts (2, F, c), (c, F)."""
     return np.ascontiguousarray(np.einsum("rfc,rfc->fc", parts, parts).T)
 
 
-def few_channels(lines: int, channels: int) -> Iterator[slice]:
-    """Yield some channels after others, as many as stay in the cache."""
-    step = max(_NUMBERS_AT_A_TIME // max(lines, 1), 1)
-    return (slice(k, k + step) for k in range(0, channels, step))
-
-
 def _likeliest(power: RealArray, even: RealArray, size: RealArray) -> tuple[RealArray, RealArray]:
     """Return both parts of few channels, (c, F) each: a channel lies in one piece."""
     unit = np.maximum(power.mean(axis=1), 1e-300)[:, None]  # a channel of zeros has no size
-    P, e, s = power / unit, even / even.mean(), size / np.maximum(size.mean(axis=1), 1e-300)[:, None]
+    size = size / np.maximum(size.mean(axis=1), 1e-300)[:, None]
+    P, e, s = power / unit, even / even.mean(), size
     parts = np.array([np.median(P / np.maximum(each, 1e-300), axis=1) for each in (e, s)])
     parts = np.clip(parts, _LEAST_PART, 1 / _LEAST_PART)
+    found, going = np.empty(parts.shape), np.arange(len(P))
     S, ratio, reached = _under(parts, P, e, s)
     for _ in range(_STEPS):
         quick, slow = _factors(ratio, s / S * parts[1][:, None])
@@ -92,9 +76,14 @@ def _likeliest(power: RealArray, even: RealArray, size: RealArray) -> tuple[Real
         parts = np.where(falls, parts * slow, tried)
         if falls.any():
             S[falls], ratio[falls], reached[falls] = _under(parts[:, falls], P[falls], e, s[falls])
-        if np.max(reached - before, initial=0.0) < _LEAST_RISE:
+        found[:, going] = parts
+        rises = reached - before >= _LEAST_RISE
+        if not rises.any():
             break
-    return unit * parts[0][:, None] * e, unit * parts[1][:, None] * s
+        if not rises.all():  # each channel ends by itself
+            going, parts = going[rises], parts[:, rises]
+            P, s, S, ratio, reached = (each[rises] for each in (P, s, S, ratio, reached))
+    return unit * found[0][:, None] * e, unit * found[1][:, None] * size
 
 
 def _under(parts: RealArray, P: RealArray, e: RealArray, s: RealArray) -> tuple[RealArray, RealArray, RealArray]:

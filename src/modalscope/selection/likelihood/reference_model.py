@@ -10,6 +10,7 @@ import scipy.linalg as sla
 from modalscope.data.response import Response, fading, window_over_lines
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.functions.pole_basis import ModalBasis
+from modalscope.numerics.statistics import telling
 from modalscope.selection.likelihood.line_levels import parts_of_level, rows_of_lines
 from modalscope.selection.likelihood.whitening import (
     LEVEL_LINES,
@@ -77,14 +78,17 @@ def floor_of(response: Response, poles: Array) -> Floor:
     told = fading(response)
     floor = _floor(response, basis, taken, np.ones(len(basis.data)) if told is None else told)
     if response.grid is not None:
+        telling_alone = _of_telling(basis)
+        whole = telling_alone is basis
+        levelled = floor if whole else _floor(response, telling_alone, taken, floor.rows)
         for _ in range(0 if told is not None or floor.window > 0 else _LINE_ROUNDS):
-            if not floor.colour.has_levels:
+            if not levelled.colour.has_levels:
                 break
-            by_row = rows_of_lines(floor.left, floor.data, response.count)
-            if np.allclose(by_row, floor.rows, rtol=_LINE_TOLERANCE, atol=0):
+            by_row = rows_of_lines(levelled.left, levelled.data, response.count)
+            if np.allclose(by_row, levelled.rows, rtol=_LINE_TOLERANCE, atol=0):
                 break
-            floor = _floor(response, basis, taken, by_row)
-        return floor
+            levelled = _floor(response, telling_alone, taken, by_row)
+        return levelled if whole else _floor(response, basis, taken, levelled.rows)
     for _ in range(_MAX_ROUNDS):
         if floor.colour.coloured:
             break
@@ -93,6 +97,14 @@ def floor_of(response: Response, poles: Array) -> Floor:
             break
         floor = _floor(response, basis, taken, by_row)
     return floor
+
+
+def _of_telling(basis: ModalBasis) -> ModalBasis:
+    """Return the basis with the channels that tell the levels of lines, which are enough to find them; itself where all do."""
+    channels = basis.data[0].size
+    if telling(channels).step == 1:
+        return basis
+    return replace(basis, data=basis.data.reshape(len(basis.data), 1, channels)[..., telling(channels)])
 
 
 def _floor(

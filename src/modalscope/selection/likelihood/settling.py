@@ -18,11 +18,12 @@ from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.pole_basis import ModalBasis
 from modalscope.numerics.orthonormal import triangle_of
+from modalscope.numerics.statistics import telling
 from modalscope.selection.likelihood.descent import Descent, descend_from
 from modalscope.selection.likelihood.driven import whitened_records
 from modalscope.selection.likelihood.information import residual, residuals, window_noise
 from modalscope.selection.likelihood.likelihood import Whitened, unit_vectors, whitened
-from modalscope.selection.likelihood.line_levels import rows_of_lines, telling
+from modalscope.selection.likelihood.line_levels import rows_of_lines
 from modalscope.selection.likelihood.whitening import (
     Colour,
     Levels,

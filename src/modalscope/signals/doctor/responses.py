@@ -14,6 +14,7 @@ from modalscope.data.records import Signals
 from modalscope.data.response import Response, line_step
 from modalscope.data.responses import FrequencyResponse
 from modalscope.numerics.checks import Array, RealArray
+from modalscope.numerics.statistics import telling
 from modalscope.signals.doctor.findings import dead_channels, finding, identical_channels, sides_of
 from modalscope.signals.doctor.polarity import check_polarity, check_slope, driving_points, level
 
@@ -285,7 +286,11 @@ def _degrees(H: Array) -> tuple[str, dict[str, Any]] | None:
 
 
 def _rough(H: Array) -> bool:
-    """Return whether phases change from line to line many times as much as the logarithms of magnitudes, in the median of all."""
+    """Return whether phases change from line to line many times as much as the logarithms of magnitudes, in the median of all.
+
+    Of many channels some tell it.
+    """
+    H = H.reshape(len(H), -1)[:, telling(H[0].size)]
     size = np.maximum(np.abs(H), np.finfo(float).tiny)
     steps = np.conj(H[:-1]) * H[1:]
     steps = steps / np.maximum(np.abs(steps), np.finfo(float).tiny)
