@@ -36,6 +36,7 @@ SUBJECTS = {
     "comparison": "Comparison of methods",
     "checks": "Checks of data",
     "monitoring": "Months of records",
+    "planning": "Places, and what to measure next",
     "resources": "Time and memory",
     "reading": "Exports of other programs",
     "robustness": "Damaged files, wrong arguments and interrupted programs",

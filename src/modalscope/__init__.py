@@ -27,6 +27,11 @@ if TYPE_CHECKING:  # what readers and type checkers see; each is loaded from the
     from modalscope.analysis.checking.dwell import Dwell as Dwell, tuned_dwell as tuned_dwell
     from modalscope.analysis.checking.validation import Validation as Validation, validate as validate
     from modalscope.analysis.comparing import Comparison as Comparison, compare as compare
+    from modalscope.analysis.planning.next_measurement import (
+        NextMeasurement as NextMeasurement,
+        next_measurement as next_measurement,
+    )
+    from modalscope.analysis.planning.placement import Placement as Placement, place as place
     from modalscope.analysis.workflow.analyze import analyze as analyze
     from modalscope.analysis.workflow.full_field import FullField as FullField, full_field as full_field
     from modalscope.analysis.workflow.mass_change import scale_by_mass as scale_by_mass
@@ -104,6 +109,8 @@ _HOMES = {
     "identification.diagrams": ("stabilize",),
     "analysis.checking.validation": ("Validation", "validate"),
     "data.indicators": ("mac", "mac_std"),
+    "analysis.planning.next_measurement": ("NextMeasurement", "next_measurement"),
+    "analysis.planning.placement": ("Placement", "place"),
     "analysis.workflow.mass_change": ("scale_by_mass",),
     "analysis.workflow.pairing": ("comac", "pair_modes"),
     "analysis.workflow.setups": ("merge_modes",),

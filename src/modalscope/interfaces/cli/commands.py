@@ -47,6 +47,7 @@ COMMANDS = (
     Command(spectra.ods, spectra.add_ods, "look"),
     Command(results.refine, results.add_refine, "check"),
     Command(results.certify, results.add_certify, "check"),
+    Command(results.next, results.add_next, "check"),
     Command(about.methods, about.add_methods, "check"),
     Command(about.reproduce, about.add_reproduce, "check"),
     Command(results.realize, results.add_realize, "models"),

@@ -235,6 +235,36 @@ def _remark_result(result: MethodResult) -> None:
     remark(f"{result.route + ': ' if result.route else ''}{result.label}: {found}")
 
 
+def add_next(parser: Parser) -> None:
+    """Add the arguments of `next`."""
+    add_files(parser)
+    wish = 'what is asked of the modes: "damping 5 %%", "f .1 %%", "shapes .98", or several with commas (default: damping 5 %%)'
+    parser.add_argument("--ask", default="damping 5 %", metavar="TEXT", help=wish)
+    parser.add_argument("--candidates", nargs="+", metavar="DOF", help="places that may be taken (default: all known)")
+    add_choices(parser)
+
+
+def next(options: argparse.Namespace) -> None:
+    """Say what to measure next: where, how often, and what each place reaches.
+
+    Records with forces are taken as the responses that they give.
+    """
+    from modalscope.analysis.planning.next_measurement import next_measurement
+    from modalscope.analysis.workflow.analyze import analyze
+    from modalscope.data.response import Response
+    from modalscope.data.shown import summary_of
+    from modalscope.interfaces.cli.reading import choices, read_test
+
+    data, notes = read_test(options)
+    given = choices(options)
+    if data.input_dofs and not isinstance(data, Response) and given.get("route") is None:
+        given["route"] = "frf"
+    with progress("identifying") as show:
+        result = analyze(data, progress=show, **given)
+    remark(*notes, summary_of(result.data))
+    say(str(next_measurement(result, ask=options.ask, candidates=options.candidates)))
+
+
 def add_mac(parser: Parser) -> None:
     """Add the arguments of `mac`."""
     parser.add_argument("first", type=Path, help="modes: .json, .uff, .npz, .mat or .h5")
