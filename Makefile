@@ -75,6 +75,8 @@ docs/_static/mathjax/tex-svg.js:
 
 # Warnings are errors; a link that leads nowhere is a warning.
 docs: $(DOCS_STAMP) docs/_static/mathjax/tex-svg.js
+	@mkdir -p build/conformance
+	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/modalscope reproduce --quiet --force -o build/conformance/conformance.html
 	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m sphinx -q -W --keep-going -j $(WORKERS) docs build/docs
 	@$(BIN)/python -m tools.site build/docs
 	@echo "build/docs/index.html"

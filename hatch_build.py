@@ -24,6 +24,8 @@ class PageHook(BuildHookInterface):
         """Build the bundle; an editable install goes on without it, with a warning, a package that is given away does not."""
         if self.target_name == "wheel" and version != "editable":  # an editable install finds them where they lie
             sets = sorted(path for path in (Path(self.root) / "examples").iterdir() if path.is_dir())
+            sections = "modalscope/interfaces/reporting/executed"
+            build_data["force_include"][str(Path(self.root) / "docs" / "executed")] = sections
             build_data["force_include"] |= {str(path): f"modalscope/datasets/files/{path.name}" for path in sets}
         bundle = self._bundle()
         if bundle is None:

@@ -49,6 +49,7 @@ nitpick_ignore_regex = [(r".*", r"(?!modalscope).*")]
 html_theme = "pydata_sphinx_theme"
 html_title = "modalscope"
 html_static_path = ["_static"]
+html_extra_path = ["../build/conformance"]  # errata and conformance, as `make docs` has modalscope reproduce write it
 html_css_files = ["site.css"]
 html_show_sourcelink = False
 html_copy_source = False

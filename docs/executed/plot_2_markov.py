@@ -16,7 +16,7 @@ model = s.state_space(dt=s.dt)
 response = s.impulse_response(80)
 Y = response.values
 by_power = np.array([model.C @ np.linalg.matrix_power(model.A, k) @ model.B for k in range(80)])
-print(f"Y(k) = C A^k B: {abs(Y - by_power).max() / abs(Y).max():.1e}")
+print(f"Y(k) = C A^k B: {abs(Y - by_power).max() / abs(Y).max():.1e} (at most 1e-12)")
 
 
 def hankel(k, rows, columns):
@@ -25,16 +25,17 @@ def hankel(k, rows, columns):
 
 # %%
 # Eq. 17 asks for as many block rows as there are states; as many as the observability index are enough. Here three carry all ten states:
-for rows in (1, 2, 3, 10):
-    print(f"{rows:2d} block rows: rank {np.linalg.matrix_rank(hankel(0, rows, 20), tol=1e-10)}")
+ranks = {rows: int(np.linalg.matrix_rank(hankel(0, rows, 20), tol=1e-10)) for rows in (1, 2, 3, 10)}
+print("block rows and rank", ranks)
+print(f"states that three block rows lack: {10 - ranks[3]} (at most 0)")
 
 # %%
 # Eq. 22: :math:`W\,H(0)^{\#}\,V = I`, whatever the coordinates of the states.
 V = np.vstack([model.C @ np.linalg.matrix_power(model.A, k) for k in range(10)])
 W = np.hstack([np.linalg.matrix_power(model.A, k) @ model.B for k in range(30)])
 H0, H1 = hankel(0, 10, 30), hankel(1, 10, 30)
-print(f"H(1) = V A W: {abs(H1 - V @ model.A @ W).max() / abs(H1).max():.1e}")
-print(f"W H# V = I:   {abs(W @ np.linalg.pinv(H0, rcond=1e-12) @ V - np.eye(10)).max():.1e}")
+print(f"H(1) = V A W: {abs(H1 - V @ model.A @ W).max() / abs(H1).max():.1e} (at most 1e-12)")
+print(f"W H# V = I:   {abs(W @ np.linalg.pinv(H0, rcond=1e-12) @ V - np.eye(10)).max():.1e} (at most 1e-10)")
 
 # %%
 # The singular values of H(0): ten, and rounding.

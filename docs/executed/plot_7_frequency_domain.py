@@ -19,7 +19,7 @@ for method in ("era", "polyreference", "alternate", "least_squares"):
     for domain in ("z", "s"):
         modes = ms.identify(clean, method=method, domain=domain, order=10, block_rows=6).modes
         error = abs(modes.poles[:, None] - exact.poles).min(axis=0) / abs(exact.poles)
-        print(f"{method:14s} {domain}: largest error of a pole {error.max():.1e}, without noise")
+        print(f"{method} in {domain}, largest error of a pole without noise: {error.max():.1e} (at most 1e-11)")
 
 # %%
 # Eqs. 81-82: a Hankel matrix of samples times a discrete transform.
@@ -29,8 +29,9 @@ H = np.block([[Y[i + j] for j in range(c)] for i in range(r)])
 m = Y.shape[2]
 F = np.kron(np.exp(-2j * np.pi * np.outer(np.arange(c), np.arange(c)) / c) / np.sqrt(c), np.eye(m))
 shifted = np.vstack([np.hstack(list(np.fft.fft(Y[i : i + c], axis=0) / np.sqrt(c))) for i in range(r)])
+print(f"H_g(0) = H(0) F: {abs(shifted - H @ F).max() / abs(H).max():.1e} (at most 1e-12)")
 print(
-    f"H_g(0) = H(0) F: {abs(shifted - H @ F).max() / abs(H).max():.1e}; F is unitary: the same singular values, the same poles"
+    f"F is unitary, so that singular values and poles are the same: {abs(F @ F.conj().T - np.eye(c * m)).max():.1e} (at most 1e-12)"
 )
 
 # %%
@@ -40,5 +41,5 @@ data = three.frequency_response(np.linspace(0.1, 1.5, 300) * three.modes().frequ
 model = ms.identify(data, method="polyreference", domain="s", order=6, block_rows=2).state_space
 equations = ms.equations_of_motion(model)
 exact_k = np.linalg.solve(three.mass, three.stiffness)
-print(f"M^-1 K: {abs(equations.stiffness - exact_k).max() / abs(exact_k).max():.1e}")
+print(f"M^-1 K: {abs(equations.stiffness - exact_k).max() / abs(exact_k).max():.1e} (at most 1e-10)")
 ms.plot.response(data, three.modes())

@@ -15,7 +15,7 @@ from modalscope.analysis.comparing.identities import check_identities
 data = ms.datasets.load("beam_hammer").band(100, 1700)
 found = [i for i in check_identities(data, 16) if np.isfinite(i.residual)]
 for i in found:
-    print(f"{i.residual:.1e}  {i.domain:4s}  {i.name}  ({i.source})")
+    print(f"{i.name}, {i.source}, in {i.domain}: {i.residual:.1e} (at most 1e-9)")
 
 # %%
 figure, ax = pyplot.subplots(figsize=(10, 0.42 * len(found) + 1.2), layout="constrained")

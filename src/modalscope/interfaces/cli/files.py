@@ -19,11 +19,8 @@ _MOST_LISTED = 4
 def add_info(parser: Parser) -> None:
     """Add the arguments of `info`."""
     add_files(parser)
-    parser.add_argument(
-        "--whole",
-        action="store_true",
-        help="search every pair of many channels for outlying lines, and every output for a wrong quantity",
-    )
+    words = "search every pair of many channels for outlying lines, and every output for a wrong quantity"
+    parser.add_argument("--whole", action="store_true", help=words)
     parser.add_argument("--each", action="store_true", help="each file, and each test in it, by itself")
 
 

@@ -105,10 +105,10 @@ def add_file(parser: Parser) -> None:
 
 def add_files(parser: Parser) -> None:
     """Add the data files of one test and the reading options."""
-    several = "several files of one test are runs (same outputs) or setups (other outputs)"
-    parser.add_argument(
-        "files", nargs="+", type=Path, metavar="FILE", help=f"data: .uff, .csv, .npz, .mat ...; {several}"
+    words = (
+        "data: .uff, .csv, .npz, .mat ...; several files of one test are runs (same outputs) or setups (other outputs)"
     )
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help=words)
     add_reading(parser)
 
 
@@ -116,12 +116,8 @@ def add_reading(parser: Parser) -> None:
     """Add the options for what a file does not state."""
     add = parser.group(_READING)
     add("--quantity", help="displacement, velocity or acceleration, if the file does not state it or is wrong")
-    add(
-        "--rename",
-        action="append",
-        metavar="OLD=NEW",
-        help="role of a named array, such as y=outputs (.npz, .mat, .h5)",
-    )
+    role = "role of a named array, such as y=outputs (.npz, .mat, .h5)"
+    add("--rename", action="append", metavar="OLD=NEW", help=role)
     example = "such as values=inputs,outputs,lines"
     add("--axes", action="append", metavar="NAME=AXES", help=f"order of the axes of a named array, {example}")
     for side, what in (("input", "forces"), ("output", "sensors")):

@@ -128,13 +128,9 @@ def reading_options(options: argparse.Namespace, path: Path) -> dict[str, Any]:
 def _labels(name: str, items: list[str], files: list[Path], path: Path) -> list[str]:
     """Return the channel labels of one file: the single item, or that of the file."""
     if len(items) not in (1, len(files)):
-        asked, counts = (
-            f"--{name.replace('_', '-')} {' '.join(items)} was asked",
-            f"{len(items)} items for {len(files)} files",
-        )
-        raise DataError(
-            asked, f"these are {counts}", "Give one item for all files or one per file, labels separated by commas."
-        )
+        asked = f"--{name.replace('_', '-')} {' '.join(items)} was asked"
+        remedy = "Give one item for all files or one per file, labels separated by commas."
+        raise DataError(asked, f"these are {len(items)} items for {len(files)} files", remedy)
     return items[0 if len(items) == 1 else files.index(path)].split(",")
 
 

@@ -24,31 +24,19 @@ def add_watch(parser: Parser) -> None:
     add("--store", type=Path, required=True, metavar="FILE", help="store of modes, such as bridge.modes")
     add("--once", action="store_true", help="store what is there and stop (default: wait for more)")
     add("--again", action="store_true", help="try files again that could not be used before")
-    add(
-        "--every",
-        type=float,
-        default=10.0,
-        metavar="SECONDS",
-        help="seconds between two checks of the folder (default: 10)",
-    )
+    words = "seconds between two checks of the folder (default: 10)"
+    add("--every", type=float, default=10.0, metavar="SECONDS", help=words)
     add("--settled", type=float, default=60.0, metavar="SECONDS", help="how long a file stands still (default: 60)")
     add("--jobs", type=int, default=1, metavar="N", help="number of processes (default: 1)")
     add("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers identify; local:4 starts four processes")
     words = "report of the period, .html: tracks, covariates, control chart, records that could not be used"
     add("-o", "--output", type=Path, metavar="REPORT", help=words)
-    add(
-        "--reference",
-        nargs=2,
-        metavar=("FIRST", "LAST"),
-        help="times of the sound structure, UTC: changes after them are alarms",
-    )
+    words = "times of the sound structure, UTC: changes after them are alarms"
+    add("--reference", nargs=2, metavar=("FIRST", "LAST"), help=words)
     add("--false-per-year", type=float, default=1.0, metavar="N", help="rate of false alarms (default: 1)")
     add("--chart", type=Path, metavar="PICTURE", help="with --reference: draw the control chart, .png, .svg or .pdf")
-    add(
-        "--call",
-        metavar="COMMAND",
-        help="with --reference: command run at each alarm; it reads the alarm as JSON from its input",
-    )
+    words = "with --reference: command run at each alarm; it reads the alarm as JSON from its input"
+    add("--call", metavar="COMMAND", help=words)
     add("--force", action="store_true", help="replace a picture or report that modalscope did not write")
     add("--covariates", type=Path, metavar="CSV", help="table of temperature, wind ...: time, then a column for each")
     add_reading(parser)
