@@ -139,10 +139,10 @@ def read_excel(path: Path, options: Options) -> Contents:
     Raises `DataError`: openpyxl is missing, no workbook, several sheets that are tables and no `sheet`, or what tables are refused for.
     """
     space = room(path.name, path.stat().st_size)
-    names, sheets = _sheets(path, space, options)
-    tables = [name for name in names if _is_table(sheets.get(name, ()))]
+    names, read = sheets(path, space, options)
+    tables = [name for name in names if _is_table(read.get(name, ()))]
     name = chosen(path.name, "sheets", names, tables, options)
-    lines = ((number, text) for number, text in sheets[name] if number > int(options.get("skip") or 0))
+    lines = ((number, text) for number, text in read[name] if number > int(options.get("skip") or 0))
     others = [other for other in names if other != name]
     notes = (f"sheet {name!r}; the others were left: {', '.join(others[:6])}",) if others else ()
     return contents_of_lines(path.name, lines, ("\t", None), space, options, notes)
@@ -150,11 +150,11 @@ def read_excel(path: Path, options: Options) -> Contents:
 
 def rows_of_workbook(path: Path) -> list[tuple[int, str]]:
     """Return the rows of the first sheet with their numbers, cells separated by tabs."""
-    names, sheets = _sheets(path, room(path.name, path.stat().st_size), {})
-    return sheets[names[0]]
+    names, read = sheets(path, room(path.name, path.stat().st_size), {})
+    return read[names[0]]
 
 
-def _sheets(path: Path, space: Room, options: Options) -> tuple[list[str], dict[str, list[tuple[int, str]]]]:
+def sheets(path: Path, space: Room, options: Options) -> tuple[list[str], dict[str, list[tuple[int, str]]]]:
     """Return the names of all sheets, and of the one asked for, or of all, numbers and texts of the rows that are not empty."""
     with damage_as_error(f"{path.name} as an Excel workbook", "Save it again as .xlsx, or as text (.csv)."):
         if zipfile.is_zipfile(path):

@@ -56,6 +56,7 @@ COMMANDS = (
     Command(spectra.frf, spectra.add_frf, "files"),
     Command(files.merge, files.add_merge, "files"),
     Command(files.convert, files.add_convert, "files"),
+    Command(files.anonymize, files.add_anonymize, "files"),
     Command(about.completion, about.add_completion, "files"),
 )
 

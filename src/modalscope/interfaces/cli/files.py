@@ -113,6 +113,30 @@ def convert(options: argparse.Namespace) -> None:
     say(written)
 
 
+def add_anonymize(parser: Parser) -> None:
+    """Add the arguments of `anonymize`."""
+    add = parser.add_argument
+    add("file", type=Path, help="text, .xlsx, .mat or universal file")
+    add("-o", "--output", type=Path, required=True, metavar="FILE", help="stand-in to write, of the same suffix")
+    add_force(parser)
+
+
+def anonymize(options: argparse.Namespace) -> None:
+    """Write a stand-in of a file that may not be shown: the same layout, clocks and kinds, other values and names.
+
+    Values are those of a simulated structure, names are P1, P2, ... Look through the stand-in before you send it.
+    """
+    from modalscope import systems
+    from modalscope.interfaces.cli.output import check_output
+    from modalscope.numerics.plugins import WRITINGS, added
+
+    target = options.output if options.output.suffix else options.output.with_suffix(options.file.suffix)
+    check_output(target, (options.file,), options.force, (options.file.suffix.lower(),))
+    with progress("simulating"):
+        read = added(WRITINGS, "stand-in")(options.file, target, systems.build("iasc_asce"))
+    say(*read, f"written: {target}")
+
+
 def add_merge(parser: Parser) -> None:
     """Add the arguments of `merge`."""
     add_files(parser)
