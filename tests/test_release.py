@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import re
 import tomllib
+from hashlib import sha256
+from pathlib import Path
+
+import pytest
 
 from tests.support import ROOT
 from tools.licences import WITH_LGPL
+from tools.recipe import sourced
 from tools.release import EXTRAS, PYTHONS, faults_of_wheel, skipped_files
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -23,17 +28,34 @@ def bare(requirement: str) -> str:
 def test_citation_recipe_and_changelog_state_the_version() -> None:
     version = PROJECT["version"]
     assert re.search(rf"^version: {re.escape(version)}$", read("CITATION.cff"), re.MULTILINE)
-    assert f'{{% set version = "{version}" %}}' in read("conda/meta.yaml")
+    assert f'context:\n  version: "{version}"\n' in read("conda/recipe.yaml")
     assert f"## [{version}]" in read("CHANGELOG.md")
 
 
 def test_the_conda_recipe_needs_what_the_project_needs_and_says_that_it_is_untested() -> None:
-    recipe = read("conda/meta.yaml")
-    run = recipe.partition("  run:\n")[2].partition("\ntest:")[0]
+    recipe = read("conda/recipe.yaml")
+    run = recipe.partition("  run:\n")[2].partition("\ntests:")[0]
     wanted = {f"{bare(each)} {each[len(bare(each)) :]}" for each in PROJECT["dependencies"]}
     stated = {line.strip(" -").replace("matplotlib-base", "matplotlib") for line in run.strip().splitlines()}
     assert stated == wanted | {f"python {PROJECT['requires-python']}"}
     assert "UNTESTED" in recipe
+
+
+def test_the_conda_recipe_builds_a_release_by_the_hash_of_its_archive(tmp_path: Path) -> None:
+    archive = tmp_path / f"modalscope-{PROJECT['version']}.tar.gz"
+    archive.write_bytes(b"an archive")
+    address = f"https://files.example.org/{archive.name}"
+    recipe = sourced(read("conda/recipe.yaml"), archive, address)
+    assert f"source:\n  url: {address}\n  sha256: {sha256(b'an archive').hexdigest()}\n\nbuild:\n" in recipe
+    assert sourced(recipe, archive, address) == recipe
+    with pytest.raises(ValueError, match="the recipe is of"):
+        sourced(recipe, tmp_path / "modalscope-0.0.1.tar.gz", address)
+
+
+def test_the_conda_recipe_is_one_by_its_tool() -> None:
+    rattler = pytest.importorskip("rattler_build", reason="rattler-build is not installed")
+    (rendered,) = rattler.Stage0Recipe.from_yaml(read("conda/recipe.yaml")).render()
+    assert rendered.recipe.package.version == PROJECT["version"]
 
 
 def test_every_requirement_stands_in_the_list_of_licences() -> None:
