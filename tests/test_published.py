@@ -98,6 +98,8 @@ def test_the_figures_of_the_paper_are_those_of_the_commands_beside_them() -> Non
         assert figure in simulated
         assert figure in paper.replace("`", "")
     assert re.findall(r"(\d+) %", hold.partition("|")[2].partition("|")[2])[:2] == ["95", "97"]
+    demo = "Within the 95 % intervals: 7 of 7 published frequencies, 7 of 7 damping ratios."
+    assert f"`modalscope demo` prints\n\n```\n{demo}\n```" in PAPER  # tests/test_readme.py runs it
     for figure in ("334", "0.8 s a record", "67", "12 records", "12 s a record"):
         assert figure in hold
         assert figure in paper
