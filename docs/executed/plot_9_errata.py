@@ -4,7 +4,7 @@ Errata: what is printed wrong, and what it gives
 
 Every equation below stands in the report otherwise than it can be. Each is computed twice without noise: as printed, which leaves an error that
 no rounding makes, and corrected. Pages are those that the report's contents give for the section. Slips that a reader corrects at once, such as a
-letter or a wrong number of an equation, are left out, and so is what the text leaves open.
+letter or a wrong number of an equation, are left out. A machine-read copy of the report was at hand: a few may be slips of that copy.
 """
 
 import numpy as np
@@ -273,9 +273,9 @@ both = [np.vstack([Hg0.real, Hg0.imag]), np.hstack([Hg0.real, Hg0.imag])]
 rank = [int(np.linalg.matrix_rank(each, tol=1e-10 * np.linalg.norm(each, 2))) for each in both]
 erratum(
     "Eq. 88, text, pages 22-26",
-    "real over imaginary parts: rank beyond n",
+    "real and imaginary parts in consecutive rows: rank beyond n",
     rank[0] - n,
-    "real beside imaginary parts: rank beyond n",
+    "in consecutive columns: rank beyond n",
     rank[1] - n,
 )
 U, e, Z = np.linalg.svd(Hg0, full_matrices=False)
