@@ -29,7 +29,7 @@ export PYTHONDONTWRITEBYTECODE :=
 export PYTHONPYCACHEPREFIX := $(CURDIR)/.venv/pycache
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo page test test-slow attack coverage mutants lint style format architecture changelog docs release-check versions licences bench torch study results clean
+.PHONY: help setup demo page test test-slow attack coverage mutants lint style format architecture changelog docs release-check versions licences bench arena torch study results clean
 
 help:
 	@echo "make setup         .venv with everything in it"
@@ -42,14 +42,15 @@ help:
 	@echo "make versions      formats, data classes and methods with the earliest and the newest packages (minutes)"
 	@echo "make release-check archive and wheel built, installed into empty environments, and tested there (minutes)"
 	@echo "make licences      what modalscope needs, and under which licences (SBOM=bill.json: as CycloneDX)"
-	@echo "make results       small jobs of every kind and all real tests, held against the results in tests/results (a minute or two)"
+	@echo "make results       small jobs of every kind and all real tests, held against the results in tests/results, and our row of the arena (minutes)"
 	@echo "make mutants       faults put in on purpose, each of which its tests must notice (minutes)"
 	@echo "make lint          ruff, mypy, floors"
 	@echo "make format        let ruff write what it can"
 	@echo "make architecture  draw the floors of pyproject.toml into the documents"
 	@echo "make changelog     join the fragments of changelog.d into CHANGELOG.md"
 	@echo "make docs          the documentation site in build/docs, every example in it run"
-	@echo "make bench         time and memory, against other programs in environments of their own (minutes)"
+	@echo "make bench         time and memory (minutes)"
+	@echo "make arena         other programs and single methods on measured and simulated tests, into docs/arena (FIELD=ambient PROGRAM=koma SET=tower: a part; hours)"
 	@echo "make torch         PyTorch, for large products on a graphics card"
 	@echo "make study         statistics over many seeds, written into docs/validation (long; WORD=selection: one subject)"
 	@echo "make clean         remove what make made"
@@ -150,21 +151,24 @@ release-check: setup
 mutants: setup
 	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m tests.mutants --processes $(WORKERS) $(if $(PART),--part $(PART))
 
-# WORD=analyze runs the jobs whose names hold it; WRITE=1 writes the reference instead: WORD=real: WRITE=1 stores the lists of all real tests.
+# Without a word also our own row of the arena, which is to fall by no more than chance. WORD=analyze runs the jobs whose names hold it; WRITE=1 writes the reference instead: WORD=real: WRITE=1 stores the lists of all real tests.
 results: setup
 	@$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m tools.results --jobs $(WORKERS) $(if $(WRITE),--write) $(if $(WORD),"$(WORD)")
+	@$(if $(WORD)$(WRITE),,$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m arena.judge)
 
 # Large; no other target needs it.
 torch: $(STAMP)
 	$(call install,torch)
 
-# Other programs live in environments of their own under build/bench; one that does not install is left out in words.
 bench: setup
-	@$(BIN)/python -m benchmarks.peers.install
 	@for script in benchmarks/[!_]*.py; do \
 		name=$$(basename "$$script" .py); echo "== $$name"; \
 		$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m benchmarks.$$name || exit 1; \
 	done
+
+# Other programs live in environments of their own under build/arena; a run that is there and has not changed is not done again.
+arena: setup
+	@$(BIN)/python -m arena.run $(if $(FIELD),--field "$(FIELD)") $(if $(PROGRAM),--program "$(PROGRAM)") $(if $(SET),--set "$(SET)")
 
 # WORD="selection and not narrow" tries those with such a subject or name.
 study: setup
@@ -172,4 +176,4 @@ study: setup
 
 clean:
 	rm -rf page/node_modules src/modalscope/interfaces/app/static .venv .venv-min .venv-new build dist docs/generated docs/_static/mathjax .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
-	find src tests tools examples benchmarks -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true
+	find src tests tools examples benchmarks arena -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true

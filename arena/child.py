@@ -1,0 +1,139 @@
+"""One program on one set, in a process and an environment of its own: `python child.py CONTESTANT.py VARIANT TEST.npz RESULT.json`.
+
+It needs nothing but numpy and the program. What the program finds is written as JSON, with CPU seconds, megabytes at the peak above the
+data, and how many numbers it was told that a person had to find.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.metadata
+import importlib.util
+import json
+import os
+import re
+import sys
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+#: CPU seconds and bytes that a program may take.
+SECONDS, MEMORY = 300, 6 << 30
+
+
+class CannotError(Exception):
+    """The program is not made for such a test."""
+
+
+class Test:
+    """What a program is given: `kind`, `band` in Hz or None, and the arrays of its kind.
+
+    "records" (with forces) and "ambient", "decay": `outputs` (samples, l), `inputs` (samples, m), `sampling_rate`. Several runs stand one
+    before the other in a first axis. "setups": `setups`, a list of such outputs, and `labels`, the names of their channels. "impulses":
+    `values` (samples, l, m), `sampling_rate`. "responses": `values` (lines, l, m), `frequencies`, `quantity`.
+    """
+
+    def __init__(self, path: str) -> None:
+        with np.load(path) as held:
+            arrays = {name: held[name] for name in held.files}
+        about = json.loads(str(arrays.pop("about")))
+        self.kind, self.band, self.quantity, self._answers = (about[x] for x in ("kind", "band", "quantity", "answers"))
+        self.labels = about["labels"]
+        self.setups = [arrays.pop(name) for name in sorted(arrays) if name.startswith("setup")]
+        for name in ("outputs", "inputs", "values", "frequencies", "sampling_rate"):
+            value = arrays.get(name)
+            setattr(self, name, float(value) if name == "sampling_rate" and value is not None else value)
+        self.told = 0
+
+    def human(self, what: str):
+        """Return what a person finds out for the program, and count the numbers.
+
+        "frequencies": those of all known modes, to three digits, as read from a chart; "lowest frequency"; "modes": how many there are;
+        "decimation": the factor of the rate, which is not counted where it is one.
+        """
+        value = self._answers[what]
+        if value is None:
+            raise CannotError(f"a person would have to find {what}, and nobody knows it here")
+        self.told += len(value) if isinstance(value, list) else int(what != "decimation" or value > 1)
+        return value
+
+
+def loaded(path: str):
+    """Return a module from its file."""
+    spec = importlib.util.spec_from_file_location(Path(path).stem, path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def limited() -> None:
+    """Let the system end a program that takes too much, where it can."""
+    try:
+        import resource
+    except ImportError:
+        return
+    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS + 5))
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+
+
+def peak() -> float:
+    """Return the largest resident size so far in megabytes, 0 where the system tells none."""
+    status = Path("/proc/self/status")
+    line = (
+        next((line for line in status.read_text().splitlines() if line.startswith("VmHWM")), None)
+        if status.exists()
+        else None
+    )
+    return 0.0 if line is None else int(line.split()[1]) / 1e3
+
+
+def columns(found: dict) -> dict:
+    """Return the arrays of a result as lists: shapes as real and imaginary parts, what is not finite as null."""
+    f = np.atleast_1d(np.asarray(found["frequencies"], float))
+    kept = np.isfinite(f) & (f > 0)
+    told = {"labels": list(found["labels"])} if "labels" in found else {}
+    for name in ("frequencies", "damping_ratios", "frequency_interval", "damping_interval", "marked"):
+        if found.get(name) is not None:
+            array = np.atleast_1d(np.asarray(found[name]))[kept]
+            told[name] = np.where(np.isfinite(array), array, None).tolist()
+    if found.get("shapes") is not None:
+        shapes = np.asarray(found["shapes"]).T[kept]
+        told |= {"shapes_real": shapes.real.astype(float).tolist(), "shapes_imag": shapes.imag.astype(float).tolist()}
+    return told
+
+
+def main() -> None:
+    """Work once."""
+    program, variant, data, result = sys.argv[1:]
+    limited()
+    test, start = Test(data), peak()
+    answer: dict = {"status": "done"}
+    np.random.seed(0)  # noqa: NPY002 - clusterings that draw from the global generator repeat themselves
+    with Path(os.devnull).open("w") as nothing, contextlib.redirect_stdout(nothing), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            module = loaded(program)
+            answer["versions"] = [f"{name} {importlib.metadata.version(name)}" for name in map(_name, module.REQUIRES)]
+            began = time.process_time()
+            found = module.run(test, variant)
+            answer |= {"cpu": time.process_time() - began, "memory": peak() - start, **columns(found)}
+        except CannotError as error:
+            answer = {"status": "cannot", "text": str(error)}
+        except MemoryError:
+            answer = {"status": "limit", "text": f"more than {MEMORY >> 30} GB"}
+        except Exception as error:  # noqa: BLE001 - a program that fails is a result
+            said = re.sub(r"0x[0-9a-f]+", "0x", f"{type(error).__name__}: {error}".splitlines()[0])
+            answer = {"status": "failed", "text": said[:200]}
+    answer["human"] = test.told
+    Path(result).write_text(json.dumps(answer))
+
+
+def _name(requirement: str) -> str:
+    return re.split(r"[=<>!~ \[]", requirement)[0]
+
+
+if __name__ == "__main__":
+    sys.modules["child"] = sys.modules["__main__"]  # a contestant says `from child import CannotError`
+    main()

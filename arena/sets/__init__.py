@@ -1,0 +1,154 @@
+"""Sets: a file NAME.toml each, which says what was tested, where it comes from, and which modes are known.
+
+`read` in that file names a function below, or one of a module beside it, NAME.py: it takes the paths of the files and the table `options`,
+and returns data of modalscope; a simulated one returns the modes, too.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import json
+import os
+import tomllib
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import modalscope as ms
+from arena.child import loaded
+from arena.sets import readers
+
+__all__ = ["FIELDS", "ArenaSet", "Missing", "Reference", "all_sets"]
+
+HERE = Path(__file__).parent
+
+#: Where sets lie that do not come with the program; the shipped ones are in `examples/`.
+PLACES = (HERE.parents[1] / "examples", Path(os.environ.get("MODALSCOPE_DATA") or HERE.parents[2] / "shared" / "data"))
+
+#: What a test is, by how the structure was excited or measured.
+FIELDS = ("hammer", "shaker", "ambient", "decay", "earthquake", "setups", "months", "full field", "control")
+
+#: Who says what the modes are: nature's own answer, their authors' print, other programs', or nobody. The first two are scored.
+SCORED, UNSCORED = ("exact", "published"), ("computed", "none")
+
+#: What of a set's file decides what a program is given.
+_DECIDES = ("kind", "read", "files", "options", "band", "decimate")
+
+
+class Missing(Exception):
+    """A file is not here, or is another one than the set names."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The modes that are known of a set.
+
+    Parameters
+    ----------
+    kind : {"exact", "published", "computed", "none"}
+    by : str
+        Who gave them.
+    frequencies : array, (n,)
+        Hz.
+    damping : array, (n,)
+        Ratios; NaN where nobody gave one.
+    tolerance : array, (n,)
+        Hz, as published; NaN where there is none.
+    reach : array, (n,)
+        Hz: a mode within it is this one. The half-power half-bandwidth, or a wider one where the set says so.
+    damping_tolerance : array, (n,)
+        Relative, as published; NaN where there is none.
+    shapes : array, (l, n), optional
+    complete : bool
+        Whether these are all modes of the band: other ones are false then.
+    """
+
+    kind: str
+    by: str
+    frequencies: np.ndarray
+    damping: np.ndarray
+    tolerance: np.ndarray
+    reach: np.ndarray
+    damping_tolerance: np.ndarray
+    shapes: np.ndarray | None
+    complete: bool
+
+
+@dataclass(frozen=True)
+class ArenaSet:
+    """One test: what its file says, `about`, read when asked."""
+
+    name: str
+    about: dict[str, Any]
+
+    @property
+    def scored(self) -> bool:
+        """Whether its modes are known well enough to say who found them."""
+        return self.about["reference"]["kind"] in SCORED
+
+    @property
+    def band(self) -> tuple[float, float] | None:
+        """The band in Hz that all programs are given, if any."""
+        return tuple(self.about["band"]) if "band" in self.about else None
+
+    def paths(self) -> list[Path]:
+        """Return its files; `Missing` where one is not here, or differs from what the set was made with."""
+        found = []
+        for name, digest in self.about.get("files", {}).items():
+            path = next((place / name for place in PLACES if (place / name).is_file()), None)
+            if path is None:
+                raise Missing(f"{name} is not here: MODALSCOPE_DATA names its folder; from: {self.about['source']}")
+            if hashlib.sha256(path.read_bytes()).hexdigest() != digest:
+                raise Missing(f"{path} is not the file of this set: its sha256 differs from {digest[:12]}...")
+            found.append(path)
+        return found
+
+    def read(self) -> tuple[Any, Reference]:
+        """Return the data and what is known of their modes."""
+        name = self.about["read"]
+        own = HERE / f"{self.name}.py"
+        module = loaded(str(own)) if own.is_file() else readers
+        given = getattr(module, name)(self.paths(), **self.about.get("options", {}))
+        data, modes = given if isinstance(given, tuple) else (given, None)
+        return data, self._reference(modes)
+
+    def _reference(self, modes: ms.ModalModel | None) -> Reference:
+        told = self.about["reference"]
+        f = np.array(told.get("frequencies", []) if modes is None else modes.frequencies, float)
+        n = f.size
+        columns = {
+            "damping": told.get("damping_ratios", [np.nan] * n) if modes is None else modes.damping_ratios,
+            "tolerance": told.get("tolerance_hz", [np.nan] * n),
+            "damping_tolerance": told.get("damping_tolerance", [np.nan] * n),
+        }
+        filled = {name: np.resize(np.array(column, float), n) if n else np.zeros(0) for name, column in columns.items()}
+        widest = np.fmax(np.nan_to_num(filled["damping"]) * f, told.get("found_within", 0.0) * f)
+        shapes = modes.shapes if modes is not None and len(modes.shapes) > 1 else None
+        return Reference(
+            kind=told["kind"],
+            by=told["by"],
+            frequencies=f,
+            shapes=shapes,
+            reach=np.fmax(widest, filled["tolerance"]),
+            complete=bool(told.get("complete", False)),
+            **filled,
+        )
+
+    def code(self) -> str:
+        """Return the text that decides what programs are given, for the key of a run."""
+        own, told = HERE / f"{self.name}.py", self.about["reference"]
+        text = json.dumps([self.about.get(name) for name in _DECIDES] + [told.get("frequencies")])
+        reader = own.read_text("utf-8") if own.is_file() else inspect.getsource(getattr(readers, self.about["read"]))
+        return text + reader
+
+
+@cache
+def all_sets() -> dict[str, ArenaSet]:
+    """Return every set by its name."""
+    return {
+        path.stem: ArenaSet(path.stem, tomllib.loads(path.read_text("utf-8"))) for path in sorted(HERE.glob("*.toml"))
+    }

@@ -1,0 +1,278 @@
+"""The arena: what it calls right, how it counts, and that a stranger's test, program and list work from the page alone."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+
+from arena import child, judge, pages, programs, run, scores, sets
+from arena.sets import FIELDS, Reference, all_sets
+
+KINDS = ("responses", "impulses", "records", "ambient", "decay", "earthquake", "setups")
+DOCS = pages.DOCS
+
+
+def reference(f: list[float], zeta: float = 0.01, shapes: Any = None, complete: bool = True, **more: Any) -> Reference:
+    known = np.array(f)
+    told = {
+        "tolerance": np.full(known.size, np.nan),
+        "reach": zeta * known,
+        "damping_tolerance": np.full(known.size, np.nan),
+    }
+    return Reference(
+        kind="exact",
+        by="a test",
+        frequencies=known,
+        damping=np.full(known.size, zeta),
+        shapes=shapes,
+        complete=complete,
+        **told | more,
+    )
+
+
+def listed(f: list[float], zeta: float = 0.01, shapes: np.ndarray | None = None, **more: Any) -> dict[str, Any]:
+    told = {"status": "done", "human": 0, "frequencies": f, "damping_ratios": [zeta] * len(f)}
+    if shapes is not None:
+        told |= {"shapes_real": shapes.T.real.tolist(), "shapes_imag": shapes.T.imag.tolist()}
+    return told | more
+
+
+def verdicts(known: Reference, found: dict[str, Any], band: tuple[float, float] | None = None) -> list[str]:
+    return [mode["is"] for mode in scores.judged(known, (), band, found)["modes"]]
+
+
+def test_one_missed_one_false_one_twice() -> None:
+    known = reference([10.0, 20.0, 30.0])
+    judged = scores.judged(known, (), None, listed([10.02, 10.05, 20.0, 25.0]))
+    assert [mode["is"] for mode in judged["modes"]] == ["found", "twice", "found", "false"]
+    assert judged["missed"] == [30.0]
+    told = scores.totals(
+        [({"known": [10.0, 20.0, 30.0]}, judged), ({"known": [1.0]}, {"status": "failed", "human": 2})]
+    )
+    assert (told["found"], told["modes"], told["missed"], told["false"], told["twice"]) == (2, 4, 2, 1, 1)
+    assert (told["wrong_without_a_word"], told["reported"], told["failed"], told["human"]) == (2, 4, 1, 2)
+    assert told["f_error"] == pytest.approx(0.1)  # medians of .2 and 0 half bandwidths
+    not_all = scores.judged(reference([10.0, 20.0, 30.0], complete=False), (), None, listed([10.0, 25.0]))
+    assert [mode["is"] for mode in not_all["modes"]] == ["found", "other"]
+    assert scores.totals([({"known": [1.0]}, {"status": "cannot", "human": 0})])["sets"] == 0
+
+
+@pytest.mark.parametrize(("f", "told"), [(10.0999, "found"), (10.1001, "false")])
+def test_a_mode_is_found_within_the_half_bandwidth(f: float, told: str) -> None:
+    assert verdicts(reference([10.0]), listed([f])) == [told]
+
+
+@pytest.mark.parametrize(("mac", "told"), [(0.801, "found"), (0.799, "false")])
+def test_a_mode_of_another_shape_is_another_mode(mac: float, told: str) -> None:
+    known = reference([10.0], shapes=np.array([[1.0], [0.0]]))
+    assert verdicts(known, listed([10.0], shapes=np.array([[np.sqrt(mac)], [1j * np.sqrt(1 - mac)]]))) == [told]
+
+
+def test_any_shape_of_a_repeated_pair_is_right() -> None:
+    turned = np.array([[1.0, 1.0], [1.0, -1.0], [0.0, 0.0]]) / np.sqrt(2)
+    assert verdicts(reference([10.0, 10.0], shapes=np.eye(3)[:, :2]), listed([10.0, 10.0], shapes=turned)) == [
+        "found",
+        "found",
+    ]
+    assert verdicts(reference([10.0, 10.05], shapes=np.eye(3)[:, :2]), listed([10.0, 10.05], shapes=turned)) == [
+        "false",
+        "false",
+    ]
+
+
+def test_two_close_modes_are_paired_by_shape() -> None:
+    swapped = np.eye(3)[:, [1, 0]]
+    judged = scores.judged(
+        reference([10.0, 10.05], shapes=np.eye(3)[:, :2]), (), None, listed([10.0, 10.05], shapes=swapped)
+    )
+    assert [mode["known"] for mode in judged["modes"]] == [10.05, 10.0]
+
+
+def test_modes_beyond_the_band_count_for_nobody() -> None:
+    assert verdicts(reference([10.0]), listed([4.9, 5.1, 10.0]), band=(5.0, 15.0)) == ["false", "found"]
+
+
+def test_what_a_program_marks_or_its_interval_holds_is_no_silent_error() -> None:
+    known = reference([10.0, 20.0])
+    wide = {"damping_interval": [[0.005, 0.03], [0.015, 0.02]]}
+    judged = scores.judged(known, (), None, listed([10.0, 20.0], zeta=0.016, **wide))
+    assert [mode["wrong"] for mode in judged["modes"]] == [False, True]
+    assert [mode["zeta_held"] for mode in judged["modes"]] == [True, False]
+    assert scores.totals([({"known": [10.0, 20.0]}, judged)])["wrong_without_a_word"] == 1
+    marked = scores.judged(known, (), None, listed([15.0], marked=[True]))
+    assert scores.totals([({"known": [10.0, 20.0]}, marked)])["wrong_without_a_word"] == 0
+
+
+def test_intervals_are_tried_where_modes_are_known_without_a_tolerance() -> None:
+    ends = {"frequency_interval": [[9.9, 10.1]]}
+    assert scores.judged(reference([10.0]), (), None, listed([10.0], **ends))["modes"][0]["f_held"]
+    told = scores.judged(reference([10.0], tolerance=np.array([0.02])), (), None, listed([10.03], **ends))["modes"][0]
+    assert "f_held" not in told
+    assert told["f_within"] is False
+
+
+@pytest.mark.parametrize(("zeta", "wrong"), [(0.01499, False), (0.01501, True)])
+def test_damping_is_wrong_beyond_half_its_value(zeta: float, wrong: bool) -> None:
+    assert scores.judged(reference([10.0]), (), None, listed([10.0], zeta=zeta))["modes"][0]["wrong"] is wrong
+
+
+def test_intervals_of_shares() -> None:
+    assert scores.wilson(8, 10) == pytest.approx([0.4902, 0.9433], abs=1e-4)  # E. B. Wilson 1927, tables of many books
+    assert scores.wilson(0, 0) is None
+    assert scores.share([3, 3, 3], [4, 4, 4]) == [0.75, 0.75]
+    low, high = scores.share([0, 4] * 10, [4, 4] * 10) or [0, 0]
+    assert (low, high) == tuple(scores.share([0, 4] * 10, [4, 4] * 10) or ())
+    assert (low, high) == pytest.approx(
+        (0.5 - 1.96 * 0.5 / 20**0.5, 0.5 + 1.96 * 0.5 / 20**0.5), abs=0.03
+    )  # binomial of 20 sets
+
+
+@pytest.mark.parametrize("name", all_sets())
+def test_a_set_says_all_that_a_reader_asks(name: str) -> None:
+    one = all_sets()[name]
+    told = one.about["reference"]
+    assert one.about["field"] in FIELDS
+    assert one.about["kind"] in KINDS
+    assert all(one.about[key] for key in ("title", "source", "licence", "citation"))
+    assert told["kind"] in (*sets.SCORED, *sets.UNSCORED)
+    assert told["by"]
+    assert all(re.fullmatch(r"[0-9a-f]{64}", digest) for digest in one.about.get("files", {}).values())
+    if told["kind"] == "published":
+        assert told["tolerance"]
+    package = json.loads((sets.HERE / f"{name}.datapackage.json").read_text("utf-8"))
+    entry = json.loads(pages.SCORES.read_text("utf-8"))["sets"][name]
+    assert package == json.loads(json.dumps(pages.package(one, entry)))
+
+
+def test_the_scores_have_the_form_that_their_schema_says_and_the_pages_are_theirs() -> None:
+    held = json.loads(pages.SCORES.read_text("utf-8"))
+    jsonschema.validate(held, json.loads((pages.ROOT / "scores.schema.json").read_text("utf-8")))
+    assert json.loads(pages.written(held)) == held
+    assert (DOCS / "index.md").read_text("utf-8") == pages.index(pages.with_totals(held))
+    for name, entry in held["sets"].items():
+        assert (DOCS / "sets" / f"{name}.md").read_text("utf-8") == pages.set_page(name, entry)
+        assert (DOCS / "pictures" / f"{name}.png").is_file()
+
+
+@pytest.fixture
+def arena(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An arena with nothing in it."""
+    for name in ("sets", "contestants", "handed", "docs"):
+        (tmp_path / name).mkdir()
+    monkeypatch.setattr(sets, "HERE", tmp_path / "sets")
+    monkeypatch.setattr(pages, "SETS", tmp_path / "sets")
+    monkeypatch.setattr(pages, "DOCS", tmp_path / "docs")
+    monkeypatch.setattr(programs, "CONTESTANTS", tmp_path / "contestants")
+    monkeypatch.setattr(programs, "HANDED", tmp_path / "handed")
+    for module in (run, programs):
+        monkeypatch.setattr(module, "PLACE", tmp_path)
+    for module in (run, pages):
+        monkeypatch.setattr(module, "SCORES", tmp_path / "scores.json")
+        monkeypatch.setattr(module, "TIMES", tmp_path / "times.json")
+    for cached in (all_sets, programs.all_contestants):
+        cached.cache_clear()
+    yield tmp_path
+    monkeypatch.undo()
+    for cached in (all_sets, programs.all_contestants):
+        cached.cache_clear()
+
+
+def blocks(kind: str) -> list[str]:
+    return re.findall(rf"```{kind}\n(.*?)```", (DOCS / "add.md").read_text("utf-8"), re.DOTALL)
+
+
+@pytest.mark.slow
+def test_a_stranger_adds_a_test_a_program_and_a_list_from_the_page_alone(arena: Path) -> None:
+    (test, handed), (reader, program), (modes,) = blocks("toml"), blocks("python"), blocks("text")
+    (arena / "sets" / "my_beam.toml").write_text(test)
+    (arena / "sets" / "my_beam.py").write_text(reader)
+    (arena / "contestants" / "mine.py").write_text(program)
+    (arena / "handed" / "artemis").mkdir()
+    (arena / "handed" / "artemis" / "program.toml").write_text(handed)
+    (arena / "handed" / "artemis" / "my_beam.csv").write_text(modes)
+    assert len((test + reader).splitlines()) <= 40
+    run.main(["--no-pictures"])
+    first = (arena / "scores.json").read_text("utf-8")
+    told = json.loads(first)
+    peaks = told["totals"]["decay"]["peaks"]
+    assert (peaks["found"], peaks["false"], peaks["human"]) == (3, 0, 1)
+    assert (
+        told["totals"]["decay"]["ARTeMIS"] | {"found": 0, "false": 2, "human": 2} == told["totals"]["decay"]["ARTeMIS"]
+    )
+    assert told["totals"]["decay"]["ARTeMIS"]["wrong_without_a_word"] == 1  # the other one is marked
+    assert "3 of 3" in (arena / "docs" / "sets" / "my_beam.md").read_text("utf-8")
+    jsonschema.validate(told, json.loads((pages.ROOT / "scores.schema.json").read_text("utf-8")))
+    (arena / "contestants" / "mine.py").touch()  # the same text: what is there counts, and nothing differs
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run, "_run", lambda *_: pytest.fail("it was run again"))
+        run.main(["--no-pictures"])
+    assert (arena / "scores.json").read_text("utf-8") == first
+
+
+def test_a_program_that_fails_or_cannot_is_told_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, result = tmp_path / "data.npz", tmp_path / "result.json"
+    answers = {"frequencies": None, "lowest frequency": None, "modes": None, "decimation": 1}
+    about = {"kind": "decay", "band": None, "quantity": None, "labels": [["1"]], "answers": answers}
+    np.savez(path, about=np.array(json.dumps(about)), outputs=np.zeros((4, 1)), sampling_rate=2.0)
+    monkeypatch.setattr(child, "limited", lambda: None)
+    monkeypatch.setitem(__import__("sys").modules, "child", child)
+    for body, told in (
+        ("raise ValueError('no')", {"status": "failed", "text": "ValueError: no", "human": 0}),
+        ("test.human('modes')", {"status": "cannot", "human": 0}),
+        ("raise MemoryError", {"status": "limit", "human": 0}),
+        (
+            "return {'frequencies': [2, float('nan'), 0], 'damping_ratios': [.1, .1, .1]}",
+            {"human": 0, "frequencies": [2.0]},
+        ),
+    ):
+        (tmp_path / "one.py").write_text(f"REQUIRES = ()\ndef run(test, variant):\n    {body}\n")
+        monkeypatch.setattr("sys.argv", ["child.py", str(tmp_path / "one.py"), "one", str(path), str(result)])
+        child.main()
+        found = json.loads(result.read_text())
+        assert found | told == found
+
+
+def test_our_own_row_falls_by_more_than_chance_or_not() -> None:
+    assert judge.chance(6, 0) == 1 / 64
+    assert judge.chance(3, 3) == pytest.approx(42 / 64)
+    known = reference([10.0, 20.0, 30.0], shapes=np.eye(3))
+
+    def runs(f: list[float], columns: list[int]) -> dict[str, Any]:
+        return scores.judged(known, (), None, listed(f, shapes=np.eye(3)[:, columns]))
+
+    all_right, one_lost, one_false = (
+        runs([10.0, 20.0, 30.0], [0, 1, 2]),
+        runs([10.0, 20.0], [0, 1]),
+        runs([10.0, 10.0, 20.0, 30.0], [0, 0, 1, 2]),
+    )
+    names = "abcdef"
+    assert judge.fallen(dict.fromkeys(names, all_right), dict.fromkeys(names, all_right)) == []
+    assert judge.fallen(dict.fromkeys(names, all_right), dict.fromkeys(names, one_lost)) == ["found: 6 worse, 0 better"]
+    assert judge.fallen(dict.fromkeys(names[1:], all_right), dict.fromkeys(names, one_lost)) == []  # five of five
+    assert judge.fallen(dict.fromkeys(names, one_lost), dict.fromkeys(names, all_right)) == []
+    told = judge.fallen(dict.fromkeys(names, all_right), dict.fromkeys(names, one_false))
+    assert told == ["false or twice: 6 worse, 0 better", "wrong without a word: 6 worse, 0 better"]
+    worse = {
+        "a": {**all_right, "modes": [{**mode, "shape_error": 0.1, "f_held": False} for mode in all_right["modes"]]}
+    }
+    held = {"a": {**all_right, "modes": [{**mode, "shape_error": 0.01, "f_held": True} for mode in all_right["modes"]]}}
+    assert [score for score, worse in judge.changes(held["a"], worse["a"]) if worse > 0].count("shapes") == 3
+    assert [score for score, worse in judge.changes(held["a"], worse["a"]) if worse > 0].count(
+        "intervals that hold"
+    ) == 3
+
+
+def test_another_file_than_the_set_names_is_refused(arena: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (arena / "x.npy").write_bytes(b"another")
+    monkeypatch.setattr(sets, "PLACES", (arena,))
+    one = sets.ArenaSet("x", {"files": {"x.npy": 64 * "0"}, "source": "nowhere"})
+    with pytest.raises(sets.Missing, match="differs"):
+        one.paths()
+    with pytest.raises(sets.Missing, match="from: nowhere"):
+        sets.ArenaSet("x", {"files": {"y.npy": 64 * "0"}, "source": "nowhere"}).paths()
