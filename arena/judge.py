@@ -86,7 +86,9 @@ def main(arguments: list[str] | None = None) -> int:
         try:
             one = all_sets()[name]
             data, reference = one.read()
-            run = outcome(all_contestants()[OURS], one, stored(one, data, reference))
+            path = stored(one, data, reference)
+            run = outcome(all_contestants()[OURS], one, path)
+            path.unlink()
         except (Missing, ms.DataError) as missing:
             print(f"{name}: left out: {missing}", flush=True)
             continue

@@ -127,7 +127,7 @@ def better(scores: Told, field: str, program: str) -> str:
         known = [(x[key], y[key]) for x, y in pairs if key in x and key in y]
         x, y = (median(column) for column in zip(*known, strict=True)) if known else (0, 0)
         said += [f"median error of {words}: {x:.2g}, modalscope {y:.2g}"] if x < y else []
-    person = f", told {a['human']} numbers by a person," if a["human"] else ""
+    person = f", told {a['human']} number{'s'[: a['human'] > 1]} by a person," if a["human"] else ""
     return f"- **{program}**{person} on {len(names)} tests with {a['modes']} modes: {'; '.join(said)}." if said else ""
 
 

@@ -41,7 +41,7 @@ def draw(one: ArenaSet, entry: dict[str, Any], path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     with io.BytesIO() as held:
         figure.savefig(held, dpi=72)
-        Image.open(held).convert("RGB").quantize(96).save(path, optimize=True)
+        Image.open(held).convert("RGB").quantize(255).save(path, optimize=True)
     plt.close(figure)
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import modalscope as ms
-from benchmarks.peers.works import modes
+from benchmarks._works import modes
 
 INPUTS, SAMPLES, MODES, PIECE = 2, 600, 20, 2000
 ORDERS = range(2, 61, 2)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from typing import NamedTuple
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 
-from benchmarks.peers.install import PLACE
-from benchmarks.peers.pairs import Child
-from benchmarks.peers.works import Data, ambient, lines, samples
+import modalscope as ms
+from arena.child import peak
+from benchmarks._works import PLACE, Data, ambient, lines, samples
 
 #: Runs of one size: the least time counts.
 _RUNS = 3
@@ -24,8 +27,8 @@ class Growth(NamedTuple):
     ----------
     name, of : str
         What is done; what grows.
-    function : str
-        Of `peers/programs/modalscope_.py`.
+    work : callable
+        Does it once.
     sizes : tuple of int
     data : callable
         Makes the arrays of a size.
@@ -33,30 +36,55 @@ class Growth(NamedTuple):
 
     name: str
     of: str
-    function: str
+    work: Callable[[Data], object]
     sizes: tuple[int, ...]
     data: Callable[[int], Data]
+
+
+def era(data: Data) -> object:
+    """ERA with sizes of its own choice."""
+    response = ms.ImpulseResponse(values=data["values"], sampling_rate=1.0)
+    return ms.identify(response, method="era", order=int(data["order"]), deviations=False)
+
+
+def every_order(data: Data) -> object:
+    """A diagram of frequency responses up to an order."""
+    response = ms.FrequencyResponse(values=data["values"], frequencies=data["frequencies"], quantity="displacement")
+    return ms.stabilize(response, orders=range(2, int(data["order"]) + 1, 2), deviations=False)
+
+
+def correlations(data: Data) -> object:
+    """Correlations of a record with itself."""
+    record = ms.Signals(outputs=data["outputs"], sampling_rate=1.0)
+    return ms.estimate_correlation(record, lags=int(data["lags"]))
+
+
+def once(work: Callable[[Data], object], data: Data) -> tuple[float, float]:
+    """Return CPU seconds of one run, and megabytes at the peak above what there was before, where the system tells."""
+    before, start = peak(), time.process_time()
+    work(data)
+    return time.process_time() - start, peak() - before
 
 
 GROWTHS = (
     Growth(
         "ERA, 2 inputs, 300 samples, order 40",
         "outputs",
-        "era_whole",
+        era,
         (300, 1000, 3000, 10_000),
         lambda n: samples(n, 2, 150, 150, 40),
     ),
     Growth(
         "correlations of 16 channels, 200 lags",
         "samples",
-        "correlations",
+        correlations,
         (30_000, 100_000, 300_000, 1_000_000),
         lambda n: ambient(16, n),
     ),
     Growth(
         "diagram of 10 x 2 responses, 1000 lines",
         "largest order",
-        "every_order",
+        every_order,
         (20, 40, 80),
         lambda n: lines(10, 2, 1000, n),
     ),
@@ -65,13 +93,12 @@ GROWTHS = (
 
 def measured(growth: Growth) -> tuple[list[float], list[float]]:
     """Return CPU seconds and megabytes above the data, size by size."""
-    seconds, peaks, path = [], [], (PLACE / "growth.npz").absolute()
+    seconds, peaks = [], []
     for size in growth.sizes:
-        np.savez(path, **growth.data(size))
-        with Child("modalscope", growth.function, path) as child:
-            runs = [child.run() for _ in range(_RUNS)]
-        seconds.append(min(run.seconds for run in runs))
-        peaks.append(runs[0].peak)
+        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as child:
+            runs = [child.submit(once, growth.work, growth.data(size)).result() for _ in range(_RUNS)]
+        seconds.append(min(run[0] for run in runs))
+        peaks.append(runs[0][1])
     return seconds, peaks
 
 

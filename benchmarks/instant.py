@@ -16,7 +16,7 @@ import numpy as np
 from scipy.signal import correlate
 
 import modalscope as ms
-from benchmarks.peers.works import ambient, lines, samples
+from benchmarks._works import ambient, lines, samples
 
 #: Poles of both ways are equal to this.
 EQUAL = 1e-8

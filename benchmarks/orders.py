@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.peers.works import samples
+from benchmarks._works import samples
 from modalscope import ImpulseResponse, identify
 from modalscope.identification.diagrams import stabilize
 from modalscope.identification.pipeline import factor

@@ -33,7 +33,6 @@ SUBJECTS = {
     "methods": "Methods and published noise tables",
     "standard-deviations": "Standard deviations",
     "certificates": "Certificates",
-    "comparison": "Comparison of methods",
     "checks": "Checks of data",
     "monitoring": "Months of records",
     "planning": "Places, and what to measure next",

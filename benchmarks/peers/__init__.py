@@ -1,1 +1,0 @@
-"""The same work by this library and by other programs, each in an environment of its own."""
