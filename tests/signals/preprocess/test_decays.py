@@ -73,3 +73,59 @@ def test_a_force_that_never_changes_is_none_and_is_told() -> None:
         assert isinstance(result.data, ImpulseResponse)
         assert {note.kind: dict(note.numbers) for note in result.notes}["dead force"] == {"u1": -3.1}
     assert np.array_equal(replay(result.analysis, resting).modes.poles, result.modes.poles)
+
+
+def one_mode(law: float = 0.0, stiffer: float = 0.0, noise: float = 1e-3, limit: float = np.inf) -> Signals:
+    """Return 20 s of a decay at 8 Hz (.3 %), seen by a sensor x + law x^2, of a stiffness that goes with the square of its size."""
+    t, rng = np.arange(6000) / 300.0, np.random.default_rng(0)
+    A = np.exp(-0.003 * 2 * np.pi * 8 * t)
+    x = A * np.cos(2 * np.pi * 8 * np.cumsum(1 + stiffer * A**2) / 300)
+    y = np.minimum(x + law * x**2 + noise * rng.standard_normal(t.size), limit)
+    return Signals(outputs=y[:, None], sampling_rate=300.0)
+
+
+def listed(data: Signals) -> tuple[list[float], dict[str, str]]:
+    result = analyze(data, refine=False)
+    return np.round(result.modes.frequencies, 1).tolist(), {note.kind: note.text for note in result.notes}
+
+
+def test_multiples_of_a_tone_are_no_modes_and_are_named() -> None:
+    found, notes = listed(one_mode(law=0.05))
+    assert found == [8.0]
+    assert "of 8 Hz, no modes: 16 Hz" in notes["multiples"]
+
+
+def test_a_mode_at_twice_the_frequency_with_a_decay_of_its_own_stays() -> None:
+    plain, t = one_mode(), np.arange(6000) / 300.0
+    # its square decays by .3 %, too
+    for damping in (0.002, 0.0035):
+        second = 0.2 * np.exp(-damping * 2 * np.pi * 16 * t) * np.cos(2 * np.pi * 16 * t + 1)
+        found, notes = listed(Signals(outputs=plain.outputs + second[:, None], sampling_rate=300.0))
+        assert found == [8.0, 16.0]
+        assert "multiples" not in notes
+
+
+def test_a_frequency_that_goes_with_the_size_is_one_mode_and_its_range_is_said() -> None:
+    found, notes = listed(one_mode(stiffer=0.01))
+    assert found == [8.0]
+    assert "8.07" in notes["goes with size"].partition("at first")[0]
+    assert "8.00" in notes["goes with size"].partition("at first")[2]
+    assert "goes with size" not in listed(one_mode())[1]
+
+
+def test_two_close_modes_are_two() -> None:
+    t = np.arange(6000) / 300.0
+    second = 0.7 * np.exp(-0.003 * 2 * np.pi * 8.06 * t) * np.cos(2 * np.pi * 8.06 * t)
+    found, notes = listed(Signals(outputs=one_mode().outputs + second[:, None], sampling_rate=300.0))
+    assert found == [8.0, 8.1]
+    assert not {"multiples", "goes with size"} & set(notes)
+
+
+def test_a_decay_that_was_clipped_begins_after_the_last_clipped_sample() -> None:
+    found, notes = listed(one_mode(limit=0.8))
+    assert found == [8.0]
+    (start,) = [float(word) for word in notes["free decay"].split() if word[0].isdigit() and "." in word][:1]
+    assert 1.3 < start < 1.6  # exp(-.003 2 pi 8 t) = .8 at 1.48 s
+    assert "(clipped before)" in notes["free decay"]
+    (note, *_) = as_free_decay(one_mode(limit=0.1))[1]
+    assert "clipped" not in note.text  # half of it and more was clipped: all is taken

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,10 +10,12 @@ import numpy as np
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Candidate as LeftOut, Harmonic, Note
 from modalscope.data.record_spectra import RecordSpectra
+from modalscope.data.responses import ImpulseResponse
 from modalscope.data.results import StabilizationDiagram
 from modalscope.selection.judging.evidence import CERTAIN, UNCERTAIN, Candidate
 from modalscope.selection.judging.grades import grades
 from modalscope.signals.preprocess.bands import driven_share
+from modalscope.signals.preprocess.decays import tone_of
 from modalscope.signals.preprocess.harmonics import HARMONIC
 from modalscope.signals.preprocess.spectral_peaks import NOISE, UNSEEN
 
@@ -53,9 +55,10 @@ def with_objections_of_record(diagram: StabilizationDiagram, candidates: Sequenc
     lines = [note for note in diagram.notes if note.kind == HARMONIC]
     alone = next((note for note in diagram.notes if note.kind == NOISE), None)
     unseen = next((note for note in diagram.notes if note.kind == UNSEEN), None)
-    judged = []
+    judged, of_tone = [], _objections_of_tone(diagram, candidates)
     for c in candidates:
         against = [f"harmonic of a rotating machine: {line.text}" for line in lines if _is_line(c, line)]
+        against += of_tone(c)
         if c.facts.get("peak_height", np.inf) < 1:
             against.append("no peak in the spectra of any combination of channels")
         if alone is not None:
@@ -64,6 +67,25 @@ def with_objections_of_record(diagram: StabilizationDiagram, candidates: Sequenc
             against.append(unseen.text)
         judged.append(replace(c, against=(*c.against, *against)) if against else c)
     return judged
+
+
+def _objections_of_tone(
+    diagram: StabilizationDiagram, candidates: Sequence[Candidate]
+) -> Callable[[Candidate], list[str]]:
+    """Return what speaks against poles at multiples of the strongest tone of a decay, and against more than one where it moves."""
+    response = diagram.response
+    tone = tone_of(response.values) if isinstance(response, ImpulseResponse) and response.kind == "free decay" else None
+    if tone is None:
+        return lambda c: []
+    rate, f = response.sampling_rate, tone.frequency * response.sampling_rate
+    copies = [c for c in candidates if tone.first and tone.holds(c.frequency / rate)]
+    copies.sort(key=lambda c: (bool(c.against), -c.facts.get("gain", 0.0)))
+
+    def of(c: Candidate) -> list[str]:
+        found = [f"{k} times {f:.5g} Hz, made by it" for k in tone.multiples if tone.holds(c.frequency / rate, k)]
+        return found + [f"{f:.5g} Hz goes with the size of its motion: one mode"] * any(c is copy for copy in copies[1:])
+
+    return of
 
 
 def without_unforced(diagram: StabilizationDiagram, modes: ModalModel) -> ModalModel:

@@ -1,16 +1,127 @@
-"""Take records without forces that are free decays as what they are: from the release on, at the rate that their modes need."""
+"""Take records without forces that are free decays as what they are: from the release on, at the rate that their modes need.
+
+A sensor or a structure that is not linear moves by more than its modes. Of z(t) = A(t) exp(j phase), the strongest tone of a decay, a law
+x = z + a z^2 + b z^3 makes tones at two and three times its frequency, whose size goes as A^2 and A^3 and whose phase as twice and thrice
+its own; and a stiffness that goes with the size makes ln z = c + s t + e int A^2 dt, whose frequency moves as it decays.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy import signal
 
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.responses import ImpulseResponse
 from modalscope.data.sizes import check_size
+from modalscope.numerics.checks import ComplexArray, RealArray
 from modalscope.numerics.functions.damped_tones import Decay, decay_of, one_in
+from modalscope.signals.preprocess.impacts import clipped_samples
+
+#: Periods of the window that parts the multiples of a tone (a Hann window has zeros at all of them), and multiples that are looked at.
+_PERIODS, _MAX_MULTIPLE = 4, 4
+
+#: Windows that a decay needs, and the largest share of a tone that the law of a multiple leaves, also relative to what an exponential of
+#: its own leaves, which has as many unknowns.
+_MIN_WINDOWS, _MAX_LEFT, _TIMES_OWN, _TIMES_TWO = 6, 0.4, 1.5, 10.0
+
+#: A pole belongs to a multiple within this part of its frequency.
+_MULTIPLE_REACH = 0.006
+
+#: A frequency moves where one exponential leaves this many times what it leaves with a term of size, and two leave no less.
+_MIN_GAIN = 3.0
+
+
+class Tone(NamedTuple):
+    """The strongest tone of a decay, its frequencies in cycles a sample.
+
+    `frequency`, `damping`: at the end. `first`: both at the beginning where they go with the size of the motion, else None. `multiples`:
+    those which it makes.
+    """
+
+    frequency: float
+    damping: float
+    first: tuple[float, float] | None
+    multiples: tuple[int, ...]
+
+    def holds(self, frequency: float, multiple: int = 1) -> bool:
+        """Whether a frequency is that of the tone, at any size, or of its multiple."""
+        f, ratio = self.frequency, frequency / multiple / self.frequency - 1
+        moved = 0.0 if self.first is None else self.first[0] / f - 1
+        reach = _MULTIPLE_REACH if multiple > 1 else 2 * max(self.damping, (self.first or (0.0, 0.0))[1])
+        return min(moved, 0.0) - reach < ratio < max(moved, 0.0) + reach
+
+
+def tone_of(y: RealArray) -> Tone | None:
+    """Return the strongest tone of a decay (N, ...), by its largest channel; None where the decay is too short for it.
+
+    Examples
+    --------
+    >>> t = np.arange(4000) / 200
+    >>> x = np.exp(-0.1 * t) * np.cos(2 * np.pi * 8 * t)
+    >>> tone = tone_of(x + 0.02 * x**2 + 1e-4 * np.random.default_rng(0).standard_normal(4000))
+    >>> round(200 * tone.frequency, 2), tone.first, tone.multiples
+    (8.0, None, (2,))
+    """
+    y = y.reshape(len(y), -1)
+    x = y[:, int(np.argmax(np.var(y, axis=0)))]
+    x = x - x[-max(len(x) // 10, 1) :].mean()
+    count = 4 * len(x)
+    f = max(int(np.argmax(np.abs(np.fft.rfft(x, count)))), 1) / count
+    length, step = round(_PERIODS / f), max(1, int(0.3 / f))
+    if len(x) < _MIN_WINDOWS * length:
+        return None
+    taps, t = np.hanning(length + 2)[1:-1], np.arange(len(x))
+    whole = [x * np.exp(-2j * np.pi * k * f * t) for k in range(1, min(_MAX_MULTIPLE, int(0.5 / f)) + 1)]
+    z, *others = (signal.oaconvolve(part, taps / taps.sum(), "valid")[::step] for part in whole)
+    law, drift = _exponential(z, np.cumsum(np.abs(z) ** 2) / np.sum(np.abs(z) ** 2))
+    turned, fallen = np.diff(np.unwrap(np.angle(law))), -np.diff(np.log(np.abs(law)))
+    first, last = (
+        (float(f + turned[k] / (2 * np.pi * step)), float(fallen[k] / (2 * np.pi * f * step))) for k in (0, -1)
+    )
+    moves = drift < min(_exponential(z)[1] / _MIN_GAIN, _TIMES_OWN * _two_exponentials(z))
+    leaks = [np.exp(-2j * np.pi * k * f * step * np.arange(len(z))) * z for k in range(1, len(others) + 1)]
+    shares = [_shares(other, z**k, leak) for k, (other, leak) in enumerate(zip(others, leaks, strict=True), 2)]
+    made = [k for k, (left, own, two) in enumerate(shares, 2) if left < min(own, two)]
+    if made:
+        made = [k for k, (left, own, _) in enumerate(shares, 2) if left < own]
+    return Tone(*last, first if moves else None, tuple(made))
+
+
+def _shares(x: ComplexArray, power: ComplexArray, leak: ComplexArray) -> tuple[float, float, float]:
+    """Return the share of x that the law of a multiple leaves, the most by which it is one, and that against two exponentials."""
+    x = x - leak * (np.vdot(leak, x) / np.vdot(leak, leak))
+    return _left(x, power[:, None]), min(_MAX_LEFT, _TIMES_OWN * _exponential(x)[1]), _TIMES_TWO * _two_exponentials(x)
+
+
+def _exponential(z: ComplexArray, *more: RealArray) -> tuple[ComplexArray, float]:
+    """Return exp of the best combination of 1, t and more for ln z, weighed by its size, and the share of z that it leaves."""
+    basis, size = np.stack([np.ones(len(z)), np.arange(len(z)) / len(z), *more], axis=1), np.abs(z) + np.finfo(float).tiny
+    log = np.log(size) + 1j * np.unwrap(np.angle(z))
+    found = np.exp(basis @ np.linalg.lstsq(basis * size[:, None], log * size, rcond=None)[0])
+    return found, float(np.sum(np.abs(z - found) ** 2) / np.sum(size**2))
+
+
+def _two_exponentials(z: ComplexArray) -> float:
+    """Return the share of z that two exponentials leave, by the shift of their singular vectors."""
+    z = z[:: max(1, len(z) // 300)]
+    V = np.linalg.svd(np.lib.stride_tricks.sliding_window_view(z, len(z) // 3), full_matrices=False)[2][:2].T
+    poles = np.linalg.eigvals(np.linalg.lstsq(V[:-1], V[1:], rcond=None)[0])
+    return _left(z, poles ** np.arange(len(z))[:, None])
+
+
+def _left(z: ComplexArray, basis: ComplexArray) -> float:
+    """Return the share of z that no combination of columns explains."""
+    basis = basis / np.linalg.norm(basis, axis=0)
+    return float(np.sum(np.abs(z - basis @ np.linalg.lstsq(basis, z, rcond=None)[0]) ** 2) / np.sum(np.abs(z) ** 2))
+
+
+def _after_clipping(run: RealArray) -> int:
+    """Return the first sample of a decay (N, l) from which no channel reaches the limit at which it was clipped."""
+    limits = [np.isin(x, [x.max(), x.min()]) for x in run.T if clipped_samples(x)]
+    return 1 + max((int(np.flatnonzero(at)[-1]) for at in limits), default=-1)
 
 
 def as_free_decay(
@@ -26,13 +137,16 @@ def as_free_decay(
     outputs, inputs = signals.by_run()
     if inputs is not None:
         return signals, ()
-    decays: list[Decay] = []
-    for run in outputs if judged is None else judged.by_run()[0]:
+    looked = outputs if judged is None else judged.by_run()[0]
+    cut = max(map(_after_clipping, looked))
+    cut = cut if cut <= signals.samples // 2 and all(decay_of(run[cut:]) for run in looked) else 0
+    outputs, decays = outputs[:, cut:], []
+    for run in looked[:, cut:]:
         decay = decay_of(run)
         if decay is None or (decays and decay.step != decays[0].step):
             return signals, ()
         decays.append(decay)
-    step, start = decays[0].step, decays[0].first / signals.sampling_rate
+    step, start = decays[0].step, (cut + decays[0].first) / signals.sampling_rate
     samples = [decay.samples for decay in decays]
     if judged is not None:
         ends = (run - run[-max(len(run) // 10, 1) :].mean(axis=0) for run in outputs)
@@ -41,8 +155,8 @@ def as_free_decay(
     unexplained = max(decay.unexplained for decay in decays)
     where = f"from {start:.4g} s on" if len(decays) == 1 else f"of {len(decays)} runs, each from its release on"
     text = (
-        f"Taken as a free decay {where}, no force: damped tones explain {100 * (1 - unexplained):.3g} % of it. "
-        "If it is ambient vibration, say so: route='correlation', --route correlation"
+        f"Taken as a free decay {where}{' (clipped before)' if cut else ''}, no force: damped tones explain "
+        f"{100 * (1 - unexplained):.3g} % of it. If it is ambient vibration, say so: route='correlation', --route correlation"
     )
     fields: dict[str, Any] = signals.labelled() | {
         "input_dofs": tuple(f"run {k + 1}" for k in range(len(decays))),
@@ -56,4 +170,28 @@ def as_free_decay(
         **fields,
     )
     what = "cut to its free decay" + ("" if step == 1 else f", low-pass filtered, one sample in {step} kept")
-    return response.processed(what), (Note("free decay", {"start": start, "step": step}, text),)
+    notes = (Note("free decay", {"start": start, "step": step}, text), *_notes_on(looked[0, cut + decays[0].first :], signals))
+    return response.processed(what), notes
+
+
+def _notes_on(y: RealArray, signals: Signals) -> tuple[Note, ...]:
+    """Return what is not linear in a decay (N, l): multiples of its strongest tone, and how far its frequency moves."""
+    tone, rate = tone_of(y), signals.sampling_rate
+    if tone is None:
+        return ()
+    notes = []
+    if tone.multiples:
+        listed = ", ".join(f"{k * tone.frequency * rate:.4g}" for k in tone.multiples)
+        text = (
+            f"Multiples of {tone.frequency * rate:.4g} Hz, no modes: {listed} Hz. Their sizes and phases follow from it: "
+            "distortion of a sensor or large motion (a string alone has modes there)"
+        )
+        notes.append(Note("multiples", {"hz": tone.frequency * rate}, text))
+    if tone.first:
+        (low, damped), f = tone.first, tone.frequency
+        text = (
+            f"One mode, which goes with the size of its motion: {low * rate:.5g} Hz with a damping of {100 * damped:.2g} % at first, "
+            f"{f * rate:.5g} Hz with {100 * tone.damping:.2g} % at the end"
+        )
+        notes.append(Note("goes with size", {"first_hz": low * rate, "last_hz": f * rate}, text))
+    return tuple(notes)
