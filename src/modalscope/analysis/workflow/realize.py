@@ -39,6 +39,7 @@ from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.poles import one_of_each_pair, to_discrete
 from modalscope.numerics.progress import tell
 from modalscope.numerics.resources import one_thread
+from modalscope.signals.preprocess.excitation import few_tones
 
 #: Orders that are tried: even ones to the first number, then every fourth.
 _FINE_ORDERS, _MAX_ORDER = 20, 40
@@ -452,7 +453,7 @@ def _of_records(
     best = _best(found)
     validation = _validation(best, tried, folds, words)
     model, said = _again(best, records, options, stable=stable)
-    warning = _warnings(validation, asked=choice.get("route"))
+    warning = (*_warnings(validation, asked=choice.get("route")), *_too_few_tones(records, model))
     return RealizedModel(
         **_fields(model, records),
         notes=(*notes, *said, *warning),
@@ -577,6 +578,19 @@ def _again(
     best_part = int(np.argmin(left))
     model, notes = whole[best_part if left[best_part] < left[0] / 2 else 0]
     return with_innovations(model, records), notes
+
+
+def _too_few_tones(records: Records, model: StateSpace) -> tuple[Note, ...]:
+    """Return a note where the forces are fewer sinusoids than determine so many states."""
+    tones, (outputs, order) = few_tones(records), (len(model.C), model.order)
+    if not tones or order * (1 + outputs) <= 2 * len(tones) * outputs:
+        return ()
+    states = 2 * len(tones) * outputs // (1 + outputs)
+    text = (
+        f"WARNING: the forces are sinusoids at {', '.join(f'{f:.4g}' for f in tones)} Hz, which determine {states} "
+        f"state{'s' * (states != 1)} at most, and the model has {order}: it is of use at these frequencies alone. Drive with noise, a sweep or hits"
+    )
+    return (Note("few lines", {"states": states, "order": order}, text),)
 
 
 def _warnings(validation: ModelValidation, asked: str | None) -> tuple[Note, ...]:

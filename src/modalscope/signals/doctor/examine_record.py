@@ -10,7 +10,7 @@ from modalscope.data.records import Signals
 from modalscope.numerics.checks import RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.signals.doctor.delays import delayed, exchanged, late
-from modalscope.signals.doctor.findings import dead_channels, identical_channels, sides_of
+from modalscope.signals.doctor.findings import dead_channels, finding, identical_channels, sides_of
 from modalscope.signals.doctor.halves import changes
 from modalscope.signals.doctor.prediction import NO_PREDICTION, missing_samples, prediction_of
 from modalscope.signals.doctor.records import (
@@ -27,7 +27,7 @@ from modalscope.signals.doctor.responses import MIN_COHERENCE, examine_estimate,
 from modalscope.signals.doctor.runs import changed_runs
 from modalscope.signals.doctor.samples import frozen, overflows, spikes
 from modalscope.signals.preprocess.bands import swept_lines, useful_lines
-from modalscope.signals.preprocess.excitation import find_excitation
+from modalscope.signals.preprocess.excitation import few_tones, find_excitation
 from modalscope.signals.preprocess.frf import estimate_frf
 
 
@@ -63,7 +63,11 @@ def examine_record(signals: Signals, whole: bool) -> list[Finding]:
         findings += bad_hits(signals)
     if kind in ("impact", "burst"):
         findings += leakage(moving, kind)
-    findings += (short := too_short(moving) if kind in ("random", "ambient") else [])
+    tones = few_tones(moving) if kind == "random" else ()
+    if tones:
+        at = ", ".join(f"{f:.4g}" for f in tones)
+        findings.append(finding("few lines", *moving.input_dofs, where=at, at=tones))
+    findings += (short := too_short(moving) if kind in ("random", "ambient") and not tones else [])
     forced = signals.inputs is not None and len(moving_channels["input"]) == len(signals.input_dofs) and not reversed_
     changed = changed_runs(moving) if forced else []
     findings += changed

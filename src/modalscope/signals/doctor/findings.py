@@ -88,6 +88,10 @@ ROWS = {
         "{seconds:.4g} s are {count:.1f} decay times of the resonance at {frequency:.4g} Hz (damping near {damping:.2g} %)",
         "Measure {needed:.4g} s or more: damping scatters by some {scatter:.0f} %.",
     ),
+    "few lines": (
+        "the forces have power at {where} Hz alone: of modes elsewhere only the start of a run tells",
+        "Drive with noise, a sweep or hits.",
+    ),
     "short record: lines": (
         "the resonances at {where} Hz are narrower than {resolved:.1f} lines of {step:.3g} Hz",
         "Measure longer, use longer segments, or an exponential window for hits.",

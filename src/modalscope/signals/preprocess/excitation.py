@@ -45,6 +45,10 @@ _MIN_PERIODIC = 0.99
 #: stretch's power exponential, as that of a mode which outlasts it, 25 of a million records would have so much by chance.
 _PARTS, EVENT = 40, 4.0
 
+#: Forces are few tones where all but this part of their power lies within so many lines of at most so many frequencies (the side lobes of
+#: a Hann window hold less), and the lines that a spectrum needs for that.
+_BESIDE_TONES, _TONE_LINES, _MAX_TONES, _MIN_LINES = 1e-4, 4, 10, 400
+
 #: The kind of the note on forces that never change; its numbers are their values.
 _DEAD_FORCE = "dead force"
 
@@ -182,6 +186,37 @@ def _is_sweep(force: Array) -> bool:
     # where the force drops out at a resonance, a harmonic may be stronger: most pairs of stretches, not all, are in order
     order = np.sign(np.subtract.outer(strongest, strongest))[np.tril_indices(_STRETCHES, -1)]
     return bool(abs(np.mean(order)) > _MIN_ORDERED_PAIRS and np.median(share) > _SWEPT_ENERGY)
+
+
+def few_tones(data: Signals | Records) -> tuple[float, ...]:
+    """Return the frequencies (Hz) of forces that are nothing but ten sinusoids at most, () for others.
+
+    k sinusoids measure a response on k lines: 2 k l numbers of l outputs, where n states have n (1 + l).
+
+    Examples
+    --------
+    >>> t = np.arange(2000) / 50.0
+    >>> rest = {"outputs": np.zeros((2000, 1)), "sampling_rate": 50.0}
+    >>> [round(f, 2) for f in few_tones(Signals(inputs=np.sin(2 * np.pi * 3 * t)[:, None], **rest))]
+    [3.0]
+    >>> few_tones(Signals(inputs=np.random.default_rng(0).standard_normal((2000, 1)), **rest))
+    ()
+    """
+    found: set[float] = set()
+    for record in data.recordings:
+        for forces in record.by_run()[1] if record.inputs is not None else ():  # type: ignore[union-attr]
+            lines = np.abs(fft.rfft((forces - forces.mean(axis=0)).T * np.hanning(len(forces)))) ** 2
+            power = np.sum(lines / np.maximum(lines.sum(axis=1, keepdims=True), np.finfo(float).tiny), axis=0)
+            least, at = _BESIDE_TONES * power.sum(), [power.size]
+            while power.sum() > least:
+                k = int(np.argmax(power))
+                at.append(k)
+                beside = np.min(np.abs(np.array(at[:-1]) - k)) <= 2 * _TONE_LINES + 1  # a band, no tones
+                if beside or len(at) > _MAX_TONES + 1 or power.size < _MIN_LINES:
+                    return ()
+                power[max(k - _TONE_LINES, 0) : k + _TONE_LINES + 1] = 0
+            found |= {k * record.sampling_rate / len(forces) for k in at[1:]}
+    return tuple(sorted(found))
 
 
 def find_period(forces: RealArray, period: int | None) -> int:
