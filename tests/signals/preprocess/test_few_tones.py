@@ -38,7 +38,7 @@ def test_tones_are_counted_and_a_band_or_noise_is_none() -> None:
 def test_a_record_says_that_it_has_few_lines_and_calls_its_drive_no_resonance() -> None:
     record = chain5().simulate(inputs="white", samples=3000, sampling_rate=50.0, seed=0)
     found = {f.kind: f for f in examine(driven(tones(1)))}
-    assert "2.016 Hz alone" in str(found["few lines"])
+    assert "2.017 Hz alone" in str(found["few lines"])
     assert "short record" not in found
     assert not any(f.kind == "few lines" for f in examine(record))
 
