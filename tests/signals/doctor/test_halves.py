@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import signal
 from scipy.interpolate import CubicSpline
 
 import modalscope as ms
@@ -114,6 +115,18 @@ def test_a_record_of_two_tests_is_told_for_all_channels(name: str) -> None:
     (found,) = changes(spoil(ambient(2), np.random.default_rng(3)), "ambient")
     assert found.kind in kinds
     assert len(found.channels) > 1
+
+
+def test_a_sweep_without_its_force_is_no_change_and_no_event() -> None:
+    for samples, alone in ((6000, "changed"), (2500, "clock")):
+        rate, force = 8.0, np.zeros((samples, 8))
+        t = np.arange(samples) / rate
+        force[:, 0] = signal.chirp(t, 0.2, t[-1], 0.48 * rate)
+        chain = ms.systems.chain([1.0] * 8, [100.0] * 8, damping_ratios=[0.03] * 8)
+        swept = chain.simulate(inputs=force, samples=samples, sampling_rate=rate, quantity="acceleration", noise=0.01, seed=1)
+        record = Signals(outputs=swept.outputs, sampling_rate=rate)
+        assert examine(record) == ()
+        assert {f.kind for f in changes(record, "ambient")} == {alone}  # what it would be told of wind
 
 
 def test_runs_that_are_the_same_are_named() -> None:

@@ -27,7 +27,7 @@ from modalscope.signals.doctor.responses import MIN_COHERENCE, examine_estimate,
 from modalscope.signals.doctor.runs import changed_runs
 from modalscope.signals.doctor.samples import frozen, overflows, spikes
 from modalscope.signals.preprocess.bands import swept_lines, useful_lines
-from modalscope.signals.preprocess.excitation import few_tones, find_excitation
+from modalscope.signals.preprocess.excitation import few_tones, find_excitation, is_sweep
 from modalscope.signals.preprocess.frf import estimate_frf
 
 
@@ -37,6 +37,8 @@ def examine_record(signals: Signals, whole: bool) -> list[Finding]:
     if findings:  # all other checks take columns for channels
         return findings
     kind = kind_of_test(*signals.by_run()) if signals.inputs is None else find_excitation(signals)
+    if kind == "ambient" and any(is_sweep(y - np.median(y)) for run in signals.by_run()[0] for y in run.T):
+        kind = "sweep"  # of a force that was not measured: what comes and goes with its frequency is no event and no change
     moving_channels: dict[str, list[int]] = {}
     for side, columns, labels in sides_of(signals):
         constant = dead_channels(columns, labels)

@@ -161,7 +161,7 @@ def excitation_of(parts: Sequence[Signals], otherwise: str = "random") -> str:
 def _kind_of_run(forces: RealArray) -> str:
     """Return the kind of excitation of the forces of a run (N, m), all alike."""
     centred = [force - np.median(force) for force in forces.T]
-    for kind, is_kind in (("impact", is_impact), ("burst", _is_burst), ("sweep", _is_sweep)):
+    for kind, is_kind in (("impact", is_impact), ("burst", _is_burst), ("sweep", is_sweep)):
         if all(map(is_kind, centred)):
             return kind
     return "random"
@@ -173,7 +173,7 @@ def _is_burst(force: Array) -> bool:
     return bool(np.sqrt(np.mean(last**2)) < _MAX_OFF * np.sqrt(np.mean(force**2)))
 
 
-def _is_sweep(force: Array) -> bool:
+def is_sweep(force: Array) -> bool:
     """Return whether every stretch has few lines, and the strongest moves in one direction over the run."""
     length = force.size // _STRETCHES
     if length < 32:
