@@ -99,3 +99,17 @@ def test_runs_and_setups_are_converted_part_by_part():
     parts = [ms.Signals(outputs=y, sampling_rate=1.0, units="cm", output_dofs=["1Z", dof]) for dof in ("2Z", "3Z")]
     assert ms.Setups(parts=parts).in_si().parts[1].outputs == pytest.approx(y / 100)
     assert ms.Records(runs=parts[:1]).in_si().units == (("m", "m"), ())
+
+
+def test_an_input_that_is_a_motion_is_told_and_one_that_is_a_force_is_not() -> None:
+    rest = {"outputs": np.zeros((3, 2)), "inputs": np.ones((3, 1)), "sampling_rate": 1.0, "input_dofs": ["table"]}
+    for units, told in (
+        (("m/s2", "m/s2"), "Input table is a motion: responses are dimensionless transmissibilities"),
+        (("m/s2", "mm"), "Input table is a motion: responses are transmissibilities"),
+        (("g", "g"), "structure held at that point"),
+        (("m/s2", "N"), ""),
+        (("m/s2", ""), ""),
+    ):
+        notes = [note.text for note in si_form(ms.Signals(units=units, **rest))[1] if note.kind == "motion"]
+        assert len(notes) == bool(told)
+        assert all(told in note for note in notes)

@@ -202,10 +202,10 @@ def si_form(data: Data) -> tuple[Data, tuple[Note, ...]]:
         for side, units in zip(sides, data.units, strict=True)
         for (f, new), old in zip(side, units, strict=True)
     ):
-        return data, tuple(note for note in notes if note.kind == "units not known")
+        return data, tuple(note for note in notes if note.kind != "units")
     outputs, inputs = (np.array([factor for factor, _ in side]) for side in sides)
     units = (tuple(unit for _, unit in sides[0]), tuple(unit for _, unit in sides[1]))
-    kinds = [None if (si := in_si(unit)) is None or si.kind not in QUANTITIES else si.kind for unit in data.units[0]]
+    kinds = [_motion(unit) for unit in data.units[0]]
     changed: Any = replace(data, **data._scaled(outputs, inputs), units=units, **data._quantity_of(kinds))
     return changed.processed(str(notes[0])), notes
 
@@ -233,7 +233,21 @@ def _notes(data: Channels) -> tuple[Note, ...]:
     for unit, channels in unknown.items():
         text = f"the unit {unit} of {_some(channels)} is not known: values stay in it, and modal masses are not in kg"
         notes.append(Note("units not known", {}, text))
+    moved = {dof: si for dof, unit in zip(data.input_dofs, data.units[1], strict=True) if (si := _motion(unit))}
+    if moved:
+        plain = {_motion(unit) for unit in data.units[0]} == set(moved.values())
+        text = (
+            f"{'Inputs' if len(moved) > 1 else 'Input'} {_some(tuple(moved))} {'are motions' if len(moved) > 1 else 'is a motion'}: responses "
+            f"are {'dimensionless ' * plain}transmissibilities, and their poles those of the structure held at that point"
+        )
+        notes.append(Note("motion", {"inputs": len(moved)}, text))
     return tuple(notes)
+
+
+def _motion(unit: str) -> str | None:
+    """Return the quantity of a unit that is that of a motion."""
+    si = in_si(unit)
+    return si.kind if si is not None and si.kind in QUANTITIES else None
 
 
 def _some(dofs: Sequence[str]) -> str:

@@ -199,3 +199,21 @@ def test_no_record_is_offered_of_complex_values() -> None:
     notes = contents_from_table(_table(_LINES, _H[:, 0], _H[:, 1]), {}).notes
     assert any("taken as frequency in Hz" in note for note in notes)
     assert not any("--columns" in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("names", "inputs"),
+    [
+        ("Input [m/s2],Floor 1 [m/s2],Floor 2 [m/s2]", 1),
+        ("Anregung [mm],Spitze [m/s2],Mitte [m/s2]", 1),
+        ("Input 1 [m/s2],Input 2 [m/s2],Input 3 [m/s2]", 0),  # inputs of the recorder
+        ("Input 1 [N],Input 2 [m/s2],Floor [m/s2]", 1),  # the force
+        ("Table [m/s2],Floor 1 [m/s2],Floor 2 [m/s2]", 0),
+    ],
+)
+def test_a_motion_is_an_input_where_it_alone_is_called_so(tmp_path: Path, names: str, inputs: int) -> None:
+    rows = np.column_stack([np.arange(200) / 100, np.random.default_rng(0).standard_normal((200, 3))])
+    np.savetxt(tmp_path / "moved.csv", rows, delimiter=",", header=f"Time [s],{names}", comments="")
+    data = ms.read(tmp_path / "moved.csv")
+    assert len(data.input_dofs) == inputs
+    assert not inputs or data.input_dofs[0] == names.split(" [")[0]

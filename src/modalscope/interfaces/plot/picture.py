@@ -343,7 +343,9 @@ def unit_of(response: Response, output: int | None = None, input: int | None = N
         return ""
     if response.ambient:  # spectra of two motions, not a motion of a force
         return f" [({top})²/Hz]" if top == bottom else f" [({top})({bottom})/Hz]"
-    return f" [({top})/{bottom}]" if bottom and "/" in top else f" [{top}/{bottom}]" if bottom else f" [{top}]"
+    if top == bottom:
+        return " [dimensionless]"
+    return " [" + "/".join(f"({unit})" if bottom and "/" in unit else unit for unit in (top, bottom) if unit) + "]"
 
 
 def channel(name: str, choice: str | int | None, labels: tuple[str, ...], default: int) -> int:

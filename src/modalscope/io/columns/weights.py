@@ -16,9 +16,10 @@ from modalscope.data import DataError
 from modalscope.data.units import plain_unit
 from modalscope.io.columns.axis import in_epoch, nearly_even, rises, sampling_of
 from modalscope.io.columns.table import Column
-from modalscope.io.columns.vocabulary import VOLTAGES, meanings_of, words_of
+from modalscope.io.columns.vocabulary import INPUTS, VOLTAGES, meanings_of, words_of
 from modalscope.io.columns.words import UNITS_OF_TURNS, kind_of_unit
 from modalscope.numerics.checks import Array, RealArray
+from modalscope.numerics.functions.poles import QUANTITIES
 
 #: Weights of a known unit, of a word, of a hint, and of what cannot be.
 SURE, WORD, HINT, NEVER = 10.0, 6.0, 3.0, -40.0
@@ -347,6 +348,9 @@ def _is_whole(column: Column) -> bool:
 def _of_drives(columns: Sequence[Column], weights: dict[int, Weights]) -> Iterator[Relation]:
     """Give the voltages that drive a shaker, by their words, or by values: beside a measured force they are none, else the input."""
     every = [c for c in columns if _is_force(weights[c.number])]
+    called = [c for c in columns if INPUTS.intersection(words_of(c.name))]
+    if len(called) == 1 and kind_of_unit(called[0].unit) in QUANTITIES and not [c for c in every if c is not called[0]]:
+        yield called[0], "in", SURE, "it is a motion that is called the input"
     sensors = [c for c in columns if kind_of_unit(c.unit) in _VIBRATIONS and kind_of_unit(c.unit) != "voltage"]
     for column in columns:
         bare, forces = _is_bare_voltage(column.name), [c for c in every if c is not column]
