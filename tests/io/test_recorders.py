@@ -6,6 +6,7 @@ import gc
 import re
 import time
 import zipfile
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from modalscope.io import survey
 from tests.io import ordinary
 from tests.io.ordinary import CHANNELS, RATE, TIMES
 from tests.support import refused
@@ -185,3 +187,20 @@ def test_a_package_that_is_missing_is_named_with_its_extra(
     monkeypatch.setattr("modalscope.numerics.errors.import_module", without)
     (tmp_path / f"a{suffix}").write_bytes(b"anything")
     refused(rf"pip install 'modalscope\[{extra}\]'", ms.read, tmp_path / f"a{suffix}")
+
+
+@pytest.mark.parametrize("suffix", [".tdms", ".mf4"])
+def test_when_a_file_starts_is_known_to_what_puts_recorders_on_one_clock(tmp_path: Path, suffix: str) -> None:
+    start = datetime(2024, 5, 3, 12, 0, 3, 700_000, tzinfo=UTC)
+    if suffix == ".tdms":
+        nptdms = pytest.importorskip("nptdms")
+        said = {"wf_increment": 1 / RATE, "wf_start_time": np.datetime64(start.replace(tzinfo=None))}
+        with nptdms.TdmsWriter(str(tmp_path / "node.tdms")) as writer:
+            writer.write_segment([nptdms.ChannelObject("run", "Acc", CHANNELS[:, 1], properties=said)])
+    else:
+        asammdf = pytest.importorskip("asammdf")
+        with asammdf.MDF(version="4.10") as file:
+            file.header.start_time = start
+            file.append([asammdf.Signal(samples=CHANNELS[:, 1].copy(), timestamps=TIMES, name="Acc", unit="m/s2")])
+            file.save(tmp_path / "node.mf4", overwrite=True)
+    assert survey(tmp_path / f"node{suffix}").begins == pytest.approx(start.timestamp(), abs=1e-6)

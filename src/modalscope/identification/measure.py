@@ -51,7 +51,7 @@ def measure(
     become: Callable[..., Measured] = of_response if isinstance(test, Response) else handed("of_records")
     measured = become(test, checked, given)
     taken = "correlation" if measured.response.ambient else measured.route
-    if asked not in ("auto", taken) or (delays and measured.route is None):
+    if asked not in ("auto", taken) or (delays and measured.delays is None):
         what = f"delays={delays!r}" if asked in ("auto", taken) else f"route={asked!r}"
         raise DataError(f"{what} was asked", f"the data are {measured.given}, not records with inputs", "Omit it.")
     if reciprocal and not measured.response.exchanged:

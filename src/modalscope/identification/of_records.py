@@ -19,6 +19,7 @@ from modalscope.identification.prepare import Measured
 from modalscope.identification.routes import USUAL, by_route, chosen_route, without_delays
 from modalscope.identification.sizes import setup_blocks
 from modalscope.numerics.checks import check_kind
+from modalscope.signals.doctor.delays import aligned
 from modalscope.signals.preprocess.ambient_records import (
     Conditioned,
     SeenRecord,
@@ -85,7 +86,9 @@ def _(data: Records, band: tuple[float, float] | None, asked: Asked) -> Measured
         )
         alone = route == "frf" and all(len(run.input_dofs) == 1 for run in driven.runs)
         return exchanged(measured, asked) if alone else measured
-    return _of_records(seen_record(one_record(data, "correlations")), band, asked)
+    moved, notes = aligned(data, asked.delays or {})
+    measured = _of_records(seen_record(one_record(moved, "correlations")), band, asked)
+    return replace(measured, notes=(*notes, *measured.notes))
 
 
 @_of_records.register
@@ -97,7 +100,9 @@ def _(data: StoredSignals, band: tuple[float, float] | None, asked: Asked) -> Me
 def _(data: SeenRecord, band: tuple[float, float] | None, asked: Asked) -> Measured:
     inside, excerpt = conditioned(data, band), data.excerpt
     if not isinstance(data.record, StoredSignals):
-        return _ambient(inside, excerpt, "records without inputs")
+        return replace(
+            _ambient(inside, excerpt, "records without inputs"), delays=asked.delays
+        )  # they are shifted back already
     text = f"band and noise estimated from {excerpt.duration:.4g} s in the middle of {data.record.duration:.4g} s"
     notes = (Note("excerpt", {"seconds": excerpt.duration}, text),) if excerpt.samples < data.record.samples else ()
     records = inside.records.settled() if isinstance(inside.records, StoredSignals) else inside.records

@@ -114,7 +114,15 @@ def _nptdms(path: str, left: int, sheet: str) -> Answer:
             column |= {"unit": "s", "stamps": True}
     shorter = [channel.name for channel in groups[name] if len(channel) != longest]
     late = [start - min(starts) for start in starts] if len(starts) == len(arrays) else []
-    return {**listed, "columns": columns, "steps": sorted(steps), "shorter": shorter, "late": late}, arrays
+    start = max(starts) if late else 0.0
+    return {
+        **listed,
+        "columns": columns,
+        "steps": sorted(steps),
+        "shorter": shorter,
+        "late": late,
+        "start": start,
+    }, arrays
 
 
 def _start_of(properties: Any) -> float | None:
@@ -139,11 +147,11 @@ def _asammdf(path: str, left: int, sheet: str) -> Answer:
         _weigh(8 * int(group.channel_group.cycles_nr) * len(group.channels), left)
         master = file.masters_db.get(groups[name])
         signals = [file.get(group=groups[name], index=k) for k in range(len(group.channels)) if k != master]
-        times = np.asarray(file.get_master(groups[name]), float)
+        times, start = np.asarray(file.get_master(groups[name]), float), file.header.start_time.timestamp()
     plain = [signal for signal in signals if np.ndim(signal.samples) == 1]
     columns = [{"name": "time", "unit": "s"}]
     columns += [{"name": str(signal.name), "unit": str(signal.unit or "")} for signal in plain]
-    return {**listed, "columns": columns}, [times, *(np.asarray(signal.samples) for signal in plain)]
+    return {**listed, "columns": columns, "start": start}, [times, *(np.asarray(signal.samples) for signal in plain)]
 
 
 def _xarray(path: str, left: int, sheet: str) -> Answer:

@@ -107,7 +107,7 @@ def read(path: str | Path, **options: Any) -> DataObject:
         For every format: `quantity` ("displacement", "velocity", "acceleration"), `sampling_rate`, `kind`, `output_dofs`,
         `input_dofs`, `units`, `geometry` (also a path, or paths of points and lines), `averages`, `added_damping`, `groups` override what
         the file says. Channels that name no node of a given geometry are matched to its nodes by their number (P3: node 3), which a note
-        says; `exact_nodes=True` refuses that.
+        says; `exact_nodes=True` refuses that. `conjugate=True` takes the complex conjugates of responses (time convention exp(-j w t)).
 
         For tables: `columns="time=1,in=2,out=3-9"` (the roles are time, frequency, in, out, real, imag, mag, phase, coh, ignore; columns
         are numbers from 1, ranges or names), `ignore=[4, "Temp"]`, `units={"Force": "N"}`, `rows="1101-4000"` to take a part,
@@ -189,7 +189,7 @@ def _whole_contents(path: Path, options: Options) -> Contents:
     row = format_of(path, "reading")
     if not path.exists():
         raise unreadable(repr(str(path)), "there is no such file", "Check the name and the folder.")
-    check_options(path, options, (*row.read_options, *FIELDS, "exact_nodes", "content"), "reading")
+    check_options(path, options, (*row.read_options, *FIELDS, "exact_nodes", "content", "conjugate"), "reading")
     for name in {"rename", "axes"} & set(options):
         _check_names(name, options[name])
     if path.stat().st_size == 0:
@@ -236,7 +236,10 @@ def overridden(thing: DataObject, options: Options, path: Path | None) -> DataOb
         given |= {} if units is None else {"units": units}
     if isinstance(thing, Signals | StoredSignals) and "quantity" in given:
         given["quantities"] = given.pop("quantity")
+    if options.get("conjugate") and isinstance(thing, FrequencyResponse):
+        thing = replace(thing, values=thing.values.conj()).processed("complex conjugates were taken")
     refused = sorted(set(given) - {field.name for field in fields(thing)})
+    refused += ["conjugate"] if options.get("conjugate") and not isinstance(thing, FrequencyResponse) else []
     if refused:
         fault = f"the file gives {summary_of(thing)}, which has no such field"
         raise DataError(f"the options {', '.join(refused)} were asked", fault, "Leave them out.")

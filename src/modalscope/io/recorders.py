@@ -71,6 +71,7 @@ def _table_read_apart(package: str, path: Path, options: Options) -> Table:
         rate_from="wf_increment",
         notes=tuple(notes),
         layout=(("group", name),),
+        begins=answer.get("start", 0.0),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,3 +34,23 @@ def test_units_are_converted_and_what_is_not_known_is_said(tmp_path: Path, capsy
     out = capsys.readouterr().out
     assert "y1 from 100 mV/g to m/s2 (times 0.0980665); u1 from lbf to N" in out
     assert "the unit furlong of y2 is not known" in out
+
+
+def test_conjugated_responses_are_turned_by_the_option_that_is_printed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clean = ms.systems.chain5().frequency_response(
+        np.linspace(0.3, 8, 200), quantity="acceleration", noise=0.01, seed=0
+    )
+    place = tmp_path / "turned.npz"
+    ms.write(place, replace(clean, values=clean.values.conj()))
+    assert main(["info", str(place)]) == 0
+    (said,) = [line for line in capsys.readouterr().out.splitlines() if "conjugated:" in line]
+    (option,) = [word.strip(",.") for word in said.split() if word.startswith("--")]
+    assert main(["info", str(place), option]) == 0
+    assert "conjugated:" not in capsys.readouterr().out
+    assert np.array_equal(ms.read(place, conjugate=True).values, clean.values)
+    records = tmp_path / "records.npz"
+    ms.write(records, ms.Signals(outputs=np.ones((20, 1)) * np.arange(20)[:, None], sampling_rate=1.0))
+    assert main(["info", str(records), "--conjugate"]) != 0
+    assert "the options conjugate: the file gives records" in capsys.readouterr().err

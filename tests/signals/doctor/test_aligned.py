@@ -13,6 +13,8 @@ from modalscope.analysis.comparing.routes import responses_by_route
 from modalscope.data.records import Records
 from modalscope.identification.prepare import measure
 from modalscope.identification.routes import USUAL
+from modalscope.interfaces.cli.reading import parse_delays
+from modalscope.signals.doctor import examine
 from modalscope.signals.doctor.delays import DELAYS, aligned, common_delays
 from tests.shaker import Shaker, shaker
 
@@ -127,3 +129,23 @@ def test_periods_are_left_whole() -> None:
     record = ms.Signals(outputs=np.roll(whole.outputs, 25, axis=0), inputs=u, sampling_rate=12.0)
     assert set(common_delays(Records(runs=(record,))).values()) == {25}
     assert ms.identify(record, order=10).settings.get("delays") is None
+
+
+def test_a_channel_that_is_late_in_wind_is_shifted_by_what_is_printed() -> None:
+    sound = ms.systems.chain5().simulate(inputs="ambient", samples=4000, sampling_rate=20.0, noise=0.01, seed=1)
+    y = np.array(sound.outputs)
+    for moved, shift in (("later", slice(None, -12)), ("earlier", slice(12, None))):
+        rest = slice(12, None) if moved == "later" else slice(None, -12)
+        x = np.array(y[rest])
+        x[:, 1] = y[shift, 1]
+        record = ms.Signals(outputs=x, sampling_rate=20.0, output_dofs=["a", "b", "c", "d"], quantities="acceleration")
+        (found,) = [each for each in examine(record) if each.kind == "delay"]
+        assert f"12 samples, {moved}" in found.reason
+        delays = parse_delays(found.change.partition("--delays ")[2].partition(",")[0].split())
+        assert delays == ({"b": 12} if moved == "later" else {"a": 12, "c": 12, "d": 12})
+        seen = ms.identify(record, order=8, delays=delays)
+        assert seen.settings["delays"] == delays
+        assert [note.kind for note in seen.notes].count(DELAYS) == 1
+        assert not [
+            each for each in examine(aligned(Records(runs=(record,)), delays)[0].runs[0]) if each.kind == "delay"
+        ]

@@ -123,7 +123,9 @@ def test_a_sweep_without_its_force_is_no_change_and_no_event() -> None:
         t = np.arange(samples) / rate
         force[:, 0] = signal.chirp(t, 0.2, t[-1], 0.48 * rate)
         chain = ms.systems.chain([1.0] * 8, [100.0] * 8, damping_ratios=[0.03] * 8)
-        swept = chain.simulate(inputs=force, samples=samples, sampling_rate=rate, quantity="acceleration", noise=0.01, seed=1)
+        swept = chain.simulate(
+            inputs=force, samples=samples, sampling_rate=rate, quantity="acceleration", noise=0.01, seed=1
+        )
         record = Signals(outputs=swept.outputs, sampling_rate=rate)
         assert examine(record) == ()
         assert {f.kind for f in changes(record, "ambient")} == {alone}  # what it would be told of wind

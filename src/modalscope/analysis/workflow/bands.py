@@ -45,6 +45,7 @@ from modalscope.selection.judging.bands import (
 )
 from modalscope.selection.judging.no_structure import without_unforced
 from modalscope.selection.judging.select import between_groups, selected
+from modalscope.signals.doctor.delays import aligned
 from modalscope.signals.doctor.reciprocity import by_reciprocity
 from modalscope.signals.preprocess.correlation import estimate_correlation
 from modalscope.signals.preprocess.spectral_peaks import levels_of
@@ -258,8 +259,14 @@ def _seen(data: Any, document: Analysis) -> tuple[Any, SeenRecord | None]:
         looked_through,
     )
 
+    late, notes = document.options.get("delays"), ()
+    if late and isinstance(data, Signals | Records) and not data.input_dofs:
+        data, notes = aligned(as_records(data), late)
     seen = looked_through(data, document.exclude or None)
-    return seen, seen if isinstance(seen, SeenRecord) else None
+    if not isinstance(seen, SeenRecord):
+        return seen, None
+    seen = replace(seen, level=(*notes, *seen.level))
+    return seen, seen
 
 
 def _bands_of(seen: Any, document: Analysis) -> tuple[tuple[tuple[float, float], ...], tuple[Note, ...]]:

@@ -18,7 +18,7 @@ _EXPERT = "expert: the data matrix of the method (see the table of methods)"
 #: The groups that the help of a command lists last, and what only `--help expert` lists: whole groups, and options of others.
 _LAST = (_READING, _TABLES, _STORED, _EXPERT, _COMMON)
 _RARE_GROUPS = (_STORED, _EXPERT)
-_RARE = "allow-outside axes config decimal delays delimiter exact-nodes lines log max-memory reciprocal rename route skip transpose"
+_RARE = "allow-outside axes config conjugate decimal delays delimiter exact-nodes lines log max-memory reciprocal rename route skip transpose"
 
 
 class _Help(argparse.Action):
@@ -152,6 +152,7 @@ def add_tables(parser: Parser) -> None:
     add("--test", "--sheet", dest="sheet", metavar="NAME", help=several)
     add("--delimiter", metavar="SIGN", help='column separator: one character, "tab" or "space"')
     add("--decimal", choices=(".", ","), metavar="SIGN", help="decimal separator: . or ,")
+    add("--conjugate", action="store_true", help="take complex conjugates of responses (time convention exp(-j w t))")
     add("--transpose", action="store_true", help="channels are rows: exchange rows and columns")
 
 

@@ -16,7 +16,7 @@ from modalscope.io.contents import SeveralTests
 from modalscope.io.options import TEXT
 
 #: Options of `modalscope.io.read` that the command line has under the same names.
-_READ_OPTIONS = ("sampling_rate", *TEXT)
+_READ_OPTIONS = ("sampling_rate", "conjugate", *TEXT)
 
 
 def read_data(options: argparse.Namespace, path: Path) -> tuple[Any, tuple[Note, ...]]:

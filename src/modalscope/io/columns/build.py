@@ -100,7 +100,7 @@ def _read(
     findings += [_finding(column, reading, omitted | unused) for column in table.columns]
     said = tuple(dict.fromkeys([*table.notes, *notes, *notes_of_data]))
     begins = begin_of(axis) if axis is not None and kind == "time" else 0.0
-    return Contents(thing=thing, findings=tuple(findings), notes=said, begins=begins)
+    return Contents(thing=thing, findings=tuple(findings), notes=said, begins=table.begins + begins)
 
 
 def _works(table: Table, columns: Sequence[Column], options: Options) -> Callable[[str], bool]:

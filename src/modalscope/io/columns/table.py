@@ -51,7 +51,7 @@ class Table:
     `rate`: samples per second. `rate_from`: where the rate stands: `header line 3`. `lines`: the first frequency and
     the step, Hz, where a header says them. `complex_values`: whether a header says that values are complex. `notes`: what was found, in
     words. `layout`: the evidence on the layout: part, and what it is. `roles`: what the file itself says of its columns. `first_row`: the
-    row of the file that is the first here, from 1 below the head.
+    row of the file that is the first here, from 1 below the head. `begins`: when its clock was at zero, s since 1970, where the file says.
     """
 
     where: str
@@ -64,6 +64,7 @@ class Table:
     layout: tuple[tuple[str, str], ...] = ()
     roles: Mapping[int, str] = field(default_factory=dict)
     first_row: int = 1
+    begins: float = 0.0
 
     @property
     def rows(self) -> int:

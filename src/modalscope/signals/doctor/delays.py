@@ -218,11 +218,13 @@ def delayed(signals: Signals) -> list[Finding]:
         return []
     first, second = (_delays(half, length, candidates) for half in (y[:, : y.shape[1] // 2], y[:, y.shape[1] // 2 :]))
     delayed &= np.abs(first.delay - second.delay) <= _MAX_DISAGREEMENT * np.abs(whole.delay)
-    findings = []
+    findings, lags = [], np.where(delayed, np.rint(whole.delay), 0).astype(int)
+    given = " ".join(f"{dof}={lag}" for dof, lag in zip(signals.output_dofs, lags - lags.min(), strict=True) if lag)
     for i in np.flatnonzero(delayed):
         seconds, side = whole.delay[i] / signals.sampling_rate, "later" if whole.delay[i] > 0 else "earlier"
         measured = {"seconds": seconds, "size": abs(seconds), "samples": abs(whole.delay[i]), "side": side}
-        findings.append(finding("delay: phase", signals.output_dofs[i], **measured))
+        alone = "delay: phase" if given and signals.inputs is None else "delay: part"  # of a sample, or forces tell all
+        findings.append(finding(alone, signals.output_dofs[i], given=given, **measured))
     return findings if 2 * len(findings) < len(signals.output_dofs) else []
 
 
@@ -313,15 +315,13 @@ def aligned(records: Records, delays: Mapping[str, int]) -> tuple[Records, tuple
     lags = [delays.get(dof, 0) for dof in records.output_dofs]
 
     def shifted(run: Signals) -> Signals:  # cut to the samples that all channels have
-        assert run.inputs is not None
         count = run.samples - longest
         outputs = np.column_stack([y[lag : lag + count] for y, lag in zip(run.outputs.T, lags, strict=True)])
-        return replace(run, outputs=outputs, inputs=run.inputs[:count])
+        return replace(run, outputs=outputs, inputs=None if run.inputs is None else run.inputs[:count])
 
     moved = replace(records, runs=tuple(map(shifted, records.runs)), groups=records.groups)
     listed = ", ".join(f"{dof} by {lag} samples" for dof, lag in delays.items() if lag)
     which = f"All outputs were shifted back by {longest} samples" if len(set(lags)) == 1 else f"Shifted back: {listed}"
-    text = (
-        f"{which}, their delay after the forces; poles and shapes stay. Keep the delay with delays={{}} (--delays none)"
-    )
+    against = "after the forces" if records.input_dofs else "after the others"
+    text = f"{which}, their delay {against}; poles and shapes stay. Keep the delay with delays={{}} (--delays none)"
     return moved, (Note(DELAYS, {"samples": float(longest)}, text),)

@@ -112,7 +112,7 @@ ROWS = {
     ),
     "conjugated": (
         "phases rise along the resonances: energy arrives before the impulse",
-        "Take the complex conjugate of the values (time convention exp(-j w t)), or change the sign of the phases.",
+        "Take the complex conjugates (time convention exp(-j w t)): --conjugate, conjugate=True.",
     ),
     "no phase: magnitudes": ("all values are real: magnitudes without phase", "Give magnitude times exp(j phase)."),
     "no phase: decibels": (
@@ -133,6 +133,10 @@ ROWS = {
         _ALIGNED,
     ),
     "delay: phase": (
+        "{size:.4g} s, {samples:.3g} samples, {side} than most other outputs",
+        "Look for another filter or recorder; shift it with --delays {given}, or leave it out: exclude=[{channels[0]!r}].",
+    ),
+    "delay: part": (
         "{size:.4g} s, {samples:.3g} samples, {side} than most other outputs",
         "Look for another filter or recorder; shift it by {seconds:.4g} s, or leave it out: exclude=[{channels[0]!r}].",
     ),

@@ -17,7 +17,7 @@ from modalscope.data.records import Signals
 from modalscope.data.responses import ImpulseResponse
 from modalscope.data.sizes import check_size
 from modalscope.numerics.checks import ComplexArray, RealArray
-from modalscope.numerics.functions.damped_tones import Decay, decay_of, one_in
+from modalscope.numerics.functions.damped_tones import decay_of, one_in
 from modalscope.signals.preprocess.impacts import clipped_samples
 
 #: Periods of the window that parts the multiples of a tone (a Hann window has zeros at all of them), and multiples that are looked at.
@@ -98,7 +98,10 @@ def _shares(x: ComplexArray, power: ComplexArray, leak: ComplexArray) -> tuple[f
 
 def _exponential(z: ComplexArray, *more: RealArray) -> tuple[ComplexArray, float]:
     """Return exp of the best combination of 1, t and more for ln z, weighed by its size, and the share of z that it leaves."""
-    basis, size = np.stack([np.ones(len(z)), np.arange(len(z)) / len(z), *more], axis=1), np.abs(z) + np.finfo(float).tiny
+    basis, size = (
+        np.stack([np.ones(len(z)), np.arange(len(z)) / len(z), *more], axis=1),
+        np.abs(z) + np.finfo(float).tiny,
+    )
     log = np.log(size) + 1j * np.unwrap(np.angle(z))
     found = np.exp(basis @ np.linalg.lstsq(basis * size[:, None], log * size, rcond=None)[0])
     return found, float(np.sum(np.abs(z - found) ** 2) / np.sum(size**2))
@@ -170,7 +173,10 @@ def as_free_decay(
         **fields,
     )
     what = "cut to its free decay" + ("" if step == 1 else f", low-pass filtered, one sample in {step} kept")
-    notes = (Note("free decay", {"start": start, "step": step}, text), *_notes_on(looked[0, cut + decays[0].first :], signals))
+    notes = (
+        Note("free decay", {"start": start, "step": step}, text),
+        *_notes_on(looked[0, cut + decays[0].first :], signals),
+    )
     return response.processed(what), notes
 
 
