@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import modalscope as ms
 from modalscope.analysis.workflow.sources import opened
 from modalscope.interfaces.cli import main
 from modalscope.signals.doctor.places import label_by_place
-from modalscope.signals.doctor.together import as_one_event, from_its_start, on_common_lines
+from modalscope.signals.doctor.together import as_one_event, from_its_start, on_common_lines, without_offset
 
 _RNG = np.random.default_rng(4)
 F = np.arange(1.0, 801)
@@ -185,3 +186,15 @@ def test_whether_a_record_is_a_decay_is_asked_without_the_channels_that_are_excl
     assert any("free decay" in note.text for note in notes)
     modes = ms.analyze(noisy, exclude="y3").modes
     np.testing.assert_allclose(modes.frequencies, [4.0, 7.0], rtol=1e-3)
+
+
+@pytest.mark.parametrize(("offset", "left"), [(9.0, 0), (11.0, 1)])
+def test_an_offset_of_sensors_is_no_line_of_a_response(offset: float, left: int) -> None:
+    response = ms.systems.chain5().frequency_response(np.linspace(0, 10, 400), quantity="displacement")
+    values = np.array(response.values)
+    values[0] = offset * values[1]
+    cut, notes = without_offset(replace(response, values=values))
+    assert len(cut.frequencies) == 400 - left
+    assert [note.kind for note in notes] == ["offset"] * left
+    free = values / np.maximum(response.frequencies, 0.005)[:, None, None] ** 2  # as rigid motion rises, but for the first line
+    assert without_offset(replace(response, values=free, frequencies=response.frequencies + 1.0))[1] == ()

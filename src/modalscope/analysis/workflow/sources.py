@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from modalscope.data import Geometry, ModalModel, Note, Records, Signals, StoredSignals
+from modalscope.data import FrequencyResponse, Geometry, ModalModel, Note, Records, Signals, StoredSignals
 from modalscope.data.analysis import SourceFile
 from modalscope.data.setups import as_test, setups_of
 from modalscope.data.units import si_form
@@ -137,9 +137,12 @@ def _alike(notes: Sequence[Note]) -> list[Note]:
 
 def _as_what_it_is(data: Any, decays: bool, exclude: Sequence[Any] = ()) -> tuple[Any, tuple[Note, ...]]:
     """Return records from their start on, without forces that never change, with the base as inputs of an earthquake, a decay as that."""
-    if not isinstance(data, Signals | Records):
+    if not isinstance(data, Signals | Records | FrequencyResponse):
         return data, ()
-    from modalscope.signals.doctor.together import from_its_start  # responses have no start
+    from modalscope.signals.doctor.together import from_its_start, without_offset  # few need it
+
+    if isinstance(data, FrequencyResponse):
+        return without_offset(data)
 
     alone, left = without_dead_forces(data)
     begun, start = from_its_start(alone) if isinstance(alone, Signals) else (alone, ())

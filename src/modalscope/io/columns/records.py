@@ -22,8 +22,8 @@ from modalscope.numerics.functions.poles import QUANTITIES
 
 #: Relative uncertainty of a rate by the digits of the times, at most: frequencies have the same.
 _MAX_DOUBT_OF_RATE = 1e-3
-#: Samples of a record, at least.
-_MIN_SAMPLES = 3
+#: Samples of a record, at least; and rows of a column that is an axis where it rises throughout: of noise half the steps do.
+_MIN_SAMPLES, _MIN_RISING, _MIN_SHARE_RISING = 3, 16, 0.95
 _PARTS_OF_SECOND = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
 
 
@@ -224,6 +224,12 @@ def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[
     if axis is None:
         if stated is None:
             fault = "no column is of times, and no header says a rate"
+            first, more = table.columns[0], len(table.columns) > 1 and table.rows >= _MIN_RISING
+            steps = np.diff(first.values.astype(float)) if more and not first.textual else np.zeros(1)
+            if np.mean(steps >= 0) > _MIN_SHARE_RISING and np.ptp(steps) > 0.5 * steps.mean():
+                rise = f"{first} rises, by {steps.min():.6g} to {steps.max():.6g}"
+                fault = f"{rise}: no even times, and lines of a spectrum hold no phases"
+                remedy = "Export times with all digits, or responses with real and imaginary parts"
             raise needs(table.where, "a sampling rate", fault, remedy)
         return stated, [] if given is not None else [f"sampling rate {stated:g} Hz by {source}"]
     times = seconds_of(axis)

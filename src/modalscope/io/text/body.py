@@ -205,13 +205,14 @@ def _no_row(where: str, line: tuple[int, str], kinds: Sequence[str], dialect: Di
     """Return the error of a line that should be a row: another number of cells, or a cell that is no number."""
     number, cells = line[0], split(line[1], dialect)
     pairs = enumerate(zip(cells, kinds, strict=False))
-    odd = next((k for k, (cell, kind) in pairs if not _fits([cell], [kind], dialect)), None)
-    if len(cells) != width or odd is None:
+    odd = [k for k, (cell, kind) in pairs if not _fits([cell], [kind], dialect)]
+    if len(cells) != width or not odd:
         fault = f"line {number} has {len(cells)}: {[cell[:_CHARACTERS_SHOWN] for cell in cells[:6]]}"
         remedy = (
             f"Correct that line, or take it out; if the table begins below it, leave what is above out: --skip {number}"
         )
         return needs(where, f"{width} cells in every row", fault, remedy)
-    fault = f"line {number} holds {cells[odd][:_CHARACTERS_SHOWN]!r} there"
-    remedy = f"Correct that cell, or leave the column out: --ignore {odd + 1}"
-    return needs(where, f"a number in every cell of column {odd + 1}", fault, remedy)
+    fault = f"line {number} holds {cells[odd[0]][:_CHARACTERS_SHOWN]!r} there"
+    these = "that cell, or leave the column" if len(odd) == 1 else "such cells, or leave these columns"
+    remedy = f"Correct {these} out: {' '.join(f'--ignore {k + 1}' for k in odd)}"
+    return needs(where, f"a number in every cell of column {odd[0] + 1}", fault, remedy)
