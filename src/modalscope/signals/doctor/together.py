@@ -28,7 +28,7 @@ _STRETCHES, _COHERENT = 8, 0.5
 #: A start: samples of the record and of the start at least, part of the record at most, and how far beyond the rest it lies.
 _MIN_SAMPLES, _MIN_START, _MAX_START, _FAR_BEYOND = 400, 4, 0.01, 3.0
 #: Lines at 0 Hz and above that offsets may reach, the fall from line to line that is theirs, and lines that a response has at least.
-_MOST_OFFSET, _OFFSET_FALLS, _MIN_LINES = 4, 10.0, 50
+_MOST_OFFSET, _OFFSET_FALLS, _MIN_LINES = 8, 30.0, 50
 #: Names that a channel has where its file names none; words of files that are runs.
 _NO_NAME = re.compile(r"(?:col|y|ch)\d+\Z", re.IGNORECASE)
 _RUN = re.compile(
@@ -158,11 +158,14 @@ def without_offset(response: FrequencyResponse) -> tuple[FrequencyResponse, tupl
     if response.frequencies[0] != 0 or len(response.frequencies) < _MIN_LINES:
         return response, ()
     size = np.abs(response.values[: _MOST_OFFSET + 1]).sum(axis=(1, 2))
-    falls = np.flatnonzero(size[:-1] > _OFFSET_FALLS * size[1:])
+    falls = np.flatnonzero(np.minimum.accumulate(size)[:-1] > _OFFSET_FALLS * size[1:])
     if not falls.size:
         return response, ()
     first = int(falls[-1]) + 1
-    said = f"The first {counted(first, 'line')}, below {response.frequencies[first]:.4g} Hz, left out: offsets of sensors are {size[0] / size[first]:.2g} times the next line"
+    said = (
+        f"{counted(first, 'line')} below {response.frequencies[first]:.4g} Hz left out, {size[0] / size[first]:.2g} times the next: "
+        "offsets of sensors"
+    )
     left = response.at_lines(np.arange(len(response.frequencies)) >= first)
     return left, (Note("offset", {"lines": float(first)}, said),)
 
