@@ -233,13 +233,13 @@ def _notes(data: Channels) -> tuple[Note, ...]:
     for unit, channels in unknown.items():
         text = f"the unit {unit} of {_some(channels)} is not known: values stay in it, and modal masses are not in kg"
         notes.append(Note("units not known", {}, text))
-    moved = {dof: si for dof, unit in zip(data.input_dofs, data.units[1], strict=True) if (si := _motion(unit))}
+    moved = {dof: kind for dof, unit in zip(data.input_dofs, data.units[1], strict=True) if (kind := _motion(unit))}
     if moved:
-        plain = {_motion(unit) for unit in data.units[0]} == set(moved.values())
-        text = (
-            f"{'Inputs' if len(moved) > 1 else 'Input'} {_some(tuple(moved))} {'are motions' if len(moved) > 1 else 'is a motion'}: responses "
-            f"are {'dimensionless ' * plain}transmissibilities, and their poles those of the structure held at that point"
+        plain = "dimensionless " * ({_motion(unit) for unit in data.units[0]} == set(moved.values()))
+        named = (
+            f"Inputs {_some(tuple(moved))} are motions" if len(moved) > 1 else f"Input {next(iter(moved))} is a motion"
         )
+        text = f"{named}: responses are {plain}transmissibilities, and their poles those of the structure held at that point"
         notes.append(Note("motion", {"inputs": len(moved)}, text))
     return tuple(notes)
 

@@ -14,7 +14,8 @@ import modalscope as ms
 from modalscope.analysis.workflow.sources import opened
 from modalscope.interfaces.cli import main
 from modalscope.signals.doctor.places import label_by_place
-from modalscope.signals.doctor.together import as_one_event, from_its_start, on_common_lines, without_offset
+from modalscope.signals.doctor.responses import without_offset
+from modalscope.signals.doctor.together import as_one_event, from_its_start, on_common_lines
 
 _RNG = np.random.default_rng(4)
 F = np.arange(1.0, 801)
@@ -196,5 +197,7 @@ def test_an_offset_of_sensors_is_no_line_of_a_response(offset: float, left: int)
     cut, notes = without_offset(replace(response, values=values))
     assert len(cut.frequencies) == 400 - left
     assert [note.kind for note in notes] == ["offset"] * left
-    free = values / np.maximum(response.frequencies, 0.005)[:, None, None] ** 2  # as rigid motion rises, but for the first line
+    free = (
+        values / np.maximum(response.frequencies, 0.005)[:, None, None] ** 2
+    )  # as rigid motion rises, but for the first line
     assert without_offset(replace(response, values=free, frequencies=response.frequencies + 1.0))[1] == ()

@@ -45,7 +45,6 @@ from modalscope.selection.judging.bands import (
 )
 from modalscope.selection.judging.no_structure import without_unforced
 from modalscope.selection.judging.select import between_groups, selected
-from modalscope.signals.doctor.delays import aligned
 from modalscope.signals.doctor.reciprocity import by_reciprocity
 from modalscope.signals.preprocess.correlation import estimate_correlation
 from modalscope.signals.preprocess.spectral_peaks import levels_of
@@ -259,8 +258,11 @@ def _seen(data: Any, document: Analysis) -> tuple[Any, SeenRecord | None]:
         looked_through,
     )
 
-    late, notes = document.options.get("delays"), ()
+    late: Any = document.options.get("delays")
+    notes: tuple[Note, ...] = ()
     if late and isinstance(data, Signals | Records) and not data.input_dofs:
+        from modalscope.signals.doctor.delays import aligned  # few records are late
+
         data, notes = aligned(as_records(data), late)
     seen = looked_through(data, document.exclude or None)
     if not isinstance(seen, SeenRecord):

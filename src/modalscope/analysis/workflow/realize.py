@@ -26,7 +26,7 @@ from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.response import Response, line_step
 from modalscope.data.setups import as_test
-from modalscope.data.shown import summary_of
+from modalscope.data.shown import counted, summary_of
 from modalscope.data.statespace import StateSpace
 from modalscope.identification.identify import identify
 from modalscope.identification.modal.state_space import deterministic, from_modes
@@ -585,10 +585,10 @@ def _too_few_tones(records: Records, model: StateSpace) -> tuple[Note, ...]:
     tones, (outputs, order) = few_tones(records), (len(model.C), model.order)
     if not tones or order * (1 + outputs) <= 2 * len(tones) * outputs:
         return ()
-    states = 2 * len(tones) * outputs // (1 + outputs)
+    states, at = 2 * len(tones) * outputs // (1 + outputs), ", ".join(f"{f:.4g}" for f in tones)
     text = (
-        f"WARNING: the forces are sinusoids at {', '.join(f'{f:.4g}' for f in tones)} Hz, which determine {states} "
-        f"state{'s' * (states != 1)} at most, and the model has {order}: it is of use at these frequencies alone. Drive with noise, a sweep or hits"
+        f"WARNING: the forces are sinusoids at {at} Hz, which determine {counted(states, 'state')} at most, and the model has {order}: "
+        "it is of use at these frequencies alone. Drive with noise, a sweep or hits"
     )
     return (Note("few lines", {"states": states, "order": order}, text),)
 

@@ -23,6 +23,7 @@ from modalscope.numerics.checks import check_each, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.progress import stage
 from modalscope.signals.doctor.places import against_labels, label_by_place, with_hits
+from modalscope.signals.doctor.responses import without_offset
 from modalscope.signals.preprocess.decays import as_free_decay
 from modalscope.signals.preprocess.excitation import moved_by_base, without_dead_forces
 from modalscope.signals.preprocess.merging import merge
@@ -139,10 +140,9 @@ def _as_what_it_is(data: Any, decays: bool, exclude: Sequence[Any] = ()) -> tupl
     """Return records from their start on, without forces that never change, with the base as inputs of an earthquake, a decay as that."""
     if not isinstance(data, Signals | Records | FrequencyResponse):
         return data, ()
-    from modalscope.signals.doctor.together import from_its_start, without_offset  # few need it
-
     if isinstance(data, FrequencyResponse):
         return without_offset(data)
+    from modalscope.signals.doctor.together import from_its_start  # responses have no start
 
     alone, left = without_dead_forces(data)
     begun, start = from_its_start(alone) if isinstance(alone, Signals) else (alone, ())

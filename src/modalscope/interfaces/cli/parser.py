@@ -18,7 +18,10 @@ _EXPERT = "expert: the data matrix of the method (see the table of methods)"
 #: The groups that the help of a command lists last, and what only `--help expert` lists: whole groups, and options of others.
 _LAST = (_READING, _TABLES, _STORED, _EXPERT, _COMMON)
 _RARE_GROUPS = (_STORED, _EXPERT)
-_RARE = "allow-outside axes config conjugate decimal delays delimiter exact-nodes lines log max-memory reciprocal rename route skip transpose"
+_RARE = (
+    "allow-outside axes config conjugate decimal delays delimiter exact-nodes lines log max-memory reciprocal rename route skip "
+    "transpose"
+)
 
 
 class _Help(argparse.Action):

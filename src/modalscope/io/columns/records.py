@@ -210,6 +210,20 @@ def _with_seconds(table: Table, axis: Column, options: Options) -> tuple[Column,
     return replace(axis, values=_from_first(times, parts), unit="s"), [note]
 
 
+def _no_rate(first: Column, remedy: str) -> tuple[str, str]:
+    """Return fault and remedy of a table without times: a rate, but not where its first column rises as lines of a spectrum do."""
+    steps = (
+        np.diff(first.values.astype(float)) if not first.textual and len(first.values) >= _MIN_RISING else np.zeros(1)
+    )
+    if np.mean(steps >= 0) <= _MIN_SHARE_RISING or np.ptp(steps) <= 0.5 * steps.mean():
+        return "no column is of times, and no header says a rate", remedy
+    rise = f"{first} rises, by {steps.min():.6g} to {steps.max():.6g}"
+    return (
+        f"{rise}: no even times, and lines of a spectrum hold no phases",
+        "Export times with all digits, or responses with real and imaginary parts",
+    )
+
+
 def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[float, list[str]]:
     """Return samples per second, and how they are known.
 
@@ -223,13 +237,7 @@ def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[
     remedy = "Give it in samples per second: --sampling-rate HZ"
     if axis is None:
         if stated is None:
-            fault = "no column is of times, and no header says a rate"
-            first, more = table.columns[0], len(table.columns) > 1 and table.rows >= _MIN_RISING
-            steps = np.diff(first.values.astype(float)) if more and not first.textual else np.zeros(1)
-            if np.mean(steps >= 0) > _MIN_SHARE_RISING and np.ptp(steps) > 0.5 * steps.mean():
-                rise = f"{first} rises, by {steps.min():.6g} to {steps.max():.6g}"
-                fault = f"{rise}: no even times, and lines of a spectrum hold no phases"
-                remedy = "Export times with all digits, or responses with real and imaginary parts"
+            fault, remedy = _no_rate(table.columns[0], remedy)
             raise needs(table.where, "a sampling rate", fault, remedy)
         return stated, [] if given is not None else [f"sampling rate {stated:g} Hz by {source}"]
     times = seconds_of(axis)

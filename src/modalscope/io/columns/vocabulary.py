@@ -88,7 +88,7 @@ STATEMENTS = {
     "place": "signal signalname point location loclbl dof scnl node",
 }  # fmt: skip
 
-#: Words of names that say the side of a channel, a voltage or a number alone, of columns that name the sensor of a row, and of what holds a run.
+#: Words of names that say the side of a channel, a voltage or a number alone, of columns that name the sensor of a row, and of runs.
 INPUTS = {"input", "inputs", "excitation", "anregung", "eccitazione", "excitacion", "excitacao", "excitatie"}
 VOLTAGES = {"voltage", "voltages", "volt", "volts", "spannung", "tension", "ch", "channel", "kanal", "voie", "canal", "ai"}  # fmt: skip
 SENSORS = {"sensor", "sensors", "node", "board", "channel", "ch", "device", "id", "mac", "unit", "kanal", "knoten", "capteur"}  # fmt: skip

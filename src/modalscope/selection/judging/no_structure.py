@@ -15,7 +15,6 @@ from modalscope.data.results import StabilizationDiagram
 from modalscope.selection.judging.evidence import CERTAIN, UNCERTAIN, Candidate
 from modalscope.selection.judging.grades import grades
 from modalscope.signals.preprocess.bands import driven_share
-from modalscope.signals.preprocess.decays import tone_of
 from modalscope.signals.preprocess.harmonics import HARMONIC
 from modalscope.signals.preprocess.spectral_peaks import NOISE, UNSEEN
 
@@ -74,10 +73,14 @@ def _objections_of_tone(
 ) -> Callable[[Candidate], list[str]]:
     """Return what speaks against poles at multiples of the strongest tone of a decay, and against more than one where it moves."""
     response = diagram.response
-    tone = tone_of(response.values) if isinstance(response, ImpulseResponse) and response.kind == "free decay" else None
+    if not isinstance(response, ImpulseResponse) or response.kind != "free decay":
+        return lambda c: []
+    from modalscope.signals.preprocess.decays import tone_of  # few tests are decays
+
+    rate, tone = response.sampling_rate, tone_of(response.values)
     if tone is None:
         return lambda c: []
-    rate, f = response.sampling_rate, tone.frequency * response.sampling_rate
+    f = tone.frequency * rate
     copies = [c for c in candidates if tone.first and tone.holds(c.frequency / rate)]
     copies.sort(key=lambda c: (bool(c.against), -c.facts.get("gain", 0.0)))
 

@@ -36,9 +36,7 @@ def examine_record(signals: Signals, whole: bool) -> list[Finding]:
     findings = transposed(signals)
     if findings:  # all other checks take columns for channels
         return findings
-    kind = kind_of_test(*signals.by_run()) if signals.inputs is None else find_excitation(signals)
-    if kind == "ambient" and any(is_sweep(y - np.median(y)) for run in signals.by_run()[0] for y in run.T):
-        kind = "sweep"  # of a force that was not measured: what comes and goes with its frequency is no event and no change
+    kind = _kind_of(signals)
     moving_channels: dict[str, list[int]] = {}
     for side, columns, labels in sides_of(signals):
         constant = dead_channels(columns, labels)
@@ -65,11 +63,7 @@ def examine_record(signals: Signals, whole: bool) -> list[Finding]:
         findings += bad_hits(signals)
     if kind in ("impact", "burst"):
         findings += leakage(moving, kind)
-    tones = few_tones(moving) if kind == "random" else ()
-    if tones:
-        at = ", ".join(f"{f:.4g}" for f in tones)
-        findings.append(finding("few lines", *moving.input_dofs, where=at, at=tones))
-    findings += (short := too_short(moving) if kind in ("random", "ambient") and not tones else [])
+    findings += (short := _short(moving, kind))
     forced = signals.inputs is not None and len(moving_channels["input"]) == len(signals.input_dofs) and not reversed_
     changed = changed_runs(moving) if forced else []
     findings += changed
@@ -83,6 +77,22 @@ def examine_record(signals: Signals, whole: bool) -> list[Finding]:
     if forced:
         findings += _of_response(moving, kind, part, bool(short), explained | {f.channels[0] for f in noisy}, whole)
     return findings
+
+
+def _kind_of(signals: Signals) -> str:
+    """Return the kind of excitation, "ambient" without forces; a sweep is one though its force was not measured."""
+    if signals.inputs is not None:
+        return find_excitation(signals)
+    kind = kind_of_test(*signals.by_run())
+    swept = kind == "ambient" and any(is_sweep(y - np.median(y)) for run in signals.by_run()[0] for y in run.T)
+    return "sweep" if swept else kind
+
+
+def _short(moving: Signals, kind: str) -> list[Finding]:
+    """Return the finding of a record that is short for its resonance, or whose forces are a few lines, which look like one."""
+    if tones := few_tones(moving) if kind == "random" else ():
+        return [finding("few lines", *moving.input_dofs, where=", ".join(f"{f:.4g}" for f in tones), at=tones)]
+    return too_short(moving) if kind in ("random", "ambient") else []
 
 
 def _of_response(

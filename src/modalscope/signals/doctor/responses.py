@@ -13,6 +13,7 @@ from modalscope.data.notes import Finding, Note
 from modalscope.data.records import Signals
 from modalscope.data.response import Response, line_step
 from modalscope.data.responses import FrequencyResponse
+from modalscope.data.shown import counted
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.statistics import telling
 from modalscope.signals.doctor.findings import dead_channels, finding, identical_channels, sides_of
@@ -70,6 +71,29 @@ MIN_COHERENCE = 0.6
 
 #: Minimum half-power bandwidth in lines: a vibration then decays to one per cent within one over the line spacing.
 _MIN_BANDWIDTH = np.log(100) / np.pi
+
+#: Lines at 0 Hz and above that offsets may reach, and the fall from line to line that is theirs.
+_MOST_OFFSET, _OFFSET_FALLS = 8, 30.0
+
+
+def without_offset(response: FrequencyResponse) -> tuple[FrequencyResponse, tuple[Note, ...]]:
+    """Return responses without lines at 0 Hz and just above that hold the offsets of sensors, and what is said.
+
+    Rigid motion falls by 4 from the first line to the second, and by less from then on; what a window spreads of an offset falls faster.
+    """
+    if response.frequencies[0] != 0 or len(response.frequencies) < _MIN_LINES:
+        return response, ()
+    size = np.abs(response.values[: _MOST_OFFSET + 1]).sum(axis=(1, 2))
+    falls = np.flatnonzero(np.minimum.accumulate(size)[:-1] > _OFFSET_FALLS * size[1:])
+    if not falls.size:
+        return response, ()
+    first = int(falls[-1]) + 1
+    said = (
+        f"{counted(first, 'line')} below {response.frequencies[first]:.4g} Hz left out, {size[0] / size[first]:.2g} times the next: "
+        "offsets of sensors"
+    )
+    left = response.at_lines(np.arange(len(response.frequencies)) >= first)
+    return left, (Note("offset", {"lines": float(first)}, said),)
 
 
 def conjugated(response: FrequencyResponse) -> list[Finding]:

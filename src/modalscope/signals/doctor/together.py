@@ -27,8 +27,6 @@ _SAME_CLOCK, _DATES = 1e-3, 1e8
 _STRETCHES, _COHERENT = 8, 0.5
 #: A start: samples of the record and of the start at least, part of the record at most, and how far beyond the rest it lies.
 _MIN_SAMPLES, _MIN_START, _MAX_START, _FAR_BEYOND = 400, 4, 0.01, 3.0
-#: Lines at 0 Hz and above that offsets may reach, the fall from line to line that is theirs, and lines that a response has at least.
-_MOST_OFFSET, _OFFSET_FALLS, _MIN_LINES = 8, 30.0, 50
 #: Names that a channel has where its file names none; words of files that are runs.
 _NO_NAME = re.compile(r"(?:col|y|ch)\d+\Z", re.IGNORECASE)
 _RUN = re.compile(
@@ -148,26 +146,6 @@ def from_its_start(record: Signals) -> tuple[Signals, tuple[Note, ...]]:
     names, ms = ", ".join(still[:4]), 1e3 * begin / record.sampling_rate
     said = f"The first {begin} samples ({ms:.3g} ms) were left out: {names} stand still there, far beyond what follows"
     return cut.processed(f"cut to begin at sample {begin + 1}"), (Note("start", {"samples": float(begin)}, said),)
-
-
-def without_offset(response: FrequencyResponse) -> tuple[FrequencyResponse, tuple[Note, ...]]:
-    """Return responses without lines at 0 Hz and just above that hold the offsets of sensors, and what is said.
-
-    Rigid motion falls by 4 from the first line to the second, and by less from then on; what a window spreads of an offset falls faster.
-    """
-    if response.frequencies[0] != 0 or len(response.frequencies) < _MIN_LINES:
-        return response, ()
-    size = np.abs(response.values[: _MOST_OFFSET + 1]).sum(axis=(1, 2))
-    falls = np.flatnonzero(np.minimum.accumulate(size)[:-1] > _OFFSET_FALLS * size[1:])
-    if not falls.size:
-        return response, ()
-    first = int(falls[-1]) + 1
-    said = (
-        f"{counted(first, 'line')} below {response.frequencies[first]:.4g} Hz left out, {size[0] / size[first]:.2g} times the next: "
-        "offsets of sensors"
-    )
-    left = response.at_lines(np.arange(len(response.frequencies)) >= first)
-    return left, (Note("offset", {"lines": float(first)}, said),)
 
 
 def _coherent(channels: Sequence[RealArray]) -> bool:

@@ -16,8 +16,8 @@ from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.responses import ImpulseResponse
 from modalscope.data.sizes import check_size
-from modalscope.numerics.checks import ComplexArray, RealArray
-from modalscope.numerics.functions.damped_tones import decay_of, one_in
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.functions.damped_tones import Decay, decay_of, one_in
 from modalscope.signals.preprocess.impacts import clipped_samples
 
 #: Periods of the window that parts the multiples of a tone (a Hann window has zeros at all of them), and multiples that are looked at.
@@ -115,7 +115,7 @@ def _two_exponentials(z: ComplexArray) -> float:
     return _left(z, poles ** np.arange(len(z))[:, None])
 
 
-def _left(z: ComplexArray, basis: ComplexArray) -> float:
+def _left(z: ComplexArray, basis: Array) -> float:
     """Return the share of z that no combination of columns explains."""
     basis = basis / np.linalg.norm(basis, axis=0)
     return float(np.sum(np.abs(z - basis @ np.linalg.lstsq(basis, z, rcond=None)[0]) ** 2) / np.sum(np.abs(z) ** 2))
@@ -143,7 +143,8 @@ def as_free_decay(
     looked = outputs if judged is None else judged.by_run()[0]
     cut = max(map(_after_clipping, looked))
     cut = cut if cut <= signals.samples // 2 and all(decay_of(run[cut:]) for run in looked) else 0
-    outputs, decays = outputs[:, cut:], []
+    outputs = outputs[:, cut:]
+    decays: list[Decay] = []
     for run in looked[:, cut:]:
         decay = decay_of(run)
         if decay is None or (decays and decay.step != decays[0].step):

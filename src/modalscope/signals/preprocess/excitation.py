@@ -85,7 +85,10 @@ def moved_by_base(signals: Signals) -> tuple[Signals, tuple[Note, ...]]:
     rest = signals.select(exclude=names)
     driven = replace(rest, inputs=outputs[:, base], input_dofs=names, units=units)  # type: ignore[arg-type]
     listed = f"{', '.join(names[:6])}{' ...' if len(names) > 6 else ''}"
-    text = f"Channels named for the base are inputs of this event: {listed}; poles are those of the structure held there. If they are outputs, rename them: --output-dofs"
+    text = (
+        f"Channels named for the base are inputs of this event: {listed}; poles are those of the structure held there. If they are "
+        "outputs, rename them: --output-dofs"
+    )
     return driven, (Note("base", {"inputs": float(len(names))}, text),)
 
 
