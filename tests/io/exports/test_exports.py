@@ -92,6 +92,25 @@ def test_every_option_that_info_prints_is_obeyed_word_for_word(capsys: pytest.Ca
     assert not failed
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(not (DATA / "standins").is_dir(), reason="the stand-ins are not there")
+def test_every_option_that_identify_prints_is_obeyed_word_for_word(capsys: pytest.CaptureFixture[str]) -> None:
+    """Of all files of a stand-in together, at ten orders."""
+    failed, count = [], 0
+    for truth in sorted((DATA / "standins").glob("*/truth.json")):
+        files = [str(truth.parent / name) for name in json.loads(truth.read_text())["files"]]
+        plain = ["identify", *files, "--orders", "2:20:2"]
+        capsys.readouterr()
+        main(plain)
+        said = "".join(capsys.readouterr())
+        for way in {tuple(way) for line in said.splitlines() for way in suggestions(line)} - {("--all",), ("--each",)}:
+            count += 1
+            if main([*plain, *("1000" if word == "HZ" else word for word in way)]):
+                failed.append((truth.parent.name, way))
+    assert count > 25
+    assert not failed
+
+
 @pytest.mark.study("reading")
 def test_fresh_exports(study) -> None:
     """Shares of the verdicts in each half, and of what is right at every value of every dimension."""

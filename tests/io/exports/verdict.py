@@ -23,7 +23,7 @@ COSTS = {
     "crash": 5.0,
 }  # fmt: skip
 #: Options that take no value.
-_FLAGS = ("--transpose",)
+_FLAGS = ("--all", "--conjugate", "--each", "--no-reciprocal", "--transpose")
 _SECONDS = 20.0
 
 
@@ -39,7 +39,7 @@ def suggestions(text: str) -> list[list[str]]:
             continue
         way: list[str] = []
         while words and words[0].startswith("--"):
-            count = 1 if words[0] in _FLAGS else 2
+            count = 1 if words[0] in _FLAGS else 3 if words[0] == "--band" else 2
             way += [word.rstrip(",.;:") if len(word) > 1 else word for word in words[:count]]
             words = words[count:]
         if way and way not in ways:
