@@ -86,9 +86,8 @@ def _objections_of_tone(
 
     def of(c: Candidate) -> list[str]:
         found = [f"{k} times {f:.5g} Hz, made by it" for k in tone.multiples if tone.holds(c.frequency / rate, k)]
-        return found + [f"{f:.5g} Hz goes with the size of its motion: one mode"] * any(
-            c is copy for copy in copies[1:]
-        )
+        one = any(c is copy for copy in copies[1:])
+        return [*found, f"{f:.5g} Hz goes with the size of its motion: one mode"] if one else found
 
     return of
 

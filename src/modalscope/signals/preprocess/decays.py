@@ -25,7 +25,7 @@ _PERIODS, _MAX_MULTIPLE = 4, 4
 
 #: Windows that a decay needs, and the largest share of a tone that the law of a multiple leaves, also relative to what an exponential of
 #: its own leaves, which has as many unknowns.
-_MIN_WINDOWS, _MAX_LEFT, _TIMES_OWN, _TIMES_TWO = 6, 0.4, 1.5, 10.0
+_MIN_WINDOWS, _MAX_LEFT, _TIMES_OWN = 6, 0.4, 1.5
 
 #: A pole belongs to a multiple within this part of its frequency.
 _MULTIPLE_REACH = 0.006
@@ -83,17 +83,14 @@ def tone_of(y: RealArray) -> Tone | None:
     )
     moves = drift < min(_exponential(z)[1] / _MIN_GAIN, _TIMES_OWN * _two_exponentials(z))
     leaks = [np.exp(-2j * np.pi * k * f * step * np.arange(len(z))) * z for k in range(1, len(others) + 1)]
-    shares = [_shares(other, z**k, leak) for k, (other, leak) in enumerate(zip(others, leaks, strict=True), 2)]
-    made = [k for k, (left, own, two) in enumerate(shares, 2) if left < min(own, two)]
-    if made:
-        made = [k for k, (left, own, _) in enumerate(shares, 2) if left < own]
+    made = [k for k, (other, leak) in enumerate(zip(others, leaks, strict=True), 2) if _follows(other, z**k, leak)]
     return Tone(*last, first if moves else None, tuple(made))
 
 
-def _shares(x: ComplexArray, power: ComplexArray, leak: ComplexArray) -> tuple[float, float, float]:
-    """Return the share of x that the law of a multiple leaves, the most by which it is one, and that against two exponentials."""
+def _follows(x: ComplexArray, power: ComplexArray, leak: ComplexArray) -> bool:
+    """Whether x goes as a power of the tone rather than by an exponential of its own, without what leaks of the tone."""
     x = x - leak * (np.vdot(leak, x) / np.vdot(leak, leak))
-    return _left(x, power[:, None]), min(_MAX_LEFT, _TIMES_OWN * _exponential(x)[1]), _TIMES_TWO * _two_exponentials(x)
+    return _left(x, power[:, None]) < min(_MAX_LEFT, _TIMES_OWN * _exponential(x)[1])
 
 
 def _exponential(z: ComplexArray, *more: RealArray) -> tuple[ComplexArray, float]:
