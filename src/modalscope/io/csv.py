@@ -37,6 +37,7 @@ from modalscope.data.response import Response
 from modalscope.io import text
 from modalscope.io.arrays import joined
 from modalscope.io.atomic import MARK
+from modalscope.io.columns.axis import sampling_of
 from modalscope.io.columns.words import is_unit
 from modalscope.io.contents import Contents, DataObject, Finding, Options, needs, unreadable
 from modalscope.io.limits import Room, room
@@ -54,8 +55,6 @@ _OF_MODES = {"frequency_hz", "damping_ratio"}
 _OF_WORDS = ("kind", "grade", "reason")
 #: What stands in a header without ambiguity.
 _PLAIN = re.compile(r"[\w :+.²³µ-]*|\w+/\w+²?")
-#: Relative tolerance of time steps: printed times have few digits.
-_UNEVENNESS = 1e-2
 #: Steps that a time may lie beside its place: one row less is a whole step.
 _MAX_SHIFT = 0.5
 #: Labels examined to recognize a table of this layout.
@@ -233,18 +232,11 @@ def _number(path: Path, table: _Table, name: str) -> float:
 def _rate(path: Path, table: _Table) -> float:
     if "sampling_rate" in table.notes:
         return _number(path, table, "sampling_rate")
-    time = table.numbers[:, 0]
-    steps = np.diff(time)
-    if (
-        steps.size == 0
-        or not np.isfinite(steps).all()
-        or steps.min() <= 0
-        or np.ptp(steps) > _UNEVENNESS * steps.mean()
-    ):
-        fault = f"the steps lie between {steps.min():g} and {steps.max():g} s" if steps.size else "there is one sample"
+    try:
+        return sampling_of(table.numbers[:, 0]).rate
+    except DataError as error:
         remedy = "Resample the record, or give `# sampling_rate: ...` in a comment."
-        raise needs(path.name, "evenly sampled, increasing times", fault, remedy)
-    return float((time.size - 1) / (time[-1] - time[0]))
+        raise needs(path.name, "evenly sampled, increasing times", error.found, remedy) from None
 
 
 def _matrix(path: Path, labels: list[str], parts: set[str]) -> tuple[dict[str, Array], dict[str, Any]]:

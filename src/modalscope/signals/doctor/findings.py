@@ -89,7 +89,7 @@ ROWS = {
         "Measure {needed:.4g} s or more: damping scatters by some {scatter:.0f} %.",
     ),
     "few lines": (
-        "the forces have power at {where} Hz alone: of modes elsewhere only the start of a run tells",
+        "the forces have power at {where} Hz alone: modes elsewhere act on the start of a run only",
         "Drive with noise, a sweep or hits.",
     ),
     "short record: lines": (
