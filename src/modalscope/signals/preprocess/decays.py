@@ -139,7 +139,8 @@ def as_free_decay(
         return signals, ()
     looked = outputs if judged is None else judged.by_run()[0]
     cut = max(map(_after_clipping, looked))
-    cut = cut if cut <= signals.samples // 2 and all(decay_of(run[cut:]) for run in looked) else 0
+    if cut and (cut > signals.samples // 2 or not all(decay_of(run[cut:]) for run in looked)):
+        cut = 0
     outputs = outputs[:, cut:]
     decays: list[Decay] = []
     for run in looked[:, cut:]:
