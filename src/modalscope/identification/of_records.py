@@ -19,13 +19,12 @@ from modalscope.identification.prepare import Measured
 from modalscope.identification.routes import USUAL, by_route, chosen_route, without_delays
 from modalscope.identification.sizes import setup_blocks
 from modalscope.numerics.checks import check_kind
-from modalscope.signals.doctor.delays import aligned
 from modalscope.signals.preprocess.ambient_records import (
     Conditioned,
     SeenRecord,
     conditioned,
     conditioned_setups,
-    one_record,
+    looked_through,
     seen_record,
 )
 from modalscope.signals.preprocess.correlation import estimate_correlation, spanning_outputs
@@ -86,9 +85,7 @@ def _(data: Records, band: tuple[float, float] | None, asked: Asked) -> Measured
         )
         alone = route == "frf" and all(len(run.input_dofs) == 1 for run in driven.runs)
         return exchanged(measured, asked) if alone else measured
-    moved, notes = aligned(data, asked.delays or {})
-    measured = _of_records(seen_record(one_record(moved, "correlations")), band, asked)
-    return replace(measured, notes=(*notes, *measured.notes))
+    return _of_records(looked_through(data, None, asked.delays), band, asked)
 
 
 @_of_records.register

@@ -24,9 +24,9 @@ from modalscope.identification.fast.record_cost import record_cost, refuse_beyon
 from modalscope.identification.method_names import find_method, rows_of
 from modalscope.identification.suits import route_of
 from modalscope.numerics.errors import DataError
-from modalscope.signals.doctor.delays import aligned, common_delays
+from modalscope.signals.doctor.delays import common_delays
 from modalscope.signals.preprocess import estimate_markov
-from modalscope.signals.preprocess.ambient_records import one_record
+from modalscope.signals.preprocess.ambient_records import aligned, one_record
 from modalscope.signals.preprocess.bands import driven_band, struck_band
 from modalscope.signals.preprocess.excitation import excitation_of, find_period
 from modalscope.signals.preprocess.line_noise import level_lines

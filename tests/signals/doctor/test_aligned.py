@@ -15,7 +15,8 @@ from modalscope.identification.prepare import measure
 from modalscope.identification.routes import USUAL
 from modalscope.interfaces.cli.reading import parse_delays
 from modalscope.signals.doctor import examine
-from modalscope.signals.doctor.delays import DELAYS, aligned, common_delays
+from modalscope.signals.doctor.delays import common_delays
+from modalscope.signals.preprocess.ambient_records import DELAYS, aligned
 from tests.shaker import Shaker, shaker
 
 LATE = {"y2": 20}

@@ -259,16 +259,8 @@ def _seen(data: Any, document: Analysis) -> tuple[Any, SeenRecord | None]:
     )
 
     late: Any = document.options.get("delays")
-    notes: tuple[Note, ...] = ()
-    if late and isinstance(data, Signals | Records) and not data.input_dofs:
-        from modalscope.signals.doctor.delays import aligned  # few records are late
-
-        data, notes = aligned(as_records(data), late)
-    seen = looked_through(data, document.exclude or None)
-    if not isinstance(seen, SeenRecord):
-        return seen, None
-    seen = replace(seen, level=(*notes, *seen.level))
-    return seen, seen
+    seen = looked_through(data, document.exclude or None, late)
+    return seen, seen if isinstance(seen, SeenRecord) else None
 
 
 def _bands_of(seen: Any, document: Analysis) -> tuple[tuple[tuple[float, float], ...], tuple[Note, ...]]:

@@ -7,17 +7,15 @@ that begin with a jump, all after the same lag.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy import fft
 
-from modalscope.data.notes import Finding, Note
+from modalscope.data.notes import Finding
 from modalscope.data.records import Records, Signals
 from modalscope.numerics.checks import Array, RealArray
-from modalscope.numerics.errors import DataError
 from modalscope.signals.doctor.findings import finding, thinned
 from modalscope.signals.preprocess.correlation import spanning_outputs
 from modalscope.signals.preprocess.excitation import dead_forces, find_excitation
@@ -73,9 +71,6 @@ _GRID = 16
 #: Minimum angle of a delay at the mean frequency (rad); and maximum relative difference of the delays of two halves of the record, and of
 #: the band.
 _MIN_ANGLE, _MAX_DISAGREEMENT = 0.1, 0.25
-
-#: The kind of the note.
-DELAYS = "delays taken out"
 
 
 def late(signals: Signals) -> list[Finding]:
@@ -298,30 +293,3 @@ def common_delays(records: Records) -> dict[str, int]:
             return {}
         delays = of_part
     return delays
-
-
-def aligned(records: Records, delays: Mapping[str, int]) -> tuple[Records, tuple[Note, ...]]:
-    """Return records with outputs shifted back against the forces by whole samples, and a note; unchanged where no delay is above zero.
-
-    Raises DataError for an output that is not there, or a run that is no longer than its delay.
-    """
-    longest, shortest = max(delays.values(), default=0), min(records.samples)
-    unknown = [dof for dof in delays if dof not in records.output_dofs]
-    if unknown or longest > shortest - 2:
-        have = f"the outputs are {', '.join(records.output_dofs)}, the shortest run has {shortest} samples"
-        raise DataError(f"delays of {dict(delays)} were asked", have, "Name outputs of these, and fewer samples.")
-    if not longest:
-        return records, ()
-    lags = [delays.get(dof, 0) for dof in records.output_dofs]
-
-    def shifted(run: Signals) -> Signals:  # cut to the samples that all channels have
-        count = run.samples - longest
-        outputs = np.column_stack([y[lag : lag + count] for y, lag in zip(run.outputs.T, lags, strict=True)])
-        return replace(run, outputs=outputs, inputs=None if run.inputs is None else run.inputs[:count])
-
-    moved = replace(records, runs=tuple(map(shifted, records.runs)), groups=records.groups)
-    listed = ", ".join(f"{dof} by {lag} samples" for dof, lag in delays.items() if lag)
-    which = f"All outputs were shifted back by {longest} samples" if len(set(lags)) == 1 else f"Shifted back: {listed}"
-    against = "after the forces" if records.input_dofs else "after the others"
-    text = f"{which}, their delay {against}; poles and shapes stay. Keep the delay with delays={{}} (--delays none)"
-    return moved, (Note(DELAYS, {"samples": float(longest)}, text),)

@@ -6,7 +6,7 @@ for, gives the same numbers to the last bit.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -51,6 +51,10 @@ class Conditioned(NamedTuple):
     notes: tuple[Note, ...]
 
 
+#: The kind of the note.
+DELAYS = "delays taken out"
+
+
 def one_record(records: Records, what: str) -> Signals:
     """Return runs of one length and the same inputs as one record, or raise `DataError` about `what` was asked."""
     stacks = records.stacked()
@@ -61,6 +65,33 @@ def one_record(records: Records, what: str) -> Signals:
             "Use route='records', which accepts any runs, or cut them to one length.",
         )
     return stacks[0]
+
+
+def aligned(records: Records, delays: Mapping[str, int]) -> tuple[Records, tuple[Note, ...]]:
+    """Return records with outputs shifted back against the forces by whole samples, and a note; unchanged where no delay is above zero.
+
+    Raises DataError for an output that is not there, or a run that is no longer than its delay.
+    """
+    longest, shortest = max(delays.values(), default=0), min(records.samples)
+    unknown = [dof for dof in delays if dof not in records.output_dofs]
+    if unknown or longest > shortest - 2:
+        have = f"the outputs are {', '.join(records.output_dofs)}, the shortest run has {shortest} samples"
+        raise DataError(f"delays of {dict(delays)} were asked", have, "Name outputs of these, and fewer samples.")
+    if not longest:
+        return records, ()
+    lags = [delays.get(dof, 0) for dof in records.output_dofs]
+
+    def shifted(run: Signals) -> Signals:  # cut to the samples that all channels have
+        count = run.samples - longest
+        outputs = np.column_stack([y[lag : lag + count] for y, lag in zip(run.outputs.T, lags, strict=True)])
+        return replace(run, outputs=outputs, inputs=None if run.inputs is None else run.inputs[:count])
+
+    moved = replace(records, runs=tuple(map(shifted, records.runs)), groups=records.groups)
+    listed = ", ".join(f"{dof} by {lag} samples" for dof, lag in delays.items() if lag)
+    which = f"All outputs were shifted back by {longest} samples" if len(set(lags)) == 1 else f"Shifted back: {listed}"
+    against = "after the forces" if records.input_dofs else "after the others"
+    text = f"{which}, their delay {against}; poles and shapes stay. Keep the delay with delays={{}} (--delays none)"
+    return moved, (Note(DELAYS, {"samples": float(longest)}, text),)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -122,17 +153,21 @@ def _at_one_level(record: Any, seen: _Examined) -> tuple[Any, _Examined, tuple[N
     return steady.record, then, (steady.note,)
 
 
-def looked_through(data: Any, exclude: Any = None) -> Any:
-    """Return a record without inputs as a `SeenRecord` without the excluded channels; all other data as they are."""
+def looked_through(data: Any, exclude: Any = None, delays: Mapping[str, int] | None = None) -> Any:
+    """Return a record without inputs as a `SeenRecord` without the excluded channels, in time; all other data as they are.
+
+    `delays`: samples by which outputs are late, see `aligned`.
+    """
     if not isinstance(data, Signals | StoredSignals | Records) or data.input_dofs:
         return data
     kept = data if exclude is None else data.select(exclude=exclude)
     if isinstance(kept, StoredSignals):
         return seen_record(kept)
-    records = as_records(kept)
+    records, notes = aligned(as_records(kept), delays or {})
     check_size(records)
     check_upright(records)
-    return seen_record(one_record(records, "correlations"))
+    seen = seen_record(one_record(records, "correlations"))
+    return replace(seen, level=(*notes, *seen.level))
 
 
 def conditioned(seen: SeenRecord, band: Band | None) -> Conditioned:
