@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 import modalscope.io as mio
 from modalscope.io.arrays import to_arrays
@@ -165,3 +166,13 @@ def test_a_coherence_beyond_one_is_left_with_a_note(tmp_path, top, taken):
     survey = mio.survey(_saved(tmp_path, **_of_an_analyser(Hf_coh_chan_2=np.linspace(0.5, top, 65))))
     assert (survey.thing.coherence is not None) is taken
     assert any("a coherence lies between 0 and 1" in note for note in survey.notes) is not taken
+
+
+def test_one_array_asks_for_its_rate_and_a_row_is_a_channel(tmp_path):
+    y = np.random.default_rng(0).standard_normal((1, 300))
+    savemat(tmp_path / "origin.mat", {"origin": y})
+    said = refused("--sampling-rate HZ", mio.read, tmp_path / "origin.mat")
+    assert ["--sampling-rate", "HZ"] in suggestions(str(said))
+    for options in ({}, {"rename": {"origin": "outputs"}}):
+        record = mio.read(tmp_path / "origin.mat", sampling_rate=50.0, **options)
+        assert np.array_equal(record.outputs, y.T)

@@ -184,7 +184,8 @@ def _renaming(names: Sequence[str], hints: Mapping[str, str]) -> str:
         return "Save measured values with their sampling rate, or with their frequencies."
     leave = f"leave others out, read(..., ignore={list(names[:3])})."
     if not hints:
-        return f"Rename what is measured to one of these, read(..., rename=...), and {leave}"
+        rate = "If they are samples alone, give their rate: --sampling-rate HZ. " if len(names) == 1 else ""
+        return f"{rate}Rename what is measured to one of these, read(..., rename=...), and {leave}"
     return f"Rename them, read(..., rename={dict(hints)}), or {leave}"
 
 
@@ -239,6 +240,9 @@ def _build(where: str, data_class: type[Any], arrays: dict[str, Array], given: d
     if before:
         values["unrefined"] = _build(where, data_class, before, {})
     values |= given
+    for side in {"outputs", "inputs"} & set(values) if data_class is Signals else ():
+        if np.ndim(values[side]) == 2 and len(values[side]) == 1:  # a row is a channel: nothing else has one sample
+            values[side] = np.transpose(values[side])
     if data_class is Signals and "quantity" in values:
         values["quantities"] = values.pop("quantity")
     _check_fields(where, data_class, values, given)
