@@ -189,7 +189,7 @@ def test_a_package_that_is_missing_is_named_with_its_extra(
     refused(rf"pip install 'modalscope\[{extra}\]'", ms.read, tmp_path / f"a{suffix}")
 
 
-@pytest.mark.parametrize("suffix", [".tdms", ".mf4"])
+@pytest.mark.parametrize("suffix", [".tdms", pytest.param(".mf4", marks=pytest.mark.slow)])
 def test_when_a_file_starts_is_known_to_what_puts_recorders_on_one_clock(tmp_path: Path, suffix: str) -> None:
     start = datetime(2024, 5, 3, 12, 0, 3, 700_000, tzinfo=UTC)
     if suffix == ".tdms":
