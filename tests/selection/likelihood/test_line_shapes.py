@@ -145,7 +145,7 @@ def test_the_inverse_of_others_is_that_of_their_spectral_matrix() -> None:
     noise = rng.uniform(0.1, 0.5, 4)
     for modes in (1, 3, 7):
         shapes, h = rng.standard_normal((4, modes)), rng.standard_normal((modes, 20)) + 0j
-        lines = _Lines(np.zeros((1, 20, 4), complex), np.arange(20.0), h)
+        lines = _Lines(np.zeros((1, 20, 4), complex), np.arange(20.0), h, _CORRELATED[0])
         others = shapes[:, 1:]
         S = np.einsum("ak,kf,bk->fab", others, np.abs(h[1:]) ** 2, others) + np.diag(noise)
         assert np.allclose(_inverse_of_others(lines, shapes, 0, own, noise) @ S, np.eye(4), atol=1e-10)

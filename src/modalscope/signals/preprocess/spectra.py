@@ -230,7 +230,7 @@ def segment_transforms(outputs: RealArray, sampling_rate: float, segments: Segme
 
 
 class Spectrum(NamedTuple):
-    """Transforms (R, lines, l) of the outputs of all runs, without straight lines and under a Hann window.
+    """Transforms (R, lines, l) of the outputs of all runs, without straight lines and under a Hann window, or under each of some tapers.
 
     The squares of `lines` are powers, relative to a power of two near the largest sample, so that they do not overflow; `step` is their
     distance in Hz, `power` that of all outputs, `rate` the sampling rate.
@@ -242,8 +242,12 @@ class Spectrum(NamedTuple):
     rate: float
 
     @classmethod
-    def of(cls, signals: Signals) -> Spectrum:
-        """Compute the spectrum of a record."""
+    def of(cls, signals: Signals, *, tapers: int = 0) -> Spectrum:
+        """Compute the spectrum of a record.
+
+        `tapers`: so many sine tapers in the place of the Hann window, each as further runs: lines of one window tell half of what the
+        samples do, of two of these four fifths (K. S. Riedel and A. Sidorenko, IEEE Trans. Signal Process. 43, 1995).
+        """
         outputs, _ = signals.by_run()
         largest = max(float(np.max(outputs, initial=0.0)), -float(np.min(outputs, initial=0.0)))
         y = outputs / (np.ldexp(1.0, int(np.frexp(largest)[1]) - 1) if largest else 1.0)
@@ -252,6 +256,9 @@ class Spectrum(NamedTuple):
         y -= y.mean(axis=1, keepdims=True)
         y -= t[:, None] * slope[:, None, :]
         power = float(np.einsum("rnl,rnl->", y, y)) / (len(y) * y.shape[1])
-        window = window_of("hann", y.shape[1])
-        y *= (window * np.sqrt(2 / (y.shape[1] * float(window @ window))))[:, None]
-        return cls(np.asarray(fft.rfft(y, axis=1)), signals.sampling_rate / y.shape[1], power, signals.sampling_rate)
+        n = y.shape[1]
+        k, at = np.arange(1, tapers + 1)[:, None], np.pi * np.arange(1, n + 1) / (n + 1)
+        windows = np.sin(k * at) if tapers else window_of("hann", n)[None]
+        windows *= np.sqrt(2 / (n * np.einsum("kn,kn->k", windows, windows)))[:, None]
+        lines = np.concatenate([fft.rfft(y * window[:, None], axis=1) for window in windows])
+        return cls(np.asarray(lines), signals.sampling_rate / n, power, signals.sampling_rate)
