@@ -11,7 +11,7 @@ from modalscope.data import ModalModel, Signals
 from modalscope.data.indicators import mac
 from modalscope.numerics.checks import ComplexArray, RealArray
 from modalscope.numerics.functions.poles import poles_from
-from modalscope.selection.likelihood.line_shapes import _inverse_of_others, _Lines, _Lobe, line_shapes
+from modalscope.selection.likelihood.line_shapes import _CORRELATED, _inverse_of_others, _Lines, _Lobe, line_shapes
 from tests.selection.judging.any_ambient import Truth, made
 from tests.selection.judging.dominated import hidden_modes
 
@@ -149,3 +149,25 @@ def test_the_inverse_of_others_is_that_of_their_spectral_matrix() -> None:
         others = shapes[:, 1:]
         S = np.einsum("ak,kf,bk->fab", others, np.abs(h[1:]) ** 2, others) + np.diag(noise)
         assert np.allclose(_inverse_of_others(lines, shapes, 0, own, noise) @ S, np.eye(4), atol=1e-10)
+
+
+def test_lines_under_tapers_are_correlated_as_the_program_counts_them() -> None:
+    """Second route: the inner products of the tapers themselves, shifted by whole lines, at a length of its own."""
+    n = 1500
+    at = np.pi * np.arange(1, n + 1) / (n + 1)
+    w = np.sqrt(2 / (n + 1)) * np.sin(np.arange(1, 3)[:, None] * at)
+    each = [np.abs(np.fft.fft(a * b)) ** 2 for a in w for b in w]
+    assert np.sum(each, axis=0)[:3] / 2 == pytest.approx(_CORRELATED[2], abs=1e-3)
+    assert np.sum(each, axis=0)[3:9].max() / 2 < 2e-3
+    hann = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n) / n)
+    assert np.abs(np.fft.fft(hann**2 / np.sum(hann**2)))[:3] ** 2 == pytest.approx(_CORRELATED[0], abs=1e-6)
+
+
+def test_what_is_imaginary_by_chance_is_left_out_and_what_is_not_stays() -> None:
+    record, modes = pair(0.5), started(2.0)
+    found = line_shapes(record, modes)
+    spread = found.deviations / np.linalg.norm(found.shapes, axis=0) * np.linalg.norm(modes.shapes, axis=0)
+    for times, stays in ((0.5, False), (6.0, True)):
+        given = modes.shapes + 1j * times * spread * np.array([1.0, -1.0, 1.0])[:, None]
+        told = line_shapes(record, replace(modes, shapes=given)).shapes
+        assert bool(np.any(np.abs(told.imag) > 0)) == stays
