@@ -84,7 +84,7 @@ def test_a_model_is_driven_where_it_may_be_and_kept_places_stay() -> None:
     assert found.sensors[0] == "3:+Z"
     assert not {"1:+Z", "2:+Z"} & set(found.sensors)
     assert set(found.forces) <= {"5:+Z", "6:+Z", "7:+Z"}
-    undamped = replace(modes, poles=1j * modes.poles.imag)
+    undamped = replace(modes, poles=np.asarray(1j * modes.poles.imag, complex))
     assert np.isfinite(ms.place(undamped, sensors=2).worst)
 
 
@@ -174,7 +174,9 @@ def test_what_is_planned_reaches_what_was_asked(made: Structure, result: ms.Resu
 
 
 def test_disagreement_is_a_floor_and_said(result: ms.Result) -> None:
-    modes = replace(result.modes, damping_ratios_repeatability=5 * result.modes.damping_ratios_std)
+    stated = result.modes.damping_ratios_std
+    assert stated is not None
+    modes = replace(result.modes, damping_ratios_repeatability=5 * stated)
     said = ms.next_measurement(replace(result, modes=modes), ask="damping .1 %")
     assert "places or runs disagree by this much" in said.out_of_reach[0]
     assert not said.steps
@@ -195,9 +197,9 @@ def test_a_wish_that_cannot_be_read_is_said(result: ms.Result, ask: str) -> None
 
 
 def test_other_data_are_answered(result: ms.Result) -> None:
-    with pytest.raises(DataError, match="the modes know 1:.Z"):
+    with pytest.raises(DataError, match=r"the modes know 1:\+Z"):
         ms.next_measurement(result, candidates=["99:+Z"])
-    with pytest.raises(DataError, match="diagrams of no band|diagrams of 0 bands"):
+    with pytest.raises(DataError, match=r"diagrams of (no band|0 bands)"):
         ms.next_measurement(replace(result, diagrams=()))
     with pytest.raises(DataError, match="has an interval"):
         ms.next_measurement(replace(result, modes=replace(result.modes, frequencies_std=None)))
@@ -212,7 +214,7 @@ def test_other_data_are_answered(result: ms.Result) -> None:
 @pytest.mark.study("planning")
 def test_a_hundred_structures(study: Callable[[str, str], Study]) -> None:
     told = study("structures of 5 modes at 12 places, noise by place 1 : 10", "100 seeds, 8000 to 8099")
-    over, rules, foretold, asked, spent = [], [], [], [], []
+    over, rules, foretold, asked, spent = (list[float]() for _ in range(5))
     for seed in range(8000, 8100):
         made, rng = structure(seed), np.random.default_rng(seed)
         modes = made.modes([int(rng.integers(PLACES))])
