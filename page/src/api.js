@@ -67,6 +67,8 @@ export const forget = (key) => post(`/api/documents/${key}/close`);
 export const compare = (key) => post(`/api/documents/${key}/compare`);
 /** @param {string} key @param {string} file */
 export const against = (key, file) => post(`/api/documents/${key}/against`, { file });
+/** @param {string} key @param {string} ask @returns {Promise<string[]>} */
+export const planned = (key, ask) => post(`/api/documents/${key}/planned`, { ask });
 /** @param {string} key @param {string} name */
 export const blob = async (key, name) => unpack(await (await ask(`/api/documents/${key}/blob/${name}`)).arrayBuffer());
 /** @param {string} key @param {number} output @param {number} input */

@@ -104,6 +104,25 @@ export function showComparison(found, ask) {
 }
 
 /**
+ * What to measure next, for what is asked of the modes: an answer a line each.
+ * @param {(ask: string) => Promise<string[]>} ask
+ */
+export function showNext(ask) {
+  const wish = h("input.name", { value: "damping 5 %", spellcheck: false, "aria-label": "What is asked of the modes", title: "damping 5 %, f .1 %, shapes .98, or several with commas", onkeydown: (/** @type {KeyboardEvent} */ e) => e.key === "Enter" && answer() });
+  const lines = h("div.next", { role: "status" });
+  dialog("What to measure next", [h("div.bar", {}, h("label", {}, "asked of the modes ", wish), h("button.small.primary", { onclick: answer }, "answer")), lines], "wide");
+  answer();
+  async function answer() {
+    fill(lines, h("p.muted", {}, "weighing places…"));
+    try {
+      fill(lines, (await ask(wish.value)).map((line) => h("p", {}, line)));
+    } catch (error) {
+      fill(lines, errorBox(error.parts ?? { text: String(error.message ?? error) }));
+    }
+  }
+}
+
+/**
  * The points and lines of the structure: as tables, and lines by clicks on two points of a sketch.
  * @param {any} found  the result @param {(files: File[]) => void} give
  * @param {{exact: boolean, set: (exact: boolean) => void} | null} matching  of a geometry that is there

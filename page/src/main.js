@@ -4,7 +4,7 @@ import * as api from "./api.js";
 import { rowsOf } from "./blob.js";
 import { bench } from "./bench.js";
 import { ends, keyOf, makeDiagram } from "./diagram.js";
-import { dialog, editGeometry, editHead, errorBox, showComparison, showData, showKeys, showScript } from "./dialogs.js";
+import { dialog, editGeometry, editHead, errorBox, showComparison, showData, showKeys, showNext, showScript } from "./dialogs.js";
 import { fill, h, icon, ICONS, number, paintAgain } from "./dom.js";
 import { makeMatrix } from "./matrix.js";
 import { makeModes } from "./modes.js";
@@ -34,6 +34,7 @@ const KEYS = [
   ["r", "report"],
   ["c", "compare all methods"],
   ["f", "data: points, coherence, driving points, findings"],
+  ["w", "what to measure next"],
   ["h", "diagram: multiples of the frequency under the pointer"],
   ["Esc", "stop the computation"],
   ["d", "light or dark"],
@@ -80,7 +81,7 @@ function makeWork(begin, state) {
     h("button.logo", { onclick: leave, title: "Open another file", "aria-label": "modalscope: open another file" }, logo(), h("span", {}, "modalscope")),
     h("h1", {}, state.name), findings, h("span.space"),
     button("data", "f", ICONS.points, data), undo, redo, button("save", "s", ICONS.save, () => save("analysis.json")), h("div.holder", {}, exporting, formats), button("report", "r", ICONS.report, () => save("html")),
-    button("script", "", ICONS.script, () => found?.script && showScript(found.script)), button("compare", "c", ICONS.compare, compare),
+    button("script", "", ICONS.script, () => found?.script && showScript(found.script)), button("compare", "c", ICONS.compare, compare), button("next", "w", ICONS.next, plan),
     button("light or dark", "d", ICONS.theme, switchTheme), button("keys", "?", ICONS.help, () => showKeys(KEYS)),
   );
   const told = h("div.told", { "aria-live": "assertive" });
@@ -419,6 +420,10 @@ function makeWork(begin, state) {
   }
   let asked = (/** @type {any} */ _) => {};
 
+  function plan() {
+    showNext((ask) => api.planned(now.key, ask));
+  }
+
   /** @param {File[]} files */
   async function geometry(files) {
     try {
@@ -482,7 +487,7 @@ function makeWork(begin, state) {
   const keys = {
     ArrowDown: () => step(1), ArrowUp: () => step(-1), j: () => step(1), k: () => step(-1), x: () => refuse(chosen), n: () => shown().length && modes.rename(chosen), a: () => act("automatic"),
     " ": () => shape.toggle(), "[": () => response.next(-1), "]": () => response.next(1), m: () => response.mark(), z: () => diagram.whole(), l: () => diagram.toggleLetters(), i: () => diagram.toggleLinear(),
-    p: () => /** @type {HTMLElement} */ (places.diagram.querySelector(".plot")).focus(), s: () => save("analysis.json"), e: menu, r: () => save("html"), c: compare, f: data, h: () => diagram.toggleHarmonics(), Escape: () => (formats.hidden ? cancel() : (formats.hidden = true)), d: switchTheme, "?": () => showKeys(KEYS),
+    p: () => /** @type {HTMLElement} */ (places.diagram.querySelector(".plot")).focus(), s: () => save("analysis.json"), e: menu, r: () => save("html"), c: compare, w: plan, f: data, h: () => diagram.toggleHarmonics(), Escape: () => (formats.hidden ? cancel() : (formats.hidden = true)), d: switchTheme, "?": () => showKeys(KEYS),
     ...Object.fromEntries(shape.views.map((name, i) => [String(i + 1), () => shape.see(name)])),
   };
   /** @param {KeyboardEvent} event */

@@ -209,6 +209,11 @@ async def against(request: Request) -> Response:
     return _json(await _opened(request).ask("against", path=str(path)))
 
 
+async def planned(request: Request) -> Response:
+    """Return what to measure next for what is asked of the modes."""
+    return _json(await _opened(request).ask("planned", ask=str((await _body(request)).get("ask", ""))))
+
+
 async def export(request: Request) -> Response:
     """Return the result as a file in one format."""
     opened, suffix = _opened(request), f".{request.path_params['suffix']}"
@@ -273,6 +278,7 @@ def routes() -> list[Route]:
         (f"{at}/picture/{{name}}", picture, "GET"),
         (f"{at}/compare", compare, "POST"),
         (f"{at}/against", against, "POST"),
+        (f"{at}/planned", planned, "POST"),
         (f"{at}/export/{{suffix}}", export, "GET"),
     ]
     return [Route(path, _answered(handler), methods=[method]) for path, handler, method in listed]

@@ -87,6 +87,13 @@ def against(stages: Stages, progress: Progress, path: str) -> dict[str, Any]:
     return {"mac": mac(modes.shapes, other.shapes), "frequencies": other.frequencies, "name": Path(path).name}
 
 
+def planned(stages: Stages, progress: Progress, ask: str) -> list[str]:
+    """Return what to measure next, a line each."""
+    from modalscope.analysis.planning.next_measurement import next_measurement
+
+    return str(next_measurement(stages.finished(), ask=ask)).split("\n")
+
+
 def compared(stages: Stages, progress: Progress, methods: list[str] | None = None) -> dict[str, Any]:
     """Return the comparison of all methods: verdict, consensus modes, and pictures of the differences."""
     from modalscope.analysis.comparing import compare
@@ -151,6 +158,7 @@ TASKS: dict[str, Callable[..., Any]] = {
     "export": export,
     "compare": compared,
     "measured": measured,
+    "planned": planned,
     "picture": picture,
 }
 

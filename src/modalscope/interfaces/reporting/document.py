@@ -12,6 +12,7 @@ from typing import Any, Protocol
 from modalscope.analysis.checking.certificate import Certificate
 from modalscope.analysis.comparing import Comparison
 from modalscope.analysis.monitoring.store import Store
+from modalscope.analysis.planning.next_measurement import next_measurement
 from modalscope.data import DataError, ModalModel, Signals, StabilizationDiagram, StateSpace
 from modalscope.data.analysis import VERSION
 from modalscope.data.notes import Note
@@ -27,7 +28,7 @@ from modalscope.interfaces.plot.web.fits import Lines, fit_of, lines_of_response
 from modalscope.interfaces.reporting import record, sections
 from modalscope.interfaces.reporting.comparison import comparison_sections
 from modalscope.interfaces.reporting.header import header_of, header_of_remarks, header_sections
-from modalscope.interfaces.reporting.html import Section, listing, page
+from modalscope.interfaces.reporting.html import Section, listing, page, paragraph
 from modalscope.interfaces.reporting.modes import (
     certificate_section,
     identification_summary,
@@ -179,7 +180,7 @@ class Origin:
 
     `source`, `command`: the file, and the command line. `findings`, `notes`, `script`: of the whole analysis; by default those of the
     diagram. `data`: the measurement; the spectra of ambient records are drawn behind the diagram. `diagrams`: of all bands, if several.
-    `names`: what the user calls modes, by their frequencies.
+    `names`: what the user calls modes, by their frequencies. `plan`: what to measure next, a line each, where that can be told.
     """
 
     source: str | None = None
@@ -191,6 +192,7 @@ class Origin:
     data: object = None
     diagrams: Sequence[StabilizationDiagram] = ()
     names: Mapping[str, str] = field(default_factory=dict)
+    plan: Sequence[str] = ()
 
     @property
     def spectra(self) -> Decomposition | None:
@@ -206,6 +208,10 @@ def _origin(result: Result, source: str | None, command: str | None) -> Origin:
     source = source or ", ".join(file.path for file in result.analysis.files if file.path) or None
     script = record.result_script(result)
     told = {"data": result.data, "diagrams": result.diagrams, "names": result.analysis.names}
+    try:
+        told["plan"] = str(next_measurement(result)).split("\n")
+    except DataError:  # of ambient records, several bands or modes without intervals nothing can be told
+        told["plan"] = ()
     return Origin(source, command, result.findings, result.notes, script, **told)
 
 
@@ -235,6 +241,8 @@ def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, ori
         yield sections.reasons_section(modes)
     if modes.left_out:
         yield sections.left_out_section(modes)
+    if origin.plan:
+        yield Section("next", "What to measure next", "".join(map(paragraph, origin.plan)))
     yield record.data_section(diagram.response, origin.source, origin.findings, origin.data)
     for band in bands:
         yield band.named(record.settings_section(band.diagram), several)
