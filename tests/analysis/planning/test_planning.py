@@ -182,6 +182,18 @@ def test_disagreement_is_a_floor_and_said(result: ms.Result) -> None:
     assert not said.steps
 
 
+@pytest.mark.parametrize(("times", "stays"), [(1.55, 0.0), (1.65, np.sqrt(1 - 1.65**-2))])
+def test_what_noise_does_not_explain_stays(result: ms.Result, times: float, stays: float) -> None:
+    """By chance the scatter of eight groups reaches 1.6 times its deviation; above it all but the noise is there however much is measured."""
+    noise = _Test(result)._before["damping"]
+    test = _Test(replace(result, modes=replace(result.modes, damping_ratios_std=times * noise)))
+    often = {("repeat", label): 3 for label in result.modes.input_dofs}
+    ratio = test.reached("damping", often) / test.reached("damping", {})
+    assert ratio == pytest.approx(0.5 if not stays else np.hypot(0.5 / times, stays))
+    assert test.floor("damping") / test.reached("damping", {}) == pytest.approx(stays)
+    assert ("Disagreement of channels, not noise" in str(test.notes)) == bool(stays)
+
+
 def test_modes_without_an_interval_are_not_planned_for(result: ms.Result) -> None:
     degrees = np.full((len(result.modes), 2), 50.0)
     degrees[1] = 0

@@ -27,6 +27,9 @@ _MOST = 64
 #: Part of the strength of the others, in the median, by which all places are near a node of a mode.
 _NODE = 0.02
 
+#: Stated deviations over those of white noise beyond which other errors are added: the scatter of eight groups reaches it once in 100.
+_BEYOND_NOISE = 1.6
+
 #: What may be asked, with the words for it.
 _WORDS = {
     **dict.fromkeys(("damping", "zeta"), "damping"),
@@ -135,8 +138,9 @@ def next_measurement(
     """Say what to measure next, so that the modes of a result are as sure as asked.
 
     Deviations are foretold from the modes and the noise at hand (see `place`), each multiplied by what the data stated of it over what
-    was foretold of the measurement at hand: errors that are no white noise. Where inputs, outputs or runs disagree by more, that stays,
-    however often a measurement is repeated. What a force does where a sensor was follows by reciprocity, and the other way round.
+    was foretold of the measurement at hand. Where that is above 1.6, or inputs, outputs or runs are known to disagree, what noise does
+    not explain stays, however often a measurement is repeated. What a force does where a sensor was follows by reciprocity, and the other
+    way round.
 
     Parameters
     ----------
@@ -278,8 +282,15 @@ class _Test:
         self._sides = np.abs(drive.T) ** 2
         strength = np.max(np.abs(residues) / self._noise[:, :, None], axis=(0, 1)) / -modes.poles.real
         self._near_node = strength < _NODE * np.median(strength)
-        self._before = deviations_foretold(self._sum({}), modes.poles)
-        self.notes = _rests_on(result, np.isfinite(self._widths["frequency"]), known)
+        self._before = dict(zip(("frequency", "damping"), deviations_foretold(self._sum({}), modes.poles), strict=True))
+        self._stated = {what: self._told_of(what, "std") for what in _FIELDS}
+        beyond = {what: stated > _BEYOND_NOISE * self._before[what] for what, stated in self._stated.items()}
+        self._noise_part = {what: np.where(beyond[what], self._before[what], self._stated[what]) for what in _FIELDS}
+        self._rest = {
+            what: np.sqrt(np.maximum(self._stated[what] ** 2 - self._noise_part[what] ** 2, 0)) for what in _FIELDS
+        }
+        planned = np.isfinite(self._widths["frequency"])
+        self.notes = _rests_on(result, planned, known) + self._beyond_noise(beyond["damping"] & planned)
 
     def _places(self, modes: ModalModel, noise: RealArray) -> tuple[Array, Array, bool]:
         """Return shapes (L, n) and participation (n, M) of all places that are known, and whether reciprocity tells of new ones."""
@@ -318,16 +329,29 @@ class _Test:
         modes = self.modes
         if what == "shape":
             return self._mac(more)
-        foretold = deviations_foretold(self._sum(more), modes.poles)
-        now, before = (each[list(_FIELDS).index(what) == 0] for each in (foretold, self._before))
-        stated, floor = (getattr(modes, f"{_FIELDS[what]}_{name}") for name in ("std", "repeatability"))
-        floor = np.zeros(len(modes)) if floor is None else np.nan_to_num(floor)
-        return np.asarray(
-            self._widths[what]
-            * np.fmax(stated * now / before, floor)
-            / np.fmax(stated, floor)
-            / getattr(modes, _FIELDS[what])
-        )
+        now = deviations_foretold(self._sum(more), modes.poles)[what == "damping"]
+        return self._width(what, self._noise_part[what] * now / self._before[what])
+
+    def floor(self, what: str) -> RealArray:
+        """Return what would be left without noise, (n,): nothing but disagreement."""
+        return self._width(what, np.zeros(len(self.modes)))
+
+    def _width(self, what: str, noise: RealArray) -> RealArray:
+        """Return half widths, relative, when noise alone had a deviation."""
+        groups = np.nan_to_num(self._told_of(what, "repeatability"))
+        widest = np.fmax(np.hypot(noise, self._rest[what]), groups) / np.fmax(self._stated[what], groups)
+        return np.asarray(self._widths[what] * widest / getattr(self.modes, _FIELDS[what]))
+
+    def _told_of(self, what: str, kind: str) -> RealArray:
+        found = getattr(self.modes, f"{_FIELDS[what]}_{kind}")
+        return np.full(len(self.modes), np.nan) if found is None else np.asarray(found)
+
+    def _beyond_noise(self, beyond: BoolArray) -> tuple[str, ...]:
+        """Return a sentence on modes whose damping other errors rule."""
+        times = self._stated["damping"] / self._before["damping"]
+        each = [f"{self.modes.frequencies[k]:.5g} Hz: {times[k]:.2g} times" for k in np.flatnonzero(beyond)]
+        says = f"Disagreement of channels, not noise, rules the damping of {counted(len(each), 'mode')}, over what noise gives"
+        return (f"{says} ({', '.join(each)}). Further places and repeats lower it little.",) if each else ()
 
     def step(self, one: _Candidate, asked: dict[str, float], may: Array) -> Step:
         """Return a candidate measured until it is enough for some modes."""
@@ -371,8 +395,7 @@ class _Test:
         half = modes.damping_ratios * modes.frequencies
         for place in np.flatnonzero(never):
             what, k = list(asked)[place // len(modes)], int(place % len(modes))
-            floor = getattr(modes, f"{_FIELDS.get(what, 'frequencies')}_repeatability")
-            if what != "shape" and floor is not None and best[what][k] >= 0.999 * self.reached(what, {})[k]:
+            if what != "shape" and self.floor(what)[k] > asked[what]:
                 why = "places or runs disagree by this much, whatever is repeated"
             elif step > half[k]:
                 why = f"lines lie {step:.2g} Hz apart, further than the half bandwidth. Measure longer"
