@@ -150,6 +150,8 @@ OWNERS = {
     "Identification": lambda t: t["found"],
     "ImpulseResponse": lambda t: t["samples"],
     "ModalModel": lambda t: t["modes"],
+    "NextMeasurement": lambda t: ms.next_measurement(t["result"]),
+    "Placement": lambda t: ms.place(t["modes"], sensors=2),
     "Note": lambda t: ms.Note("a", {"b": 1.0}, "c"),
     "Sameness": lambda t: ms.same_mode(t["modes"][0], t["modes"][1]),
     "Records": lambda t: t["many"],
@@ -227,6 +229,8 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "factor": lambda t: {"problem": ms.prepare(t["samples"], method="era"), "largest": 4},
     "sweep": lambda t: {"data": t["samples"], "method": "era", "orders": (2, 4)},
     "tuned_dwell": lambda t: {"response": t["lines"]},
+    "place": lambda t: {"modes": t["modes"], "sensors": 2},
+    "next_measurement": lambda t: {"result": t["result"]},
     "write": lambda t: {"path": FOLDER / "out.npz", "thing": t["modes"]},
     "Result.save": lambda _: {"path": FOLDER / "saved.npz"},
     "indicators.amplitude_coherence": lambda t: {

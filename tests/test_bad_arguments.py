@@ -73,6 +73,8 @@ PLACES = {
     "cmif": ms.indicators.cmif,
     "mmif": ms.indicators.mmif,
     "dwell": ms.tuned_dwell,
+    "places": lambda x: ms.place(MODES, sensors=x),
+    "places to keep": lambda x: ms.place(MODES, sensors=1, keep=x),
     "results to merge": lambda x: ms.merge_bands(x, [(0, 5)]),
     "bands to merge": lambda x: ms.merge_bands([MODES], x),
     "masses measured": lambda x: chain([1, 1], [9, 9], outputs=x),

@@ -45,6 +45,8 @@ PROMISED = [
     "report",
     "mac",
     "tuned_dwell",
+    "place",
+    "next_measurement",
     "prepare",
     "factor",
     "fit_residues",

@@ -101,6 +101,7 @@ VERBS: dict[str, tuple[Callable[[Any], Any], tuple[str, ...]]] = {
     "modes of fit_residues": (lambda x: ms.fit_residues(FRF, x), ("modes",)),
     "mmif": (ms.indicators.mmif, ("frf",)),
     "tuned_dwell": (ms.tuned_dwell, ("frf", "record", "records")),
+    "place": (lambda x: ms.place(x, sensors=1), ("modes",)),
     "equations_of_motion": (ms.equations_of_motion, ("model",)),
     "first_order_form": (ms.first_order_form, ("model",)),
     "plot.stabilization": (ms.plot.stabilization, ("diagram",)),

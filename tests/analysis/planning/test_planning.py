@@ -184,7 +184,7 @@ def test_disagreement_is_a_floor_and_said(result: ms.Result) -> None:
 
 @pytest.mark.parametrize(("times", "stays"), [(1.55, 0.0), (1.65, np.sqrt(1 - 1.65**-2))])
 def test_what_noise_does_not_explain_stays(result: ms.Result, times: float, stays: float) -> None:
-    """By chance the scatter of eight groups reaches 1.6 times its deviation; above it all but the noise is there however much is measured."""
+    """The scatter of eight groups reaches 1.6 times its deviation by chance; beyond, all but noise stays."""
     noise = _Test(result)._before["damping"]
     test = _Test(replace(result, modes=replace(result.modes, damping_ratios_std=times * noise)))
     often = {("repeat", label): 3 for label in result.modes.input_dofs}
