@@ -65,13 +65,13 @@ def test_what_nothing_tells_has_no_deviation() -> None:
 # ------------------------------------------------------------------------------------------------------------ places
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, 39, 50])  # of the last two the first pass ends at 1.05 and 1.42 of the best
 def test_places_are_as_good_as_the_best_of_all_subsets(seed: int) -> None:
     made = structure(7000 + seed)
     modes = made.modes([int(np.random.default_rng(seed).integers(PLACES))])
     found, places = ms.place(modes, sensors=3, noise=made.noise), _Places(modes, made.noise)
     best = min(places.cost([0], rows, "worst") for rows in combinations(range(PLACES), 3))
-    assert found.worst <= 1.1 * best
+    assert found.worst <= 1.001 * best
     assert found.worst == pytest.approx(np.max(found.damping_ratios_std / modes.damping_ratios))
     assert "Sensors: " in str(found)
 

@@ -243,6 +243,21 @@ def test_every_method_is_compared_by_a_click(window: Window, server: Served, key
     window.until("!document.querySelector('dialog')")
 
 
+@pytest.mark.slow
+def test_what_to_measure_next_is_asked_and_answered(window: Window, server: Served, key: str) -> None:
+    page = window.page
+    page.goto(f"{server.base}/#{key}")
+    window.until("!!globalThis.modalscope?.found")
+    window.done()
+    page.keyboard.press("w")
+    wish = page.get_by_label("What is asked of the modes")
+    page.locator(".next p", has_text="Asked: damping ±5 %").wait_for()
+    wish.fill("f 90 %")
+    page.get_by_role("button", name="answer").click()
+    page.locator(".next p", has_text="stop here").wait_for()
+    assert page.evaluate(UNNAMED) == 0
+
+
 #: Controls that nobody who cannot see them could tell apart.
 UNNAMED = """[...document.querySelectorAll('button, select, input, textarea')].filter((e) =>
     !(e.getAttribute('aria-label') || e.title || e.textContent.trim() || e.closest('label'))).length"""

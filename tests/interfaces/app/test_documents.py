@@ -164,3 +164,13 @@ def test_a_server_that_starts_again_has_the_documents_and_refuses_a_changed_file
         second.ask("POST", f"/api/documents/{key}/close")
         assert second.ask("GET", f"/api/documents/{key}", status=400)["found"]
     (folder / name).unlink()
+
+
+def test_what_to_measure_next_is_answered_a_line_each_and_a_wish_that_cannot_be_read_is_said(
+    server: Served, key: str
+) -> None:
+    at = f"/api/documents/{key}/planned"
+    lines = server.ask("POST", at, {"ask": "damping 90 %"})
+    assert lines[:2] == ["Asked: damping ±90 % (95 %).", "All of it is reached: stop here."]
+    assert "cannot be read" in server.ask("POST", at, {"ask": "dmping 5 %"}, status=400)["found"]
+    assert "cannot be read" in server.ask("POST", at, {}, status=400)["found"]

@@ -448,3 +448,15 @@ def test_pictures_of_their_own_know_no_variables_and_are_whole() -> None:
         assert float(tree.attrib["width"]) > 100
         assert "var(" not in picture
         assert "color-mix" not in picture
+
+
+def test_what_to_measure_next_stands_where_it_can_be_told(tmp_path: Path) -> None:
+    lines = chain5().frequency_response(np.linspace(0.2, 8, 300), noise=0.01, seed=0)
+    told = ms.analyze(lines, orders=range(2, 13, 2))
+    page = report(told, tmp_path / "told.html").read_text(encoding="utf-8")
+    assert "What to measure next" in page
+    for line in str(ms.next_measurement(told)).split("\n"):
+        assert line in page
+    wind = chain5().simulate(inputs="ambient", samples=1200, sampling_rate=20.0)
+    page = report(ms.analyze(wind, orders=range(2, 13, 2)), tmp_path / "wind.html").read_text(encoding="utf-8")
+    assert "What to measure next" not in page
