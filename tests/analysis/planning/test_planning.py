@@ -161,6 +161,22 @@ def test_a_force_at_a_sensor_is_foretold_by_reciprocity(made: Structure, result:
     assert ("sensor", "4:+Z") in test.candidates()
 
 
+def test_a_roving_hammer_is_told_where_to_hit(made: Structure, result: ms.Result) -> None:
+    """The same test turned round: sensors at two places, blows at six; what was a sensor is a force, and the numbers are the same."""
+    data = made.response([0, 2, 4, 6, 8, 10], [0, 3], 1.0, 8001)
+    turned = _Test(ms.analyze(replace(data.transposed(), processing=())))
+    test, hit = _Test(result), ("repeat", "7:+Z")
+    assert turned._response.exchanged
+    assert hit in turned.candidates()
+    assert {place for kind, place in turned.candidates() if kind == "sensor"} == set(labels([2, 4, 6, 8, 10]))
+    more = np.zeros_like(test._noise)
+    more[3, :2] = 1
+    twice = deviations_foretold(test._sum({}) + np.einsum("oi,oiab->ab", more, test._told), test.modes.poles)[1]
+    ratio = turned.reached("damping", {hit: 1}) / turned.reached("damping", {})
+    assert ratio == pytest.approx(twice / test._before["damping"], rel=0.02)
+    assert turned._minutes({("sensor", "3:+Z"): 1}) == pytest.approx(6 * turned._minutes({hit: 1}) + 1)
+
+
 def test_what_is_planned_reaches_what_was_asked(made: Structure, result: ms.Result) -> None:
     ask = float(np.max(_Test(result).reached("damping", {}))) / 2
     said = ms.next_measurement(result, ask=f"damping {100 * ask:.6g} %")

@@ -317,12 +317,19 @@ class _Test:
 
     def candidates(self) -> list[_Candidate]:
         """Return what may be measured next."""
-        heard, driven = len(self.modes.output_dofs), len(self.modes.input_dofs)
+        forces, sensors = self._by_kind
         return [
-            *(("repeat", dof) for dof in self.inputs[:driven]),
-            *(("force", dof) for dof in self.inputs[driven:]),
-            *(("sensor", dof) for dof in self.outputs[heard:]),
+            *(("repeat", dof) for dof in forces[0]),
+            *(("force", dof) for dof in forces[1]),
+            *(("sensor", dof) for dof in sensors[1]),
         ]
+
+    @property
+    def _by_kind(self) -> tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]:
+        """Return measured and new places of forces, and of sensors; under a roving hammer outputs of the modes are where forces act."""
+        heard, driven = len(self.modes.output_dofs), len(self.modes.input_dofs)
+        sides = (self.inputs[:driven], self.inputs[driven:]), (self.outputs[:heard], self.outputs[heard:])
+        return sides[::-1] if self._response.exchanged else sides
 
     def reached(self, what: str, more: dict[_Candidate, int]) -> RealArray:
         """Return what is reached with some measurements more, (n,)."""
@@ -413,7 +420,8 @@ class _Test:
         step, averages = line_step(self._response), getattr(self._response, "averages", None) or 1
         rate = getattr(self._response, "sampling_rate", None)
         seconds = averages / step if step > 0 else self._response.count / rate if rate else np.nan
-        each = [times * (len(self.modes.input_dofs) if kind == "sensor" else 1) for (kind, _), times in more.items()]
+        forces = len(self._by_kind[0][0])
+        each = [times * (forces if kind == "sensor" else 1) for (kind, _), times in more.items()]
         return float(seconds / 60 * sum(each) + sum(kind != "repeat" for kind, _ in more))
 
     def _weights(self, more: dict[_Candidate, int]) -> RealArray:
@@ -422,7 +430,7 @@ class _Test:
         weight = np.zeros(self._noise.shape)
         weight[:heard, :driven] = 1
         for (kind, dof), times in more.items():
-            if kind == "sensor":
+            if (kind == "sensor") != self._response.exchanged:
                 weight[self.outputs.index(dof), :driven] += times
             else:
                 weight[:heard, self.inputs.index(dof)] += times
