@@ -108,7 +108,7 @@ export function showComparison(found, ask) {
  * @param {(ask: string) => Promise<string[]>} ask
  */
 export function showNext(ask) {
-  const wish = h("input.name", { value: "damping 5 %", spellcheck: false, "aria-label": "What is asked of the modes", title: "damping 5 %, f .1 %, shapes .98, or several with commas", onkeydown: (/** @type {KeyboardEvent} */ e) => e.key === "Enter" && answer() });
+  const wish = h("input.name", { value: "damping 5 %", spellcheck: false, "aria-label": "What is asked of the modes", title: "damping 5 %, f 0.1 %, shapes 0.98, or several with commas", onkeydown: (/** @type {KeyboardEvent} */ e) => e.key === "Enter" && answer() });
   const lines = h("div.next", { role: "status" });
   dialog("What to measure next", [h("div.bar", {}, h("label", {}, "asked of the modes ", wish), h("button.small.primary", { onclick: answer }, "answer")), lines], "wide");
   answer();

@@ -147,7 +147,7 @@ def next_measurement(
     result : Result
         Of `analyze`, on responses to forces, in one band.
     ask : str
-        Such as "damping 5 %", "f .1 %", "shapes .98", or several with commas: half widths of 95 % intervals, and the MAC that is expected
+        Such as "damping 5 %", "f 0.1 %", "shapes 0.98", or several with commas: half widths of 95 % intervals, and the MAC that is expected
         with the true shape.
     candidates : iterable of str, optional
         Places of force or sensors that may be taken; by default all that the modes know.
@@ -207,7 +207,7 @@ def _asked(ask: str) -> dict[str, float]:
         limit = 0.0 if parts is None else float(parts[2]) / (100 if parts[3] else 1)
         if word is None or not 0 < limit < 1:
             raise DataError(
-                "ask", f"{part.strip()!r} cannot be read", 'Write such as "damping 5 %", "f .1 %" or "shapes .98".'
+                "ask", f"{part.strip()!r} cannot be read", 'Write such as "damping 5 %", "f 0.1 %" or "shapes 0.98".'
             )
         found[word] = limit
     return found
