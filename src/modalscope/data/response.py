@@ -123,6 +123,11 @@ class Response(Channels, Convertible):
         return self.origin in ("lines", "pulse", "dirac") and not self.of_correlations
 
     @property
+    def decaying(self) -> bool:
+        """Whether it is a free decay, which nothing drove."""
+        return self.origin == "free decay"
+
+    @property
     def exchanged(self) -> bool:
         """Whether inputs and outputs were exchanged: the outputs are the drive points."""
         return EXCHANGED in self.processing

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import partial, singledispatch
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -136,12 +136,23 @@ def _alike(notes: Sequence[Note]) -> list[Note]:
     return found
 
 
+@singledispatch
 def _as_what_it_is(data: Any, decays: bool, exclude: Sequence[Any] = ()) -> tuple[Any, tuple[Note, ...]]:
-    """Return records from their start on, without forces that never change, with the base as inputs of an earthquake, a decay as that."""
-    if not isinstance(data, Signals | Records | FrequencyResponse):
-        return data, ()
-    if isinstance(data, FrequencyResponse):
-        return without_offset(data)
+    """Return records from their start on, without forces that never change, with the base as inputs of an earthquake, a decay as that.
+
+    Responses without the offsets of their sensors; other data as they are.
+    """
+    return data, ()
+
+
+@_as_what_it_is.register
+def _(data: FrequencyResponse, decays: bool, exclude: Sequence[Any] = ()) -> tuple[Any, tuple[Note, ...]]:
+    return without_offset(data)
+
+
+@_as_what_it_is.register(Signals)
+@_as_what_it_is.register(Records)
+def _(data: Signals | Records, decays: bool, exclude: Sequence[Any] = ()) -> tuple[Any, tuple[Note, ...]]:
     from modalscope.signals.doctor.together import from_its_start  # responses have no start
 
     alone, left = without_dead_forces(data)

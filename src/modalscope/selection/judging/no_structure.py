@@ -10,7 +10,6 @@ import numpy as np
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Candidate as LeftOut, Harmonic, Note
 from modalscope.data.record_spectra import RecordSpectra
-from modalscope.data.responses import ImpulseResponse
 from modalscope.data.results import StabilizationDiagram
 from modalscope.selection.judging.evidence import CERTAIN, UNCERTAIN, Candidate
 from modalscope.selection.judging.grades import grades
@@ -73,12 +72,12 @@ def _objections_of_tone(
 ) -> Callable[[Candidate], list[str]]:
     """Return what speaks against poles at multiples of the strongest tone of a decay, and against more than one where it moves."""
     response = diagram.response
-    if not isinstance(response, ImpulseResponse) or response.kind != "free decay":
+    if not response.decaying:
         return lambda c: []
     from modalscope.signals.preprocess.decays import tone_of  # few tests are decays
 
     rate, tone = response.sampling_rate, tone_of(response.values)
-    if tone is None:
+    if tone is None or rate is None:
         return lambda c: []
     f = tone.frequency * rate
     copies = [c for c in candidates if tone.first and tone.holds(c.frequency / rate)]

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
@@ -75,7 +75,7 @@ def tone_of(y: RealArray) -> Tone | None:
         return None
     taps, t = np.hanning(length + 2)[1:-1], np.arange(len(x))
     whole = [x * np.exp(-2j * np.pi * k * f * t) for k in range(1, min(_MAX_MULTIPLE, int(0.5 / f)) + 1)]
-    z, *others = (signal.oaconvolve(part, taps / taps.sum(), "valid")[::step] for part in whole)
+    z, *others = (scipy.signal.oaconvolve(part, taps / taps.sum(), "valid")[::step] for part in whole)
     law, drift = _exponential(z, np.cumsum(np.abs(z) ** 2) / np.sum(np.abs(z) ** 2))
     turned, fallen = np.diff(np.unwrap(np.angle(law))), -np.diff(np.log(np.abs(law)))
     first, last = (
