@@ -31,6 +31,7 @@ def record(
     return chain5().simulate(inputs=inputs, samples=samples, sampling_rate=20.0, noise=noise, seed=seed, **more)
 
 
+@pytest.mark.slow
 def test_the_best_candidate_explains_what_it_was_not_fitted_to_and_has_the_order_of_the_structure() -> None:
     model = ms.realize(record())
     validation = model.validation

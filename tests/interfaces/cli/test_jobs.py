@@ -242,6 +242,7 @@ def test_a_model_is_validated_on_a_record_and_modes_on_responses(
     assert main(["validate", str(first), str(other)]) == 2
 
 
+@pytest.mark.slow
 def test_a_model_has_no_place_in_files_of_measurements(runs: list[str], tmp_path: Path) -> None:
     model = ms.realize(ms.read(runs[0]), order=10)
     for suffix in ("uff", "csv"):

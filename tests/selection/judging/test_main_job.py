@@ -54,6 +54,7 @@ def test_modes_of_the_beam_beyond_the_published_ones_are_its_torsion_series_and_
             assert modes.gain[j] < 4 * why["noise_gain"]
 
 
+@pytest.mark.slow
 def test_parts_of_a_resonance_of_the_beam_that_shifts_are_named_and_not_listed(beam):
     modes, _ = beam
     parts = [c for c in modes.left_out if c.reason.startswith("duplicate of")]
