@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import modalscope as ms
 from modalscope.data import FrequencyResponse, ImpulseResponse
 from modalscope.data.indicators import mac
 from modalscope.data.modes import ModalModel
@@ -17,6 +18,7 @@ from modalscope.selection.judging import outcome as outcomes
 from modalscope.selection.judging.evidence import Candidate
 from modalscope.selection.judging.outcome import modes_of
 from modalscope.selection.likelihood.joint_fit import JointFit, joint_fit
+from modalscope.systems import chain5
 from tests.selection.judging.made import Pole, at_angle, diagram_of, poles_of, response_of
 
 #: Two modes that no channel and no scaling can exchange.
@@ -87,6 +89,27 @@ def test_the_loss_is_the_growth_of_the_error_that_is_there_already() -> None:
     data = response().values
     error = np.linalg.norm(data - model.impulse_response(400, 50.0).values) / np.linalg.norm(data)
     assert model.reasons[0]["fit_loss"] == pytest.approx(1 - error)
+
+
+@pytest.mark.parametrize("kind", ["response", "records"])
+def test_the_loss_does_not_depend_on_how_many_numbers_are_rebuilt_at_a_time(
+    kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What records begin with is fitted to all outputs together: parts of these would be fitted better."""
+    built = chain5()
+    data = (
+        built.impulse_response(200, noise=0.1, seed=3)
+        if kind == "response"
+        else built.simulate(inputs="white", duration=40.0, sampling_rate=20.0, noise=0.1, seed=3)
+    )
+    diagram = ms.stabilize(data)
+    modes = ms.select(diagram)
+    assert len(modes) == 5
+    facts: list[dict[str, Any]] = [{"text": "said"} for _ in range(len(modes))]
+    whole = [each["fit_loss"] for each in outcomes._reasons(modes, diagram.response, facts)]
+    monkeypatch.setattr(outcomes, "_NUMBERS_AT_A_TIME", 1)
+    parts = [each["fit_loss"] for each in outcomes._reasons(modes, diagram.response, facts)]
+    assert parts == pytest.approx(whole, rel=1e-9)
 
 
 def test_spreads_are_robust_standard_deviations_over_the_members() -> None:

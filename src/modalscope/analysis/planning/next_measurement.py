@@ -180,10 +180,11 @@ def next_measurement(
         every = [each for each in every if each[1] in wanted]
     now = {what: test.reached(what, {}) for what in asked}
     best = {what: test.reached(what, dict.fromkeys(every, _MOST)) for what in asked}
-    open_, never = np.concatenate(_lacking(now, asked)) > 1, np.concatenate(_lacking(best, asked)) > 1
+    lack, left = (np.concatenate(_lacking(values, asked)) for values in (now, best))
+    open_, never = lack > 1, left > 1
     may = open_ & ~never
     steps = [test.step(each, asked, may) for each in every] if may.any() else []
-    worth = np.log(max((float(np.concatenate(_lacking(now, asked))[may].max()) if may.any() else 1.0), 1.0))
+    worth = np.log(np.max(lack[may], initial=1.0))
     found = [s for s in steps if np.log(max(s.lacking, 1.0)) < 0.95 * worth]
     found.sort(key=lambda s: -(worth - np.log(max(s.lacking, 1.0))) / (s.minutes if s.minutes > 0 else s.times))
     return NextMeasurement(
@@ -193,7 +194,7 @@ def next_measurement(
         served=dict(zip(asked, may.reshape(len(asked), -1), strict=True)),
         steps=tuple(found),
         plan=test.plan(every, asked, may) if may.any() else {},
-        out_of_reach=test.why(asked, open_ & never, {what: best[what] for what in asked}),
+        out_of_reach=test.why(asked, open_ & never, best),
         notes=test.notes,
     )
 
@@ -257,20 +258,14 @@ class _Test:
             raise DataError("next_measurement", have, "Give a result of `analyze` with one band.")
         self._response = response = responses[0]
         interval = modes.interval() if len(modes) and modes.frequencies_std is not None else None
-        self._widths = (
-            {}
-            if interval is None
-            else {
-                what: np.diff(interval[{"damping": "damping_ratio"}.get(what, what)], axis=-1)[:, 0] / 2
-                for what in _FIELDS
-            }
-        )
-        if interval is None or not np.isfinite(self._widths["frequency"]).any():
+        if interval is None or not np.isfinite(interval["frequency"]).any():
             raise DataError(
                 "next_measurement",
                 f"none of {counted(len(modes), 'mode')} has an interval",
                 "Give a result of `analyze` with refined modes.",
             )
+        keys = {"damping": "damping_ratio", "frequency": "frequency"}
+        self._widths = {what: np.diff(interval[key], axis=-1)[:, 0] / 2 for what, key in keys.items()}
         left = response.values - rebuilt(response, for_judging(response, modes))
         noise = np.sqrt(np.mean(np.abs(left) ** 2, axis=0) / (2 if np.iscomplexobj(left) else 1))
         if not np.all(noise > 0):

@@ -207,9 +207,13 @@ def _reasons(model: ModalModel, response: Response, facts: list[dict[str, Any]])
         return ()
     model = replace(model, residual_terms=())  # poles besides the modes may explain what a mode would
     size, without = np.linalg.norm(response.values), np.zeros(len(model) + 1)
-    for few in few_channels(response.count * len(response.input_dofs), len(response.output_dofs), _NUMBERS_AT_A_TIME):
-        outputs = range(len(response.output_dofs))[few]
-        without += _missed_without(response.select(outputs=outputs), model.select(outputs=outputs))
+    outputs, numbers = range(len(response.output_dofs)), response.count * len(response.input_dofs)
+    # the first states of records are fitted to all outputs together
+    pieces = few_channels(numbers, len(outputs), _NUMBERS_AT_A_TIME) if response.separable else (slice(None),)
+    for few in pieces:
+        own = outputs[few]
+        parts = (response, model) if own == outputs else (response.select(outputs=own), model.select(outputs=own))
+        without += _missed_without(*parts)
     losses = (np.sqrt(without[:-1]) - np.sqrt(without[-1])) / size
     return tuple(
         {**known, "fit_loss": float(loss), "text": known.get("text") or sentence(known, float(loss))}

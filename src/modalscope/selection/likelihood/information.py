@@ -77,8 +77,8 @@ def residual_of(point: Point, fitted: Fitted, channels: tuple[IntArray, IntArray
 
 def residuals(point: Point, fitted: Fitted) -> Iterator[tuple[slice | IntArray, RealArray]]:
     """Yield some rows and the whitened residual there, (rows, q, p)."""
-    explained_alone = _explained(point, fitted)
-    for rows, explained, data in point.spanned(explained_alone, max(_NUMBERS_AT_A_TIME // explained_alone.shape[1], 1)):
+    coefficients = _explained(point, fitted)
+    for rows, explained, data in point.spanned(coefficients, max(_NUMBERS_AT_A_TIME // coefficients.shape[1], 1)):
         left = explained.reshape(data.shape)
         yield rows, np.subtract(data, left, out=left)
 

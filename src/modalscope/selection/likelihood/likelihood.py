@@ -308,9 +308,8 @@ class Point:
         (P, W), problem = self.basis, self.problem
         assert isinstance(problem, WhitenedResponse)
         weights = coefficients if W is None else W @ coefficients
-        taken = (
-            None if W is None else (problem.terms.T @ P) @ weights
-        )  # of the terms, which the columns still have a part in
+        # the columns still have a part in the terms where they were made orthogonal by their products
+        taken = None if W is None else (problem.terms.T @ P) @ weights
         parts = 1 if problem.light.grid is None else 2
         count = len(P) // parts
         step = min(lines or count, count)
