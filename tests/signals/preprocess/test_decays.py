@@ -129,3 +129,13 @@ def test_a_decay_that_was_clipped_begins_after_the_last_clipped_sample() -> None
     assert "(clipped before)" in notes["free decay"]
     (note, *_) = as_free_decay(one_mode(limit=0.1))[1]
     assert "clipped" not in note.text  # half of it and more was clipped: all is taken
+
+
+@pytest.mark.parametrize("seed", [309, 312])
+def test_what_is_left_of_a_slow_decay_is_no_offset(seed: int) -> None:
+    """Its end still vibrates: a plain mean there would leave an offset, which made errors of a white record look correlated."""
+    decay = CHAIN.impulse_response(600, sampling_rate=RATE, quantity="velocity", noise=0.01, seed=seed)
+    result = analyze(Signals(outputs=decay.values[1:, :, 0], sampling_rate=RATE))
+    assert not {"correlated errors", "coloured residual"} & {note.kind for note in result.modes.notes}
+    assert np.all(result.modes.interval()["frequency"][:, 1] >= CHAIN.modes().frequencies)
+    assert np.all(result.modes.interval()["frequency"][:, 0] <= CHAIN.modes().frequencies)

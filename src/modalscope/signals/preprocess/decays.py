@@ -17,7 +17,7 @@ from modalscope.data.records import Signals
 from modalscope.data.responses import ImpulseResponse
 from modalscope.data.sizes import check_size
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
-from modalscope.numerics.functions.damped_tones import Decay, decay_of, one_in
+from modalscope.numerics.functions.damped_tones import Decay, decay_of, one_in, without_offset
 from modalscope.signals.preprocess.impacts import clipped_samples
 
 #: Periods of the window that parts the multiples of a tone (a Hann window has zeros at all of them), and multiples that are looked at.
@@ -67,7 +67,7 @@ def tone_of(y: RealArray) -> Tone | None:
     """
     y = y.reshape(len(y), -1)
     x = y[:, int(np.argmax(np.var(y, axis=0)))]
-    x = x - x[-max(len(x) // 10, 1) :].mean()
+    x = without_offset(x)
     count = 4 * len(x)
     f = max(int(np.argmax(np.abs(np.fft.rfft(x, count)))), 1) / count
     length, step = round(_PERIODS / f), max(1, int(0.3 / f))
@@ -151,8 +151,9 @@ def as_free_decay(
     step, start = decays[0].step, (cut + decays[0].first) / signals.sampling_rate
     samples = [decay.samples for decay in decays]
     if judged is not None:
-        ends = (run - run[-max(len(run) // 10, 1) :].mean(axis=0) for run in outputs)
-        samples = [one_in(y, step)[decay.first // step :] for y, decay in zip(ends, decays, strict=True)]
+        samples = [
+            one_in(without_offset(y), step)[decay.first // step :] for y, decay in zip(outputs, decays, strict=True)
+        ]
     shortest = min(map(len, samples))
     unexplained = max(decay.unexplained for decay in decays)
     where = f"from {start:.4g} s on" if len(decays) == 1 else f"of {len(decays)} runs, each from its release on"
