@@ -281,11 +281,15 @@ def joined(parts: Sequence[_Modes]) -> _Modes:
     )
 
 
+def degrees_of(modes: ModeFields) -> RealArray:
+    """Return the degrees of freedom of deviations of frequency and damping, (n, 2): of few parts of a record as their note says."""
+    parts = [note.numbers["degrees_of_freedom"] for note in modes.notes if "degrees_of_freedom" in note.numbers]
+    return np.full((len(modes), 2), min(parts, default=np.inf)) if modes.degrees is None else modes.degrees
+
+
 def interval_ends(modes: ModeFields, level: float) -> tuple[RealArray, RealArray]:
     """Return the ends of intervals of frequencies and of damping ratios, (n, 2) each: see `ModalModel.interval`."""
-    # Student's quantile where the deviations were estimated from few parts of a record, as their note says
-    parts = [note.numbers["degrees_of_freedom"] for note in modes.notes if "degrees_of_freedom" in note.numbers]
-    degrees = np.full((len(modes), 2), min(parts, default=np.inf)) if modes.degrees is None else modes.degrees
+    degrees = degrees_of(modes)
     quantile = stdtrit(np.where(degrees == 0, np.nan, np.where(np.isnan(degrees), np.inf, degrees)), (1 + level) / 2)
     half = []
     for t, fields in zip(quantile.T, ("frequencies", "damping_ratios"), strict=True):

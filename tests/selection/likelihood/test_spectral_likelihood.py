@@ -122,7 +122,9 @@ def test_what_is_out_of_reach_is_kept_and_said() -> None:
     assert np.array_equal(kept.poles, moved_away.poles)
     assert refine_setups(setups, start.take([])) is not None
     flat = [replace(part, outputs=np.asarray(part.outputs) * np.array([1, 1, 1, 0.0])) for part in BUILT.setups]
-    assert refine_setups(ms.merge(flat), start).notes[-1].kind == "not refined"
+    assert (
+        refine_setups(ms.merge(flat), start).notes[-1].kind == "deviations"
+    )  # a dead channel tells nothing, the others do
 
 
 @pytest.mark.slow
@@ -166,3 +168,64 @@ def test_cells_that_are_left_out_take_their_lines_with_them() -> None:
         assert np.array_equal(lines, old[~lost[before]])
         assert np.array_equal(np.flatnonzero(~lost)[cell], before[~lost[before]])
     assert np.bincount(kept.views[0][1]) == pytest.approx(kept.counts)
+
+
+def test_combinations_of_outputs_tell_what_all_outputs_tell_of_the_poles() -> None:
+    part = BUILT.setups[0]
+    shapes = BUILT.modes.shapes[[BUILT.modes.output_dofs.index(dof) for dof in part.output_dofs]][:, :2]
+    band = (0.27, 0.5)
+    few, all_outputs = (scored([cells_of(part, POLES[:2], band, own)], POLES[:2]) for own in (shapes, None))
+    assert cells_of(part, POLES[:2], band, shapes).values.shape[1] == 2
+    spread = np.sqrt(np.diag(np.linalg.pinv(all_outputs.informations[0], hermitian=True)))
+    away = few.poles - all_outputs.poles
+    assert np.abs(away.real) == pytest.approx(0, abs=float(spread[::2].max()))
+    assert np.abs(away.imag) == pytest.approx(0, abs=float(spread[1::2].max()))
+    gains = np.array([1, 1e3, 1e-3, 1])
+    scaled = replace(part, outputs=np.asarray(part.outputs) * gains)
+    again = scored([cells_of(scaled, POLES[:2], band, shapes * gains[:, None])], POLES[:2])
+    assert again.poles == pytest.approx(few.poles, rel=1e-9)
+
+
+def test_analyze_refines_a_record_as_refine_does_and_keeps_what_is_better_known() -> None:
+    record = BUILT.setups[0]
+    plain, both = ms.analyze(record, refine=False).modes, ms.analyze(record).modes
+    assert both.poles == pytest.approx(ms.refine(record, plain).poles, rel=1e-5)  # a straight line less
+    assert plain.unrefined is None
+    assert both.unrefined is not None
+    assert np.array_equal(both.unrefined.poles, plain.poles)
+    moved_there = both.poles != plain.poles
+    assert moved_there.any()
+    widths = [np.prod([np.diff(ends)[:, 0] for ends in modes.interval().values()], axis=0) for modes in (plain, both)]
+    assert np.all((widths[1] < widths[0])[moved_there & np.isfinite(widths[0])])
+    assert np.array_equal(widths[1][~moved_there], widths[0][~moved_there])
+
+
+def test_more_than_the_modes_on_the_lines_leaves_values_that_are_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    record = ms.Setups(parts=BUILT.setups[:1])
+    start = ms.analyze(BUILT.setups[0], refine=False).modes
+    known = np.isfinite(start.interval()["frequency"]).all(axis=1) & np.isfinite(start.interval()["damping_ratio"]).all(
+        axis=1
+    )
+    assert known.any()
+    module = "modalscope.selection.likelihood.refine_setups"
+    monkeypatch.setattr(f"{module}._MAX_QUIET_MISFIT", 0.1)
+    found = refine_setups(record, start)
+    assert np.array_equal(found.poles[known], start.poles[known])
+    assert "more than modes" in [note.kind for note in found.notes]
+    nothing = replace(start, frequencies_std=None, damping_ratios_std=None, degrees=None)
+    assert not np.array_equal(refine_setups(record, nothing).poles, start.poles)  # the only values with an interval
+
+
+def test_a_list_that_is_out_of_reach_together_is_parted_at_its_widest_gap(monkeypatch: pytest.MonkeyPatch) -> None:
+    setups = ms.Setups(parts=BUILT.setups[:1])
+    whole = refine_setups(setups, BUILT.modes)
+    module = "modalscope.selection.likelihood.refine_setups"
+    monkeypatch.setattr(f"{module}._MAX_PRODUCTS", 3e7)
+    parted = refine_setups(setups, BUILT.modes)
+    away = np.abs(parted.frequencies - whole.frequencies) / np.asarray(parted.frequencies_std)
+    assert np.nanmax(away) < 2
+    assert np.any(away > 0)
+    monkeypatch.setattr(f"{module}._MAX_PRODUCTS", 1.0)
+    (note,) = [note for note in refine_setups(setups, BUILT.modes).notes if note.kind == "not refined"]
+    assert note.numbers["modes"] == len(BUILT.modes)
+    assert "computing time" in note.text

@@ -129,6 +129,7 @@ def replicates_of(
     """
     if not len(modes):
         raise DataError("a certificate needs modes", "there are none", "Give a result with modes.")
+    modes = _of_correlations(modes) if diagram.response.ambient and modes.unrefined is not None else modes
     row = find_method(diagram.method, diagram.domain, diagram.domain, diagram.settings.route)
     if of_past(row):
         have = "it projects records on their past, and replicates are responses"
@@ -143,6 +144,16 @@ def replicates_of(
         noise = _noise_beside(diagram, modes, order, records)
     noise.drawn(clean.shape, np.random.default_rng(0))  # raises where nothing is known of it
     return Replicates(diagram, modes, clean, noise, order, beside, whole)
+
+
+def _of_correlations(modes: ModalModel) -> ModalModel:
+    """Return modes that were refined on the lines of a record as they were before: replicates are correlations."""
+    before = modes.unrefined
+    assert before is not None
+    names = ("poles", "frequencies_std", "damping_ratios_std", "degrees")
+    text = "The values before the refinement are certified: replicates are correlations, it works on the lines of the record"
+    own: dict[str, Any] = {name: getattr(before, name) for name in names}
+    return replace(modes, **own, unrefined=None).noted(Note("before refinement", {"modes": float(len(modes))}, text))
 
 
 def _growth_of_residual(response: Response, modes: ModalModel) -> float:
@@ -413,7 +424,7 @@ def certified(
         found=seen,
         replicates=judged,
         order=made.order,
-        notes=(*notes, *note_on_few(count)),
+        notes=(*(note for note in made.modes.notes if note.kind == "before refinement"), *notes, *note_on_few(count)),
     )
 
 

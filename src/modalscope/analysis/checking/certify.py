@@ -43,7 +43,8 @@ def certify(
     A replicate is the response of the reported modes plus noise of the estimated variance. It is identified by the same method at the
     order nearest to the reported values, and refined where they were. An interval holds when the bias is below half a standard
     deviation, the standard deviation right within .8 to 1.25, and the truth inside in at least 88 % of the replicates. What fails is
-    judged again on five times as many; where it still fails the standard deviation is replaced by that of the replicates.
+    judged again on five times as many; where it still fails the standard deviation is replaced by that of the replicates. Replicates of an
+    ambient record are correlations: its values before the refinement are certified.
 
     Parameters
     ----------

@@ -17,6 +17,7 @@ from modalscope.data.results import StabilizationDiagram
 from modalscope.data.setups import Setups
 from modalscope.data.stored import StoredSignals
 from modalscope.selection.likelihood.line_shapes import LineShapes, line_shapes
+from modalscope.selection.likelihood.refine_setups import refine_setups
 from modalscope.signals.preprocess.ambient_records import SeenRecord
 from modalscope.signals.preprocess.harmonics import Line, find_lines
 from modalscope.signals.preprocess.spectral_peaks import Levels, clear_peaks
@@ -32,20 +33,25 @@ _PEAK_OF_MODE = 0.02
 
 
 def with_lines_of_record(
-    seen: SeenRecord | None, modes: ModalModel, diagrams: Sequence[StabilizationDiagram], *, chosen: bool = True
+    seen: SeenRecord,
+    modes: ModalModel,
+    diagrams: Sequence[StabilizationDiagram],
+    *,
+    chosen: bool = True,
+    refine: bool = False,
 ) -> ModalModel:
-    """Return modes of a record without inputs with the shapes of its lines and what peaks lack a mode; modes of other data as they are.
+    """Return modes of a record without inputs with the shapes of its lines, refined if asked, and what peaks lack a mode.
 
     A stored record is used where it fits into memory. `diagrams`: of all bands. `chosen`: whether the list is automatic: what was chosen
     by hand lacks nothing.
     """
-    if seen is None:
-        return modes
     machines = machines_in(seen.lines)
     record = seen.record.settled() if isinstance(seen.record, StoredSignals) else seen.record
     found = modes
+    if isinstance(record, Signals) and refine:
+        found = refine_setups(Setups(parts=(record,), groups=None), found)
     if isinstance(record, Signals) and len(modes) and len(record.output_dofs) > 1:
-        found = _with_shapes(modes, line_shapes(record, modes, machines))
+        found = _with_shapes(found, line_shapes(record, found, machines))
     bands = [diagram.response.reported_band(diagram.settings.band) for diagram in diagrams]
     return with_note_on_peaks(found, peaks_in(seen.levels, bands, machines)) if chosen else found
 
@@ -115,7 +121,7 @@ def _with_shapes(modes: ModalModel, found: LineShapes) -> ModalModel:
     real = np.all(found.shapes.imag == 0, axis=0)
     if real.any():
         which = ", ".join(f"{f:.5g} Hz" for f in modes.frequencies[real])
-        text = f"Shapes assumed real, so that their MPC is 1 by assumption, because other modes overlap with {which}"
+        text = f"Shapes assumed real, so that their MPC is 1 by assumption: imaginary parts are no more than errors at {which}"
         refitted = refitted.noted(Note("real shapes", {"modes": float(real.sum())}, text))
     alike = np.diag(mac(refitted.shapes, modes.shapes))
     names = ", ".join(f"{f:.5g} Hz" for f in modes.frequencies[alike < 1 - _MIN_CHANGE])

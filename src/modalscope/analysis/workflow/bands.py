@@ -326,13 +326,13 @@ def _parts(sweep: Sweep, choose: Choose, part: Part, deeper: int) -> list[Part]:
 def modes_chosen(data: Any, document: Analysis, looks: Sequence[Look], choose: Choose = selected) -> ModalModel:
     """Return the modes of all identified bands, refined where that was asked and helps; `choose`: as in `looked_at`."""
     if not setups_of(data):
-        found = _of_bands(document, looks, choose)
-        if looks[0].seen is None:
-            return found
+        seen = looks[0].seen
+        if seen is None:
+            return _of_bands(document, looks, choose)
         from modalscope.analysis.workflow.ambient_lines import with_lines_of_record
 
-        diagrams = [look.diagram for look in looks]
-        found = with_lines_of_record(looks[0].seen, found, diagrams, chosen=document.frequencies is None)
+        found, diagrams = _of_bands(replace(document, refine=False), looks, choose), [look.diagram for look in looks]
+        found = with_lines_of_record(seen, found, diagrams, chosen=document.frequencies is None, refine=document.refine)
         return _with_terms_of_correlations(found, looks)
     from modalscope.analysis.workflow.ambient_lines import with_lines_of_setups
 

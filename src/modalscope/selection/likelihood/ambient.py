@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as sla
+import scipy.signal as sps
 
 from modalscope.data.records import Signals
 from modalscope.numerics.checks import BoolArray, ComplexArray, IntArray, RealArray
@@ -39,6 +40,12 @@ _PIECES = 16
 
 #: Complex numbers in the directions of lines that are computed at a time: 32 MB.
 _MAX_NUMBERS = 1 << 21
+
+#: Noise of a channel relative to its level, at least: combinations of noiseless channels remain numbers.
+_LEAST_LEVEL = 1e-6
+
+#: Directions of shapes below this part of the largest are left out.
+_MIN_SIZE = 1e-2
 
 #: Initial background: this quantile of the spectrum of every channel.
 _BACKGROUND_QUANTILE = 0.1
@@ -122,14 +129,17 @@ class Equations(NamedTuple):
     misfit: float
 
 
-def cells_of(record: Signals, poles: ComplexArray, band: tuple[float, float]) -> Cells:
+def cells_of(
+    record: Signals, poles: ComplexArray, band: tuple[float, float], shapes: ComplexArray | None = None
+) -> Cells:
     """Return the cells of a record in a band: fine near poles, coarse far from them.
 
-    `record`: without inputs. `poles` (n,): rad/s. `band`: hz.
+    `record`: without inputs. `poles` (n,): rad/s. `band`: hz. `shapes` (l, n): the combinations of outputs that they span are taken in
+    place of the outputs, where they are fewer: of channels divided by their noise they tell all that the outputs tell of the poles.
     """
-    y = np.asarray(record.outputs)
+    y = sps.detrend(np.asarray(record.outputs), axis=0)  # a straight line leaks over all lines
     count = len(y)
-    lines = np.fft.rfft(y - y.mean(axis=0), axis=0) / np.sqrt(count)
+    lines = np.fft.rfft(y, axis=0) / np.sqrt(count)
     x = np.fft.rfftfreq(count, 1 / record.sampling_rate)
     first, last = (int(k) for k in np.searchsorted(x, band))
     first, last = max(first, 1), min(last, len(x) - 1)
@@ -140,6 +150,8 @@ def cells_of(record: Signals, poles: ComplexArray, band: tuple[float, float]) ->
         starts.append(starts[-1] + max(int(near / _CELLS_PER_HALF_BANDWIDTH * count / record.sampling_rate), 1))
     at = np.array(starts[:-1]) - first
     inside, own = lines[first : starts[-1]], x[first : starts[-1]]
+    combined = np.eye(y.shape[1]) if shapes is None else _combinations(inside, shapes)
+    y, inside = y @ combined, inside @ combined
     counts = np.diff(np.append(at, len(own))).astype(float)
     products = np.add.reduceat(inside[:, :, None] * inside[:, None, :].conj(), at, axis=0)
     scale = np.sqrt(np.maximum(np.einsum("kaa->a", products).real / counts.sum(), 1e-300))
@@ -149,9 +161,20 @@ def cells_of(record: Signals, poles: ComplexArray, band: tuple[float, float]) ->
     there = (f >= own[0]) & (f < x[starts[-1]])
     cell = np.searchsorted(own[at], f[there], side="right") - 1
     pieces = y[: size * _PIECES].reshape(_PIECES, size, -1)
-    pieces = np.fft.rfft(pieces - pieces.mean(axis=1, keepdims=True), axis=1)[:, there] / np.sqrt(size) / scale
+    pieces = np.fft.rfft(sps.detrend(pieces, axis=1), axis=1)[:, there] / np.sqrt(size) / scale
     views += [(piece, cell) for piece in pieces]
     return Cells(values, np.add.reduceat(own, at) / counts, counts, record.sampling_rate, count, tuple(views))
+
+
+def _combinations(lines: ComplexArray, shapes: ComplexArray) -> RealArray:
+    """Return the combinations (l, r) of outputs that real shapes span in channels divided by their noise, r <= l."""
+    rms = np.sqrt(np.mean(np.abs(lines) ** 2, axis=0))
+    level = np.maximum(np.sqrt(np.quantile(np.abs(lines) ** 2, _BACKGROUND_QUANTILE, axis=0)), _LEAST_LEVEL * rms)
+    level = np.where(rms > 0, level, np.inf)  # a dead channel tells nothing
+    turned = (shapes * np.exp(-0.5j * np.angle(np.sum(shapes**2, axis=0)))).real / level[:, None]
+    lengths = np.maximum(np.linalg.norm(turned, axis=0), np.finfo(float).tiny)
+    basis, sizes, _ = np.linalg.svd(turned / lengths, full_matrices=False)
+    return np.asarray(basis[:, sizes >= _MIN_SIZE * sizes[0]] / level[:, None])
 
 
 def unknowns(modes: int, outputs: int) -> int:

@@ -9,16 +9,12 @@ import numpy as np
 
 from modalscope.data.modes import ModalModel
 from modalscope.data.records import Signals
-from modalscope.numerics.checks import BoolArray, ComplexArray, IntArray, RealArray
+from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
 from modalscope.numerics.functions.poles import QUANTITIES
 from modalscope.signals.preprocess.spectra import Spectrum
 
 #: A shape is estimated from the lines within this many half bandwidths; the noise from those in this range of half bandwidths.
 _SHAPE_HALF_BANDWIDTHS, _NOISE_HALF_BANDWIDTHS = 6.0, (1.5, 5.0)
-
-#: A shape is real where all other modes together have this fraction of its power at its frequency or more: forces that are correlated
-#: with theirs add up to that part of its squared length in quadrature.
-_MAX_OVERLAP = 0.01
 
 #: Rounds over all modes, and steps of expectation and maximization for each.
 _ROUNDS, _STEPS_PER_MODE = 2, 10
@@ -47,6 +43,7 @@ _CORRELATED = {0: np.array([1.0, 2 / 3, 1 / 6]) ** 2, 2: np.array([1.0, 0.586, 0
 
 #: Mean square of the imaginary parts of a given shape, over the variances of its components by lines, up to which they are errors: of 234
 #: modes of 40 random chains with real shapes (`arena.sets.readers.chain`, seeds 301-340) it is .8 in the median, and less than 4 for 99 %.
+#: What the given shape's real part differs by from the lines' is an error of the same size.
 _MOST_IMAGINARY = 4.0
 
 #: A shape stays as it is where the mean square of the whitened lines exceeds this: something is on them that is no mode of the list. Of 455
@@ -104,8 +101,9 @@ def line_shapes(record: Signals, modes: ModalModel, avoided: Sequence[tuple[floa
     only the size of the mode has is no error of its shape. Noise is independent from channel to channel, its size the smallest
     eigenvalue of the normed spectral matrix beside the mode.
 
-    What is complex in the given shape stays where it is more than errors, and other modes hardly overlay it. A given shape stays where the
-    misfit says that there is more on the lines than the modes; what the two shapes differ by is then part of its deviation.
+    What is complex in the given shape stays where it is more than errors, of the lines and of the given shape, and more than forces in step
+    with those of other modes can turn it by. A given shape stays where the misfit says that there is more on the lines than the modes; what
+    the two shapes differ by is then part of its deviation.
 
     `avoided`: frequencies and half widths (Hz) of lines that are no random vibration.
     """
@@ -122,10 +120,13 @@ def line_shapes(record: Signals, modes: ModalModel, avoided: Sequence[tuple[floa
     length = np.einsum("aj,aj->j", given.real, shapes)
     fitted = given * length
     strange = misfits > _MAX_MISFIT
-    squares = (fitted.imag / np.where(deviations > 0, deviations, np.nan)) ** 2
+    differ, over = fitted.real - shapes, _overlay(lines, modes, shapes)
+    errors = np.sqrt(np.nan_to_num(deviations) ** 2 + differ**2)  # the given shape has errors of its own
+    squares = (fitted.imag / np.where(errors > 0, errors, np.nan)) ** 2
     unreal = np.mean(np.nan_to_num(squares, posinf=0.0), axis=0) > _MOST_IMAGINARY
-    found = shapes + 1j * np.where(unreal & ~_overlaid(lines, modes, shapes), fitted.imag, 0.0)
-    deviations = np.where(strange, np.hypot(deviations, fitted.real - shapes), deviations)
+    unreal &= np.sum(fitted.imag**2, axis=0) > over * np.sum(fitted.real**2, axis=0)
+    found = shapes + 1j * np.where(unreal, fitted.imag, 0.0)
+    deviations = np.where(strange | unreal, np.hypot(deviations, differ), deviations)
     known = np.isfinite(misfits) & (length != 0)
     return LineShapes(
         np.where(known, np.where(strange, fitted, found) * size[:, None], modes.shapes),
@@ -192,13 +193,13 @@ def _with_power(lines: _Lines, modes: ModalModel, real: RealArray) -> RealArray:
     return np.asarray(found)
 
 
-def _overlaid(lines: _Lines, modes: ModalModel, shapes: RealArray) -> BoolArray:
-    """Return the modes at whose frequencies the others have more than a fifth of their own power."""
+def _overlay(lines: _Lines, modes: ModalModel, shapes: RealArray) -> RealArray:
+    """Return the power of all other modes at the frequency of each, relative to its own: forces in step turn its shape by its root."""
     power = np.sum(shapes**2, axis=0)
     at = np.clip(np.searchsorted(lines.frequencies, modes.frequencies), 0, len(lines.frequencies) - 1)
     there = power[:, None] * lines.powers[:, at]
-    own = np.diag(there).copy()
-    return np.asarray(there.sum(axis=0) - own >= _MAX_OVERLAP * own)
+    own = np.diag(there)
+    return np.asarray((there.sum(axis=0) - own) / np.maximum(own, np.finfo(float).tiny))
 
 
 def _within(lines: _Lines, f: float, near: float, far: float) -> IntArray:

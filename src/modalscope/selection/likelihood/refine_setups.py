@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from modalscope.data.mode_fields import degrees_of
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.setups import Setups
-from modalscope.numerics.checks import BoolArray, ComplexArray, RealArray
+from modalscope.numerics.checks import Array, BoolArray, ComplexArray, IntArray, RealArray
 from modalscope.numerics.resources import one_thread
 from modalscope.selection.likelihood.ambient import Cells, Scored, cells_of, deviations, scored, unknowns
 from modalscope.selection.likelihood.covariance import (
@@ -28,14 +30,39 @@ from modalscope.signals.preprocess.harmonics import find_lines
 #: Lines extend beyond the first and the last mode by this fraction of the frequency, and by this many half bandwidths.
 _MARGIN, _MARGIN_HALF_BANDWIDTHS = 0.15, 10.0
 
+#: Lines of modes overlap within so many times the sum of their half bandwidths.
+_OVERLAP = 3.0
+
+#: What is known of frequencies and damping ratios.
+_STD = ("frequencies_std", "damping_ratios_std")
+_REPEATED = ("frequencies_repeatability", "damping_ratios_repeatability")
+
 #: Rotating-machine lines are excluded with this fraction of their frequency on either side, and this many standard deviations: leakage.
 _LINE_MARGIN, _LINE_SPREADS = 0.01, 3.0
 
 #: Maximum count of products in one step of all setups; residual variance relative to the expected one above which a note is given.
-_MAX_PRODUCTS, _MAX_QUIET_MISFIT = 2e11, 1.2
+_MAX_PRODUCTS, _MAX_QUIET_MISFIT = 5e9, 1.1
 
 #: Residual variance relative to the expected one above which other modes must be present.
 _MAX_MISFIT = 2.0
+
+
+class _Place(NamedTuple):
+    """Modes that are refined together, `core`, and `all` that stand on their lines, from `band[0]` to `band[1]` Hz."""
+
+    core: IntArray
+    all: IntArray
+    band: tuple[float, float]
+
+
+class _Refined(NamedTuple):
+    """Modes of one place at their optimum: poles, deviations (2, n), degrees (n, 2) and repeatability (2, n)."""
+
+    poles: ComplexArray
+    std: RealArray
+    degrees: RealArray
+    repeated: RealArray
+    misfit: float
 
 
 @one_thread
@@ -43,47 +70,88 @@ def refine_setups(setups: Setups, modes: ModalModel, *, apart: bool = False) -> 
     """Refine modes of ambient setups, and say how sure that is: Whittle's likelihood of their periodograms (`spectral_likelihood`).
 
     Poles are common, everything else is every setup's own: shapes, what drives them, background. Correlations, from which the modes were
-    found, follow what is strong; here every line counts as much as it tells.
+    found, follow what is strong; here every line counts as much as it tells. Modes whose lines overlap are refined together, each such
+    place by itself, on the combinations of outputs that their shapes span.
 
-    `setups`: with the channels that the modes have. `modes`: where to start; all of them stand in the band. `apart`: whether every setup
-    is refined by itself and the poles are means weighted by their information; a pole that goes astray in a setup is not counted there.
-    By default the poles are refined over all setups at once.
+    `setups`: with the channels that the modes have. `modes`: where to start. `apart`: whether every setup is refined by itself and the
+    poles are means weighted by their information; a pole that goes astray in a setup is not counted there. By default the poles are
+    refined over all setups at once.
 
     Returns
     -------
     ModalModel
-        With deviations from the lines' own scatter and, of four groups of setups or more, repeatability. As it was, with a note that says
-        why, where that is out of reach: too many channels and modes, more in the lines than modes, or an optimum that is another.
+        With deviations from the lines' own scatter and, of four groups of setups or more, repeatability. Modes stay as they were, with a
+        note that says why, where that is out of reach: too many modes in a place, more in the lines than modes, or an optimum that is
+        another.
     """
     if not len(modes):
         return modes
-    cells = _cells(setups, modes.poles)
-    work = sum(
-        len(each.counts) * (4 * unknowns(len(modes), len(each.values[0])) * len(each.values[0])) ** 2 for each in cells
-    )
-    if work > _MAX_PRODUCTS:
-        return _kept(
-            modes,
-            f"{len(modes)} modes in these channels exceed the limit on computing time by a factor {work / _MAX_PRODUCTS:.2g}",
-        )
-    found = (
-        _means([scored([each], modes.poles) for each in cells], modes.poles) if apart else scored(cells, modes.poles)
-    )
-    away = astray(modes.poles, found.poles)
-    if found.misfit > _MAX_MISFIT:
-        return _kept(modes, f"residual {found.misfit:.2g} x its expected variance: other modes or machines are present")
-    if not found.converged or np.any(away):
-        where = ", ".join(f"{f:.5g} Hz" for f in modes.frequencies[away])
-        return _kept(modes, f"the optimum lies far from {where}" if where else "no optimum was reached")
-    return _wrapped(setups, modes, found)
+    order = np.argsort(modes.poles.imag, kind="stable")
+    return _wrapped(modes, _refined_places(setups, modes, order, apart))
 
 
-def _cells(setups: Setups, poles: ComplexArray) -> list[Cells]:
-    """Return the lines of all setups from below the first mode to above the last."""
+def _refined_places(
+    setups: Setups, modes: ModalModel, core: IntArray, apart: bool, failed: tuple[int, str] = (0, "")
+) -> list[tuple[IntArray, _Refined | str]]:
+    """Return what is found of modes in ascending order: together, or where that fails on either side of their widest gap.
+
+    Far lines tell a mode's phase, so that more modes in one place are better known. `failed`: number of modes and reason where more modes
+    were tried; a part of them that stands on the lines of them all would fail alike.
+    """
+    place = _place(modes.poles, core)
+    found = failed[1] if len(place.all) == failed[0] else _at_place(setups, modes, place, apart)
+    if not isinstance(found, str) or len(core) < 2 or len(place.all) == failed[0]:
+        return [(core, found)]
+    f, half = modes.frequencies[core], np.abs(modes.poles.real)[core]
+    cut = 1 + int(np.argmax(np.diff(f) / (half[1:] + half[:-1])))
+    why = (len(place.all), found)
+    return [part for own in (core[:cut], core[cut:]) for part in _refined_places(setups, modes, own, apart, why)]
+
+
+def _place(poles: ComplexArray, core: IntArray) -> _Place:
+    """Return the lines of modes, from below the first to above the last, and all modes whose lines reach in."""
     f, half = poles.imag / (2 * np.pi), np.abs(poles.real) / (2 * np.pi)
     reach = np.maximum(_MARGIN * f, _MARGIN_HALF_BANDWIDTHS * half)
-    band = (float(np.min(f - reach)), float(min(np.max(f + reach), 0.49 * setups.sampling_rate)))
-    return [_without_lines(cells_of(part, poles, band), part) for part in setups.parts]
+    low, high = float(np.min((f - reach)[core])), float(np.max((f + reach)[core]))
+    while True:  # a mode on the edge belongs in with all of its lines
+        within = (f + _OVERLAP * half > low) & (f - _OVERLAP * half < high)
+        ends = float(np.min((f - _OVERLAP * half)[within])), float(np.max((f + _OVERLAP * half)[within]))
+        if ends[0] >= low and ends[1] <= high:
+            return _Place(core, np.flatnonzero(within), (low, high))
+        low, high = min(low, ends[0]), max(high, ends[1])
+
+
+def _at_place(setups: Setups, modes: ModalModel, place: _Place, apart: bool) -> _Refined | str:
+    """Return the modes of a place at the maximum of the likelihood, or why they stay as they were."""
+    start = modes.poles[place.all]
+    cells = _cells(setups, modes.take(place.all), place.band)
+    work = sum(
+        len(each.counts) * (4 * unknowns(len(start), len(each.values[0])) * len(each.values[0])) ** 2 for each in cells
+    )
+    if work > _MAX_PRODUCTS:
+        return f"{len(start)} modes on the same lines exceed the limit on computing time by a factor {work / _MAX_PRODUCTS:.2g}"
+    found = _means([scored([each], start) for each in cells], start) if apart else scored(cells, start)
+    if found.misfit > _MAX_MISFIT:
+        return f"residual {found.misfit:.2g} x its expected variance: other modes or machines are present"
+    own = np.searchsorted(place.all, place.core)
+    if not found.converged or np.any(astray(start, found.poles)[own]):
+        return "their optimum lies elsewhere" if found.converged else "no optimum was reached"
+    std, degrees = deviations(found)
+    std, degrees, repeated = np.array(std)[:, own], degrees[:, own], np.full((2, len(own)), np.nan)
+    if (between := _between(setups, found)) is not None:
+        repeated = np.array(deviations_of_poles(found.poles, pole_blocks(between, 2 * np.arange(len(start)))))[:, own]
+        degrees = degrees_of_wider(std, degrees, repeated, len(set(setups.groups or ())))
+    return _Refined(found.poles[own], std, degrees.T, repeated, found.misfit)
+
+
+def _cells(setups: Setups, modes: ModalModel, band: tuple[float, float]) -> list[Cells]:
+    """Return the lines of all setups in a band, in the combinations of outputs that the shapes of the modes span."""
+    ends = max(band[0], 0.0), min(band[1], 0.49 * setups.sampling_rate)
+    cells = []
+    for part in setups.parts:
+        rows = [modes.output_dofs.index(dof) for dof in part.output_dofs]
+        cells.append(_without_lines(cells_of(part, modes.poles, ends, modes.shapes[rows]), part))
+    return cells
 
 
 def _without_lines(cells: Cells, record: Signals) -> Cells:
@@ -122,34 +190,61 @@ def _without(information: RealArray, lost: BoolArray) -> RealArray:
     return kept
 
 
-def _wrapped(setups: Setups, modes: ModalModel, found: Scored) -> ModalModel:
-    """Return the refined modes with their deviations and what these rest on."""
-    (f, zeta), degrees = deviations(found)
-    notes = [note for note in modes.notes if note.kind != KIND]
+def _wrapped(modes: ModalModel, found: Sequence[tuple[IntArray, _Refined | str]]) -> ModalModel:
+    """Return the modes as they are at the optima of their places where they are better known there, and notes on what was done."""
+    done = [(core, one) for core, one in found if not isinstance(one, str)]
+    left = [(core, one) for core, one in found if isinstance(one, str)]
+    notes = []
+    if left:
+        text = "; ".join(f"{_names(modes, core)} ({why})" for core, why in left)
+        notes = [Note("not refined", {"modes": float(sum(len(core) for core, _ in left))}, f"Not refined: {text}")]
+    if not done:
+        return modes.noted(*notes)
+    before = _columns(modes)
+    new = {name: np.array(column) for name, column in before.items()}
+    for core, one in done:
+        for name, values in zip(before, (one.poles, *one.std, *one.repeated, one.degrees), strict=True):
+            new[name][core] = values
+    before_open, quiet = _open(modes), np.zeros(len(modes), bool)
+    for core, one in done:
+        quiet[core] = one.misfit < _MAX_QUIET_MISFIT
+    better = np.isnan(before_open) | (quiet & (_open(_with(modes, new)) < before_open))
+    columns = {name: np.where(better if a.ndim == 1 else better[:, None], new[name], a) for name, a in before.items()}
+    misfit = max(one.misfit for _, one in done)
     text = "standard deviations from the lines of every setup, left out one at a time in Whittle's likelihood, and pieces in time"
-    notes.append(Note(KIND, {"misfit": found.misfit}, text))
-    if found.misfit > _MAX_QUIET_MISFIT:
-        text = f"Residual {found.misfit:.2g} x its expected variance: other modes may be present"
-        notes.append(Note("more than modes", {"misfit": found.misfit}, text))
-    repeated: tuple[RealArray | None, RealArray | None] = (
-        modes.frequencies_repeatability,
-        modes.damping_ratios_repeatability,
-    )
-    if (between := _between(setups, found)) is not None:
-        repeated = deviations_of_poles(found.poles, pole_blocks(between, 2 * np.arange(len(modes))))
-        degrees = degrees_of_wider(np.array([f, zeta]), degrees, np.array(repeated), len(set(setups.groups or ())))
-    return replace(
-        modes,
-        poles=found.poles,
-        frequencies_std=f,
-        damping_ratios_std=zeta,
-        degrees=degrees.T,
-        frequencies_repeatability=repeated[0],
-        damping_ratios_repeatability=repeated[1],
-        unrefined=replace(modes, unrefined=None),
-        converged=True,
-        notes=tuple(notes),
-    )
+    if not better.all():
+        text += f"; as before of {_names(modes, np.flatnonzero(~better))}, where lines tell no more"
+    notes.append(Note(KIND, {"misfit": misfit}, text))
+    if misfit > _MAX_QUIET_MISFIT:
+        text = f"Residual {misfit:.2g} x its expected variance: other modes may be present"
+        notes.append(Note("more than modes", {"misfit": misfit}, text))
+    kept = [note for note in modes.notes if note.kind != KIND or not better.all()]
+    refined = replace(_with(modes, columns), unrefined=replace(modes, unrefined=None), converged=True)
+    return replace(refined, notes=(*kept, *notes))
+
+
+def _names(modes: ModalModel, which: IntArray) -> str:
+    return ", ".join(f"{f:.5g} Hz" for f in np.sort(modes.frequencies[which]))
+
+
+def _columns(modes: ModalModel) -> dict[str, Array]:
+    """Return what refinement changes, by name: poles, deviations, repeatability and degrees, NaN where they are not known."""
+    unknown = np.full(len(modes), np.nan)
+    known = {name: unknown if (own := getattr(modes, name)) is None else own for name in (*_STD, *_REPEATED)}
+    return {"poles": modes.poles, **known, "degrees": degrees_of(modes)}
+
+
+def _with(modes: ModalModel, columns: Mapping[str, Array]) -> ModalModel:
+    """Return the modes with other columns, None where nothing in one is known."""
+    own: dict[str, Any] = {name: None if np.isnan(a).all() and name != "degrees" else a for name, a in columns.items()}
+    return replace(modes, **own)
+
+
+def _open(modes: ModalModel) -> RealArray:
+    """Return the area of the intervals of frequency and damping of every mode, NaN where they are not known."""
+    if modes.frequencies_std is None and modes.frequencies_repeatability is None:
+        return np.full(len(modes), np.nan)
+    return np.asarray(np.prod([np.diff(ends, axis=1)[:, 0] for ends in modes.interval().values()], axis=0))
 
 
 def _between(setups: Setups, found: Scored) -> RealArray | None:
@@ -160,7 +255,3 @@ def _between(setups: Setups, found: Scored) -> RealArray | None:
     member = np.array([[own == label for own in setups.groups] for label in labels], dtype=float)
     each, held = (np.tensordot(member, of_setups, axes=1) for of_setups in (found.scores, found.informations))
     return sandwich(np.linalg.pinv(found.informations.sum(axis=0), hermitian=True), each, held)
-
-
-def _kept(modes: ModalModel, why: str) -> ModalModel:
-    return modes.noted(Note("not refined", {}, f"Not refined: {why}"))
