@@ -9,6 +9,8 @@ letter or a wrong number of an equation, are left out. A machine-read copy of th
 
 import numpy as np
 from matplotlib import pyplot
+from scipy.integrate import quad
+from scipy.linalg import expm
 
 import modalscope as ms
 
@@ -219,6 +221,32 @@ Ab, Bb = continuous.A, continuous.B
 w = 2 * np.pi * 1.3
 G = np.linalg.inv(1j * w * np.eye(n) - Ab)
 left = (1j * w) ** 2 * C @ G @ Bb - 1j * w * C @ Bb - C @ Ab @ Bb
+one_line = continuous.transfer  # Y(jw)
+parts = [
+    quad(lambda v, p=p: getattr(one_line([1j * v])[0, 0, 0], p), 0, np.inf, weight=weight, wvar=0.5, epsabs=1e-13)[0]
+    for p, weight in (("real", "cos"), ("imag", "sin"), ("real", "sin"), ("imag", "cos"))
+]
+half = parts[0] - parts[1] + 1j * (parts[2] + parts[3])  # of Y(jw) exp(jwt) from 0 on: at -w it is the conjugate
+pulse_at = (C @ expm(0.5 * Ab) @ Bb)[0, 0]
+erratum(
+    "Eq. 74, pages 20-22",
+    "Y(t) is the integral of Y(s) exp(st) from -inf to 0",
+    off(1j * half.conjugate(), pulse_at),
+    "from -j inf to j inf, over 2 pi j",
+    off(half.real / np.pi, pulse_at),
+)
+Cv, step = s.state_space(quantity="velocity").C, 0.01
+shift = expm(Ab * step) * np.exp(-1j * w * step)  # A/z
+factor, total, doubled = shift, np.eye(n), 1
+while doubled < 1e6:  # sums of twice as many terms each time
+    total, factor, doubled = total + factor @ total, factor @ factor, 2 * doubled
+erratum(
+    "Eq. 76, pages 20-22",
+    "sum of Y(k) z^-k dt is the integral C G B",
+    off(step * Cv @ total @ Bb, Cv @ G @ Bb),
+    "it is C dt (I - A/z)^-1 B",
+    off(step * Cv @ total @ Bb, step * Cv @ np.linalg.inv(np.eye(n) - shift) @ Bb),
+)
 inverse = np.linalg.inv(Ab)
 erratum(
     "Eqs. 75 and 77, pages 20-22",
@@ -313,6 +341,17 @@ erratum(
     np.linalg.norm(U[:, :n].conj().T @ Hg0 @ Z.conj().T[:, n:]) / norm,
 )
 everywhere = s.state_space(outputs=s.dofs)
+sums = np.tri(s.degrees)  # each sensor measures the sum of the masses up to its own
+seen = sums @ everywhere.C
+below = -np.linalg.lstsq(np.vstack([seen, seen @ Ab]).T, (seen @ Ab @ Ab).T, rcond=None)[0].T[:, : s.degrees]
+over_mass = np.linalg.solve(s.mass, s.stiffness)
+erratum(
+    "Eq. 107, pages 26-29",
+    "M^-1 K = P of any sensors",
+    off(below, over_mass),
+    "M^-1 K = C_d^-1 P C_d",
+    off(np.linalg.solve(sums, below @ sums), over_mass),
+)
 velocities = s.state_space(outputs=s.dofs, quantity="velocity").C
 erratum(
     "Eq. 108, text, pages 26-29",
@@ -320,6 +359,27 @@ erratum(
     n - np.linalg.matrix_rank(everywhere.C),
     "displacements and velocities: states without a sensor",
     n - np.linalg.matrix_rank(np.vstack([everywhere.C, velocities])),
+)
+
+# %%
+# Section III-4. The outputs are the first block row of the factor.
+U, e, Z = np.linalg.svd(Hg0, full_matrices=False)
+U, e, Z = U[:, :n], np.sqrt(e[:n]), Z[:n]
+Aa = np.linalg.pinv(U[:-l]) @ U[l:] * e / e[:, None]
+Ba = (lines[0] * np.eye(n) - Aa) @ (e[:, None] * Z[:, :m])
+given = np.hstack([C @ each for each in blocks])
+
+
+def responses(output):
+    return np.hstack([output @ np.linalg.solve(v * np.eye(n) - Aa, Ba) for v in lines])
+
+
+erratum(
+    "Eq. 110, pages 29-31",
+    "C = E P D^1/2 without its last rows",
+    off(responses((U * e)[:-l]), given),
+    "C is the first block row of P D^1/2",
+    off(responses((U * e)[:l]), given),
 )
 
 # %%

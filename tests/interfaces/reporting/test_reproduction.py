@@ -21,10 +21,10 @@ def test_the_page_has_every_value_identity_and_misprint_and_all_hold(tmp_path: P
     counts = [line.partition(" of ")[2].partition(":")[0] for line in said]
     assert all(line.startswith(f"{count} of ") for line, count in zip(said, counts, strict=True))
     # published values; II-1 to II-6, III, measured data; misprints, each as printed and corrected
-    assert [int(count) for count in counts] == [45, 6, 4, 6, 3, 4, 5, 11, 4, 50]
+    assert [int(count) for count in counts] == [45, 6, 4, 6, 3, 4, 5, 22, 4, 58]
     page = (tmp_path / "all.html").read_text(encoding="utf-8")
     assert page.count('<td class="words">yes</td>') == sum(map(int, counts))
-    assert page.count("as printed,") == page.count("corrected,") == 25
+    assert page.count("as printed,") == page.count("corrected,") == 29
 
 
 SECTION = '"""\nA section\n=========\n"""\nprint("an identity: {} (at most 1e-12)")\n{}'
@@ -38,6 +38,8 @@ SECTION = '"""\nA section\n=========\n"""\nprint("an identity: {} (at most 1e-12
         ("0.99e-12", "1 / 0", "stopped by ZeroDivisionError division by zero"),
         ("0.99e-12", 'print("as printed: 0.099 (at least 0.1)")', "as printed: 0.099, expected at least 0.1"),
         ("1e-12", 'print("as printed: 0.1 (at least 0.1)")', None),
+        ("0", 'print("M: expected 4.5, computed 4.6, apart by 0.11 (at most 0.1)")', "M: 4.6, expected 4.5"),
+        ("0", 'print("M: expected 4.5, computed 4.6, apart by 0.1 (at most 0.1)")', None),
     ],
 )
 def test_a_number_that_moves_over_its_limit_ends_in_an_error(
@@ -52,6 +54,19 @@ def test_a_number_that_moves_over_its_limit_ends_in_an_error(
     assert "1 differ, first" in err if fault else not err
     assert (fault or "") in err
     assert ("NO" in (tmp_path / "all.html").read_text(encoding="utf-8")) == bool(fault)
+
+
+def test_a_row_holds_what_is_expected_what_is_computed_and_how_far_they_are_apart(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stated = 'print("M: expected 4.5, computed 4.6, apart by 0.02 (at most 0.1)")'
+    (tmp_path / "plot_1_section.py").write_text(SECTION.format("2e-13", stated), encoding="utf-8")
+    monkeypatch.setattr(reproduction, "_PLACES", (tmp_path,))
+    monkeypatch.setattr(reproduction, "recomputed", tuple)
+    assert reproduction.reproduce(tmp_path / "all.html")["A section"] == [
+        ("an identity", "at most 1e-12", "2e-13", "2e-13", "yes"),
+        ("M", "4.5", "4.6", "0.02", "yes"),
+    ]
 
 
 def test_a_published_value_that_moves_by_a_digit_ends_in_an_error(

@@ -18,8 +18,10 @@ __all__ = ["reproduce"]
 #: Sections of the report as programs: an installed package holds them beside this module, a checkout in `docs/`.
 _PLACES = (Path(__file__).parent / "executed", Path(__file__).parents[4] / "docs" / "executed")
 
-#: What a program states of a number, on a line of its own.
-_STATED = re.compile(r"^(.+?): +(\S+) \((at most|at least) (\S+)\)$", re.MULTILINE)
+#: What a program states on a line of its own: how far two routes are apart, and two numbers where it names them.
+_STATED = re.compile(
+    r"^(.+?): +(?:expected (\S+), computed (\S+), apart by )?(\S+) \((at most|at least) (\S+)\)$", re.MULTILINE
+)
 
 _HEAD = ("statement", "expected", "computed", "difference", "same")
 
@@ -70,7 +72,8 @@ def _executed(script: Path) -> tuple[str, list[tuple[str, ...]]]:
             said.write(f"\nstopped by {type(stopped).__name__} {' '.join(str(stopped).split())}: nan (at most 0)\n")
     plt.close("all")
     rows: list[tuple[str, ...]] = []
-    for what, got, bound, limit in _STATED.findall(said.getvalue()):
-        off = float(got) - float(limit)
-        rows.append((what, f"{bound} {limit}", got, "", _same(off <= 0 if bound == "at most" else off >= 0)))
+    for what, expected, computed, apart, bound, limit in _STATED.findall(said.getvalue()):
+        off = float(apart) - float(limit)
+        same = _same(off <= 0 if bound == "at most" else off >= 0)
+        rows.append((what, expected or f"{bound} {limit}", computed or apart, apart, same))
     return script.read_text(encoding="utf-8").splitlines()[1], rows
