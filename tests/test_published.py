@@ -188,6 +188,10 @@ def test_a_workflow_asks_make_for_what_there_is(path: Path) -> None:
     assert asked <= targets
     jobs = workflow(path.stem).values()
     assert all("timeout-minutes" in job for job in jobs)
+    # a version is a name that its owner may move; the commit is not, and the version stands beside it for people and for Dependabot
+    used = re.findall(r"uses: (.*)$", text, re.MULTILINE)
+    assert used
+    assert [each for each in used if not re.fullmatch(r"[\w-]+/[\w-]+@[0-9a-f]{40} # v\d+\.\d+\.\d+", each)] == []
 
 
 FORMS = sorted((ROOT / ".github" / "ISSUE_TEMPLATE").glob("[0-9]*.yml"))
