@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from modalscope.extras.stand_in import Names, stand_in
+from modalscope.extras.stand_in import Names, _half_power, stand_in
 from modalscope.interfaces.cli import main
 from modalscope.systems import build
 from tests.support import measured as shared
@@ -54,6 +54,7 @@ def test_a_table_keeps_its_layout_clock_and_units_and_nothing_else(tmp_path: Pat
         "QX",
         "4417",
         "417",
+        ",25",
         "Ada",
         "Quill",
         "2024",
@@ -205,6 +206,41 @@ def test_functions_in_text_keep_places_and_times_and_their_columns(tmp_path: Pat
     assert not set(old[1::2]) & set(new)
 
 
+def test_words_between_and_behind_the_sets_of_a_universal_file_go(tmp_path: Path) -> None:
+    source = tmp_path / "m.uff"
+    source.write_text(f"{UNEVEN}Deck of the Meridian Bridge\n{UNEVEN}Pylon seventeen\n", encoding="ascii")
+    stand_in(source, tmp_path / "s.uff", STRUCTURE)
+    after = (tmp_path / "s.uff").read_text(encoding="ascii")
+    assert after.count("    -1\n    58\n") == 2
+    for name in ("Meridian", "Bridge", "Pylon", "seventeen"):
+        assert name not in after
+
+
+@pytest.mark.parametrize(
+    ("value", "size"), [(0.0, 0.0), (5.7, 10.0), (5.5, 10**0.5), (1.79, 10**0.5), (1.77, 1.0), (-0.31, -(10**-0.5))]
+)
+def test_of_a_number_its_half_power_of_ten_is_left(value: float, size: float) -> None:
+    assert _half_power(value) == pytest.approx(size, rel=1e-14)
+
+
+def test_columns_stay_within_half_powers_of_ten_around_their_ends(tmp_path: Path) -> None:
+    """A coherence of .2 to 1 stays one; gravity of 12.1 to 12.6 stays no constant."""
+    rng, source = np.random.default_rng(3), tmp_path / "m.csv"
+    rows = np.column_stack([np.arange(400) / 64, rng.uniform(0.2, 1.0, 400), rng.uniform(12.1, 12.6, 400)])
+    source.write_text("Time [s],Quality,Deck\n" + "\n".join(",".join(f"{x:.6f}" for x in row) for row in rows), "utf-8")
+    stand_in(source, tmp_path / "s.csv", STRUCTURE)
+    new = np.loadtxt(tmp_path / "s.csv", delimiter=",", skiprows=1)
+    assert new[:, 1].min() >= 0.099
+    assert new[:, 1].max() < 1
+    assert np.ptp(new[:, 2]) == pytest.approx(10**-0.5, rel=1e-5)
+
+
+def test_lists_that_begin_with_minus_one_are_no_universal_file(tmp_path: Path) -> None:
+    (tmp_path / "m.txt").write_text("-1\t0\t3\n0\t1\t0\n1\t0\t0\n2\t0\t7\n", encoding="ascii")
+    stand_in(tmp_path / "m.txt", tmp_path / "s.txt", STRUCTURE)
+    assert len((tmp_path / "s.txt").read_text(encoding="ascii").splitlines()) == 4
+
+
 def test_structures_and_cells_of_matlab_have_a_stand_in(tmp_path: Path) -> None:
     from scipy.io import loadmat, savemat
 
@@ -249,7 +285,7 @@ def test_what_has_no_stand_in_is_told_why(tmp_path: Path, capsys: pytest.Capture
     (tmp_path / "a.mat").write_bytes(b"MATLAB 7.3 MAT-file".ljust(200))
     asked = [
         (["none.csv", "-o", "b.csv"], "there is no such file"),
-        (["a.npz", "-o", "b"], "made of text, .xlsx, .mat and universal files"),
+        (["a.npz", "-o", "b"], "it holds bytes that no text has"),
         (["a.mat", "-o", "b"], "Save it with -v7"),
         (["meridian.csv", "-o", "meridian.csv"], "never overwritten"),
         (["meridian.csv", "-o", "b.txt"], "the formats are .csv"),

@@ -19,7 +19,7 @@ def test_a_missing_file_a_folder_and_an_empty_file(tmp_path):
 
 
 def test_names_that_no_file_can_have(tmp_path):
-    refused("file name too long", mio.read, "a" * 300 + ".uff")
+    refused("file name too long|no such file", mio.read, "a" * 300 + ".uff")  # Python 3.14 asks no further
     refused("file name too long", mio.write, tmp_path / ("a" * 300 + ".uff"), samples.records())
     for name in ("a\0b.uff", "\ud800.uff"):
         refused("the name of a file", mio.read, name)

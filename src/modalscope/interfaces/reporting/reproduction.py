@@ -19,9 +19,8 @@ __all__ = ["reproduce"]
 _PLACES = (Path(__file__).parent / "executed", Path(__file__).parents[4] / "docs" / "executed")
 
 #: What a program states on a line of its own: how far two routes are apart, and two numbers where it names them.
-_STATED = re.compile(
-    r"^(.+?): +(?:expected (\S+), computed (\S+), apart by )?(\S+) \((at most|at least) (\S+)\)$", re.MULTILINE
-)
+_TWO_NUMBERS = r"expected (\S+), computed (\S+), apart by "
+_STATED = re.compile(rf"^(.+?): +(?:{_TWO_NUMBERS})?(\S+) \((at most|at least) (\S+)\)$", re.MULTILINE)
 
 _HEAD = ("statement", "expected", "computed", "difference", "same")
 
@@ -47,17 +46,13 @@ def reproduce(path: str | Path) -> dict[str, list[tuple[str, ...]]]:
     """
     rows: list[tuple[str, ...]] = []
     for v in recomputed():
-        printed, difference = f"{v.published:.{v.digits}f}", f"{v.computed - v.published:.1e}"
-        rows.append((f"{v.table}, {v.column}, row {v.row}", printed, f"{v.computed:.8g}", difference, _same(v.same)))
+        name, printed = f"{v.table}, {v.column}, row {v.row}", f"{v.published:.{v.digits}f}"
+        rows.append((name, printed, f"{v.computed:.8g}", f"{v.computed - v.published:.1e}", "yes" if v.same else "NO"))
     scripts = sorted(next(place for place in _PLACES if place.is_dir()).glob("plot_[1-9]*.py"))
     parts = {"Published values": rows} | dict(map(_executed, scripts))
     page = [Section(f"part-{k}", title, table(_HEAD, parts[title], words=(0, 4))) for k, title in enumerate(parts)]
     write_page(path, "Errata and conformance", "what was published, recomputed on this machine", page)
     return parts
-
-
-def _same(same: bool) -> str:
-    return "yes" if same else "NO"
 
 
 def _executed(script: Path) -> tuple[str, list[tuple[str, ...]]]:
@@ -74,6 +69,6 @@ def _executed(script: Path) -> tuple[str, list[tuple[str, ...]]]:
     rows: list[tuple[str, ...]] = []
     for what, expected, computed, apart, bound, limit in _STATED.findall(said.getvalue()):
         off = float(apart) - float(limit)
-        same = _same(off <= 0 if bound == "at most" else off >= 0)
-        rows.append((what, expected or f"{bound} {limit}", computed or apart, apart, same))
+        holds = off <= 0 if bound == "at most" else off >= 0
+        rows.append((what, expected or f"{bound} {limit}", computed or apart, apart, "yes" if holds else "NO"))
     return script.read_text(encoding="utf-8").splitlines()[1], rows

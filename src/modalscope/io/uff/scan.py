@@ -43,7 +43,7 @@ _LETTERS = re.compile(rb"[A-Za-z\xc0-\xff]{3}")
 #: Bytes in the file for each set, and in memory for each line, at least.
 _BYTES_OF_SET, _BYTES_OF_LINE = 200, 50
 #: Parts of a value and bytes of a part, by ordinate data type; codes of byte orders and of IEEE numbers.
-_WORDS = {2: (1, 4), 4: (1, 8), 5: (2, 4), 6: (2, 8)}
+WORDS = {2: (1, 4), 4: (1, 8), 5: (2, 4), 6: (2, 8)}
 _LITTLE, _BIG, _IEEE = 1, 2, 2
 
 
@@ -189,9 +189,9 @@ def _payload_length(name: str, place: int, form: dict[str, int], counted: int) -
     """Return the bytes of the payload, the bytes of an abscissa value and a note, from record 7 and the byte count."""
     points = form["number of points"]
     kind, spacing = form["ordinate data type"], form["abscissa spacing"]
-    if kind not in _WORDS or points < 1 or spacing not in (0, 1):
+    if kind not in WORDS or points < 1 or spacing not in (0, 1):
         raise _cut(name, place, f"its record 7 asks for data type {kind}, {points} points and spacing {spacing}")
-    parts, size = _WORDS[kind]
+    parts, size = WORDS[kind]
     # the standard stores an uneven abscissa in single precision, most programs in that of the ordinate
     abscissas = (0,) if spacing else (size, 4)
     for abscissa in abscissas:
