@@ -22,6 +22,9 @@ import numpy as np
 #: CPU seconds and bytes that a program may take.
 SECONDS, MEMORY = 300, 6 << 30
 
+#: Arrays of a history of modes, beside its frequencies.
+MONTHS = ("record", "damping_ratios", "shapes", "seconds")
+
 
 class CannotError(Exception):
     """The program is not made for such a test."""
@@ -32,7 +35,9 @@ class Test:
 
     "records" (with forces) and "ambient", "decay": `outputs` (samples, l), `inputs` (samples, m), `sampling_rate`. Several runs stand one
     before the other in a first axis. "setups": `setups`, a list of such outputs, and `labels`, the names of their channels. "impulses":
-    `values` (samples, l, m), `sampling_rate`. "responses": `values` (lines, l, m), `frequencies`, `quantity`.
+    `values` (samples, l, m), `sampling_rate`. "responses": `values` (lines, l, m), `frequencies`, `quantity`. "months":
+    modes of many records one below the other, `record` of each (from 0), `frequencies`, `damping_ratios`, `shapes` (n, l), and `seconds`
+    at which the records began.
     """
 
     def __init__(self, path: str) -> None:
@@ -42,7 +47,7 @@ class Test:
         self.kind, self.band, self.quantity, self._answers = (about[x] for x in ("kind", "band", "quantity", "answers"))
         self.labels = about["labels"]
         self.setups = [arrays.pop(name) for name in sorted(arrays) if name.startswith("setup")]
-        for name in ("outputs", "inputs", "values", "frequencies", "sampling_rate"):
+        for name in ("outputs", "inputs", "values", "frequencies", "sampling_rate", *MONTHS):
             value = arrays.get(name)
             setattr(self, name, float(value) if name == "sampling_rate" and value is not None else value)
         self.told = 0

@@ -79,7 +79,7 @@ def table(head: str, rows: Iterable[Iterable[str]]) -> list[str]:
 
 
 _HEAD = (
-    "program; tests; found; false; twice; wrong without a word; f error; damping error [%]; 1 - MAC; "
+    "program; tests; found; false; twice; wrong without a word; f error; damping error [%]; 1 - MAC; over the bound; "
     "intervals of f hold; of damping; numbers by a person"
 )
 
@@ -91,6 +91,7 @@ def row_of(program: str, t: Told) -> list[str]:
     cells += [_of(t["found"], t["modes"], t["found_interval"]), str(t["false"]), str(t["twice"])]
     cells.append(_of(t["wrong_without_a_word"], t["reported"]))
     cells += [_number(t["f_error"]), _number(t["zeta_error"], 100), _number(t["shape_error"])]
+    cells.append(", ".join(map(_number, t["over_bound"])) if any(t["over_bound"]) else "-")
     cells += [_of(*t[f"{key}_held"], t[f"{key}_coverage"]) for key in ("f", "zeta")]
     return [*cells, str(t["human"])]
 

@@ -46,8 +46,12 @@ def draw(one: ArenaSet, entry: dict[str, Any], path: Path) -> None:
 
 
 def _diagram(one: ArenaSet, axes: plt.Axes) -> tuple[float, float] | None:
-    """Draw the stabilization diagram of a set, or why there is none; return the ends of its axis."""
+    """Draw the stabilization diagram of a set, of months every mode, or why there is none; return the ends of its axis."""
     data, _ = one.read()
+    if isinstance(data, ms.monitoring.History):
+        axes.plot(data.frequencies, data.record, ".", markersize=2)
+        axes.set(ylabel="record")
+        return axes.get_xlim()
     part = data.parts[0] if isinstance(data, ms.Setups) else data
     try:
         ms.plot.stabilization(ms.stabilize(part, **({} if one.band is None else {"band": one.band})), ax=axes)

@@ -19,7 +19,7 @@ import numpy as np
 
 import modalscope as ms
 from arena import pages
-from arena.child import SECONDS
+from arena.child import MONTHS, SECONDS
 from arena.picture import draw
 from arena.programs import PLACE, Contestant, all_contestants, ready
 from arena.scores import judged, rounded
@@ -54,7 +54,7 @@ def stored(one: ArenaSet, data: Any, reference: Reference, folder: Path | None =
         arrays["sampling_rate"] = np.array(data.parts[0].sampling_rate)
     else:
         about["labels"] = [list(data.output_dofs)]
-        names = ("outputs", "inputs", "values", "frequencies", "sampling_rate")
+        names = ("outputs", "inputs", "values", "frequencies", "sampling_rate", *MONTHS)
         arrays = {name: np.asarray(value) for name in names if (value := getattr(data, name, None)) is not None}
     np.savez(path, about=np.array(json.dumps(about)), **arrays)
     return path
@@ -144,6 +144,8 @@ def _of_set(
         "known": [rounded(f) for f in reference.frequencies],
         "known_damping": [rounded(z) for z in reference.damping],
     }
+    bound = np.zeros((3, 0)) if reference.bound is None else reference.bound
+    entry["bound"] = [[rounded(x, 4) for x in of_mode] for of_mode in bound.T]
     results = {name: judged(reference, labels, one.band, run) for name, run in runs.items()}
     times = {
         n: {"cpu": rounded(run["cpu"], 3), "memory": rounded(run["memory"], 3)}

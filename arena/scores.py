@@ -141,6 +141,19 @@ def _mode(
     return told
 
 
+def over_bound(about: dict[str, Any], mode: dict[str, Any]) -> list[float | None]:
+    """Return errors of frequency, damping and 1 - MAC of a mode that was found over the bound in the entry of its set; None without one.
+
+    Where modes are known exactly an error of one in frequency is the half bandwidth, zeta f.
+    """
+    if not about.get("bound"):
+        return [None] * 3
+    k = about["known"].index(mode["known"])
+    f, zeta, bound = (about[name][k] for name in ("known", "known_damping", "bound"))
+    units = zip(("f_error", "zeta_error", "shape_error"), (f * zeta, zeta, 1.0), bound, strict=True)
+    return [None if least is None or key not in mode else mode[key] * unit / least for key, unit, least in units]
+
+
 def wilson(hits: int, count: int) -> list[float] | None:
     """Return the 95 % interval of a share by Wilson's score, None of none.
 
@@ -187,6 +200,9 @@ def totals(results: Iterable[tuple[dict[str, Any], dict[str, Any]]]) -> dict[str
     for key in ("f", "zeta", "shape"):
         errors = [mode[f"{key}_error"] for mode in modes if mode.get(f"{key}_error") is not None]
         told[f"{key}_error"] = rounded(float(np.median(errors)), 3) if errors else None
+    over = [over_bound(about, mode) for about, run in given for mode in run.get("modes", []) if mode["is"] == "found"]
+    columns = [column[np.isfinite(column)] for column in np.array(over, float).reshape(-1, 3).T]
+    told["over_bound"] = [rounded(float(np.median(column)), 3) if column.size else None for column in columns]
     within = [mode["f_within"] for mode in modes if "f_within" in mode]
     told["f_within"] = [sum(within), len(within)]
     for key in ("f", "zeta"):

@@ -123,6 +123,7 @@ def test_the_figures_of_the_paper_are_those_of_the_commands_beside_them() -> Non
         assert words in paper
     counted = {1: "one", 8: "eight", 9: "nine"}[len({tuple(p["requires"]) for p in scores["programs"].values()})]
     assert f"`make arena` compares {counted} programs" in paper
+    assert f"(docs/arena/index.md): {counted} programs, {len(scores['sets'])} tests |" in readme
     assert (shaker["modalscope"], shaker["SDynPy PolyPy"], shaker["sdypy-EMA"]) == ((33, 0), (31, 0), (24, 7))
     assert "33 known modes | 33 found, none false | SDynPy PolyPy 31, sdypy-EMA 24 and 7 false or twice;" in readme
     assert (ours["f_held"], ours["zeta_held"]) == ([34, 37], [32, 36])

@@ -3,7 +3,7 @@
 import numpy as np
 
 REQUIRES = ()
-TAKES = ("responses", "impulses", "records", "ambient", "decay", "earthquake", "setups")
+TAKES = ("responses", "impulses", "records", "ambient", "decay", "earthquake", "setups", "months")
 SOURCE = "README: ms.analyze(data)"
 VARIANTS = {"modalscope": "the whole job, hands off"}
 
@@ -49,4 +49,9 @@ def run(test, variant):
     """Analyze."""
     import modalscope as ms
 
+    if test.kind == "months":
+        rows = {name: getattr(test, name) for name in ("record", "frequencies", "damping_ratios", "shapes")}
+        tracks = ms.monitoring.track(ms.monitoring.History(times=test.seconds, output_dofs=test.labels[0], **rows))
+        f, zeta = (np.nanmedian(values, axis=0) for values in (tracks.frequencies, tracks.damping_ratios))
+        return {"frequencies": f, "damping_ratios": zeta}
     return columns_of(ms.analyze(data_of(test), **({} if test.band is None else {"band": test.band})).modes)

@@ -1,6 +1,5 @@
 """One row of modalscope's table at a time: a diagram by that method alone, and the choice of modes from it, without refinement."""
 
-import importlib.util
 from pathlib import Path
 
 REQUIRES = ()
@@ -16,13 +15,11 @@ VARIANTS = {
 
 def run(test, variant):
     """Stabilize and select by one row."""
-    from child import CannotError
+    from child import CannotError, loaded
 
     import modalscope as ms
 
-    spec = importlib.util.spec_from_file_location("whole", Path(__file__).with_name("modalscope.py"))
-    whole = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(whole)
+    whole = loaded(str(Path(__file__).with_name("modalscope.py")))
     method = variant.removeprefix("row ")
     if (method == "lscf" and test.kind != "responses") or (method == "ssi-data" and test.kind != "ambient"):
         raise CannotError(f"{method} is not made for {test.kind}")

@@ -1,7 +1,7 @@
 """Sets: a file NAME.toml each, which says what was tested, where it comes from, and which modes are known.
 
 `read` in that file names a function below, or one of a module beside it, NAME.py: it takes the paths of the files and the table `options`,
-and returns data of modalscope; a simulated one returns the modes, too.
+and returns data of modalscope; a simulated one returns the modes, too, and the Cramer-Rao bound where it is known.
 """
 
 from __future__ import annotations
@@ -65,6 +65,8 @@ class Reference:
     shapes : array, (l, n), optional
     complete : bool
         Whether these are all modes of the band: other ones are false then.
+    bound : array, (3, n), optional
+        Least deviations of frequencies (Hz) and damping ratios, and least means of 1 - MAC: the Cramer-Rao bound; NaN where it has none.
     """
 
     kind: str
@@ -76,6 +78,7 @@ class Reference:
     damping_tolerance: np.ndarray
     shapes: np.ndarray | None
     complete: bool
+    bound: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -113,10 +116,10 @@ class ArenaSet:
         own = HERE / f"{self.name}.py"
         module = loaded(str(own)) if own.is_file() else readers
         given = getattr(module, name)(self.paths(), **self.about.get("options", {}))
-        data, modes = given if isinstance(given, tuple) else (given, None)
-        return data, self._reference(modes)
+        data, *known = given if isinstance(given, tuple) else (given,)
+        return data, self._reference(*known)
 
-    def _reference(self, modes: ms.ModalModel | None) -> Reference:
+    def _reference(self, modes: ms.ModalModel | None = None, bound: np.ndarray | None = None) -> Reference:
         told = self.about["reference"]
         f = np.array(told.get("frequencies", []) if modes is None else modes.frequencies, float)
         n = f.size
@@ -135,6 +138,7 @@ class ArenaSet:
             shapes=shapes,
             reach=np.fmax(widest, filled["tolerance"]),
             complete=bool(told.get("complete", False)),
+            bound=bound,
             **filled,
         )
 

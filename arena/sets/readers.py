@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 import modalscope as ms
+from arena.bounds import of_ambient, of_response
 from modalscope.systems import Structure
 from modalscope.systems.listing import trial
 
@@ -83,7 +85,7 @@ def structure(paths: list[Path], *, system: str, test: str, **options: Any) -> A
     """Return a simulated test of a structure of the catalog, with nothing but noise wrong, and its modes: `modalscope.systems.trial`."""
     built = ms.systems.build(system)
     data = trial(built, test, **options)
-    return data, _at(built, data)
+    return data, _at(built, data), of_response(built, data, trial(built, test, **options | {"snr_db": None}))
 
 
 def chain(
@@ -114,18 +116,38 @@ def chain(
     f = built.modes().frequencies
     if test in ("frf", "impulse"):
         data = trial(built, test, snr_db=-20 * np.log10(noise), seed=seed)
-    else:
-        rate = float(rng.uniform(2.2, 5)) * f[-1]
-        data = built.simulate(inputs=test, duration=600 / f[0], sampling_rate=rate, noise=noise, seed=seed)
-    return data, _at(built, data)
+        return data, _at(built, data), of_response(built, data, trial(built, test))
+    rate = float(rng.uniform(2.2, 5)) * f[-1]
+    data = built.simulate(inputs=test, duration=600 / f[0], sampling_rate=rate, noise=noise, seed=seed)
+    return data, _at(built, data), of_ambient(built, data, noise) if test == "ambient" else None
 
 
 def decay(paths: list[Path], *, system: str, noise: float, samples: int, seed: int, rate: float) -> Any:
     """Return the free decay of a structure from an impulse on its first input, and its modes."""
     built = ms.systems.build(system)
-    impulse = built.impulse_response(samples, sampling_rate=rate, quantity="velocity", noise=noise, seed=seed)
-    y = impulse.values[1:, :, 0]
-    return ms.Signals(outputs=y, sampling_rate=rate, output_dofs=impulse.output_dofs), _at(built, impulse)
+    asked: dict[str, Any] = {"sampling_rate": rate, "quantity": "velocity"}
+    noisy, clean = (built.impulse_response(samples, noise=x, seed=seed, **asked) for x in (noise, None))
+    one = (each.select(inputs=[0]) for each in (noisy, clean))
+    known = of_response(
+        built, *(replace(each, values=each.values[1:], first_sample=each.first_sample + 1) for each in one)
+    )
+    record = ms.Signals(outputs=noisy.values[1:, :, 0], sampling_rate=rate, output_dofs=noisy.output_dofs)
+    return record, _at(built, noisy), known
+
+
+def scanned(paths: list[Path], *, points: int, modes: int, lines: int, noise: float, seed: int) -> Any:
+    """Return velocities of a clamped beam at all points, as a laser scans them under one shaker, and the modes, which fill the band."""
+    built = ms.systems.clamped_beam(points)
+    f = built.modes().frequencies
+    grid, at = np.linspace(f[0] / 4, np.sqrt(f[modes - 1] * f[modes]), lines), [2 * (points // 3)]
+    data = built.frequency_response(grid, inputs=at, quantity="velocity", noise=noise, seed=seed)
+    known = _at(built, data)
+    return data, ms.ModalModel(poles=known.poles[:modes], shapes=known.shapes[:, :modes], output_dofs=data.output_dofs)
+
+
+def history(paths: list[Path]) -> Any:
+    """Return the modes of many records, as another program wrote them."""
+    return ms.monitoring.read_history(paths[0])
 
 
 def tower(paths: list[Path], *, seed: int, floors: int, common: int, moving: int, parts: int, noise: float) -> Any:
