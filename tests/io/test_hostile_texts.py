@@ -132,11 +132,12 @@ def test_names_of_indicators_are_names_of_arrays(tmp_path: Path) -> None:
         refused("'a/b'", write, tmp_path / f"a{suffix}", odd)
 
 
-def test_a_quotation_mark_left_open_is_found(tmp_path: Path) -> None:
-    """It would take every row below it into one cell."""
+def test_a_quotation_mark_left_open_takes_no_row_below_it(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text('time_s,out 1:+Z,"out 2:+Z\n0,1,2\n1,1,2\n2,1,2\n')
-    refused("a quotation mark is left open", read, path)
+    assert read(path).outputs.tolist() == [[1, 2], [1, 2], [1, 2]]
+    path.write_text('time_s,out 1:+Z,out 2:+Z\n0,1,2\n1,1,"2\n2,1,2\n')
+    refused("a number in every cell of column 3", read, path)
     path.write_bytes("time_s,out 1:+Z [µm]\n0,1\n1,1\n".encode("latin-1"))
     refused("not text in UTF-8", read, path)
 

@@ -11,8 +11,8 @@ sampling_rate, kind, first_sample).
 | `time_s` | `3:+Z / 1:+Z [m/s2 / N]`, for every output and input | an impulse response |
 | `mode` | what `ModalModel.columns` gives, then `real 3:+Z`, `imag 3:+Z` of the shapes | modes |
 
-Tables of responses and records also say how many rows they have: `# rows: 300`. Another number of rows, or samples that do not follow at
-the rate of the header, is refused.
+Tables of responses and records also say how many rows they have: `# rows: 300`. Another number of rows, a line that is no row, or samples
+that do not follow at the rate of the header, are refused.
 
 Columns are separated by comma, semicolon or tab, whichever the header has. Numbers are written with every digit. Coherence,
 variance, geometry and direct terms have no column: .npz, .h5 and .uff keep them. Participation, reasons and notes of modes have none: .json
@@ -23,11 +23,10 @@ from __future__ import annotations
 
 import csv
 import re
-from array import array
-from collections.abc import Iterable, Iterator, Sequence
-from itertools import chain, islice, product
+from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple, TextIO
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -37,12 +36,17 @@ from modalscope.data.response import Response
 from modalscope.io import text
 from modalscope.io.arrays import joined
 from modalscope.io.atomic import MARK
-from modalscope.io.columns.axis import sampling_of
+from modalscope.io.columns import Column, Table
+from modalscope.io.columns.lines import matrix_of
+from modalscope.io.columns.records import sampling_rate
 from modalscope.io.columns.words import is_unit
 from modalscope.io.contents import Contents, DataObject, Finding, Options, needs, unreadable
-from modalscope.io.limits import Room, room
+from modalscope.io.limits import room
 from modalscope.io.options import TEXT
-from modalscope.numerics.checks import Array, RealArray
+from modalscope.io.text.body import read_body
+from modalscope.io.text.cells import Dialect, split
+from modalscope.io.text.dialect import encoding_of, lines_of
+from modalscope.numerics.checks import Array
 from modalscope.numerics.functions.poles import poles_from
 
 _PAIR = re.compile(
@@ -55,7 +59,7 @@ _OF_MODES = {"frequency_hz", "damping_ratio"}
 _OF_WORDS = ("kind", "grade", "reason")
 #: What stands in a header without ambiguity.
 _PLAIN = re.compile(r"[\w :+.²³µ-]*|\w+/\w+²?")
-#: Steps that a time may lie beside its place: one row less is a whole step.
+#: Steps that the first time may lie beside its place: one row less is a whole step.
 _MAX_SHIFT = 0.5
 #: Labels examined to recognize a table of this layout.
 _MAX_LABELS = 1000
@@ -64,9 +68,12 @@ _MAX_CHARACTERS, _CHARACTERS_SHOWN = 400, 20
 
 
 class _Table(NamedTuple):
+    """What a table of this layout holds: what comments say, the names of its columns, and their values."""
+
+    where: str
     notes: dict[str, str]
     header: list[str]
-    numbers: RealArray
+    columns: list[Array]
 
 
 #: Largest number of a mode that is looked for, and missing ones that are named at most.
@@ -82,190 +89,144 @@ class _Line:
 
 def read(path: Path, options: Options) -> Contents:
     """Read a response or a record: in the layout above, or as anybody writes it."""
-    if set(TEXT) & set(options) or not _is_own(path):
+    table = None if set(TEXT) & set(options) else _own_table(path)
+    if table is None:
         return text.read(path, options)
-    table = _table(path, room(path.name, path.stat().st_size))
-    _check_rows(path, table)
-    given: dict[str, Any] = {name: table.notes[name] for name in ("quantity", "kind") if name in table.notes}
-    first, labels, values = table.header[0].strip().lower(), table.header[1:], table.numbers[:, 1:]
-    sides = [_SIDE.match(label) if len(label) <= _MAX_CHARACTERS else None for label in labels]
     if set(table.header) >= _OF_MODES:
-        thing: DataObject = _modes(path, table)
-    elif first == "frequency_hz":
-        if "sampling_rate" in table.notes:
-            given["sampling_rate"] = _number(path, table, "sampling_rate")
-        columns, channels = _matrix(path, labels, {"real", "imag"})
-        both = joined(values[:, columns["real"]], values[:, columns["imag"]])
-        thing = FrequencyResponse(values=both, frequencies=table.numbers[:, 0], **channels, **given)
-    elif first == "time_s" and sides and all(sides):
-        thing = _records(path, table, [side for side in sides if side], values)
-    elif first == "time_s":
-        if "first_sample" in table.notes:
-            start = _number(path, table, "first_sample")
-            given["first_sample"] = int(start) if start.is_integer() else start
-        columns, channels = _matrix(path, labels, {""})
-        fields = {"kind": "dirac", "sampling_rate": _rate(path, table), **given}
-        thing = ImpulseResponse(values=values[:, columns[""]], **channels, **fields)
-        _check_times(path, table, float(thing.times[0]) if "written by" in table.notes else None)
+        thing: DataObject = _modes(table)
+    elif table.header[0] == "frequency_hz":
+        thing = _frequency_response(table)
+    elif len(table.header) > 1 and all(map(_SIDE.match, table.header[1:])):
+        thing = _records(table)
     else:
-        fault = f"its first column is {table.header[0][:_CHARACTERS_SHOWN]!r}"
-        remedy = "Name it frequency_hz or time_s, and the others as the module modalscope.io.csv says."
-        raise unreadable(path.name, fault, remedy)
+        thing = _impulse_response(table)
     findings = tuple(Finding(part="column", what=name) for name in table.header)
     return Contents(thing=thing, findings=findings, notes=_edited(table))
 
 
-def _edited(table: _Table) -> tuple[str, ...]:
-    """Say that modes were taken out, by their numbers."""
-    if table.header[0] != "mode":
-        return ()
-    numbers = table.numbers[np.isfinite(table.numbers[:, 0]), 0]
-    gone = np.setdiff1d(np.arange(1, min(numbers.max(initial=0), _MAX_NUMBER) + 1), numbers)
-    which = ", ".join(f"{k:g}" for k in gone[:_NAMED]) + (" ..." if gone.size > _NAMED else "")
-    return (f"edited since it was written: without mode {which}",) if gone.size else ()
+def _own_table(path: Path) -> _Table | None:
+    """Return the table of a file in the layout above, every row of it; None where its first line is of any other.
 
-
-def _check_rows(path: Path, table: _Table) -> None:
-    """Raise unless a table has as many rows as its header says."""
-    if "rows" in table.notes and len(table.numbers) != _number(path, table, "rows"):
-        fault = f"it has {len(table.numbers)}"
+    Raises `DataError`: lines that are no rows, or another number of rows than its header says.
+    """
+    space, notes, head, encoding = room(path.name, path.stat().st_size), dict[str, str](), "", encoding_of(path)
+    lines = lines_of(path, encoding, 0, space)
+    for _, head in lines:
+        if not head.startswith("#"):
+            break
+        name, colon, value = head.lstrip("# ").partition(":")
+        notes |= {name.strip(): value.strip()} if colon else {}
+        space.parts("comments", len(notes))
+    delimiter = max(",;\t", key=head.count)
+    if not _is_own([cell.strip().strip('"') for cell in head.split(delimiter)]):
+        return None
+    if encoding == "cp1252":
+        remedy = "Save it as UTF-8, or give it the suffix of what it is."
+        raise unreadable(f"{path.name} as CSV", "it is not text in UTF-8", remedy)
+    space.parts("columns", head.count(delimiter) + 1)
+    header = split(head, Dialect(delimiter=delimiter, quoted=True))
+    words = _OF_WORDS if set(header) >= _OF_MODES else ()
+    kinds = ["text" if name in words else "number" for name in header]
+    dialect = Dialect(delimiter=delimiter, quoted=bool(words) or '"' in head)
+    arrays, left = read_body(path.name, lines, kinds, dialect, len(header), space)
+    if left or not arrays:
+        fault = left[0] if left else "it has no rows"
+        raise needs(path.name, f"{len(header)} numbers in every row", fault, "Correct them, or copy it again.")
+    columns = [(name, array) for name, array in zip(header, arrays, strict=True) if name not in words]
+    table = _Table(path.name, notes, [name for name, _ in columns], [array for _, array in columns])
+    if "rows" in notes and len(arrays[0]) != _number(table, "rows"):
         remedy = "Restore them or copy it again; if it was cut on purpose, take the comment `# rows` out."
-        raise needs(path.name, f"{table.notes['rows'][:_CHARACTERS_SHOWN]} rows, as its header says", fault, remedy)
+        stated = f"{notes['rows'][:_CHARACTERS_SHOWN]} rows, as its header says"
+        raise needs(path.name, stated, f"it has {len(arrays[0])}", remedy)
+    return table
 
 
-def _check_times(path: Path, table: _Table, start: float | None) -> None:
-    """Raise unless the samples follow at the rate of the header, to half a step, from a time on where one is given."""
-    if "sampling_rate" not in table.notes:
-        return
-    rate, times = _number(path, table, "sampling_rate"), table.numbers[:, 0]
-    expected = (times[0] if start is None else start) + np.arange(times.size) / rate
-    odd = np.flatnonzero(~(np.abs(times - expected) * rate < _MAX_SHIFT))
-    if odd.size:
-        k = int(odd[0])
-        fault = f"row {k + 1} under the header lies at {times[k]:.9g} s instead of {expected[k]:.9g} s"
-        remedy = "Restore the missing rows, or copy it again; columns='time=1' reads it as any other table."
-        raise needs(path.name, f"samples at {rate:g} Hz", fault, remedy)
-
-
-def _is_own(path: Path) -> bool:
+def _is_own(cells: list[str]) -> bool:
     """Whether a table has the layout above: by its first column and what the others are called."""
-    with path.open(encoding="utf-8-sig", errors="replace", newline=None) as file:
-        head = next((line for line in file if not line.startswith("#") and not line.isspace()), "")
-    if not head:
-        raise _empty(path)
-    cells = [cell.strip() for cell in head.split(max(",;\t", key=head.count))]
     if cells[0] not in ("frequency_hz", "time_s"):
         return set(cells) >= _OF_MODES
-    for label in (cell[:_MAX_CHARACTERS].strip('"') for cell in cells[1:_MAX_LABELS]):
+    for label in (cell[:_MAX_CHARACTERS].strip() for cell in cells[1:_MAX_LABELS]):
         pair = _PAIR.match(label)
         if _SIDE.match(label) or (pair and (pair["part"] or pair["in"] == "1" or not is_unit(pair["in"]))):
             return True
     return len(cells) < 2
 
 
-def _empty(path: Path) -> DataError:
-    return unreadable(f"{path.name} as CSV", "it has no header and rows", "Write a header and a row a sample.")
+def _edited(table: _Table) -> tuple[str, ...]:
+    """Say that modes were taken out, by their numbers."""
+    if table.header[0] != "mode":
+        return ()
+    numbers = table.columns[0][np.isfinite(table.columns[0])]
+    gone = np.setdiff1d(np.arange(1, min(numbers.max(initial=0), _MAX_NUMBER) + 1), numbers)
+    which = ", ".join(f"{k:g}" for k in gone[:_NAMED]) + (" ..." if gone.size > _NAMED else "")
+    return (f"edited since it was written: without mode {which}",) if gone.size else ()
 
 
-def _table(path: Path, space: Room) -> _Table:
-    """Return comments, header and numbers, row by row: a cell of text takes thirty times its characters in the file."""
-    notes: dict[str, str] = {}
-    try:
-        with path.open(encoding="utf-8-sig", newline=None) as file:
-            rows = _rows(file, notes, space)
-            first, second = next(rows, ""), next(rows, "")
-            if not second:
-                raise _empty(path)
-            delimiter = max(",;\t", key=first.count)
-            space.parts("columns", first.count(delimiter) + 1)
-            reader = csv.reader(chain([first, second], rows), delimiter=delimiter, strict=True)
-            header = [name.strip() for name in next(reader)]
-            words = [k for k, name in enumerate(header) if name in _OF_WORDS] if set(header) >= _OF_MODES else []
-            body = ([cell for k, cell in enumerate(row) if k not in words] for row in reader)
-            header = [name for k, name in enumerate(header) if k not in words]
-            return _Table(notes, header, _cells(path, body, len(header), space))
-    except UnicodeDecodeError:
-        remedy = "Save it as UTF-8, or give it the suffix of what it is."
-        raise unreadable(f"{path.name} as CSV", "it is not text in UTF-8", remedy) from None
-    except csv.Error as error:
-        fault = f"a quotation mark is left open, or misplaced ({error})"
-        raise unreadable(f"{path.name} as CSV", fault, "Close it, or take it out.") from None
-
-
-def _rows(file: TextIO, notes: dict[str, str], space: Room) -> Iterator[str]:
-    """Yield the lines that are neither blank nor comments; what comments say is kept in the notes."""
-    for line in file:
-        if not line.startswith("#"):
-            if not line.isspace():
-                yield line
-            continue
-        name, colon, value = line.lstrip("# ").partition(":")
-        if colon:
-            notes[name.strip()] = value.strip()
-            space.parts("comments", len(notes))
-
-
-def _cells(path: Path, body: Iterable[Sequence[str]], width: int, space: Room) -> RealArray:
-    """Return the rows under the header as numbers."""
-    numbers = array("d")
-    for k, row in enumerate(body):
-        try:
-            values = [float(cell) for cell in row]
-        except ValueError:
-            values = []
-        if len(values) != width:
-            fault = f"row {k + 1} under the header is {[cell[:_CHARACTERS_SHOWN] for cell in row[:6]]}"
-            raise needs(path.name, f"{width} numbers in every row", fault, "Correct that row; decimals take a point.")
-        space.take("its numbers", 8 * width)
-        numbers.extend(values)
-    return np.frombuffer(numbers).reshape(-1, width)
-
-
-def _number(path: Path, table: _Table, name: str) -> float:
+def _number(table: _Table, name: str) -> float:
     try:
         return float(table.notes[name])
     except ValueError:
         fault = f"it is {table.notes[name][:_CHARACTERS_SHOWN]!r}"
-        raise DataError(f"{name} in {path.name} needs a number", fault, "Correct the comment.") from None
+        raise DataError(f"{name} in {table.where} needs a number", fault, "Correct the comment.") from None
 
 
-def _rate(path: Path, table: _Table) -> float:
-    if "sampling_rate" in table.notes:
-        return _number(path, table, "sampling_rate")
-    try:
-        return sampling_of(table.numbers[:, 0]).rate
-    except DataError as error:
-        remedy = "Resample the record, or give `# sampling_rate: ...` in a comment."
-        raise needs(path.name, "evenly sampled, increasing times", error.found, remedy) from None
+def _rate(table: _Table) -> float:
+    """Return the rate that the header says and the times agree with."""
+    stated = _number(table, "sampling_rate") if "sampling_rate" in table.notes else None
+    times = Column(number=1, name="time_s", unit="s", values=table.columns[0])
+    return sampling_rate(Table(where=table.where, columns=(times,), rate=stated, rate_from="its header"), times, {})[0]
 
 
-def _matrix(path: Path, labels: list[str], parts: set[str]) -> tuple[dict[str, Array], dict[str, Any]]:
-    """Return the columns of each part as (outputs, inputs), and labels and units of the channels."""
-    at: dict[tuple[str, str, str], int] = {}
-    units: dict[str, dict[str, str]] = {"out": {}, "in": {}}
-    for column, label in enumerate(labels):
+def _said(table: _Table, *names: str) -> dict[str, Any]:
+    """Return the fields that comments give in words."""
+    return {name: table.notes[name] for name in names if name in table.notes}
+
+
+def _frequency_response(table: _Table) -> FrequencyResponse:
+    rate = _number(table, "sampling_rate") if "sampling_rate" in table.notes else None
+    fields = _pairs(table, ("real", "imag")) | _said(table, "quantity")
+    return FrequencyResponse(frequencies=table.columns[0], sampling_rate=rate, **fields)
+
+
+def _impulse_response(table: _Table) -> ImpulseResponse:
+    fields = {"kind": "dirac", **_pairs(table, ("",)), **_said(table, "quantity", "kind")}
+    if "first_sample" in table.notes:
+        start = _number(table, "first_sample")
+        fields["first_sample"] = int(start) if start.is_integer() else start
+    thing, first = ImpulseResponse(sampling_rate=_rate(table), **fields), float(table.columns[0][0])
+    if {"written by", "sampling_rate"} <= set(table.notes) and abs(
+        first - thing.times[0]
+    ) * thing.sampling_rate >= _MAX_SHIFT:
+        fault = f"row 1 under the header lies at {first:.9g} s"
+        raise needs(table.where, f"samples from {thing.times[0]:.9g} s on", fault, "Restore the missing rows.")
+    return thing
+
+
+def _pairs(table: _Table, parts: tuple[str, ...]) -> dict[str, Any]:
+    """Return values, labels and units of responses, of which each has a column a part."""
+    found: dict[tuple[str, str], dict[str, Array]] = {}
+    units: dict[tuple[str, str], tuple[str, str]] = {}
+    for label, values in zip(table.header[1:], table.columns[1:], strict=True):
         match = _PAIR.match(label) if len(label) <= _MAX_CHARACTERS else None
-        key = (match["part"] or "", match["out"], match["in"]) if match else None
-        if match is None or key is None or key[0] not in parts or key in at:
-            need = f"columns such as {'real ' if 'real' in parts else ''}3:+Z / 1:+Z, each once"
-            raise needs(path.name, need, f"there is {label[:_MAX_CHARACTERS]!r}", "Rename that column.")
-        at[key] = column
-        units["out"][match["out"]] = match["unit"] or ""
-        units["in"][match["in"]] = match["unit_in"] or ""
-    outputs, inputs = list(units["out"]), list(units["in"])
-    if len(at) != len(parts) * len(outputs) * len(inputs) or not at:
-        pairs = product(sorted(parts), outputs, inputs)
-        missing = islice((f"{p} {o} / {i}".strip() for p, o, i in pairs if (p, o, i) not in at), 5)
-        fault = f"missing: {', '.join(missing) or 'all'}"
-        raise needs(path.name, "a column for every output and input", fault, "Add them, or leave out that channel.")
-    columns = {part: np.array([[at[part, o, i] for i in inputs] for o in outputs]) for part in parts}
-    both = (tuple(units["out"].values()), tuple(units["in"].values()))
-    return columns, {"output_dofs": tuple(outputs), "input_dofs": tuple(inputs), "units": both}
+        pair, part = (match["out"], match["in"]) if match else ("", ""), (match["part"] or "") if match else "none"
+        if match is None or part not in parts or part in found.setdefault(pair, {}):
+            need = f"columns such as {f'{parts[0]} 3:+Z / 1:+Z'.strip()}, each once"
+            raise needs(table.where, need, f"there is {label[:_MAX_CHARACTERS]!r}", "Rename that column.")
+        found[pair][part] = values
+        units[pair] = (match["unit"] or "", match["unit_in"] or "")
+    missing = [f"{part} {' / '.join(pair)}".strip() for pair, of in found.items() for part in parts if part not in of]
+    if missing or not found:
+        fault = f"missing: {', '.join(missing[:5]) or 'all'}"
+        remedy = "Add them, or leave out that channel."
+        raise needs(table.where, "a column for every output and input", fault, remedy)
+    responses = {p: (joined(of["real"], of["imag"]) if len(parts) > 1 else of[""], units[p]) for p, of in found.items()}
+    outputs, inputs, units_of, values = matrix_of(table.where, responses)
+    return {"values": values, "output_dofs": outputs, "input_dofs": inputs, "units": units_of}
 
 
-def _modes(path: Path, table: _Table) -> ModalModel:
+def _modes(table: _Table) -> ModalModel:
     """Return the modes of a table: what no column of this layout is named after is an indicator."""
-    columns = dict(zip(table.header, table.numbers.T, strict=True))
+    columns: dict[str, Any] = dict(zip(table.header, table.columns, strict=True))
     outputs = [name.removeprefix("real ") for name in table.header if name.startswith("real ")]
     parts = [[columns.pop(f"{part} {dof}", None) for dof in outputs] for part in ("real", "imag")]
     missing = [dof for dof, imag in zip(outputs, parts[1], strict=True) if imag is None]
@@ -273,7 +234,7 @@ def _modes(path: Path, table: _Table) -> ModalModel:
     if missing or len(columns) + 2 + 2 * len(outputs) != len(table.header) or not np.all((f >= 0) & (abs(zeta) <= 1)):
         fault = f"imag {missing[0]} is missing" if missing else "a name stands twice, or a value is none of a mode"
         need = "each column once, real and imaginary parts of shapes, frequencies from 0 on and damping ratios within 1"
-        raise needs(path.name, need, fault, "Correct that column.")
+        raise needs(table.where, need, fault, "Correct that column.")
     for name in ("mode", *DERIVED):
         columns.pop(name, None)
     fields = {name: columns.pop(column) for column, name in COLUMNS.items() if column in columns}
@@ -289,21 +250,22 @@ def _modes(path: Path, table: _Table) -> ModalModel:
     )
 
 
-def _records(path: Path, table: _Table, labels: list[re.Match[str]], values: Array) -> Signals:
-    columns = {side: [k for k, label in enumerate(labels) if label["side"] == side] for side in ("out", "in")}
-    dofs = {side: tuple(labels[k]["dof"] for k in places) for side, places in columns.items()}
-    units = {side: tuple(labels[k]["unit"] or "" for k in places) for side, places in columns.items()}
-    quantities = table.notes.get("quantities")
-    _check_times(path, table, None)
-    named: Any = None if quantities is None else [text.strip() or None for text in quantities.split(",")]
+def _records(table: _Table) -> Signals:
+    found: dict[str, list[tuple[str, str, Array]]] = {"out": [], "in": []}
+    for label, values in zip(table.header[1:], table.columns[1:], strict=True):
+        if (match := _SIDE.match(label)) is not None:
+            found[match["side"]].append((match["dof"], match["unit"] or "", values))
+    out, into = found["out"], found["in"]
+    words = table.notes.get("quantities")
+    quantities: Any = None if words is None else [word.strip() or None for word in words.split(",")]
     return Signals(
-        outputs=values[:, columns["out"]],
-        inputs=values[:, columns["in"]] if columns["in"] else None,
-        sampling_rate=_rate(path, table),
-        quantities=named,
-        output_dofs=dofs["out"],
-        input_dofs=dofs["in"],
-        units=(units["out"], units["in"]),
+        outputs=np.stack([values for *_, values in out] or [np.zeros(0)], axis=1),
+        inputs=np.stack([values for *_, values in into], axis=1) if into else None,
+        sampling_rate=_rate(table),
+        quantities=quantities,
+        output_dofs=tuple(dof for dof, *_ in out),
+        input_dofs=tuple(dof for dof, *_ in into),
+        units=(tuple(unit for _, unit, _ in out), tuple(unit for _, unit, _ in into)),
     )
 
 

@@ -234,7 +234,7 @@ def frequency_response(
     groups = parts_of_responses(columns, roles, option_roles)
     notes: list[str] = []
     used: dict[int, str] = {}
-    responses: dict[tuple[str, str], tuple[Array, str]] = {}
+    responses: dict[tuple[str, str], tuple[Array, tuple[str, str]]] = {}
     coherences: list[tuple[str, Column]] = []
     for (base, place), parts in groups.items():
         if set(parts) == {"coh"}:
@@ -247,7 +247,7 @@ def frequency_response(
         if values is None:
             raise _incomplete(table, axis, parts, groups, option_roles)
         first = next(iter(parts.values()))
-        responses[pair] = (values, first.unit)
+        responses[pair] = (values, _unit_pair(first.unit))
         used |= {column.number: "" for column in parts.values()}
         coherences += [(base, parts["coh"])] if "coh" in parts else []
     if len(responses) > 1 and {into for _, into in responses} == {_ONLY_INPUT}:
@@ -255,11 +255,11 @@ def frequency_response(
     if not responses:
         raise _no_phases(table, axis, columns, works)
     unused = {column.number: "it belongs to no frequency response" for column in columns if column.number not in used}
-    outputs, inputs, units, values = _matrix(table, responses)
+    outputs, inputs, units, values = matrix_of(table.where, responses)
     coherence = _coherence(coherences, outputs, inputs, unused)
     quantities = {kind_of_unit(unit) for unit in units[0]} & {"acceleration", "velocity", "displacement"}
     thing = FrequencyResponse(
-        values=values,
+        values=np.asarray(values, complex),
         frequencies=axis.values * factor_to_base(axis.unit),
         quantity=quantities.pop() if len(quantities) == 1 else None,
         output_dofs=outputs,
@@ -339,21 +339,26 @@ def _no_phases(table: Table, axis: Column, columns: Sequence[Column], works: Wor
     return needs(table.where, "complex values with its frequencies", fault, remedy)
 
 
-def _matrix(table: Table, responses: Mapping[tuple[str, str], tuple[Array, str]]) -> tuple[Any, Any, Any, Array]:
+def matrix_of(
+    where: str, responses: Mapping[tuple[str, str], tuple[Array, tuple[str, str]]]
+) -> tuple[Any, Any, Any, Array]:
+    """Return outputs, inputs, their units and values (lines, outputs, inputs) of responses by output and input, each with both units.
+
+    Raises `DataError`: a pair is missing.
+    """
     outputs = tuple(dict.fromkeys(out for out, _ in responses))
     inputs = tuple(dict.fromkeys(into for _, into in responses))
     missing = [f"{o} / {i}" for o in outputs for i in inputs if (o, i) not in responses]
     if missing:
         fault = f"{', '.join(missing[:6])} {'is' if len(missing) == 1 else 'are'} missing"
         remedy = "Export them, or leave the others of that channel out with --ignore."
-        raise needs(table.where, "a response of every output to every input", fault, remedy)
-    split = {pair: _unit_pair(unit) for pair, (_, unit) in responses.items()}
+        raise needs(where, "a response of every output to every input", fault, remedy)
     units = (
-        tuple(split[output, inputs[0]][0] for output in outputs),
-        tuple(split[outputs[0], into][1] for into in inputs),
+        tuple(responses[output, inputs[0]][1][0] for output in outputs),
+        tuple(responses[outputs[0], into][1][1] for into in inputs),
     )
     values = np.stack([np.stack([responses[o, i][0] for i in inputs], axis=-1) for o in outputs], axis=1)
-    return outputs, inputs, units, np.asarray(values, complex)
+    return outputs, inputs, units, values
 
 
 def _unit_pair(unit: str) -> tuple[str, str]:
