@@ -6,6 +6,7 @@ import gc
 import re
 import time
 import zipfile
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -157,6 +158,57 @@ def test_a_workbook_of_a_billion_empty_cells_is_ended(tmp_path: Path) -> None:
     begun = time.monotonic()
     refused("a.xlsx with openpyxl.*(does not end|not end within|MemoryError)", ms.read, tmp_path / "a.xlsx")
     assert time.monotonic() - begun < 60
+
+
+_BOOK = 'xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"'
+_WORKBOOK = (
+    f'<workbook {_BOOK} xmlns:r="http://schemas.openxmlformats.org/officeDocument/2006/relationships"><sheets>'
+    "{}</sheets></workbook>"
+)
+
+
+def _sheets(count: int) -> str:
+    return _WORKBOOK.format("".join(f'<sheet name="{k}" sheetId="{k}" r:id="rId1"/>' for k in range(1, count + 1)))
+
+
+def _styles(code: str, first: str = "") -> str:
+    return f'{first}<styleSheet {_BOOK}><numFmts><numFmt numFmtId="200" formatCode="{code}"/></numFmts></styleSheet>'
+
+
+@pytest.mark.parametrize(
+    ("member", "text", "apart"),
+    [
+        ("xl/other.xml", "<a/>", False),
+        ("xl/other.xml", "<a/>" * 260_000, True),  # more than small ones hold
+        ("xl/styles.xml", _styles("[" * 500), False),
+        ("xl/styles.xml", _styles("[" * 501), True),  # patterns of openpyxl take the square of it
+        ("xl/styles.xml", _styles("0", "<!DOCTYPE a [<!ENTITY b 'c'>]>"), True),
+        ("xl/styles.xml", _styles("0", "<!-- a remark -->"), False),
+        ("xl/other.bin", "a\0", True),
+        ("xl/workbook.xml", _sheets(100), False),
+        ("xl/workbook.xml", _sheets(2000), True),  # one part, read as often as there are names
+    ],
+)
+def test_a_small_workbook_is_read_in_this_process_unless_what_it_holds_may_take_long(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, member: str, text: str, apart: bool
+) -> None:
+    path, begun = tmp_path / "a.xlsx", list[str]()
+    book = pytest.importorskip("openpyxl").Workbook()
+    for row in (["t [s]", "a [m/s2]"], *([k / 100, float(k % 7)] for k in range(8))):
+        book.active.append(row)
+    book.save(tmp_path / "b.xlsx")
+    with zipfile.ZipFile(tmp_path / "b.xlsx") as old, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as new:
+        for name in {*old.namelist(), member}:
+            new.writestr(name, text if name == member else old.read(name))
+
+    def noted(package: str, *given: Any) -> Any:
+        begun.append(package)
+        return "it is ended", b""
+
+    monkeypatch.setattr("modalscope.io.apart.run_apart", noted)
+    with suppress(ms.DataError):  # several sheets
+        ms.read(path)
+    assert begun == ["openpyxl"] * apart
 
 
 def test_parquet_keeps_names(tmp_path: Path) -> None:

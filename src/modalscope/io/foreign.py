@@ -9,27 +9,32 @@ from __future__ import annotations
 import io
 import json
 import sys
+import warnings
 from collections.abc import Callable
 from contextlib import closing
 from datetime import date, time
 from importlib import import_module
 from math import prod
 from pathlib import Path
-from typing import Any
+from threading import Lock
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from modalscope.io.limits import Room
 
 Answer = tuple[dict[str, Any], list[Any]]
 
 
-def read_apart(package: str, path: Path, sheet: str = "", signature: tuple[bytes, ...] = ()) -> Answer:
+def read_apart(package: str, path: Path, sheet: str = "", signature: tuple[bytes, ...] = (), here: int = 0) -> Answer:
     """Return what the program says of a file, and its arrays.
 
-    `package`: one of `_PROGRAMS`. `sheet`: the group to read, of several. `signature`: what such files begin with.
+    `package`: one of `_PROGRAMS`. `sheet`: the group to read, of several. `signature`: what such files begin with. `here`: bytes that it
+    may take in this process, where its reading ends soon whatever it holds; zero for a process of its own.
 
     Raises `DataError`: the package is missing, or does not read the file within its limits.
     """
-    from modalscope.io.apart import python, run_apart
     from modalscope.io.contents import unreadable
     from modalscope.io.hdf5 import check_hdf5
     from modalscope.io.limits import room
@@ -38,7 +43,6 @@ def read_apart(package: str, path: Path, sheet: str = "", signature: tuple[bytes
     name, extra = _NAMES[package]
     optional_package(f"reading {path.suffix}", package, extra, name)
     space = room(path.name, path.stat().st_size)
-    arguments = (package, str(path), space.left, sheet)
     remedy = "Export it again, or as text (.csv)." if package != "meshio" else "Export it as .msh, .vtk, .bdf or .inp."
     arrays: list[Any] = []
     with path.open("rb") as file:
@@ -47,13 +51,22 @@ def read_apart(package: str, path: Path, sheet: str = "", signature: tuple[bytes
         check_hdf5(path, space)
     if not head.startswith(signature or b""):
         answer, arrays = {"fault": "it is damaged or of another kind: it does not begin as such a file does"}, arrays
-    elif not python():
-        answer, arrays = _read(*arguments)
     else:
-        answer, arrays = _told(*run_apart(package, space, [__file__, *map(str, arguments)]))
+        answer, arrays = _answer(package, path, sheet, space, here)
     if answer.get("fault"):
         raise unreadable(f"{path.name} with {name}", str(answer["fault"]), remedy)
     return answer, arrays
+
+
+def _answer(package: str, path: Path, sheet: str, space: Room, here: int) -> Answer:
+    """Return what a package says: in this process where a file is small and it ends well, or where there is no other Python."""
+    from modalscope.io.apart import python, run_apart
+
+    if here or not python():
+        answer, arrays = _read(package, str(path), here or space.left, sheet)
+        if not (python() and answer.get("fault")):
+            return answer, arrays
+    return _told(*run_apart(package, space, [__file__, package, str(path), str(space.left), sheet]))
 
 
 def _told(fault: str, told: bytes) -> Answer:
@@ -169,18 +182,31 @@ def _xarray(path: str, left: int, sheet: str) -> Answer:
     return {"variables": variables, "coords": coords, "numbers": numbers}, arrays
 
 
+#: Warning filters belong to the whole process: one reader at a time changes and restores them.
+FILTERS_OF_WARNINGS = Lock()
+#: Bytes of a cell of a sheet in memory, beside those of its text.
+_BYTES_OF_CELL = 8
+
+
 def _openpyxl(path: str, left: int, sheet: str) -> Answer:
     openpyxl = import_module("openpyxl")
 
     arrays: list[Any] = []
-    with Path(path).open("rb") as file, closing(openpyxl.load_workbook(file, read_only=True, data_only=True)) as book:
-        sheets = list(map(str, book.sheetnames))
-        read = [sheet] if sheet in sheets else [name for name in sheets if hasattr(book[name], "iter_rows")]
-        for name in read:
-            lines = ("\t".join(map(_text_of_cell, row)) for row in book[name].iter_rows(values_only=True))
-            full = [(number, line) for number, line in enumerate(lines, 1) if line.strip("\t")]
-            text = "\n".join(line for _, line in full).encode(errors="replace")
-            arrays += [np.array([number for number, _ in full], np.int64), np.frombuffer(text, np.uint8)]
+    weight = 0
+    with FILTERS_OF_WARNINGS, warnings.catch_warnings(), Path(path).open("rb") as file:
+        warnings.simplefilter("ignore")  # of styles and names that are not needed
+        with closing(openpyxl.load_workbook(file, read_only=True, data_only=True)) as book:
+            sheets = list(map(str, book.sheetnames))
+            read = [sheet] if sheet in sheets else [name for name in sheets if hasattr(book[name], "iter_rows")]
+            for name in read:
+                lines: list[str] = []
+                for row in book[name].iter_rows(values_only=True):
+                    weight += _BYTES_OF_CELL * (1 + len(row)) + sum(len(cell) for cell in row if isinstance(cell, str))
+                    _weigh(weight, left)
+                    lines.append("\t".join(map(_text_of_cell, row)))
+                full = [(number, line) for number, line in enumerate(lines, 1) if line.strip("\t")]
+                text = "\n".join(line for _, line in full).encode(errors="replace")
+                arrays += [np.array([number for number, _ in full], np.int64), np.frombuffer(text, np.uint8)]
     return {"sheets": sheets, "read": read}, arrays
 
 
@@ -194,7 +220,7 @@ def _text_of_cell(value: object) -> str:
 
 def _weigh(count: int, left: int) -> None:
     if count > left:
-        raise MemoryError(f"its channels would take {count} bytes of memory, and may take {left}")
+        raise MemoryError(f"it would take {count} bytes of memory, and may take {left}")
 
 
 _PROGRAMS: dict[str, Callable[[str, int, str], Answer]] = {

@@ -5,19 +5,19 @@ Each reader returns columns, units and rate; `columns` makes data of them. npTDM
 
 from __future__ import annotations
 
+import re
 import warnings
 import zipfile
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from threading import Lock
 
 import numpy as np
 
 from modalscope.io.columns import Column, Table, contents_from_table
 from modalscope.io.columns.vocabulary import words_of
 from modalscope.io.contents import Contents, Options, chosen, damage_as_error, unreadable
-from modalscope.io.foreign import read_apart
+from modalscope.io.foreign import FILTERS_OF_WARNINGS, read_apart
 from modalscope.io.frames import table_of_frame
 from modalscope.io.limits import Room, room
 from modalscope.io.text import contents_of_lines
@@ -30,8 +30,11 @@ _MAX_ODD = 0.02
 _EXPORT = "Export it again, or as text (.csv)."
 #: A sheet is a table where at least so many of its first rows hold nothing but values.
 _ROWS_EXAMINED, _MIN_ROWS_OF_VALUES = 200, 3
-#: Warning filters belong to the whole process: one reader at a time changes and restores them.
-_FILTERS_OF_WARNINGS = Lock()
+#: Workbooks that are read in this process, for one of its own costs a quarter of a second: bytes packed in them, and these for every sheet
+#: (all may be one part); characters of a text, since patterns of openpyxl may take the square of them; bytes of the cells.
+_MAX_PACKED_HERE, _MAX_WORK_HERE, _MAX_TEXT_HERE, _BYTES_HERE = 1_000_000, 5_000_000, 500, 4_000_000
+#: XML that may become more than it is: entities, and encodings in which they are not seen.
+_MAY_GROW = re.compile(rb"\0|<!(?!--|\[CDATA)|encoding=.(?!utf-8|us-ascii)", re.IGNORECASE)
 
 
 def read_tdms(path: Path, options: Options) -> Contents:
@@ -157,14 +160,32 @@ def rows_of_workbook(path: Path) -> list[tuple[int, str]]:
 
 def sheets(path: Path, space: Room, options: Options) -> tuple[list[str], dict[str, list[tuple[int, str]]]]:
     """Return the names of all sheets, and of the one asked for, or of all, numbers and texts of the rows that are not empty."""
+    here = 0
     with damage_as_error(f"{path.name} as an Excel workbook", "Save it again as .xlsx, or as text (.csv)."):
         if zipfile.is_zipfile(path):
             with zipfile.ZipFile(path) as archive:  # a cell becomes an object as its text does
                 space.take("what is packed in it", sum(member.file_size for member in archive.infolist()))
-    answer, arrays = read_apart("openpyxl", path, str(options.get("sheet") or ""))
+                here = _BYTES_HERE if _ends_soon(archive) else 0
+    answer, arrays = read_apart("openpyxl", path, str(options.get("sheet") or ""), here=here)
     texts = (text.tobytes().decode().split("\n") for text in arrays[1::2])
     rows = (list(zip(numbers.tolist(), lines, strict=False)) for numbers, lines in zip(arrays[::2], texts, strict=True))
     return answer["sheets"], dict(zip(answer["read"], rows, strict=True))
+
+
+def _ends_soon(archive: zipfile.ZipFile) -> bool:
+    """Whether a workbook is read within seconds and little memory, whatever stands in it: short texts of XML without entities."""
+    members = archive.infolist()
+    packed = sum(member.file_size for member in members)
+    if packed > _MAX_PACKED_HERE:
+        return False
+    texts = [archive.read(member) for member in members]
+    many = packed * sum(text.count(b"sheetId") for text in texts) > _MAX_WORK_HERE
+    return not many and not any(
+        _MAY_GROW.search(text)
+        or text.lstrip(b"\xef\xbb\xbf")[:1] != b"<"
+        or max(map(len, re.split(rb"[<>\"]", text))) > _MAX_TEXT_HERE
+        for text in texts
+    )
 
 
 def _is_table(lines: Sequence[tuple[int, str]]) -> bool:
@@ -185,7 +206,7 @@ def read_wav(path: Path, options: Options) -> Contents:
         damage_as_error(
             f"{path.name} as a sound file", "Export it as uncompressed WAV (PCM or floating point), or as text."
         ),
-        _FILTERS_OF_WARNINGS,
+        FILTERS_OF_WARNINGS,
         warnings.catch_warnings(),
     ):
         warnings.simplefilter("error", wavfile.WavFileWarning)
