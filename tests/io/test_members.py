@@ -165,3 +165,19 @@ def test_arrays_that_are_called_runs_are_asked_for(tmp_path: Path, labels: tuple
     np.testing.assert_array_equal(ms.read(path, sheet=labels[1]).outputs, acc[1])
     savemat(path, {"acc_1": acc[0], "acc_2": acc[1], "fs": RATE})  # channels of two sensors
     assert ms.read(path).outputs.shape == (300, 6)
+
+
+@pytest.mark.parametrize(("rows", "asked"), [(299, True), (300, False)])
+def test_structures_of_several_channels_are_tests_where_their_lengths_differ(
+    tmp_path: Path, rows: int, asked: bool
+) -> None:
+    path = tmp_path / "two.mat"
+    acc = np.random.default_rng(1).standard_normal((2, 300, 3))
+    held = [{"t": np.arange(n) / RATE, "acc": a[:n]} for n, a in zip((300, rows), acc, strict=True)]
+    savemat(path, {"deck": held[0], "tower": held[1]})
+    if not asked:  # triaxial sensors of one test
+        assert ms.read(path).outputs.shape == (300, 6)
+        return
+    with pytest.raises(ms.DataError, match='--test "deck" or --test "tower"'):
+        ms.read(path)
+    np.testing.assert_array_equal(ms.read(path, sheet="tower").outputs, acc[1, :rows])

@@ -47,6 +47,13 @@ def _table(path: Path, head: str, *columns: np.ndarray, sep: str = ",") -> Path:
         # a laser without its sensitivity answers the force as the sensors do, and without a force the drive is the input
         ("Voltage [V],Force [N],B [g]", (A, FORCE, B), ("Voltage", "B"), ("Force",)),
         ("Source [V],A [g],B [g]", (DRIVE, A, B), ("A", "B"), ("Source",)),
+        ("Drive voltage [V],A [g],B [g]", (DRIVE, A, B), ("A", "B"), ("Drive voltage",)),
+        ("Shaker voltage,A [g],B [g]", (DRIVE, A, B), ("A", "B"), ("Shaker voltage",)),
+        ("Shaker voltage,Force,A [g],B [g]", (DRIVE, FORCE, A, B), ("A", "B"), ("Force",)),
+        # a counter beside it follows nothing; what is called an output may be a generator's
+        ("DAC 1 [V],A [g],B [g],Tacho", (DRIVE, A, B, np.arange(ROWS) % 17 < 3), ("A", "B"), ("DAC 1",)),
+        ("Output 1 [V],Force [N],A [g],B [g]", (DRIVE, FORCE, A, B), ("A", "B"), ("Force",)),
+        ("Output 1 [V],Force [N],B [g]", (A, FORCE, B), ("Output 1", "B"), ("Force",)),
     ],
 )
 def test_the_voltage_that_drives_a_shaker_is_no_channel_beside_its_force(
@@ -54,6 +61,13 @@ def test_the_voltage_that_drives_a_shaker_is_no_channel_beside_its_force(
 ) -> None:
     found = ms.read(_table(tmp_path / "a.csv", f"Time (s),{names}", TIMES, *columns))
     assert (found.output_dofs, found.input_dofs) == (outputs, inputs)
+
+
+def test_a_drive_that_nothing_follows_is_left_and_the_note_names_it_as_an_input(tmp_path: Path) -> None:
+    noise = np.random.default_rng(8).standard_normal(ROWS)
+    found = ms.io.survey(_table(tmp_path / "a.csv", "Time (s),Source [V],A [g],B [g]", TIMES, noise, A, B))
+    assert found.thing.output_dofs == ("A", "B")
+    assert any('(else: --columns "time=1,in=2,out=3-4")' in str(note) for note in found.notes)
 
 
 def test_counters_from_any_number_and_counts_are_no_sensors(tmp_path: Path) -> None:

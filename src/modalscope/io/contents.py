@@ -90,9 +90,8 @@ def damage_as_error(
 def check_characters(name: str, array: Any) -> None:
     """Raise ValueError where text in a file has numbers that are no characters: Python ends in a SystemError when it meets them."""
     if array.dtype.kind == "U" and array.dtype.itemsize:
-        codes = (
-            np.ascontiguousarray(array).reshape(-1).astype(array.dtype.newbyteorder("="), copy=False).view(np.uint32)
-        )
+        plain = np.ascontiguousarray(array).reshape(-1)
+        codes = plain.astype(array.dtype.newbyteorder("="), copy=False).view(np.uint32)
         if codes.size and codes.max() > _LAST_CHARACTER:
             raise ValueError(f"{name} has numbers that are no characters")
 

@@ -39,11 +39,12 @@ from modalscope.io.atomic import MARK
 from modalscope.io.columns import Column, Table
 from modalscope.io.columns.lines import matrix_of
 from modalscope.io.columns.records import sampling_rate
+from modalscope.io.columns.vocabulary import MAX_CHARACTERS
 from modalscope.io.columns.words import is_unit
 from modalscope.io.contents import Contents, DataObject, Finding, Options, needs, unreadable
 from modalscope.io.limits import room
 from modalscope.io.options import TEXT
-from modalscope.io.text.body import read_body
+from modalscope.io.text.body import CHARACTERS_SHOWN, read_body
 from modalscope.io.text.cells import Dialect, split
 from modalscope.io.text.dialect import encoding_of, lines_of
 from modalscope.numerics.checks import Array
@@ -63,8 +64,6 @@ _PLAIN = re.compile(r"[\w :+.²³µ-]*|\w+/\w+²?")
 _MAX_SHIFT = 0.5
 #: Labels examined to recognize a table of this layout.
 _MAX_LABELS = 1000
-#: Characters of a label, at most; of a cell in a message.
-_MAX_CHARACTERS, _CHARACTERS_SHOWN = 400, 20
 
 
 class _Table(NamedTuple):
@@ -78,13 +77,6 @@ class _Table(NamedTuple):
 
 #: Largest number of a mode that is looked for, and missing ones that are named at most.
 _MAX_NUMBER, _NAMED = 10_000, 8
-
-
-class _Line:
-    """Stands for a file: `csv.writer(_Line()).writerow(row)` returns the line."""
-
-    def write(self, line: str) -> str:
-        return line
 
 
 def read(path: Path, options: Options) -> Contents:
@@ -136,7 +128,7 @@ def _own_table(path: Path) -> _Table | None:
     table = _Table(path.name, notes, [name for name, _ in columns], [array for _, array in columns])
     if "rows" in notes and len(arrays[0]) != _number(table, "rows"):
         remedy = "Restore them or copy it again; if it was cut on purpose, take the comment `# rows` out."
-        stated = f"{notes['rows'][:_CHARACTERS_SHOWN]} rows, as its header says"
+        stated = f"{notes['rows'][:CHARACTERS_SHOWN]} rows, as its header says"
         raise needs(path.name, stated, f"it has {len(arrays[0])}", remedy)
     return table
 
@@ -145,7 +137,7 @@ def _is_own(cells: list[str]) -> bool:
     """Whether a table has the layout above: by its first column and what the others are called."""
     if cells[0] not in ("frequency_hz", "time_s"):
         return set(cells) >= _OF_MODES
-    for label in (cell[:_MAX_CHARACTERS].strip() for cell in cells[1:_MAX_LABELS]):
+    for label in (cell[:MAX_CHARACTERS].strip() for cell in cells[1:_MAX_LABELS]):
         pair = _PAIR.match(label)
         if _SIDE.match(label) or (pair and (pair["part"] or pair["in"] == "1" or not is_unit(pair["in"]))):
             return True
@@ -166,7 +158,7 @@ def _number(table: _Table, name: str) -> float:
     try:
         return float(table.notes[name])
     except ValueError:
-        fault = f"it is {table.notes[name][:_CHARACTERS_SHOWN]!r}"
+        fault = f"it is {table.notes[name][:CHARACTERS_SHOWN]!r}"
         raise DataError(f"{name} in {table.where} needs a number", fault, "Correct the comment.") from None
 
 
@@ -207,11 +199,11 @@ def _pairs(table: _Table, parts: tuple[str, ...]) -> dict[str, Any]:
     found: dict[tuple[str, str], dict[str, Array]] = {}
     units: dict[tuple[str, str], tuple[str, str]] = {}
     for label, values in zip(table.header[1:], table.columns[1:], strict=True):
-        match = _PAIR.match(label) if len(label) <= _MAX_CHARACTERS else None
+        match = _PAIR.match(label) if len(label) <= MAX_CHARACTERS else None
         pair, part = (match["out"], match["in"]) if match else ("", ""), (match["part"] or "") if match else "none"
         if match is None or part not in parts or part in found.setdefault(pair, {}):
             need = f"columns such as {f'{parts[0]} 3:+Z / 1:+Z'.strip()}, each once"
-            raise needs(table.where, need, f"there is {label[:_MAX_CHARACTERS]!r}", "Rename that column.")
+            raise needs(table.where, need, f"there is {label[:MAX_CHARACTERS]!r}", "Rename that column.")
         found[pair][part] = values
         units[pair] = (match["unit"] or "", match["unit_in"] or "")
     missing = [f"{part} {' / '.join(pair)}".strip() for pair, of in found.items() for part in parts if part not in of]
@@ -251,11 +243,9 @@ def _modes(table: _Table) -> ModalModel:
 
 
 def _records(table: _Table) -> Signals:
-    found: dict[str, list[tuple[str, str, Array]]] = {"out": [], "in": []}
-    for label, values in zip(table.header[1:], table.columns[1:], strict=True):
-        if (match := _SIDE.match(label)) is not None:
-            found[match["side"]].append((match["dof"], match["unit"] or "", values))
-    out, into = found["out"], found["in"]
+    matches = zip(map(_SIDE.match, table.header[1:]), table.columns[1:], strict=True)
+    sides = [(match["side"], match["dof"], match["unit"] or "", values) for match, values in matches if match]
+    out, into = ([channel for channel in sides if channel[0] == side] for side in ("out", "in"))
     words = table.notes.get("quantities")
     quantities: Any = None if words is None else [word.strip() or None for word in words.split(",")]
     return Signals(
@@ -263,9 +253,9 @@ def _records(table: _Table) -> Signals:
         inputs=np.stack([values for *_, values in into], axis=1) if into else None,
         sampling_rate=_rate(table),
         quantities=quantities,
-        output_dofs=tuple(dof for dof, *_ in out),
-        input_dofs=tuple(dof for dof, *_ in into),
-        units=(tuple(unit for _, unit, _ in out), tuple(unit for _, unit, _ in into)),
+        output_dofs=tuple(dof for _, dof, _, _ in out),
+        input_dofs=tuple(dof for _, dof, _, _ in into),
+        units=(tuple(unit for _, _, unit, _ in out), tuple(unit for _, _, unit, _ in into)),
     )
 
 
@@ -297,11 +287,7 @@ def _check_header(path: Path, thing: Signals | Response, header: Sequence[str]) 
     _put(path, {}, header, [[k] * len(header) for k in (1, 2)])
     try:
         again: Any = read(path, {}).thing
-        restored = (again.output_dofs, again.input_dofs, again.units) == (
-            thing.output_dofs,
-            thing.input_dofs,
-            thing.units,
-        )
+        restored = all(getattr(again, name) == getattr(thing, name) for name in ("output_dofs", "input_dofs", "units"))
     except DataError:
         restored = False
     if not restored:
@@ -312,12 +298,11 @@ def _check_header(path: Path, thing: Signals | Response, header: Sequence[str]) 
 
 
 def _put(path: Path, notes: dict[str, str] | None, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    writer: Any = csv.writer(_Line(), lineterminator="\n")
     with path.open("w", encoding="utf-8", newline="") as file:
         if notes is not None:
             whole = {"written by": MARK, **notes, "rows": len(rows)}
             file.writelines(f"# {name}: {value}\n" for name, value in whole.items())
-        file.writelines(map(writer.writerow, chain([header], rows)))
+        csv.writer(file, lineterminator="\n").writerows(chain([header], rows))
 
 
 def _notes(thing: Any, *names: str) -> dict[str, str]:

@@ -17,56 +17,46 @@ from importlib import import_module
 from math import prod
 from pathlib import Path
 from threading import Lock
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from modalscope.io.limits import Room
 
 Answer = tuple[dict[str, Any], list[Any]]
 
 
-def read_apart(package: str, path: Path, sheet: str = "", signature: tuple[bytes, ...] = (), here: int = 0) -> Answer:
+def read_apart(package: str, path: Path, sheet: str = "", here: bool = False) -> Answer:
     """Return what the program says of a file, and its arrays.
 
-    `package`: one of `_PROGRAMS`. `sheet`: the group to read, of several. `signature`: what such files begin with. `here`: bytes that it
-    may take in this process, where its reading ends soon whatever it holds; zero for a process of its own.
+    `package`: one of `_PROGRAMS`. `sheet`: the group to read, of several. `here`: whether this process tries first, with a part of the
+    memory, since that ends soon whatever the file holds.
 
     Raises `DataError`: the package is missing, or does not read the file within its limits.
     """
+    from modalscope.io.apart import python, run_apart
     from modalscope.io.contents import unreadable
     from modalscope.io.hdf5 import check_hdf5
     from modalscope.io.limits import room
     from modalscope.numerics.errors import optional_package
 
-    name, extra = _NAMES[package]
+    name, extra, *begins = _NAMES[package]
     optional_package(f"reading {path.suffix}", package, extra, name)
     space = room(path.name, path.stat().st_size)
+    arguments = (package, str(path), str(space.left), sheet)
     remedy = "Export it again, or as text (.csv)." if package != "meshio" else "Export it as .msh, .vtk, .bdf or .inp."
     arrays: list[Any] = []
     with path.open("rb") as file:
         head = file.read(8)
     if head.startswith(b"\x89HDF") or path.suffix.lower() == ".med":  # netCDF 4 and MED: links may lead out of them
         check_hdf5(path, space)
-    if not head.startswith(signature or b""):
-        answer, arrays = {"fault": "it is damaged or of another kind: it does not begin as such a file does"}, arrays
-    else:
-        answer, arrays = _answer(package, path, sheet, space, here)
+    answer: dict[str, Any] = {"fault": "it is damaged or of another kind: it does not begin as such a file does"}
+    if not begins or head.startswith(begins[0]):
+        answer, arrays = _read(package, str(path), space.left // _PARTS_HERE, sheet) if here else (answer, arrays)
+        if answer.get("fault"):
+            program = [__file__, *arguments]
+            answer, arrays = _told(*run_apart(package, space, program)) if python() else _read(*arguments)
     if answer.get("fault"):
         raise unreadable(f"{path.name} with {name}", str(answer["fault"]), remedy)
     return answer, arrays
-
-
-def _answer(package: str, path: Path, sheet: str, space: Room, here: int) -> Answer:
-    """Return what a package says: in this process where a file is small and it ends well, or where there is no other Python."""
-    from modalscope.io.apart import python, run_apart
-
-    if here or not python():
-        answer, arrays = _read(package, str(path), here or space.left, sheet)
-        if not (python() and answer.get("fault")):
-            return answer, arrays
-    return _told(*run_apart(package, space, [__file__, package, str(path), str(space.left), sheet]))
 
 
 def _told(fault: str, told: bytes) -> Answer:
@@ -80,11 +70,14 @@ def _told(fault: str, told: bytes) -> Answer:
     return answer, arrays
 
 
-_NAMES = {
+#: What is read in this process may take this part of the memory.
+_PARTS_HERE = 8
+#: What a package is called, the extra that brings it, and what its files begin with where that is known.
+_NAMES: dict[str, tuple[Any, ...]] = {
     "meshio": ("meshio", "mesh"),
-    "nptdms": ("npTDMS", "tdms"),
-    "asammdf": ("asammdf", "mdf"),
-    "xarray": ("xarray", "netcdf"),
+    "nptdms": ("npTDMS", "tdms", b"TDSm"),
+    "asammdf": ("asammdf", "mdf", b"MDF "),
+    "xarray": ("xarray", "netcdf", (b"CDF", b"\x89HDF")),
     "openpyxl": ("openpyxl", "excel"),
 }
 
@@ -232,10 +225,10 @@ _PROGRAMS: dict[str, Callable[[str, int, str], Answer]] = {
 }
 
 
-def _read(package: str, path: str, left: int, sheet: str) -> Answer:
+def _read(package: str, path: str, left: str | int, sheet: str) -> Answer:
     """Return what a package reads; whatever it raises is an error of the file."""
     try:
-        answer, arrays = _PROGRAMS[package](path, left, sheet)
+        answer, arrays = _PROGRAMS[package](path, int(left), sheet)
         # what is no number is text; nothing else is needed, and objects would be pickled
         return answer, [a if a.dtype.kind in "biufcUSMm" else a.astype(str) for a in arrays]
     except (Exception, SystemExit) as error:  # noqa: BLE001 - packages raise anything
@@ -244,7 +237,7 @@ def _read(package: str, path: str, left: int, sheet: str) -> Answer:
 
 def _main(package: str, path: str, left: str, sheet: str) -> None:
     out, sys.stdout = sys.stdout.buffer, io.StringIO()
-    answer, arrays = _read(package, path, int(left), sheet)
+    answer, arrays = _read(package, path, left, sheet)
     out.write(json.dumps({**answer, "arrays": len(arrays)}).encode() + b"\n")
     for array in arrays:
         np.save(out, array, allow_pickle=False)

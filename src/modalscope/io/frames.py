@@ -9,15 +9,13 @@ import numpy as np
 
 from modalscope.data import DataError
 from modalscope.io.columns import Column, Table, contents_from_table
+from modalscope.io.columns.vocabulary import key_meaning
 from modalscope.io.columns.weights import role_by_words
-from modalscope.io.columns.words import kind_of_unit, split_head
+from modalscope.io.columns.words import bare_unit, split_head
 from modalscope.io.contents import DataObject, is_frame, unreadable
 from modalscope.io.formats import overridden
 from modalscope.numerics.arguments import plainly
 from modalscope.numerics.checks import Array
-
-#: Names of attributes that hold a rate.
-_RATES = ("sampling_rate", "sampling_frequency", "sample_rate", "fs", "Fs")
 
 
 def table_of_frame(frame: Any, where: str) -> Table:
@@ -38,7 +36,8 @@ def table_of_frame(frame: Any, where: str) -> Table:
     columns, roles = _of_dataset(frame, where) if kind in ("Dataset", "DataArray") else _of_frame(frame)
     if not columns:
         raise unreadable(where, "it has no columns of numbers", "Give measured values as columns.")
-    rates = [float(frame.attrs[name]) for name in _RATES if isinstance(frame.attrs.get(name), int | float | np.number)]
+    stated = {name: value for name, value in frame.attrs.items() if isinstance(value, int | float | np.number)}
+    rates = [float(value) for name, value in stated.items() if key_meaning(str(name)) == "rate"]
     return Table(
         where=where, columns=tuple(columns), rate=rates[0] if rates else None, rate_from="its attributes", roles=roles
     )
@@ -107,8 +106,7 @@ def _column(number: int, name: Any, unit: str, values: Array) -> Column:
             values = values.astype(float)
         except (TypeError, ValueError):
             values = np.array([""])
-    unit = unit or unit_of_name
-    return Column(number=number, name=bare, unit="" if kind_of_unit(unit) == "none" else unit, values=values)
+    return Column(number=number, name=bare, unit=bare_unit(unit or unit_of_name), values=values)
 
 
 @plainly

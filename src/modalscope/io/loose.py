@@ -17,7 +17,7 @@ from modalscope.io.columns.axis import rises, sampling_of
 from modalscope.io.columns.facts import Statement, stated_by
 from modalscope.io.columns.vocabulary import key_meaning
 from modalscope.io.columns.weights import even_step, is_short, role_by_words
-from modalscope.io.columns.words import kind_of_unit, split_head
+from modalscope.io.columns.words import bare_unit, kind_of_unit, split_head
 from modalscope.io.contents import Options, chosen, unreadable
 from modalscope.numerics.checks import Array
 
@@ -29,7 +29,6 @@ _MOST_SETTINGS = 8
 _MIN_ROWS_OF_CHANNEL = 20
 _ANGULAR = {"w", "om", "omega"}
 _DIRECTIONS = "XYZ"
-_COHERENCE = {"coh", "coherence", "gamma2"}
 #: Axes that analysers write as start, increment and number: `x_values` with `y_values`, as Testlab exports structures.
 _INCREMENT = re.compile(r"(?P<of>(?:.*\.)?)x_values\.increment\Z")
 #: By how much a coherence may lie above 1.
@@ -264,7 +263,7 @@ def _is_spectrum(name: str) -> bool:
 
 
 def _is_coherence(name: str) -> bool:
-    return _leaf(name) in _COHERENCE or role_by_words(name.rpartition(".")[2]) == "coh"
+    return role_by_words(name.rpartition(".")[2]) == "coh"
 
 
 def _first_axis(where: str, name: str, array: Array, count: int, transpose: bool = False) -> Array:
@@ -420,7 +419,7 @@ def _table(evidence: _Evidence, columns: list[Column], arrays: Mapping[str, Arra
         bare, unit_of_head = split_head(label)
         if name in forces:
             roles[len(columns) + 1] = "in"
-        columns.append(Column(number=len(columns) + 1, name=bare, unit=_bare_unit(unit) or unit_of_head, values=values))
+        columns.append(Column(number=len(columns) + 1, name=bare, unit=bare_unit(unit) or unit_of_head, values=values))
     return Table(
         where=evidence.where,
         columns=tuple(columns),
@@ -429,10 +428,6 @@ def _table(evidence: _Evidence, columns: list[Column], arrays: Mapping[str, Arra
         lines=evidence.lines,
         roles=roles,
     )
-
-
-def _bare_unit(unit: str) -> str:
-    return "" if kind_of_unit(unit) == "none" else unit
 
 
 def with_vectors(arrays: Mapping[str, Array]) -> dict[str, Array]:
@@ -464,28 +459,21 @@ def with_vectors(arrays: Mapping[str, Array]) -> dict[str, Array]:
 
 def _vector(of: str, arrays: Mapping[str, Array]) -> Array | None:
     """Return the axis; None where a scalar is none, or the number of values differs."""
-    values = _values(of, arrays)
-    step, start = _scalar(arrays.get(f"{of}x_values.increment")), _scalar(arrays.get(f"{of}x_values.start_value"))
-    number = _scalar(arrays.get(f"{of}x_values.number_of_values"))
-    if values is None or step is None or step <= 0:
+    values, said = _values(of, arrays), {}
+    for key in ("increment", "start_value", "number_of_values"):
+        scalar = arrays.get(f"{of}x_values.{key}", np.zeros(0))
+        if scalar.size == 1 and scalar.dtype.kind in "biuf" and np.isfinite(scalar).all():
+            said[key] = float(scalar.reshape(-1)[0])
+    if values is None or said.get("increment", 0.0) <= 0:
         return None
-    count = max(values.shape) if number is None else int(number)
-    if count not in values.shape:
-        return None
-    return (start or 0.0) + step * np.arange(count)
+    count = int(said.get("number_of_values", max(values.shape)))
+    return said.get("start_value", 0.0) + said["increment"] * np.arange(count) if count in values.shape else None
 
 
 def _values(of: str, arrays: Mapping[str, Array]) -> Array | None:
     """Return the first numeric values that belong to an axis."""
     named = (array for name, array in arrays.items() if name.startswith(f"{of}y_values"))
     return next((array for array in named if array.dtype.kind in "biufc" and array.size > 1), None)
-
-
-def _scalar(array: Array | None) -> float | None:
-    """Return a finite number; None for anything else."""
-    if array is None or array.size != 1 or array.dtype.kind not in "biuf" or not np.isfinite(array).all():
-        return None
-    return float(array.reshape(-1)[0])
 
 
 def _kind(of: str, arrays: Mapping[str, Array]) -> str:

@@ -201,8 +201,8 @@ def _apart(vectors: Sequence[Array], place: int) -> str:
 def experiments_of(arrays: Mapping[str, Array]) -> dict[str, set[str]]:
     """Return the experiments of a file, each with the names of its arrays; none where there are not several.
 
-    An experiment is a structure that holds the same arrays as another, more than one of them measured, or what is called `run2`
-    beside `run1`.
+    An experiment is a structure that holds the same arrays as another, more than one of them measured, or several channels of another
+    length than those of others; or what is called `run2` beside `run1`.
 
     Examples
     --------
@@ -221,7 +221,9 @@ def experiments_of(arrays: Mapping[str, Array]) -> dict[str, set[str]]:
         found = {label: names for label, names in groups.items() if label}
         inside = [frozenset(name.replace(label, "", 1) for name in names) for label, names in found.items()]
         measured = [_measured({name: arrays[name] for name in names}) for names in found.values()]
-        if len(found) > 1 and len(set(inside)) == 1 and all(len(vectors) >= least for vectors in measured):
+        rows = {max((max(a.shape) for a in vectors), default=0) for vectors in measured}
+        counts = [sum(a.size // max(a.shape) if len(rows) > 1 else 1 for a in vectors) for vectors in measured]
+        if len(found) > 1 and len(set(inside)) == 1 and min(counts) >= least:
             return found
     return {}
 

@@ -24,15 +24,14 @@ from modalscope.io.text import contents_of_lines
 from modalscope.io.text.cells import is_value
 from modalscope.numerics.errors import optional_package
 
-_SIGNATURES = {"xarray": (b"CDF", b"\x89HDF"), "nptdms": (b"TDSm",), "asammdf": (b"MDF ",)}
 #: Part of a step by which starts may differ from whole ones in silence.
 _MAX_ODD = 0.02
 _EXPORT = "Export it again, or as text (.csv)."
 #: A sheet is a table where at least so many of its first rows hold nothing but values.
 _ROWS_EXAMINED, _MIN_ROWS_OF_VALUES = 200, 3
 #: Workbooks that are read in this process, for one of its own costs a quarter of a second: bytes packed in them, and these for every sheet
-#: (all may be one part); characters of a text, since patterns of openpyxl may take the square of them; bytes of the cells.
-_MAX_PACKED_HERE, _MAX_WORK_HERE, _MAX_TEXT_HERE, _BYTES_HERE = 1_000_000, 5_000_000, 500, 4_000_000
+#: (all may be one part); characters of a text, since patterns of openpyxl may take the square of them.
+_MAX_PACKED_HERE, _MAX_WORK_HERE, _MAX_TEXT_HERE = 1_000_000, 5_000_000, 500
 #: XML that may become more than it is: entities, and encodings in which they are not seen.
 _MAY_GROW = re.compile(rb"\0|<!(?!--|\[CDATA)|encoding=.(?!utf-8|us-ascii)", re.IGNORECASE)
 
@@ -56,7 +55,7 @@ def read_mdf(path: Path, options: Options) -> Contents:
 def _table_read_apart(package: str, path: Path, options: Options) -> Table:
     """Return the table of one group, which a package reads in a process of its own."""
     sheet = options.get("sheet")
-    answer, arrays = read_apart(package, path, "" if sheet is None else str(sheet), _SIGNATURES[package])
+    answer, arrays = read_apart(package, path, "" if sheet is None else str(sheet))
     name = chosen(path.name, "groups", answer["groups"], answer["tables"], options)
     columns = tuple(
         Column(number=k, values=values, **column)
@@ -102,7 +101,7 @@ def read_netcdf(path: Path, options: Options) -> Contents:
 
     Raises `DataError`: xarray is missing, a damaged file, no common dimension, or what tables are refused for.
     """
-    answer, arrays = read_apart("xarray", path, signature=_SIGNATURES["xarray"])
+    answer, arrays = read_apart("xarray", path)
     damping = [each["name"] for each in answer["variables"] if {"damping", "zeta"} & set(words_of(each["name"]))]
     if damping:
         raise unreadable(path.name, f"it holds modes, by its {damping[0]!r}", "Give a file of responses or records.")
@@ -160,13 +159,13 @@ def rows_of_workbook(path: Path) -> list[tuple[int, str]]:
 
 def sheets(path: Path, space: Room, options: Options) -> tuple[list[str], dict[str, list[tuple[int, str]]]]:
     """Return the names of all sheets, and of the one asked for, or of all, numbers and texts of the rows that are not empty."""
-    here = 0
+    soon = False
     with damage_as_error(f"{path.name} as an Excel workbook", "Save it again as .xlsx, or as text (.csv)."):
         if zipfile.is_zipfile(path):
             with zipfile.ZipFile(path) as archive:  # a cell becomes an object as its text does
                 space.take("what is packed in it", sum(member.file_size for member in archive.infolist()))
-                here = _BYTES_HERE if _ends_soon(archive) else 0
-    answer, arrays = read_apart("openpyxl", path, str(options.get("sheet") or ""), here=here)
+                soon = _ends_soon(archive)
+    answer, arrays = read_apart("openpyxl", path, str(options.get("sheet") or ""), here=soon)
     texts = (text.tobytes().decode().split("\n") for text in arrays[1::2])
     rows = (list(zip(numbers.tolist(), lines, strict=False)) for numbers, lines in zip(arrays[::2], texts, strict=True))
     return answer["sheets"], dict(zip(answer["read"], rows, strict=True))

@@ -29,6 +29,7 @@ PLAIN = {
     "container": "csv", "separator": "comma", "decimal": "point", "quotes": "absent", "numbers": "scientific", "encoding": "utf-8",
     "line ends": "unix", "header": "absent", "length": "short", "rate": "absent", "axis": "s", "head": "brackets", "extra": "absent",
     "more": "absent", "oddity": "absent", "other": "absent", "telling": "yes", "coherence": "absent",
+    "drive": "absent",
 }  # fmt: skip
 ARRAYS = ("mat struct", "mat arrays", "mat matrix", "npz", "npy")
 
@@ -47,9 +48,9 @@ def draw_choices(rng: np.random.Generator, half: str) -> Choices:
     axes = (
         words.axes
         if choices["content"] in RECORDS
-        else ("Hz", "rad/s", "rpm")
+        else ("Hz", "rad/s", "rpm", "U/min")
         if half == "near"
-        else ("kHz", "start and step")
+        else ("kHz", "start and step", "rad/sec", "cpm")
     )
     choices["axis"] = str(rng.choice([*axes * 3, *("s" if choices["content"] in RECORDS else "Hz",) * 6, "absent"]))
     choices["head"] = str(rng.choice(words.heads))
@@ -62,6 +63,8 @@ def draw_choices(rng: np.random.Generator, half: str) -> Choices:
     choices["coherence"] = (
         "yes" if rng.random() < 0.25 and choices["content"] not in (*RECORDS, "spectrum") else "absent"
     )
+    shaker = choices["content"] == "shaker"
+    choices["drive"] = str(rng.choice(["absent", "beside", "instead"], p=[0.4, 0.4, 0.2])) if shaker else "absent"
     return _consistent(choices)
 
 
@@ -85,7 +88,7 @@ def _of_arrays(choices: Choices) -> Choices:
     """Return what changes where columns are arrays: no rows, no header."""
     if choices["container"] not in ARRAYS:
         return {}
-    changed = dict.fromkeys(("oddity", "other", "quotes", "header", "more"), "absent") | {"encoding": "utf-8"}
+    changed = dict.fromkeys(("oddity", "other", "quotes", "header", "more", "drive"), "absent") | {"encoding": "utf-8"}
     unlabelled = choices["container"] in ("npy", "mat matrix")
     if unlabelled and choices["axis"] in ("ms", "us", "rate", "step", "index and rate", "stamps", "clock"):
         changed["axis"] = "s"
@@ -125,12 +128,16 @@ def _of_axis(choices: Choices) -> Choices:
         changed["rate"] = "said"
     if choices["head"] == "none":
         known = ("absent", "index first", "comment")
+        changed["drive"] = "absent"
         changed |= {name: "absent" for name in ("extra", "more") if choices[name] not in known}
         changed |= {"axis": "s"} if choices["axis"] == "ms" else {}
     elif choices["axis"] in ("ms", "us") and choices["head"] == "names":
         changed["rate"] = "said"
-    bare = choices["container"] in (ARRAYS if choices["axis"] == "rpm" else ("npy", "mat matrix"))  # no array says rpm
-    if choices["axis"] in ("rad/s", "rpm", "kHz") and (choices["head"] in ("none", "names") or bare):
+    turns = choices["axis"] in ("rpm", "U/min", "cpm")
+    bare = choices["container"] in (ARRAYS if turns else ("npy", "mat matrix"))  # no array says rpm
+    if choices["axis"] in ("rad/s", "rad/sec", "rpm", "U/min", "cpm", "kHz") and (
+        choices["head"] in ("none", "names") or bare
+    ):
         changed["axis"] = "Hz"
     if "rate" in changed and text and choices["header"] == "absent":
         changed["header"] = "colon"

@@ -10,6 +10,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.interfaces.cli import main
+from tests.io.exports import several
 from tests.io.exports.draw import HALVES, SHARED, draw_choices
 from tests.io.exports.measure import by_dimension, measure, table
 from tests.io.exports.verdict import COSTS, dead_ends, obeyed, suggestions, tried
@@ -109,6 +110,36 @@ def test_every_option_that_identify_prints_is_obeyed_word_for_word(capsys: pytes
                 failed.append((truth.parent.name, way))
     assert count > 25
     assert not failed
+
+
+@pytest.mark.slow
+def test_no_test_of_several_files_or_in_one_is_wrong_in_silence() -> None:
+    verdicts = {word for _, word in several.measure(30_000, _QUICK)}
+    assert verdicts <= {"right", "wrong and said", "refused, remedy works"}
+
+
+@pytest.mark.study("reading")
+def test_fresh_tests_of_several_files_and_in_one(study) -> None:
+    rows = several.measure(_FIRST, _COUNT)
+    print(several.table(rows))
+    of = study("several files of one test, several tests in one file", f"{len(rows)} tests, seeds from {_FIRST}")
+    words = [word for _, word in rows]
+    of.row(
+        "right, or what is printed makes it so",
+        100 - share(words, "wrong in silence", "refused", "crash"),
+        least=95,
+        form=".1f",
+        unit=" %",
+    )
+    of.row("wrong in silence", share(words, "wrong in silence", "crash"), most=3, form=".1f", unit=" %")
+    for kind in (*several.FILES, *several.TESTS):
+        own = [word for name, word in rows if name == kind]
+        of.row(f"{kind} ({len(own)}): right unasked", share(own, "right"), form=".0f", unit=" %")
+
+
+def share(words: list[str], *these: str) -> float:
+    """Return how many of some words are these, in percent."""
+    return 100 * sum(word in these for word in words) / max(1, len(words))
 
 
 @pytest.mark.study("reading")

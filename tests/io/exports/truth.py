@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -43,7 +44,7 @@ def draw_truth(rng: np.random.Generator, content: str) -> Truth:
     """Return a structure's record or response of a content."""
     outputs, rate = int(rng.integers(1, 6)), float(rng.choice(RATES))
     if content in RECORDS:
-        return _record(rng, content, outputs, rate)
+        return draw_record(rng, content, outputs, rate)
     lines, step = int(rng.integers(180, 400)), float(rng.choice([0.25, 0.5, 1.0, 1.25, 2.0, 3.125]))
     first = step * float(rng.choice([0, 0, 1, 8, 40]))
     frequencies = first + step * np.arange(lines)
@@ -52,6 +53,20 @@ def draw_truth(rng: np.random.Generator, content: str) -> Truth:
     scale = np.sqrt(np.mean(np.abs(response) ** 2))
     response += 0.003 * scale * (rng.standard_normal(response.shape) + 1j * rng.standard_normal(response.shape))
     return Truth(content, frequencies, response)
+
+
+def structure(rng: np.random.Generator, places: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return frequencies relative to the highest, damping ratios and shapes (places, modes) of three modes."""
+    shapes = rng.uniform(0.3, 1, (places, 3)) * rng.choice([-1, 1], (places, 3))
+    return np.sort(rng.uniform(0.08, 0.8, 3)), rng.uniform(0.01, 0.03, 3), shapes
+
+
+def accelerances(frequencies: np.ndarray, highest: float, of: tuple[np.ndarray, ...], place: int) -> np.ndarray:
+    """Return the accelerances (N, l) of a structure at all places to a force at one."""
+    modes, zeta, shapes = of
+    f = frequencies[:, None]
+    ratios = (f / (highest * modes)) ** 2 / (1 - (f / (highest * modes)) ** 2 + 2j * zeta * f / (highest * modes))
+    return np.asarray(-ratios @ (shapes * shapes[place]).T)
 
 
 def _response(rng: np.random.Generator, frequencies: np.ndarray, highest: float, outputs: int) -> np.ndarray:
@@ -64,7 +79,14 @@ def _response(rng: np.random.Generator, frequencies: np.ndarray, highest: float,
     return np.asarray(-ratios)
 
 
-def _record(rng: np.random.Generator, content: str, outputs: int, rate: float) -> Truth:
+def draw_record(
+    rng: np.random.Generator,
+    content: str,
+    outputs: int,
+    rate: float,
+    responses: Callable[[np.ndarray, float], np.ndarray] | None = None,
+) -> Truth:
+    """Return a record; `responses`: of the structure, a function of lines and the highest frequency, where it is known."""
     rows = int(rng.integers(260, 520))
     padded = 4 * rows
     if content == "hammer":
@@ -76,12 +98,13 @@ def _record(rng: np.random.Generator, content: str, outputs: int, rate: float) -
         if content == "decay":
             force[rows:] = 0.0
     lines = np.fft.rfftfreq(padded, 1 / rate)
-    response = _response(rng, lines, rate / 2.5, outputs)
+    response = responses(lines, rate / 2.5) if responses is not None else _response(rng, lines, rate / 2.5, outputs)
     motion = np.fft.irfft(np.fft.rfft(force, axis=0) * response, padded, axis=0)[rows : 2 * rows]
-    motion *= 10 ** rng.uniform(-0.5, 1) / np.abs(motion).max()
+    if responses is None:
+        motion *= 10 ** rng.uniform(-0.5, 1) / np.abs(motion).max()
     motion += 0.003 * np.sqrt(np.mean(motion**2)) * rng.standard_normal(motion.shape)
     inputs = None
     if content in ("hammer", "shaker"):
-        inputs = force[rows : 2 * rows] * 10 ** rng.uniform(0, 2)
+        inputs = force[rows : 2 * rows] * (10 ** rng.uniform(0, 2) if responses is None else 1.0)
         inputs = inputs + 1e-3 * np.abs(inputs).max() * rng.standard_normal(inputs.shape)
     return Truth(content, np.arange(rows) / rate, motion, inputs, rate)

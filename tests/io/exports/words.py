@@ -46,6 +46,7 @@ class Half:
     oddities: tuple[str, ...]
     axes: tuple[str, ...]
     heads: tuple[str, ...]
+    drives: tuple[str, ...]
 
 
 NEAR = Half(
@@ -92,6 +93,7 @@ NEAR = Half(
     oddities=("remark", "footer", "trailing delimiter", "byte order mark", "two header rows"),
     axes=("s", "ms", "stamps", "rate", "index and rate"),
     heads=("none", "names", "brackets", "round", "unit row"),
+    drives=("Source", "Generator output", "Drive", "Shaker voltage", "Output 1"),
 )  # fmt: skip
 
 FAR = Half(
@@ -138,4 +140,5 @@ FAR = Half(
     oddities=("head again", "cut line", "unequal", "sep line", "blank lines"),
     axes=("us", "epoch", "clock", "step", "epoch ms"),
     heads=("stroke", "slash", "units above", "four rows", "quoted"),
+    drives=("Drive voltage", "DAC 1", "AO0", "Command", "Amplifier input"),
 )  # fmt: skip

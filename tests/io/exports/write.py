@@ -40,11 +40,11 @@ class Drawn:
     columns: list[Column]
 
 
-def write(folder: Path, seed: int, choices: Choices) -> Drawn:
-    """Write the file of a seed and its choices into a folder."""
+def write(folder: Path, seed: int, choices: Choices, given: Truth | None = None, name: str = "") -> Drawn:
+    """Write the file of a seed and its choices into a folder; `given`: what was measured, where it is one of several of a test."""
     rng = np.random.default_rng([seed, 1])
     words = HALVES[choices["half"]]
-    truth = draw_truth(rng, choices["content"])
+    truth = draw_truth(rng, choices["content"]) if given is None else given
     if choices["numbers"] == "fixed":  # whoever prints five decimals has values of such a size
         scale = 3.0 / max(np.abs(truth.outputs).max(), 1e-9)
         truth.outputs = truth.outputs * scale
@@ -55,7 +55,7 @@ def write(folder: Path, seed: int, choices: Choices) -> Drawn:
     suffix = {"mat struct": "mat", "mat arrays": "mat", "mat matrix": "mat"}.get(
         choices["container"], choices["container"]
     )
-    path = folder / f"file{seed}.{suffix}"
+    path = folder / f"{name or f'file{seed}'}.{suffix}"
     if choices["container"] in ARRAYS:
         if choices["container"] != "mat matrix" and (
             choices["container"] == "npy" or truth.inputs is not None or truth.of_lines
@@ -77,7 +77,7 @@ def _columns(rng: np.random.Generator, truth: Truth, choices: Choices, words: Ha
         units = dict.fromkeys(units, "")
     axis = _axis(rng, truth, choices, words)
     measured = (
-        _of_record(rng, truth, words, units, named)
+        _of_record(rng, truth, words, units, named, choices["drive"])
         if truth.content in RECORDS
         else _of_lines(rng, truth, choices, words, units)
     )
@@ -116,9 +116,10 @@ def _read_back(truth: Truth, columns: list[Column]) -> None:
 def _axis(rng: np.random.Generator, truth: Truth, choices: Choices, words: Half) -> list[Column]:
     kind, x = choices["axis"], truth.axis
     if truth.of_lines:
-        factor, unit = {"rad/s": (2 * np.pi, "rad/s"), "rpm": (60.0, "rpm"), "kHz": (1e-3, "kHz")}.get(
-            kind, (1.0, "Hz")
+        factor = {"rad/s": 2 * np.pi, "rad/sec": 2 * np.pi, "rpm": 60.0, "U/min": 60.0, "cpm": 60.0, "kHz": 1e-3}.get(
+            kind, 1.0
         )
+        unit = kind if factor != 1.0 else "Hz"
         if kind in ("start and step", "absent"):
             return []
         return [Column(str(rng.choice(words.frequency)), unit, [f"{value * factor:.9g}" for value in x], "axis")]
@@ -138,7 +139,9 @@ def _axis(rng: np.random.Generator, truth: Truth, choices: Choices, words: Half)
     return [Column(name, kind, [f"{value * factor:.{digits}f}" for value in x], "axis")]
 
 
-def _of_record(rng: np.random.Generator, truth: Truth, words: Half, units: dict[str, str], named: bool) -> list[Column]:
+def _of_record(
+    rng: np.random.Generator, truth: Truth, words: Half, units: dict[str, str], named: bool, drive: str
+) -> list[Column]:
     style = str(rng.choice(words.sensors))
     letters = "xyzuv"
     outs = [
@@ -147,6 +150,9 @@ def _of_record(rng: np.random.Generator, truth: Truth, words: Half, units: dict[
     ]
     if truth.inputs is None:
         return outs
+    if drive == "instead":  # the force was not measured
+        voltage = Column(str(rng.choice(words.drives)), "V" if units["force"] else "", [], "in", truth.inputs[:, 0])
+        return [voltage, *outs] if rng.random() < 0.7 else [*outs, voltage]
     force = Column(
         str(rng.choice(words.forces)) if named or not units["force"] else style.format(n=9, axis="w"),
         units["force"],
@@ -156,6 +162,13 @@ def _of_record(rng: np.random.Generator, truth: Truth, words: Half, units: dict[
     )
     if not named and not units["force"]:
         force.name = style.format(n=9, axis="w")
+    if drive == "beside":  # what the amplifier made of it
+        size = 2 * truth.inputs[:, 0] / np.abs(truth.inputs).max()
+        values = np.convolve(size, [0.1, 0.6, 0.3], "same") + 0.01 * rng.standard_normal(len(size))
+        outs.insert(
+            int(rng.integers(len(outs) + 1)),
+            Column(str(rng.choice(words.drives)), "V" if units["force"] else "", [], values=values),
+        )
     return [force, *outs] if rng.random() < 0.7 else [*outs, force]
 
 
@@ -485,7 +498,9 @@ def _write_arrays(rng: np.random.Generator, path: Path, truth: Truth, choices: C
         "complex": "H" if near else "FRF",
     }
     if truth.of_lines:
-        names["axis"] = {"rad/s": "w" if near else "omega"}.get(choices["axis"], "f" if near else "freq")
+        names["axis"] = (
+            "w" if choices["axis"] == "rad/s" else "omega" if choices["axis"] == "rad/sec" else "f" if near else "freq"
+        )
     elif choices["axis"] in ("ms", "us"):
         names["axis"] = f"t_{choices['axis']}"
     arrays: dict[str, np.ndarray | str] = {} if vector is None else {names["axis"]: vector}

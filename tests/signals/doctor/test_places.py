@@ -247,6 +247,17 @@ def test_files_of_noise_alone_keep_their_labels() -> None:
     assert placed([part.at_lines(f < 1.02) for part in parts]).kind == "unknown"
 
 
+@pytest.mark.parametrize(("sensors", "moved"), [(1, True), (2, False)])
+def test_files_of_one_sensor_may_be_places_of_it(sensors: int, moved: bool) -> None:
+    """A response says not which of its two places it is that moved: the option for either is printed."""
+    chain, f = chain5(), np.linspace(0.5, 8, 600)
+    H = chain.frequency_response(f, inputs=[0, 2, 4], outputs=list(range(sensors)), noise=0.003, seed=1).values
+    parts = [ms.FrequencyResponse(values=H[:, :, [k]], frequencies=f) for k in range(3)]
+    (told,) = label_by_place(parts, ["a", "b", "c"])[1]
+    assert "if one place: --input-dofs 1" in told.text
+    assert ("if the sensor moved: --output-dofs 1 2 3" in told.text) is moved
+
+
 def test_hits_at_the_start_of_their_runs_have_one_sign() -> None:
     test = roving(37)
     first = [record for record, place in zip(test.files, test.places, strict=True) if place == 0]

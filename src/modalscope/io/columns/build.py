@@ -15,6 +15,7 @@ from modalscope.io.columns.lines import WORDS_OF_PARTS, frequency_response, part
 from modalscope.io.columns.reading import NEAR, Reading, readings
 from modalscope.io.columns.records import begin_of, free_decay, nothing_measured, records
 from modalscope.io.columns.table import Column, Table, as_word
+from modalscope.io.columns.vocabulary import meanings_of
 from modalscope.io.columns.weights import even_step, likeliest_force
 from modalscope.io.columns.words import ignored_columns, named_columns, roles_of_option, short_unit
 from modalscope.io.contents import Contents, Finding, Options, needs
@@ -212,8 +213,9 @@ def _notes(found: Sequence[Reading], option_roles: Mapping[int, str], table: Tab
             done = "was left" if role == "ignore" else "is taken as a force"
             note = f"{column} {done}: {why}"
             if reading.content == "record":
-                as_output = replace(reading, roles={**roles, column.number: "out"}).option
-                note += f' (else: --columns "{as_output}")'
+                other = "in" if "drive" in dict(meanings_of(column.name)) and role == "ignore" else "out"
+                otherwise = replace(reading, roles={**roles, column.number: other}).option
+                note += f' (else: --columns "{otherwise}")'
             notes.append(note)
     return notes
 

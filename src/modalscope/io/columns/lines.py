@@ -35,6 +35,8 @@ _BOUNDS_OF_RADIANS = (2.0, 2 * np.pi + 0.01)
 _FAMILY_OF_PART = {"real": "parts", "imag": "parts", "mag": "polar", "phase": "polar", "coh": "coherence"}
 #: Whether words of `--columns` read the table at hand.
 Works: TypeAlias = Callable[[str], bool]
+#: Values and both units of responses by output and input.
+Responses: TypeAlias = dict[tuple[str, str], tuple[Array, tuple[str, str]]]
 #: The parts of one response by what they are.
 Parts = dict[str, Column]
 
@@ -234,7 +236,7 @@ def frequency_response(
     groups = parts_of_responses(columns, roles, option_roles)
     notes: list[str] = []
     used: dict[int, str] = {}
-    responses: dict[tuple[str, str], tuple[Array, tuple[str, str]]] = {}
+    responses: Responses = {}
     coherences: list[tuple[str, Column]] = []
     for (base, place), parts in groups.items():
         if set(parts) == {"coh"}:
@@ -339,9 +341,7 @@ def _no_phases(table: Table, axis: Column, columns: Sequence[Column], works: Wor
     return needs(table.where, "complex values with its frequencies", fault, remedy)
 
 
-def matrix_of(
-    where: str, responses: Mapping[tuple[str, str], tuple[Array, tuple[str, str]]]
-) -> tuple[Any, Any, Any, Array]:
+def matrix_of(where: str, responses: Responses) -> tuple[Any, Any, Any, Array]:
     """Return outputs, inputs, their units and values (lines, outputs, inputs) of responses by output and input, each with both units.
 
     Raises `DataError`: a pair is missing.

@@ -88,9 +88,12 @@ STATEMENTS = {
     "place": "signal signalname point location loclbl dof scnl node",
 }  # fmt: skip
 
-#: Words of names that say the side of a channel, a voltage or a number alone, of columns that name the sensor of a row, and of runs.
+#: Words of names that say the side of a channel, a voltage, that or a number alone, an output, maybe of a generator, of columns that name
+#: the sensor of a row, and of runs.
 INPUTS = {"input", "inputs", "excitation", "anregung", "eccitazione", "excitacion", "excitacao", "excitatie"}
-VOLTAGES = {"voltage", "voltages", "volt", "volts", "spannung", "tension", "ch", "channel", "kanal", "voie", "canal", "ai"}  # fmt: skip
+VOLTS = {"voltage", "voltages", "volt", "volts", "spannung", "tension"}
+VOLTAGES = {*VOLTS, "ch", "channel", "kanal", "voie", "canal", "ai"}
+OUTPUTS = {"output", "out", "ausgang", "sortie", "salida", "uscita"}
 SENSORS = {"sensor", "sensors", "node", "board", "channel", "ch", "device", "id", "mac", "unit", "kanal", "knoten", "capteur"}  # fmt: skip
 RUNS = r"(?:run|test|trial|hit|setup|repeat|exp|experiment|meas|measurement|messung|versuch|essai|prova|ensayo)"
 

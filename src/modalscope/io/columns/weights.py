@@ -16,7 +16,7 @@ from modalscope.data import DataError
 from modalscope.data.units import plain_unit
 from modalscope.io.columns.axis import in_epoch, nearly_even, rises, sampling_of
 from modalscope.io.columns.table import Column
-from modalscope.io.columns.vocabulary import INPUTS, VOLTAGES, meanings_of, words_of
+from modalscope.io.columns.vocabulary import INPUTS, OUTPUTS, VOLTAGES, VOLTS, meanings_of, words_of
 from modalscope.io.columns.words import UNITS_OF_TURNS, kind_of_unit
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.functions.poles import QUANTITIES
@@ -149,6 +149,7 @@ def of_name(column: Column) -> Iterator[tuple[str, float, str]]:
     for meaning, word in dict(found).items():
         axis = meaning in ("time", "clock", "frequency") and meanings & {"force", "sensor", "other"}
         sensor_of_other = meaning == "other" and ("sensor" in meanings or _is_bare_voltage(column.name))
+        sensor_of_other |= word in VOLTAGES and bool(meanings & {"drive", "force"})  # what drives a shaker
         trigger = meaning == "trigger" and "force" in meanings
         if not (axis or sensor_of_other or trigger):
             kind, weight = _OF_WORDS[meaning]
@@ -351,14 +352,19 @@ def _of_drives(columns: Sequence[Column], weights: dict[int, Weights]) -> Iterat
     called = [c for c in columns if INPUTS.intersection(words_of(c.name))]
     if len(called) == 1 and kind_of_unit(called[0].unit) in QUANTITIES and not [c for c in every if c is not called[0]]:
         yield called[0], "in", SURE, "it is a motion that is called the input"
-    sensors = [c for c in columns if kind_of_unit(c.unit) in _VIBRATIONS and kind_of_unit(c.unit) != "voltage"]
+    moving = [c for c in columns if "drive" not in weights[c.number].sums and not goes_one_way(c.values)]
+    outs = [c for c in moving if weights[c.number].best(("out", "in", "index", "ignore")) == "out"]
+    sensors = [c for c in outs if kind_of_unit(c.unit) != "voltage" and weights[c.number].of("out") > HINT]
     for column in columns:
         bare, forces = _is_bare_voltage(column.name), [c for c in every if c is not column]
         voltage = kind_of_unit(column.unit) == "voltage" or (bare and not column.unit and bool(column.name))
-        measured = any(kind_of_unit(c.unit) == "force" for c in forces) and voltage
+        bare = bare or {word for word in words_of(column.name) if not word.isdecimal()} <= OUTPUTS
+        measured = (voltage or _says_volts(column)) and any(
+            kind_of_unit(c.unit) == "force" or not _says_volts(c) for c in forces
+        )
         drives = "drive" in weights[column.number].sums or (measured and _is_force(weights[column.number]))
         named = drives and (voltage or not kind_of_unit(column.unit))
-        others = [c for c in columns if c is not column and not goes_one_way(c.values)]
+        others = [c for c in outs if c is not column]
         if named and not forces and others and likeliest_force([column, *others]) == (column, True):
             yield column, "in", WORD + 1, "it drives the shaker, by its name"
         elif named and not forces:
@@ -367,6 +373,11 @@ def _of_drives(columns: Sequence[Column], weights: dict[int, Weights]) -> Iterat
             yield column, "ignore", 2 * WORD, "it drives the shaker, whose force is measured"
         elif voltage and bare and forces and sensors and not _answers(column, forces[0], sensors):
             yield column, "ignore", 2 * WORD, "it is a voltage that does not answer the force as the sensors do"
+
+
+def _says_volts(column: Column) -> bool:
+    """Whether a channel is a voltage by its unit or its name."""
+    return kind_of_unit(column.unit) == "voltage" or bool(VOLTS.intersection(words_of(column.name)))
 
 
 def _answers(column: Column, force: Column, sensors: Sequence[Column]) -> bool:

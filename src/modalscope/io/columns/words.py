@@ -126,6 +126,11 @@ def is_unit(text: str) -> bool:
     return bool(slash) and kind_of_unit(above) != "" and kind_of_unit(below) != ""
 
 
+def bare_unit(unit: str) -> str:
+    """Return a unit; nothing for what says that there is none."""
+    return "" if kind_of_unit(unit) == "none" else unit
+
+
 def is_ambiguous(text: str) -> bool:
     """Whether a unit is as often a number or letter of a channel."""
     return text in _AMBIGUOUS_UNITS

@@ -14,8 +14,7 @@ from modalscope.io.columns.lines import part_of
 from modalscope.io.columns.vocabulary import key_meaning
 from modalscope.io.columns.weights import role_by_words
 from modalscope.io.contents import Options, chosen, several_tests
-
-Line = tuple[int, str]
+from modalscope.io.text.dialect import Line
 
 #: What the first line of a head begins with; lines of a block and of its head, at least; blocks at most.
 _KEY = re.compile(r"[#%/!\s\"]*([A-Za-z][A-Za-z _.-]{2,39}?)(?=[\s:=;,\t\"\d]|$)")

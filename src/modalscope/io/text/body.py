@@ -30,7 +30,8 @@ from modalscope.numerics.checks import Array
 
 #: Lines parsed at a time, and lines that are no rows at most, under a table and in it.
 _LINES_OF_PIECE, _MAX_LINES_OF_FOOT = 20_000, 20
-_CHARACTERS_SHOWN = 20
+#: Characters of a cell in a message.
+CHARACTERS_SHOWN = 20
 #: Signs, or blanks, with which a comment may begin.
 _FIRST_OF_COMMENT = frozenset("#%/! \t")
 
@@ -155,7 +156,7 @@ def _notes(odd: Sequence[tuple[int, str]], last: int) -> list[str]:
         ("under the table", [x for x in odd if x[0] > last]),
     ):
         if lines:
-            shown = lines[0][1].strip()[:_CHARACTERS_SHOWN]
+            shown = lines[0][1].strip()[:CHARACTERS_SHOWN]
             notes.append(
                 f"{counted(len(lines), 'line')} {words} {'was' if len(lines) == 1 else 'were'} left ({shown!r} ...)"
             )
@@ -207,12 +208,12 @@ def _no_row(where: str, line: tuple[int, str], kinds: Sequence[str], dialect: Di
     pairs = enumerate(zip(cells, kinds, strict=False))
     odd = [k for k, (cell, kind) in pairs if not _fits([cell], [kind], dialect)]
     if len(cells) != width or not odd:
-        fault = f"line {number} has {len(cells)}: {[cell[:_CHARACTERS_SHOWN] for cell in cells[:6]]}"
+        fault = f"line {number} has {len(cells)}: {[cell[:CHARACTERS_SHOWN] for cell in cells[:6]]}"
         remedy = (
             f"Correct that line, or take it out; if the table begins below it, leave what is above out: --skip {number}"
         )
         return needs(where, f"{width} cells in every row", fault, remedy)
-    fault = f"line {number} holds {cells[odd[0]][:_CHARACTERS_SHOWN]!r} there"
+    fault = f"line {number} holds {cells[odd[0]][:CHARACTERS_SHOWN]!r} there"
     these = "that cell, or leave the column" if len(odd) == 1 else "such cells, or leave these columns"
     remedy = f"Correct {these} out: {' '.join(f'--ignore {k + 1}' for k in odd)}"
     return needs(where, f"a number in every cell of column {odd[0] + 1}", fault, remedy)

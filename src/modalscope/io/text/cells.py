@@ -10,6 +10,7 @@ from datetime import date
 
 import numpy as np
 
+from modalscope.io.columns.vocabulary import MAX_CHARACTERS
 from modalscope.numerics.checks import Array, RealArray
 
 _CLOCK = r"(?P<h>\d{1,2}):(?P<min>\d{2})(?::(?P<s>\d{1,2})(?:[.,:](?P<part>\d{1,9}))?)?\s?(?P<half>[AaPp][Mm])?"
@@ -27,9 +28,6 @@ _SECONDS_OF_DAY = 86400.0
 _MAX_CHARACTERS_OF_STAMP = 40
 #: Decimals of a second in stamps.
 _DECIMALS_OF_SECOND = 9
-
-#: Characters of a cell that is examined, at most.
-_MAX_CHARACTERS = 400
 
 
 def _unsigned(name: str) -> str:
@@ -180,14 +178,14 @@ def is_value(cell: str) -> bool:
     >>> [is_value(cell) for cell in ("1.5e-3", "1.234,5", "1+2i", "12:00:01.5", "", "Force", "5;2")]
     [True, True, True, True, True, False, False]
     """
-    if len(cell) > _MAX_CHARACTERS:
+    if len(cell) > MAX_CHARACTERS:
         return False
     return bool(_NUMBER.match(cell)) or cell.lower() in _MISSING_WORDS or bool(_COMPLEX.match(cell)) or is_stamp(cell)
 
 
 def is_number(cell: str) -> bool:
     """Whether a cell holds one real number in any writing."""
-    return len(cell) <= _MAX_CHARACTERS and bool(_NUMBER.match(cell))
+    return len(cell) <= MAX_CHARACTERS and bool(_NUMBER.match(cell))
 
 
 def is_missing(cell: str) -> bool:
@@ -197,7 +195,7 @@ def is_missing(cell: str) -> bool:
 
 def is_complex(cell: str) -> bool:
     """Whether a cell holds a complex number."""
-    return len(cell) <= _MAX_CHARACTERS and bool(_COMPLEX.match(cell))
+    return len(cell) <= MAX_CHARACTERS and bool(_COMPLEX.match(cell))
 
 
 def _pointed(cell: str, dialect: Dialect) -> str:

@@ -16,6 +16,8 @@ from modalscope.io.contents import unreadable
 from modalscope.io.limits import Room
 from modalscope.io.text.cells import Dialect, is_complex, is_missing, is_number, is_value, split
 
+#: The number of a line in its file, from 1, and its text.
+Line = tuple[int, str]
 #: Bytes by which the encoding is determined.
 _BYTES_EXAMINED = 1 << 16
 #: Characters of a line and blank lines of a table, at most.
@@ -54,7 +56,7 @@ def encoding_of(path: Path) -> str:
     return "utf-8"
 
 
-def lines_of(path: Path, encoding: str, skip: int, space: Room) -> Iterator[tuple[int, str]]:
+def lines_of(path: Path, encoding: str, skip: int, space: Room) -> Iterator[Line]:
     """Give number, from 1, and text of the lines that are not blank.
 
     `skip`: lines to leave at the top. `space`: what a line may take.

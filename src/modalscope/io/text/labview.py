@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 
 import numpy as np
 
@@ -18,9 +19,8 @@ from modalscope.io.columns.facts import Stated, Statement, stated_by, steps_of
 from modalscope.io.contents import Contents, Options, needs, unreadable
 from modalscope.io.limits import Room
 from modalscope.io.members import stacked_runs
+from modalscope.io.text.dialect import Line
 from modalscope.numerics.checks import RealArray
-
-Line = tuple[int, str]
 
 _FIRST_LINE, _END_OF_HEADER = "labview measurement", "***End_of_Header***"
 _SPECIAL = ("***Start_Special***", "***End_Special***")
@@ -95,7 +95,7 @@ def _segments(where: str, lines: Iterable[Line], space: Room) -> tuple[Mapping[s
         elif special or not text.strip(" \t,"):
             continue
         elif text.partition(separator)[0] == "Channels":
-            segments.append(_Segment(dict(_header(_again(line, number, rows), separator))))
+            segments.append(_Segment(dict(_header(chain([(number, line)], rows), separator))))
             segments[-1].names = [name.strip() for name in next(rows, (0, ""))[1].rstrip("\r\n").split(separator)]
         elif segments:
             segments[-1].waiting.append(text.replace(decimal, "."))
@@ -104,11 +104,6 @@ def _segments(where: str, lines: Iterable[Line], space: Room) -> tuple[Mapping[s
     for segment in segments:
         _flush(where, 0, segment, separator, space)
     return head, segments
-
-
-def _again(line: str, number: int, rows: Iterator[Line]) -> Iterator[Line]:
-    yield number, line
-    yield from rows
 
 
 def _header(rows: Iterator[Line], separator: str | None) -> Iterator[tuple[str, list[str]]]:

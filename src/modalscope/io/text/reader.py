@@ -28,7 +28,7 @@ from modalscope.io.limits import Room, room
 from modalscope.io.text.blocks import blocks_of, key_of, names_of, one_table, repeats
 from modalscope.io.text.body import kinds_of, read_body
 from modalscope.io.text.cells import Dialect, is_value, seconds_of, split, uncommented
-from modalscope.io.text.dialect import DELIMITERS, dialect_of, encoding_of, lines_of, words_of_delimiter
+from modalscope.io.text.dialect import DELIMITERS, Line, dialect_of, encoding_of, lines_of, words_of_delimiter
 from modalscope.io.text.labview import is_labview, labview_contents
 from modalscope.io.text.layout import Layout, layout_of
 from modalscope.io.text.wrapped import WrappedHead, gathered, head_of, runs_on, wrapped_contents
@@ -43,8 +43,6 @@ _MAX_COLUMNS, _MAX_SAMPLES = 20_000, 10_000_000
 _MAX_COLUMNS_OF_UNIT = 2
 #: Bytes of a row and of a cell as lists.
 _BYTES_OF_ROW, _BYTES_OF_CELL = 120, 60
-
-Line = tuple[int, str]
 
 #: A line that stands in quotation marks as a whole, several cells in it.
 _QUOTED = re.compile(r'\s*"((?:[^"]|"")*[,;\t|](?:[^"]|"")*)"[,;\s]*\Z')

@@ -25,9 +25,8 @@ from modalscope.io.columns.vocabulary import key_meaning
 from modalscope.io.contents import Contents, Options, needs
 from modalscope.io.limits import Room
 from modalscope.io.text.cells import Dialect
+from modalscope.io.text.dialect import Line
 from modalscope.io.text.layout import statements_of
-
-Line = tuple[int, str]
 
 #: Lines in which the head is searched.
 _LINES_OF_HEAD = 12

@@ -93,18 +93,20 @@ def label_by_place(
     found = placed(parts) if _comparable(parts) and len({part.input_dofs for part in parts}) == 1 else None
     if found is None:
         return list(parts), ()
+    every = files or len(parts)
+    moved = f"; if the sensor moved: {labels_option(every, 'output')}" * (len(parts[0].output_dofs) == 1)
     if found.kind != "several":
-        return list(parts), (
-            Note("places", {"places": 1.0}, f"{_one(found, names)}. If places: {_remedy(files or len(parts))}"),
-        )
+        text = f"{_one(found, names)}. If places: {labels_option(every)}{moved}"
+        return list(parts), (Note("places", {"places": 1.0}, text),)
     count = max(found.places) + 1
     at = [", ".join(name for name, p in zip(names, found.places, strict=True) if p == k) for k in range(count)]
     single = len(set(names)) == count
+    own = "" if single else f"; if each a place of its own: {labels_option(every)}"
     listed = "after their files" if single else "; ".join(f"place {k + 1} ({of})" for k, of in enumerate(at))
     doubt = f". Not one structure? Two files have {100 * found.shared:.0f} % of their resonances in common: --each"
     text = (
         f"{len(parts)} files look like {count} drive points, all labelled {parts[0].input_dofs[0]!r}: {_apart(found)}. Inputs are named "
-        f"{listed}; if one place: --input-dofs 1{doubt if found.shared < _ONE_STRUCTURE else ''}"
+        f"{listed}; if one place: --input-dofs 1{own}{moved}{doubt if found.shared < _ONE_STRUCTURE else ''}"
     )
     called = list(names) if single else [f"place {p + 1}" for p in found.places]
     named = [replace(part, input_dofs=[label], groups=AUTO) for part, label in zip(parts, called, strict=True)]
@@ -131,7 +133,8 @@ def against_labels(parts: Sequence[Any]) -> tuple[Note, ...]:
 
 
 def _apart(found: Placed) -> str:
-    return f"amplitudes at {counted(found.resonances, 'resonance')} differ by {100 * found.apart:.2g} %"
+    few = "only " if found.resonances < 3 else ""
+    return f"amplitudes at {few}{counted(found.resonances, 'resonance')} differ by {100 * found.apart:.2g} %"
 
 
 def _agree(found: Placed) -> str:
@@ -149,16 +152,14 @@ def _one(found: Placed, names: Sequence[str]) -> str:
         gain = np.exp(np.median(np.log(found.gains), axis=1))
         k = int(np.argmax(np.abs(np.log(gain))))
         return f"{files} look like one place, but {names[k]} is {gain[k]:.2g} times as large (overload, range or unit?): taken as one"
-    few = "only " if found.resonances < 3 else ""
-    at = f"{few}{counted(found.resonances, 'resonance')}"
-    return f"{files} look like one place (amplitudes at {at} differ by {100 * found.apart:.2g} %): taken as one"
+    return f"{files} look like one place ({_apart(found)}): taken as one"
 
 
-def _remedy(files: int) -> str:
+def labels_option(files: int, side: str = "input") -> str:
     """Return the option that makes every file a place."""
     if files > _MAX_LISTED:
-        return f"--input-dofs with {files} labels, one per file"
-    return f"--input-dofs {' '.join(str(k + 1) for k in range(files))}"
+        return f"--{side}-dofs with {files} labels, one per file"
+    return f"--{side}-dofs {' '.join(str(k + 1) for k in range(files))}"
 
 
 def _comparable(parts: Sequence[Any]) -> bool:
@@ -166,10 +167,7 @@ def _comparable(parts: Sequence[Any]) -> bool:
     first = parts[0]
     if len(parts) < 2 or not isinstance(first, Signals | FrequencyResponse):
         return False
-    alike = all(
-        type(part) is type(first) and len(part.input_dofs) == 1 and part.output_dofs == first.output_dofs
-        for part in parts
-    )
+    alike = len({(type(part), part.output_dofs) for part in parts}) == 1 and all(len(p.input_dofs) == 1 for p in parts)
     if not alike or isinstance(first, Signals):
         return alike and len({part.sampling_rate for part in parts}) == 1
     return all(np.array_equal(part.frequencies, first.frequencies) for part in parts)

@@ -17,6 +17,7 @@ from modalscope.data.responses import FrequencyResponse
 from modalscope.data.shown import counted
 from modalscope.numerics.checks import RealArray
 from modalscope.numerics.errors import DataError
+from modalscope.signals.doctor.places import labels_option
 from modalscope.signals.preprocess.merging import on_common_lines as common_of
 
 #: Lines of files are one where they differ by less, in steps; part of the lines of a file that all must have.
@@ -110,7 +111,8 @@ def as_one_event(
     bare = all(_NO_NAME.match(p.output_dofs[0]) for p in parts) or kind_of_test(parts[0].by_run()[0], None) == "ambient"
     runs = any(_RUN.search(name) for name in names) or not bare
     if not dated and (runs or not _coherent([y[:, 0] for y in on])):
-        return list(parts), ()
+        said = f"{len(parts)} files of one channel are taken as runs of it; if sensors of one event: {labels_option(len(parts), 'output')}"
+        return list(parts), (Note("file", {}, said),) if len({p.output_dofs for p in parts}) == 1 else ()
     text = f"{len(parts)} files hold a channel each of one event, named after their files"
     text += "" if np.ptp(rates) else " (if they are runs: --output-dofs 1)"
     if own:
@@ -118,9 +120,8 @@ def as_one_event(
         held = f"{usual:.6g} Hz, over the {last - first:.4g} s that all have, by cubic splines"
         text += f"; clocks of their own are put on one, {held}: drift in millionths {ppm}; starts differ by {np.ptp(shift):.4g} s"
     of = [{"outputs": y, "sampling_rate": usual, "output_dofs": (name,)} for y, name in zip(on, names, strict=True)]
-    return [replace(p, **fields) for p, fields in zip(parts, of, strict=True)], (
-        Note("file", {"start": float(np.ptp(shift))}, text),
-    )
+    note = Note("file", {"start": float(np.ptp(shift))}, text)
+    return [replace(p, **fields) for p, fields in zip(parts, of, strict=True)], (note,)
 
 
 def from_its_start(record: Signals) -> tuple[Signals, tuple[Note, ...]]:
