@@ -263,6 +263,13 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "plot.animate": lambda t: {"modes": t["modes"], "index": 0, "path": FOLDER / "a.gif", "seconds": 0.1},
     "plot.certificate": lambda t: {"found": t["certificate"]},
     "plot.complexity": lambda t: {"modes": t["modes"], "index": 0},
+    "plot.places": lambda t: {
+        "found": ms.place(t["modes"], sensors=1),
+        "geometry": ms.Geometry(
+            nodes=[label.split(":")[0] for label in t["modes"].output_dofs],
+            coordinates=np.eye(len(t["modes"].output_dofs), 3),
+        ),
+    },
     "plot.deviations": lambda t: {"comparison": t["comparison"]},
     "plot.fit_errors": lambda t: {"diagram": t["diagram"]},
     "plot.indicator": lambda t: {"response": t["lines"]},

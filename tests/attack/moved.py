@@ -33,10 +33,15 @@ def units(data: Any, draw: np.random.Generator) -> tuple[Any, float]:
 
 
 def units_of_channels(data: Any, draw: np.random.Generator) -> tuple[Any, float]:
-    """Each output in a unit of its own, six decades apart at most."""
+    """Each output and each input in a unit of its own, from 1e-12 to 1e12."""
     values = getattr(data, _values(data))
-    size = 10.0 ** draw.uniform(-3, 3, values.shape[1])
-    return replace(data, **{_values(data): values * size.reshape(1, -1, *[1] * (values.ndim - 2))}), 1.0
+    size = 10.0 ** draw.uniform(-12, 12, values.shape[1])
+    told = {_values(data): values * size.reshape(1, -1, *[1] * (values.ndim - 2))}
+    if isinstance(data, ms.FrequencyResponse):
+        told["values"] = told["values"] * 10.0 ** draw.uniform(-12, 12, values.shape[2])
+    elif data.inputs is not None:
+        told["inputs"] = data.inputs * 10.0 ** draw.uniform(-12, 12, data.inputs.shape[1])
+    return replace(data, **told), 1.0
 
 
 def signs(data: Any, draw: np.random.Generator) -> tuple[Any, float]:

@@ -8,6 +8,8 @@ import pytest
 from modalscope import plot
 from modalscope.analysis.monitoring import alarms, explain, track
 from modalscope.data import DataError
+from modalscope.interfaces.plot.picture import Marks
+from modalscope.interfaces.plot.tracks import chart_picture
 from tests.analysis.monitoring.years import tracked, year
 
 
@@ -37,3 +39,16 @@ def test_a_chart_shows_its_limit_and_its_alarms() -> None:
     assert points(ax) == 1200
     assert np.isclose([line.get_ydata()[0] for line in ax.get_lines()], 1).any()
     assert len(found) == len([text for text in ax.texts if "1970-02" in text.get_text()]) == 1
+
+
+def test_tracks_stand_below_the_chart_in_per_cent() -> None:
+    """Six of eight tracks, among them the two that fell by .2 %: each panel has all records of its track, on an axis of its own."""
+    found = alarms(tracked(1200, 3, shift=-2e-3, at=1000), reference=("1970-01-01", "1970-01-31"))
+    chart, *tracks = chart_picture(found).panels
+    assert {name for alarm in found.alarms for name in alarm.tracks[:2]} <= {panel.title for panel in tracks}
+    assert len(tracks) == 6
+    reference, judged = (item for item in tracks[0].items if isinstance(item, Marks))
+    assert len(reference.y) + len(judged.y) == 1200
+    assert np.nanmedian(np.asarray(judged.y)[-150:]) == pytest.approx(-0.2, abs=0.03)
+    assert len({(panel.y.low, panel.y.high) for panel in tracks}) == 6
+    assert [bool(panel.x.label) for panel in (chart, *tracks)] == [False] * 6 + [True]

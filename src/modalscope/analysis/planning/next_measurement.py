@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from scipy.special import chdtrc
 
 from modalscope.analysis.planning.foretold import deviations_foretold, information, slopes_left
 from modalscope.data.modes import ModalModel
@@ -18,6 +20,7 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, BoolArray, RealArray, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.selection.judging.bare_peaks import BARE
+from modalscope.selection.likelihood.covariance import PARTS
 from modalscope.selection.likelihood.joint_fit import for_judging
 from modalscope.signals.doctor.polarity import driving_points
 
@@ -27,8 +30,12 @@ _MOST = 64
 #: Part of the strength of the others, in the median, by which all places are near a node of a mode.
 _NODE = 0.02
 
-#: Stated deviations over those of white noise beyond which other errors are added: the scatter of eight groups reaches it once in 100.
-_BEYOND_NOISE = 1.6
+#: Stated deviations are within 15 % of what noise gives (docs/validation/planning.md); beyond, a chi-square test of their groups says
+#: that this is no chance.
+_FORETOLD_WITHIN, _CHANCE = 1.15, 0.01
+
+#: Lines over the half bandwidth of a mode, below which a longer record is a step.
+_LINES_OF_A_HALF_BANDWIDTH = 2
 
 #: What may be asked, with the words for it.
 _WORDS = {
@@ -47,10 +54,10 @@ class Step:
 
     Parameters
     ----------
-    kind : {"repeat", "force", "sensor"}
-        A place of force as before, a new place of force, a new place of a sensor.
+    kind : {"repeat", "force", "sensor", "longer"}
+        A place of force as before, a new place of force, a new place of a sensor, all forces as before with longer records.
     place : str
-        Its label.
+        Its label; of longer records the distance of their lines.
     times : int
         How often, each as long as what was measured at one place.
     minutes : float
@@ -104,13 +111,14 @@ class NextMeasurement:
 
     @property
     def reached(self) -> bool:
-        """Whether everything that was asked is reached already."""
-        return not any(lack.size and np.nanmax(lack, initial=0) > 1 for lack in _lacking(self.now, self.asked))
+        """Whether everything that was asked is reached already, of the modes of which it is known."""
+        return all(np.any(lack <= 1) and not np.any(lack > 1) for lack in _lacking(self.now, self.asked))
 
     def __str__(self) -> str:
         lines = [f"Asked: {', '.join(_said(what, limit) for what, limit in self.asked.items())} (95 %)."]
         if self.reached:
-            lines.append("All of it is reached: stop here.")
+            some = "" if np.isfinite([*self.now.values()]).all() else ", of the modes with an interval"
+            lines.append(f"All of it is reached{some}: stop here.")
         for (what, values), lack in zip(self.now.items(), _lacking(self.now, self.asked), strict=True):
             short = [
                 f"mode {k + 1} ({self.frequencies[k]:.5g} Hz) {_said(what, values[k])}"
@@ -121,6 +129,7 @@ class NextMeasurement:
             lines.append(f"{number}. {_order(step.kind, step.place, step.times)}{_time(step)}: {self._worst(step)}.")
         if len(self.plan) > 1:
             lines.append(f"Together: {'; '.join(_order(*one, times) for one, times in self.plan.items())}.")
+        lines += ["A force twice as strong does what four measurements do."] if self.steps else []
         return "\n".join([*lines, *self.out_of_reach, *self.notes])
 
     def _worst(self, step: Step) -> str:
@@ -138,9 +147,9 @@ def next_measurement(
     """Say what to measure next, so that the modes of a result are as sure as asked.
 
     Deviations are foretold from the modes and the noise at hand (see `place`), each multiplied by what the data stated of it over what
-    was foretold of the measurement at hand. Where that is above 1.6, or inputs, outputs or runs are known to disagree, what noise does
-    not explain stays, however often a measurement is repeated. What a force does where a sensor was follows by reciprocity, and the other
-    way round.
+    was foretold of the measurement at hand. Where that is what inputs, outputs or runs differ by, and more than chance allows (chi-square
+    test, 99 %), disagreement rules the mode, and no place is named for it. What a force does where a sensor was follows by
+    reciprocity, and the other way round.
 
     Parameters
     ----------
@@ -172,11 +181,15 @@ def next_measurement(
     check_kind("result", result, Result)
     asked, test = _asked(ask), _Test(result)
     every = test.candidates()
-    if candidates is not None:
+    if candidates is None:
+        every += test.longer()
+    else:
         wanted, known = list(candidates), dict.fromkeys(label for _, label in every)
-        if unknown := [label for label in wanted if label not in known]:
+        unknown = [label for label in wanted if label not in known]
+        if unknown or not wanted:
             change = "Give these, or measure at the others once."
-            raise DataError(f"candidates={unknown}", f"the modes know {', '.join(known) or 'no place'}", change)
+            have = f"the modes know {', '.join(known) or 'no place'}"
+            raise DataError(f"candidates={unknown or wanted}", have, change)
         every = [each for each in every if each[1] in wanted]
     now = {what: test.reached(what, {}) for what in asked}
     best = {what: test.reached(what, dict.fromkeys(every, _MOST)) for what in asked}
@@ -207,9 +220,8 @@ def _asked(ask: str) -> dict[str, float]:
         word = None if parts is None else _WORDS.get(parts[1])
         limit = 0.0 if parts is None else float(parts[2]) / (100 if parts[3] else 1)
         if word is None or not 0 < limit < 1:
-            raise DataError(
-                "ask", f"{part.strip()!r} cannot be read", 'Write such as "damping 5 %", "f 0.1 %" or "shapes 0.98".'
-            )
+            change = 'Write such as "damping 5 %", "f 0.1 %" or "shapes 0.98".'
+            raise DataError(f"ask={ask!r}", f"{part.strip()!r} cannot be read", change)
         found[word] = limit
     return found
 
@@ -227,6 +239,8 @@ def _said(what: str, value: float) -> str:
 
 def _order(kind: str, place: str, times: int) -> str:
     often = "once" if times == 1 else f"{times} times"
+    if kind == "longer":
+        return f"every force with lines {place} apart, {often}"
     where = f"{'sensor' if kind == 'sensor' else 'force'} at {place}"
     return f"{where}, {often} more" if kind == "repeat" else f"{where} (new), {often}"
 
@@ -272,20 +286,37 @@ class _Test:
             have = "the data have channels without noise"
             raise DataError("next_measurement", have, "Further measurements lower nothing there: give measured data.")
         shapes, drive, known = self._places(modes, noise)
-        residues = np.einsum("ok,ki->oik", shapes, drive)
-        self._told = information(slopes_left(response, modes.poles), residues) / self._noise[:, :, None, None] ** 2
+        self._residues = np.einsum("ok,ki->oik", shapes, drive) / self._noise[:, :, None]
+        self._told = information(slopes_left(response, modes.poles), self._residues)
         self._sides = np.abs(drive.T) ** 2
-        strength = np.max(np.abs(residues) / self._noise[:, :, None], axis=(0, 1)) / -modes.poles.real
+        strength = np.max(np.abs(self._residues), axis=(0, 1)) / -modes.poles.real
         self._near_node = strength < _NODE * np.median(strength)
-        self._before = dict(zip(("frequency", "damping"), deviations_foretold(self._sum({}), modes.poles), strict=True))
-        self._stated = {what: self._told_of(what, "std") for what in _FIELDS}
-        beyond = {what: stated > _BEYOND_NOISE * self._before[what] for what, stated in self._stated.items()}
-        self._noise_part = {what: np.where(beyond[what], self._before[what], self._stated[what]) for what in _FIELDS}
-        self._rest = {
-            what: np.sqrt(np.maximum(self._stated[what] ** 2 - self._noise_part[what] ** 2, 0)) for what in _FIELDS
-        }
-        planned = np.isfinite(self._widths["frequency"])
-        self.notes = _rests_on(result, planned, known) + self._beyond_noise(beyond["damping"] & planned)
+        self._longer, self._length = self._told[0, 0], 1
+        self._before = dict(zip(("frequency", "damping"), self._foretold({}), strict=True))
+        self.disagree = self._disagreeing()
+        self.notes = _rests_on(result, np.isfinite(self._widths["frequency"]), known)
+
+    def _foretold(self, more: dict[_Candidate, int]) -> tuple[RealArray, RealArray]:
+        """Return the deviations of frequencies (Hz) and damping ratios that noise gives."""
+        told = np.einsum("oi,oiab->ab", self._weights(more), self._told)
+        longer = sum(times for (kind, _), times in more.items() if kind == "longer")
+        return deviations_foretold(told + longer * self._longer, self.modes.poles)
+
+    def _disagreeing(self) -> dict[str, BoolArray]:
+        """Return the modes whose deviation comes from groups that differ by more than noise gives; of a shape those of its frequency.
+
+        The widest of noise, lines and groups is stated. Where it is that of groups (outputs, inputs, channels, parts in time, runs), its
+        degrees of freedom are one less than their number.
+        """
+        heard, driven = len(self.modes.output_dofs), len(self.modes.input_dofs)
+        counts = np.array([heard, driven, heard * driven, PARTS, len(set(self._response.groups or ()))])
+        found = {}
+        for k, what in enumerate(("frequency", "damping")):
+            degrees = np.zeros(len(self.modes)) if self.modes.degrees is None else self.modes.degrees[:, k]
+            of_groups = (degrees > 0) & np.isin(degrees, counts - 1)
+            squares = (self._stated(what) / self._before[what] / _FORETOLD_WITHIN) ** 2
+            found[what] = of_groups & (chdtrc(degrees, degrees * squares) < _CHANCE)
+        return {**found, "shape": found["frequency"]}
 
     def _places(self, modes: ModalModel, noise: RealArray) -> tuple[Array, Array, bool]:
         """Return shapes (L, n) and participation (n, M) of all places that are known, and whether reciprocity tells of new ones."""
@@ -326,34 +357,32 @@ class _Test:
         sides = (self.inputs[:driven], self.inputs[driven:]), (self.outputs[:heard], self.outputs[heard:])
         return sides[::-1] if self._response.exchanged else sides
 
+    def longer(self) -> list[_Candidate]:
+        """Return records so long that lines tell the narrowest mode, where they do not; a blow then has as much more noise."""
+        half, step = self.modes.damping_ratios * self.modes.frequencies, line_step(self._response)
+        times = int(np.ceil(step * _LINES_OF_A_HALF_BANDWIDTH / half[half > 0].min(initial=np.inf)))
+        grid = self._response.grid
+        if times < 2 or grid is None:
+            return []
+        fine = np.linspace(grid[0], grid[-1], times * (len(grid) - 1) + 1)
+        one: dict[str, Any] = {"values": np.full((len(fine), 1, 1), 1j), "frequencies": fine, "variance": None}
+        light = replace(self._response.select(outputs=[0], inputs=[0]), **one)
+        known = self._residues[: len(self.modes.output_dofs), : len(self.modes.input_dofs)]
+        told = information(slopes_left(light, self.modes.poles), known)
+        self._longer, self._length = told.sum(axis=(0, 1)) / times, times
+        return [("longer", f"{step / times:.3g} Hz")]
+
     def reached(self, what: str, more: dict[_Candidate, int]) -> RealArray:
-        """Return what is reached with some measurements more, (n,)."""
-        modes = self.modes
+        """Return what is reached with some measurements more, (n,): no more than now where disagreement rules."""
         if what == "shape":
             return self._mac(more)
-        now = deviations_foretold(self._sum(more), modes.poles)[what == "damping"]
-        return self._width(what, self._noise_part[what] * now / self._before[what])
+        fall = np.where(self.disagree[what], 1, self._foretold(more)[what == "damping"] / self._before[what])
+        return np.asarray(self._widths[what] * fall / getattr(self.modes, _FIELDS[what]))
 
-    def floor(self, what: str) -> RealArray:
-        """Return what would be left without noise, (n,): nothing but disagreement."""
-        return self._width(what, np.zeros(len(self.modes)))
-
-    def _width(self, what: str, noise: RealArray) -> RealArray:
-        """Return half widths, relative, when noise alone had a deviation."""
-        groups = np.nan_to_num(self._told_of(what, "repeatability"))
-        widest = np.fmax(np.hypot(noise, self._rest[what]), groups) / np.fmax(self._stated[what], groups)
-        return np.asarray(self._widths[what] * widest / getattr(self.modes, _FIELDS[what]))
-
-    def _told_of(self, what: str, kind: str) -> RealArray:
-        found = getattr(self.modes, f"{_FIELDS[what]}_{kind}")
-        return np.full(len(self.modes), np.nan) if found is None else np.asarray(found)
-
-    def _beyond_noise(self, beyond: BoolArray) -> tuple[str, ...]:
-        """Return a sentence on modes whose damping other errors rule."""
-        times = self._stated["damping"] / self._before["damping"]
-        each = [f"{self.modes.frequencies[k]:.5g} Hz: {times[k]:.2g} times" for k in np.flatnonzero(beyond)]
-        says = f"Disagreement of channels, not noise, rules the damping of {counted(len(each), 'mode')}, over what noise gives"
-        return (f"{says} ({', '.join(each)}). Further places and repeats lower it little.",) if each else ()
+    def _stated(self, what: str) -> RealArray:
+        """Return the wider of the deviations from the noise and between groups, (n,)."""
+        each = (getattr(self.modes, f"{_FIELDS[what]}_{kind}") for kind in ("std", "repeatability"))
+        return np.asarray(np.fmax(*(np.full(len(self.modes), np.nan) if one is None else one for one in each)))
 
     def step(self, one: _Candidate, asked: dict[str, float], may: Array) -> Step:
         """Return a candidate measured until it is enough for some modes."""
@@ -397,8 +426,8 @@ class _Test:
         half = modes.damping_ratios * modes.frequencies
         for place in np.flatnonzero(never):
             what, k = list(asked)[place // len(modes)], int(place % len(modes))
-            if what != "shape" and self.floor(what)[k] > asked[what]:
-                why = "places or runs disagree by this much, whatever is repeated"
+            if self.disagree[what][k]:
+                why = "disagreement, not noise, rules: more places of the same kind will not help. Find its cause"
             elif step > half[k]:
                 why = f"lines lie {step:.2g} Hz apart, further than the half bandwidth. Measure longer"
             elif self._near_node[k]:
@@ -416,8 +445,9 @@ class _Test:
         rate = getattr(self._response, "sampling_rate", None)
         seconds = averages / step if step > 0 else self._response.count / rate if rate else np.nan
         forces = len(self._by_kind[0][0])
-        each = [times * (forces if kind == "sensor" else 1) for (kind, _), times in more.items()]
-        return float(seconds / 60 * sum(each) + sum(kind != "repeat" for kind, _ in more))
+        each = {"sensor": forces, "longer": forces * self._length}
+        long = sum(times * each.get(kind, 1) for (kind, _), times in more.items())
+        return float(seconds / 60 * long + sum(kind in ("force", "sensor") for kind, _ in more))
 
     def _weights(self, more: dict[_Candidate, int]) -> RealArray:
         """Return how often each channel is measured, (L, M)."""
@@ -425,31 +455,33 @@ class _Test:
         weight = np.zeros(self._noise.shape)
         weight[:heard, :driven] = 1
         for (kind, dof), times in more.items():
+            if kind == "longer":
+                continue
             if (kind == "sensor") != self._response.exchanged:
                 weight[self.outputs.index(dof), :driven] += times
             else:
                 weight[:heard, self.inputs.index(dof)] += times
         return weight
 
-    def _sum(self, more: dict[_Candidate, int]) -> RealArray:
-        return np.asarray(np.einsum("oi,oiab->ab", self._weights(more), self._told))
-
     def _mac(self, more: dict[_Candidate, int]) -> RealArray:
         """Return the expected MAC of each shape with the true one: what is across it has variances that fall with sum |b|^2 / s^2."""
         modes, heard = self.modes, len(self.modes.output_dofs)
-        if modes.shapes_std is None:
-            return np.full(len(modes), np.nan)
+        if modes.shapes_std is None or heard < 2:
+            have = "shapes without deviations" if heard > 1 else "one output, whose shape is a single number"
+            raise DataError("shapes were asked", f"the result has {have}", "Ask for damping or frequency.")
         size = np.sum(np.abs(modes.shapes) ** 2, axis=0)
         away = np.sum(modes.shapes_std**2, axis=0) / size * (1 - 1 / max(heard, 2))
         told = [np.mean((self._weights(w) / self._noise**2)[:heard] @ self._sides, axis=0) for w in ({}, more)]
-        return np.asarray(np.where(np.isfinite(self._widths["frequency"]), 1 - away * told[0] / told[1], np.nan))
+        fall = np.where(self.disagree["shape"], 1, told[0] / told[1])
+        return np.asarray(np.where(np.isfinite(self._widths["frequency"]), 1 - away * fall, np.nan))
 
 
 def _rests_on(result: Result, planned: Array, reciprocal: bool) -> tuple[str, ...]:
     """Return what a plan rests on."""
     open_ = [f"{f:.5g} Hz" for f in result.modes.frequencies[~planned]]
     return (
-        "Foretold for the modes of this result: those that are not seen yet are not planned for.",
+        "Foretold for the modes of this result: those that are not seen yet are not planned for. "
+        "The noise of a new place is not known: that of the others in the mean is taken.",
         *((f"No interval, not planned for: {', '.join(open_)}.",) if open_ else ()),
         *(f"Plan for these first. {note}" for note in result.notes if note.kind == BARE),
         *(() if reciprocal else ("No driving point was measured: what a force at a new place would do is not known.",)),

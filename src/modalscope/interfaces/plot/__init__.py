@@ -5,6 +5,7 @@ from modalscope.interfaces.plot.diagrams import fit_errors, indicator, stabiliza
 from modalscope.interfaces.plot.intervals import certificate, intervals
 from modalscope.interfaces.plot.matrices import mac, singular_values
 from modalscope.interfaces.plot.methods import deviations, method_map
+from modalscope.interfaces.plot.places import places
 from modalscope.interfaces.plot.responses import response, spectra
 from modalscope.interfaces.plot.shapes import complexity, shape
 from modalscope.interfaces.plot.tracks import against, control_chart, tracks
@@ -21,6 +22,7 @@ __all__ = [
     "intervals",
     "mac",
     "method_map",
+    "places",
     "response",
     "shape",
     "singular_values",

@@ -178,7 +178,7 @@ def shape_picture(
         motion = joined.displaced(modes.output_dofs, values)
         largest = np.abs(joined.displaced(modes.output_dofs, complex_shape)) if phase is not None else motion
         seen = view or view_of(joined.coordinates, np.asarray(largest, dtype=float))
-        measured = _measured(joined, modes.output_dofs)
+        measured = measured_nodes(joined, modes.output_dofs)
         moving = _over_length if seen.kind == "line" else _wireframe
         panel = moving(joined, motion, np.asarray(largest, dtype=float), measured, seen, scale, size)
     title, aside = _head(modes, index)
@@ -216,8 +216,8 @@ def check_mode(modes: ModalModel, index: int) -> None:
         raise DataError(asked, count, "Choose a lower index.")
 
 
-def _measured(geometry: Geometry, labels: tuple[str, ...]) -> Array:
-    """Return the mask of nodes that a channel moves."""
+def measured_nodes(geometry: Geometry, labels: tuple[str, ...]) -> Array:
+    """Return the mask of nodes that a channel moves; without any a shape cannot be drawn."""
     moved = {node for label in labels for node, _ in geometry.motion_of(label)}
     measured = np.array([node in moved for node in geometry.nodes], dtype=bool)
     if not measured.any():
@@ -318,13 +318,13 @@ def _wireframe(
     return Panel(
         Axis("", low[0] - reach[0] - 0.02 * far, high[0] + reach[0], named=()),
         Axis("", foot[1], high[1] + reach[1], named=()),
-        [*items, *_triad(view, foot, far)],
+        [*items, *triad(view, foot, far)],
         equal=True,
         bare=True,
     )
 
 
-def _triad(view: View, foot: Array, far: float) -> list[Item]:
+def triad(view: View, foot: Array, far: float) -> list[Item]:
     """Return the directions of x, y and z in the lower left corner."""
     seen = [k for k, end in enumerate(view.matrix) if np.linalg.norm(end) > 0.05]
     corner, tips = foot + 0.05 * far, view.matrix[seen]

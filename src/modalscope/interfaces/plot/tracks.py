@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,6 +36,9 @@ if TYPE_CHECKING:
 
 #: Inks of tracks, in turn.
 _INKS = ("blue", "orange", "green", "vermillion", "purple", "sky")
+
+#: Tracks below a chart.
+_MOST_TRACKS = 6
 
 #: Records up to which single intervals can be seen.
 _MOST_INTERVALS = 500
@@ -121,6 +125,9 @@ def against_picture(found: Explained, name: str) -> Picture:
 def control_chart(found: Alarms, ax: Axes | None = None) -> Axes:
     """Draw a control chart over time, with its limit at 1, the records of the reference, and the alarms with their times of change.
 
+    Below it, where no axes are given, the frequencies of the tracks that moved most, six at most: relative changes in per cent without
+    what weather explains, each on an axis of its own.
+
     Parameters
     ----------
     found : Alarms
@@ -147,7 +154,29 @@ def chart_picture(found: Alarms) -> Picture:
         text = plain(f"{change.astype('datetime64[D]')!s}: {', '.join(alarm.tracks[:2])}")
         items.append(Line(_seconds([change, change]), np.array([upward.low, upward.high]), "orange"))
         items.append(Words(_seconds([change]), np.array([0.98 * upward.high]), [text], turned=True))
-    return Picture([Panel(across, upward, items)], "Control chart with its limit and its alarms")
+    charts = [Panel(across, upward, items), *(_change(found, k, across) for k in _most_moved(found))]
+    charts = [*(replace(each, x=replace(across, label="")) for each in charts[:-1]), charts[-1]]
+    height = 500 + 130 * (len(charts) - 1)
+    return Picture(charts, "Control chart with its limit and its alarms, and the change of each track", (900, height))
+
+
+def _most_moved(found: Alarms) -> list[int]:
+    """Return the tracks that are drawn below the chart, in their order: where there are many, those that moved most."""
+    explained = found.explained
+    judged = np.nan_to_num(explained.residual[~explained.reference] / explained.residual_std)
+    moved = np.abs(np.median(judged, axis=0)) if len(judged) else np.zeros(len(explained.residual_std))
+    return sorted(np.argsort(-moved, kind="stable")[:_MOST_TRACKS].tolist())
+
+
+def _change(found: Alarms, k: int, across: Axis) -> Panel:
+    """Return the relative change of the frequency of one track without what weather explains, on an axis of its own."""
+    times, inside = _seconds(found.explained.tracks.history.times), found.explained.reference
+    moved = 100 * found.explained.residual[:, k]
+    items: list[Item] = [
+        Marks(times[kept], moved[kept], ink, "dot", "", 0.2) for kept, ink in ((inside, "muted"), (~inside, "blue"))
+    ]
+    name = plain(found.explained.tracks.names[k])
+    return Panel(across, axis_of("change [%]", [moved], zero=True), [*items, level(across)], name, share=0.35)
 
 
 def _seconds(times: object) -> RealArray:

@@ -79,7 +79,8 @@ def _moved(found: Explained) -> Section:
 def _chart(chart: Alarms | DataError) -> Section:
     if isinstance(chart, DataError):
         return Section("chart", "Control chart", paragraph(str(chart)))
-    drawn = figure(chart_picture(chart), "Control chart with its limit and its alarms", *_WIDE)
+    picture = chart_picture(chart)
+    drawn = figure(picture, picture.words, *picture.size)
     own = [note for note in chart.notes if note not in chart.explained.notes]
     return Section("chart", "Control chart", drawn + "".join(map(paragraph, own)))
 

@@ -22,7 +22,7 @@ _NEIGHBOURS = 10
 
 #: Parts in time. Level of the F test above which their scatter counts as more than that of lines, and of the test for a frequency that
 #: wanders.
-_PARTS, _LEVEL, _WANDERING_LEVEL = 8, 0.95, 0.99
+PARTS, _LEVEL, _WANDERING_LEVEL = 8, 0.95, 0.99
 
 #: Fewer groups say too little about how far they disagree.
 LEAST_GROUPS = 4
@@ -138,9 +138,9 @@ def of_parts(power: RealArray, pull: RealArray) -> Parts:
     the influence and the residual: over all times, the errors of the numbers.
     """
     total = np.maximum(power.sum(axis=1, keepdims=True), 1e-300)
-    part = np.minimum((_PARTS * (np.cumsum(power, axis=1) - power / 2) / total).astype(int), _PARTS - 1)
+    part = np.minimum((PARTS * (np.cumsum(power, axis=1) - power / 2) / total).astype(int), PARTS - 1)
     share, s = (
-        np.array([np.bincount(own, each, _PARTS) for own, each in zip(part, values, strict=True)])
+        np.array([np.bincount(own, each, PARTS) for own, each in zip(part, values, strict=True)])
         for values in (power / total, pull)
     )
     return parts_of(share, s)
@@ -168,7 +168,7 @@ def wandering(variance: RealArray, degrees: RealArray, parts: Parts) -> RealArra
 
 def joined(variance: RealArray, degrees: RealArray, parts: Parts) -> tuple[RealArray, RealArray]:
     """Return variances and degrees of freedom, those of parts in time where these scatter more: F test, and the wider interval."""
-    apart, few = parts.variance / np.maximum(variance, 1e-300), float(_PARTS - 1)
+    apart, few = parts.variance / np.maximum(variance, 1e-300), float(PARTS - 1)
     t, t_few = stdtrit(degrees, (1 + _LEVEL) / 2), stdtrit(few, (1 + _LEVEL) / 2)
     taken = (apart > fdtri(few, degrees, _LEVEL)) & (apart * t_few**2 > t**2)
     return np.where(taken, parts.variance, variance), np.where(taken, few, degrees)
