@@ -33,13 +33,13 @@ def units(data: Any, draw: np.random.Generator) -> tuple[Any, float]:
 
 
 def units_of_channels(data: Any, draw: np.random.Generator) -> tuple[Any, float]:
-    """Each output and each input in a unit of its own, from 1e-12 to 1e12."""
-    values = getattr(data, _values(data))
-    size = 10.0 ** draw.uniform(-12, 12, values.shape[1])
+    """Each output and each input in a unit of its own, from 1e-12 to 1e12; outputs of records with forces six decades apart at most."""
+    values, driven = getattr(data, _values(data)), isinstance(data, ms.Signals) and data.inputs is not None
+    size = 10.0 ** draw.uniform(*((-3, 3) if driven else (-12, 12)), values.shape[1])
     told = {_values(data): values * size.reshape(1, -1, *[1] * (values.ndim - 2))}
     if isinstance(data, ms.FrequencyResponse):
         told["values"] = told["values"] * 10.0 ** draw.uniform(-12, 12, values.shape[2])
-    elif data.inputs is not None:
+    elif driven:
         told["inputs"] = data.inputs * 10.0 ** draw.uniform(-12, 12, data.inputs.shape[1])
     return replace(data, **told), 1.0
 
@@ -94,9 +94,11 @@ MOVES: tuple[Callable[[Any, np.random.Generator], tuple[Any, float]], ...] = (
 
 
 def drawn(draw: np.random.Generator) -> Any:
-    """Return data of a chain of five masses: lines or a record."""
-    chain, seed = ms.systems.chain5(), int(draw.integers(2**31))
-    if draw.random() < 0.7:
+    """Return data of a chain of five masses: lines, or a record with its forces or without."""
+    chain, seed, kind = ms.systems.chain5(), int(draw.integers(2**31)), draw.random()
+    if kind > 0.85:
+        return chain.simulate(samples=3000, sampling_rate=20.0, noise=0.02, seed=seed)
+    if kind < 0.7:
         return chain.frequency_response(np.linspace(0.2, 8, 160), quantity="acceleration", noise=0.01, seed=seed)
     return chain.simulate(inputs="ambient", samples=3000, sampling_rate=20.0, noise=0.02, seed=seed)
 

@@ -7,7 +7,7 @@ there, the deviations that are then stated of damping ratios are held against th
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -16,6 +16,7 @@ import modalscope as ms
 from modalscope.analysis.planning.foretold import deviations_foretold, information, slopes_left
 from modalscope.analysis.planning.next_measurement import _Test
 from modalscope.numerics.checks import Array, RealArray
+from tests.analysis.planning.planned import PLACES, structure
 from tests.studies import Study
 from tests.support import measured
 
@@ -129,7 +130,26 @@ def roving() -> Iterator[Told]:
         yield from case(data, None, ([0, 1], sorted(F[:4].tolist())), [(False, int(k)) for k in F[4:8]], whole)
 
 
+def uneven() -> Iterator[Told]:
+    """Random structures whose noise differs by channel, 1 : 2, and along the band, by four waves of up to one neper."""
+    for seed in range(74000, 74024):
+        made, draw = structure(seed), np.random.default_rng(seed)
+        every, f = list(range(PLACES)), made.frequencies
+        clean = replace(made, noise=np.zeros(PLACES)).response(every, every, 1.0, 0)
+        level = np.exp(np.log(made.noise).mean()) * 10 ** draw.uniform(-0.15, 0.15, (PLACES, PLACES))
+        along = (f - f[0]) / (f[-1] - f[0])
+        size, phase = draw.uniform(0, 1, (4, PLACES, PLACES)), draw.uniform(0, 2 * np.pi, (4, PLACES, PLACES))
+        waves = 2 * np.pi * np.arange(1, 5)[:, None, None] * along[:, None, None, None] / 1.5
+        level = level * np.exp(np.einsum("koi,fkoi->foi", size, np.cos(waves + phase)))
+        noise = draw.standard_normal(clean.values.shape) + 1j * draw.standard_normal(clean.values.shape)
+        S, F = draw.permutation(PLACES), draw.permutation(PLACES)
+        places = [(True, int(k)) for k in S[4:6]] + [(False, int(k)) for k in F[2:4]]
+        sides = sorted(S[:4].tolist()), sorted(F[:2].tolist())
+        yield from case(replace(clean, values=clean.values + level * noise), None, sides, places, made.modes(every))
+
+
 CASES = {
+    "random structures, noise uneven, 4 sensors and 2 forces of 12": (uneven, "24 draws, seeds 74000 to 74023"),
     "shipped beam, 3 of 7 sensors and 3 of 6 forces": (beam, "11 draws, seeds 71000 to 71010"),
     "aircraft, 4 of 20 sensors, one shaker": (aircraft, "16 draws, seeds 72000 to 72015"),
     "roving hammer, 2 sensors, 4 of 15 places": (roving, "13 draws, seeds 73000 to 73012"),
