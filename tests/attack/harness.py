@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import functools
 import sys
 import tempfile
 import time
@@ -71,14 +72,20 @@ def whole_files(folder: Path) -> list[Path]:
     return found
 
 
+@functools.cache
+def _whole() -> tempfile.TemporaryDirectory[str]:
+    """Write the corpus once for all parts: it takes 20 s of the processor, as much as 300 damaged files."""
+    place = tempfile.TemporaryDirectory()
+    whole_files(Path(place.name))
+    return place
+
+
 def files(count: int, seed: int) -> list[str]:
     """Read so many damaged files, and return what ended in other ways than it may."""
-    with tempfile.TemporaryDirectory() as place:
-        whole, work = Path(place, "whole"), Path(place, "work")
-        whole.mkdir()
-        work.mkdir()
-        suffixes = sorted({path.suffix for path in whole_files(whole)})
-        tally = fuzz.run(work, whole, count, workers=1, seed=seed)
+    whole = Path(_whole().name)
+    suffixes = {path.suffix for path in whole.iterdir()}
+    with tempfile.TemporaryDirectory() as work:
+        tally = fuzz.run(Path(work), whole, count, workers=1, seed=seed)
     print(f"{count} damaged files of {len(suffixes)} suffixes, seed {seed}: {tally}")
     return [str(fault) for fault in tally.faults]
 
