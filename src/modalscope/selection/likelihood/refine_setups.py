@@ -124,6 +124,10 @@ def _place(poles: ComplexArray, core: IntArray) -> _Place:
 def _at_place(setups: Setups, modes: ModalModel, place: _Place, apart: bool) -> _Refined | str:
     """Return the modes of a place at the maximum of the likelihood, or why they stay as they were."""
     start = modes.poles[place.all]
+    few = min(part.samples / part.sampling_rate for part in setups.parts) * (place.band[1] - max(place.band[0], 0.0))
+    outputs = min(len(start), min(len(part.output_dofs) for part in setups.parts))
+    if few * outputs < unknowns(len(start), outputs):
+        return f"{few:.0f} lines are too few for {unknowns(len(start), outputs)} unknowns"
     cells = _cells(setups, modes.take(place.all), place.band)
     work = sum(
         len(each.counts) * (4 * unknowns(len(start), len(each.values[0])) * len(each.values[0])) ** 2 for each in cells
@@ -132,7 +136,7 @@ def _at_place(setups: Setups, modes: ModalModel, place: _Place, apart: bool) -> 
         return f"{len(start)} modes on the same lines exceed the limit on computing time by a factor {work / _MAX_PRODUCTS:.2g}"
     found = _means([scored([each], start) for each in cells], start) if apart else scored(cells, start)
     if found.misfit > _MAX_MISFIT:
-        return f"residual {found.misfit:.2g} x its expected variance: other modes or machines are present"
+        return _refused(found, _MAX_MISFIT)
     own = np.searchsorted(place.all, place.core)
     if not found.converged or np.any(astray(start, found.poles)[own]):
         return "their optimum lies elsewhere" if found.converged else "no optimum was reached"
@@ -192,23 +196,25 @@ def _without(information: RealArray, lost: BoolArray) -> RealArray:
 
 def _wrapped(modes: ModalModel, found: Sequence[tuple[IntArray, _Refined | str]]) -> ModalModel:
     """Return the modes as they are at the optima of their places where they are better known there, and notes on what was done."""
-    done = [(core, one) for core, one in found if not isinstance(one, str)]
-    left = [(core, one) for core, one in found if isinstance(one, str)]
+    known = _widths(modes)
+    most = _MAX_MISFIT if np.isnan(known).all() else _MAX_QUIET_MISFIT  # no other values have an interval
+    done = [(core, one) for core, one in found if not isinstance(one, str) and one.misfit < most]
+    left = [(core, why) for core, one in found if (why := _refused(one, most))]
     notes = []
     if left:
         text = "; ".join(f"{_names(modes, core)} ({why})" for core, why in left)
         notes = [Note("not refined", {"modes": float(sum(len(core) for core, _ in left))}, f"Not refined: {text}")]
     if not done:
-        return modes.noted(*notes)
+        return modes.noted(notes)
     before = _columns(modes)
     new = {name: np.array(column) for name, column in before.items()}
     for core, one in done:
         for name, values in zip(before, (one.poles, *one.std, *one.repeated, one.degrees), strict=True):
             new[name][core] = values
-    before_open, quiet = _open(modes), np.zeros(len(modes), bool)
-    for core, one in done:
-        quiet[core] = one.misfit < _MAX_QUIET_MISFIT
-    better = np.isnan(before_open) | (quiet & (_open(_with(modes, new)) < before_open))
+    better = np.isin(np.arange(len(modes)), np.concatenate([core for core, _ in done]))
+    better &= np.nanprod(_widths(_with(modes, new)) / known, axis=0) <= 1  # what was not known is no loss
+    if not better.any():
+        return modes.noted(notes)
     columns = {name: np.where(better if a.ndim == 1 else better[:, None], new[name], a) for name, a in before.items()}
     misfit = max(one.misfit for _, one in done)
     text = "standard deviations from the lines of every setup, left out one at a time in Whittle's likelihood, and pieces in time"
@@ -221,6 +227,17 @@ def _wrapped(modes: ModalModel, found: Sequence[tuple[IntArray, _Refined | str]]
     kept = [note for note in modes.notes if note.kind != KIND or not better.all()]
     refined = replace(_with(modes, columns), unrefined=replace(modes, unrefined=None), converged=True)
     return replace(refined, notes=(*kept, *notes))
+
+
+def _refused(found: _Refined | Scored | str, most: float) -> str:
+    """Return why modes stay as they were, "" where they do not."""
+    if isinstance(found, str):
+        return found
+    return (
+        ""
+        if found.misfit < most
+        else f"residual {found.misfit:.2g} x its expected variance: other modes or machines are present"
+    )
 
 
 def _names(modes: ModalModel, which: IntArray) -> str:
@@ -240,11 +257,11 @@ def _with(modes: ModalModel, columns: Mapping[str, Array]) -> ModalModel:
     return replace(modes, **own)
 
 
-def _open(modes: ModalModel) -> RealArray:
-    """Return the area of the intervals of frequency and damping of every mode, NaN where they are not known."""
+def _widths(modes: ModalModel) -> RealArray:
+    """Return the widths of the intervals of frequencies and damping ratios, (2, n), NaN where they are not known."""
     if modes.frequencies_std is None and modes.frequencies_repeatability is None:
-        return np.full(len(modes), np.nan)
-    return np.asarray(np.prod([np.diff(ends, axis=1)[:, 0] for ends in modes.interval().values()], axis=0))
+        return np.full((2, len(modes)), np.nan)
+    return np.array([np.diff(ends, axis=1)[:, 0] for ends in modes.interval().values()])
 
 
 def _between(setups: Setups, found: Scored) -> RealArray | None:
