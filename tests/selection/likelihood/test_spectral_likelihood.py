@@ -136,9 +136,12 @@ def test_a_machine_among_the_modes_is_no_part_of_them() -> None:
         for part in BUILT.setups[:2]
     ]
     found = refine_setups(ms.merge(beside), BUILT.modes.select(outputs=list(ms.merge(beside).output_dofs)))
-    # too few turns to be told from a mode by itself: the misfit tells it
-    assert [note.kind for note in found.notes] == ["not refined"]
-    assert np.array_equal(found.poles, BUILT.modes.poles)
+    # places by themselves leave it out or widen what they state
+    assert found.frequencies_std is not None
+    assert found.damping_ratios_std is not None
+    away = (found.frequencies - BUILT.modes.frequencies) / found.frequencies_std
+    turned = (found.damping_ratios - BUILT.modes.damping_ratios) / found.damping_ratios_std
+    assert np.abs([away, turned]).max() < 3.5  # of 22 values
 
 
 def test_lines_tell_the_score_and_the_information_and_gusts_widen_by_their_pieces() -> None:
