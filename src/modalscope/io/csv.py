@@ -101,6 +101,9 @@ def _own_table(path: Path) -> _Table | None:
 
     Raises `DataError`: lines that are no rows, or another number of rows than its header says.
     """
+    with path.open("rb") as file:
+        if not file.readline(MAX_CHARACTERS).strip():
+            return None
     space, notes, head, encoding = room(path.name, path.stat().st_size), dict[str, str](), "", encoding_of(path)
     lines = lines_of(path, encoding, 0, space)
     for _, head in lines:
@@ -120,7 +123,7 @@ def _own_table(path: Path) -> _Table | None:
     words = _OF_WORDS if set(header) >= _OF_MODES else ()
     kinds = ["text" if name in words else "number" for name in header]
     dialect = Dialect(delimiter=delimiter, quoted=bool(words) or '"' in head)
-    arrays, left = read_body(path.name, lines, kinds, dialect, len(header), space)
+    arrays, left = read_body(path.name, lines, kinds, dialect, len(header), space, whole=True)
     if left or not arrays:
         fault = left[0] if left else "it has no rows"
         raise needs(path.name, f"{len(header)} numbers in every row", fault, "Correct them, or copy it again.")

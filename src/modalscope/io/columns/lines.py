@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from itertools import takewhile
+from itertools import islice, product, takewhile
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -348,9 +348,10 @@ def matrix_of(where: str, responses: Responses) -> tuple[Any, Any, Any, Array]:
     """
     outputs = tuple(dict.fromkeys(out for out, _ in responses))
     inputs = tuple(dict.fromkeys(into for _, into in responses))
-    missing = [f"{o} / {i}" for o in outputs for i in inputs if (o, i) not in responses]
+    # few of them are named: pairs grow with the square of a file's columns
+    missing = list(islice((f"{o} / {i}" for o, i in product(outputs, inputs) if (o, i) not in responses), 6))
     if missing:
-        fault = f"{', '.join(missing[:6])} {'is' if len(missing) == 1 else 'are'} missing"
+        fault = f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing"
         remedy = "Export them, or leave the others of that channel out with --ignore."
         raise needs(where, "a response of every output to every input", fault, remedy)
     units = (

@@ -68,12 +68,15 @@ def read_body(
     width: int,
     space: Room,
     head: Sequence[str] = (),
+    *,
+    whole: bool = False,
 ) -> tuple[list[Array], list[str]]:
     """Return the columns of a body, and notes on lines that are no rows of it.
 
     Remarks, the header again, a last line that is cut short and lines under the table are left and counted.
 
     `lines`: the body, each line with its number. `kinds`: those of the columns. `width`: cells in a row. `head`: the lines above it.
+    `whole`: whether every line is to be a row, so that nothing is read behind the first that is none.
 
     Raises `DataError`: a row of another length, or a cell that holds something else than its column.
     """
@@ -93,6 +96,8 @@ def read_body(
         else:
             last = piece[-1][0]
         pieces.append(arrays)
+        if whole and odd:
+            break
     _check_last(where, odd, last, width, dialect)
     return _joined(pieces), _notes(odd, last)
 
