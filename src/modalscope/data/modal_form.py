@@ -11,6 +11,7 @@ from modalscope.numerics.checks import BoolArray, ComplexArray, IntArray, RealAr
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.poles import is_real
 from modalscope.numerics.linear_systems import sampled, scaled, state_scale
+from modalscope.numerics.orthonormal import most_real
 
 #: An eigenvalue whose sensitivity (1 / cosine of the angle between its left and right eigenvectors) is above this has lost half
 #: of its digits: it is nearly defective.
@@ -93,7 +94,7 @@ def _pair(value: complex, vector: ComplexArray) -> tuple[RealArray, RealArray]:
     if value.imag == 0:
         return vector.real[:, None] / np.linalg.norm(vector.real), np.array([[value.real]])
     # turn the vector so that its real and imaginary parts are orthogonal: the best conditioned real basis of the pair
-    turned = vector * np.exp(-0.5j * np.angle(np.sum(vector**2)))
+    turned = most_real(vector)
     basis = np.column_stack([turned.real, turned.imag])
     return basis / np.linalg.norm(turned), np.array([[value.real, value.imag], [-value.imag, value.real]])
 

@@ -14,6 +14,7 @@ from modalscope.data.statespace import StateSpace
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import RealArray
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.orthonormal import most_real
 
 #: Maximum condition of [C; C A] at which the sensors separate the states: errors of the model are multiplied by it, and with 1e8 half of
 #: the digits of double precision remain.
@@ -90,8 +91,7 @@ def equations_of_motion(model: StateSpace) -> EquationsOfMotion:
     values, vectors = np.linalg.eig(stiffness)
     largest = np.argsort(-np.abs(values))[: n // 2]  # more sensors than degrees of freedom add eigenvalues of zero
     order = largest[np.argsort(np.abs(values[largest]))]
-    # each mode is turned to the phase at which its real part is largest
-    real = np.real(vectors[:, order] * np.exp(-0.5j * np.angle(np.sum(vectors[:, order] ** 2, axis=0))))
+    real = most_real(vectors[:, order]).real
     return EquationsOfMotion(
         stiffness=stiffness,
         damping=damping,

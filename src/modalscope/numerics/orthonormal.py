@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.numerics.checks import RealArray
+from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
 #: Relative residual norm that each column must keep given the preceding ones.
 _MIN_REMAINDER = 1e-4
@@ -294,6 +294,17 @@ def _triangle(gram: RealArray) -> RealArray | None:
         return np.asarray(np.linalg.cholesky(gram).T)
     except np.linalg.LinAlgError:
         return None
+
+
+def most_real(vectors: Array) -> ComplexArray:
+    """Return vectors (l,) or (l, n) turned by -arg(sum phi^2) / 2: real and imaginary parts are orthogonal, and the real one is largest.
+
+    Examples
+    --------
+    >>> most_real(np.array([1j, 2j]))
+    array([1.+0.j, 2.+0.j])
+    """
+    return np.asarray(vectors * np.exp(-0.5j * np.angle(np.sum(vectors**2, axis=0))))
 
 
 def scaled_span(columns: RealArray) -> RealArray:

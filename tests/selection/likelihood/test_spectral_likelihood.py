@@ -11,6 +11,7 @@ import modalscope as ms
 from modalscope.numerics.functions.poles import poles_from
 from modalscope.selection.likelihood.ambient import (
     Driven,
+    Transformed,
     begun,
     cells_of,
     deviations,
@@ -31,7 +32,7 @@ BAND = (0.27, 5.0)
 
 
 def test_the_functions_are_the_half_spectra_of_decays_seen_through_a_triangle() -> None:
-    cells = cells_of(BUILT.setups[0], POLES, BAND)
+    cells = cells_of(Transformed.of(BUILT.setups[0]), POLES, BAND)
     short = replace(cells, samples=400)
     poles = poles_from([0.5, 2.0], [0.4, 0.1])
     k = np.arange(400)
@@ -46,7 +47,7 @@ def test_the_functions_are_the_half_spectra_of_decays_seen_through_a_triangle() 
 
 
 def test_the_score_is_the_slope_of_the_likelihood_by_every_unknown() -> None:
-    cells = cells_of(BUILT.setups[1], POLES, BAND)
+    cells = cells_of(Transformed.of(BUILT.setups[1]), POLES, BAND)
     own = begun(cells, POLES)
     own = Driven(own.shapes * (1 + 0.002j), own.drives * (1 + 0.001j), 3 * own.background)
     built = equations(cells, POLES, own)
@@ -82,7 +83,7 @@ def test_of_one_mode_in_one_channel_the_information_is_that_of_au() -> None:
     y = np.asarray(model.simulate(rng.standard_normal((int(seconds * rate), 1))))
     record = ms.Signals(outputs=y + 1e-4 * y.std() * rng.standard_normal(y.shape), sampling_rate=rate)
     start = poles_from([f * 1.001], [zeta * 1.2])
-    cells = cells_of(record, start, (0.3, 2.5))
+    cells = cells_of(Transformed.of(record), start, (0.3, 2.5))
     found = scored([cells], start)
     assert found.converged
     assert found.misfit == pytest.approx(1, abs=0.6)  # of some forty cells
@@ -148,7 +149,7 @@ def test_lines_tell_the_score_and_the_information_and_gusts_widen_by_their_piece
     record, poles = ambient(801)
     f, half = np.abs(poles) / (2 * np.pi), -poles.real / (2 * np.pi)
     band = (float(np.min(f - 10 * half)), float(min(np.max(f + 10 * half), 9.8)))
-    found = scored([cells_of(record, poles, band)], poles)
+    found = scored([cells_of(Transformed.of(record), poles, band)], poles)
     (told,) = found.told
     # shapes and drives share a factor, which a ridge of 1e-9 determines
     assert np.einsum("c,cab->ab", told.counts, told.cells) == pytest.approx(
@@ -157,14 +158,14 @@ def test_lines_tell_the_score_and_the_information_and_gusts_widen_by_their_piece
     # the model is right: the scores of lines, and of pieces, scatter as the information says
     ratio = np.trace(np.linalg.solve(found.informations[0], told.lines)) / len(told.lines)
     assert ratio == pytest.approx(1, abs=0.5)
-    gusts = scored([cells_of(ambient(801, gusts=1.0)[0], poles, band)], poles)
+    gusts = scored([cells_of(Transformed.of(ambient(801, gusts=1.0)[0]), poles, band)], poles)
     plain = np.sqrt([np.diag(np.linalg.pinv(each.informations[0], hermitian=True))[1::2] for each in (found, gusts)])
     wide = [deviations(each)[0][0] for each in (found, gusts)]
     assert np.mean(wide[1] / plain[1]) > 1.3 * np.mean(wide[0] / plain[0])
 
 
 def test_cells_that_are_left_out_take_their_lines_with_them() -> None:
-    cells = cells_of(BUILT.setups[0], POLES, BAND)
+    cells = cells_of(Transformed.of(BUILT.setups[0]), POLES, BAND)
     lost = np.arange(cells.counts.size) % 3 == 0
     kept = cells.without(lost)
     for (lines, cell), (old, before) in zip(kept.views, cells.views, strict=True):
@@ -177,15 +178,17 @@ def test_combinations_of_outputs_tell_what_all_outputs_tell_of_the_poles() -> No
     part = BUILT.setups[0]
     shapes = BUILT.modes.shapes[[BUILT.modes.output_dofs.index(dof) for dof in part.output_dofs]][:, :2]
     band = (0.27, 0.5)
-    few, all_outputs = (scored([cells_of(part, POLES[:2], band, own)], POLES[:2]) for own in (shapes, None))
-    assert cells_of(part, POLES[:2], band, shapes).values.shape[1] == 2
+    few, all_outputs = (
+        scored([cells_of(Transformed.of(part), POLES[:2], band, own)], POLES[:2]) for own in (shapes, None)
+    )
+    assert cells_of(Transformed.of(part), POLES[:2], band, shapes).values.shape[1] == 2
     spread = np.sqrt(np.diag(np.linalg.pinv(all_outputs.informations[0], hermitian=True)))
     away = few.poles - all_outputs.poles
     assert np.abs(away.real) == pytest.approx(0, abs=float(spread[::2].max()))
     assert np.abs(away.imag) == pytest.approx(0, abs=float(spread[1::2].max()))
     gains = np.array([1, 1e3, 1e-3, 1])
     scaled = replace(part, outputs=np.asarray(part.outputs) * gains)
-    again = scored([cells_of(scaled, POLES[:2], band, shapes * gains[:, None])], POLES[:2])
+    again = scored([cells_of(Transformed.of(scaled), POLES[:2], band, shapes * gains[:, None])], POLES[:2])
     assert again.poles == pytest.approx(few.poles, rel=1e-9)
 
 

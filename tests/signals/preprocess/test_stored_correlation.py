@@ -281,6 +281,15 @@ def test_modes_are_those_of_the_record_in_memory(record: ms.Signals, monkeypatch
     np.testing.assert_allclose(modes.frequencies, other.frequencies, rtol=1e-6)
 
 
+def test_a_record_that_stays_where_it_is_stored_is_not_refined_and_says_so(
+    record: ms.Signals, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("modalscope.data.stored._MIN_RECORDS_IN_MEMORY", 10**9)
+    settings = {"band": (0.2, 12.0), "orders": range(2, 31, 2)}
+    told = [note.text for note in ms.analyze(stored(record), **settings).modes.notes if note.kind == "not refined"]
+    assert told == ["Not refined: the record is too large to hold all of its lines in memory"]
+
+
 @pytest.mark.slow
 def test_a_short_record_is_taken_into_memory(record: ms.Signals) -> None:
     found = ms.stabilize(stored(record), orders=range(2, 21, 2), method="ssi-data")

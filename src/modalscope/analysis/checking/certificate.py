@@ -129,7 +129,8 @@ def replicates_of(
     """
     if not len(modes):
         raise DataError("a certificate needs modes", "there are none", "Give a result with modes.")
-    modes = _of_correlations(modes) if diagram.response.ambient and modes.unrefined is not None else modes
+    if diagram.response.ambient and modes.unrefined is not None:
+        modes = _of_correlations(modes, modes.unrefined)
     row = find_method(diagram.method, diagram.domain, diagram.domain, diagram.settings.route)
     if of_past(row):
         have = "it projects records on their past, and replicates are responses"
@@ -146,10 +147,8 @@ def replicates_of(
     return Replicates(diagram, modes, clean, noise, order, beside, whole)
 
 
-def _of_correlations(modes: ModalModel) -> ModalModel:
+def _of_correlations(modes: ModalModel, before: ModalModel) -> ModalModel:
     """Return modes that were refined on the lines of a record as they were before: replicates are correlations."""
-    before = modes.unrefined
-    assert before is not None
     names = ("poles", "frequencies_std", "damping_ratios_std", "degrees")
     text = "The values before the refinement are certified: replicates are correlations, it works on the lines of the record"
     own: dict[str, Any] = {name: getattr(before, name) for name in names}

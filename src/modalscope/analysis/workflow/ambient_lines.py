@@ -31,6 +31,9 @@ _MIN_CHANGE = 0.01
 #: A peak is a mode's within this part of its frequency, two bins, or its half bandwidth.
 _PEAK_OF_MODE = 0.02
 
+#: What is said of a record that is read in pieces.
+_TOO_LARGE = Note("not refined", {}, "Not refined: the record is too large to hold all of its lines in memory")
+
 
 def with_lines_of_record(
     seen: SeenRecord,
@@ -48,10 +51,13 @@ def with_lines_of_record(
     machines = machines_in(seen.lines)
     record = seen.record.settled() if isinstance(seen.record, StoredSignals) else seen.record
     found = modes
-    if isinstance(record, Signals) and refine:
-        found = refine_setups(Setups(parts=(record,), groups=None), found)
-    if isinstance(record, Signals) and len(modes) and len(record.output_dofs) > 1:
-        found = _with_shapes(found, line_shapes(record, found, machines))
+    if isinstance(record, Signals):
+        if refine:
+            found = refine_setups(Setups(parts=(record,), groups=None), found)
+        if len(modes) and len(record.output_dofs) > 1:
+            found = _with_shapes(found, line_shapes(record, found, machines))
+    elif refine:
+        found = found.noted(_TOO_LARGE)
     bands = [diagram.response.reported_band(diagram.settings.band) for diagram in diagrams]
     return with_note_on_peaks(found, peaks_in(seen.levels, bands, machines)) if chosen else found
 

@@ -35,6 +35,7 @@ from modalscope.io.geometry import neighbour_lines
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, BoolArray, ComplexArray, IntArray, RealArray, check_count
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.orthonormal import most_real
 from modalscope.selection.judging.description import described
 
 if TYPE_CHECKING:
@@ -78,7 +79,7 @@ def spaced(count: int, most: int = _MAX_DRAWN) -> slice:
 
 def turned(shapes: Array) -> ComplexArray:
     """Return shapes (l,) or (l, n) rotated by -arg(sum phi^2) / 2, which minimizes sum (Im phi)^2; largest components of length 1."""
-    phi = shapes * np.exp(-0.5j * np.angle(np.sum(shapes**2, axis=0)))
+    phi = most_real(shapes)
     size = np.max(np.abs(phi), axis=0, initial=0.0)
     scaled: ComplexArray = phi / np.where(size > 0, size, 1.0)
     return scaled

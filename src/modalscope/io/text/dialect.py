@@ -22,9 +22,6 @@ Line = tuple[int, str]
 _BYTES_EXAMINED = 1 << 16
 #: Characters of a line and blank lines of a table, at most.
 _MAX_CHARACTERS_OF_LINE, _MAX_BLANK_LINES = 1 << 25, 10_000_000
-
-#: Blank lines that are counted before the limit is asked.
-_BLANK_LINES_AT_A_TIME = 1000
 _BYTE_ORDER_MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 
 #: Delimiters in order of preference; an empty one stands for blanks.
@@ -72,7 +69,7 @@ def lines_of(path: Path, encoding: str, skip: int, space: Room) -> Iterator[Line
                 space.take(f"line {number}", 100 * len(line))
             if line.isspace():
                 blank += 1
-                if not blank % _BLANK_LINES_AT_A_TIME:
+                if blank > _MAX_BLANK_LINES:
                     space.parts("blank lines", blank, _MAX_BLANK_LINES)
             elif number > skip:
                 yield number, line

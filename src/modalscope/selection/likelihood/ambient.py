@@ -8,11 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as sla
-import scipy.signal as sps
+import scipy.signal
 
 from modalscope.data.records import Signals
 from modalscope.numerics.checks import BoolArray, ComplexArray, IntArray, RealArray
+from modalscope.numerics.orthonormal import most_real
 from modalscope.selection.likelihood.covariance import deviations_of_poles, gradients_of_poles, pole_blocks
+from modalscope.signals.preprocess.conditioning import straightened
 
 # ------------------------------------------------------------------------------------------------- spectral likelihood
 # Whittle's likelihood of the lines of an ambient record: poles, shapes, excitation and a smooth background spectrum.
@@ -129,25 +131,40 @@ class Equations(NamedTuple):
     misfit: float
 
 
+class Transformed(NamedTuple):
+    """A record without inputs, less its straight line, which leaks over all lines: samples (N, l), transforms (F, l), Hz (F,), rate."""
+
+    samples: RealArray
+    lines: ComplexArray
+    frequencies: RealArray
+    rate: float
+
+    @classmethod
+    def of(cls, record: Signals) -> Transformed:
+        """Transform a record; one serves all bands."""
+        y = np.asarray(straightened(record).outputs)
+        lines = np.fft.rfft(y, axis=0) / np.sqrt(len(y))
+        f = np.asarray(np.fft.rfftfreq(len(y), 1 / record.sampling_rate), dtype=np.float64)
+        return cls(y, np.asarray(lines), f, record.sampling_rate)
+
+
 def cells_of(
-    record: Signals, poles: ComplexArray, band: tuple[float, float], shapes: ComplexArray | None = None
+    whole: Transformed, poles: ComplexArray, band: tuple[float, float], shapes: ComplexArray | None = None
 ) -> Cells:
     """Return the cells of a record in a band: fine near poles, coarse far from them.
 
-    `record`: without inputs. `poles` (n,): rad/s. `band`: hz. `shapes` (l, n): the combinations of outputs that they span are taken in
-    place of the outputs, where they are fewer: of channels divided by their noise they tell all that the outputs tell of the poles.
+    `poles` (n,): rad/s. `band`: hz. `shapes` (l, n): the combinations of outputs that they span are taken in place of the outputs, where
+    they are fewer: of channels divided by their noise they tell all that the outputs tell of the poles.
     """
-    y = sps.detrend(np.asarray(record.outputs), axis=0)  # a straight line leaks over all lines
+    y, lines, x, rate = whole
     count = len(y)
-    lines = np.fft.rfft(y, axis=0) / np.sqrt(count)
-    x = np.fft.rfftfreq(count, 1 / record.sampling_rate)
     first, last = (int(k) for k in np.searchsorted(x, band))
     first, last = max(first, 1), min(last, len(x) - 1)
     half, centre = np.abs(poles.real) / (2 * np.pi), poles.imag / (2 * np.pi)
     starts = [first]
     while starts[-1] < last:
         near = float(np.min(np.hypot(x[starts[-1]] - centre, half)))
-        starts.append(starts[-1] + max(int(near / _CELLS_PER_HALF_BANDWIDTH * count / record.sampling_rate), 1))
+        starts.append(starts[-1] + max(int(near / _CELLS_PER_HALF_BANDWIDTH * count / rate), 1))
     at = np.array(starts[:-1]) - first
     inside, own = lines[first : starts[-1]], x[first : starts[-1]]
     combined = np.eye(y.shape[1]) if shapes is None else _combinations(inside, shapes)
@@ -157,13 +174,13 @@ def cells_of(
     scale = np.sqrt(np.maximum(np.einsum("kaa->a", products).real / counts.sum(), 1e-300))
     values = products / counts[:, None, None] / scale[:, None] / scale
     views, size = [(inside / scale, np.repeat(np.arange(len(at)), counts.astype(int)))], count // _PIECES
-    f = np.fft.rfftfreq(size, 1 / record.sampling_rate)
+    f = np.fft.rfftfreq(size, 1 / rate)
     there = (f >= own[0]) & (f < x[starts[-1]])
     cell = np.searchsorted(own[at], f[there], side="right") - 1
     pieces = y[: size * _PIECES].reshape(_PIECES, size, -1)
-    pieces = np.fft.rfft(sps.detrend(pieces, axis=1), axis=1)[:, there] / np.sqrt(size) / scale
+    pieces = np.fft.rfft(scipy.signal.detrend(pieces, axis=1), axis=1)[:, there] / np.sqrt(size) / scale
     views += [(piece, cell) for piece in pieces]
-    return Cells(values, np.add.reduceat(own, at) / counts, counts, record.sampling_rate, count, tuple(views))
+    return Cells(values, np.add.reduceat(own, at) / counts, counts, rate, count, tuple(views))
 
 
 def _combinations(lines: ComplexArray, shapes: ComplexArray) -> RealArray:
@@ -171,9 +188,9 @@ def _combinations(lines: ComplexArray, shapes: ComplexArray) -> RealArray:
     rms = np.sqrt(np.mean(np.abs(lines) ** 2, axis=0))
     level = np.maximum(np.sqrt(np.quantile(np.abs(lines) ** 2, _BACKGROUND_QUANTILE, axis=0)), _LEAST_LEVEL * rms)
     level = np.where(rms > 0, level, np.inf)  # a dead channel tells nothing
-    turned = (shapes * np.exp(-0.5j * np.angle(np.sum(shapes**2, axis=0)))).real / level[:, None]
-    lengths = np.maximum(np.linalg.norm(turned, axis=0), np.finfo(float).tiny)
-    basis, sizes, _ = np.linalg.svd(turned / lengths, full_matrices=False)
+    real = most_real(shapes).real / level[:, None]
+    lengths = np.maximum(np.linalg.norm(real, axis=0), np.finfo(float).tiny)
+    basis, sizes, _ = np.linalg.svd(real / lengths, full_matrices=False)
     return np.asarray(basis[:, sizes >= _MIN_SIZE * sizes[0]] / level[:, None])
 
 

@@ -11,6 +11,7 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.records import Signals
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
 from modalscope.numerics.functions.poles import QUANTITIES
+from modalscope.numerics.orthonormal import most_real
 from modalscope.signals.preprocess.spectra import Spectrum
 
 #: A shape is estimated from the lines within this many half bandwidths; the noise from those in this range of half bandwidths.
@@ -157,7 +158,7 @@ def _strongest_first(shapes: RealArray) -> list[int]:
 
 def _turned_real(shapes: ComplexArray) -> ComplexArray:
     """Return shapes turned to be as real as they can, their real parts of length one."""
-    turned = shapes * np.exp(-0.5j * np.angle(np.sum(shapes**2, axis=0)))
+    turned = most_real(shapes)
     return np.asarray(turned / np.linalg.norm(turned.real, axis=0))
 
 

@@ -11,11 +11,10 @@ import numpy as np
 from modalscope.data.mode_fields import degrees_of
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
-from modalscope.data.records import Signals
 from modalscope.data.setups import Setups
 from modalscope.numerics.checks import Array, BoolArray, ComplexArray, IntArray, RealArray
 from modalscope.numerics.resources import one_thread
-from modalscope.selection.likelihood.ambient import Cells, Scored, cells_of, deviations, scored, unknowns
+from modalscope.selection.likelihood.ambient import Cells, Scored, Transformed, cells_of, deviations, scored, unknowns
 from modalscope.selection.likelihood.covariance import (
     LEAST_GROUPS,
     degrees_of_wider,
@@ -25,7 +24,8 @@ from modalscope.selection.likelihood.covariance import (
 )
 from modalscope.selection.likelihood.descent import astray
 from modalscope.selection.likelihood.noise import KIND
-from modalscope.signals.preprocess.harmonics import find_lines
+from modalscope.signals.preprocess.harmonics import lines_in
+from modalscope.signals.preprocess.spectra import Spectrum
 
 #: Lines extend beyond the first and the last mode by this fraction of the frequency, and by this many half bandwidths.
 _MARGIN, _MARGIN_HALF_BANDWIDTHS = 0.15, 10.0
@@ -45,6 +45,14 @@ _MAX_PRODUCTS, _MAX_QUIET_MISFIT = 5e9, 1.1
 
 #: Residual variance relative to the expected one above which other modes must be present.
 _MAX_MISFIT = 2.0
+
+
+class _Seen(NamedTuple):
+    """Setups, and what serves all places: the transform of every part, and the spectrum in which machines are looked for."""
+
+    setups: Setups
+    parts: list[Transformed]
+    spectra: list[Spectrum]
 
 
 class _Place(NamedTuple):
@@ -87,11 +95,13 @@ def refine_setups(setups: Setups, modes: ModalModel, *, apart: bool = False) -> 
     if not len(modes):
         return modes
     order = np.argsort(modes.poles.imag, kind="stable")
-    return _wrapped(modes, _refined_places(setups, modes, order, apart))
+    parts = setups.parts
+    seen = _Seen(setups, [Transformed.of(part) for part in parts], [Spectrum.of(part) for part in parts])
+    return _wrapped(modes, _refined_places(seen, modes, order, apart))
 
 
 def _refined_places(
-    setups: Setups, modes: ModalModel, core: IntArray, apart: bool, failed: tuple[int, str] = (0, "")
+    seen: _Seen, modes: ModalModel, core: IntArray, apart: bool, failed: tuple[int, str] = (0, "")
 ) -> list[tuple[IntArray, _Refined | str]]:
     """Return what is found of modes in ascending order: together, or where that fails on either side of their widest gap.
 
@@ -99,13 +109,13 @@ def _refined_places(
     were tried; a part of them that stands on the lines of them all would fail alike.
     """
     place = _place(modes.poles, core)
-    found = failed[1] if len(place.all) == failed[0] else _at_place(setups, modes, place, apart)
+    found = failed[1] if len(place.all) == failed[0] else _at_place(seen, modes, place, apart)
     if not isinstance(found, str) or len(core) < 2 or len(place.all) == failed[0]:
         return [(core, found)]
     f, half = modes.frequencies[core], np.abs(modes.poles.real)[core]
     cut = 1 + int(np.argmax(np.diff(f) / (half[1:] + half[:-1])))
     why = (len(place.all), found)
-    return [part for own in (core[:cut], core[cut:]) for part in _refined_places(setups, modes, own, apart, why)]
+    return [part for own in (core[:cut], core[cut:]) for part in _refined_places(seen, modes, own, apart, why)]
 
 
 def _place(poles: ComplexArray, core: IntArray) -> _Place:
@@ -121,14 +131,14 @@ def _place(poles: ComplexArray, core: IntArray) -> _Place:
         low, high = min(low, ends[0]), max(high, ends[1])
 
 
-def _at_place(setups: Setups, modes: ModalModel, place: _Place, apart: bool) -> _Refined | str:
+def _at_place(seen: _Seen, modes: ModalModel, place: _Place, apart: bool) -> _Refined | str:
     """Return the modes of a place at the maximum of the likelihood, or why they stay as they were."""
-    start = modes.poles[place.all]
+    setups, start = seen.setups, modes.poles[place.all]
     few = min(part.samples / part.sampling_rate for part in setups.parts) * (place.band[1] - max(place.band[0], 0.0))
     outputs = min(len(start), min(len(part.output_dofs) for part in setups.parts))
     if few * outputs < unknowns(len(start), outputs):
         return f"{few:.0f} lines are too few for {unknowns(len(start), outputs)} unknowns"
-    cells = _cells(setups, modes.take(place.all), place.band)
+    cells = _cells(seen, modes.take(place.all), place.band)
     work = sum(
         len(each.counts) * (4 * unknowns(len(start), len(each.values[0])) * len(each.values[0])) ** 2 for each in cells
     )
@@ -136,7 +146,7 @@ def _at_place(setups: Setups, modes: ModalModel, place: _Place, apart: bool) -> 
         return f"{len(start)} modes on the same lines exceed the limit on computing time by a factor {work / _MAX_PRODUCTS:.2g}"
     found = _means([scored([each], start) for each in cells], start) if apart else scored(cells, start)
     if found.misfit > _MAX_MISFIT:
-        return _refused(found, _MAX_MISFIT)
+        return _more_there(found.misfit)
     own = np.searchsorted(place.all, place.core)
     if not found.converged or np.any(astray(start, found.poles)[own]):
         return "their optimum lies elsewhere" if found.converged else "no optimum was reached"
@@ -148,20 +158,20 @@ def _at_place(setups: Setups, modes: ModalModel, place: _Place, apart: bool) -> 
     return _Refined(found.poles[own], std, degrees.T, repeated, found.misfit)
 
 
-def _cells(setups: Setups, modes: ModalModel, band: tuple[float, float]) -> list[Cells]:
-    """Return the lines of all setups in a band, in the combinations of outputs that the shapes of the modes span."""
-    ends = max(band[0], 0.0), min(band[1], 0.49 * setups.sampling_rate)
+def _cells(seen: _Seen, modes: ModalModel, band: tuple[float, float]) -> list[Cells]:
+    """Return the lines of all setups in a band, in the combinations of outputs that the shapes of the modes span, without machines'."""
+    ends = max(band[0], 0.0), min(band[1], 0.49 * seen.setups.sampling_rate)
     cells = []
-    for part in setups.parts:
+    for part, whole, spectrum in zip(seen.setups.parts, seen.parts, seen.spectra, strict=True):
         rows = [modes.output_dofs.index(dof) for dof in part.output_dofs]
-        cells.append(_without_lines(cells_of(part, modes.poles, ends, modes.shapes[rows]), part))
+        cells.append(_without_lines(cells_of(whole, modes.poles, ends, modes.shapes[rows]), spectrum))
     return cells
 
 
-def _without_lines(cells: Cells, record: Signals) -> Cells:
+def _without_lines(cells: Cells, spectrum: Spectrum) -> Cells:
     """Return cells without rotating-machine lines."""
     kept = np.ones(cells.frequencies.size, dtype=bool)
-    for line in find_lines(record, (float(cells.frequencies[0]), float(cells.frequencies[-1]))):
+    for line in lines_in(spectrum, (float(cells.frequencies[0]), float(cells.frequencies[-1]))):
         kept &= np.abs(cells.frequencies - line.frequency) > _LINE_MARGIN * line.frequency + _LINE_SPREADS * line.spread
     if kept.all():
         return cells
@@ -198,8 +208,11 @@ def _wrapped(modes: ModalModel, found: Sequence[tuple[IntArray, _Refined | str]]
     """Return the modes as they are at the optima of their places where they are better known there, and notes on what was done."""
     known = _widths(modes)
     most = _MAX_MISFIT if np.isnan(known).all() else _MAX_QUIET_MISFIT  # no other values have an interval
-    done = [(core, one) for core, one in found if not isinstance(one, str) and one.misfit < most]
-    left = [(core, why) for core, one in found if (why := _refused(one, most))]
+    tried = [
+        (core, one if isinstance(one, str) or one.misfit < most else _more_there(one.misfit)) for core, one in found
+    ]
+    done = [(core, one) for core, one in tried if not isinstance(one, str)]
+    left = [(core, why) for core, why in tried if isinstance(why, str)]
     notes = []
     if left:
         text = "; ".join(f"{_names(modes, core)} ({why})" for core, why in left)
@@ -229,15 +242,8 @@ def _wrapped(modes: ModalModel, found: Sequence[tuple[IntArray, _Refined | str]]
     return replace(refined, notes=(*kept, *notes))
 
 
-def _refused(found: _Refined | Scored | str, most: float) -> str:
-    """Return why modes stay as they were, "" where they do not."""
-    if isinstance(found, str):
-        return found
-    return (
-        ""
-        if found.misfit < most
-        else f"residual {found.misfit:.2g} x its expected variance: other modes or machines are present"
-    )
+def _more_there(misfit: float) -> str:
+    return f"residual {misfit:.2g} x its expected variance: other modes or machines are present"
 
 
 def _names(modes: ModalModel, which: IntArray) -> str:
