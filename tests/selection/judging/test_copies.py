@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import modalscope as ms
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
-from modalscope.selection.judging.copies import _MAX_COLUMNS, _MAX_ROWS, _Cluster, _clusters, _Point, copies_of
+from modalscope.selection.judging.copies import _MAX_COLUMNS, _MAX_ROWS, _Cluster, _Point, clusters_of, copies_of
 from modalscope.selection.judging.recount import Recount, recount_of
 from modalscope.selection.judging.selection_problem import SelectionProblem
 from modalscope.selection.likelihood.descent import descend
@@ -132,7 +133,7 @@ ALONE = np.ones((1, 2, 2))
 
 def of_pair(recount: Recount) -> tuple[int, float]:
     """Return how many modes the only cluster has, and what one that shifts explains of it."""
-    (which,) = _clusters(recount.descent.point.poles)
+    (which,) = clusters_of(recount.descent.point.poles)
     cluster = _Cluster(recount, which)
     found = cluster.modes(recount.bar, ALONE)
     one, shared = cluster.fitted(cluster._best), cluster.fitted(recount.descent.point.poles[which][:, None, None])
@@ -166,7 +167,7 @@ def test_repeated_modes_are_two_and_a_mode_split_at_one_frequency_is_one() -> No
     (u, v), (w, z), none = random_sides(0), random_sides(10), (np.zeros(6), np.zeros(3))
     made = shifting(u, v, *none) + shifting(w, z, *none)
     recount = recounted(made, np.array([POLE, POLE + 0.01j]), noise=0.05)
-    (which,) = _clusters(recount.descent.point.poles)
+    (which,) = clusters_of(recount.descent.point.poles)
     assert len(_Cluster(recount, which).modes(recount.bar, ALONE).poles) == 2
     alone = recounted(shifting(u, v, *none), np.array([POLE, POLE + 0.01j]), noise=0.05, part=v)
     assert len(_Cluster(alone, which).modes(alone.bar, ALONE).poles) == 1
@@ -191,7 +192,7 @@ def test_shifts_come_out_as_they_were_made() -> None:
     rng = np.random.default_rng(8)
     (u, v), (a, b) = random_sides(8, 12, 8), (0.1 * rng.standard_normal(12), 0.02 * rng.standard_normal(8))
     made = shifting(u, v, a, b)
-    (which,) = _clusters((recount := recounted(made, split(made), noise=1e-5)).descent.point.poles)
+    (which,) = clusters_of((recount := recounted(made, split(made), noise=1e-5)).descent.point.poles)
     fit = _Cluster(recount, which).as_one()
     weights = np.outer(u**2, v**2) / np.sum(np.outer(u**2, v**2))
     mean = POLE + 1j * abs(POLE.real) * np.sum(weights * (a[:, None] + b))
@@ -212,7 +213,7 @@ def test_a_pair_that_shifts_has_the_poles_that_it_shifts_about(seed: int) -> Non
     made = shifting(u, v, shifts, none) + shifting(w, z, shifts, none, other)
     start = np.array([POLE, other, POLE + 0.6j * abs(POLE.real)])
     recount = recounted(made, start)
-    (which,) = _clusters(recount.descent.point.poles)
+    (which,) = clusters_of(recount.descent.point.poles)
     cluster, half = _Cluster(recount, which), abs(POLE.real)
     centred, _ = cluster._centred(np.array([POLE, other]), 0.4 * np.array([half / abs(POLE), 1.0]))
     shared = cluster.fitted(np.array([POLE, other])[:, None, None]).poles[:, 0, 0]
@@ -240,7 +241,7 @@ def test_a_mode_that_scatters_more_than_five_times_the_others_is_a_pair(
     (u, v), a = random_sides(2), 0.3 * np.random.default_rng(2).standard_normal(6)
     made = shifting(u, v, a, np.zeros(3))
     recount = recounted(made, split(made))
-    (which,) = _clusters(recount.descent.point.poles)
+    (which,) = clusters_of(recount.descent.point.poles)
     cluster = _Cluster(recount, which)
     limit = cluster.as_one().scatter(0) / 5
     told = np.array([ALONE[0], [limit * scatters, limit * noise]])
@@ -260,7 +261,7 @@ def test_steps_of_shifts_by_row_and_by_column_lower_the_misfit_as_their_linear_m
     rng = np.random.default_rng(4)
     (u, v), (a, b) = random_sides(4), (0.3 * rng.standard_normal(n) for n in (6, 3))
     recount = recounted(shifting(u, v, a, b), split(POLE))
-    (which,) = _clusters(recount.descent.point.poles)
+    (which,) = clusters_of(recount.descent.point.poles)
     cluster = _Cluster(recount, which)
     s = np.full((1, *cluster.channels), POLE)
     at, step = cluster._at(s, slopes=True), 1e-5 * (rng.standard_normal(s.shape) + 1j * rng.standard_normal(s.shape))
@@ -336,7 +337,7 @@ def test_lines_far_from_all_poles_tell_added_up_what_they_tell_alone(
 
 @pytest.mark.parametrize(("apart", "count"), [(2 - NUDGE, 1), (2 + NUDGE, 0)])
 def test_poles_hang_together_within_twice_the_narrower_half_bandwidth(apart: float, count: int) -> None:
-    assert len(_clusters(np.array([-1 + 100j, -3 + (100 + apart) * 1j]))) == count
+    assert len(clusters_of(np.array([-1 + 100j, -3 + (100 + apart) * 1j]))) == count
 
 
 @pytest.mark.parametrize("coloured", [True, False])
@@ -370,3 +371,20 @@ def test_of_correlations_no_mode_is_a_copy() -> None:
     record = chain5().simulate(inputs="ambient", samples=6000, sampling_rate=20.0, noise=0.05, seed=4)
     modes = ms.select(ms.stabilize(record, method="loewner", domain="z"))
     assert "shifts" not in [note.kind for note in modes.notes]
+
+
+def test_two_places_of_a_block_stand_for_its_lines() -> None:
+    """Sums over lines that lie far from all poles, under weights that differ from line to line, to a part of 1e-4."""
+    made = shifting(*random_sides(0), 0.3 * np.linspace(-1, 1, 6), np.zeros(3))
+    recount = recounted(made, split(made))
+    (which,) = clusters_of(recount.descent.point.poles)
+    cluster = _Cluster(recount, which)
+    assert cluster.sizes.max() >= 4
+    poles = cluster.poles * (1 + 1e-3j)
+    rows = 1 + 0.3 * np.random.default_rng(1).random(len(cluster.problem.rows) // 2)
+    cluster.problem = replace(cluster.problem, rows=np.tile(rows, 2))
+    cluster.nodes, cluster.shares = cluster._nodes(cluster.problem.light.grid[cluster.lines])
+    whole = cluster.problem.light.functions(poles, slopes=True, lines=cluster.lines)
+    plain = cluster._added(whole / cluster._inside(cluster.problem.rows)[:, None])
+    found = np.hstack(cluster._functions(poles))
+    assert np.abs(found - plain).max(axis=0) == pytest.approx(0, abs=1e-4 * np.abs(plain).max())

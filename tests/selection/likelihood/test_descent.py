@@ -9,8 +9,8 @@ from modalscope.data import FrequencyResponse
 from modalscope.numerics.checks import Array, ComplexArray
 from modalscope.numerics.functions.poles import poles_from
 from modalscope.selection.likelihood.descent import Astray, _lessening, _Step, astray, descend
-from modalscope.selection.likelihood.information import inverse
-from modalscope.selection.likelihood.likelihood import whitened
+from modalscope.selection.likelihood.information import inverse, residual
+from modalscope.selection.likelihood.likelihood import unit_vectors, whitened
 
 
 @pytest.mark.parametrize("apart", [True, False])
@@ -114,3 +114,23 @@ def test_a_descent_ends_as_soon_as_a_pole_is_further_from_its_home_than_its_deca
         assert away.value.homes.tolist() == [homes[1]]
     else:
         assert np.allclose(descend(problem, homes, sides, home=homes).point.poles, poles)
+
+
+def test_a_joint_fit_leaves_the_part_of_white_noise_that_it_says_on_every_row() -> None:
+    """Squares of the residual, over 12 draws of 240 channels, which know each row's to 2.6 %."""
+    f, left, (q, p) = np.linspace(1, 4, 60), 0.0, (120, 2)
+    rng = np.random.default_rng(2)
+    s = 2 * np.pi * np.array([2.0, 2.9]) * (-0.01 + 1j)
+    functions = 1 / (2j * np.pi * f[:, None] - s) + 1 / (2j * np.pi * f[:, None] - s.conj())
+    sides = rng.standard_normal((2, p)) + 0j
+    clean = np.einsum("fj,qj,jp->fqp", functions, rng.standard_normal((q, 2)), sides)
+    for _ in range(12):
+        noise = 0.02 * (rng.standard_normal(clean.shape) + 1j * rng.standard_normal(clean.shape))
+        response = FrequencyResponse(values=clean + noise, frequencies=f)
+        problem = whitened(response, np.zeros(0, complex), (0,), np.full(120, 0.02), np.ones(q), np.ones(p))
+        descent = descend(problem, s, unit_vectors(sides), tolerance=1e-9, most=60)
+        left = left + np.mean(residual(descent.point, descent.fitted) ** 2, axis=(1, 2)) / 12
+    kept = descent.point.kept()
+    assert kept.min() < 0.75
+    assert np.std(left / kept - 1) < 0.035
+    assert np.mean(left / kept) == pytest.approx(1, abs=0.01)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -69,6 +70,13 @@ def spectra_of(modes: ModalModel, besides: tuple[complex, ...]) -> RecordSpectra
 
 def residues(shapes: ComplexArray, participation: ComplexArray) -> ComplexArray:
     return np.asarray(shapes.T[:, :, None] * participation[:, None, :])
+
+
+def given(response: Response, values: np.ndarray) -> dict[str, Any]:
+    """Return what makes a response of other outputs on the same lines or samples."""
+    if response.grid is None:
+        return {"values": values, "sampling_rate": response.sampling_rate, "quantity": response.quantity}
+    return {"values": values, "frequencies": response.grid, "quantity": response.quantity}
 
 
 KINDS = ("lines", "samples", "records")
@@ -170,3 +178,16 @@ def test_of_nothing_nothing_is_fitted(kind: str) -> None:
     none = with_terms(response, modes.take([]), np.zeros(0, complex), powers)
     assert fit_of(replace(none, residual_terms=(), lower_residual=None, upper_residual=None), response) == 1
     assert none.residual_terms[0].poles.size == 0
+
+
+@pytest.mark.parametrize("kind", ["lines", "samples"])
+def test_of_many_outputs_their_span_is_fitted(kind: str) -> None:
+    """Outputs that stand many times each have the residues that they have once."""
+    modes, response, _ = made(kind)
+    again, start = np.tile(np.arange(3), 50), modes.shapes + 0.3
+    many = type(response)(**given(response, response.values[:, again]))
+    shapes, fields = joint_residues(response, modes.poles, start)
+    own, more = joint_residues(many, modes.poles, start[again])
+    assert own.shape == (150, 3)
+    found, known = residues(own, more["participation"]), residues(shapes, fields["participation"])
+    assert relative(found, known[:, again]) < 1e-6

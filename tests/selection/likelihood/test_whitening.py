@@ -63,3 +63,15 @@ def test_lines_that_come_some_after_others_have_the_colour_of_all() -> None:
     )
     power = np.mean(e**2, axis=(0, 1))
     assert whole.correlation == pytest.approx(np.sum(e[:, 1:] * e[:, :-1] / power) / (2 * 899 * 3), rel=1e-12)
+
+
+def test_a_level_that_the_fit_itself_takes_from_some_lines_is_no_colour() -> None:
+    """Many channels show how little a fit leaves of white noise where its functions are large."""
+    rng, k = np.random.default_rng(6), np.arange(400)
+    e = rng.standard_normal((800, 6000))
+    peak = 1 / (0.7 + 1j * (k - 150))
+    Q = np.linalg.qr(np.array([np.append(peak.real, peak.imag), np.append(-peak.imag, peak.real)]).T)[0]
+    left = (e - Q @ (Q.T @ e))[:, :, None]
+    assert colour(left, 400, 2).has_levels
+    assert colour(left, 400, 2, 1 - np.sum(Q**2, axis=1)).uneven < 2
+    assert colour(e[:, :, None], 400, 0).uneven < 2

@@ -18,6 +18,7 @@ from itertools import combinations
 import numpy as np
 
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
+from modalscope.numerics.functions.pole_functions import line_functions
 from modalscope.numerics.statistics import assign
 from modalscope.selection.judging.recount import UNCERTAINTY_OF_VARIANCE, Recount
 from modalscope.selection.likelihood.deviations import blocks_of_lines
@@ -90,7 +91,7 @@ def copies_of(recount: Recount) -> Copies | None:
         return None
     s = recount.descent.point.poles
     host, poles, whys, shifts = np.arange(len(s)), s.copy(), [""] * len(s), []
-    clusters = [_Cluster(recount, which) for which in _clusters(s)]
+    clusters = [_Cluster(recount, which) for which in clusters_of(s)]
     scatters = _scatters(recount, clusters) if clusters else np.zeros((0, 2, 2))
     for k, cluster in enumerate(clusters):
         which = cluster.which
@@ -110,7 +111,7 @@ def copies_of(recount: Recount) -> Copies | None:
     return Copies(host, poles, np.median(shifts, axis=0) if shifts else np.zeros(2), tuple(whys))
 
 
-def _clusters(s: ComplexArray) -> list[IntArray]:
+def clusters_of(s: ComplexArray) -> list[IntArray]:
     """Return the poles that hang together, where they are several: neighbours lie nearer than twice the narrower half bandwidth."""
     from scipy.sparse.csgraph import connected_components
 
@@ -232,6 +233,7 @@ class _Cluster:
         own = np.einsum("qn,np->nqp", fitted.linear[:, which], point.sides[which])
         grid = np.asarray(self.problem.light.grid)[self.lines]
         self.starts, self.sizes = blocks_of_lines(grid, self.poles, _MAX_LINES_OF_BLOCK)
+        self.nodes, self.shares = self._nodes(grid)
         precision = 2 / np.add.reduceat(recount.errors.on(self.lines).variance, self.starts, axis=0)
         precision *= self.sizes[:, None, None]
         strength = np.sum(np.abs(own) ** 2, axis=0) * precision.mean(axis=0)
@@ -276,10 +278,28 @@ class _Cluster:
         root = np.sqrt(self.sizes).reshape(-1, *[1] * (rows.ndim - 1))
         return np.concatenate([np.add.reduceat(half, self.starts, axis=0) / root for half in np.split(rows, 2)])
 
+    def _nodes(self, grid: RealArray) -> tuple[RealArray, RealArray]:
+        """Return two places in each block, Hz, and their weights, (2, blocks) each, for sums of cubics over its lines (Gauss)."""
+
+        def added(values: RealArray) -> RealArray:
+            return np.asarray(np.add.reduceat(weights * values, self.starts))
+
+        weights = 1 / self._inside(self.problem.rows)[: grid.size]
+        whole = added(np.ones(grid.size))
+        middle = added(grid) / whole
+        apart = grid - np.repeat(middle, self.sizes)
+        second, third = added(apart**2) / whole, added(apart**3) / whole
+        skew = third / np.where(second > 0, second, 1)
+        width = np.sqrt(skew**2 + 4 * second)
+        ends = np.array([skew - width, skew + width]) / 2
+        shares = np.where(width > 0, np.array([ends[1], -ends[0]]) / np.where(width > 0, width, 1), 0.5)
+        return middle + ends, shares * whole / np.sqrt(self.sizes)
+
     def _functions(self, poles: ComplexArray) -> tuple[RealArray, RealArray]:
         """Return the functions of poles on the lines and their derivatives, (K, 2 n) each; their part in terms is among what is free."""
-        both = self.problem.light.functions(poles, slopes=True, lines=self.lines)
-        both = self._added(both / self._inside(self.problem.rows)[:, None])
+        each = line_functions(self.nodes.ravel(), self.problem.light.sampling_rate, poles, slopes=True).T
+        both = np.einsum("jrnb,nb->jrb", each.reshape(len(each), 2, *self.nodes.shape), self.shares)
+        both = both.reshape(len(each), 2 * len(self.starts)).T
         return both[:, : 2 * len(poles)], both[:, 2 * len(poles) :]
 
     def _less_free(self, columns: RealArray) -> RealArray:

@@ -162,8 +162,8 @@ def pruned(fitted: Fitted, least: RealArray) -> Array:
 # ------------------------------------------------------------------------------------------------------------- joint selection
 
 #: If white noise is in doubt, each round must reduce the excess of the residual over white noise to this fraction; else it will not become
-#: white in a few rounds. For more values than _MANY_VALUES the peaks are tested before their joint refinement, which is slow then.
-_MAX_EXCESS_RATIO, _MANY_VALUES = 0.7, 20_000
+#: white in a few rounds.
+_MAX_EXCESS_RATIO = 0.7
 
 #: Distance, in half bandwidths, of each of two poles that replace one in a trial. Where the descent starts is a choice: it moves both.
 _SPLIT_HALF_BANDWIDTHS = 0.5
@@ -253,9 +253,6 @@ def _completed(state: State, excess: float | None) -> State | None:
         candidates, peaks = _with_peaks(state, examined)
         if not len(peaks):
             break
-        large = state.selection.problem.freedom > _MANY_VALUES
-        if excess is not None and large and _excess(state, peaks) > max(1.0, _MAX_EXCESS_RATIO * excess):
-            return None
         count = len(state.poles)
         state = converged(state.selection, state.variance, *candidates)
         examined = np.concatenate([examined, peaks, state.poles])
@@ -313,16 +310,12 @@ def _with_significant_peaks(
     return None
 
 
-def _excess(state: State, peaks: ComplexArray | tuple[()] = ()) -> float:
-    """Return the excess of the residual over white noise, 1 for white noise, after the functions of peaks were projected out of it."""
+def _excess(state: State) -> float:
+    """Return the excess of the residual over white noise, 1 for white noise."""
     point = state.descent.point
+    unknowns = point.problem.terms.shape[1] + 2 * len(state.poles)
     errors = residual(point, state.descent.fitted)
-    if len(peaks):
-        Q = np.linalg.qr(state.selection.problem.columns(np.asarray(peaks), slopes=False)[0])[0]
-        flat = errors.reshape(len(errors), -1)
-        errors = (flat - Q @ (Q.T @ flat)).reshape(errors.shape)
-    unknowns = point.problem.terms.shape[1] + 2 * (len(state.poles) + len(peaks))
-    return colour(errors, point.problem.light.count, unknowns, window=state.selection.window).excess
+    return colour(errors, point.problem.light.count, unknowns, point.kept(), window=state.selection.window).excess
 
 
 def gains_in_residual(selection: SelectionProblem, outcome: Outcome, poles: Array) -> RealArray:

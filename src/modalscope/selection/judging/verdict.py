@@ -21,7 +21,7 @@ from modalscope.data.results import StabilizationDiagram
 from modalscope.identification.orders import usable_orders
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.functions.poles import frequencies_and_damping, overlap, poles_from
-from modalscope.selection.judging.copies import Copies, copies_of
+from modalscope.selection.judging.copies import Copies, clusters_of, copies_of
 from modalscope.selection.judging.evidence import (
     LEAST_PEAK,
     LEAST_PERSISTENCE,
@@ -138,6 +138,8 @@ class Contest:
         light = self.selection.problem.light
         if light.grid is None or light.ambient:
             return None
+        if self.outcome.recount is None and not clusters_of(self.outcome.poles):
+            return None  # white errors, and no poles that overlap: nothing is to be told
         return copies_of(self.outcome.recount or recount_of(self.selection, self.outcome.descent))
 
     @cached_property
@@ -478,17 +480,17 @@ def contest(diagram: StabilizationDiagram, poles: Poles, others: Sequence[Poles]
         sides = (start.shape if selection.problem.turned else start.participation) / selection.problem.varying
         return select_jointly(selection, start.pole - added, sides, doubted=doubted)
 
-    floor, held = floor_of(response, rich - added), beside()
-    seen, more, doubted = floor, held, floor.colour.coloured and not _computed(floor)
-    if doubted:
-        more = beside(out_of_band_poles(response))
-        outside = more[more.imag > 0]
-        seen = floor_of(response, np.concatenate([rich - added, outside])) if outside.size else floor
-    skirted = doubted and not seen.colour.coloured
-    selection = replace(
-        _problem_of(response, seen, more) if skirted else _problem_of(response, floor, held), brief=doubted
-    )
-    found = outcome(selection, doubted)
+    held, floor = beside(), floor_of(response, rich - added)
+    if not floor.colour.coloured or _computed(floor):
+        selection = _problem_of(response, floor, held)
+        del floor  # of many channels it takes much room
+        return Contest(selection, outcome(selection, False))
+    more = beside(out_of_band_poles(response))
+    outside = more[more.imag > 0]
+    seen = floor_of(response, np.concatenate([rich - added, outside])) if outside.size else floor
+    white = _problem_of(response, floor, held) if seen.colour.coloured else _problem_of(response, seen, more)
+    selection = replace(white, brief=True)
+    found = outcome(selection, True)
     if found is None and response.grid is not None:
         selection = replace(_problem_of(response, by_line(floor, response.count), held), brief=True, coloured=True)
         # errors of half spectra do not follow a + b |H|^2: there orders have to show a mode

@@ -62,7 +62,17 @@ def joint_residues(
 
 
 def _in_turn(basis: ModalBasis, shapes: Array) -> tuple[ComplexArray, ComplexArray, RealArray]:
-    """Return shapes, participation and terms of least squares, each side fitted in turn to the other as long as that helps."""
+    """Return shapes, participation and terms of least squares, each side fitted in turn to the other as long as that helps.
+
+    What lies outside the span of the outputs' data is no part of any of them: many outputs are compressed to that span first.
+    """
+    rows, outputs, inputs = basis.data.shape
+    if outputs > rows * inputs:
+        flat = basis.data.transpose(1, 0, 2).reshape(outputs, -1)
+        U, R = (np.asarray(each, float) for each in sla.qr(flat, mode="economic", check_finite=False))
+        few = replace(basis, data=R.reshape(-1, rows, inputs).transpose(1, 0, 2), whole=None)
+        shapes, participation, terms = _in_turn(few, U.T @ shapes)
+        return U @ shapes, participation, U @ terms
     participation, terms = basis.fit_participation(shapes)
     best = float(np.linalg.norm(basis.data - basis.rebuilt(shapes, participation, terms))) ** 2
     for _ in range(_MAX_ROUNDS if shapes.shape[1] else 0):

@@ -350,6 +350,19 @@ class Point:
         both = self.beyond + np.sum(fitted.left.reshape(-1, p, q) ** 2, axis=0).T
         return np.asarray(both.T if self.problem.turned else both)
 
+    def kept(self) -> RealArray:
+        """Return which part of white noise the fit leaves on every row, (K,).
+
+        Of the q p directions of the channels a mode's function takes up q + p - 1, those in which its residue of rank one may change, and
+        its slope one, the terms all.
+        """
+        (q, p), terms = self.problem.channels, self.problem.terms
+        own = np.stack([self.own.real, -self.own.imag], axis=2).reshape(len(self.own), -1)
+        span = self.span
+        functions, whole = (np.einsum("kj,kj->k", each, each) for each in (span @ np.linalg.qr(own)[0], span))
+        taken = np.einsum("kj,kj->k", terms, terms) + ((q + p - 1) * functions + whole - functions) / (q * p)
+        return np.asarray(1 - taken)
+
     def directions(self) -> ComplexArray:
         """Return d(b g) by the pole and by b across itself, complex columns (4 n p, n p), mode by mode."""
         n, p = self.sides.shape

@@ -9,7 +9,7 @@ import numpy as np
 
 from modalscope.numerics.checks import RealArray
 from modalscope.numerics.statistics import few_channels, telling
-from modalscope.selection.likelihood.whitening import LEVEL_LINES, smoothed
+from modalscope.selection.likelihood.whitening import LEVEL_LINES, share_of_lines, smoothed
 
 #: Steps at most, rise of the log likelihood at which they end, and the longest in the logarithm.
 _STEPS, _LEAST_RISE, _LONGEST = 30, 1e-3, 2.0
@@ -35,16 +35,20 @@ def parts_of_level(power: RealArray, even: RealArray, size: RealArray) -> tuple[
     return noise, own
 
 
-def rows_of_lines(left: RealArray, data: RealArray, count: int, *, smooth: bool = False) -> RealArray:
+def rows_of_lines(
+    left: RealArray, data: RealArray, count: int, kept: RealArray | None = None, *, smooth: bool = False
+) -> RealArray:
     """Return the deviation of every row relative to the others, (K,): the mean over channels of each channel's a + b |H|^2.
 
-    `left`, `data` (K, l, m): what a model leaves, and the data; H is the difference, the response without its noise. `count`: lines.
+    `left`, `data` (K, l, m): what a model leaves, and the data; H is the difference, the response without its noise. `count`: lines. `kept`
+    (K,): the part of white noise that the model leaves on every row; all by default.
     `smooth`: whether what all channels together are of that around a line counts, too.
     """
     flat, whole = (each.reshape(2, count, -1)[..., telling(left[0].size)] for each in (left, data))
+    here = share_of_lines(kept, count)
     level, total = np.zeros((2, count))
     for few in few_channels(count, flat.shape[2]):
-        power, size = _squares(flat[..., few]), _squares(whole[..., few] - flat[..., few])
+        power, size = _squares(flat[..., few]) / here, _squares(whole[..., few] - flat[..., few])
         power /= np.maximum(power.mean(axis=1), 1e-300)[:, None]
         noise, own = _likeliest(power, np.ones(count), size)
         level += np.sum(noise + own, axis=0)

@@ -49,7 +49,8 @@ class Floor:
     """The noise of data, from the residual of the reference model.
 
     `rows` (K,): deviations of the rows, relative to each other. `levels`: deviations of the channels. `variance`: of a row divided by all
-    of these. `left` (K, l, m): the residual, not divided. `data` (K, l, m): not divided. `correlation` (F,): of neighbouring lines around
+    of these. `left` (K, l, m): the residual, not divided; `kept` (K,): the part of white noise on every row that the model leaves in it.
+    `data` (K, l, m): not divided. `correlation` (F,): of neighbouring lines around
     each, where rows are divided line by line. `window`: a T of an exponential window that noise on lines lies under; see `colour`.
     """
 
@@ -58,6 +59,7 @@ class Floor:
     variance: float
     colour: Colour
     left: RealArray
+    kept: RealArray
     data: RealArray
     correlation: RealArray | None = None
     window: float = 0.0
@@ -84,7 +86,7 @@ def floor_of(response: Response, poles: Array) -> Floor:
         for _ in range(0 if told is not None or floor.window > 0 else _LINE_ROUNDS):
             if not levelled.colour.has_levels:
                 break
-            by_row = rows_of_lines(levelled.left, levelled.data, response.count)
+            by_row = rows_of_lines(levelled.left, levelled.data, response.count, levelled.kept)
             if np.allclose(by_row, levelled.rows, rtol=_LINE_TOLERANCE, atol=0):
                 break
             levelled = _floor(response, telling_alone, taken, by_row)
@@ -126,9 +128,10 @@ def _floor(
     variance = float(np.mean((sigma / np.outer(levels.outputs, levels.inputs)) ** 2))
     # a model that is too rich follows the noise of samples while its poles last, and not later: there the level tells nothing
     window = window_over_lines(response)
-    seen = colour(left, response.count, taken, level=response.grid is not None, window=window)
+    kept = 1 - np.einsum("kj,kj->k", Q, Q)
+    seen = colour(left, response.count, taken, kept, level=response.grid is not None, window=window)
     left *= by_row[:, None, None]
-    return Floor(by_row, levels, variance, seen, left, basis.data, window=window)
+    return Floor(by_row, levels, variance, seen, left, kept, basis.data, window=window)
 
 
 def _taken(response: Response, poles: Array, unknown: int) -> float:

@@ -348,7 +348,7 @@ def levels_of_lines(response: Response, task: Task, settled: Settled) -> RealArr
     values = response.values.reshape(response.count, -1)[:, some]
     sizes = (np.broadcast_to(each, response.values.shape[1:]).ravel()[some] for each in (outputs[:, None], inputs))
     whole = np.concatenate([values.real, values.imag]) / next(sizes) / next(sizes)
-    return rows_of_lines(left, whole, response.count, smooth=True)
+    return rows_of_lines(left, whole, response.count, point.kept(), smooth=True)
 
 
 @levels_of_lines.register
@@ -424,7 +424,8 @@ def _colour(descent: Descent, power: RealArray, count: int, unknown: float, wind
     each = (power.T if problem.turned else power).reshape(-1)
     parts = len(problem.rows) // count
     lines = (left.reshape(parts, -1, each.size) for _, left in residuals(descent.point, descent.fitted))
-    return colour_of_lines(lines, each, count, unknown, window=window)
+    kept = None if problem.records else descent.point.kept()
+    return colour_of_lines(lines, each, count, unknown, kept, window=window)
 
 
 def _worth(response: Response, poles: ComplexArray) -> RealArray:

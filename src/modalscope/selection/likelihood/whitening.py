@@ -23,6 +23,9 @@ _NEAR_LINES, _FAR_LINES = 3, 21
 #: smoothed level.
 _CORRELATION_DEVIATIONS, _LEVEL_DEVIATIONS = 5.0, 3.0
 
+#: Least part of the noise of a line that a fit is taken to leave: lines that it follows altogether tell nothing.
+_LEAST_KEPT = 1e-2
+
 #: Steps of the fit of a residual's spectrum.
 _SPECTRUM_STEPS = 200
 
@@ -121,7 +124,15 @@ class Colour:
         return self.uneven > _LEVEL_DEVIATIONS
 
 
-def colour(left: RealArray, count: int, unknown: float, *, level: bool = True, window: float = 0.0) -> Colour:
+def colour(
+    left: RealArray,
+    count: int,
+    unknown: float,
+    kept: RealArray | None = None,
+    *,
+    level: bool = True,
+    window: float = 0.0,
+) -> Colour:
     """Judge a whitened residual by how far neighbours agree, and by how its level changes along lines or samples.
 
     `left` (K, q, p). `count`: lines or samples; K is that, or twice that with real and imaginary parts one after the other. Others: see
@@ -129,16 +140,24 @@ def colour(left: RealArray, count: int, unknown: float, *, level: bool = True, w
     """
     e = left.reshape(-1, count, left[0].size)
     power = np.einsum("rkc,rkc->c", e, e) / len(left)  # no copy: of long records each is large
-    return colour_of_lines([e], power, count, unknown, level=level, window=window)
+    return colour_of_lines([e], power, count, unknown, kept, level=level, window=window)
 
 
 def colour_of_lines(
-    lines: Iterable[RealArray], power: RealArray, count: int, unknown: float, *, level: bool = True, window: float = 0.0
+    lines: Iterable[RealArray],
+    power: RealArray,
+    count: int,
+    unknown: float,
+    kept: RealArray | None = None,
+    *,
+    level: bool = True,
+    window: float = 0.0,
 ) -> Colour:
     """Judge the same, of lines or samples that come some after others, (1 or 2, f, c) each, real and imaginary parts first.
 
     `power` (c,): mean square of every channel. `count`: of all lines or samples. `unknown`: unknowns a channel: a fit itself correlates
-    what it leaves by about unknown / K. `level`: whether a level that changes counts. `window`: a T of an exponential window over the
+    what it leaves by about unknown / K. `kept` (K,): the part of white noise that the fit leaves on every row: little where its functions
+    are large, and many channels show it. `level`: whether a level that changes counts. `window`: a T of an exponential window over the
     length that a line's distance tells: its noise has the correlation rho_i = 1 / (1 + j pi i / (a T)) between lines, and
     sum |rho_i|^2 = a T coth(a T) lines tell as much as one.
     """
@@ -156,7 +175,8 @@ def colour_of_lines(
     deviation = 1 / np.sqrt(max(neighbours, 1))
     uneven = 0.0
     if count >= 4 * LEVEL_LINES:
-        smooth = np.convolve(squares / (parts * power.size), np.ones(LEVEL_LINES) / LEVEL_LINES, mode="valid")
+        over = np.ones(LEVEL_LINES)
+        smooth = np.convolve(squares, over, mode="valid") / np.convolve(share_of_lines(kept, count), over, mode="valid")
         # the square of a standard normal number scatters by sqrt 2
         uneven = float(np.std(np.log(smooth)) * np.sqrt(LEVEL_LINES * parts * power.size / 2))
     expected = window**2 / (window**2 + np.pi**2)
@@ -164,6 +184,13 @@ def colour_of_lines(
     correlated = abs(rho - expected) / (_CORRELATION_DEVIATIONS * deviation * alike + unknown / (parts * count))
     excess = max(correlated, uneven / _LEVEL_DEVIATIONS / alike if level else 0.0)
     return Colour(rho, uneven, float(excess))
+
+
+def share_of_lines(kept: RealArray | None, count: int) -> RealArray:
+    """Return the part of white noise that a fit leaves on every line, (F,), from that of the rows, (K,); all of it by default."""
+    if kept is None:
+        return np.ones(count)
+    return np.asarray(np.maximum(kept.reshape(-1, count).mean(axis=0), _LEAST_KEPT))
 
 
 def residual_spectrum(power: RealArray, points: Array, poles: Array) -> RealArray:
