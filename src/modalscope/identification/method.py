@@ -6,7 +6,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any, NamedTuple
+from numbers import Real
+from typing import Any, NamedTuple, cast
 
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals
@@ -42,8 +43,11 @@ _MAX_STATES = {"lines": 80, "records": 80, "correlation": 40}
 MAX_ORDERS = 10_000
 
 
-def checked_orders(orders: Iterable[int]) -> list[int]:
-    """Return the distinct orders, increasing; an empty list is an error."""
+def checked_orders(orders: int | Iterable[int]) -> list[int]:
+    """Return the distinct orders, increasing; an empty list is an error. One number is the largest: every second order up to it."""
+    if isinstance(orders, Real):
+        top = check_count("orders", cast(int, orders), most=2 * MAX_ORDERS)
+        return list(range(2 - top % 2, top + 1, 2))
     increasing = sorted({check_count("order", n) for n in check_each("orders", orders, "whole numbers", MAX_ORDERS)})
     if not increasing:
         raise DataError(

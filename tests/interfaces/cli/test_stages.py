@@ -34,7 +34,7 @@ COMMANDS = {
         *("identifying", *ANALYSIS, "writing modes.json", "writing report.html")
     ],
     "refine test.uff --modes modes.json -o refined.csv": ["reading", "refining", "writing refined.csv"],
-    "certify test.uff --orders 10 --no-refine --replicates 2": [
+    "certify test.uff --orders 10:10 --no-refine --replicates 2": [
         *("identifying", "reading", "preparing", "factoring", "selecting", "examining", "simulating")
     ],
     "report modes.json -o again.html": ["identifying", *ANALYSIS, "writing again.html"],
