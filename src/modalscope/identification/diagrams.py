@@ -92,7 +92,7 @@ def stabilize(
         sweep = over_pipeline(data, orders, named_options, deviations=deviations is not False)
         return computed(swept(sweep, resolved_orders(data.problem, orders), tolerances, progress, watch))
 
-    def diagram(asked: Iterable[int] | None = orders, **way: Any) -> StabilizationDiagram:
+    def diagram(asked: int | Iterable[int] | None = orders, **way: Any) -> StabilizationDiagram:
         with stage("preparing"):
             problem = prepare(examined, method, domain, **{**options, **way})
         first = stabilized(

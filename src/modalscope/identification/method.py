@@ -6,8 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from numbers import Real
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals
@@ -45,14 +44,11 @@ MAX_ORDERS = 10_000
 
 def checked_orders(orders: int | Iterable[int]) -> list[int]:
     """Return the distinct orders, increasing; an empty list is an error. One number is the largest: every second order up to it."""
-    if isinstance(orders, Real):
-        top = check_count("orders", cast(int, orders), most=2 * MAX_ORDERS)
-        return list(range(2 - top % 2, top + 1, 2))
+    if not isinstance(orders, Iterable):
+        orders = range(check_count("orders", orders, most=2 * MAX_ORDERS), 0, -2)
     increasing = sorted({check_count("order", n) for n in check_each("orders", orders, "whole numbers", MAX_ORDERS)})
     if not increasing:
-        raise DataError(
-            "orders were asked", "the range of orders is empty", "Give range(2, 61, 2) or 2:60:2, for instance."
-        )
+        raise DataError("orders were asked", "the range of orders is empty", "Give range(2, 61, 2) or 2:60:2, say.")
     return increasing
 
 
