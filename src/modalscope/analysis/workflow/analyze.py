@@ -27,6 +27,7 @@ from modalscope.data.results import Result, StabilizationDiagram
 from modalscope.data.shown import summary_of
 from modalscope.identification.method import checked_orders
 from modalscope.identification.options import AllOptions, labels_of
+from modalscope.io.options import EVERY, FIELDS
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, check_each, check_kind
 from modalscope.numerics.progress import LOG, stage, tell
@@ -51,7 +52,7 @@ from modalscope.signals.preprocess.frf import leakage_note
 Progress = Callable[[int, int], None]
 
 
-@named(AllOptions.__annotations__)
+@named(AllOptions.__annotations__, elsewhere=dict.fromkeys((*FIELDS, *EVERY), ("reading={...}",)))
 @one_thread
 def analyze(
     data: Any,
