@@ -127,6 +127,6 @@ def _told(seen: Colour | None, spread: Spread, groups: Groups, poles: ComplexArr
     )
     if near.size:
         pairs = list_some((f"{f[i]:.5g} and {f[j]:.5g} Hz" for i, j in near), 2)
-        text = f"Too close to tell apart: {pairs}; only mean frequency and common subspace are known"
+        text = f"Too close to separate: {pairs}; only mean frequency and common subspace are known"
         notes.append(Note("repeated", {"pairs": len(near)}, text))
     return notes
