@@ -196,7 +196,7 @@ class Comparison(Shown):
                 rows.append([r.label, "-", "-", f"{r.seconds:.1f}", f"failed: {r.failure}"])
                 continue
             notes = [] if explains_enough(r.fit_error) else ["TOO MUCH UNEXPLAINED"]
-            notes += [] if r.exact else ["not counted" if r.route else "inverse-transformed data, not counted"]
+            notes += [] if r.exact else ["not counted" if r.route else "transformed data, not counted"]
             rows.append([r.label, str(len(r.modes)), f"{100 * r.fit_error:.2f}", f"{r.seconds:.1f}", "; ".join(notes)])
         return f"Methods\n{text_table([head, *rows], (0, 4))}"
 
