@@ -176,10 +176,11 @@ def _lines_of(record: Signals, modes: ModalModel, avoided: Sequence[tuple[float,
     kept = np.arange(len(f)) >= _FIRST
     for frequency, half in avoided:
         kept &= np.abs(f - frequency) > half
-    r = f[kept] / modes.frequencies[:, None]
-    zeta = modes.damping_ratios[:, None]
     power = QUANTITIES.get(record.quantity or "acceleration", 2)
-    h = 2 * zeta * r**power / (1 - r**2 + 2j * zeta * r)
+    h = np.empty((len(modes), np.count_nonzero(kept)), dtype=complex)
+    for row, f_k, zeta in zip(h, modes.frequencies, modes.damping_ratios, strict=True):
+        r = f[kept] / f_k
+        row[:] = 2 * zeta * r**power / (1 - r**2 + 2j * zeta * r)
     Y = spectrum.lines[:, kept] if avoided else spectrum.lines[:, _FIRST:]  # no copy
     return _Lines(Y, np.asarray(f[kept], dtype=np.float64), np.asarray(h), _CORRELATED[tapers])
 
