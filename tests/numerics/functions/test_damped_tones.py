@@ -14,6 +14,7 @@ from modalscope.numerics.functions.damped_tones import (
     release_of,
     slower,
     unexplained_by_decay,
+    without_offset,
 )
 
 F, ZETA = np.array([1.7, 4.1, 6.6]), np.array([0.006, 0.01, 0.004])
@@ -147,3 +148,10 @@ def test_decays_are_told_from_ambient_vibration_and_events() -> None:
         share = np.mean([kind_of_test(random_record(kind, rng)[None], None) == "free decay" for _ in range(100)])
         print(f"{kind}: {100 * share:.0f} of 100 taken as free decays")
         assert share >= bound if kind.startswith("decay") else share <= -bound
+
+
+def test_an_offset_is_told_from_a_tone_that_dies_slowly() -> None:
+    """28 periods of a tone leave 1 / (pi 28^3) of it under Hann's window, in a plain mean 1 / (28 pi)."""
+    t = np.arange(2000) / 100
+    y = np.exp(-0.02 * t) * np.cos(9 * t)
+    assert np.abs(without_offset(y + 5) - y).max() < 1e-4
