@@ -62,6 +62,7 @@ export const ICONS = {
   script: "m8 8-4 4 4 4M16 8l4 4-4 4M13 5l-2 14",
   points: "M5 19 9 8l6 5 4-9M5 19h.01M9 8h.01M15 13h.01M19 4h.01",
   next: "M12 21s-6-6-6-11a6 6 0 1 1 12 0c0 5-6 11-6 11zM12 8v4M10 10h4",
+  whole: "M3 12h18M8 7l-5 5 5 5M16 7l5 5-5 5",
   home: "M3 11 12 4l9 7M6 10v10h12V10",
 };
 

@@ -105,7 +105,7 @@ function makeWork(begin, state) {
   const settings = makeSettings(places.settings, { set: (fields) => act("set", fields), order: (order) => diagram.setOrder(order), automatic: () => act("automatic"), read: (options) => act("reading", options) }, begin.methods);
   const box = h("div.diagram-box");
   const behindPoles = h("select", { "aria-label": "Curves behind the poles", hidden: true, onchange: () => poles && curvesOf(poles) });
-  places.diagram.append(h("div.bar", {}, h("h2", {}, "Stabilization"), legend, h("span.space"), h("button.small", { onclick: () => diagram.toggleLetters(), title: "Letters or marks (l)" }, "o f d v s"), behindPoles, h("button.small", { onclick: () => diagram.toggleLinear(), title: "Indicator in dB or linear (i)" }, "dB"), h("button.small", { onclick: () => diagram.whole(), title: "Full range (z)" }, "full range")), box);
+  places.diagram.append(h("div.bar", {}, h("h2", {}, "Stabilization"), legend, h("span.space"), h("button.small", { onclick: () => diagram.toggleLetters(), title: "Letters or marks (l)" }, "ofdvs"), behindPoles, h("button.small", { onclick: () => diagram.toggleLinear(), title: "Indicator in dB or linear (i)" }, "dB"), h("button.small", { onclick: () => diagram.whole(), title: "Full range (z)", "aria-label": "full range" }, icon(ICONS.whole))), box);
   const diagram = makeDiagram(box, { take: (i) => take(diagram.poles.frequency[i]), refuse, select });
   const strip = makeOverview(places.strip, (band) => act("set", { bands: band ? [band.map((f) => Number(f.toPrecision(6)))] : [] }));
   const modes = makeModes(places.modes, { select, refuse, take, rename: (i, name) => act("name", { frequency: shown()[i].frequency, name }) });

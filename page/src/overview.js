@@ -3,8 +3,8 @@ import { axisOf } from "./axes.js";
 import { colour, h, hertz } from "./dom.js";
 import { makePicture } from "./picture.js";
 
-/** Pixels about an end of the band in which it is taken hold of; least part of the range that is a band. */
-const [NEAR, LEAST] = [8, 1 / 500];
+/** Pixels about an end of the band in which it is taken hold of; of the words; least part of the range that is a band. */
+const [NEAR, WORDS, LEAST] = [8, 130, 1 / 500];
 
 /**
  * @param {HTMLElement} place
@@ -29,6 +29,8 @@ export function makeOverview(place, choose) {
         ctx.roundRect(x - 3, place.clientHeight / 2 - 9, 6, 18, 3);
         ctx.fill();
       }
+      const wide = place.clientWidth; // the words cover no end of the band: inside, or on its wider side
+      words.style.left = `${(b - a > WORDS ? a + b : a > wide - b ? a : b + wide) / 2}px`;
       words.textContent = band ? `${hertz(band[0], span[1])} – ${hertz(band[1], span[1])} Hz` : "Full range: drag to select a band";
     },
   });

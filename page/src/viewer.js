@@ -21,7 +21,7 @@ export function makeViewer(root, data, acts = {}) {
   };
   const box = h("div.diagram-box");
   const place = panel("diagram");
-  place.append(h("div.bar", {}, h("h2", {}, "Stabilization"), h("span.space"), h("button.small", { onclick: () => diagram.toggleLetters() }, "o f d v s"), h("button.small", { onclick: () => diagram.whole() }, "full range")), box);
+  place.append(h("div.bar", {}, h("h2", {}, "Stabilization"), h("span.space"), h("button.small", { onclick: () => diagram.toggleLetters() }, "ofdvs"), h("button.small", { onclick: () => diagram.whole() }, "full range")), box);
   const diagram = makeDiagram(box, { select });
   const modes = makeModes(panel("modes"), { select });
   const shape = makeShape(panel("shape"));

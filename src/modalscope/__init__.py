@@ -158,6 +158,7 @@ hand_down(
     examine="modalscope.signals.doctor:examine",
     grades="modalscope.selection.judging.grades:grades",
     living="modalscope.interfaces.plot.web.alive:living",
+    report="modalscope.interfaces.reporting:report",
     table_of="modalscope.selection.judging.description:table_of",
     options_type_of="modalscope.identification.method_names:options_type_of",
     text_of="modalscope.selection.judging.description:text_of",

@@ -59,6 +59,7 @@ def test_a_result_prints_its_table_and_saves_itself(tmp_path: Path) -> None:
     assert repr(result).startswith("<result: ")
     path = result.save(tmp_path / "modes.json")
     assert np.array_equal(ms.read(path).poles, result.modes.poles)
+    assert "<svg" in result.save(tmp_path / "modes.html", title="A chain").read_text()
 
 
 def test_a_frame_becomes_a_record() -> None:
@@ -69,3 +70,4 @@ def test_a_frame_becomes_a_record() -> None:
     assert isinstance(record, ms.Signals)
     assert record.sampling_rate == pytest.approx(20.0)
     assert record.output_dofs == ms.from_frame(frame).output_dofs
+    refused("reading DataFrame with inputs(.|\n)*columns", ms.Signals.from_frame, frame, inputs=["a"])

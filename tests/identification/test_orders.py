@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import modalscope as ms
 from modalscope import DataError
 from modalscope.data import FrequencyResponse, ImpulseResponse
 from modalscope.identification.matrices.factor import Factors
@@ -87,6 +88,20 @@ def test_orders_are_sorted_each_once_and_there_must_be_one() -> None:
     assert checked_orders([8, 2, 4, 4]) == [2, 4, 8]
     with pytest.raises(DataError, match="the range of orders is empty"):
         checked_orders([])
+
+
+def test_one_number_is_the_largest_of_the_orders() -> None:
+    """Every second order up to it, for whoever takes orders, and in the document that replays it."""
+    assert checked_orders(6) == [2, 4, 6]
+    assert checked_orders(np.int64(5)) == [1, 3, 5]
+    for wrong in (0, -2, 2.5, True, 10**12):
+        with pytest.raises(DataError, match="orders needs "):
+            checked_orders(wrong)
+    response = ms.systems.chain5().impulse_response(300, noise=0.01, seed=0)
+    assert ms.stabilize(response, orders=12).orders == tuple(range(2, 13, 2))
+    assert ms.analyze(response, orders=12, refine=False).analysis.orders == tuple(range(2, 13, 2))
+    comparison = ms.compare(response, ["era/time"], orders=12)
+    assert comparison.settings["orders"] == comparison.results[0].diagram.orders == tuple(range(2, 13, 2))
 
 
 def test_one_order_of_blocks_is_twice_what_stands_out_in_whole_blocks() -> None:

@@ -29,6 +29,9 @@ def test_names_that_no_file_can_have(tmp_path):
 def test_unknown_suffixes_name_the_known_ones(tmp_path):
     refused(r"the suffix '.xyz' is unknown(.|\n)*\.npz, \.uff", mio.read, tmp_path / "a.xyz")
     refused("it has no suffix", mio.write, tmp_path / "a", samples.records())
+    error = refused("suffix '.docx' is unknown", mio.write, tmp_path / "a.docx", samples.records())
+    assert ".xlsx" in error.change
+    assert ".wav" not in error.change
 
 
 def test_unknown_options_name_the_known_ones(tmp_path):

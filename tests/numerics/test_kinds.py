@@ -15,6 +15,7 @@ from modalscope.data import DataError, Records
 from modalscope.numerics.checks import check_kind
 from modalscope.numerics.errors import check_option_names
 from modalscope.systems import chain5
+from tests.support import refused
 
 pd = pytest.importorskip("pandas")
 
@@ -167,3 +168,9 @@ def test_an_option_of_others_names_them(verb: str, name: str, message: str) -> N
     assert str(told.value) == message
     with pytest.raises(DataError, match="it has no options"):
         check_option_names("methods", ["order"], [])
+
+
+def test_an_option_of_reading_is_sent_there() -> None:
+    """`columns` is no misspelt `block_columns`: it says how a file is read."""
+    for name in ("columns", "sampling_rate", "units"):
+        refused(rf"analyze\(\) has no option '{name}'; it belongs to reading=", ms.analyze, "x.csv", **{name: 1})

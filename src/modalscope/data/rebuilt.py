@@ -100,16 +100,16 @@ def unexplained(fit_error: float) -> str:
     Examples
     --------
     >>> print(unexplained(0.1))
-    Unexplained: 10 % of the response (norm of measured - rebuilt).
+    Unexplained: 10 % of the response.
     >>> print(unexplained(0.72))
-    WARNING: 72 % of the response is unexplained (norm of measured - rebuilt). Modes are missing, or something else was measured: raise \
+    WARNING: 72 % of the response is unexplained. Modes are missing, or something else was measured: raise \
 the largest order, choose a narrower band, or look for channels and lines that no mode explains.
     """
     share = f"{100 * fit_error:.3g} % of the response"
     if explains_enough(fit_error):
-        return f"Unexplained: {share} (norm of measured - rebuilt)."
+        return f"Unexplained: {share}."
     return (
-        f"WARNING: {share} is unexplained (norm of measured - rebuilt). Modes are missing, or something else was measured: "
+        f"WARNING: {share} is unexplained. Modes are missing, or something else was measured: "
         "raise the largest order, choose a narrower band, or look for channels and lines that no mode explains."
     )
 

@@ -292,16 +292,17 @@ class Result(Shown):
         return "\n".join([self.modes.table() if len(self.modes) else "no mode", *(["", *said] if said else [])])
 
     def save(self, path: str | Path, **options: Any) -> Path:
-        """Write the result, with its modes and the document of its analysis in .json; the format by suffix, as `modalscope.write` does.
+        """Write the modes, in .json with the document of the analysis, or a report: the format by suffix, as `write` and `report` do.
 
         Parameters
         ----------
         path : path
-            Such as `modes.json`, `modes.csv`, `modes.uff` or `modes.xlsx`.
+            Such as `modes.json`, `modes.csv`, `modes.uff` or `modes.xlsx`; a report `modes.html`, `modes.docx` or `modes.pptx`.
         **options
-            As of `modalscope.write`.
+            As of `modalscope.write` or `modalscope.report`.
         """
-        handed("write")(path, self, **options)
+        verb = "report" if str(path).lower().endswith((".html", ".docx", ".pptx")) else "write"
+        handed(verb)(thing=self, path=path, **options)
         return Path(path)
 
     def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, Any]:

@@ -87,6 +87,19 @@ def counted(number: int, word: str) -> str:
     return f"{number} {word}" + ("" if number == 1 else "s")
 
 
+def list_some(names: Iterable[object], most: int = 3) -> str:
+    """Return names, at most so many of them.
+
+    Examples
+    --------
+    >>> list_some("abc"), list_some("abcde")
+    ('a, b, c', 'a, b, c and 2 more')
+    """
+    listed = list(map(str, names))
+    rest = len(listed) - most
+    return ", ".join(listed[:most]) + (f" and {rest} more" if rest > 0 else "")
+
+
 def frequency(hertz: float) -> str:
     """Return a frequency with five digits and its unit."""
     return f"{hertz:.5g} Hz"

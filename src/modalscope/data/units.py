@@ -16,6 +16,7 @@ import numpy as np
 
 from modalscope.data.channels import Channels
 from modalscope.data.notes import Note
+from modalscope.data.shown import list_some
 from modalscope.numerics.checks import RealArray
 from modalscope.numerics.functions.poles import QUANTITIES
 
@@ -228,16 +229,20 @@ def _notes(data: Channels) -> tuple[Note, ...]:
                 turned.setdefault(f"{unit} to {si.unit} (times {si.factor:.7g})", []).append(dof)
     notes = []
     if turned:
-        words = "; ".join(f"{_some(dofs)} from {how}" for how, dofs in turned.items())
+        words = "; ".join(f"{list_some(dofs)} from {how}" for how, dofs in turned.items())
         notes.append(Note("units", {}, f"converted to SI: {words}"))
     for unit, channels in unknown.items():
-        text = f"the unit {unit} of {_some(channels)} is not known: values stay in it, and modal masses are not in kg"
+        text = (
+            f"the unit {unit} of {list_some(channels)} is not known: values stay in it, and modal masses are not in kg"
+        )
         notes.append(Note("units not known", {}, text))
     moved = {dof: kind for dof, unit in zip(data.input_dofs, data.units[1], strict=True) if (kind := _motion(unit))}
     if moved:
         plain = "dimensionless " * ({_motion(unit) for unit in data.units[0]} == set(moved.values()))
         named = (
-            f"Inputs {_some(tuple(moved))} are motions" if len(moved) > 1 else f"Input {next(iter(moved))} is a motion"
+            f"Inputs {list_some(tuple(moved))} are motions"
+            if len(moved) > 1
+            else f"Input {next(iter(moved))} is a motion"
         )
         text = f"{named}: responses are {plain}transmissibilities, and their poles those of the structure held at that point"
         notes.append(Note("motion", {"inputs": len(moved)}, text))
@@ -248,10 +253,6 @@ def _motion(unit: str) -> str | None:
     """Return the quantity of a unit that is that of a motion."""
     si = in_si(unit)
     return si.kind if si is not None and si.kind in QUANTITIES else None
-
-
-def _some(dofs: Sequence[str]) -> str:
-    return ", ".join(dofs[:3]) + (f" and {len(dofs) - 3} more" if len(dofs) > 3 else "")
 
 
 class Convertible:

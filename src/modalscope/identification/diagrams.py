@@ -31,7 +31,7 @@ def stabilize(
     *,
     method: str | None = None,
     domain: str | None = None,
-    orders: Iterable[int] | None = None,
+    orders: int | Iterable[int] | None = None,
     tolerances: Mapping[str, float] | None = None,
     progress: Progress | None = None,
     watch: Watch | None = None,
@@ -47,10 +47,10 @@ def stabilize(
         A pipeline was made by `factor`, and takes neither method nor options; its orders do not grow.
     method, domain : str, optional
         A cell of the table of methods, see `identify`.
-    orders : iterable of int, optional
-        Numbers of states (of "lscf" the degrees of the polynomials); 2, 4, ... up to 80 for frequency responses, 60 for impulse
-        responses and 40 for correlations by default, and up to four times as many while the fit error falls as if modes were missing.
-        Orders out of reach are left out, with a note.
+    orders : int or iterable of int, optional
+        Numbers of states (of "lscf" the degrees of the polynomials), or the largest of 2, 4, ...; by default up to 80 for frequency
+        responses, 60 for impulse responses and 40 for correlations, and up to four times as many while the fit error falls as if modes
+        were missing. Orders out of reach are left out, with a note.
     tolerances : mapping, optional
         Limits of stability by name, "frequency", "damping" (relative) and "shape" (1 - MAC); 1 %, 5 % and 5 % by default.
     progress : callable, optional
@@ -92,7 +92,7 @@ def stabilize(
         sweep = over_pipeline(data, orders, named_options, deviations=deviations is not False)
         return computed(swept(sweep, resolved_orders(data.problem, orders), tolerances, progress, watch))
 
-    def diagram(asked: Iterable[int] | None = orders, **way: Any) -> StabilizationDiagram:
+    def diagram(asked: int | Iterable[int] | None = orders, **way: Any) -> StabilizationDiagram:
         with stage("preparing"):
             problem = prepare(examined, method, domain, **{**options, **way})
         first = stabilized(

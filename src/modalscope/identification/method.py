@@ -42,13 +42,13 @@ _MAX_STATES = {"lines": 80, "records": 80, "correlation": 40}
 MAX_ORDERS = 10_000
 
 
-def checked_orders(orders: Iterable[int]) -> list[int]:
-    """Return the distinct orders, increasing; an empty list is an error."""
+def checked_orders(orders: int | Iterable[int]) -> list[int]:
+    """Return the distinct orders, increasing; an empty list is an error. One number is the largest: every second order up to it."""
+    if not isinstance(orders, Iterable):
+        orders = range(check_count("orders", orders, most=2 * MAX_ORDERS), 0, -2)
     increasing = sorted({check_count("order", n) for n in check_each("orders", orders, "whole numbers", MAX_ORDERS)})
     if not increasing:
-        raise DataError(
-            "orders were asked", "the range of orders is empty", "Give range(2, 61, 2) or 2:60:2, for instance."
-        )
+        raise DataError("orders were asked", "the range of orders is empty", "Give range(2, 61, 2) or 2:60:2, say.")
     return increasing
 
 

@@ -200,7 +200,7 @@ def sweep(
     *,
     method: str | None = None,
     domain: str | None = None,
-    orders: Iterable[int] | None = None,
+    orders: int | Iterable[int] | None = None,
     deviations: bool = True,
     **options: Any,
 ) -> Sweep:
@@ -215,7 +215,7 @@ def sweep(
         A pipeline was made by `factor`, and takes neither method nor options.
     method, domain : str, optional
         A cell of the table of methods, see `identify`.
-    orders : iterable of int, optional
+    orders : int or iterable of int, optional
         As in `stabilize`.
     deviations : bool
         Whether standard deviations of the poles are wanted.
@@ -245,13 +245,13 @@ def sweep(
     return over(factor(problem, asked[-1]), asked, automatic=orders is None, deviations=deviations)
 
 
-def resolved_orders(problem: Problem, orders: Iterable[int] | None) -> list[int]:
+def resolved_orders(problem: Problem, orders: int | Iterable[int] | None) -> list[int]:
     """Return the orders that were asked, increasing; those of the problem's method by default."""
     return problem.method.orders.ladder(problem.measured) if orders is None else checked_orders(orders)
 
 
 def over_pipeline(
-    pipeline: Pipeline, orders: Iterable[int] | None, options: Mapping[str, Any], *, deviations: bool
+    pipeline: Pipeline, orders: int | Iterable[int] | None, options: Mapping[str, Any], *, deviations: bool
 ) -> Sweep:
     """Return the sweep over a pipeline; raise `DataError` where options were given, which are fixed by its problem."""
     for name, value in options.items():

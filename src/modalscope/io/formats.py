@@ -189,7 +189,7 @@ def _whole_contents(path: Path, options: Options) -> Contents:
     row = format_of(path, "reading")
     if not path.exists():
         raise unreadable(repr(str(path)), "there is no such file", "Check the name and the folder.")
-    check_options(path, options, (*row.read_options, *FIELDS, "exact_nodes", "content", "conjugate"), "reading")
+    check_options(path.name, options, (*row.read_options, *FIELDS, "exact_nodes", "content", "conjugate"), "reading")
     for name in {"rename", "axes"} & set(options):
         _check_names(name, options[name])
     if path.stat().st_size == 0:
@@ -279,7 +279,8 @@ def format_of(path: Path, doing: str) -> Format:
         row = FORMATS[told] if _of("signatures", "replaces")(told, suffix, row is not None) else row
     if row is None:
         fault = f"the suffix {path.suffix!r} is unknown" if path.suffix else "it has no suffix"
-        known = (*FORMATS, *(f".{name}" for name in names_added(plugins.FORMATS)))
+        known = [name for name, each in FORMATS.items() if doing == "reading" or each.writer]
+        known += [f".{name}" for name in names_added(plugins.FORMATS)] if doing == "reading" else [".xlsx"]
         raise DataError(f"{doing} {str(path)!r} was asked", fault, f"Use one of {', '.join(known)}.")
     return row
 
@@ -300,11 +301,11 @@ def _added(suffix: str) -> Format | None:
     return Format(f"{suffix} file, read by {package}", contents)
 
 
-def check_options(path: Path, options: Options, known: tuple[str, ...], doing: str) -> None:
+def check_options(name: str, options: Options, known: tuple[str, ...], doing: str) -> None:
     """Raise a `DataError` for an option that a format does not know."""
     unknown = sorted(set(options) - set(known))
     if unknown:
-        asked = f"{doing} {path.name} with {', '.join(unknown)} was asked"
+        asked = f"{doing} {name} with {', '.join(unknown)} was asked"
         raise DataError(asked, f"its options are {', '.join(known) or 'none'}", "Use one of these.")
 
 
@@ -361,7 +362,7 @@ def write(path: str | Path, thing: Any, **options: Any) -> None:
             _of("analysis", "write_analysis")(temporary, thing)
         return
     if file.suffix.lower() == ".xlsx":
-        check_options(file, options, (), "writing")
+        check_options(file.name, options, (), "writing")
         with replacing(file, sources) as temporary:
             added(WRITINGS, "xlsx")(temporary, thing)
         return
@@ -377,7 +378,7 @@ def write(path: str | Path, thing: Any, **options: Any) -> None:
         raise DataError(f"writing a stabilization diagram as {file.suffix} was asked", fault, remedy)
     if row.writer is None:
         raise DataError(f"{file.name} cannot be written", f"a {row.name} can only be read", "Choose another suffix.")
-    check_options(file, options, row.write_options, "writing")
+    check_options(file.name, options, row.write_options, "writing")
     check_texts(file.suffix, thing)
     with replacing(file, sources) as temporary:
         row.writer(temporary, thing, options)

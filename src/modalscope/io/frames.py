@@ -13,7 +13,8 @@ from modalscope.io.columns.vocabulary import key_meaning
 from modalscope.io.columns.weights import role_by_words
 from modalscope.io.columns.words import bare_unit, split_head
 from modalscope.io.contents import DataObject, is_frame, unreadable
-from modalscope.io.formats import overridden
+from modalscope.io.formats import check_options, overridden
+from modalscope.io.options import COLUMNS, FIELDS
 from modalscope.numerics.arguments import plainly
 from modalscope.numerics.checks import Array
 
@@ -147,4 +148,5 @@ def from_frame(frame: Any, **options: Any) -> DataObject:
         fault = f"it is {type(frame).__name__}"
         remedy = "Give such an object, a path to read, or make FrequencyResponse or Signals of arrays."
         raise DataError("from_frame needs a DataFrame, Series, Dataset or DataArray", fault, remedy)
+    check_options(type(frame).__name__, options, (*COLUMNS, *FIELDS, "conjugate"), "reading")
     return overridden(contents_from_table(table_of_frame(frame, type(frame).__name__), options).thing, options, None)

@@ -115,9 +115,7 @@ def _of_one_experiment(
     label = chosen(where, "experiments", found, list(found), options)
     others = set().union(*(names for other, names in found.items() if other != label))
     kept = {name: array for name, array in arrays.items() if name not in others}
-    return kept, (
-        f"experiment {label!r}; the others were left: {', '.join(other for other in found if other != label)[:60]}",
-    )
+    return kept, (f"using experiment {label!r}; ignored: {', '.join(other for other in found if other != label)[:60]}",)
 
 
 def _fields(options: Options) -> dict[str, Any]:

@@ -62,7 +62,7 @@ def _table_read_apart(package: str, path: Path, options: Options) -> Table:
         for k, (column, values) in enumerate(zip(answer.get("columns", ()), arrays, strict=True), 1)
     )
     shorter, steps = answer.get("shorter", ()), answer.get("steps", ())
-    notes = [f"channels of other lengths were left: {', '.join(shorter[:6])}"] if shorter else []
+    notes = [f"channels of other lengths, ignored: {', '.join(shorter[:6])}"] if shorter else []
     if len(steps) == 1 and max(answer.get("late", ()), default=0.0) * 2 > steps[0]:
         columns, said = _from_the_last_start(columns, answer["late"], steps[0])
         notes.append(said)
@@ -147,7 +147,7 @@ def read_excel(path: Path, options: Options) -> Contents:
     name = chosen(path.name, "sheets", names, tables, options)
     lines = ((number, text) for number, text in read[name] if number > int(options.get("skip") or 0))
     others = [other for other in names if other != name]
-    notes = (f"sheet {name!r}; the others were left: {', '.join(others[:6])}",) if others else ()
+    notes = (f"using sheet {name!r}; ignored: {', '.join(others[:6])}",) if others else ()
     return contents_of_lines(path.name, lines, ("\t", None), space, options, notes)
 
 

@@ -364,13 +364,15 @@ def _checked(verb: str, name: str, value: Any, limit: Limit) -> Any:
     return limit(name, value) if callable(limit) else check_choice(name, value, map(str, limit))
 
 
-def named(*options: Iterable[str], **limits: Limit) -> Callable[[Callable[P, R]], Callable[P, R]]:
+def named(
+    *options: Iterable[str], elsewhere: Mapping[str, Iterable[str]] | None = None, **limits: Limit
+) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Return a decorator that checks the names and the limits of arguments before a function is called.
 
     Where the function fails nevertheless, it names the argument of a wrong value, as `plainly` does.
 
-    `options`: what the function takes by `**options`, beside its own parameters. `limits`: the limit of an argument by its name; None
-    is allowed where it is the default.
+    `options`: what the function takes by `**options`, beside its own parameters. `elsewhere`: where other names belong. `limits`: the limit
+    of an argument by its name; None is allowed where it is the default.
 
     Examples
     --------
@@ -395,7 +397,7 @@ def named(*options: Iterable[str], **limits: Limit) -> Callable[[Callable[P, R]]
 
         @wraps(verb)
         def run(*args: P.args, **kwargs: P.kwargs) -> R:
-            check_option_names(verb.__name__, kwargs, [*own, *more])
+            check_option_names(verb.__name__, kwargs, [*own, *more], elsewhere)
             if not limits:
                 return plain(*args, **kwargs)
             try:

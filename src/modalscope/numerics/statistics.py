@@ -109,6 +109,10 @@ def telling(channels: int) -> slice:
     return slice(None, None, -(-channels // _TOLD_BY))
 
 
+#: Numbers of a temporary array that a large record may take beside itself: 32 MB.
+MANY_NUMBERS = 1 << 22
+
+
 def few_channels(lines: int, channels: int, numbers: int = _NUMBERS_AT_A_TIME) -> Iterator[slice]:
     """Yield some channels after others, of about so many `numbers`: by default as many as stay in the cache."""
     step = max(numbers // max(lines, 1), 1)

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from modalscope.interfaces.cli import main, process
-from modalscope.interfaces.cli.process import VOICE, progress, say
+from modalscope.interfaces.cli.process import VOICE, listen, progress, say
 
 #: What an analysis names.
 ANALYSIS = ("reading", "preparing", "factoring", "selecting", "refining", "examining")
@@ -34,7 +34,7 @@ COMMANDS = {
         *("identifying", *ANALYSIS, "writing modes.json", "writing report.html")
     ],
     "refine test.uff --modes modes.json -o refined.csv": ["reading", "refining", "writing refined.csv"],
-    "certify test.uff --orders 10 --no-refine --replicates 2": [
+    "certify test.uff --orders 10:10 --no-refine --replicates 2": [
         *("identifying", "reading", "preparing", "factoring", "selecting", "examining", "simulating")
     ],
     "report modes.json -o again.html": ["identifying", *ANALYSIS, "writing again.html"],
@@ -94,9 +94,17 @@ def test_the_end_of_a_stage_is_told_from_a_second_on(
     assert shown() == f"reading ...\r{' ' * 11}\r{told}"
 
 
-def test_a_stage_within_another_gives_the_line_back_and_has_its_own_time(
-    shown: Callable[[], str], clock: Callable[[float], None]
+@pytest.mark.parametrize(
+    ("verbose", "times"),
+    [
+        (False, ["identifying: done in 14.0 s"]),
+        (True, ["reading: done in 3.0 s", "selecting: done in 5.0 s", "identifying: done in 6.0 s"]),
+    ],
+)
+def test_a_stage_within_another_gives_the_line_back_and_verbose_has_its_own_time(
+    verbose: bool, times: list[str], shown: Callable[[], str], clock: Callable[[float], None]
 ) -> None:
+    listen(False, verbose, None)
     with progress("identifying") as show:
         clock(2.0)
         with progress("reading"):
@@ -108,13 +116,12 @@ def test_a_stage_within_another_gives_the_line_back_and_has_its_own_time(
             clock(5.0)
         with progress("refining"):  # no time is told
             pass
+    listen(False, False, None)
     told = shown()
     named = [name for name, _ in groupby(stages_of(told))]
     assert named == ["identifying", "reading", "identifying", "selecting", "identifying", "refining", "identifying"]
     assert "identifying:  50%" in told
-    assert [line for line in re.split(r"[\r\n]+", told) if "done" in line] == [
-        *("reading: done in 3.0 s", "selecting: done in 5.0 s", "identifying: done in 6.0 s")
-    ]
+    assert [line for line in re.split(r"[\r\n]+", told) if "done" in line] == times
 
 
 def test_what_is_counted_keeps_its_bar_whatever_stages_are_within(
@@ -129,7 +136,7 @@ def test_what_is_counted_keeps_its_bar_whatever_stages_are_within(
             clock(2.0)
     told = shown()
     assert list(dict.fromkeys(stages_of(told))) == ["simulating", "examining"]
-    assert told.endswith("simulating: done in 5.0 s\n")
+    assert told.endswith("simulating: done in 7.0 s\n")
 
 
 def test_the_work_of_another_thread_has_no_line(shown: Callable[[], str]) -> None:

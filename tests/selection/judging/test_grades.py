@@ -121,7 +121,7 @@ def test_alike_shapes_are_a_warning_of_the_summary_and_shapes_of_their_own_are_n
     shapes = np.array(modes.shapes)
     shapes[:, 3] = shapes[:, 1]
     body = summary_section(replace(modes, shapes=shapes), [examples.diagram()], None).body
-    assert 'class="loud">WARNING: the shapes of modes 2 and 4' in body
+    assert 'class="loud">WARNING: shapes of modes 2 and 4' in body
     assert "WARNING" not in summary_section(modes, [examples.diagram()], None).body
 
 

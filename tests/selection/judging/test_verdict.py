@@ -134,7 +134,7 @@ def test_what_exceeds_white_noise_and_not_the_errors_of_the_data_is_told_so() ->
     found = told(*ALL, *line, response=replace(known, values=values), coloured=True)
     left = next(c for c in found if abs(c.frequency - F[200]) < 0.01)
     assert left.gain > left.facts["noise_gain"]
-    assert "Errors are not white: more is required" in left.against[0]
+    assert "barely above the noise: significance" in left.against[0]
 
 
 def test_what_data_leave_open_is_no_mode() -> None:

@@ -35,7 +35,7 @@ class Beside(NamedTuple):
 
 
 def analysis_of(
-    data: Any, band: Any, orders: Iterable[int] | None, options: Mapping[str, Any]
+    data: Any, band: Any, orders: int | Iterable[int] | None, options: Mapping[str, Any]
 ) -> tuple[Result | None, str]:
     """Return what `analyze` finds in the data of a comparison; None, and why, where it cannot use them."""
     try:

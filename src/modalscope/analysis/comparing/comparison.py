@@ -38,6 +38,7 @@ from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.results import Result
 from modalscope.data.setups import Setups, as_test
 from modalscope.data.shown import Shown, cells_of, summary_of, text_table
+from modalscope.identification.method import checked_orders
 from modalscope.identification.options import AllOptions
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_count, check_kind
@@ -195,7 +196,7 @@ class Comparison(Shown):
                 rows.append([r.label, "-", "-", f"{r.seconds:.1f}", f"failed: {r.failure}"])
                 continue
             notes = [] if explains_enough(r.fit_error) else ["TOO MUCH UNEXPLAINED"]
-            notes += [] if r.exact else ["not counted" if r.route else "inverse-transformed data, not counted"]
+            notes += [] if r.exact else ["not counted" if r.route else "transformed data, not counted"]
             rows.append([r.label, str(len(r.modes)), f"{100 * r.fit_error:.2f}", f"{r.seconds:.1f}", "; ".join(notes)])
         return f"Methods\n{text_table([head, *rows], (0, 4))}"
 
@@ -234,7 +235,7 @@ def compare(
     data: Data,
     methods: str | Iterable[Any] = "all",
     *,
-    orders: Iterable[int] | None = None,
+    orders: int | Iterable[int] | None = None,
     band: tuple[float, float] | None = None,
     exclude: Iterable[DofLike] | DofLike | None = None,
     progress: Progress | None = None,
@@ -258,8 +259,8 @@ def compare(
     data : FrequencyResponse, ImpulseResponse or Signals
     methods : "all" or iterable of str, (str, str) or Method
         Rows of the table ("era") or cells ("era/s").
-    orders : iterable of int, optional
-        Numbers of states, for every method.
+    orders : int or iterable of int, optional
+        Numbers of states, for every method, or the largest.
     band : (float, float), optional
         Lowest and highest frequency in Hz.
     exclude : labels, optional
@@ -323,7 +324,7 @@ def compare(
     equal = [f"Identical on these data, with one vote: {'; '.join(labels)}" for labels in judged["kinship"].equals]
     settings = {
         "methods": methods if isinstance(methods, str) else tuple(map(str, methods)),
-        "orders": None if orders is None else tuple(map(int, orders)),
+        "orders": None if orders is None else tuple(checked_orders(orders)),
         "band": band,
         "exclude": exclude,
         **({"all_sets": True} if all_sets else {}),

@@ -100,7 +100,7 @@ def tasks_of(
 def plan(
     response: Response,
     wanted: str | Iterable[Any],
-    orders: Iterable[int] | None,
+    orders: int | Iterable[int] | None,
     *,
     records: bool = False,
     route: str | None = None,

@@ -146,7 +146,7 @@ class Tracks(Shown):
 
     def rows(self) -> list[list[str]]:
         """Return the cells of `table`, its head first."""
-        rows = [["track", "f [Hz]", "scatter [Hz]", "seen [%]", "first", "last", "doubles", "in doubt"]]
+        rows = [["track", "f [Hz]", "scatter [Hz]", "seen [%]", "first", "last", "doubles", "uncertain"]]
         seen = np.isfinite(self.frequencies)
         for k in range(len(self)):
             own, when = self.track == k, self.history.times[seen[:, k]].astype("datetime64[m]")

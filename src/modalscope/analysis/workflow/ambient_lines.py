@@ -15,6 +15,7 @@ from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.setups import Setups
+from modalscope.data.shown import list_some
 from modalscope.data.stored import StoredSignals
 from modalscope.selection.likelihood.line_shapes import LineShapes, line_shapes
 from modalscope.selection.likelihood.refine_setups import refine_setups
@@ -126,11 +127,11 @@ def _with_shapes(modes: ModalModel, found: LineShapes) -> ModalModel:
     )
     real = np.all(found.shapes.imag == 0, axis=0)
     if real.any():
-        which = ", ".join(f"{f:.5g} Hz" for f in modes.frequencies[real])
-        text = f"Shapes assumed real, so that their MPC is 1 by assumption: imaginary parts are no more than errors at {which}"
+        which = "all modes" if real.all() else list_some(f"{f:.5g} Hz" for f in modes.frequencies[real])
+        text = f"Shapes taken as real, their MPC as 1, as imaginary parts are within errors: {which}"
         refitted = refitted.noted(Note("real shapes", {"modes": float(real.sum())}, text))
     alike = np.diag(mac(refitted.shapes, modes.shapes))
-    names = ", ".join(f"{f:.5g} Hz" for f in modes.frequencies[alike < 1 - _MIN_CHANGE])
+    names = list_some(f"{f:.5g} Hz" for f in modes.frequencies[alike < 1 - _MIN_CHANGE])
     if not names:
         return refitted
     text = f"Shapes estimated on the lines of the record, where those of the correlations are others: {names}"

@@ -25,8 +25,9 @@ from modalscope.data.rebuilt import (
 from modalscope.data.response import Response
 from modalscope.data.results import Result, StabilizationDiagram
 from modalscope.data.shown import summary_of
-from modalscope.identification.method import MAX_ORDERS
+from modalscope.identification.method import checked_orders
 from modalscope.identification.options import AllOptions, labels_of
+from modalscope.io.options import EVERY, FIELDS
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, check_each, check_kind
 from modalscope.numerics.progress import LOG, stage, tell
@@ -51,14 +52,14 @@ from modalscope.signals.preprocess.frf import leakage_note
 Progress = Callable[[int, int], None]
 
 
-@named(AllOptions.__annotations__)
+@named(AllOptions.__annotations__, elsewhere=dict.fromkeys((*FIELDS, *EVERY), ("reading={...}",)))
 @one_thread
 def analyze(
     data: Any,
     *,
     method: str | None = None,
     domain: str | None = None,
-    orders: Iterable[int] | None = None,
+    orders: int | Iterable[int] | None = None,
     frequencies: Iterable[float] | None = None,
     take: Iterable[float] = (),
     refuse: Iterable[float] = (),
@@ -79,7 +80,7 @@ def analyze(
         taken as `from_frame` takes them. The name of a measured test that comes with the program stands for its file.
     method, domain : str, optional
         A row of the table, or a name from the literature, and a column; by default what suits the data.
-    orders : iterable of int, optional
+    orders : int or iterable of int, optional
         As in `stabilize`.
     frequencies : iterable of float, optional
         Hz: the modes there, and no others.
@@ -130,7 +131,7 @@ def analyze(
         reciprocal=reciprocal,
         method=method,
         domain=domain,
-        orders=None if orders is None else tuple(check_each("orders", orders, "whole numbers", MAX_ORDERS)),
+        orders=None if orders is None else tuple(checked_orders(orders)),
         options={name: value for name, value in options.items() if value is not None},
         frequencies=None if frequencies is None else tuple(check_each("frequencies", frequencies, "numbers in Hz")),
         taken=tuple(check_each("take", take, "numbers in Hz")),

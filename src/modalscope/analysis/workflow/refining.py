@@ -12,6 +12,7 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
+from modalscope.data.shown import list_some
 from modalscope.numerics.checks import ComplexArray
 from modalscope.numerics.errors import DataError
 from modalscope.selection.judging.bands import evened, terms_of
@@ -69,7 +70,7 @@ def _refined(diagram: StabilizationDiagram, modes: ModalModel) -> ModalModel:
             return refined if stay.all() else _with_others(diagram.response, modes, refined, modes.take(~stay), extra)
         reasons = [str(note) for note in found.notes if note.kind == "not converged"]
         return replace(_placed(diagram, modes, extra), converged=False).noted(_kept(*reasons))
-    where = ", ".join(f"{abs(s) / (2 * np.pi):.5g} Hz" for s in modes.poles[~stay])
+    where = list_some(f"{abs(s) / (2 * np.pi):.5g} Hz" for s in modes.poles[~stay])
     kept = _kept(f"the optimum is far from {where}: the data contain more than these modes")
     return _placed(diagram, modes, extra).noted(kept)
 
@@ -101,7 +102,7 @@ def _with_others(
     # the refinement may leave modes out, and frequencies may pass each other
     started = others.poles if refined.unrefined is None else np.append(refined.unrefined.poles, others.poles)
     before = modes.take([int(np.argmin(np.abs(modes.poles - s))) for s in started[order]])
-    where = ", ".join(f"{f:.5g} Hz" for f in others.frequencies)
+    where = list_some(f"{f:.5g} Hz" for f in others.frequencies)
     text = f"Not refined: {where} (their optimum lies at other modes); no intervals"
     note = Note("not refined", {"modes": len(others)}, text)
     fitted = {name: getattr(at_values, name) for name in _FITTED_FIELDS}

@@ -197,14 +197,20 @@ def _print(result: Result, *, everything: bool = False, wide: bool = False) -> N
     else:
         reasons = [str(note) for note in result.modes.notes if note.kind == "no mode"]
         say(next(iter(reasons), "no significant mode"))
-    first = " ".join([*verdict.unexplained, *verdict.graded])
+    candidates = result.modes.left_out
+    left = [f"Left out: {len(candidates)} (--all)."] if candidates and not everything else []
+    first = " ".join([*verdict.unexplained, *verdict.graded, *left])
     say(*filter(None, [first]), *verdict.warnings)
     texts, computing = notes_that_matter(note for note in result.notes if note.kind not in _ON_READING)
     if result.findings:
         remark("data:", *(f"  {finding}" for finding in grouped(result.findings)))
     if texts:
         remark("notes:", *(f"  {text}" for text in texts))
-    _print_left_out(result, everything)
+    if candidates and everything:
+        say("left out:")
+        for candidate in candidates:
+            significance = "" if candidate.gain != candidate.gain else f" (significance {candidate.gain:.1f})"
+            say(f"  {candidate}{significance}. {candidate.remedy}")
     for settings in result.settings:
         explain("settings: " + ", ".join(f"{name}={value!r}" for name, value in settings.items()))
     explain("computing:", *(f"  {text}" for text in computing))
@@ -217,27 +223,13 @@ def _methods(result: Result) -> list[str]:
     from modalscope.interfaces.reporting.sections import bands_of
 
     apart, bands = result.analysis.apart, bands_of(result.diagrams)
-    lines = []
+    lines: dict[str, list[str]] = {}
     for band in bands:
         diagram = band.diagram
-        which = f"setup {band.number}: " if apart else f"{band.words}: " if len(bands) > 1 else ""
         orders = f"orders {diagram.orders[0]} to {diagram.orders[-1]}"
-        lines.append(f"{which}{cell_label(diagram.method, diagram.domain)}, {orders}")
-    return lines
-
-
-def _print_left_out(result: Result, everything: bool) -> None:
-    """Print the candidates that were left out, with the reasons; without `--all` their number."""
-    from modalscope.data.shown import counted
-
-    candidates = result.modes.left_out
-    if candidates and not everything:
-        remark(f"{counted(len(candidates), 'candidate')} left out; --all lists them with reasons")
-    elif candidates:
-        say("left out:")
-        for candidate in candidates:
-            significance = "" if candidate.gain != candidate.gain else f" (significance {candidate.gain:.1f})"
-            say(f"  {candidate}{significance}. {candidate.remedy}")
+        which = f"setup {band.number}" if apart else band.words
+        lines.setdefault(f"{cell_label(diagram.method, diagram.domain)}, {orders}", []).append(which)
+    return [text if len(lines) == 1 else f"{', '.join(which)}: {text}" for text, which in lines.items()]
 
 
 def _run_each(options: argparse.Namespace) -> None:

@@ -250,7 +250,7 @@ def add_method(parser: Parser) -> None:
 def add_orders(parser: Parser) -> None:
     """Add the model orders."""
     parser.group("method and orders")(
-        "--orders", metavar="A:B:STEP", help="model orders, both ends included, such as 2:60:2"
+        "--orders", metavar="A:B:STEP", help="model orders, both ends included, such as 2:60:2, or the largest"
     )
 
 

@@ -239,14 +239,16 @@ _TOLD_SECONDS = 1.0
 def progress(what: str, unit: str = "order", at_once: bool = True) -> Iterator[Callable[[int, int], None]]:
     """Name a stage while the block runs, with a bar from the first `show(done, total)` on; nothing if stderr is no terminal.
 
-    `unit`: what is counted. `at_once`: whether the stage begins before it counts. What took more than a second, without the stages within
-    it, ends with a line that gives the time. The work of other threads has no line, and no stage has one within work that is counted.
+    `unit`: what is counted. `at_once`: whether the stage begins before it counts. What took more than a second ends with a line that gives
+    the time; with --verbose each stage within it has such a line, too, and its own time is without these. The work of other threads has no
+    line, and no stage has one within work that is counted.
     """
     quiet = not _on_terminal() or not _LOG.isEnabledFor(logging.INFO)
     if quiet or _LINE.counts or current_thread() is not main_thread():
         yield lambda done, total: None
         return
-    start = monotonic() if at_once else None
+    start, every = monotonic() if at_once else None, _LOG.isEnabledFor(logging.DEBUG)
+    told = every or not _LINE.shown
     with _LINE.named(what if at_once else "") as stage:
 
         def show(done: int, total: int) -> None:
@@ -257,8 +259,8 @@ def progress(what: str, unit: str = "order", at_once: bool = True) -> Iterator[C
                 _LINE.draw()
 
         yield show
-    took = 0.0 if start is None else monotonic() - start - (stage.within if at_once else 0.0)
-    if took > _TOLD_SECONDS:
+    took = 0.0 if start is None else monotonic() - start - (stage.within if at_once and every else 0.0)
+    if told and took > _TOLD_SECONDS:
         _LINE.clear()
         print(f"{what}: done in {took:.1f} s", file=sys.stderr)
         _LINE.draw()
@@ -289,6 +291,11 @@ class _Line:
     def counts(self) -> bool:
         """Whether a bar is shown."""
         return self._bar is not None
+
+    @property
+    def shown(self) -> str:
+        """The name of the innermost stage that has one."""
+        return next((stage.name for stage in reversed(self._stages) if stage.name), "")
 
     @contextmanager
     def named(self, what: str) -> Iterator[_Stage]:
@@ -325,9 +332,9 @@ class _Line:
     def draw(self) -> None:
         """Show the name of the innermost stage that has one."""
         self.clear()
-        if shown := next((stage.name for stage in reversed(self._stages) if stage.name), ""):
-            self._width = len(shown) + 4
-            print(f"{shown} ...", end="", file=sys.stderr, flush=True)
+        if self.shown:
+            self._width = len(self.shown) + 4
+            print(f"{self.shown} ...", end="", file=sys.stderr, flush=True)
 
 
 _LINE = _Line()

@@ -143,21 +143,25 @@ def _pairs(name: str, items: list[str], example: str) -> dict[str, str]:
     return {old: new.replace(",", " ") for old, _, new in pairs}
 
 
-def parse_orders(text: str | None) -> range | None:
-    """Return the range `2:60:2`, `2:60` or `40`, both ends included.
+def parse_orders(text: str | None) -> range | list[int] | None:
+    """Return the range `2:60:2` or `2:60`, both ends included, or the orders up to `40`.
 
     Examples
     --------
     >>> parse_orders("2:10:4"), parse_orders("12")
-    (range(2, 11, 4), range(12, 13))
+    (range(2, 11, 4), [2, 4, 6, 8, 10, 12])
     """
     if text is None:
         return None
+    from modalscope.identification.method import checked_orders
+
+    if text.isdecimal():
+        return checked_orders(int(text))
     try:
         parts = [int(part) for part in text.split(":")]
     except ValueError:
         parts = []
-    first, last, step = {1: (*parts, *parts, 1), 2: (*parts, 1), 3: tuple(parts)}.get(len(parts), (0, 0, 0))
+    first, last, step = {2: (*parts, 1), 3: tuple(parts)}.get(len(parts), (0, 0, 0))
     if not (1 <= first <= last and step >= 1):
         form = "their form is FIRST:LAST:STEP, FIRST at least 1"
         raise DataError(f"orders {text!r} were asked", form, "Write for instance --orders 2:60:2.")

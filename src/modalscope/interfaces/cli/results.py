@@ -217,7 +217,7 @@ def compare(options: argparse.Namespace) -> None:
             progress=show,
             replicates=options.replicates,
             all_sets=options.all_sets,
-            partial=_remark_result,
+            partial=_explain_result,
             **choices(options),
         )
     comparison = replace(comparison, notes=(*notes, *comparison.notes))
@@ -227,12 +227,12 @@ def compare(options: argparse.Namespace) -> None:
     say(comparison.table(each=options.verbose), *hint, *written)
 
 
-def _remark_result(result: MethodResult) -> None:
-    """Print a line on the result of one method of a comparison."""
+def _explain_result(result: MethodResult) -> None:
+    """Print a line on the result of one method of a comparison, if --verbose was given: the table has them all."""
     from modalscope.data.shown import counted
 
     found = result.failure if result.modes is None else counted(len(result.modes), "mode")
-    remark(f"{result.route + ': ' if result.route else ''}{result.label}: {found}")
+    explain(f"{result.route + ': ' if result.route else ''}{result.label}: {found}")
 
 
 def add_next(parser: Parser) -> None:

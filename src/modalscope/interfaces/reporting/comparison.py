@@ -120,7 +120,7 @@ def _methods(c: Comparison) -> Section:
 def _method_row(r: MethodResult) -> list[str]:
     if r.modes is None or r.fit_error is None or r.diagram is None:
         return [r.label, r.method.realization, "–", "–", "–", f"{r.seconds:.1f}", f"failed: {r.failure}"]
-    remark = "" if r.exact else "not counted" if r.route else "inverse-transformed data, not counted"
+    remark = "" if r.exact else "not counted" if r.route else "transformed data, not counted"
     numbers = [f"{100 * r.fit_error:.2f}", f"{r.diagram.orders[0]} to {r.diagram.orders[-1]}", f"{r.seconds:.1f}"]
     return [r.label, r.method.realization, str(len(r.modes)), *numbers, remark]
 

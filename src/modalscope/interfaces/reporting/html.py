@@ -59,13 +59,6 @@ def value(key: str, content: Any) -> str:
     return str(content)
 
 
-def list_some(names: Iterable[str], most: int = 12) -> str:
-    """Return the names, at most so many of them."""
-    listed = list(names)
-    rest = len(listed) - most
-    return ", ".join(listed[:most]) + (f" and {rest} more" if rest > 0 else "")
-
-
 def escaped(text: str) -> str:
     """Return plain text as HTML, with markup and control characters escaped."""
     return escape(printable(text))

@@ -16,20 +16,11 @@ from modalscope.data.analysis import VERSION
 from modalscope.data.notes import Note, notes_of
 from modalscope.data.response import Response, root_mean_squares
 from modalscope.data.results import Result, Settings
+from modalscope.data.shown import list_some
 from modalscope.identification.identify import Identification
 from modalscope.identification.method_names import cell_label
 from modalscope.interfaces.plot.web.verdict import grouped, notes_that_matter
-from modalscope.interfaces.reporting.html import (
-    Section,
-    folded,
-    heading,
-    list_some,
-    listing,
-    paragraph,
-    script,
-    table,
-    value,
-)
+from modalscope.interfaces.reporting.html import Section, folded, heading, listing, paragraph, script, table, value
 from modalscope.io.arrays import plain
 from modalscope.signals.doctor import Finding, examine
 
@@ -104,8 +95,8 @@ def data_section(
     """
     facts = {"source": source or "not stated", **_recorded(record), **_extent(response)}
     facts["quantity"] = response.quantity or "not stated"
-    facts["outputs"] = f"{len(response.output_dofs)}: {list_some(response.output_dofs)}"
-    facts[f"{response.column_word}s"] = f"{len(response.input_dofs)}: {list_some(response.input_dofs)}"
+    facts["outputs"] = f"{len(response.output_dofs)}: {list_some(response.output_dofs, 12)}"
+    facts[f"{response.column_word}s"] = f"{len(response.input_dofs)}: {list_some(response.input_dofs, 12)}"
     facts["geometry"] = "none" if response.geometry is None else f"{len(response.geometry.nodes)} nodes"
     facts["processing"] = "; ".join(response.processing) or "none"
     quality = _quality(examine(response) if findings is None else findings)
@@ -132,7 +123,7 @@ def _quality(findings: Sequence[Finding]) -> str:
     """List the findings about the data with their remedies."""
     if not findings:
         return paragraph("No data problem found.")
-    rows = [[f.kind, list_some(f.channels), f.reason, f.change] for f in grouped(findings)]
+    rows = [[f.kind, list_some(f.channels, 12), f.reason, f.change] for f in grouped(findings)]
     return table(["finding", "channels", "reason", "remedy"], rows, words=[0, 1, 2, 3])
 
 

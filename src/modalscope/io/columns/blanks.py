@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from modalscope.data.shown import percent
+from modalscope.data.shown import list_some, percent
 from modalscope.io.columns.table import Column, Table, as_word
 from modalscope.numerics.checks import Array, IntArray
 
@@ -106,5 +106,4 @@ def _of_channels(table: Table, columns: Sequence[Column], left: dict[int, str], 
 
 
 def _listed(columns: Sequence[Column]) -> str:
-    names = ", ".join(map(str, columns[:3])) + (f" and {len(columns) - 3} more" if len(columns) > 3 else "")
-    return f"{names} {'is' if len(columns) == 1 else 'are'}"
+    return f"{list_some(columns)} {'is' if len(columns) == 1 else 'are'}"

@@ -169,7 +169,7 @@ def _refuse_near(table: Table, found: Sequence[Reading], works: Callable[[str], 
     both = {reading.content: reading for reading in (best, second)}
     axis = best.axis
     step = even_step(np.asarray(axis.values))
-    fault = f"{axis} rises evenly by {step:.6g} from {axis.values[0]:g}, which may be either"
+    fault = f"{axis} is evenly spaced by {step:.6g} from {axis.values[0]:g}, which may be time or frequency"
     rest = [c.number for c in table.columns if c.number in best.roles and c is not axis and not c.textual]
     pairs = ",".join(f"real={a},imag={b}" for a, b in zip(rest[::2], rest[1::2], strict=False))
     lines = both["response"].option if "imag=" in both["response"].option else f"frequency={axis.number},{pairs}"

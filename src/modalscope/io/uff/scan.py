@@ -166,7 +166,7 @@ def _binary_block(name: str, data: bytes, head: bytes, position: int, place: int
         line, position = _line(data, position)
         records.append(line)
     form = parse(FORM, records[6], where)
-    length, abscissa_bytes, note = _payload_length(name, place, form, header["number of bytes"])
+    length, abscissa_bytes = _payload_length(name, place, form, header["number of bytes"])
     end = position + length
     after = _AFTER_PAYLOAD.match(data, end)
     if end > len(data) or after is None:
@@ -180,13 +180,12 @@ def _binary_block(name: str, data: bytes, head: bytes, position: int, place: int
         payload=data[position:end],
         order="<" if order == _LITTLE else ">",
         abscissa_bytes=abscissa_bytes,
-        note=note,
     )
     return block, after.end()
 
 
-def _payload_length(name: str, place: int, form: dict[str, int], counted: int) -> tuple[int, int, str]:
-    """Return the bytes of the payload, the bytes of an abscissa value and a note, from record 7 and the byte count."""
+def _payload_length(name: str, place: int, form: dict[str, int], counted: int) -> tuple[int, int]:
+    """Return the bytes of the payload and of an abscissa value, from record 7 and the byte count."""
     points = form["number of points"]
     kind, spacing = form["ordinate data type"], form["abscissa spacing"]
     if kind not in WORDS or points < 1 or spacing not in (0, 1):
@@ -196,8 +195,8 @@ def _payload_length(name: str, place: int, form: dict[str, int], counted: int) -
     abscissas = (0,) if spacing else (size, 4)
     for abscissa in abscissas:
         if counted == points * (parts * size + abscissa):
-            return counted, abscissa, ""
+            return counted, abscissa
     length = points * (parts * size + abscissas[0])
     if counted == points * size:
-        return length, abscissas[0], "the header of a binary set counts complex values as single ones; read in full"
+        return length, abscissas[0]  # some programs count one value a complex point; all bytes are there
     raise _cut(name, place, f"its header counts {counted} bytes, and its {points} points need {length}")

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modalscope.numerics.checks import RealArray
+from modalscope.numerics.statistics import MANY_NUMBERS, few_channels
 
 #: Largest share of the mean square that the exponentials leave of a free decay.
 _MAX_UNEXPLAINED = 0.1
@@ -92,8 +93,12 @@ def without_offset(y: RealArray) -> RealArray:
     >>> bool(abs((without_offset(y + 5) - y).max()) < 1e-4)
     True
     """
-    sizes = np.abs(y - np.median(y, axis=0)).reshape(len(y), -1)
-    largest = int(np.argmax(np.max(sizes / np.maximum(sizes.max(axis=0), np.finfo(float).tiny), axis=1)))
+    flat, highest = y.reshape(len(y), -1), np.zeros(len(y))
+    for few in few_channels(len(y), flat.shape[1], MANY_NUMBERS):
+        sizes = np.abs(flat[:, few] - np.median(flat[:, few], axis=0))
+        sizes /= np.maximum(sizes.max(axis=0), np.finfo(float).tiny)
+        highest = np.maximum(highest, sizes.max(axis=1))
+    largest = int(np.argmax(highest))
     end = y[min(largest, len(y) // 2) :]
     taps = np.hanning(len(end) + 2)[1:-1]
     return np.asarray(y - np.tensordot(taps / taps.sum(), end, 1))
@@ -105,7 +110,10 @@ def blow_out_of_silence(y: RealArray) -> int:
     Under forces that go on the median power just before the release is a hundredth of the largest and more, in random events and codas as
     in ambient vibration; before a blow it is that of the noise. What follows a blow is a decay whatever its length.
     """
-    power = np.sum(y**2 / np.maximum(np.mean(y**2, axis=0), np.finfo(float).tiny), axis=1)
+    power = np.zeros(len(y))
+    for few in few_channels(len(y), y.shape[1], MANY_NUMBERS):
+        squares = y[:, few] ** 2
+        power += np.sum(squares / np.maximum(np.mean(squares, axis=0), np.finfo(float).tiny), axis=1)
     first, stretch = int(np.argmax(power >= _POWER_AT_RELEASE * power.max())), max(len(y) // 100, 1)
     before = power[max(first - stretch, 0) : first]
     return first if len(before) == stretch and np.median(before) < _SILENCE * power.max() else 0
@@ -117,10 +125,14 @@ def slower(y: RealArray) -> tuple[RealArray, int]:
     Convolved with a filter of finite length, exponentials stay exponentials wherever the filter lies inside the record: the rest is cut
     off, half a filter length at either end.
     """
-    power = np.abs(np.fft.rfft(y - y.mean(axis=0), axis=0)) ** 2
-    ranges = np.array_split(power, max(1, len(power) // _LINES_OF_RANGE))
-    tones = np.concatenate([np.any(part > _SIGNIFICANT_POWER * np.median(part, axis=0), axis=1) for part in ranges])
-    highest = (int(np.max(np.flatnonzero(tones), initial=0)) + 1) / len(power)  # in Nyquist frequencies
+    tones = np.zeros(len(y) // 2 + 1, dtype=bool)
+    for few in few_channels(len(y), y.shape[1], MANY_NUMBERS):
+        power = np.abs(np.fft.rfft(y[:, few] - y[:, few].mean(axis=0), axis=0)) ** 2
+        ranges = np.array_split(power, max(1, len(power) // _LINES_OF_RANGE))
+        tones |= np.concatenate(
+            [np.any(part > _SIGNIFICANT_POWER * np.median(part, axis=0), axis=1) for part in ranges]
+        )
+    highest = (int(np.max(np.flatnonzero(tones), initial=0)) + 1) / len(tones)  # in Nyquist frequencies
     q = min(max(1, int(2 / (_SAMPLES_PER_PERIOD * highest))), largest_step(len(y)))
     return one_in(y, q), q
 

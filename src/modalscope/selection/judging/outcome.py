@@ -16,6 +16,7 @@ from modalscope.data.rebuilt import rebuilt
 from modalscope.data.response import Response
 from modalscope.data.results import DEVIATIONS, StabilizationDiagram
 from modalscope.data.sameness import likeliest, log_ratios
+from modalscope.data.shown import list_some
 from modalscope.identification.orders import ORDERS_END, usable_orders
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.functions.poles import poles_from
@@ -105,7 +106,7 @@ def _undecided(diagram: StabilizationDiagram, candidates: Sequence[Candidate]) -
     late = sorted(c.frequency for c in candidates if c.facts.get("late"))
     if not late:
         return ()
-    where, last = ", ".join(f"{f:.5g} Hz" for f in late), diagram.orders[-1]
+    where, last = list_some(f"{f:.5g} Hz" for f in late), diagram.orders[-1]
     text = f"Modes at {where} appear at the last orders only (up to {last}): give more orders, or narrower bands"
     return (Note(ORDERS_END, {"largest": last, "late": len(late)}, text),)
 
@@ -295,7 +296,7 @@ def compared_with(modes: ModalModel, reference: ModalModel, which: Array) -> Mod
     missing = np.setdiff1d(np.arange(len(reference)), which)
     if not missing.size:
         return replace(modes, reasons=reasons)
-    where = ", ".join(f"{reference.frequencies[k]:.5g} Hz" for k in missing)
+    where = list_some(f"{reference.frequencies[k]:.5g} Hz" for k in missing)
     note = Note("reference", {"missing": float(missing.size)}, f"Reference modes not found: {where}")
     return replace(modes, reasons=reasons).noted(note)
 

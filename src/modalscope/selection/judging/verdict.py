@@ -67,8 +67,9 @@ def too_little(gain: float, bar: float, *, coloured: bool) -> str:
 
     `gain`, `bar`: what it explains and what noise may, in standard deviations. `coloured`: errors were treated as coloured.
     """
-    text = f"significance {gain:.1f} given the other modes; noise alone reaches {bar:.1f}"
-    return text + ". Errors are not white: more is required" if gain > bar and coloured else text
+    if gain > bar and coloured:
+        return f"barely above the noise: significance {gain:.1f}; white noise reaches {bar:.1f}, these errors more"
+    return f"significance {gain:.1f} given the other modes; noise alone reaches {bar:.1f}"
 
 
 # --------------------------------------------------------------------------------------------------------- one residue

@@ -13,8 +13,8 @@ import scipy.signal
 from modalscope.data.records import Signals
 from modalscope.numerics.checks import BoolArray, ComplexArray, IntArray, RealArray
 from modalscope.numerics.orthonormal import most_real
+from modalscope.numerics.statistics import MANY_NUMBERS, few_channels
 from modalscope.selection.likelihood.covariance import deviations_of_poles, gradients_of_poles, pole_blocks
-from modalscope.signals.preprocess.conditioning import straightened
 
 # ------------------------------------------------------------------------------------------------- spectral likelihood
 # Whittle's likelihood of the lines of an ambient record: poles, shapes, excitation and a smooth background spectrum.
@@ -132,7 +132,7 @@ class Equations(NamedTuple):
 
 
 class Transformed(NamedTuple):
-    """A record without inputs, less its straight line, which leaks over all lines: samples (N, l), transforms (F, l), Hz (F,), rate."""
+    """A record without inputs: samples (N, l), transforms (F, l) less the straight line, which leaks over all lines, Hz (F,), rate."""
 
     samples: RealArray
     lines: ComplexArray
@@ -142,10 +142,13 @@ class Transformed(NamedTuple):
     @classmethod
     def of(cls, record: Signals) -> Transformed:
         """Transform a record; one serves all bands."""
-        y = np.asarray(straightened(record).outputs)
-        lines = np.fft.rfft(y, axis=0) / np.sqrt(len(y))
+        y = record.outputs
         f = np.asarray(np.fft.rfftfreq(len(y), 1 / record.sampling_rate), dtype=np.float64)
-        return cls(y, np.asarray(lines), f, record.sampling_rate)
+        lines = np.empty((len(f), y.shape[1]), dtype=complex)
+        for few in few_channels(len(y), y.shape[1], MANY_NUMBERS):
+            lines[:, few] = np.fft.rfft(scipy.signal.detrend(y[:, few], axis=0), axis=0)
+        lines /= np.sqrt(len(y))
+        return cls(y, lines, f, record.sampling_rate)
 
 
 def cells_of(
@@ -168,25 +171,27 @@ def cells_of(
     at = np.array(starts[:-1]) - first
     inside, own = lines[first : starts[-1]], x[first : starts[-1]]
     combined = np.eye(y.shape[1]) if shapes is None else _combinations(inside, shapes)
-    y, inside = y @ combined, inside @ combined
+    inside = inside @ combined
     counts = np.diff(np.append(at, len(own))).astype(float)
-    products = np.add.reduceat(inside[:, :, None] * inside[:, None, :].conj(), at, axis=0)
+    columns = [np.add.reduceat(inside * inside[:, [b]].conj(), at, axis=0) for b in range(inside.shape[1])]
+    products = np.stack(columns, axis=2)
     scale = np.sqrt(np.maximum(np.einsum("kaa->a", products).real / counts.sum(), 1e-300))
     values = products / counts[:, None, None] / scale[:, None] / scale
     views, size = [(inside / scale, np.repeat(np.arange(len(at)), counts.astype(int)))], count // _PIECES
     f = np.fft.rfftfreq(size, 1 / rate)
     there = (f >= own[0]) & (f < x[starts[-1]])
     cell = np.searchsorted(own[at], f[there], side="right") - 1
-    pieces = y[: size * _PIECES].reshape(_PIECES, size, -1)
-    pieces = np.fft.rfft(scipy.signal.detrend(pieces, axis=1), axis=1)[:, there] / np.sqrt(size) / scale
-    views += [(piece, cell) for piece in pieces]
+    for start in range(0, size * _PIECES, size):
+        piece = scipy.signal.detrend(y[start : start + size] @ combined, axis=0)
+        views.append((np.fft.rfft(piece, axis=0)[there] / np.sqrt(size) / scale, cell))
     return Cells(values, np.add.reduceat(own, at) / counts, counts, rate, count, tuple(views))
 
 
 def _combinations(lines: ComplexArray, shapes: ComplexArray) -> RealArray:
     """Return the combinations (l, r) of outputs that real shapes span in channels divided by their noise, r <= l."""
-    rms = np.sqrt(np.mean(np.abs(lines) ** 2, axis=0))
-    level = np.maximum(np.sqrt(np.quantile(np.abs(lines) ** 2, _BACKGROUND_QUANTILE, axis=0)), _LEAST_LEVEL * rms)
+    power = np.abs(lines) ** 2
+    rms = np.sqrt(np.mean(power, axis=0))
+    level = np.maximum(np.sqrt(np.quantile(power, _BACKGROUND_QUANTILE, axis=0)), _LEAST_LEVEL * rms)
     level = np.where(rms > 0, level, np.inf)  # a dead channel tells nothing
     real = most_real(shapes).real / level[:, None]
     lengths = np.maximum(np.linalg.norm(real, axis=0), np.finfo(float).tiny)

@@ -109,9 +109,12 @@ def line_shapes(record: Signals, modes: ModalModel, avoided: Sequence[tuple[floa
     `avoided`: frequencies and half widths (Hz) of lines that are no random vibration.
     """
     lines = _lines_of(record, modes, avoided)
-    size = np.sqrt(np.mean(np.abs(lines.Y) ** 2, axis=(0, 1)))
+    size = np.sqrt(
+        np.mean([sum(np.einsum("fl,fl->l", x, x) for x in (Y.real, Y.imag)) for Y in lines.Y], axis=0)
+        / lines.Y.shape[1]
+    )
     size = np.where(size > 0, size, 1.0)
-    lines = lines._replace(Y=lines.Y / size)
+    np.divide(lines.Y, size, out=lines.Y)
     given = _turned_real(modes.shapes / size[:, None])
     shapes = _with_power(lines, modes, given.real)
     for _ in range(_ROUNDS):
@@ -162,18 +165,24 @@ def _turned_real(shapes: ComplexArray) -> ComplexArray:
     return np.asarray(turned / np.linalg.norm(turned.real, axis=0))
 
 
+#: The lines before hold the remainder of the straight line.
+_FIRST = 2
+
+
 def _lines_of(record: Signals, modes: ModalModel, avoided: Sequence[tuple[float, float]]) -> _Lines:
     tapers = 0 if avoided else 2  # under a Hann window less of a tone is beside it
     spectrum = Spectrum.of(record, tapers=tapers)
     f = spectrum.step * np.arange(spectrum.lines.shape[1])
-    kept = np.arange(len(f)) >= 2  # the first lines hold the remainder of the straight line
+    kept = np.arange(len(f)) >= _FIRST
     for frequency, half in avoided:
         kept &= np.abs(f - frequency) > half
-    r = f[kept] / modes.frequencies[:, None]
-    zeta = modes.damping_ratios[:, None]
     power = QUANTITIES.get(record.quantity or "acceleration", 2)
-    h = 2 * zeta * r**power / (1 - r**2 + 2j * zeta * r)
-    return _Lines(spectrum.lines[:, kept], np.asarray(f[kept], dtype=np.float64), np.asarray(h), _CORRELATED[tapers])
+    h = np.empty((len(modes), np.count_nonzero(kept)), dtype=complex)
+    for row, f_k, zeta in zip(h, modes.frequencies, modes.damping_ratios, strict=True):
+        r = f[kept] / f_k
+        row[:] = 2 * zeta * r**power / (1 - r**2 + 2j * zeta * r)
+    Y = spectrum.lines[:, kept] if avoided else spectrum.lines[:, _FIRST:]  # no copy
+    return _Lines(Y, np.asarray(f[kept], dtype=np.float64), np.asarray(h), _CORRELATED[tapers])
 
 
 def _with_power(lines: _Lines, modes: ModalModel, real: RealArray) -> RealArray:

@@ -12,6 +12,7 @@ from modalscope.data.mode_fields import degrees_of
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.setups import Setups
+from modalscope.data.shown import list_some
 from modalscope.numerics.checks import Array, BoolArray, ComplexArray, IntArray, RealArray
 from modalscope.numerics.resources import one_thread
 from modalscope.selection.likelihood.ambient import Cells, Scored, Transformed, cells_of, deviations, scored, unknowns
@@ -215,7 +216,8 @@ def _wrapped(modes: ModalModel, found: Sequence[tuple[IntArray, _Refined | str]]
     left = [(core, why) for core, why in tried if isinstance(why, str)]
     notes = []
     if left:
-        text = "; ".join(f"{_names(modes, core)} ({why})" for core, why in left)
+        reasons = {why: np.concatenate([core for core, other in left if other == why]) for _, why in left}
+        text = "; ".join(f"{_names(modes, cores)} ({why})" for why, cores in reasons.items())
         notes = [Note("not refined", {"modes": float(sum(len(core) for core, _ in left))}, f"Not refined: {text}")]
     if not done:
         return modes.noted(notes)
@@ -243,11 +245,11 @@ def _wrapped(modes: ModalModel, found: Sequence[tuple[IntArray, _Refined | str]]
 
 
 def _more_there(misfit: float) -> str:
-    return f"residual {misfit:.2g} x its expected variance: other modes or machines are present"
+    return f"residual {misfit:.2g} x its expected variance: other modes or machines?"
 
 
 def _names(modes: ModalModel, which: IntArray) -> str:
-    return ", ".join(f"{f:.5g} Hz" for f in np.sort(modes.frequencies[which]))
+    return list_some(f"{f:.5g} Hz" for f in np.sort(modes.frequencies[which]))
 
 
 def _columns(modes: ModalModel) -> dict[str, Array]:

@@ -11,7 +11,7 @@ from modalscope.data.indicators import with_indicators_of_shapes
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Candidate, Note
 from modalscope.data.response import INSEPARABLE
-from modalscope.data.shown import counted
+from modalscope.data.shown import counted, list_some
 from modalscope.numerics.checks import ComplexArray
 from modalscope.numerics.functions.poles import frequencies_and_damping
 from modalscope.selection.likelihood.covariance import LEAST_GROUPS
@@ -35,7 +35,7 @@ def refined(
     """Build the refined modal model: values, standard deviations, rejected modes, and the modes before."""
     response = task.response
     if lost:
-        listed = ", ".join(f"{each.frequency:.5g} Hz" for each in lost)
+        listed = list_some(f"{each.frequency:.5g} Hz" for each in lost)
         notes = [*notes, Note("nothing of its own", {"modes": len(lost)}, f"Not significant, left out: {listed}")]
     if settled is None:
         return replace(before, left_out=(*before.left_out, *lost), unrefined=before, converged=True).noted(notes)
@@ -112,10 +112,7 @@ def _told(seen: Colour | None, spread: Spread, groups: Groups, poles: ComplexArr
     """Say what the deviations rest on, and which poles are too close to have deviations of their own."""
     notes = []
     if seen is not None:
-        text = (
-            f"Residual is not white (lag-1 correlation {seen.correlation:.2g}); intervals were widened, "
-            "model error may still exceed them"
-        )
+        text = f"Residual not white (lag-1 correlation {seen.correlation:.2g}): intervals widened, model error may exceed them"
         notes.append(Note("coloured residual", {"correlation": seen.correlation, "uneven": seen.uneven}, text))
     if spread.frequency_between is None:
         count = 0 if groups is None else len(set(groups))
@@ -129,7 +126,7 @@ def _told(seen: Colour | None, spread: Spread, groups: Groups, poles: ComplexArr
         np.triu(distance < _MIN_DISTANCE_DEVIATIONS * np.hypot(spread.frequency[:, None], spread.frequency))
     )
     if near.size:
-        pairs = ", ".join(f"{f[i]:.5g} and {f[j]:.5g} Hz" for i, j in near)
-        text = f"Closer than {_MIN_DISTANCE_DEVIATIONS} standard deviations: only mean frequency and common subspace are known: {pairs}"
+        pairs = list_some((f"{f[i]:.5g} and {f[j]:.5g} Hz" for i, j in near), 2)
+        text = f"Too close to separate: {pairs}; only mean frequency and common subspace are known"
         notes.append(Note("repeated", {"pairs": len(near)}, text))
     return notes

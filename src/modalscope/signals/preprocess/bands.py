@@ -164,10 +164,10 @@ def struck_band(parts: Sequence[Signals], asked: Band | None = None) -> tuple[Ba
     high = rounded(highest)
     if highest >= UNFOLDED * half or (asked is not None and not asked[0] < high < UNFOLDED * asked[1]):
         return None
-    above = f"for modes above, give another band: --band {high:g} {min(2 * high, half):g} (band=...)"
+    other = f"--band {high:g} {min(2 * high, half):g}"
     if asked is None:
-        return band_up_to(high, f"the hits have less than 1 % of their largest power above; {above}")
-    text = f"The hits have less than 1 % of their largest power above {high:g} Hz: noise there may hide modes. Limit the band; {above}"
+        return band_up_to(high, f"the hits have less than 1 % of their power above (else: {other})")
+    text = f"The hits have less than 1 % of their power above {high:g} Hz: noise there may hide modes. Limit it, or take {other}"
     return asked, Note("band past the hits", {"highest_hz": high}, text)
 
 

@@ -22,6 +22,7 @@ from modalscope.numerics.checks import Array, RealArray, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.damped_tones import largest_step, one_in
 from modalscope.numerics.functions.poles import QUANTITIES
+from modalscope.numerics.statistics import MANY_NUMBERS, few_channels
 
 #: Remainder of a filter's transient at the start of a stretch: below rounding, also for several poles.
 _TRANSIENT = 1e-20
@@ -121,7 +122,15 @@ def detrend(signals: Signals, *, kind: str = "linear") -> Signals:
     """
     if kind == "constant":
         return _on_all(signals, lambda x: np.asarray(x - x.mean(axis=-2, keepdims=True)), "mean removed")
-    return _on_all(signals, lambda x: np.asarray(scipy.signal.detrend(x, axis=-2)), "straight-line trend removed")
+    return _on_all(signals, _without_line, "straight-line trend removed")
+
+
+def _without_line(x: RealArray) -> RealArray:
+    """Return samples (..., N, l) without the straight line of each channel: of a few channels at a time, as each takes several copies."""
+    straight = np.empty(x.shape)
+    for few in few_channels(x[..., 0].size, x.shape[-1], MANY_NUMBERS):
+        straight[..., few] = scipy.signal.detrend(x[..., few], axis=-2)
+    return straight
 
 
 def straightened(record: Any) -> Any:
@@ -132,7 +141,7 @@ def straightened(record: Any) -> Any:
     """
     if isinstance(record, StoredSignals):
         return _straightened_rows(record)
-    return replace(record, outputs=np.asarray(scipy.signal.detrend(record.outputs, axis=-2)))
+    return replace(record, outputs=_without_line(record.outputs))
 
 
 def _straightened_rows(record: StoredSignals) -> StoredSignals:

@@ -16,6 +16,7 @@ from scipy import fft
 from modalscope.data.records import Signals
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_count
 from modalscope.numerics.errors import DataError, check_choice
+from modalscope.numerics.statistics import MANY_NUMBERS, few_channels
 
 #: Windows, by their names in SciPy; "none" is the rectangle.
 WINDOWS = ("none", "hann", "hamming", "flattop", "blackman", "blackmanharris", "tukey")
@@ -250,15 +251,19 @@ class Spectrum(NamedTuple):
         """
         outputs, _ = signals.by_run()
         largest = max(float(np.max(outputs, initial=0.0)), -float(np.min(outputs, initial=0.0)))
-        y = outputs / (np.ldexp(1.0, int(np.frexp(largest)[1]) - 1) if largest else 1.0)
-        t = np.arange(y.shape[1]) - (y.shape[1] - 1) / 2
-        slope = (t @ y) / max(float(t @ t), 1.0)
-        y -= y.mean(axis=1, keepdims=True)
-        y -= t[:, None] * slope[:, None, :]
-        power = float(np.einsum("rnl,rnl->", y, y)) / (len(y) * y.shape[1])
-        n = y.shape[1]
+        unit = np.ldexp(1.0, int(np.frexp(largest)[1]) - 1) if largest else 1.0
+        runs, n, channels = outputs.shape
+        t = np.arange(n) - (n - 1) / 2
         k, at = np.arange(1, tapers + 1)[:, None], np.pi * np.arange(1, n + 1) / (n + 1)
         windows = np.sin(k * at) if tapers else window_of("hann", n)[None]
         windows *= np.sqrt(2 / (n * np.einsum("kn,kn->k", windows, windows)))[:, None]
-        lines = np.concatenate([fft.rfft(y * window[:, None], axis=1) for window in windows])
-        return cls(np.asarray(lines), signals.sampling_rate / n, power, signals.sampling_rate)
+        lines, power = np.empty((len(windows), runs, n // 2 + 1, channels), dtype=complex), 0.0
+        for few in few_channels(runs * n, channels, MANY_NUMBERS):
+            y = outputs[..., few] / unit
+            slope = (t @ y) / max(float(t @ t), 1.0)
+            y -= y.mean(axis=1, keepdims=True)
+            y -= t[:, None] * slope[:, None, :]
+            power += float(np.einsum("rnl,rnl->", y, y)) / (runs * n)
+            for under, window in zip(lines, windows, strict=True):
+                under[..., few] = fft.rfft(y * window[:, None], axis=1)
+        return cls(lines.reshape(-1, *lines.shape[2:]), signals.sampling_rate / n, power, signals.sampling_rate)

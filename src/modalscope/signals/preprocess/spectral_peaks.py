@@ -23,6 +23,7 @@ from modalscope.data.stored import StoredSignals
 from modalscope.data.whitening import Whitening, normed_covariance, whitening_matrix
 from modalscope.numerics.checks import Array, BoolArray, ComplexArray, IntArray, RealArray
 from modalscope.numerics.functions.poles import frequencies_and_damping
+from modalscope.numerics.statistics import MANY_NUMBERS, few_channels
 from modalscope.signals.preprocess.spectra import Spectrum
 
 #: Width of a bin as a part of its frequency, and its minimum number of lines.
@@ -166,12 +167,15 @@ def levels_of(signals: Signals) -> Levels:
 
 def levels_in(spectrum: Spectrum) -> Levels:
     """Return the spectral levels of a record from its spectrum, averaged over runs."""
-    power = sum(lines.real**2 + lines.imag**2 for lines in spectrum.lines) / (spectrum.step * len(spectrum.lines))
-    edges = bin_edges(2, len(power) - 1, _MIN_BIN_LINES)  # the first lines hold the remainder of the straight line
-    medians = [np.median(power[a:b], axis=0) for a, b in itertools.pairwise(edges)]
+    runs, lines, channels = spectrum.lines.shape
+    edges = bin_edges(2, lines - 1, _MIN_BIN_LINES)  # the first lines hold the remainder of the straight line
     middles = (edges[:-1] + edges[1:] - 1) / 2 * spectrum.step
-    values = np.array(medians).reshape(len(middles), power.shape[1]) / np.log(2)
-    return Levels(middles, np.diff(edges).astype(float), values)
+    values = np.empty((len(middles), channels))
+    for few in few_channels(lines, channels, MANY_NUMBERS):
+        power = sum(x[:, few].real ** 2 + x[:, few].imag ** 2 for x in spectrum.lines) / (spectrum.step * runs)
+        for median, (a, b) in zip(values, itertools.pairwise(edges), strict=True):
+            median[few] = np.median(power[a:b], axis=0)
+    return Levels(middles, np.diff(edges).astype(float), values / np.log(2))
 
 
 def bin_edges(first: int, end: int, least: int) -> IntArray:

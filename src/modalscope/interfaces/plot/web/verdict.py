@@ -10,7 +10,7 @@ from modalscope.data.notes import Finding, Note
 from modalscope.data.rebuilt import explains_enough, unexplained
 from modalscope.data.response import Response
 from modalscope.data.results import Result
-from modalscope.data.shown import counted, frequency
+from modalscope.data.shown import counted
 from modalscope.interfaces.plot.web.fits import Fit, fit_of_result
 from modalscope.selection.judging.grades import GRADES, Grade, alike_pairs, grades
 
@@ -80,10 +80,9 @@ def _alike(modes: ModalModel) -> tuple[str, ...]:
     if not pairs:
         return ()
     i, j, value = pairs[0]
-    which = f"modes {i + 1} and {j + 1} ({frequency(modes.frequencies[i])} and {frequency(modes.frequencies[j])})"
-    more = f", and those of {counted(len(pairs) - 1, 'more pair')}" if len(pairs) > 1 else ""
-    causes = "Possible causes: too few sensors, a strong signal common to all sensors, or a duplicate mode."
-    return (f"WARNING: the shapes of {which} are alike (MAC {value:.2f}){more}. {causes}",)
+    more = f", and of {counted(len(pairs) - 1, 'more pair')}" if len(pairs) > 1 else ""
+    causes = "few sensors, a common signal, a duplicate?"
+    return (f"WARNING: shapes of modes {i + 1} and {j + 1} are alike (MAC {value:.2f}){more}: {causes}",)
 
 
 def _grade_counts(judged: Sequence[Grade]) -> tuple[str, ...]:
