@@ -20,7 +20,7 @@ from tests.support import BROWSER, CHROMIUM, wanted_extra
 MISSING = re.compile(r"(is|are) not there")
 
 #: Helpers that need an extra: they hold no tests, and pytest would keep half a module of one that it cannot import.
-collect_ignore = ["arguments.py", "io/apart.py", "io/bombs.py", "io/corpus.py"]
+collect_ignore = ["arguments.py", "io/apart.py", "io/bombs.py", "io/corpus.py", "io/packed_bombs.py"]
 
 
 @pytest.fixture(autouse=True)
