@@ -38,8 +38,8 @@ def tried(seeds: range, times: float) -> tuple[float, float]:
 
 
 @pytest.mark.slow
-def test_a_few_random_structures_sampled_five_times_too_fast() -> None:
-    perfect, error = tried(range(9, 11), 5)
+def test_a_random_structure_sampled_five_times_too_fast() -> None:
+    perfect, error = tried(range(9, 10), 5)
     assert perfect == 1
     assert error < 1.3
 
