@@ -10,7 +10,7 @@ import pytest
 import modalscope as ms
 from tests.selection.judging.roving import counted, roving
 from tests.studies import Study
-from tests.support import measured, stored_list
+from tests.support import stored_list
 
 
 @pytest.mark.slow
@@ -44,14 +44,3 @@ def test_study_of_roving_tests(sensors: int, study: Callable[[str, str], Study])
     found.row("modes listed twice", sum(one.twice for one in each), most=2)
     found.row("pairs as two", sum(one.pair is True for one in each), least=18)
     assert not found.missed
-
-
-@pytest.mark.slow
-def test_a_mode_is_not_weighed_beside_its_own_copies() -> None:
-    """4181 Hz was "found at too few orders" by what its copies took of it."""
-    stored = np.load(measured("beam_hammer", "beam_mimo_frf.npz"))
-    response = ms.FrequencyResponse(
-        values=stored["H"].transpose(2, 1, 0)[:, :4], frequencies=stored["freq"], quantity="acceleration"
-    )
-    modes = ms.analyze(response, band=(100.0, 4500.0)).modes
-    assert np.min(np.abs(modes.frequencies - 4181.2)) < 0.7
