@@ -179,6 +179,7 @@ def test_no_channel_is_blamed_for_what_real_poles_carry() -> None:
     assert not c.findings
 
 
+@pytest.mark.slow
 def test_a_noisy_channel_is_named_bad() -> None:
     clean = chain_lines()
     values = np.array(clean.values)

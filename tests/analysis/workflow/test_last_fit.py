@@ -42,6 +42,7 @@ def test_study_of_shapes_in_bands_that_end_among_modes(study: Callable[[str, str
     assert not table.missed
 
 
+@pytest.mark.slow
 def test_modes_outside_a_band_do_not_bias_those_inside() -> None:
     # without poles that stand for them 35 % was left, and shapes erred by five times what is said
     one = scored(part_of_a_band(60018))

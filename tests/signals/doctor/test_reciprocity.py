@@ -108,6 +108,7 @@ def test_inputs_no_more_than_outputs_are_exchanged_only_where_asked() -> None:
     assert by_reciprocity(tall, True)[0].output_dofs == ("1:+X",)
 
 
+@pytest.mark.slow
 def test_hits_one_at_a_time_are_exchanged_and_records_whose_inputs_act_together_are_not() -> None:
     diagram = stabilize(hits(), orders=[10])
     assert diagram.response.exchanged
