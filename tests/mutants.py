@@ -1,7 +1,8 @@
 """One-line faults put into a copy of the library, one at a time: the tests named beside each must fail.
 
 `python -m tests.mutants [word] [--processes 2]` tries those of `mutants.toml` whose name or file holds the word, and prints what lives.
-A mutant whose text does not stand exactly once in its file is a failure, and so is one that does not even load.
+A mutant whose text does not stand exactly once in its file is a failure, and so is one that does not even load. Slow tests are run for
+those alone that the others do not notice.
 """
 
 from __future__ import annotations
@@ -16,12 +17,13 @@ import sys
 import tempfile
 import time
 import tomllib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
+from typing import Any
 
 import pytest
 
@@ -57,8 +59,11 @@ LOADED = [
 
 FORKS = multiprocessing.get_context("forkserver")
 
-#: Exit status of pytest: all passed, some failed; and of a process that said nothing more.
-PASSED, FAILED, CRASHED = 0, 1, -1
+#: Exit status of pytest: all passed, some failed, none were chosen; and of a process that said nothing more.
+PASSED, FAILED, NONE, CRASHED = 0, 1, 5, -1
+
+#: Which tests are run: the slow ones only for a fault that the others do not notice.
+QUICK, SLOW = "not study and not bench and not slow", "slow and not study and not bench"
 
 
 @dataclass(frozen=True)
@@ -126,12 +131,12 @@ def _folder() -> Iterator[Path]:
                 shutil.rmtree(Path(sys.pycache_prefix, *place.parts[1:]), ignore_errors=True)
 
 
-def run(folder: Path, tests: Iterable[str], patience: float = PATIENCE) -> tuple[int, str]:
+def run(folder: Path, tests: Iterable[str], which: str = QUICK, patience: float = PATIENCE) -> tuple[int, str]:
     """Run tests against the library of a copy up to the first failure; return the exit status and the end of what was said."""
     log, end = folder / "log.txt", folder / "status.txt"
     end.unlink(missing_ok=True)
     # a fork of a server that holds what the library imports: starting anew would take longer than the tests
-    child = FORKS.Process(target=_run_here, args=(folder, tuple(tests), log, end))
+    child = FORKS.Process(target=_run_here, args=(folder, tuple(tests), which, log, end))
     child.start()
     child.join(patience)
     if child.is_alive():
@@ -142,7 +147,7 @@ def run(folder: Path, tests: Iterable[str], patience: float = PATIENCE) -> tuple
     return status, log.read_text(encoding="utf-8", errors="replace")[-2500:]
 
 
-def _run_here(folder: Path, tests: tuple[str, ...], log: Path, end: Path) -> None:
+def _run_here(folder: Path, tests: tuple[str, ...], which: str, log: Path, end: Path) -> None:
     """Be the process that runs tests in a copy; what is said and the exit status of pytest are left in files."""
     os.chdir(folder)
     os.environ["PYTHONPATH"] = str(folder / "src")  # for the commands that tests start
@@ -152,29 +157,67 @@ def _run_here(folder: Path, tests: tuple[str, ...], log: Path, end: Path) -> Non
     with log.open("w") as said:
         os.dup2(said.fileno(), 1)
         os.dup2(said.fileno(), 2)
-    end.write_text(
-        str(
-            int(
-                pytest.main(
-                    ["-x", "-q", "--no-header", "-p", "no:cacheprovider", "-m", "not study and not bench", *tests]
-                )
-            )
-        )
-    )
+    end.write_text(str(int(pytest.main(["-x", "-q", "--no-header", "-p", "no:cacheprovider", "-m", which, *tests]))))
 
 
-def attempt(folder: Path, mutant: Mutant) -> str:
-    """Put one fault into a copy, run its tests and take it out again; return what is wrong, empty when it was noticed."""
+def attempt(folder: Path, mutant: Mutant, dear: set[str]) -> str:
+    """Put one fault into a copy, run its tests and take it out again; return what is wrong, empty when it was noticed.
+
+    Tests whose slow ones were needed are added to `dear`.
+    """
     path = folder / LIBRARY / mutant.file
     source = path.read_text(encoding="utf-8")
     path.write_text(mutated(source, mutant), encoding="utf-8")
     try:
         status, words = run(folder, mutant.tests)
+        if status in (PASSED, NONE):
+            dear.update(mutant.tests)
+            slow, words = run(folder, mutant.tests, SLOW)
+            status = status if slow == NONE else slow
     finally:
         path.write_text(source, encoding="utf-8")
     if status == PASSED:
         return "LIVES"
     return "" if status == FAILED else f"BROKEN (status {status})\n{words}"
+
+
+class Workshop:
+    """Copies of the project, in each of which one run of tests is at work at a time."""
+
+    def __init__(self, copies: Sequence[Path], pool: ThreadPoolExecutor) -> None:
+        self.copies: SimpleQueue[Path] = SimpleQueue()
+        self.pool, self.started = pool, time.perf_counter()
+        for folder in copies:
+            self.copies.put(folder)
+
+    def in_a_copy(self, call: Callable[[Path], Any]) -> Any:
+        """Return what a call gives in the first copy that is free."""
+        folder = self.copies.get()
+        try:
+            return call(folder)
+        finally:
+            self.copies.put(folder)
+
+    def each(self, call: Callable[[Path, Any], Any], given: Sequence[Any]) -> Iterator[Any]:
+        """Yield what a call gives for each, in turn."""
+        return self.pool.map(lambda one: self.in_a_copy(lambda folder: call(folder, one)), given)
+
+    def passes(self, named: Sequence[str], which: str) -> bool:
+        """Whether tests pass without a fault; what fails is printed."""
+
+        def sound(folder: Path, tests: Sequence[str]) -> tuple[int, str]:
+            return run(folder, tests, which, PATIENCE * len(tests))
+
+        heaps = -(-len(named) // TOGETHER)
+        shares = [named[k::heaps] for k in range(heaps)]
+        for tests, (status, words) in zip(shares, self.each(sound, shares), strict=True):
+            if status not in (PASSED, NONE):  # once more, as the tests themselves are run again once
+                status, words = self.in_a_copy(lambda folder, tests=tests: sound(folder, tests))
+            if status not in (PASSED, NONE):
+                print(f"the tests fail without any fault\n{words}")
+                return False
+        print(f"without a fault {len(named)} files or tests pass, {time.perf_counter() - self.started:.0f} s")
+        return True
 
 
 def part_of(words: str) -> tuple[int, int]:
@@ -206,31 +249,15 @@ def main(arguments: Sequence[str] | None = None, path: Path = LIST, root: Path =
         return 1
     os.environ.update(SURROUNDINGS)
     FORKS.set_forkserver_preload(LOADED)
-    started = time.perf_counter()
+    started, dear = time.perf_counter(), set[str]()
     with _folder() as place, ThreadPoolExecutor(given.processes) as pool:
-        copies: SimpleQueue[Path] = SimpleQueue()
-        for k in range(given.processes):
-            copies.put(copy_to(place / str(k), root))
-
-        def one(tests: Sequence[str], mutant: Mutant | None = None) -> tuple[int, str]:
-            folder = copies.get()
-            try:
-                return run(folder, tests, PATIENCE * len(tests)) if mutant is None else (0, attempt(folder, mutant))
-            finally:
-                copies.put(folder)
-
-        named = sorted({t for m in mutants for t in m.tests})
-        heaps = -(-len(named) // TOGETHER)
-        shares = [named[k::heaps] for k in range(heaps)]
-        for tests, (status, words) in zip(shares, pool.map(one, shares), strict=True):
-            if status != PASSED:  # once more, as the tests themselves are run again once
-                status, words = one(tests)
-            if status != PASSED:
-                print(f"the tests fail without any fault\n{words}")
-                return 1
-        print(f"without a fault {len(named)} files or tests pass, {time.perf_counter() - started:.0f} s")
-        found = list(pool.map(one, [m.tests for m in mutants], mutants))
-    left = [(mutant, words) for mutant, (_, words) in zip(mutants, found, strict=True) if words]
+        workshop = Workshop([copy_to(place / str(k), root) for k in range(given.processes)], pool)
+        if not workshop.passes(sorted({t for m in mutants for t in m.tests}), QUICK):
+            return 1
+        found = list(workshop.each(lambda folder, mutant: attempt(folder, mutant, dear), mutants))
+        if dear and not workshop.passes(sorted(dear), SLOW):
+            return 1
+    left = [(mutant, words) for mutant, words in zip(mutants, found, strict=True) if words]
     for mutant, words in left:
         print(f"{words}: {mutant.name} ({mutant.file}): {mutant.text!r} -> {mutant.replacement!r}")
     print(f"{len(mutants) - len(left)} of {len(mutants)} mutants noticed, {time.perf_counter() - started:.0f} s")

@@ -5,6 +5,7 @@ Import it as `from tests.support import ...`.
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -124,6 +125,11 @@ def measured(*parts: str) -> Path:
     if not path.exists():
         pytest.skip(f"{'/'.join(parts)} is not there")
     return path
+
+
+def stored_list(name: str) -> dict[str, Any]:
+    """Return the list of modes of a real test as it stands; `tests/test_results.py` holds every analysis of one to it."""
+    return dict(json.loads((ROOT / "tests" / "results" / "reference.json").read_text("utf-8"))[f"real: {name}"])
 
 
 def refused(text: str, call: Callable[..., Any], *arguments: Any, **options: Any) -> DataError:

@@ -58,7 +58,7 @@ def test_its_demo_prints_what_stands_there(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_its_commands_run_on_a_file_of_your_own(tmp_path: Path) -> None:
-    ms.write(tmp_path / "test.uff", ms.datasets.load("beam_hammer").band(100, 1000))
+    ms.write(tmp_path / "test.uff", ms.datasets.load("beam_hammer").band(100, 500))
     words = shlex.split(COMMANDS[-1], comments=True)
     subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert (tmp_path / "report.html").stat().st_size > 100_000

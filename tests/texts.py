@@ -60,10 +60,15 @@ def _resolved(node: ast.AST | None, names: Names) -> list[str]:
     return []
 
 
-def _assigned(unit: ast.AST) -> Names:
+def _units(tree: ast.Module) -> list[ast.stmt]:
+    """Return the statements of a module, those of a class in its place."""
+    return [unit for part in tree.body for unit in (part.body if isinstance(part, ast.ClassDef) else [part])]
+
+
+def _assigned(nodes: Iterable[ast.AST]) -> Names:
     """Return the expressions that are assigned to each name, also in tuples."""
     names: Names = {}
-    for node in (node for node in ast.walk(unit) if isinstance(node, ast.Assign)):
+    for node in (node for node in nodes if isinstance(node, ast.Assign)):
         for target in node.targets:
             several = isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple)
             pairs = zip(target.elts, node.value.elts, strict=False) if several else [(target, node.value)]
@@ -91,23 +96,25 @@ def _read(call: ast.Call, package: str, errors: set[str]) -> Iterator[tuple[str,
 def collect(files: Iterable[Path] | None = None) -> list[Text]:
     """Return all texts, by kind and place."""
     trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in files or sorted(SOURCE.rglob("*.py"))}
-    functions = [n for tree in trees.values() for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)]
+    parts = {path: [(unit, list(ast.walk(unit))) for unit in _units(tree)] for path, tree in trees.items()}
+    functions = [n for of_one in parts.values() for _, nodes in of_one for n in nodes if isinstance(n, ast.FunctionDef)]
     errors = {"DataError", *(f.name for f in functions if f.returns and ast.unparse(f.returns) == "DataError")}
     listed: list[Text] = []
     texts: set[tuple[str, str]] = set()
     for path, tree in trees.items():
         place, package = path.relative_to(SOURCE).as_posix(), path.parent.name
-        units = [unit for part in tree.body for unit in (part.body if isinstance(part, ast.ClassDef) else [part])]
-        constants = _assigned(ast.Module([u for u in units if isinstance(u, ast.Assign)], []))
-        for unit in units:
-            names = constants | _assigned(unit)
-            for call in (node for node in ast.walk(unit) if isinstance(node, ast.Call)):
+        constants = _assigned([unit for unit, _ in parts[path]])
+        for _, nodes in parts[path]:
+            names = constants | _assigned(nodes)
+            for call in (node for node in nodes if isinstance(node, ast.Call)):
                 for kind, value in _read(call, package, errors):
                     texts |= {(kind, words) for words in _resolved(value, names) if " " in words and "<" not in words}
         if place == "signals/doctor/findings.py":
             cells = (node for node in ast.walk(constants["ROWS"][0]) if isinstance(node, ast.Tuple))
             texts |= {("finding", words) for row in cells for cell in row.elts for words in _resolved(cell, constants)}
-        if package == "cli" and any(isinstance(unit, ast.FunctionDef) and unit.name == "add" for unit in units):
+        if package == "cli" and any(
+            isinstance(unit, ast.FunctionDef) and unit.name == "add" for unit, _ in parts[path]
+        ):
             texts.add(("help", ast.get_docstring(tree) or ""))
         listed += [Text(place, kind, words) for kind, words in texts if words.strip()]
         texts.clear()

@@ -32,12 +32,12 @@ def modules(source: Path = SOURCE) -> dict[str, Path]:
     return {".".join(f.relative_to(source).with_suffix("").parts).removesuffix(".__init__"): f for f in files}
 
 
-def _statements(node: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
-    """Return all imports, those inside functions and under `if TYPE_CHECKING` too."""
-    for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.Import | ast.ImportFrom):
-            yield child
-        else:
+def _statements(node: ast.AST) -> Iterator[ast.stmt]:
+    """Return all statements below a node, those inside functions and under `if TYPE_CHECKING` too; no expression is entered."""
+    for field in ("body", "orelse", "finalbody", "handlers", "cases"):
+        for child in getattr(node, field, ()):
+            if isinstance(child, ast.stmt):
+                yield child
             yield from _statements(child)
 
 
@@ -53,7 +53,7 @@ def imported(text: str, known: Mapping[str, object]) -> set[str]:
     for statement in _statements(ast.parse(text)):
         if isinstance(statement, ast.Import):
             found.update(name.name for name in statement.names)
-        elif statement.module:
+        elif isinstance(statement, ast.ImportFrom) and statement.module:
             full = {f"{statement.module}.{name.name}" for name in statement.names}
             found.update(full & known.keys())
             if not full <= known.keys():
@@ -106,7 +106,7 @@ def code_lines(text: str) -> int:
     tokens = tokenize.generate_tokens(io.StringIO(text).readline)
     silent = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
     lines = {n for t in tokens if t.type not in silent for n in range(t.start[0], t.end[0] + 1)}
-    for node in ast.walk(ast.parse(text)):
+    for node in _statements(ast.parse(text)):
         if isinstance(node, ast.Import | ast.ImportFrom) or (
             isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
         ):
@@ -206,15 +206,16 @@ def measures() -> list[Measure]:
     drawn, path = arrows(imports), reading_path()
     core = "modalscope.identification"
     plain = [name for name in texts if name.startswith(core) and not name.startswith(f"{core}.fast")]
+    lines_of = {name: code_lines(text) for name, text in texts.items()}
     code: Counter[str] = Counter()
-    for name, text in texts.items():
-        code[room_of(name)] += code_lines(text)
+    for name, lines in lines_of.items():
+        code[room_of(name)] += lines
     found = {
         "lines of code": code.total(),
         "rooms": len(code) - 1,
         "arrows between rooms": len(drawn),
         "modules of the reading path": len(path),
-        "lines of code of the reading path": sum(code_lines(texts[name]) for name in path),
+        "lines of code of the reading path": sum(lines_of[name] for name in path),
         "imports that leave the reading path": len(leaving(path, imports)),
         "lines of identification without its faster forms": sum(texts[name].count("\n") for name in plain),
         "modules that reading and analysing responses loads": _said_by(_RESPONSES + _LOADED),

@@ -20,23 +20,23 @@ from tests.test_every_argument import SLOW
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="the watch over processes is that of Linux")
 def test_damaged_files_of_every_suffix_are_read_or_refused() -> None:
-    assert harness.files(1000, seed=51) == []
+    assert harness.files(400, seed=51) == []
 
 
 @pytest.mark.slow
 def test_files_whose_fields_contradict_each_other_are_read_or_refused() -> None:
-    assert built.files(200, seed=51) == []
+    assert built.files(100, seed=51) == []
 
 
 @pytest.mark.slow
 def test_a_test_told_otherwise_has_the_same_modes() -> None:
-    assert moved.sets(16, seed=1) == []
+    assert moved.sets(8, seed=1) == []
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="limits are those of Linux")
 def test_commands_that_are_killed_or_in_want_leave_nothing_half_written() -> None:
-    assert cut_off.want() + cut_off.kills(4, seed=0) == []
+    assert cut_off.want() + cut_off.kills(2, seed=0) == []
 
 
 @pytest.mark.slow

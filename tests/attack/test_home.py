@@ -13,7 +13,7 @@ import pytest
 import modalscope as ms
 from tests.support import ROOT
 
-#: The command line; a connection or a question for an address ends it in a line.
+#: Commands, parted by //; a connection or a question for an address ends them in a line.
 WATCHED = """
 import sys
 def watch(event, given):
@@ -24,7 +24,9 @@ if "--control" in sys.argv:
     import socket
     socket.create_connection(("127.0.0.1", 9))
 from modalscope.interfaces.cli import main
-sys.exit(main())
+for words in " ".join(sys.argv[1:]).split(" // "):
+    if main(words.split()):
+        raise SystemExit(f"failed: {words}")
 """
 
 
@@ -39,16 +41,16 @@ def test_no_command_opens_a_connection(tmp_path: Path) -> None:
         np.linspace(0.2, 8, 120), quantity="acceleration", noise=0.02, seed=1
     )
     ms.write(tmp_path / "a.npz", lines)
-    for words in (
-        ["info", "a.npz"],
-        ["identify", "a.npz", "-o", "a.json", "-o", "a.html", "--orders", "8:12:2"],
-        ["compare", "a.npz", "--methods", "era", "polyreference", "--orders", "8:12:2"],
-        ["report", "a.json", "-o", "b.html"],
-        ["methods"],
-    ):
-        done = watched(tmp_path, *words)
-        assert done.returncode == 0, done.stderr
-        assert "called" not in done.stderr
+    done = watched(
+        tmp_path,
+        "info a.npz",
+        "// identify a.npz -o a.json -o a.html --orders 8:12:2",
+        "// compare a.npz --methods era polyreference --orders 8:12:2",
+        "// report a.json -o b.html",
+        "// methods",
+    )
+    assert done.returncode == 0, done.stderr
+    assert "called" not in done.stderr
 
 
 def test_the_watch_notices_a_connection(tmp_path: Path) -> None:

@@ -45,17 +45,6 @@ def far_apart(found: ms.ModalModel) -> np.ndarray:
     return np.min(np.abs(found.frequencies[:, None] - CLOSE), axis=1) > 0.1
 
 
-@pytest.mark.slow
-def test_repeatability_of_a_measured_aircraft_is_how_far_halves_of_its_runs_disagree() -> None:
-    """Four halves tell a deviation to a third."""
-    found, halves = beside_halves(4)
-    assert found.frequencies_repeatability is not None
-    ratio = halves / np.array([found.frequencies_repeatability, found.damping_ratios_repeatability])
-    kept = far_apart(found)
-    assert kept.sum() >= 4
-    assert np.all((ratio[:, kept] > 1 / 4) & (ratio[:, kept] < 4))
-
-
 @pytest.mark.study("refinement")
 def test_study_of_thirty_halves(study: Callable[[str, str], Study]) -> None:
     found, halves = beside_halves(30)

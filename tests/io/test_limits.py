@@ -14,7 +14,6 @@ import pytest
 import modalscope.io as mio
 from modalscope.data import DataError, Signals
 from modalscope.io.limits import Room, room
-from tests.io.bombs import BOMBS
 from tests.support import ROOT, refused
 
 #: Reading a bomb may take sixteen times what three million steps of Python take (about four seconds of an idle processor), and 500 MB or
@@ -40,6 +39,8 @@ def unlimited():
 @pytest.mark.skipif(sys.platform != "linux", reason="the bounds are those of Linux")
 @pytest.mark.parametrize("suffix", [".npz", ".mat", ".h5", ".csv", ".json", ".uff"])
 def test_every_bomb_is_answered_in_time_and_within_the_memory(tmp_path, suffix):
+    from tests.io.packed_bombs import BOMBS  # seconds
+
     made = [name for name in BOMBS if Path(name).suffix == suffix]
     for name in made:
         BOMBS[name](tmp_path / name)

@@ -11,7 +11,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.analysis.workflow.sources import opened
-from tests.support import DATA, measured, refused
+from tests.support import DATA, measured, refused, stored_list
 
 pytestmark = pytest.mark.skipif(not (DATA / "standins").is_dir(), reason="the stand-ins are not there")
 
@@ -83,18 +83,21 @@ def test_a_sensor_that_was_left_in_volts_is_named_with_two_ways_out() -> None:
     assert opened(files, {"quantity": "acceleration"})[0].quantity == "acceleration"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", [*RECORDS, *LINES])
-def test_the_modes_of_its_truth_are_found(name: str) -> None:
-    files, truth = _files(name)
-    if not truth.get("modes"):
-        pytest.skip("its truth names no modes")
-    if name == "tdms_late_channel":
-        pytest.importorskip("nptdms")
-    found = ms.analyze(files if len(files) > 1 else files[0]).modes
-    for frequency, zeta in truth["modes"]:
+def test_the_modes_of_its_truth_are_in_its_list(name: str) -> None:
+    """In the list that stands: that it is the one found is held by `tests/test_results.py`, and of a few by `make results`."""
+    _, truth = _files(name)
+    found = np.array(stored_list(f"standins, {name}").get("f", ()))
+    for frequency, zeta in truth.get("modes") or ():
         if frequency in MISSING.get(name, ()) or zeta > 0.05:  # a mode that dies within the first samples
             continue
-        k = int(np.argmin(np.abs(found.frequencies - frequency)))
         width = max(4 * zeta * frequency, 0.02 * frequency)
-        assert found.frequencies[k] == pytest.approx(frequency, abs=width)
+        assert np.min(np.abs(found - frequency), initial=np.inf) <= width
+
+
+@pytest.mark.slow
+def test_the_mode_of_a_list_that_differs_from_processor_to_processor_is_found() -> None:
+    """`make results` alone holds such a list."""
+    (file,), truth = _files("decay_multiples")
+    ((frequency, _),) = truth["modes"]
+    assert np.min(np.abs(ms.analyze(file).modes.frequencies - frequency)) < 0.02 * frequency

@@ -48,8 +48,7 @@ def deviations(modes: ModalModel) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "domain", "orders", "options"),
-    [
-        ("alternate", "s", range(24, 65, 4), {}),
+    [  # alternate, which is the method of responses, in tests/selection/judging/test_main_job.py
         ("era", "z", range(24, 65, 4), {}),
         ("polyreference", "s", range(20, 53, 4), {"block_rows": 24}),
         ("lscf", "z", range(14, 41, 2), {}),

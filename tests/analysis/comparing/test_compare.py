@@ -342,6 +342,7 @@ def test_every_cause_has_a_remedy() -> None:
     assert all(text.endswith(".") for text in CAUSES.values())
 
 
+@pytest.mark.slow
 def test_all_sets_shows_rows_without_a_vote_which_decide_nothing_and_results_come_one_by_one() -> None:
     response = systems.chain5().frequency_response(np.linspace(0.1, 9, 200), noise=0.01, seed=0)
     orders, came = range(4, 17, 6), []

@@ -46,10 +46,9 @@ def channels(c: Comparison, name: str) -> set[str]:
 @pytest.mark.slow
 @pytest.mark.parametrize("make", [chain, chain_lines])
 def test_no_fault_is_found_where_there_is_none(make) -> None:  # type: ignore[no-untyped-def]
-    for seed in (0, 1):
-        c = run(make(seed))
-        assert not c.findings
-        assert all(t.trusted for t in c.trust)
+    c = run(make())
+    assert not c.findings
+    assert all(t.trusted for t in c.trust)
 
 
 @pytest.mark.parametrize("make", [chain, chain_lines])
@@ -110,7 +109,7 @@ def test_a_turned_sensor_is_found_at_its_driving_point(make) -> None:  # type: i
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration"])
+@pytest.mark.parametrize("quantity", ["displacement", "velocity"])  # accelerations: above
 def test_driving_points_are_judged_by_the_quantity_measured(quantity: str) -> None:
     response = chain_lines(quantity=quantity)
     assert not channels(run(response), "swapped sign")
@@ -149,7 +148,7 @@ def test_a_close_pair_is_named() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("make", [chain, chain_lines])
-@pytest.mark.parametrize("largest", [4, 6, 8])
+@pytest.mark.parametrize("largest", [4, 8])
 def test_modes_that_too_few_orders_hide_are_found_in_what_these_leave(make, largest: int) -> None:  # type: ignore[no-untyped-def]
     """So more orders do not change what is reported, and no order is to blame."""
     c = run(make(), range(2, largest + 1, 2))
@@ -180,6 +179,7 @@ def test_no_channel_is_blamed_for_what_real_poles_carry() -> None:
     assert not c.findings
 
 
+@pytest.mark.slow
 def test_a_noisy_channel_is_named_bad() -> None:
     clean = chain_lines()
     values = np.array(clean.values)

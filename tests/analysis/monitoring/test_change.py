@@ -81,6 +81,7 @@ def test_a_short_reference_has_a_provisional_test_and_a_shorter_one_is_refused()
         alarms(record, reference=np.arange(200) < 19)
 
 
+@pytest.mark.slow
 def test_a_mode_that_is_not_found_is_an_alarm_that_says_where_it_may_be() -> None:
     """Half of the later records have it elsewhere, with another damping; none has it at its place."""
     history, truth = damaged(400, 7)
@@ -127,6 +128,7 @@ def test_what_comes_later_changes_no_track_of_the_reference() -> None:
     assert np.array_equal(found[0].frequencies[:240], found[1].frequencies[:240], equal_nan=True)
 
 
+@pytest.mark.slow
 def test_tracks_that_are_rare_are_left_out_and_said() -> None:
     f = np.hstack([moved(np.zeros(1000)), moved(np.zeros(1000), seed=1)])
     f[::2, 1], f[1, 1] = np.nan, np.nan

@@ -282,6 +282,7 @@ def test_an_alarm_is_told_once_whoever_asks(store: Store) -> None:
     assert store.records.size == 0
 
 
+@pytest.mark.slow
 def test_covariates_of_refused_records_may_be_given_too(months: Store, tmp_path: Path) -> None:
     (tmp_path / "19700105_0030.csv").write_text("spoilt\n")
     months.add(tmp_path / "19700105_0030.csv")

@@ -56,6 +56,7 @@ def test_a_mode_that_is_lost_for_days_goes_on_and_one_that_ends_is_said_to() -> 
     assert [row[5] for row in found.rows()[1:]] == ["1970-01-09 07:00", "1970-01-09 07:00", "1970-01-05 23:00"]
 
 
+@pytest.mark.slow
 def test_stated_deviations_are_believed_until_the_scatter_contradicts_them() -> None:
     f = scattered([1.0, 2.0], 250)
     for factor, believed in ((1.2, True), (0.85, True), (2.0, False), (0.5, False)):

@@ -46,7 +46,7 @@ def test_it_gives_the_modes_of_its_steps(samples: ImpulseResponse) -> None:
     assert result.settings[0] is result.diagram.settings
 
 
-@pytest.mark.parametrize("kind", ["frequency", "impulse"])
+@pytest.mark.parametrize("kind", ["impulse", pytest.param("frequency", marks=pytest.mark.slow)])
 def test_no_unit_of_a_channel_changes_a_mode_an_interval_or_a_grade(kind: str) -> None:
     rng = np.random.default_rng(7)
     structure = random_structure(94002)

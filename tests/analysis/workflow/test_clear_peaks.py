@@ -66,6 +66,7 @@ def test_a_peak_without_a_mode_is_named_with_the_reason() -> None:
     assert "3 Hz (no poles agree there)" in note.text
 
 
+@pytest.mark.slow
 def test_fifteen_modes_of_a_cable_ask_for_more_orders() -> None:
     """30 states of its fifteen modes: at orders up to 40 the middle ones are at too few of them."""
     result = ms.analyze(cable(2).record)

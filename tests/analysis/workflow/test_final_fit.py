@@ -32,9 +32,7 @@ def beam() -> ms.FrequencyResponse:
 
 CASES: dict[str, Callable[[], Case]] = {
     "responses": lambda: analysed(frequency_response(random_structure(3), 30, 3)[0]),
-    "more responses": lambda: analysed(frequency_response(random_structure(4), 20, 4)[0]),
     "impulse responses": lambda: analysed(impulse_response(random_structure(5), 30, 5)[0]),
-    "more impulse responses": lambda: analysed(impulse_response(random_structure(6), 20, 6)[0]),
     "responses of 40 dB": lambda: analysed(frequency_response(random_structure(7), 40, 7)[0]),
     "beam exchanged": lambda: analysed(beam(), band=(800, 1200)),
     "beam, higher": lambda: analysed(beam(), band=(2000, 2600)),

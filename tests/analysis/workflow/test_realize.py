@@ -236,7 +236,7 @@ def test_a_system_of_two_states_whose_noise_is_a_millionth_has_two() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("noise", [1e-6, 1e-3, 0.01, 0.1])
+@pytest.mark.parametrize("noise", [1e-6, 0.1])
 def test_a_structure_in_white_noise_has_its_order_or_fewer_states_that_simulate_as_well(noise: float) -> None:
     """Four structures each: the order is no larger, and what the noise leaves uncertain is a small part of the noise.
 

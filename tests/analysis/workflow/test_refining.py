@@ -141,6 +141,7 @@ def test_where_no_mode_left_its_place_a_descent_that_did_not_end_refines_none(mo
     assert {grade.word for grade in grades(found)} == {"look"}
 
 
+@pytest.mark.slow
 def test_deviations_that_are_given_are_not_denied_by_a_note_of_the_diagram() -> None:
     record = chain5().simulate(inputs="white", duration=200, sampling_rate=20.0, seed=0)
     noise = 0.01 * record.outputs.std() * np.random.default_rng(0).standard_normal(record.outputs.shape)

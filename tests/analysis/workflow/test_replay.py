@@ -19,9 +19,9 @@ from modalscope.interfaces.reporting.record import identification_script, result
 RNG = np.random.default_rng(1)
 CHAIN = ms.systems.chain5()
 SAMPLES = CHAIN.impulse_response(300, noise=0.02, seed=0)
-LINES = ms.systems.add_noise(CHAIN.frequency_response(np.linspace(0.3, 8, 300), quantity="displacement"), 0.02, 0)
+LINES = ms.systems.add_noise(CHAIN.frequency_response(np.linspace(0.3, 8, 160), quantity="displacement"), 0.02, 0)
 AMBIENT = CHAIN.simulate(inputs="ambient", samples=4000, sampling_rate=20.0, noise=0.02, seed=0)
-DRIVEN = CHAIN.simulate(samples=4000, sampling_rate=20.0, noise=0.02, seed=0)
+DRIVEN = CHAIN.simulate(samples=1500, sampling_rate=20.0, noise=0.02, seed=0)
 
 #: Data and choices: every row of the table, records, bands, channels left out, initial values, arrays among the options.
 CASES: dict[str, tuple[Any, dict[str, Any]]] = {
@@ -34,7 +34,7 @@ CASES: dict[str, tuple[Any, dict[str, Any]]] = {
             else LINES
             if m.domain == "s"
             else SAMPLES,
-            {"method": m.name, "domain": m.domain, "orders": range(2, 25, 2)},
+            {"method": m.name, "domain": m.domain, "orders": range(4, 25, 2 if m.name == "wnsf" else 4)},
         )
         for m in ms.methods()
     },
@@ -43,7 +43,7 @@ CASES: dict[str, tuple[Any, dict[str, Any]]] = {
     "a channel left out": (LINES, {"exclude": [LINES.output_dofs[1]], "band": (0.5, 7)}),
     "structure at rest": (LINES, {"method": "era", "domain": "s", "initial_values": "rest"}),
     "known initial terms": (LINES, {"method": "era", "domain": "s", "initial_values": np.zeros((1, 4, 2))}),
-    "weights of the lines": (LINES, {"weights": 1 / (1 + np.arange(300.0) / 7)}),
+    "weights of the lines": (LINES, {"weights": 1 / (1 + np.arange(160.0) / 7)}),
     "uneven shifts": (
         SAMPLES,
         {"method": "era", "row_shifts": [0, 1, 3, 4, 6, 9, 10, 12, 15, 20], "block_columns": 60},
@@ -75,8 +75,21 @@ def stored(tmp_path: Path) -> Callable[[Any], Path]:
     return store
 
 
+#: Rows that take the options of another one of these cases.
+LIKE_OTHERS = (
+    "era z",
+    "polyreference z",
+    "alternate s",
+    "least_squares z",
+    "least_squares s",
+    "ssi-cva time",
+    "aaa z",
+    "vector-fitting z",
+)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", [case for case in CASES if case not in LIKE_OTHERS])
 def test_script_document_and_file_repeat_the_result_to_the_last_bit(case: str, stored: Callable[[Any], Path]) -> None:
     data, choices = CASES[case]
     file = stored(data)
@@ -194,7 +207,7 @@ def test_a_measured_test_is_its_name_its_file_and_its_data(tmp_path: Path) -> No
     asked: dict[str, Any] = {"band": (100, 300), "orders": range(4, 9, 2), "refine": False}
     of_data, of_name = ms.analyze(data, **asked), ms.analyze("beam_hammer", **asked)
     assert of_name.analysis.files[0].path == "beam_hammer"
-    for first, given in ((of_data, ("beam_hammer", data.source_path, data)), (of_name, (None, "beam_hammer", data))):
+    for first, given in ((of_data, ("beam_hammer", data)), (of_name, (None, data.source_path))):
         ms.write(tmp_path / "modes.json", first)
         for each in given:
             equal(ms.replay(tmp_path / "modes.json", each).modes, of_data.modes)

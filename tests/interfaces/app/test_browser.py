@@ -364,7 +364,7 @@ def test_options_of_the_method_are_written_as_in_python(window: Window, tmp_path
 @pytest.mark.slow
 def test_one_output_is_drawn_neither_as_shape_nor_as_mac(window: Window, tmp_path: Path) -> None:
     ms.write(
-        tmp_path / "one.npz", ms.systems.chain5().frequency_response(np.arange(0.2, 9, 0.01), outputs=[0], inputs=[0])
+        tmp_path / "one.npz", ms.systems.chain5().frequency_response(np.arange(0.2, 9, 0.05), outputs=[0], inputs=[0])
     )
     page = window.page
     with page.expect_file_chooser() as chooser:

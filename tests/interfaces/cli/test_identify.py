@@ -90,10 +90,10 @@ def test_a_document_is_done_again(test_file, tmp_path, capsys):
 @pytest.mark.slow
 def test_a_delay_is_taken_out_unless_the_command_line_refuses(tmp_path, capsys):
     run = ms.systems.chain5().simulate(
-        inputs="white", samples=3000, sampling_rate=16.0, quantity="acceleration", seed=3
+        inputs="white", samples=1500, sampling_rate=16.0, quantity="acceleration", seed=3
     )
     late, file = 12, tmp_path / "late.csv"
-    table = np.column_stack([np.arange(3000 - late) / 16.0, run.inputs[late:], run.outputs[:-late]])
+    table = np.column_stack([np.arange(1500 - late) / 16.0, run.inputs[late:], run.outputs[:-late]])
     names = ["t [s]", *(f"F{i} [N]" for i in range(run.inputs.shape[1])), *(f"a{i} [m/s2]" for i in range(4))]
     np.savetxt(file, table, delimiter=",", header=",".join(names), comments="")
     words = ["realize", str(file), "--order", "10", "-o"]

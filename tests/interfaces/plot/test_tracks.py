@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from modalscope import plot
-from modalscope.analysis.monitoring import alarms, explain, track
+from modalscope.analysis.monitoring import Alarms, alarms, explain, track
 from modalscope.data import DataError
 from modalscope.interfaces.plot.picture import Marks
 from modalscope.interfaces.plot.tracks import chart_picture
@@ -33,17 +33,20 @@ def test_changes_are_drawn_against_a_covariate_that_is_there() -> None:
         plot.against(found, "wind")
 
 
-def test_a_chart_shows_its_limit_and_its_alarms() -> None:
-    found = alarms(tracked(1200, 3, shift=-2e-3, at=1000), reference=("1970-01-01", "1970-01-31"))
+@pytest.fixture(scope="module")
+def found() -> Alarms:
+    return alarms(tracked(1200, 3, shift=-2e-3, at=1000), reference=("1970-01-01", "1970-01-31"))
+
+
+def test_a_chart_shows_its_limit_and_its_alarms(found: Alarms) -> None:
     ax = plot.control_chart(found)
     assert points(ax) == 1200
     assert np.isclose([line.get_ydata()[0] for line in ax.get_lines()], 1).any()
     assert len(found) == len([text for text in ax.texts if "1970-02" in text.get_text()]) == 1
 
 
-def test_tracks_stand_below_the_chart_in_per_cent() -> None:
+def test_tracks_stand_below_the_chart_in_per_cent(found: Alarms) -> None:
     """Six of eight tracks, among them the two that fell by .2 %: each panel has all records of its track, on an axis of its own."""
-    found = alarms(tracked(1200, 3, shift=-2e-3, at=1000), reference=("1970-01-01", "1970-01-31"))
     chart, *tracks = chart_picture(found).panels
     assert {name for alarm in found.alarms for name in alarm.tracks[:2]} <= {panel.title for panel in tracks}
     assert len(tracks) == 6

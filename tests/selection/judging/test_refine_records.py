@@ -115,6 +115,7 @@ def test_a_mode_that_is_missed_is_found_in_what_the_others_leave(lengths):
         assert "Modes added" in " ".join(str(note) for note in found.notes)
 
 
+@pytest.mark.slow
 def test_a_mode_under_coloured_noise_is_found_beside_what_is_left_around_it():
     """Noise that grows towards 0 Hz has the highest peaks of the residual; the mode is the highest relative to its surroundings."""
     records = runs_of(system(4, 2), [3000])

@@ -66,6 +66,7 @@ def test_participation_is_the_least_squares_fit_to_the_correlation_of_the_record
     assert np.allclose(rebuilt, response.values - left, atol=1e-9 * np.abs(response.values).max())
 
 
+@pytest.mark.slow
 def test_a_comparison_of_records_has_the_row_and_one_of_a_response_says_why_not():
     record = record_of(0)
     wanted = ["alternate/time", "ssi-data"]

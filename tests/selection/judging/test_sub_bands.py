@@ -30,6 +30,7 @@ def test_modes_of_a_band_are_found_beside_the_skirts_of_those_outside(seed: int)
     assert judged(range(seed, seed + 1), 40)[[0, 2, 3]].tolist() == [1, 0, 0]
 
 
+@pytest.mark.slow
 def test_coloured_errors_of_few_lines_are_not_white_for_the_poles_that_skirts_need() -> None:
     # a rich model and all out-of-band poles beside it leave nothing that is coloured, and two and three poles of errors were listed
     assert judged(range(1002, 1003), 40, coloured=True)[[0, 2, 3]].tolist() == [1, 0, 0]

@@ -114,6 +114,7 @@ def test_a_mode_near_the_end_of_what_was_sampled_is_not_good() -> None:
     assert {OF_NYQUIST, EXPLAINED_NEARBY} <= set(modes.reasons[0])
 
 
+@pytest.mark.slow
 def test_every_one_of_several_bands_is_asked_with_its_own_terms() -> None:
     """Samples of bands are at rates of their own: modes of all bands together explain nothing there."""
     record = ms.systems.build("chain5").simulate(inputs="ambient", duration=2000, sampling_rate=20.0, seed=1)
@@ -145,6 +146,7 @@ def test_the_damping_of_a_mode_that_goes_on_where_its_record_ends_is_not_good() 
     assert "left at the end of its blocks: leakage" in grades(modes)[0].reason
 
 
+@pytest.mark.slow
 def test_a_mode_that_a_window_took_or_that_died_is_good() -> None:
     windowed = ms.analyze(ms.estimate_frf(struck(0.01), excitation="impact", exponential=0.01)).modes
     assert LEFT_AT_END not in windowed.reasons[0]

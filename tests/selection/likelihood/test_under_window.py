@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 import modalscope as ms
 from modalscope.selection.likelihood.information import correlated, inverse, normal, window_noise
@@ -62,6 +63,7 @@ def test_covariance_and_expected_misfit_are_those_of_matrices_written_out() -> N
     np.testing.assert_allclose(found.free, 300 * 8 - taken, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_intervals_hold_under_a_window_as_they_do_without() -> None:
     """Blocks of lines alone held in 82 to 96 %, by mode; these in 90 to 98."""
     inside, ratio = [], []

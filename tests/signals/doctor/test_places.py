@@ -329,7 +329,7 @@ def test_a_hammer_test_of_one_file_a_place_from_the_command_line(
     paths, few = [], ["--orders", "10:30:4"]
     for place in (0, 2, 4):
         paths.append(str(tmp_path / f"point{place + 1}.npz"))
-        ms.write(paths[-1], hits(place, count=3, samples=8192))
+        ms.write(paths[-1], hits(place, count=3, samples=4096))
     out = tmp_path / "modes.json"
     assert main(["identify", *paths, *few, "-o", str(out)]) == 0
     said = capsys.readouterr()

@@ -100,7 +100,7 @@ def test_least_squares_of_a_response_that_decays():
     ("data", "options", "text"),
     [
         (Signals(outputs=np.ones((50, 1)), sampling_rate=1.0), {}, "the record has no inputs"),
-        (Signals(outputs=np.eye(50), inputs=np.eye(50), sampling_rate=1.0), {}, "Lower observer_order"),
+        (Signals(outputs=np.eye(20), inputs=np.eye(20), sampling_rate=1.0), {}, "Lower observer_order"),
         (
             Signals(outputs=np.eye(50)[:, :1], inputs=np.eye(50)[:, :1], sampling_rate=1.0),
             {"observer_order": 40},

@@ -201,11 +201,11 @@ def alarms(
     Examples
     --------
     >>> import modalscope as ms
-    >>> draw, hours = np.random.default_rng(0), np.arange(1000)
-    >>> f = np.where(hours < 800, 1, 0.999) * (1 + 5e-4 * draw.standard_normal(1000))
+    >>> draw, hours = np.random.default_rng(0), np.arange(400)
+    >>> f = np.where(hours < 300, 1, 0.999) * (1 + 5e-4 * draw.standard_normal(400))
     >>> history = ms.monitoring.History(times=3600 * hours, record=hours, frequencies=f)
     >>> found = ms.monitoring.alarms(ms.monitoring.track(history), covariates={"none": 0 * hours})
-    >>> len(found), abs(found.alarms[0].change / 3600 - 800) < 10
+    >>> len(found), abs(found.alarms[0].change / 3600 - 300) < 10
     (1, True)
     """
     times = tracks.history.times

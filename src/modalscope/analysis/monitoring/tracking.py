@@ -312,18 +312,18 @@ class _Follower:
             rows, columns = rows[i[kept]], columns[kept]
         # a mode beside the one that its track has, as rare as a spoilt one
         second = second + np.log(SPOILT)
-        second[np.setdiff1d(np.arange(active.size), rows)] = -np.inf
+        second[np.delete(np.arange(active.size), rows)] = -np.inf
         kept = gain[rows, columns] >= np.where(
             np.arange(active.size)[:, None] == rows, -np.inf, second[:, columns]
         ).max(axis=0)
         rows, columns = rows[kept], columns[kept]
         self.of_mode[here + columns] = active[rows]
         self._update(active[rows], columns, found)
-        free = np.setdiff1d(every, columns)
-        double = free[second[:, free].max(axis=0) > 0]
-        self.of_mode[here + double] = active[second[:, double].argmax(axis=0)]
-        self.double[here + double] = True
-        return gain, np.setdiff1d(free, double)
+        free = np.delete(every, columns)
+        beside = second[:, free].max(axis=0) > 0
+        self.of_mode[here + free[beside]] = active[second[:, free[beside]].argmax(axis=0)]
+        self.double[here + free[beside]] = True
+        return gain, free[~beside]
 
     def _update(self, rows: IntArray, columns: IntArray, found: Found) -> None:
         """Move tracks by the modes that they were given."""
