@@ -134,3 +134,12 @@ def test_a_joint_fit_leaves_the_part_of_white_noise_that_it_says_on_every_row() 
     assert kept.min() < 0.75
     assert np.std(left / kept - 1) < 0.035
     assert np.mean(left / kept) == pytest.approx(1, abs=0.01)
+
+
+def test_without_modes_the_terms_alone_take_up_noise() -> None:
+    values = np.random.default_rng(0).standard_normal((20, 2, 1)) + 0j
+    response = FrequencyResponse(values=values, frequencies=np.linspace(1, 2, 20))
+    problem = whitened(response, np.zeros(0, complex), (0,), np.ones(40), np.ones(2), np.ones(1))
+    point = problem.at(np.zeros(0, complex), np.zeros((0, 1), complex))
+    assert point.kept() == pytest.approx(1 - np.sum(problem.terms**2, axis=1))
+    assert point.kept().sum() == pytest.approx(40 - problem.terms.shape[1])

@@ -357,7 +357,7 @@ class Point:
         its slope one, the terms all.
         """
         (q, p), terms = self.problem.channels, self.problem.terms
-        own = np.stack([self.own.real, -self.own.imag], axis=2).reshape(len(self.own), -1)
+        own = np.stack([self.own.real, -self.own.imag], axis=2).reshape(len(self.own), 2 * len(self.poles))
         span = self.span
         functions, whole = (np.einsum("kj,kj->k", each, each) for each in (span @ np.linalg.qr(own)[0], span))
         taken = np.einsum("kj,kj->k", terms, terms) + ((q + p - 1) * functions + whole - functions) / (q * p)
