@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from modalscope.analysis.monitoring import History, Tracks, explain
-from modalscope.analysis.monitoring.weather import inflation
+from modalscope.analysis.monitoring.weather import in_common, inflation
 from modalscope.data import DataError
 from modalscope.numerics.checks import RealArray
 from tests.analysis.monitoring.years import KNEE, NOISE, SLOPES, tracked
@@ -134,3 +134,17 @@ def test_what_cannot_be_explained_is_said() -> None:
     found = explain(tracks(f, air=AIR))
     assert "seen in too few records to be explained: 2: 1 Hz" in found.notes, found.notes
     assert np.isnan(found.coefficients[1]).all()
+
+
+def test_a_component_goes_no_further_than_the_reference_took_it_though_every_track_stays_in_its_range() -> None:
+    """Two components move every track: where all stand at their own largest at once, the first would be larger than it ever was."""
+    rng = np.random.default_rng(5)
+    a, b = 60 * rng.uniform(-1, 1, 300), 40 * rng.uniform(-1, 1, 300)
+    z = a[:, None] + np.outer(b, np.tile([1.0, -1.0], 6)) + rng.standard_normal((300, 12))
+    z = np.vstack([z, z.max(axis=0)])
+    inside = np.arange(301) < 300
+    found = in_common(z, np.ones(12), inside)
+    first = found.design[:, 1:][:, -1]
+    assert found.design.shape[1] == 3
+    assert np.abs(found.common[-1]).max() > 1.3 * np.abs(first[inside]).max()
+    assert np.abs(first[-1]) <= np.abs(first[inside]).max() + 3.0
