@@ -11,18 +11,15 @@ import modalscope as ms
 from modalscope import systems
 from modalscope.data import DataError
 from modalscope.data.indicators import (
-    amplitude_coherence,
     cluster_mpc,
     clusters,
     cmif,
     decay_step,
-    emac_channels,
     mac,
     modal_singular_values,
     mpc,
     mpd,
     prominence,
-    weighted_mean,
 )
 
 RNG = np.random.default_rng(4)
@@ -73,37 +70,9 @@ def test_clusters_are_chains_of_near_neighbours() -> None:
     assert [group.tolist() for group in clusters(poles, width=1e-4)] == [[0], [1], [2], [3], [4]]
 
 
-def test_amplitude_coherence_is_the_cosine_between_what_was_found_and_its_evolution() -> None:
-    z = np.array([0.9 * np.exp(0.4j), 0.7])
-    evolution = z ** np.arange(5)[:, None]
-    first = SHAPES[:, :2]
-    ideal = first * evolution[:, None, :]
-    np.testing.assert_allclose(amplitude_coherence(ideal * np.array([3, 2j]), first, evolution), 1)
-    # noise as large as the mode and orthogonal to it: the cosine of 45 degrees
-    noise = RNG.standard_normal(ideal.shape) + 0j
-    for j in range(2):
-        a, e = ideal[..., j].ravel(), noise[..., j].ravel()
-        e = e - a * (a.conj() @ e) / (a.conj() @ a)
-        noise[..., j] = (e * np.linalg.norm(a) / np.linalg.norm(e)).reshape(noise.shape[:2])
-    np.testing.assert_allclose(amplitude_coherence(ideal + noise, first, evolution), np.sqrt(0.5))
-
-
-def test_amplitudes_agree_by_their_ratio_and_their_phase() -> None:
-    expected = np.full((4, 1), 2.0 + 0j)
-    identified = np.array([[2.0], [1.0], [2 * np.exp(1j * np.pi / 8)], [2 * np.exp(1j * np.pi / 3)]])
-    # half the amplitude counts a half; an eighth of pi a half; beyond a quarter of pi nothing
-    np.testing.assert_allclose(emac_channels(identified, expected)[:, 0], [1, 0.5, 0.5, 0], atol=1e-12)
-    np.testing.assert_allclose(emac_channels(expected, identified), emac_channels(identified, expected))
-
-
 def test_modes_are_compared_where_a_tenth_of_them_is_left() -> None:
     evolution = np.array([0.5, 0.999]) ** np.arange(10)[:, None]
     assert decay_step(evolution).tolist() == [3, 9]  # .5^3 = .125
-
-
-def test_a_mean_weighs_channels_by_their_energy() -> None:
-    values, amplitude = np.array([[1.0, 0.3], [0.0, 0.7]]), np.array([[2j, 0.0], [1.0, 0.0]])
-    np.testing.assert_allclose(weighted_mean(values, amplitude), [4 / 5, 0])
 
 
 def test_singular_values_of_modes_sum_their_decay() -> None:

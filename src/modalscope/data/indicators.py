@@ -23,19 +23,16 @@ from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_axe
 from modalscope.numerics.errors import DataError
 
 __all__ = [
-    "amplitude_coherence",
     "cluster_mpc",
     "clusters",
     "cmif",
     "decay_step",
-    "emac_channels",
     "mac",
     "mmif",
     "modal_singular_values",
     "mpc",
     "mpd",
     "prominence",
-    "weighted_mean",
 ]
 
 
@@ -410,25 +407,6 @@ def clusters(poles: ArrayLike, width: float = 2e-3) -> list[Array]:
 
 
 @plainly
-def amplitude_coherence(identified: Array, first: Array, evolution: Array) -> RealArray:
-    """Modal amplitude coherence |q* qbar| / (|q| |qbar|) of each mode (Juang and Pappa 1985).
-
-    Parameters
-    ----------
-    identified : array, (K, c, n)
-        What was identified: K blocks of c channels for n modes.
-    first : array, (c, n)
-        The block that starts the evolution.
-    evolution : array, (K, n)
-        The factor by which a mode's block k must follow from the first.
-    """
-    check_axes(identified=(identified, 3), first=(first, 2), evolution=(evolution, 2))
-    inner = np.einsum("kcn,cn,kn->n", identified.conj(), first, evolution, optimize=True)
-    ideal = np.sum(np.abs(first) ** 2, axis=0) * np.sum(np.abs(evolution) ** 2, axis=0)
-    return coherence(inner, np.sum(np.abs(identified) ** 2, axis=(0, 1)), ideal)
-
-
-@plainly
 def decay_step(evolution: Array, least: float = 0.1) -> Array:
     """Return for each mode the last block whose evolution (K, n) is at least `least` of the first block's.
 
@@ -447,43 +425,6 @@ def decay_step(evolution: Array, least: float = 0.1) -> Array:
     alive = size >= least * size[0]
     # the last block of the unbroken run from the start, so that a growing tail of polynomials does not count
     return np.asarray(np.maximum(np.argmin(np.vstack([alive, np.zeros((1, alive.shape[1]), bool)]), axis=0) - 1, 0))
-
-
-@plainly
-def emac_channels(identified: Array, expected: Array) -> RealArray:
-    """Agreement of identified and expected amplitude in each channel and mode (Pappa, Elliott and Schenk 1993).
-
-    min(|a| / |e|, |e| / |a|) times the phase weight 1 - 4 |arg(a / e)| / pi, not below 0.
-
-    Parameters
-    ----------
-    identified, expected : array of complex, (c, n)
-        Amplitudes a of c channels in n modes, and what the modes' evolution predicts for them, e.
-    """
-    check_axes(identified=(identified, 2), expected=(expected, 2))
-    product = identified * np.conj(expected)
-    return agreement(product.real, product.imag, _squared(identified), _squared(expected))
-
-
-def _squared(values: Array) -> RealArray:
-    return np.asarray(values.real**2 + values.imag**2)
-
-
-@plainly
-def weighted_mean(values: Array, amplitude: Array) -> RealArray:
-    """Mean over channels, weighted by the squared amplitude: sum_c |a|^2 v / sum_c |a|^2 of each mode, (n,).
-
-    Parameters
-    ----------
-    values : array, (c, n)
-        v, of every channel and mode.
-    amplitude : array, (c, n)
-        a; a mode without any has the mean 0.
-    """
-    check_axes(values=(values, 2), amplitude=(amplitude, 2))
-    weight = np.asarray(np.abs(amplitude), dtype=float) ** 2
-    total = weight.sum(axis=0)
-    return np.asarray(np.divide((values * weight).sum(axis=0), total, out=np.zeros_like(total), where=total > 0))
 
 
 @plainly
