@@ -412,7 +412,7 @@ def _() -> Told:
         {"method": "era", "form": "controllable"},
         {"method": "era", "form": "smaller"},
         {"method": "era", "reduction": "markov"},
-        {"method": "era", "reduction": "reversed"},
+        {"method": "era", "reduction": "projection"},
         {"method": "prce", "form": "observable"},
         {"method": "prce", "form": "controllable", "block_columns": 8},
         {"method": "least_squares", "row_shifts": (0, 1, 3, 5, 8, 12)},

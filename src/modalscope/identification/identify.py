@@ -140,7 +140,7 @@ def identify(
         Outputs of the past, of "ssi-data".
     factorization : {"auto", "dense", "gram", "randomized", "lanczos"}, optional
         The route to the singular vectors.
-    reduction : {"projection", "markov", "reversed"}, optional
+    reduction : {"projection", "markov"}, optional
         Of polyreference in the time domain to minimum order, see `modalscope.identification.realizations.reductions`.
     row_shifts, column_shifts, row_subsets, column_subsets, row_weights, column_weights, row_compression, column_compression : optional
         The data matrix in its generality, see `modalscope.identification.matrices.hankel`.
