@@ -129,6 +129,17 @@ def indices_of(name: str, channels: Iterable[DofLike] | DofLike, labels: Sequenc
     return indices
 
 
+def references_of(references: Iterable[DofLike] | DofLike | None, outputs: Sequence[str]) -> list[int]:
+    """Return the positions of references among the outputs, all of which they are by default; none, or one twice, is a `DataError`."""
+    if references is None:
+        return list(range(len(outputs)))
+    chosen = indices_of("reference", references, outputs)
+    if not chosen or len(set(chosen)) < len(chosen):
+        have = f"{len(chosen)} are given, {len(set(chosen))} different"
+        raise DataError("references needs different outputs, at least one", have, "Name every reference once.")
+    return chosen
+
+
 #: A node, and the direction in which it moves with a channel.
 Motion = tuple[str, tuple[float, float, float]]
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from modalscope.data.channels import (
     AUTO,
+    Channels,
     Chosen,
     Groups,
     SourcePath,
@@ -65,8 +66,7 @@ class Setups(SeveralRecords):
             check_kind("each of the setups", part, Signals)
         if not parts:
             raise DataError("setups need at least one record", "the list is empty", "Give at least one record.")
-        check_setups(parts)
-        common = _common(parts)
+        common = check_setups(parts)
         given = range(len(common)) if self.references is None else self.references
         chosen = [common[i] for i in indices_of("reference that every setup has,", given, common)]
         default = tuple(f"setup {k + 1}" for k in range(len(parts)))
@@ -159,8 +159,8 @@ def setups_of(data: Any) -> tuple[Signals, ...]:
     return data.parts if isinstance(data, Setups) else ()
 
 
-def check_setups(parts: list[Signals]) -> None:
-    """Raise when records are no setups of one structure: measured inputs, no common output, other rates, quantities or units."""
+def check_setups(parts: list[Signals]) -> tuple[str, ...]:
+    """Return the outputs that all setups have; a `DataError` where records are none: inputs, other rates, quantities or units."""
     first = parts[0]
     known: dict[str, tuple[Any, ...]] = {}
     for number, part in enumerate(parts, 1):
@@ -184,13 +184,16 @@ def check_setups(parts: list[Signals]) -> None:
                     f"{dof} is {words[0]} in one setup and {words[1]} in setup {number}",
                     "Convert them to one.",
                 )
-    if not _common(parts):
+    return common_outputs(parts)
+
+
+def common_outputs(parts: Sequence[Channels]) -> tuple[str, ...]:
+    """Return the outputs that all setups, or the modes of all, have; none is a `DataError`."""
+    common = tuple(dof for dof in parts[0].output_dofs if all(dof in part.output_dofs for part in parts))
+    if not common:
         raise DataError(
             "setups are merged through outputs that all have",
             "they have none in common",
             "Give references the same labels in all.",
         )
-
-
-def _common(parts: list[Signals]) -> tuple[str, ...]:
-    return tuple(dof for dof in parts[0].output_dofs if all(dof in part.output_dofs for part in parts))
+    return common

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from modalscope.data.geometry import Dof
 from modalscope.data.results import Settings
 from modalscope.identification.matrices.factor import FACTORIZATIONS
-from modalscope.numerics.checks import check_band, check_count, check_each, check_kind, freeze
+from modalscope.numerics.checks import check_band, check_count, check_each, check_kind, check_shifts, freeze
 from modalscope.numerics.errors import check_choice
 
 #: Routes from records into the table: "auto" follows the rule of `modalscope.identification.routes`, "correlation" is that of records
@@ -53,18 +53,12 @@ class AllOptions(TypedDict, total=False):
     column_compression: ArrayLike | None
 
 
-def _shifts(name: str, value: Any) -> tuple[int, ...]:
-    return tuple(
-        check_count(name, s, least=0) for s in check_each(name, value, "different whole numbers, 0 among them")
-    )
-
-
 #: Checks of sizes and shifts of blocks.
 _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "block_rows": check_count,
     "block_columns": check_count,
-    "row_shifts": _shifts,
-    "column_shifts": _shifts,
+    "row_shifts": check_shifts,
+    "column_shifts": check_shifts,
 }
 
 

@@ -367,6 +367,15 @@ def check_each(name: str, values: Any, what: str, most: int = MOST_ENTRIES) -> l
     raise DataError(f"{name} needs {what}", f"it is {type(values).__name__}", f"Give {name} as a list.")
 
 
+def check_shifts(name: str, values: Any) -> tuple[int, ...]:
+    """Return the shifts of blocks, or raise where one is no whole number or stands twice, or 0 is missing."""
+    what = "different whole numbers, 0 among them"
+    numbers = tuple(check_count(name, s, least=0) for s in check_each(name, values, what))
+    if 0 not in numbers or len(set(numbers)) < len(numbers):
+        raise DataError(f"{name} needs {what}", f"they are {list(numbers[:8])}", "Give 0, and each shift once.")
+    return numbers
+
+
 def check_path(path: Any) -> Path:
     """Return the name of a file as a path, or raise."""
     if not isinstance(path, str | PathLike) or isinstance(fspath(path), bytes):

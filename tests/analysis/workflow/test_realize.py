@@ -17,7 +17,7 @@ from modalscope.analysis.workflow.simulation import (
     explained,
     free_run,
     validated,
-    with_innovations,
+    with_noise,
 )
 from modalscope.data import StateSpace
 from modalscope.data.records import as_records
@@ -282,7 +282,7 @@ def test_simulation_pole_by_pole_is_simulation_and_the_first_state_is_found() ->
 def test_one_step_errors_of_the_true_model_are_white_and_less_than_simulation_leaves() -> None:
     data = record(4000, noise=0.02, process_noise=0.5)
     records = as_records(data)
-    free, one, colour = validated(with_innovations(ms.realize(data, order=10), records), records)
+    free, one, colour = validated(with_noise(ms.realize(data, order=10), records), records)
     assert np.all(one > free)
     assert colour < 4
 

@@ -20,7 +20,7 @@ from modalscope.analysis.workflow.simulation import (
     runs_of,
     sampled,
     validated,
-    with_innovations,
+    with_noise,
 )
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals, as_records
@@ -526,8 +526,7 @@ def _as_good(one: RealArray, top: RealArray) -> bool:
 
 def _validation(best: _Tried, tried: list[_Tried], folds: list[_Fold], words: str) -> ModelValidation:
     parts = [
-        rebuilt(with_innovations(model, fold.fitted), fold.tested)
-        for model, fold in zip(best.models, folds, strict=True)
+        rebuilt(with_noise(model, fold.fitted), fold.tested) for model, fold in zip(best.models, folds, strict=True)
     ]
     y, free, ahead = (np.concatenate([part[k] for part in parts]) for k in range(3))
     error = y - ahead
@@ -553,7 +552,7 @@ def _again(
     if best.own:
         count = best.candidate.mirrored
         grew = Note("mirrored", {"poles": count}, f"{count} poles that grow were mirrored; stable=False keeps them")
-        return with_innovations(best.models[0], records), (grew,) if count else ()
+        return with_noise(best.models[0], records), (grew,) if count else ()
     whole: list[tuple[StateSpace, tuple[Note, ...]]] = []
     try:
         found = identify(records, order=best.candidate.order, deviations=False, **{**options, **best.way})
@@ -577,7 +576,7 @@ def _again(
     left = [100 - float(np.mean(validated(m, records)[0])) for m in plain]
     best_part = int(np.argmin(left))
     model, notes = whole[best_part if left[best_part] < left[0] / 2 else 0]
-    return with_innovations(model, records), notes
+    return with_noise(model, records), notes
 
 
 def _too_few_tones(records: Records, model: StateSpace) -> tuple[Note, ...]:

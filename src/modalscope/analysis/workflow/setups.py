@@ -15,6 +15,7 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Candidate, Note
 from modalscope.data.response import Response
 from modalscope.data.sameness import likeliest, log_ratios
+from modalscope.data.setups import common_outputs
 from modalscope.numerics.arguments import POSITIVE, named
 from modalscope.numerics.checks import ComplexArray, RealArray, check_each, check_kind
 from modalscope.numerics.errors import DataError
@@ -113,7 +114,9 @@ def merge_modes(
     parts = check_each("results", results, "modes, one a setup")
     for part in parts:
         check_kind("each of the results", part, ModalModel)
-    common = _common(parts)
+    if not parts:
+        raise DataError("modes of several setups were asked", "the list is empty", "Give the modes of each.")
+    common = common_outputs(parts)
     labels = check_groups(groups, len(parts), "a setup", tuple(f"setup {j + 1}" for j in range(len(parts))))
     given = None if responses is None else check_each("responses", responses, "one a setup")
     if given is not None and len(given) != len(parts):
@@ -157,19 +160,6 @@ def _pieces(
         return [[part.shapes[:, mode[j]] for j, part in enumerate(parts)] for mode in kept]
     whole = [_residues(response, poles) for response in responses]
     return [[shapes[:, k] for shapes in whole] for k in range(len(kept))]
-
-
-def _common(parts: Sequence[ModalModel]) -> tuple[str, ...]:
-    if not parts:
-        raise DataError("modes of several setups were asked", "the list is empty", "Give the modes of each.")
-    common = tuple(dof for dof in parts[0].output_dofs if all(dof in part.output_dofs for part in parts))
-    if not common:
-        raise DataError(
-            "setups are merged through outputs that all have",
-            "they have none in common",
-            "Give references the same labels in all.",
-        )
-    return common
 
 
 def _together(parts: Sequence[ModalModel], common: tuple[str, ...], tolerance: float) -> list[_Mode]:

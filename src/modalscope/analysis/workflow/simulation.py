@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +14,7 @@ from scipy.special import ndtri
 from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.shown import Shown, cells_of, summary_of, text_table
 from modalscope.data.statespace import StateSpace
-from modalscope.identification.matrices.driven import innovations
+from modalscope.identification.matrices.driven import with_innovations
 from modalscope.numerics.checks import Array, RealArray, check_kind
 from modalscope.numerics.errors import DataError
 
@@ -347,20 +347,8 @@ def colour(error: RealArray) -> float:
     return float(np.max(lags) * np.sqrt(len(e)) / 2) if lags else np.nan
 
 
-def with_innovations(model: StateSpace, records: Records) -> StateSpace:
+def with_noise(model: StateSpace, records: Records) -> StateSpace:
     """Return a model with the gain and the covariance of its innovations on records."""
     runs = list(runs_of(records))
     level = [np.sqrt(np.mean(np.concatenate([run[side] for run in runs]) ** 2, axis=0)) for side in (0, 1)]
-    of_outputs, of_inputs = (np.where(one > 0, one, 1.0) for one in level)
-    scaled = StateSpace(
-        A=model.A,
-        B=model.B * of_inputs,
-        C=model.C / of_outputs[:, None],
-        D=model.D * of_inputs / of_outputs[:, None],
-        dt=model.dt,
-    )
-    noise = innovations(scaled, ((y / of_outputs, u / of_inputs) for y, u in runs))
-    if noise is None:
-        return model
-    gain, covariance = noise
-    return replace(model, gain=gain / of_outputs, innovation_covariance=covariance * np.outer(of_outputs, of_outputs))
+    return with_innovations(model, runs, *(np.where(one > 0, one, 1.0) for one in level))

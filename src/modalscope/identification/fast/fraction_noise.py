@@ -29,6 +29,7 @@ from modalscope.identification.matrices.influence import LineInfluence, Lines, M
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, freeze
 from modalscope.numerics.functions.poles import powers_of
 from modalscope.numerics.functions.polynomials import both_sums
+from modalscope.numerics.operators import times_real
 
 
 class Weights(NamedTuple):
@@ -170,9 +171,7 @@ def _numerators(matrix: NormalEquations, columns: RealArray, z: ComplexArray) ->
     numerators = (of_degree @ columns.reshape(len(columns), -1).T).reshape(count, outputs, -1)
     explained = numerators.transpose(0, 2, 1).reshape(count, -1)
     beta = sla.solve_triangular(L, explained, lower=True, trans="T", check_finite=False)
-    values = np.empty((len(z), beta.shape[1]), dtype=complex)
-    values.real, values.imag = np.ascontiguousarray(z.real) @ beta, np.ascontiguousarray(z.imag) @ beta
-    return values.reshape(len(z), -1, outputs)
+    return times_real(z, beta).reshape(len(z), -1, outputs)
 
 
 def _of_data(K: ComplexArray, weights: Weights) -> tuple[RealArray, ComplexArray]:

@@ -62,6 +62,19 @@ def innovations(model: StateSpace, runs: Iterable[tuple[RealArray, RealArray]]) 
     return kalman_gain(R_innovations, model.A, model.C)
 
 
+def with_innovations(
+    model: StateSpace, runs: Iterable[tuple[RealArray, RealArray]], of_outputs: RealArray, of_inputs: RealArray
+) -> StateSpace:
+    """Return a model with what `innovations` finds, of channels that are divided by their sizes first."""
+    C, D = model.C / of_outputs[:, None], model.D * of_inputs / of_outputs[:, None]
+    level = StateSpace(A=model.A, B=model.B * of_inputs, C=C, D=D, dt=model.dt)
+    noise = innovations(level, ((y / of_outputs, u / of_inputs) for y, u in runs))
+    if noise is None:
+        return model
+    gain, covariance = noise
+    return replace(model, gain=gain / of_outputs, innovation_covariance=covariance * np.outer(of_outputs, of_outputs))
+
+
 def _not_simulated(model: StateSpace, y: RealArray, u: RealArray) -> RealArray:
     """Return y less what the inputs, the first state that fits best and a constant give."""
     residual = y - model.simulate(u)
@@ -373,16 +386,7 @@ class DrivenProjection(MixedRows):
 
     def with_noise(self, model: StateSpace) -> StateSpace:
         """Return a model of these records with the gain of its innovations and their covariance."""
-        of_outputs, of_inputs = self.scales
-        C, D = model.C / of_outputs[:, None], model.D * of_inputs / of_outputs[:, None]
-        level = StateSpace(A=model.A, B=model.B * of_inputs, C=C, D=D, dt=model.dt)
-        noise = innovations(level, ((y / of_outputs, u / of_inputs) for y, u in self._runs()))
-        if noise is None:
-            return model
-        gain, covariance = noise
-        return replace(
-            model, gain=gain / of_outputs, innovation_covariance=covariance * np.outer(of_outputs, of_outputs)
-        )
+        return with_innovations(model, self._runs(), *self.scales)
 
     def describe(self) -> str:
         """Say what the matrix is, in words."""

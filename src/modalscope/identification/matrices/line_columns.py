@@ -23,7 +23,7 @@ from modalscope.identification.matrices.full import FullMatrix, pencil_of
 from modalscope.identification.matrices.influence import LineInfluence, Lines, Outer, all_lines
 from modalscope.identification.matrices.lines import PolynomialRows
 from modalscope.identification.matrices.matrix import Eigen, ModalFit, RowShift, Triple
-from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, real_array
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, check_shifts, real_array
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.pole_basis import LineData, line_basis, line_data
 from modalscope.numerics.functions.polynomials import both_sums, evaluate
@@ -101,13 +101,7 @@ def line_weights(response: FrequencyResponse, weights: str | ArrayLike | None) -
 
 def kept_block_rows(shifts: ArrayLike | None) -> tuple[int, ...] | None:
     """Return which block rows are kept, sorted, or raise; None keeps all."""
-    if shifts is None:
-        return None
-    numbers = tuple(int(s) for s in np.atleast_1d(np.asarray(shifts)))
-    if not numbers or min(numbers) != 0 or len(set(numbers)) < len(numbers):
-        asked = "row_shifts needs different whole numbers, 0 among them"
-        raise DataError(asked, f"they are {list(numbers)}", "Give 0, and each shift once.")
-    return tuple(sorted(numbers))
+    return None if shifts is None else tuple(sorted(check_shifts("row_shifts", shifts)))
 
 
 class VectorsOnLines(NamedTuple):

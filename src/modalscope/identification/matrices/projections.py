@@ -14,7 +14,7 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.lib.stride_tricks import sliding_window_view
 
-from modalscope.data.geometry import DofLike, indices_of
+from modalscope.data.geometry import DofLike, references_of
 from modalscope.data.records import Signals
 from modalscope.data.responses import ImpulseResponse
 from modalscope.identification.fast.window_gram import triangle_of, window_gram
@@ -67,14 +67,7 @@ def projection(
     >>> matrix.tall().shape
     (8, 5)
     """
-    asked = range(len(signals.output_dofs)) if references is None else references
-    chosen = np.array(indices_of("reference", asked, signals.output_dofs), dtype=np.intp)
-    if not chosen.size or np.unique(chosen).size < chosen.size:
-        raise DataError(
-            "references needs different outputs, at least one",
-            f"{chosen.size} are given, {np.unique(chosen).size} different",
-            "Name every reference once.",
-        )
+    chosen = np.array(references_of(references, signals.output_dofs), dtype=np.intp)
     future, past = check_count("block_rows", block_rows), check_count("block_columns", block_columns)
     outputs, _ = signals.by_run()
     centred = outputs - outputs.mean(axis=1, keepdims=True)

@@ -31,7 +31,7 @@ from modalscope.identification.matrices.line_columns import LineMatrix, VectorsO
 from modalscope.identification.matrices.lines import real_columns
 from modalscope.identification.matrices.matrix import Eigen, ModalFit, RowShift, Triple
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, check_count
-from modalscope.numerics.errors import DataError, check_choice
+from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.pole_basis import stacked_basis
 from modalscope.numerics.functions.poles import to_continuous, to_discrete
 from modalscope.numerics.linear_systems import HELD
@@ -43,18 +43,13 @@ def window_lines(window: int, sampling_rate: float) -> RealArray:
 
 
 def shifted_transfer(
-    values: Array,
-    points: ArrayLike,
-    window: int,
-    shifts: Sequence[int],
-    route: str = "recursion",
-    start: ComplexArray | None = None,
+    values: Array, points: ArrayLike, window: int, shifts: Sequence[int], start: ComplexArray | None = None
 ) -> ComplexArray:
     """Return Y_t(z) = sum_(k < K) Y(k + t) z^-k for every shift t, (shifts, F, l, m).
 
     `values` (N, l, m): markov parameters; K + the last shift of them are read. `points` (F,): z of the lines, on the unit circle.
-    `window`: k. `shifts`: increasing. `route`: y_(t+1) = z (Y_t - Y(t) + z^-K Y(K + t)) (Eq. 81), or the sum itself. `start` (F, l, m):
-    y_0, where it is known already.
+    `window`: k. `shifts`: increasing. `start` (F, l, m): y_0, where it is known already. By recursion, Eq. 81:
+    Y_(t+1) = z (Y_t - Y(t) + z^-K Y(K + t)).
     """
     z = np.asarray(points, dtype=complex)
     need = window + max(shifts)
@@ -64,8 +59,6 @@ def shifted_transfer(
             f"the response has {len(values)}",
             f"Lower block_columns to at most {len(values) - max(shifts)}, or measure a longer response.",
         )
-    if check_choice("route", route, ("recursion", "definition")) == "definition":
-        return np.stack([_sum(values[t : t + window], z) for t in shifts])
     current = _sum(values[:window], z) if start is None else start
     last = z**-window
     shifted = []

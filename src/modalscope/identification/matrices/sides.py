@@ -10,7 +10,7 @@ from math import gcd
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.numerics.checks import Array, IntArray, RealArray, check_count, check_each, real_array
+from modalscope.numerics.checks import Array, IntArray, RealArray, check_count, check_each, check_shifts, real_array
 from modalscope.numerics.errors import DataError
 
 #: A Hankel matrix of more blocks on one side fits in no memory.
@@ -31,13 +31,7 @@ def block_shifts(name: str, shifts: Sequence[int] | None, blocks: int | None, ot
                 f"{other}={blocks} was asked", f"no data have more than {_MAX_BLOCKS} blocks", f"Lower {other}."
             )
         return list(range(blocks))
-    numbers = [check_count(name, s, least=0) for s in shifts]
-    if not numbers or 0 not in numbers or len(set(numbers)) < len(numbers):
-        raise DataError(
-            f"{name} needs different whole numbers, 0 among them",
-            f"they are {numbers[:8]}",
-            "Give 0, and each shift once.",
-        )
+    numbers = list(check_shifts(name, shifts))
     if blocks is not None and blocks not in (len(numbers), max(numbers) + 1):
         raise DataError(
             f"{other}={blocks} was asked", f"{name} has {len(numbers)} entries, one a block", f"Give {name} alone."

@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 from scipy import fft
 
-from modalscope.data.geometry import DofLike, indices_of
+from modalscope.data.geometry import DofLike, references_of
 from modalscope.data.records import Signals
 from modalscope.data.response import CORRELATED, HALF
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
@@ -106,16 +106,6 @@ class CorrelationBlocks(NamedTuple):
         return np.asarray(self.sums.sum(axis=0) / self.pairs.sum(axis=0)[:, None, None])
 
 
-def _references(signals: Signals | StoredSignals, references: Iterable[DofLike] | DofLike | None) -> list[int]:
-    if references is None:
-        return list(range(len(signals.output_dofs)))
-    chosen = indices_of("reference", references, signals.output_dofs)
-    if not chosen or len(set(chosen)) < len(chosen):
-        have = f"{len(chosen)} are given, {len(set(chosen))} different"
-        raise DataError("references needs different outputs, at least one", have, "Name every reference once.")
-    return chosen
-
-
 def _lags(signals: Signals | StoredSignals, lags: int | None) -> int:
     if lags is None:
         lags = max(2, min(signals.runs * signals.samples // 10, signals.samples // 2, _MAX_DEFAULT_LAGS))
@@ -170,7 +160,7 @@ def correlation_blocks(
     DataError
         Unknown references, more lags than samples, or blocks of no samples.
     """
-    chosen, count = _references(signals, references), _lags(signals, lags)
+    chosen, count = references_of(references, signals.output_dofs), _lags(signals, lags)
     blocks_per_run = max(1, -(-blocks // signals.runs))
     edges = np.linspace(0, signals.samples, blocks_per_run + 1).round().astype(int)
     if np.any(np.diff(edges) < 2):
@@ -246,7 +236,7 @@ def estimate_correlation(
     >>> r.values.shape, r.kind
     ((50, 2, 1), 'correlation')
     """
-    chosen, count = _references(signals, references), _lags(signals, lags)
+    chosen, count = references_of(references, signals.output_dofs), _lags(signals, lags)
     if window is None:
         if segment is not None:
             raise DataError(f"segment={segment} was asked", "no window is given", 'Give window="hann" with segment.')
