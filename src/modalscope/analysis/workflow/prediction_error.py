@@ -21,9 +21,10 @@ import numpy as np
 from scipy import fft
 from scipy.signal import lfilter
 
-from modalscope.analysis.workflow.simulation import Whitener, free_run, runs_of, whitener
+from modalscope.analysis.workflow.simulation import Whitener, free_run, whitener
 from modalscope.data.records import Records
 from modalscope.data.statespace import StateSpace
+from modalscope.identification.matrices.driven import runs_of
 from modalscope.identification.modal.state_space import from_modes
 from modalscope.numerics.checks import BoolArray, ComplexArray, RealArray
 

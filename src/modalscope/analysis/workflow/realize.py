@@ -17,7 +17,6 @@ from modalscope.analysis.workflow.simulation import (
     explained,
     free_run,
     rebuilt,
-    runs_of,
     sampled,
     validated,
     with_noise,
@@ -29,6 +28,7 @@ from modalscope.data.setups import as_test
 from modalscope.data.shown import counted, summary_of
 from modalscope.data.statespace import StateSpace
 from modalscope.identification.identify import identify
+from modalscope.identification.matrices.driven import runs_of
 from modalscope.identification.modal.state_space import deterministic, from_modes
 from modalscope.identification.options import AllOptions
 from modalscope.identification.routes import usual_route, without_delays

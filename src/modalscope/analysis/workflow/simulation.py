@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -14,7 +14,7 @@ from scipy.special import ndtri
 from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.shown import Shown, cells_of, summary_of, text_table
 from modalscope.data.statespace import StateSpace
-from modalscope.identification.matrices.driven import with_innovations
+from modalscope.identification.matrices.driven import runs_of, with_innovations
 from modalscope.numerics.checks import Array, RealArray, check_kind
 from modalscope.numerics.errors import DataError
 
@@ -118,15 +118,6 @@ def _(found: ModelValidation) -> str:
 @cells_of.register
 def _(found: ModelValidation) -> list[list[str]]:
     return [[f"{free:.1f}", f"{one:.1f}"] for free, one in zip(found.free_run, found.one_step, strict=True)]
-
-
-def runs_of(records: Records) -> Iterator[tuple[RealArray, RealArray]]:
-    """Yield outputs (N, l) and all inputs (N, m) of every run."""
-    for r, run in enumerate(records.runs):
-        u = np.zeros((run.samples, len(records.input_dofs)))
-        assert run.inputs is not None
-        u[:, list(records.inputs_of(r))] = run.inputs
-        yield run.outputs, u
 
 
 def driven_outputs(model: StateSpace, u: RealArray) -> RealArray:

@@ -36,6 +36,15 @@ _MAX_PAST, _MAX_PAST_ROWS, _MAX_PAST_SHARE = 60, 400, 0.02
 _EXTRA_FUTURE = 10
 
 
+def runs_of(records: Records) -> Iterator[tuple[RealArray, RealArray]]:
+    """Yield outputs (N, l) and all inputs (N, m) of every run; zero where a run has not this input."""
+    for r, run in enumerate(records.runs):
+        u = np.zeros((run.samples, len(records.input_dofs)))
+        assert run.inputs is not None
+        u[:, list(records.inputs_of(r))] = run.inputs
+        yield run.outputs, u
+
+
 def innovations(model: StateSpace, runs: Iterable[tuple[RealArray, RealArray]]) -> tuple[RealArray, RealArray] | None:
     """Return the gain (n, l) and the covariance of the innovations (l, l) of a model, from records; None of one that grows.
 
@@ -286,23 +295,15 @@ class DrivenProjection(MixedRows):
     def scales(self) -> tuple[RealArray, RealArray]:
         """Root mean squares of the outputs (l,) and of the inputs (m,), over all runs; 1 for a channel that is zero."""
         total = sum(self.records.samples)
-        squares = [np.hstack([np.sum(y**2, axis=0), np.sum(u**2, axis=0)]) for y, u in self._runs()]
+        squares = [np.hstack([np.sum(y**2, axis=0), np.sum(u**2, axis=0)]) for y, u in runs_of(self.records)]
         level = np.sqrt(np.sum(squares, axis=0) / total)
         level = np.where(level > 0, level, 1.0)
         return level[: self.outputs], level[self.outputs :]
 
-    def _runs(self) -> Iterator[tuple[RealArray, RealArray]]:
-        """Yield outputs (N, l) and inputs (N, m) of every run; zero where a run has not this input."""
-        for r, run in enumerate(self.records.runs):
-            u = np.zeros((run.samples, self.inputs))
-            assert run.inputs is not None
-            u[:, list(self.records.inputs_of(r))] = run.inputs
-            yield run.outputs, u
-
     def _chunks(self) -> Iterator[RealArray]:
         """Yield columns of [inputs; past; future] as rows, some at a time."""
         p, of_outputs, of_inputs = self.past_blocks, *self.scales
-        for r, (y, u) in enumerate(self._runs()):
+        for r, (y, u) in enumerate(runs_of(self.records)):
             if len(y) <= p + self.block_rows:
                 continue
             both = np.hstack([y / of_outputs, u / of_inputs])
@@ -337,7 +338,7 @@ class DrivenProjection(MixedRows):
         p = max(min(self.past_blocks, _MAX_PREDICTOR // (l + m), times // (_TIMES_A_COLUMN * (l + m))), 1)
         first = self.offsets + m
         total, count = TriangleSum(first + p * (l + m) + l), 0
-        for r, (y, u) in enumerate(self._runs()):
+        for r, (y, u) in enumerate(runs_of(self.records)):
             y, u = y / of_outputs, u / of_inputs
             for start in range(p, len(y), _CHUNK_TIMES * self.rows):
                 k = np.arange(start, min(start + _CHUNK_TIMES * self.rows, len(y)))
@@ -386,7 +387,7 @@ class DrivenProjection(MixedRows):
 
     def with_noise(self, model: StateSpace) -> StateSpace:
         """Return a model of these records with the gain of its innovations and their covariance."""
-        return with_innovations(model, self._runs(), *self.scales)
+        return with_innovations(model, runs_of(self.records), *self.scales)
 
     def describe(self) -> str:
         """Say what the matrix is, in words."""
