@@ -58,7 +58,8 @@ def test_data_without_noise_have_their_modes_and_no_others() -> None:
 @pytest.mark.parametrize(("part", "computed"), [(1 - NUDGE, True), (1 + NUDGE, False)])
 def test_a_millionth_of_the_data_is_no_noise_of_a_measurement(part: float, computed: bool) -> None:
     floor = floor_of(data(), POLES)
-    assert likely._computed(replace(floor, left=1e-6 * part * floor.data)) is computed
+    assert likely._computed(replace(floor, share=(1e-6 * part) ** 2)) is computed
+    assert floor.share == pytest.approx(np.sum(floor.left**2) / np.sum(floor.data**2))
 
 
 @pytest.mark.parametrize(("largest", "listed"), [(8, True), (14, False)])

@@ -113,7 +113,7 @@ _ROUNDING_OF_FIT = 1e-12
 def variance_of_fit(selection: SelectionProblem, descent: Descent) -> float:
     """Return the variance of the residual of this model by row; it is below that of the reference model if the reference lacks a mode."""
     q, p = selection.problem.data.shape[1:]
-    least = _ROUNDING_OF_FIT**2 * float(np.sum(selection.problem.data**2))
+    least = _ROUNDING_OF_FIT**2 * selection.problem.size
     return max(descent.cost, least) / max(selection.problem.freedom - 2 * len(descent.point.poles) * int(q + p), 1)
 
 

@@ -483,8 +483,8 @@ def contest(diagram: StabilizationDiagram, poles: Poles, others: Sequence[Poles]
 
     held, floor = beside(), floor_of(response, rich - added)
     if not floor.colour.coloured or _computed(floor):
+        floor = floor.judged()
         selection = _problem_of(response, floor, held)
-        del floor  # of many channels it takes much room
         return Contest(selection, outcome(selection, False))
     more = beside(out_of_band_poles(response))
     outside = more[more.imag > 0]
@@ -551,7 +551,7 @@ def _groups(poles: Poles) -> list[Array]:
 def _problem_of(response: Response, floor: Floor, steady: ComplexArray) -> SelectionProblem:
     """Pose the selection: divide the data by their noise; poles that do not oscillate are free in every channel."""
     levels = floor.levels
-    swift = bool(np.mean(floor.left**2) > _MIN_NOISE_RATIO**2 * np.mean(np.abs(response.values) ** 2))
+    swift = floor.share > _MIN_NOISE_RATIO**2 * (len(floor.rows) // response.count)  # parts of a value
     problem = whitened(
         response, steady, response.outside_powers, floor.rows, levels.outputs, levels.inputs, swift=swift
     )
@@ -563,7 +563,7 @@ def _problem_of(response: Response, floor: Floor, steady: ComplexArray) -> Selec
 
 def _computed(floor: Floor) -> bool:
     """Return whether the residual is less than any measurement leaves: data were computed, and poles are as good as rounding lets them."""
-    return bool(np.mean(floor.left**2) < _MAX_COMPUTED**2 * np.mean(floor.data**2))
+    return floor.share < _MAX_COMPUTED**2
 
 
 def _whole(selection: SelectionProblem, floor: Floor) -> RealArray:

@@ -50,7 +50,7 @@ class Floor:
 
     `rows` (K,): deviations of the rows, relative to each other. `levels`: deviations of the channels. `variance`: of a row divided by all
     of these. `left` (K, l, m): the residual, not divided; `kept` (K,): the part of white noise on every row that the model leaves in it.
-    `data` (K, l, m): not divided. `correlation` (F,): of neighbouring lines around
+    `data` (K, l, m): not divided; `share`: mean square of the residual relative to theirs. `correlation` (F,): of neighbouring lines around
     each, where rows are divided line by line. `window`: a T of an exponential window that noise on lines lies under; see `colour`.
     """
 
@@ -61,8 +61,13 @@ class Floor:
     left: RealArray
     kept: RealArray
     data: RealArray
+    share: float
     correlation: RealArray | None = None
     window: float = 0.0
+
+    def judged(self) -> Floor:
+        """Return what is known of the noise without the residual and the data, which of many channels take much room."""
+        return replace(self, left=np.zeros(0), data=np.zeros(0))
 
 
 def floor_of(response: Response, poles: Array) -> Floor:
@@ -131,7 +136,8 @@ def _floor(
     kept = 1 - np.einsum("kj,kj->k", Q, Q)
     seen = colour(left, response.count, taken, kept, level=response.grid is not None, window=window)
     left *= by_row[:, None, None]
-    return Floor(by_row, levels, variance, seen, left, kept, basis.data, window=window)
+    share = (float(np.linalg.norm(left)) / max(float(np.linalg.norm(basis.data)), 1e-300)) ** 2
+    return Floor(by_row, levels, variance, seen, left, kept, basis.data, share, window=window)
 
 
 def _taken(response: Response, poles: Array, unknown: int) -> float:
