@@ -15,7 +15,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import scipy.io
 
@@ -129,6 +128,8 @@ def arrays(suffix: str, what: Any) -> Callable[[np.random.Generator], tuple[str,
         elif suffix == ".mat":
             scipy.io.savemat(into, {name[:31]: np.array(x, order="C") for name, x in found.items()})
         else:
+            import h5py  # an extra
+
             with h5py.File(into, "w") as file:
                 for name, x in found.items():
                     file[name] = x.astype("S") if np.asarray(x).dtype.kind == "U" else x

@@ -14,7 +14,6 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 import modalscope as ms
@@ -77,6 +76,8 @@ def _document(folder: Path, name: str, **changed: Any) -> None:
 
 def _of_hdf5(path: Path, outside: Path) -> None:
     """Write links, raw data and virtual parts that lie in other files."""
+    import h5py  # an extra
+
     with h5py.File(path, "w", userblock_size=512 if path.suffix == ".mat" else 0) as file:
         file["time"] = np.arange(500) / 20
         file["sampling_rate"] = 20.0

@@ -16,6 +16,8 @@ from tests.extras.test_seismic import sac
 from tests.io.apart import read
 from tests.test_every_argument import SLOW
 
+pytest.importorskip("h5py", reason="the extra `hdf5` is not installed")
+
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="the watch over processes is that of Linux")

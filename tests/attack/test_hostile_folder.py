@@ -16,6 +16,8 @@ import pytest
 from tests.attack.hostile import made
 from tests.support import ROOT
 
+pytest.importorskip("h5py", reason="the extra `hdf5` is not installed")
+
 HOSTILE = (sys.executable, "-m", "tests.attack.hostile")
 
 #: Where Python, its packages, the libraries of the system and what these keep of pictures lie.

@@ -13,15 +13,18 @@ import select
 import signal
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import h5py  # noqa: F401 - loaded once, before the copies are made
-import scipy.io  # noqa: F401
+import scipy.io  # noqa: F401 - loaded once, before the copies are made, as what follows
 
 import modalscope.io as mio
 from modalscope.data import DataError
 from modalscope.io.analysis import read_analysis
+
+with suppress(ModuleNotFoundError):  # an extra
+    import h5py  # noqa: F401
 
 #: What a reader may add to the memory of the process: 500 MB, or twenty times the file.
 LEAST, TIMES = 500_000_000, 20
