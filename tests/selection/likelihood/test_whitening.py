@@ -73,5 +73,5 @@ def test_a_level_that_the_fit_itself_takes_from_some_lines_is_no_colour() -> Non
     Q = np.linalg.qr(np.array([np.append(peak.real, peak.imag), np.append(-peak.imag, peak.real)]).T)[0]
     left = (e - Q @ (Q.T @ e))[:, :, None]
     assert colour(left, 400, 2).has_levels
-    assert colour(left, 400, 2, 1 - np.sum(Q**2, axis=1)).uneven < 2
+    assert colour(left, 400, 2, kept=1 - np.sum(Q**2, axis=1)).uneven < 2
     assert colour(e[:, :, None], 400, 0).uneven < 2

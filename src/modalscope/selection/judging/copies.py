@@ -284,7 +284,7 @@ class _Cluster:
         def added(values: RealArray) -> RealArray:
             return np.asarray(np.add.reduceat(weights * values, self.starts))
 
-        weights = 1 / self._inside(self.problem.rows)[: grid.size]
+        weights = 1 / self.problem.rows[self.lines]  # both parts of a line have the same
         whole = added(np.ones(grid.size))
         middle = added(grid) / whole
         apart = grid - np.repeat(middle, self.sizes)

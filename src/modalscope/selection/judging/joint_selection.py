@@ -315,7 +315,7 @@ def _excess(state: State) -> float:
     point = state.descent.point
     unknowns = point.problem.terms.shape[1] + 2 * len(state.poles)
     errors = residual(point, state.descent.fitted)
-    return colour(errors, point.problem.light.count, unknowns, point.kept(), window=state.selection.window).excess
+    return colour(errors, point.problem.light.count, unknowns, kept=point.kept(), window=state.selection.window).excess
 
 
 def gains_in_residual(selection: SelectionProblem, outcome: Outcome, poles: Array) -> RealArray:

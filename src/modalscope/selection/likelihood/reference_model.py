@@ -134,7 +134,7 @@ def _floor(
     # a model that is too rich follows the noise of samples while its poles last, and not later: there the level tells nothing
     window = window_over_lines(response)
     kept = 1 - np.einsum("kj,kj->k", Q, Q)
-    seen = colour(left, response.count, taken, kept, level=response.grid is not None, window=window)
+    seen = colour(left, response.count, taken, kept=kept, level=response.grid is not None, window=window)
     left *= by_row[:, None, None]
     share = (float(np.linalg.norm(left)) / max(float(np.linalg.norm(basis.data)), 1e-300)) ** 2
     return Floor(by_row, levels, variance, seen, left, kept, basis.data, share, window=window)

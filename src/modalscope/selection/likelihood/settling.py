@@ -425,7 +425,7 @@ def _colour(descent: Descent, power: RealArray, count: int, unknown: float, wind
     parts = len(problem.rows) // count
     lines = (left.reshape(parts, -1, each.size) for _, left in residuals(descent.point, descent.fitted))
     kept = None if problem.records else descent.point.kept()
-    return colour_of_lines(lines, each, count, unknown, kept, window=window)
+    return colour_of_lines(lines, each, count, unknown, kept=kept, window=window)
 
 
 def _worth(response: Response, poles: ComplexArray) -> RealArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TypedDict, Unpack
 
 import numpy as np
 
@@ -124,15 +125,15 @@ class Colour:
         return self.uneven > _LEVEL_DEVIATIONS
 
 
-def colour(
-    left: RealArray,
-    count: int,
-    unknown: float,
-    kept: RealArray | None = None,
-    *,
-    level: bool = True,
-    window: float = 0.0,
-) -> Colour:
+class _Known(TypedDict, total=False):
+    """What is known of a residual besides its size; see `colour_of_lines`."""
+
+    kept: RealArray | None
+    level: bool
+    window: float
+
+
+def colour(left: RealArray, count: int, unknown: float, **known: Unpack[_Known]) -> Colour:
     """Judge a whitened residual by how far neighbours agree, and by how its level changes along lines or samples.
 
     `left` (K, q, p). `count`: lines or samples; K is that, or twice that with real and imaginary parts one after the other. Others: see
@@ -140,7 +141,7 @@ def colour(
     """
     e = left.reshape(-1, count, left[0].size)
     power = np.einsum("rkc,rkc->c", e, e) / len(left)  # no copy: of long records each is large
-    return colour_of_lines([e], power, count, unknown, kept, level=level, window=window)
+    return colour_of_lines([e], power, count, unknown, **known)
 
 
 def colour_of_lines(
@@ -148,8 +149,8 @@ def colour_of_lines(
     power: RealArray,
     count: int,
     unknown: float,
-    kept: RealArray | None = None,
     *,
+    kept: RealArray | None = None,
     level: bool = True,
     window: float = 0.0,
 ) -> Colour:
