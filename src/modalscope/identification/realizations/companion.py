@@ -41,9 +41,7 @@ def companion_matrix(last: Array, shift: RowShift, degree: int) -> RealArray:
 def _input(matrix: DataMatrix) -> RealArray | None:
     """B = [Y(0); ...; Y(r-1)], the first block column of the data matrix, unweighted; None where columns are lines."""
     column = matrix.first_block_column(tall=True)
-    if column is None:
-        return None
-    return matrix.row_shift.split(column)[0]
+    return None if column is None else matrix.row_shift.split(column)[0]
 
 
 def _output(matrix: DataMatrix, factors: Factors, block: int, states: Array) -> RealArray:

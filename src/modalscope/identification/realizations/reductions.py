@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial, singledispatch
 
 from modalscope.data.statespace import StateSpace
 from modalscope.identification.matrices.factor import factorize
@@ -16,35 +17,35 @@ from modalscope.numerics.errors import DataError, check_choice
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Reduced(Realization):
-    """Models of minimum order from a canonical form.
+    """Models of minimum order from a canonical form, by `way`: order -> model."""
 
-    `way`: (companion, order) -> model.
-    """
-
-    companion: NullSpaceCompanion
-    way: Callable[[NullSpaceCompanion, int], Triple]
+    way: Callable[[int], Triple]
 
     def triple(self, n: int) -> Triple:
         """Return the model of n states."""
-        return self.way(self.companion, n)
+        return self.way(n)
 
 
+@singledispatch
 def reduced(realization: Realization, how: str) -> Reduced:
     """Return models of minimum order from a canonical form.
 
     `realization`: the canonical form of the null space, of samples; another one is a `DataError`. `how`: "projection":
     (E P)# A~ (E P), which is the alternate method. "markov": ERA on C~ A~^k B~, the model's own Markov parameters.
     """
-    if not isinstance(realization, NullSpaceCompanion):
-        raise DataError(
-            f"reduction={how!r} was asked",
-            "only the canonical form of the null space, in the time domain, has extraneous poles to be rid of",
-            "Leave it out, or use method='polyreference', domain='time'.",
-        )
+    raise DataError(
+        f"reduction={how!r} was asked",
+        "only the canonical form of the null space, in the time domain, has extraneous poles to be rid of",
+        "Leave it out, or use method='polyreference', domain='time'.",
+    )
+
+
+@reduced.register
+def _(companion: NullSpaceCompanion, how: str) -> Reduced:
     ways = {"projection": _projected, "markov": _from_markov}
-    way = ways[check_choice("reduction", how, ways)]
-    notes = (*realization.notes, f"reduced to minimum order: {how}")
-    return Reduced(factors=realization.factors, matrix=realization.matrix, notes=notes, companion=realization, way=way)
+    way = partial(ways[check_choice("reduction", how, ways)], companion)
+    notes = (*companion.notes, f"reduced to minimum order: {how}")
+    return Reduced(factors=companion.factors, matrix=companion.matrix, notes=notes, way=way)
 
 
 def _projected(companion: NullSpaceCompanion, n: int) -> Triple:
