@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from modalscope.selection.judging import verdict as likely
 from modalscope.selection.judging.evidence import evidence_of, oscillations
 from modalscope.selection.judging.select import contest_of, select
 from modalscope.selection.judging.selection_problem import SelectionProblem
-from modalscope.selection.likelihood.reference_model import floor_of
+from modalscope.selection.likelihood.reference_model import Floor, floor_of
 from modalscope.systems import chain5
 from tests.selection.judging.hard import lines_of, random_structure, score
 from tests.selection.judging.made import NUDGE, diagram_of, poles_of
@@ -22,27 +23,53 @@ from tests.selection.judging.test_joint_selection import F, data
 from tests.selection.judging.test_verdict import ALL, OFF, ORDERS, POLES
 
 
-@pytest.mark.parametrize("white", [True, False])
-def test_skirts_take_part_only_where_what_is_left_beside_them_is_white(
-    white: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # a mode at 26 Hz, 5 % damped, lies outside the band of 5 to 25 Hz and is in no order: what four poles leave is coloured.
-    # Poles for its skirts leave white noise, but not where neighbouring lines share an error, a mean of nine independent ones
+def posed(monkeypatch: pytest.MonkeyPatch, error: float) -> list[bool]:
+    """Return whether out-of-band poles take part in the selection in white noise, and in that in coloured errors.
+
+    A mode at 26 Hz, 5 % damped, lies outside the band of 5 to 25 Hz and is in no order: what four poles leave is coloured. `error`: of
+    each line a mean of nine independent ones, which neighbours share.
+    """
     x, outside = 2j * np.pi * F[:, None, None], poles_from(26.0, 0.05)
-    values = data().values + 0.5 * np.ones((3, 2)) * (1 / (x - outside) + 1 / (x - outside.conj()))
-    if not white:
-        e = np.random.default_rng(1).standard_normal((2, F.size + 8, 3, 2))
-        sums = np.cumsum(np.pad(e[0] + 1j * e[1], ((1, 0), (0, 0), (0, 0))), axis=0)
-        values = values + 0.01 * (sums[9:] - sums[:-9]) / 3
-    response = replace(data(), values=values)
+    e = np.random.default_rng(1).standard_normal((2, F.size + 8, 3, 2))
+    sums = np.cumsum(np.pad(e[0] + 1j * e[1], ((1, 0), (0, 0), (0, 0))), axis=0)
+    skirt = 0.5 * np.ones((3, 2)) * (1 / (x - outside) + 1 / (x - outside.conj()))
+    response = replace(data(), values=data().values + skirt + error * (sums[9:] - sums[:-9]) / 3)
     diagram, poles = diagram_of(*ALL, response=response, orders=ORDERS), poles_of(*ALL, orders=ORDERS)
     arenas: list[SelectionProblem] = []
     monkeypatch.setattr(likely, "select_jointly", lambda selection, *_, **__: arenas.append(selection))
     likely.likely(diagram, poles, evidence_of(diagram))
     assert floor_of(response, POLES * OFF).colour.coloured
+    assert [arena.coloured for arena in arenas] == [False, True]
     # beside the terms for all that is far outside every pole that takes part has two columns
-    columns = arenas[0].problem.terms.shape[1]
-    assert (columns > response.basis(np.zeros(0), response.outside_powers).columns.shape[1]) is white
+    least = response.basis(np.zeros(0), response.outside_powers).columns.shape[1]
+    return [arena.problem.terms.shape[1] > least for arena in arenas]
+
+
+@pytest.mark.parametrize(("error", "part"), [(0.0, True), (0.1, False)])
+def test_skirts_take_part_where_they_are_most_of_what_is_left(
+    error: float, part: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert posed(monkeypatch, error) == [part, part]
+
+
+@pytest.mark.parametrize("whiter", [True, False])
+@pytest.mark.parametrize("most", [True, False])
+def test_skirts_take_part_in_white_noise_from_seven_tenths_of_the_excess_and_in_coloured_errors_from_half_the_residual(
+    whiter: bool, most: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    floors: list[Floor] = []
+
+    def told(*given: Any) -> Floor:
+        found = floor_of(*given)
+        if floors:
+            excess = floors[0].colour.excess * (0.7 - NUDGE if whiter else 0.7 + NUDGE)
+            share = floors[0].share * (0.5 - NUDGE if most else 0.5 + NUDGE)
+            found = replace(found, colour=replace(found.colour, excess=excess), share=share)
+        floors.append(found)
+        return found
+
+    monkeypatch.setattr(likely, "floor_of", told)
+    assert posed(monkeypatch, 0.0) == [whiter, most]
 
 
 def test_data_without_noise_have_their_modes_and_no_others() -> None:

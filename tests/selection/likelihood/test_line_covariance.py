@@ -45,6 +45,7 @@ from modalscope.selection.likelihood.information import (
 from modalscope.selection.likelihood.likelihood import Fitted, Point, Whitened, whitened
 from modalscope.selection.likelihood.lines_told import told_by_lines
 from modalscope.selection.likelihood.settling import settle, task_of
+from modalscope.selection.likelihood.whitening import Levels
 from tests.selection.judging.test_refine_records import runs_of, started, system
 from tests.selection.likelihood.cases import TRUTH
 
@@ -162,7 +163,7 @@ def test_leverages_are_the_slopes_of_fitted_numbers_by_their_data_and_sum_to_the
     problem = point.problem
     rows, (q, p) = whole(point, fitted), problem.channels
     h = leverage(problem.terms, fitted.linear, rows.W, rows.kept, inverse(normal(point, fitted)[0]))
-    unknowns = problem.terms.shape[1] * q * p + fitted.kept.shape[1] * q + 2 * point.sides.size
+    unknowns = problem.terms.shape[1] * q * p + fitted.only.kept.shape[1] * q + 2 * point.sides.size
     assert h.sum() == pytest.approx(unknowns, rel=1e-6)
     k, o = 40, 1
     ends = []
@@ -189,11 +190,13 @@ def test_a_point_under_other_levels_is_that_of_the_data_divided_by_these(kind: s
     outputs = rng.uniform(0.5, 2, data.values.shape[1])
     if kind == "records":
         inputs = np.array([1.5])
+        levels = Levels(outputs, inputs)
         anew: Whitened = whitened_records(data, np.zeros(0), data.refined_powers, problem.rows, 1.5 * outputs)
     else:
         inputs = rng.uniform(0.5, 2, data.values.shape[2])
-        anew = whitened(data, np.zeros(0), data.refined_powers, problem.rows, outputs, inputs)
-    found = point.releveled(outputs, inputs)
+        levels = Levels(outputs, inputs, 2.0 ** rng.integers(-1, 2, data.values.shape[1:]))
+        anew = whitened(data, np.zeros(0), data.refined_powers, problem.rows, outputs, inputs, own=levels.own)
+    found = point.releveled(levels)
     direct = anew.at(found.poles, found.sides)
     assert found.problem.size == pytest.approx(anew.size, rel=1e-10)
     assert np.allclose(data_of(found.problem), data_of(anew), rtol=1e-9, atol=1e-12 * np.sqrt(anew.size))

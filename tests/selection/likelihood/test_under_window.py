@@ -42,7 +42,7 @@ def test_covariance_and_expected_misfit_are_those_of_matrices_written_out() -> N
 
     def left(unknown: np.ndarray) -> np.ndarray:
         there = problem.at(*point.moved((unknown[::2] + 1j * unknown[1::2]).reshape(3, 2)))
-        Q = np.kron(there.span, np.eye(2)) @ there.fitted().kept
+        Q = np.kron(there.span, np.eye(2)) @ there.fitted().only.kept
         flat = problem.data.transpose(0, 2, 1).reshape(-1, 4)
         return np.asarray(flat - Q @ (Q.T @ flat))
 
@@ -55,7 +55,7 @@ def test_covariance_and_expected_misfit_are_those_of_matrices_written_out() -> N
     whole = np.kron(C, np.eye(2))
     covariance = back @ np.einsum("koa,kl,lob->ab", J, whole, J, optimize=True) @ back
     np.testing.assert_allclose(found.covariance, covariance, rtol=1e-4, atol=1e-6 * np.abs(covariance).max())
-    P = np.kron(point.span, np.eye(2)) @ fitted.kept
+    P = np.kron(point.span, np.eye(2)) @ fitted.only.kept
     terms = np.kron(problem.terms, np.eye(2))
     taken = 4 * (np.trace(P.T @ whole @ P) + np.trace(terms.T @ whole @ terms)) + np.trace(
         np.linalg.solve(back, covariance)

@@ -231,6 +231,7 @@ class _Cluster:
         self.problem, self.which, self.poles = recount.selection.problem, which, point.poles
         self.lines = self._lines()
         own = np.einsum("qn,np->nqp", fitted.linear[:, which], point.sides[which])
+        own = own if self.problem.weights is None else own * self.problem.weights
         grid = np.asarray(self.problem.light.grid)[self.lines]
         self.starts, self.sizes = blocks_of_lines(grid, self.poles, _MAX_LINES_OF_BLOCK)
         self.nodes, self.shares = self._nodes(grid)

@@ -20,9 +20,9 @@ from modalscope.selection.judging.tracking import collinear
 from modalscope.selection.likelihood.covariance import deviations_of_poles, pole_blocks
 from modalscope.selection.likelihood.descent import Descent, descend
 from modalscope.selection.likelihood.information import inverse, normal, residual
-from modalscope.selection.likelihood.likelihood import Fitted, Point, unit_vectors
+from modalscope.selection.likelihood.likelihood import Fitted, Point, WhitenedResponse, unit_vectors
 from modalscope.selection.likelihood.matched import amplitudes, strongest_peaks
-from modalscope.selection.likelihood.whitening import colour
+from modalscope.selection.likelihood.whitening import LEVEL_LINES, colour, levels_of
 
 # ------------------------------------------------------------------------------------------------- joint refinement and pruning
 
@@ -117,21 +117,33 @@ def variance_of_fit(selection: SelectionProblem, descent: Descent) -> float:
     return max(descent.cost, least) / max(selection.problem.freedom - 2 * len(descent.point.poles) * int(q + p), 1)
 
 
+#: Gains above this multiple of the threshold are beyond what lines around a pole may be louder than others.
+_MAX_LOCAL = 4.0
+
+
 def channel_noise_factors(state: State) -> RealArray:
     """Return the noise variance of the channels that determine each pole, relative to the assumed one; at least one, (n,).
 
-    The data are divided by a noise level of each output and of each input, which assumes that the noise of channel (o, i) is their
-    product. If it is not, the amplitude u* A v of a pole has the variance sum |u_o|^2 |v_i|^2 s_oi, with A the amplitudes of all
-    channels, u and v unit vectors along its shape and participation, and s_oi the residual variance of a channel of the divided data.
+    The data are divided by levels that are known to a factor of two. The variance of the amplitude of a pole is the mean of those of
+    the channels of the divided data, s_oi, each by its part in the pole, |u_o|^2 |v_i|^2 with u its shape and v its participation. Of a
+    weak pole that of the lines around it counts, too: errors that grow with the response are loud where that of a channel is.
     """
     point, fitted = state.descent.point, state.descent.fitted
     residuals = point.left_by_channel(fitted)
     by_channel = residuals * residuals.size / (state.selection.problem.freedom * state.variance)
     if point.problem.turned:
         by_channel = by_channel.T
-    u, v = np.abs(fitted.linear) ** 2, np.abs(point.sides) ** 2
-    factors = np.einsum("qn,np,qp->n", u, v, by_channel) / np.maximum(u.sum(axis=0) * v.sum(axis=1), 1e-300)
-    return np.asarray(np.maximum(factors, 1.0))
+    weights = np.ones(by_channel.shape) if point.problem.weights is None else point.problem.weights
+    part = np.einsum("qn,np,qp->nqp", np.abs(fitted.linear) ** 2, np.abs(point.sides) ** 2, weights**2)
+    part /= np.maximum(part.sum(axis=(1, 2), keepdims=True), 1e-300)
+    factors = np.maximum(np.sum(part * by_channel, axis=(1, 2)), 1.0)
+    grid, weak = point.problem.light.grid, np.flatnonzero(state.gain < _MAX_LOCAL * state.selection.bar)
+    if grid is not None and weak.size:
+        squares = residual(point, fitted).reshape(2, grid.size, *by_channel.shape) ** 2
+        for j in weak:
+            near = np.abs(grid - state.poles[j].imag / (2 * np.pi)).argsort()[:LEVEL_LINES]
+            factors[j] = max(factors[j], float(np.sum(part[j] * squares[:, near].mean(axis=(0, 1)))) / state.variance)
+    return np.asarray(factors)
 
 
 def pruned(fitted: Fitted, least: RealArray) -> Array:
@@ -140,21 +152,21 @@ def pruned(fitted: Fitted, least: RealArray) -> Array:
     The squared misfit increases by c_j' S_jj^-1 c_j without mode j, with S the covariance of all coefficients c; the others become
     c - S_.j S_jj^-1 c_j, and their covariance S - S_.j S_jj^-1 S_j.
     """
-    S = fitted.spread
-    c = np.stack([fitted.linear.real.T, fitted.linear.imag.T], axis=1).reshape(len(S), len(fitted.linear))
-    kept = np.arange(len(S) // 2)
+    sides = [(side.spread, c) for side, c in zip(fitted.sides, fitted.parts, strict=True)]
+    kept = np.arange(fitted.linear.shape[1])
     while kept.size:
         pairs = 2 * np.arange(kept.size)[:, None] + [0, 1]
-        inverses = np.linalg.pinv(S[pairs[:, :, None], pairs[:, None, :]], hermitian=True)
-        by_mode = c.reshape(kept.size, 2, c.shape[1])
-        gain = np.sum(by_mode * (inverses @ by_mode), axis=(1, 2))
+        inverses = [np.linalg.pinv(S[pairs[:, :, None], pairs[:, None, :]], hermitian=True) for S, _ in sides]
+        by_mode = [c.reshape(kept.size, 2, c.shape[1]) for _, c in sides]
+        gain = sum(np.sum(c * (own @ c), axis=(1, 2)) for own, c in zip(inverses, by_mode, strict=True))
         weakest = int(np.argmin(gain / least[kept]))
         if gain[weakest] >= least[kept[weakest]]:
             break
         block = pairs[weakest]
-        carried = S[:, block] @ inverses[weakest]
-        rest = np.delete(np.arange(len(S)), block)
-        c, S = (c - carried @ c[block])[rest], (S - carried @ S[block])[np.ix_(rest, rest)]
+        rest = np.delete(np.arange(2 * kept.size), block)
+        for k, ((S, c), own) in enumerate(zip(sides, inverses, strict=True)):
+            carried = S[:, block] @ own[weakest]
+            sides[k] = (S - carried @ S[block])[np.ix_(rest, rest)], (c - carried @ c[block])[rest]
         kept = np.delete(kept, weakest)
     return kept
 
@@ -163,7 +175,7 @@ def pruned(fitted: Fitted, least: RealArray) -> Array:
 
 #: If white noise is in doubt, each round must reduce the excess of the residual over white noise to this fraction; else it will not become
 #: white in a few rounds.
-_MAX_EXCESS_RATIO = 0.7
+MAX_EXCESS_RATIO = 0.7
 
 #: Distance, in half bandwidths, of each of two poles that replace one in a trial. Where the descent starts is a choice: it moves both.
 _SPLIT_HALF_BANDWIDTHS = 0.5
@@ -176,6 +188,9 @@ _WEAK_MULTIPLE = 2
 
 #: Maximum number of searches of the residual, and of poles added in each; choices that bound the time.
 _MAX_ROUNDS, _PEAKS_PER_ROUND = 8, 6
+
+#: The level of a channel over what poles leave of it, from which the data are divided anew: levels are read to the next power of two.
+_MAX_LEVEL_RATIO = 2.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -250,6 +265,7 @@ def _completed(state: State, excess: float | None) -> State | None:
     """
     examined = state.poles
     for _ in range(_MAX_ROUNDS):
+        state = _levelled(state)
         candidates, peaks = _with_peaks(state, examined)
         if not len(peaks):
             break
@@ -258,12 +274,28 @@ def _completed(state: State, excess: float | None) -> State | None:
         examined = np.concatenate([examined, peaks, state.poles])
         if excess is not None:
             remainder = _excess(state)
-            if remainder > max(1.0, _MAX_EXCESS_RATIO * excess):
+            if remainder > max(1.0, MAX_EXCESS_RATIO * excess):
                 return None
             excess = remainder if remainder > 1 else None
         if len(state.poles) <= count:
             break
     return state if excess is None or excess <= 1 else None
+
+
+def _levelled(state: State) -> State:
+    """Return the state under the levels that its poles leave, where the reference model lacked some and left twice as much of a channel."""
+    selection, descent = state.selection, state.descent
+    problem, (q, p) = selection.problem, selection.problem.channels
+    free = max((problem.freedom - 2 * len(state.poles) * (q + p)) / (q * p), 1)
+    given = problem.levels.channels * np.sqrt(state.variance)
+    left = np.sqrt(descent.point.left_by_channel(descent.fitted) / free) * problem.levels.channels
+    if np.all(_MAX_LEVEL_RATIO * left > given):
+        return state
+    levels = levels_of(np.minimum(left, given))
+    point = descent.point.releveled(levels)
+    variance = float(np.mean((left / levels.channels) ** 2))
+    assert isinstance(point.problem, WhitenedResponse)
+    return converged(replace(selection, problem=point.problem, variance=variance), variance, point.poles, point.sides)
 
 
 def _completed_in_coloured_errors(state: State) -> tuple[State, Recount]:

@@ -32,7 +32,7 @@ from modalscope.selection.judging.evidence import (
     judge,
     peaks,
 )
-from modalscope.selection.judging.joint_selection import Outcome, gains_in_residual, select_jointly
+from modalscope.selection.judging.joint_selection import MAX_EXCESS_RATIO, Outcome, gains_in_residual, select_jointly
 from modalscope.selection.judging.recount import recount_of
 from modalscope.selection.judging.selection_problem import MAX_DAMPING_OF_RESONANCES, SelectionProblem
 from modalscope.selection.judging.tracking import GAP, Poles, collinear, consensus, merge_splits, tracks
@@ -447,6 +447,9 @@ _TIE = 1e-6
 #: MAC above which a single pole shows a mode of its frequency: nearer to it than to a right angle.
 _SHOWN_MAC = 0.5
 
+#: Out-of-band poles leave at most this part of a coloured residual that they take part in.
+_MAX_SHARE_BESIDE = 0.5
+
 #: Residuals below this part of the data are no noise of a measurement: a converter of 20 bits rounds to as much.
 _MAX_COMPUTED = 1e-6
 
@@ -464,7 +467,7 @@ def contest(diagram: StabilizationDiagram, poles: Poles, others: Sequence[Poles]
     """Select the poles that the data need from the groups of a diagram, refined jointly.
 
     A coloured residual of the reference model may be a missing mode: the completed joint fit decides. Out-of-band poles take part where
-    they whiten that residual.
+    that residual is much whiter beside them; in coloured errors, which they would follow, where they explain more of it than they leave.
 
     `poles`: not merged: of two poles within one bandwidth each is a candidate. `others`: of further diagrams of the same data, whose groups
     are candidates, too, where they are none of these.
@@ -489,10 +492,12 @@ def contest(diagram: StabilizationDiagram, poles: Poles, others: Sequence[Poles]
     more = beside(out_of_band_poles(response))
     outside = more[more.imag > 0]
     seen = floor_of(response, np.concatenate([rich - added, outside])) if outside.size else floor
-    white = _problem_of(response, floor, held) if seen.colour.coloured else _problem_of(response, seen, more)
-    selection = replace(white, brief=True)
+    whiter = seen.colour.excess <= max(1.0, MAX_EXCESS_RATIO * floor.colour.excess)
+    selection = replace(_problem_of(response, *((seen, more) if whiter else (floor, held))), brief=True)
     found = outcome(selection, True)
     if found is None and response.grid is not None:
+        if seen.share < _MAX_SHARE_BESIDE * floor.share:
+            floor, held = seen, more
         selection = replace(_problem_of(response, by_line(floor, response.count), held), brief=True, coloured=True)
         # errors of half spectra do not follow a + b |H|^2: there orders have to show a mode
         selection = replace(selection, recounted=not response.of_correlations)
@@ -553,7 +558,14 @@ def _problem_of(response: Response, floor: Floor, steady: ComplexArray) -> Selec
     levels = floor.levels
     swift = floor.share > _MIN_NOISE_RATIO**2 * (len(floor.rows) // response.count)  # parts of a value
     problem = whitened(
-        response, steady, response.outside_powers, floor.rows, levels.outputs, levels.inputs, swift=swift
+        response,
+        steady,
+        response.outside_powers,
+        floor.rows,
+        levels.outputs,
+        levels.inputs,
+        own=levels.own,
+        swift=swift,
     )
     bar = search_bound(response.values.shape[1], response.values.shape[2], len(floor.rows))
     return SelectionProblem(
@@ -568,8 +580,7 @@ def _computed(floor: Floor) -> bool:
 
 def _whole(selection: SelectionProblem, floor: Floor) -> RealArray:
     """Return the divided data including the terms."""
-    outputs, inputs = selection.problem.sides
-    whole = floor.data / selection.problem.rows[:, None, None] / outputs[:, None] / inputs
+    whole = floor.data / selection.problem.rows[:, None, None] / floor.levels.channels
     return np.asarray(whole.transpose(0, 2, 1) if selection.problem.turned else whole)
 
 

@@ -20,6 +20,7 @@ from modalscope.numerics.functions.driven_basis import DrivenLines
 from modalscope.numerics.orthonormal import span_by_products, triangle_of
 from modalscope.selection.likelihood.likelihood import Point, Whitened, across
 from modalscope.selection.likelihood.matched import Peak, strongest_driven
+from modalscope.selection.likelihood.whitening import Levels
 
 #: Count of numbers in the columns of the rows that are computed at a time: 2 MB.
 _BLOCK_NUMBERS = 1 << 18
@@ -57,9 +58,9 @@ class DrivenWhitened(Whitened):
         """Sum of the squares of the data."""
         return float(self.squares.sum())
 
-    def releveled(self, outputs: RealArray, inputs: RealArray) -> tuple[Whitened, RealArray]:
+    def releveled(self, levels: Levels) -> tuple[Whitened, RealArray]:
         """Return the data divided by other deviations of the outputs, those of a level at the one input; see `Whitened.releveled`."""
-        linear = outputs * inputs[0]
+        linear = levels.outputs * levels.inputs[0]
         growth = self.linear / linear
         squares = self.squares * growth**2
         return replace(self, linear=linear, taken=self.taken * growth, squares=squares), growth[:, None]

@@ -15,20 +15,24 @@ import scipy.fft as sfft
 
 from modalscope.data.response import Response, window_over_lines
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
-from modalscope.selection.likelihood.likelihood import Fitted, Point, WhitenedResponse
+from modalscope.selection.likelihood.likelihood import Fitted, Point, Side, WhitenedResponse
 
 
 def normal(point: Point, fitted: Fitted) -> tuple[RealArray, RealArray]:
     """Return the information J'J (2 n p, 2 n p) and J'r (2 n p,), real and imaginary part of every unknown side by side."""
-    W, c = _free(point, fitted), _coefficients(point, fitted)
-    V = W.view(np.float64)  # real and imaginary parts side by side
-    slope = V.T @ fitted.left
-    return _over_channels(V.T @ V, c), _interleaved(np.einsum("oa,ao->a", c, slope[::2] + 1j * slope[1::2]))
+    coefficients, p = _coefficients(point, fitted), point.sides.shape[1]
+    information, slopes = np.zeros((2 * p * len(point.poles),) * 2), np.zeros(p * len(point.poles), dtype=complex)
+    for side in fitted.sides:
+        c, V = coefficients[side.channels], _free(point, side).view(np.float64)  # real and imaginary parts side by side
+        slope = V.T @ fitted.left[:, side.channels]
+        slopes += np.einsum("oa,ao->a", c, slope[::2] + 1j * slope[1::2])
+        information += _over_channels(V.T @ V, c)
+    return information, _interleaved(slopes)
 
 
 def covariance_of_scores(point: Point, fitted: Fitted, noise: RealArray) -> RealArray:
     """Return the covariance of J'e (2 n p, 2 n p), e of the covariance `noise` (4 n, 4 n) of compressed rows, alike in all channels."""
-    V = _free(point, fitted).view(np.float64)
+    V = _free(point, fitted.only).view(np.float64)
     coloured = (noise @ V.reshape(len(noise), -1)).reshape(V.shape)
     return _over_channels(V.T @ coloured, _coefficients(point, fitted))
 
@@ -46,9 +50,11 @@ def _over_channels(G: RealArray, c: ComplexArray) -> RealArray:
 
 def scores(point: Point, fitted: Fitted) -> RealArray:
     """Return J'r of every channel, (l, m, 2 n p): at the optimum they sum to zero."""
-    W, c = _free(point, fitted), _coefficients(point, fitted)
-    p = point.data.shape[2]
-    each = np.einsum("kia,kio->oia", _split(W, p), _split(fitted.left, p), optimize=True) * c[:, None]
+    c, (_, q, p) = _coefficients(point, fitted), point.data.shape
+    each = np.empty((q, p, c.shape[1]), dtype=complex)
+    for side in fitted.sides:
+        W, left = _split(_free(point, side), p), _split(fitted.left[:, side.channels], p)
+        each[side.channels] = np.einsum("kia,kio->oia", W, left, optimize=True) * c[side.channels, None]
     return _interleaved(each.transpose(1, 0, 2) if point.problem.turned else each)
 
 
@@ -91,12 +97,15 @@ def _explained(point: Point, fitted: Fitted) -> RealArray:
 
 def information_of_channels(point: Point, fitted: Fitted, variance: float, *, alike: bool) -> RealArray:
     """Return J'V J (2 n p, 2 n p), V the variance of each channel's noise by what is left of it, or `alike`; `variance` in the mean."""
-    V, c, (q, p) = _free(point, fitted).view(np.float64), _coefficients(point, fitted), point.data.shape[1:]
+    c, (q, p) = _coefficients(point, fitted), point.data.shape[1:]
     left = np.ones((q, p)) if alike else point.beyond + np.sum(fitted.left.reshape(-1, p, q) ** 2, axis=0).T
     size = np.sqrt(variance * left / max(float(left.mean()), 1e-300))
-    each = V.reshape(-1, p, V.shape[1])
-    parts = [_over_channels(each[:, i].T @ each[:, i], size[:, i, None] * c) for i in range(p)]
-    return np.asarray(np.sum(parts, axis=0))
+    found = np.zeros((2 * c.shape[1],) * 2)
+    for side in fitted.sides:
+        V = _split(_free(point, side).view(np.float64), p)
+        for i, of_input in enumerate(V.swapaxes(0, 1)):
+            found += _over_channels(of_input.T @ of_input, (size[:, i, None] * c)[side.channels])
+    return found
 
 
 #: Numbers that are computed at a time: 4 MB.
@@ -118,8 +127,8 @@ class OnRows(NamedTuple):
 
 def on_rows(point: Point, fitted: Fitted, *, together: bool = False) -> Iterator[OnRows]:
     """Yield both parts of some lines at a time, or all rows of a response `together`."""
-    W, p = _free(point, fitted), point.data.shape[2]
-    parts = [each.reshape(len(W) // p, -1) for each in (W.view(np.float64), fitted.kept)]
+    W, p = _free(point, fitted.only), point.data.shape[2]
+    parts = [each.reshape(len(W) // p, -1) for each in (W.view(np.float64), fitted.only.kept)]
     ends = np.cumsum([each.shape[1] for each in parts])
     coefficients = np.hstack([*parts, _explained(point, fitted)])
     lines = None if together else max(_NUMBERS_AT_A_TIME // coefficients.shape[1], 1)
@@ -157,7 +166,7 @@ def by_channel(point: Point, fitted: Fitted, steps: RealArray) -> tuple[RealArra
 
     `steps` (b, 2 n p): x = J'J^-1 g.
     """
-    W, (n, p) = _free(point, fitted), point.sides.shape
+    W, (n, p) = _free(point, fitted.only), point.sides.shape
     columns = W.view(np.float64).reshape(-1, p, n, 2 * p)
     own = [np.ascontiguousarray(columns[:, :, j].transpose(2, 1, 0)) for j in range(n)]
     left, q = _split(fitted.left, p).transpose(2, 1, 0), len(fitted.linear)
@@ -256,15 +265,15 @@ def inverse(information: RealArray, undetermined: float = _UNDETERMINED) -> Real
 _ROUNDING_OF_COLUMNS = 1e-10
 
 
-def _free(point: Point, fitted: Fitted) -> ComplexArray:
+def _free(point: Point, side: Side) -> ComplexArray:
     """Return the columns of the unknowns without what modes explain.
 
     Those that are nothing but rounding, of an input that is zero or the sum of others, are zero: of length one they would lead anywhere.
     """
-    W = np.ascontiguousarray(point.directions())
+    W = np.ascontiguousarray(side.weighted(point.directions()))
     V = W.view(np.float64)  # real columns with real columns: half the work
     before = np.einsum("ka,ka->a", V, V)
-    V -= fitted.kept @ (fitted.kept.T @ V)
+    V -= side.kept @ (side.kept.T @ V)
     V[:, np.einsum("ka,ka->a", V, V) <= _ROUNDING_OF_COLUMNS**2 * before] = 0
     return W
 
@@ -310,7 +319,7 @@ def window_noise(point: Point, fitted: Fitted, response: Response) -> WindowNois
     noise = _of_rows(point.span, grid, window)
     back = inverse(normal(point, fitted)[0])
     scores = covariance_of_scores(point, fitted, noise)
-    kept = fitted.kept.reshape(len(noise), -1)
+    kept = fitted.only.kept.reshape(len(noise), -1)
     linear = float(np.vdot(kept, noise @ kept))
     fixed = float(np.trace(_of_rows(problem.terms, grid, window)))
     taken = q * p * fixed + q * linear + float(np.vdot(back, scores))

@@ -25,6 +25,7 @@ from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.orthonormal import scaled_span, spanning
 from modalscope.numerics.statistics import few_channels
 from modalscope.selection.likelihood.matched import Peak, strongest_peaks
+from modalscope.selection.likelihood.whitening import Levels
 
 #: Singular values below this fraction of the largest are rounding, as of exactly repeated poles.
 _ROUNDING = 1e-11
@@ -70,8 +71,8 @@ class Whitened(ABC):
         """Return the likelihood at poles (n,) and unit vectors (n, p), and all that a step needs unless there is to be none."""
 
     @abstractmethod
-    def releveled(self, outputs: RealArray, inputs: RealArray) -> tuple[Whitened, RealArray]:
-        """Return the data divided by other deviations of the channels, (l,) and (m,), and by how much they grow, (q, p)."""
+    def releveled(self, levels: Levels) -> tuple[Whitened, RealArray]:
+        """Return the data divided by other deviations of the channels, and by how much they grow, (q, p)."""
 
     @abstractmethod
     def peaks(self, left: RealArray, known: Array, least: float) -> list[Peak]:
@@ -81,6 +82,11 @@ class Whitened(ABC):
     def sides(self) -> tuple[RealArray, RealArray]:
         """What outputs and inputs are divided by, (l,), (m,)."""
         return (self.varying, self.linear) if self.turned else (self.linear, self.varying)
+
+    @property
+    def weights(self) -> RealArray | None:
+        """What the data are multiplied with beside that, (q, p); None where all levels are products."""
+        return None
 
     @property
     def parts(self) -> IntArray | None:
@@ -116,12 +122,23 @@ class WhitenedResponse(Whitened):
 
     `data` (K, q, p): the divided data, less their part in the terms. `swift`: whether columns may be made orthogonal by their products, in
     a third of the time: what is left of the data is then known to a part of 1e-5 of the data, not to rounding. `energy` (q p,): squares of
-    the data, channel by channel, for `swift`.
+    the data, channel by channel, for `swift`. `own` (l, m): see `Levels`.
     """
 
     data: RealArray
     swift: bool = False
     energy: RealArray | None = None
+    own: RealArray | None = None
+
+    @property
+    def weights(self) -> RealArray | None:
+        """What the data are multiplied with beside their division by both sides, (q, p)."""
+        return None if self.own is None else 1 / (self.own.T if self.turned else self.own)
+
+    @property
+    def levels(self) -> Levels:
+        """What the channels are divided by."""
+        return Levels(*self.sides, self.own)
 
     @property
     def channels(self) -> tuple[int, int]:
@@ -134,12 +151,14 @@ class WhitenedResponse(Whitened):
         """Sum of the squares of the data."""
         return float(np.vdot(self.data, self.data))
 
-    def releveled(self, outputs: RealArray, inputs: RealArray) -> tuple[Whitened, RealArray]:
-        """Return the data divided by other deviations of the channels, (l,) and (m,), and by how much they grow, (q, p)."""
-        linear, varying = (inputs, outputs) if self.turned else (outputs, inputs)
-        growth = np.outer(self.linear / linear, self.varying / varying)
+    def releveled(self, levels: Levels) -> tuple[WhitenedResponse, RealArray]:
+        """Return the data divided by other deviations of the channels, and by how much they grow, (q, p)."""
+        linear, varying = (levels.inputs, levels.outputs) if self.turned else (levels.outputs, levels.inputs)
+        growth = self.levels.channels / levels.channels
+        growth = growth.T if self.turned else growth
         energy = None if self.energy is None else self.energy * growth.reshape(-1) ** 2
-        return replace(self, data=self.data * growth, linear=linear, varying=varying, energy=energy), growth
+        new = replace(self, data=self.data * growth, linear=linear, varying=varying, energy=energy, own=levels.own)
+        return new, growth
 
     def columns(self, poles: Array, *, slopes: bool = True) -> tuple[RealArray, RealArray]:
         """Return the functions of poles and their derivatives by Re s, divided as the data are, without the terms' part."""
@@ -224,16 +243,17 @@ def whitened(
     outputs: RealArray,
     inputs: RealArray,
     *,
+    own: RealArray | None = None,
     swift: bool = False,
 ) -> WhitenedResponse:
     """Divide the data by the deviation of rows, outputs and inputs, and take out what the terms explain.
 
     `fixed`: poles that stay as they are, free in every channel. `powers`: as in `Response.basis`. `rows` (K,): standard deviations, of K
-    real rows. `outputs`, `inputs` (l,). `swift`: whether a step may be a little inaccurate and much faster; for noise of more than 1e-4
-    of the data.
+    real rows. `outputs`, `inputs` (l,), `own` (l, m): see `Levels`. `swift`: whether a step may be a little inaccurate and much faster; for
+    noise of more than 1e-4 of the data.
     """
     basis = response.basis(fixed, powers)
-    data = basis.data / np.outer(outputs, inputs)
+    data = basis.data / Levels(outputs, inputs, own).channels
     data /= rows[:, None, None]
     terms = scaled_span(basis.columns / rows[:, None])
     turned = len(outputs) < len(inputs)
@@ -244,34 +264,73 @@ def whitened(
     sides = (inputs, outputs) if turned else (outputs, inputs)
     light = response.select(outputs=[0], inputs=[0])
     energy = np.einsum("kq,kq->q", flat, flat) if swift else None
-    return WhitenedResponse(light, rows, terms, *sides, turned, data, swift, energy)
+    return WhitenedResponse(light, rows, terms, *sides, turned, data, swift, energy, own)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Fitted:
-    """What least squares gives at a point: the eliminated side, its own information, and what is left over.
+class Side:
+    """The channels of the eliminated side whose data have the same weights: one least-squares problem.
 
-    `linear` (q, n): c. `back` (2 n, r): from coefficients of `kept` to (Re c_1, Im c_1, Re c_2, ...). `kept` (4 n p, r): orthonormal
-    columns of what the modes can explain. `left` (4 n p, q).
+    `channels`: which, of q. `weights` (p,): None where they are one. `back` (2 n, r): from coefficients of `kept` to (Re c_1, Im c_1, ...).
+    `kept` (4 n p, r): orthonormal columns of what the modes can explain.
     """
 
-    linear: ComplexArray
+    channels: slice | IntArray
+    weights: RealArray | None
     back: RealArray
     kept: RealArray
-    left: RealArray
 
     @property
     def spread(self) -> RealArray:
         """Covariance of (Re c_1, Im c_1, ...) of one channel for noise of variance one, (2 n, 2 n)."""
         return np.asarray(self.back @ self.back.T)
 
+    def weighted(self, columns: Array) -> Array:
+        """Return columns (4 n p, a) as the data of these channels are weighted."""
+        return _weighted(columns, self.weights)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Fitted:
+    """What least squares gives at a point: the eliminated side, its own information, and what is left over.
+
+    `linear` (q, n): c. `sides`: its channels, by their weights. `left` (4 n p, q).
+    """
+
+    linear: ComplexArray
+    sides: tuple[Side, ...]
+    left: RealArray
+
+    @property
+    def only(self) -> Side:
+        """The side, of data without weights."""
+        (side,) = self.sides
+        return side
+
+    @property
+    def parts(self) -> list[RealArray]:
+        """Re c_1, Im c_1, Re c_2, ... of the channels of each side, (2 n, q) each."""
+        c = np.stack([self.linear.real.T, self.linear.imag.T], axis=1).reshape(-1, len(self.linear))
+        return [c[:, side.channels] for side in self.sides]
+
+    @property
+    def alone(self) -> RealArray:
+        """Variance of c, all else held, for noise of variance one, (q, n)."""
+        alone = np.empty(self.linear.shape)
+        for side in self.sides:
+            alone[side.channels] = np.diag(side.spread).reshape(-1, 2).sum(axis=1)
+        return alone
+
     @property
     def gain(self) -> RealArray:
         """By how much the squared misfit rises when a mode goes and all linear parts are fitted again, (n,)."""
-        pairs = self.back.reshape(len(self.back) // 2, 2, self.back.shape[1])
-        own = np.linalg.pinv(pairs @ pairs.transpose(0, 2, 1), hermitian=True)
-        c = np.stack([self.linear.real.T, self.linear.imag.T], axis=1)  # (n, 2, q)
-        return np.asarray(np.sum(c * (own @ c), axis=(1, 2)))
+        gain = np.zeros(self.linear.shape[1])
+        for side, part in zip(self.sides, self.parts, strict=True):
+            pairs = side.back.reshape(len(gain), 2, side.back.shape[1])
+            own = np.linalg.pinv(pairs @ pairs.transpose(0, 2, 1), hermitian=True)
+            c = part.reshape(len(gain), 2, part.shape[1])
+            gain += np.sum(c * (own @ c), axis=(1, 2))
+        return gain
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -331,14 +390,18 @@ class Point:
         n, q = len(self.poles), self.data.shape[1]
         columns = self.columns()
         psi = np.stack([columns.real, -columns.imag], axis=2).reshape(len(columns), 2 * n)  # Re(x g b), Re(j y g b)
-        size = np.maximum(np.linalg.norm(psi, axis=0), 1e-300)
-        U, d, Vt = sla.svd(psi / size, full_matrices=False, check_finite=False)
-        rank = int(np.count_nonzero(d > _ROUNDING * d[0])) if d.size else 0
-        U, back = U[:, :rank], Vt[:rank].T / d[:rank] / size[:, None]
         target = self.data.transpose(0, 2, 1).reshape(-1, q)
-        part = U.T @ target
-        c = (back @ part).T
-        return Fitted(c[:, ::2] + 1j * c[:, 1::2], back, U, target - U @ part)
+        sides, c, left = [], np.empty((2 * n, q)), np.empty(target.shape)
+        for channels, weights in _alike(self.problem.weights):
+            of_side = _weighted(psi, weights)
+            size = np.maximum(np.linalg.norm(of_side, axis=0), 1e-300)
+            U, d, Vt = sla.svd(of_side / size, full_matrices=False, check_finite=False)
+            rank = int(np.count_nonzero(d > _ROUNDING * d[0])) if d.size else 0
+            U, back = U[:, :rank], Vt[:rank].T / d[:rank] / size[:, None]
+            part = U.T @ target[:, channels]
+            c[:, channels], left[:, channels] = back @ part, target[:, channels] - U @ part
+            sides.append(Side(channels, weights, back, U))
+        return Fitted((c[::2] + 1j * c[1::2]).T, tuple(sides), left)
 
     def cost(self, fitted: Fitted) -> float:
         """Return the squared misfit."""
@@ -372,9 +435,9 @@ class Point:
             columns[:, :, :, 1:] = np.einsum("kj,jia->kija", self.own, across(self.sides))
         return columns.reshape(len(self.own) * p, n * p)
 
-    def releveled(self, outputs: RealArray, inputs: RealArray) -> Point:
+    def releveled(self, levels: Levels) -> Point:
         """Return the same poles and unit vectors under other deviations of the channels: what rows are compressed to stays."""
-        problem, growth = self.problem.releveled(outputs, inputs)
+        problem, growth = self.problem.releveled(levels)
         sides = unit_vectors(self.sides * self.problem.varying / problem.varying)
         data, beyond = self.data * growth, self.beyond * growth**2
         return replace(self, problem=problem, sides=sides, data=data, beyond=beyond)
@@ -383,6 +446,21 @@ class Point:
         """Return poles and unit vectors after a step (n, p) in the unknowns of `directions`."""
         sides = self.sides + np.einsum("jia,ja->ji", across(self.sides), step[:, 1:])
         return self.poles + step[:, 0], sides / np.linalg.norm(sides, axis=1, keepdims=True)
+
+
+def _alike(weights: RealArray | None) -> Iterator[tuple[slice | IntArray, RealArray | None]]:
+    """Yield the channels of the eliminated side that have the same weights (q, p), and these, (p,)."""
+    if weights is None:
+        yield slice(None), None
+        return
+    profiles, of_channel = np.unique(weights, axis=0, return_inverse=True)
+    for k, profile in enumerate(profiles):
+        yield np.flatnonzero(of_channel.ravel() == k), profile
+
+
+def _weighted(columns: Array, weights: RealArray | None) -> Array:
+    """Return columns (4 n p, a) times the weights (p,) of the channels of their rows."""
+    return columns if weights is None else columns * np.tile(weights, len(columns) // len(weights))[:, None]
 
 
 def unit_vectors(sides: ComplexArray) -> ComplexArray:

@@ -53,7 +53,7 @@ class _Lines(NamedTuple):
 
     def own_of_shapes(self, fitted: Fitted) -> RealArray:
         """Return what the lines add to the variance of the side that follows, poles and the other side held, (q, n)."""
-        power = np.sum((self.kept @ fitted.back.T) ** 2, axis=0)
+        power = np.sum((self.kept @ fitted.only.back.T) ** 2, axis=0)
         each = np.einsum("fib,foi->ob", power, np.sum(self.residual(1) ** 2, axis=0), optimize=True) / 2
         return np.asarray(each.reshape(len(each), -1, 2).sum(axis=2))
 

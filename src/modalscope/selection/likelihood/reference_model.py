@@ -130,7 +130,7 @@ def _floor(
         np.sqrt(np.einsum("kom,kom->om", left, left) / max(rows - taken, rows / _ROWS_PER_FREEDOM, 1)), least
     )
     levels = known or levels_of(sigma)
-    variance = float(np.mean((sigma / np.outer(levels.outputs, levels.inputs)) ** 2))
+    variance = float(np.mean((sigma / levels.channels) ** 2))
     # a model that is too rich follows the noise of samples while its poles last, and not later: there the level tells nothing
     window = window_over_lines(response)
     kept = 1 - np.einsum("kj,kj->k", Q, Q)

@@ -202,6 +202,7 @@ class Task:
 
     `fixed`: poles, as they are in the data, that are held and free in every channel. `powers`: residual terms. `rows` (K,): standard
     deviations of the rows, relative to each other. `known`: of the channels, where they are known.
+    `products`: whether levels of channels are an output's times an input's.
     """
 
     response: Response
@@ -210,6 +211,7 @@ class Task:
     rows: RealArray
     known: Levels | None
     progress: Callable[[int, int], None] | None = None
+    products: bool = False
 
     @property
     def channels(self) -> tuple[int, int]:
@@ -285,8 +287,9 @@ def settle(
 
     The first descent divides the channels by their own size. What it leaves tells the noise of each channel where it is white, and
     further descents and levels settle together. Where it is coloured it is model error, and no second descent: channels that happen
-    to fit well would draw all weight to themselves. Terms get further powers as long as these explain more than noise. Lines that are left
-    more in some places than in others are divided by levels of their own; where what remains is still no white noise, only gains are.
+    to fit well would draw all weight to themselves. For the same reason levels of single channels hold in white noise alone. Terms get
+    further powers as long as these explain more than noise. Lines that are left more in some places than in others are divided by levels
+    of their own; where what remains is still no white noise, only gains are.
 
     `poles` (n,): as they are in the data. `shapes`, `participation` (l, n): the side with fewer channels is where the descent starts; the
     other follows. `most`: iterations of a descent. `home` (n,): where the poles belong.
@@ -294,7 +297,16 @@ def settle(
     Raises `DataError`: no more data than unknowns; `Astray`: a pole left its home.
     """
     levels = task.known or levels_of(np.sqrt(np.mean(np.abs(task.response.values) ** 2, axis=0)))
-    settled = _optimum(task, _Start(poles, shapes, participation, levels), most, home)
+    settled = _settled(task, _Start(poles, shapes, participation, levels), most, home)
+    own = settled.levels.own is not None
+    if own and (settled.levelled or settled.colour.coloured or window_over_lines(task.response) > 0):
+        return _settled(replace(task, products=True), _Start(poles, shapes, participation, levels.product), most, home)
+    return settled
+
+
+def _settled(task: Task, start: _Start, most: int, home: ComplexArray | None) -> Settled:
+    """Return the optimum with the terms and the levels of lines that the data need."""
+    settled = _optimum(task, start, most, home)
     while len(powers := _needed_powers(task, settled)) > len(task.powers):
         task = replace(task, powers=powers)
         settled = _optimum(task, _Start(settled.descent.point.poles, *settled.residues, settled.levels), most, home)
@@ -379,11 +391,14 @@ def _optimum(task: Task, start: _Start, most: int, home: ComplexArray | None = N
         descent = descend_from(point, most=most, home=home, progress=task.progress)
         power = descent.point.left_by_channel(descent.fitted) / len(task.rows)
         seen = _colour(descent, power, task.response.count, unknown, window)
-        following = levels_of(np.sqrt(power) * np.outer(levels.outputs, levels.inputs))
-        done = task.known or seen.coloured or not descent.converged or following.change(levels) < _LEVEL_TOLERANCE
+        following = levels_of(np.sqrt(power) * levels.channels)
+        following = following.product if task.products else following
+        # under levels far from their own, noise of loud channels is model error in quiet ones: once these are tried
+        coloured = seen.coloured and (levels.own is not None or following.own is None)
+        done = task.known or coloured or not descent.converged or following.change(levels) < _LEVEL_TOLERANCE
         if done or not later:
             break
-        point, levels = descent.point.releveled(following.outputs, following.inputs), following
+        point, levels = descent.point.releveled(following), following
     variance = descent.cost / _expected_cost(task, descent)
     if (
         task.known is not None and variance <= 1
@@ -439,7 +454,7 @@ def _worth(response: Response, poles: ComplexArray) -> RealArray:
 @singledispatch
 def _divided(response: Response, task: Task, levels: Levels) -> Whitened:
     """Return the data divided by the noise, ready for a descent."""
-    return whitened(response, task.fixed, task.powers, task.rows, levels.outputs, levels.inputs)
+    return whitened(response, task.fixed, task.powers, task.rows, levels.outputs, levels.inputs, own=levels.own)
 
 
 @_divided.register

@@ -78,7 +78,7 @@ def spread_of(settled: Settled, poles: ComplexArray, response: Response, groups:
     asked = point.problem.records or seen.coloured or settled.levelled
     rows = told_by_lines(point, fitted, known, response) if asked else None
     between = _between(point, fitted, C, groups, rows)
-    own = variance * np.diag(fitted.spread).reshape(-1, 2).sum(axis=1)
+    own = variance * fitted.alone
     candidates: list[_Candidate] = []
     if not point.problem.records:
         noise = window_noise(point, fitted, response)
@@ -194,9 +194,11 @@ def _among_unknowns(point: Point) -> Iterator[ComplexArray]:
 
 def _by_substitution(point: Point, fitted: Fitted) -> Iterator[ComplexArray]:
     """Yield dc / d theta of every mode, (q, 2 n p), with c the least-squares solution (but for the sign)."""
-    X = fitted.back @ (fitted.kept.T @ point.directions())  # (2 n, n p)
     c = np.repeat(fitted.linear, point.sides.shape[1], axis=1)
+    X = np.empty((2 * len(point.poles), *c.shape), dtype=complex)
+    for side in fitted.sides:
+        X[:, side.channels] = (side.back @ (side.kept.T @ side.weighted(point.directions())))[:, None]
     for j in range(len(point.poles)):
-        by_real, by_imag = (c * (X[2 * j + k]) for k in (0, 1))
+        by_real, by_imag = (c * X[2 * j + k] for k in (0, 1))
         A = np.stack([by_real.real + 1j * by_imag.real, -by_real.imag - 1j * by_imag.imag], axis=-1)
         yield A.reshape(len(c), -1)

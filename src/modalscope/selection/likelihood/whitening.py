@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypedDict, Unpack
 
 import numpy as np
@@ -44,16 +44,27 @@ _CHANCE_OF_ANY = 1e-3
 class Levels:
     """Standard deviations of one real row of the noise: the product of these, channel by channel.
 
-    `outputs`, `inputs` (l,).
+    `outputs`, `inputs` (l,). `own` (l, m): what a channel has beyond the product, in powers of two; None where it is that.
     """
 
     outputs: RealArray
     inputs: RealArray
+    own: RealArray | None = None
+
+    @property
+    def channels(self) -> RealArray:
+        """Deviations of all channels, (l, m)."""
+        product = np.outer(self.outputs, self.inputs)
+        return product if self.own is None else product * self.own
+
+    @property
+    def product(self) -> Levels:
+        """The product alone."""
+        return replace(self, own=None)
 
     def change(self, other: Levels) -> float:
         """Return the largest relative difference of any channel's deviation."""
-        ratio = np.outer(self.outputs, self.inputs) / np.outer(other.outputs, other.inputs)
-        return float(np.max(np.abs(np.log(ratio))))
+        return float(np.max(np.abs(np.log(self.channels / other.channels))))
 
 
 def levels_of(deviations: RealArray) -> Levels:
@@ -63,7 +74,9 @@ def levels_of(deviations: RealArray) -> Levels:
     """
     d = np.maximum(deviations, max(_MIN_RELATIVE_LEVEL * float(deviations.max(initial=0.0)), 1e-290))
     log = np.log(d)
-    return Levels(np.exp(log.mean(axis=1)), np.exp(log.mean(axis=0) - log.mean()))
+    levels = Levels(np.exp(log.mean(axis=1)), np.exp(log.mean(axis=0) - log.mean()))
+    own = np.exp2(np.rint(np.log2(d / levels.channels)))
+    return levels if np.all(own == own[0]) else replace(levels, own=own)
 
 
 def row_deviations(rows: int, weights: Array | None) -> RealArray:
