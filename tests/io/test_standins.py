@@ -79,7 +79,7 @@ def test_responses_are_read_as_their_truth_says(name: str) -> None:
 
 def test_a_sensor_that_was_left_in_volts_is_named_with_two_ways_out() -> None:
     files, _ = _files("analyser_text")
-    refused(r"(?s)others not: M12 .*--units .*--quantity acceleration", opened, files, {})
+    refused(r"(?s)others not: M12 .*units={.*quantity='acceleration'", opened, files, {})
     assert opened(files, {"quantity": "acceleration"})[0].quantity == "acceleration"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 
 import numpy as np
@@ -105,7 +106,7 @@ def check_upright(records: Records) -> None:
 
 
 def _zero(side: str, dead: Sequence[str], labels: Sequence[str]) -> DataError:
-    leave = f"Leave it out: exclude={list(dead)!r}, or --exclude {' '.join(dead)}."
+    leave = f"Leave it out: --exclude {shlex.join(dead)}."
     return DataError(
         f"data with a response in every {side} were asked",
         f"{side} {', '.join(dead)} is zero throughout",

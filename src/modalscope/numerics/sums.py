@@ -189,11 +189,8 @@ def _locked(path: Path) -> IO[bytes]:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         file.close()
-        raise DataError(
-            f"partial sums in {str(path.parent)!r} were asked",
-            "another run works on the same sums there",
-            "Wait until it ends, or give another folder.",
-        ) from None
+        asked, fault = f"partial sums in {str(path.parent)!r} were asked", "another run works on the same sums there"
+        raise DataError(asked, fault, "Wait until it ends, or give another folder.") from None
     except (ImportError, OSError):  # Windows, and some file systems, have no such locks
         pass
     except BaseException:  # an interruption

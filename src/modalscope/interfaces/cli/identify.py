@@ -258,7 +258,7 @@ def _run_each(options: argparse.Namespace) -> None:
         try:
             result = result_of(alone, alone.files)
         except DataError as error:
-            complain(f"{name}: {error}")
+            complain(f"{name}: {error.args[0]}")
             failed.append(name)
             continue
         for place in written:

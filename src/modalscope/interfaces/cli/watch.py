@@ -102,7 +102,7 @@ def _tell(options: argparse.Namespace, store: Store) -> bool:
     except DataError as error:
         if options.once:
             raise
-        complain(error)
+        complain(error.args[0])
         return False
 
 
