@@ -103,7 +103,7 @@ def test_every_run_is_a_group_unless_labels_say_otherwise() -> None:
         ({"outputs": np.ones((5, 1)), "output_dofs": ["1Z"]}, "same outputs: run 1 has 2, run 3 1"),
         ({"quantities": ("acceleration", None)}, "number 2 is acceleration in run 1 and not known in run 3"),
         ({"units": ("g", "N")}, "units of the outputs: number 1 is m/s2 in run 1 and g in run 3"),
-        ({"units": ("m/s2", "lbf")}, r"input 1:\+Z in one unit: it is in N in one run and in lbf"),
+        ({"units": ("m/s2", "lbf")}, r"input 1:\+Z needs one unit, but one run has it in N, another in lbf"),
         ({"inputs": ()}, "all runs need inputs, or none, but run 3 has none"),
     ],
 )

@@ -27,7 +27,7 @@ from modalscope.numerics.errors import DataError, in_python
         ('--test "run 1" of a.mat', "sheet='run 1' of a.mat"),
         ("raise it: --max-memory, or modalscope.io.set_max_memory.", "raise it: modalscope.io.set_max_memory."),
         ("start `modalscope app --folder` there", "start `modalscope app --folder` there"),
-        ("a -- b, x--y, 1e-3", "a -- b, x--y, 1e-3"),
+        ("give one, or one each; a -- b, x--y, 1e-3", "give one, or one each; a -- b, x--y, 1e-3"),
     ],
 )
 def test_options_of_the_terminal_are_arguments_of_python(terminal: str, python: str) -> None:

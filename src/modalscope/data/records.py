@@ -28,7 +28,7 @@ from modalscope.data.channels import (
 from modalscope.data.geometry import Geometry
 from modalscope.data.kind_of_test import commonest, kind_of_test
 from modalscope.data.shown import Shown
-from modalscope.data.units import Convertible
+from modalscope.data.units import Convertible, motion_of
 from modalscope.numerics.arguments import also_called
 from modalscope.numerics.checks import (
     RealArray,
@@ -51,7 +51,7 @@ class Sampled(Channels):
     sampling_rate: float
     quantities: tuple[str | None, ...] = None  # type: ignore[assignment]
 
-    def _label(self, outputs: int, inputs: int) -> None:
+    def _label(self, outputs: int, inputs: int) -> bool:
         given: Any = self.quantities
         alike = given is None or isinstance(given, str)
         each = [given] * outputs if alike else check_each("quantities", given, "one for all, or one an output")
@@ -60,7 +60,9 @@ class Sampled(Channels):
             raise DataError(f"quantities needs {outputs}", have, "Give one for all, or one an output.")
         rate = check_positive("sampling_rate", self.sampling_rate)
         freeze(self, sampling_rate=rate, quantities=tuple(check_quantity(quantity) for quantity in each))
-        Channels._label(self, outputs, inputs)
+        if (said := Channels._label(self, outputs, inputs)) and given is None:
+            freeze(self, **self._quantity_of([motion_of(unit) for unit in self.units[0]]))
+        return said
 
     @property
     @abstractmethod
@@ -129,15 +131,11 @@ class Signals(Sampled, Convertible):
                 "inputs", one_channel(self.inputs), "(samples, inputs) or (runs, samples, inputs)", (2, 3)
             )
             if inputs.shape[:-1] != outputs.shape[:-1]:
-                raise DataError(
-                    "outputs and inputs need the same runs and samples",
-                    f"the shapes are {outputs.shape} and {inputs.shape}",
-                    "Cut both to the same samples; the last axis counts channels.",
-                )
+                fault = f"the shapes are {outputs.shape} and {inputs.shape}"
+                remedy = "Cut both to the same samples; the last axis counts channels."
+                raise DataError("outputs and inputs need the same runs and samples", fault, remedy)
         if outputs.shape[-2] < 2 or 0 in outputs.shape or (inputs is not None and 0 in inputs.shape):
-            raise DataError(
-                "a record needs at least two samples", f"its shape is {outputs.shape}", "Measure a longer one."
-            )
+            raise DataError("a record needs two samples", f"its shape is {outputs.shape}", "Measure a longer one.")
         runs = 1 if outputs.ndim == 2 else outputs.shape[0]
         freeze(self, outputs=outputs, inputs=inputs, groups=check_groups(self.groups, runs, "a run", run_groups(runs)))
         self._label(outputs.shape[-1], 0 if inputs is None else inputs.shape[-1])
@@ -462,9 +460,6 @@ def _input_units(runs: Iterable[Signals]) -> dict[str, str]:
     for run in runs:
         for dof, unit in zip(run.input_dofs, run.units[1], strict=True):
             if units.setdefault(dof, unit) != unit:
-                raise DataError(
-                    f"input {dof} in one unit was asked",
-                    f"it is in {units[dof] or 'no unit'} in one run and in {unit or 'no unit'} in another",
-                    "Convert the records to one unit.",
-                )
+                fault = f"one run has it in {units[dof] or 'no unit'}, another in {unit or 'no unit'}"
+                raise DataError(f"input {dof} needs one unit", fault, "Convert the records to one unit.")
     return units

@@ -13,7 +13,7 @@ from modalscope.data.channels import AUTO, Channels, Groups
 from modalscope.data.mode_fields import ModeFields
 from modalscope.data.notes import Note
 from modalscope.data.quadruple import Quadruple
-from modalscope.data.units import Convertible
+from modalscope.data.units import Convertible, motion_of, sides_of
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, freeze
 from modalscope.numerics.functions.pole_basis import ModalBasis
 
@@ -238,6 +238,14 @@ class Response(Channels, Convertible):
         weights : array (F,), optional
             Weights of the lines.
         """
+
+    def _label(self, outputs: int, inputs: int) -> bool:
+        """Take labels and units, of which one text may be the unit of the whole response, and the quantity that they say."""
+        if isinstance(self.units, str):
+            freeze(self, units=sides_of(self.units))
+        if said := Channels._label(self, outputs, inputs):
+            freeze(self, **self._quantity_of([motion_of(unit) for unit in self.units[0]]))
+        return said
 
     def _factors(self, outputs: RealArray, inputs: RealArray) -> RealArray:
         """Return what a change of units multiplies the values by: a response is a ratio of both sides, a correlation their product."""

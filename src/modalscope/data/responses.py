@@ -56,6 +56,7 @@ from modalscope.numerics.linear_systems import HELD, markov_parameters
 _MIN_SAMPLES_PER_STEP = 16
 
 
+@also_called("values", "sampling_rate")
 @stays_locked
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class ImpulseResponse(Response):
@@ -99,7 +100,7 @@ class ImpulseResponse(Response):
     exact_samples: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        values = real_array("values", self.values, "(samples, outputs, inputs)", 3)
+        values = real_array("values", one_channel(self.values, 3), "(samples, outputs, inputs)", 3)
         if values.shape[0] < 2 or 0 in values.shape:
             raise DataError(
                 "an impulse response needs two samples", f"its shape is {values.shape}", "Measure a longer one."

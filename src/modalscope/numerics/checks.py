@@ -197,8 +197,7 @@ def _numeric(name: str, values: ArrayLike, axes: str, ndim: int | Sequence[int])
     if array.dtype.kind not in "iufc":
         raise DataError(f"{name} needs numbers", f"its type is {array.dtype}", "Convert it to numbers.")
     if masked := _masked(values):
-        have = f"{masked} of its {array.size} values are masked"
-        raise DataError(f"{name} needs finite numbers", have, "Repair or leave out what is masked.")
+        raise DataError(f"{name} needs finite numbers", f"{masked} of {array.size} are masked", "Leave them out.")
     allowed = (ndim,) if isinstance(ndim, int) else tuple(ndim)
     if array.ndim not in allowed:
         remedy = "The order is samples or lines, outputs, inputs: add the missing axis, or move axes to this order."

@@ -48,13 +48,11 @@ _VALUE = r"""(?:'[^']*'|"[^"]*"|[^\s;()'"]*[^\s,;().:'"])"""
 _OPTION = re.compile(rf"(?<![^\s(])--([a-z][a-z-]*)((?: (?!--|or\b|and\b){_VALUE})*)((?= --))?")
 _BARE = re.compile(r"[A-Z]+|-?\d+(\.\d+)?(e[-+]?\d+)?")
 
-#: Options that Python writes otherwise: without a value, with brackets around several, or under another name.
-_ALONE = {name: f"{name}=True" for name in ("transpose", "conjugate", "exact_nodes")} | {
-    "no_reciprocal": "reciprocal=False"
-}
+#: Options that Python writes otherwise: without a value or under another name, or with brackets around their values.
+_NAMES = {name: f"{name}=True" for name in ("transpose", "conjugate", "exact_nodes")}
+_NAMES |= {"no_reciprocal": "reciprocal=False", "max_memory": "modalscope.io.set_max_memory", "test": "sheet"}
 _BRACKETS = {**dict.fromkeys(("ignore", "exclude", "input_dofs", "output_dofs"), "[]"), "band": "()"}
 _BRACKETS |= dict.fromkeys(("units", "rename", "axes", "delays"), "{}")
-_OTHER_NAMES = {"max_memory": "modalscope.io.set_max_memory", "test": "sheet"}
 
 
 def in_python(text: str) -> str:
@@ -67,16 +65,15 @@ def in_python(text: str) -> str:
     """
     parts = re.split("(`[^`]*`)", text)
     parts[::2] = [_OPTION.sub(_argument, part) for part in parts[::2]]
-    return (
-        re.sub(r"(\S+), or \1(?=\W|$)", r"\1", "".join(parts)).replace("], ignore=[", ", ").replace("}, rename={", ", ")
-    )
+    joined = "".join(parts).replace("], ignore=[", ", ").replace("}, rename={", ", ")
+    return re.sub(r"(\S+=\S+|modalscope\S+), or \1(?=\W|$)", r"\1", joined)
 
 
 def _argument(option: re.Match[str]) -> str:
     """Return an option as an argument, and the words behind it that are none of its values."""
     name, words, comma = option[1].replace("-", "_"), re.findall(_VALUE, option[2]), "," * (option[3] is not None)
-    brackets = _BRACKETS.get(name, "")
-    count = 0 if name in _ALONE else 2 if brackets == "()" else len(words) if brackets else 1
+    brackets, called = _BRACKETS.get(name, ""), _NAMES.get(name, name)
+    count = 0 if "=" in called else 2 if brackets == "()" else len(words) if brackets else 1
     values = [word.strip("'\"") for word in words[:count]]
     if brackets == "{}":
         pairs = [pair.partition("=") for word in values for pair in (word.split(",") if name == "units" else [word])]
@@ -84,7 +81,7 @@ def _argument(option: re.Match[str]) -> str:
     else:
         shown = [repr(value) if name in ("exclude", "input_dofs", "output_dofs") else _shown(value) for value in values]
     value = f"={brackets[:1]}{', '.join(shown)}{brackets[1:]}" if values else ""
-    return " ".join([f"{_ALONE.get(name) or _OTHER_NAMES.get(name, name)}{value}{comma}", *words[count:]])
+    return " ".join([f"{called}{value}{comma}", *words[count:]])
 
 
 def _shown(value: str) -> str:
