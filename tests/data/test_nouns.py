@@ -77,7 +77,7 @@ GOOD = {
         (Geometry, {"nodes": ["a", "a"]}, "different node names"),
         (Geometry, {"coordinates": np.zeros((3, 3))}, r"coordinates needs shape \(2, 3\), but it has \(3, 3\)"),
         (Geometry, {"lines": [["a", "c"]]}, "geometry lines join nodes, but there is no node c"),
-        (Geometry, {"faces": [["a", "b"]]}, r"geometry faces need 3 or 4 nodes a row, but the shape is \(1, 2\)"),
+        (Geometry, {"faces": [["a", "b"]]}, r"geometry faces need 3 or 4 nodes per row, but the shape is \(1, 2\)"),
     ],
 )
 def test_what_cannot_be_used_is_refused_in_three_parts(noun: type, change: dict, message: str) -> None:  # type: ignore[type-arg]

@@ -119,6 +119,6 @@ def test_what_records_do_not_have_they_say() -> None:
         Records(runs=(np.ones((3, 2)),))  # type: ignore[arg-type]
     with pytest.raises(DataError, match="run 1: there are 1"):
         Records(runs=(run(),)).inputs_of(1)
-    with pytest.raises(DataError, match="groups needs 1 labels, one a run, but 2 are given"):
+    with pytest.raises(DataError, match="groups needs 1 labels, one per run, but 2 are given"):
         Records(runs=(run(),), groups=("a", "b"))
     assert Records(runs=(run(),), source_path="a.npz").source_path == Path("a.npz")  # type: ignore[arg-type]

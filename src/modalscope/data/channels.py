@@ -52,7 +52,7 @@ def source_of(parts: Iterable[Any]) -> SourcePath:
     return check_source([file for part in parts for file in files_of(part)])
 
 
-#: One label a part; None when the parts are not to be told apart.
+#: One label per part; None when the parts are not to be told apart.
 Groups = tuple[str, ...] | None
 
 #: What stands for the default.
@@ -63,12 +63,12 @@ _MIN_GROUPS = 4
 
 
 def input_groups(input_dofs: Sequence[str]) -> Groups:
-    """Return a group an input column where there are at least four, else None."""
+    """Return a group per input column where there are at least four, else None."""
     return tuple(input_dofs) if len(input_dofs) >= _MIN_GROUPS else None
 
 
 def run_groups(count: int) -> Groups:
-    """Return a group a run where there are several, else None."""
+    """Return a group per run where there are several, else None."""
     return tuple(f"run {k + 1}" for k in range(count)) if count > 1 else None
 
 
@@ -87,10 +87,10 @@ def check_groups(groups: Any, count: int, part: str, default: Groups) -> Groups:
     """
     if groups is None or (isinstance(groups, str) and groups == AUTO):
         return default if groups is not None else None
-    labels = tuple(str(label) for label in check_each("groups", groups, f"one label {part}"))
+    labels = tuple(str(label) for label in check_each("groups", groups, f"one label per {part}"))
     if len(labels) != count:
         raise DataError(
-            f"groups needs {count} labels, one {part}", f"{len(labels)} are given", "Give all, or groups=None."
+            f"groups needs {count} labels, one per {part}", f"{len(labels)} are given", "Give all, or groups=None."
         )
     return labels
 
@@ -243,7 +243,7 @@ class Channels(Shown, ABC):
             output_dofs=check_labels("output_dofs", self.output_dofs, outputs, "y"),
             input_dofs=check_labels("input_dofs", self.input_dofs, inputs, "u"),
             units=(_one_side("outputs", pair[0], outputs), _one_side("inputs", pair[1], inputs)),
-            processing=tuple(str(step) for step in check_each("processing", steps, "one text a step")),
+            processing=tuple(str(step) for step in check_each("processing", steps, "one text per step")),
             source_path=check_source(self.source_path),
         )
         return said

@@ -69,8 +69,8 @@ def of_noise(response: Response) -> tuple[Note, ...]:
     low, high = float(lines[0]), float(lines[-1])
     facts = {"lines": float(lines.size), "lowest_hz": low, "highest_hz": high}
     text = (
-        f"{lines.size} of {heard.size} lines, between {low:.5g} and {high:.5g} Hz, contain noise only, by their variance: "
-        "they are not counted in the share that the modes explain"
+        f"{lines.size} of {heard.size} lines, between {low:.5g} and {high:.5g} Hz, contain only noise by their variance: "
+        "they do not count in the explained part"
     )
     return (Note("lines of noise", facts, text),)
 

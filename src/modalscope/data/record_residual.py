@@ -110,9 +110,7 @@ def pole_notes(poles: Array, sampling_rate: float | None, duration: float) -> tu
     distance = np.abs(poles - 1) * sampling_rate if sampling_rate is not None else np.abs(poles)
     alone = is_real(poles, 1e-9)  # a negative pole has been through logarithm and exponential
     if np.any(alone & (distance < _MAX_DRIFT / duration)):
-        notes.append(
-            Note("drift", {}, "a pole at zero frequency: the records drift, which costs a state and no accuracy")
-        )
+        notes.append(Note("drift", {}, "A pole at 0 Hz: the records drift. This takes one state and does no harm"))
     if sampling_rate is not None:
         size = np.sort(np.repeat(np.abs(poles), np.where(alone, 1, 2)))
         # a pole of multiplicity k is known to the k-th root of what one is known to

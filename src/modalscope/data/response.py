@@ -48,7 +48,7 @@ class Response(Channels, Convertible):
     added_damping : float
         Decay rate in 1/s that an exponential window added to every pole: identified poles are shifted back by it.
     groups : sequence of labels, "auto" or None
-        One label an input (of records: a run): what disagrees between groups is repeatability.
+        One label per input (of records: a run): what disagrees between groups is repeatability.
     """
 
     values: Array
@@ -189,11 +189,11 @@ class Response(Channels, Convertible):
     @property
     def parts(self) -> tuple[int, str]:
         """How many parts have labels of groups, and what a part is, in words."""
-        return int(self.values.shape[2]), "an input"
+        return int(self.values.shape[2]), "input"
 
     @property
     def drives(self) -> int:
-        """Length of the participation of a pole: one number an input."""
+        """Length of the participation of a pole: one number per input."""
         return len(self.input_dofs)
 
     @property
@@ -274,7 +274,7 @@ class Response(Channels, Convertible):
         return self
 
     def whole_basis(self, poles: Array, powers: tuple[int, ...] = (0,)) -> ModalBasis:
-        """Return the basis on all rows of the data, one a sample or two a line, real parts first: nothing is compressed.
+        """Return the basis on all rows of the data, one per sample or two a line, real parts first: nothing is compressed.
 
         Parameters
         ----------

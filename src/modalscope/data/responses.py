@@ -81,7 +81,7 @@ class ImpulseResponse(Response):
     added_damping : float
         Decay rate in 1/s that an exponential window added to every pole: identified poles are shifted back by it.
     groups : sequence of labels, "auto" or None
-        One label an input: what disagrees between groups is repeatability. By default every input, where there are at least four.
+        One label per input: what disagrees between groups is repeatability. By default every input, where there are at least four.
 
     Raises
     ------
@@ -116,7 +116,7 @@ class ImpulseResponse(Response):
             added_damping=check_number("added_damping", self.added_damping),
         )
         self._label(values.shape[1], values.shape[2])
-        freeze(self, groups=check_groups(self.groups, values.shape[2], "an input", input_groups(self.input_dofs)))
+        freeze(self, groups=check_groups(self.groups, values.shape[2], "input", input_groups(self.input_dofs)))
 
     @property
     def samples(self) -> int:
@@ -390,7 +390,7 @@ class FrequencyResponse(Response):
     added_damping : float
         Decay rate in 1/s that an exponential window added to every pole: identified poles are shifted back by it.
     groups : sequence of labels, "auto" or None
-        One label an input: what disagrees between groups is repeatability. By default every input, where there are at least four.
+        One label per input: what disagrees between groups is repeatability. By default every input, where there are at least four.
 
     Raises
     ------
@@ -437,7 +437,7 @@ class FrequencyResponse(Response):
             added_damping=check_number("added_damping", self.added_damping),
         )
         self._label(values.shape[1], values.shape[2])
-        freeze(self, groups=check_groups(self.groups, values.shape[2], "an input", input_groups(self.input_dofs)))
+        freeze(self, groups=check_groups(self.groups, values.shape[2], "input", input_groups(self.input_dofs)))
 
     @property
     def lines(self) -> int:

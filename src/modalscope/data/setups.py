@@ -31,11 +31,11 @@ class Setups(SeveralRecords):
     Parameters
     ----------
     parts : sequence of Signals
-        One a setup, without inputs, at one sampling rate.
+        One per setup, without inputs, at one sampling rate.
     references : sequence of labels, optional
         Outputs that every setup has; by default all that every setup has.
     groups : sequence of labels, "auto" or None
-        One label a setup: what disagrees between groups is repeatability. By default every setup is a group of its own.
+        One label per setup: what disagrees between groups is repeatability. By default every setup is a group of its own.
     source_path : path or paths, optional
         The files that they were read from; by default those of the parts.
 
@@ -61,7 +61,7 @@ class Setups(SeveralRecords):
     source_path: SourcePath = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        parts = check_each("setups", self.parts, "records, one a setup")
+        parts = check_each("setups", self.parts, "records, one per setup")
         for part in parts:
             check_kind("each of the setups", part, Signals)
         if not parts:
@@ -74,7 +74,7 @@ class Setups(SeveralRecords):
             self,
             parts=tuple(parts),
             references=check_labels("references", chosen, len(chosen), "y"),
-            groups=check_groups(self.groups, len(parts), "a setup", default),
+            groups=check_groups(self.groups, len(parts), "setup", default),
             source_path=check_source(self.source_path) or source_of(parts),
         )
 

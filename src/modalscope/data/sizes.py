@@ -56,7 +56,7 @@ def _check(name: str, array: Array, labels: tuple[str, ...], most: float, channe
     if odd.size:
         raise DataError(
             f"{name} between {1 / most:g} and {most:g} were asked",
-            f"the largest of channel {labels[odd[0]]} is {size[odd[0]]:.3g}, in whatever unit that is",
+            f"the largest of channel {labels[odd[0]]} is {size[odd[0]]:.3g}",
             "Give them in another unit, or correct the factor they were multiplied with.",
         )
 

@@ -86,7 +86,7 @@ class StoredSignals(Sampled):
     sampling_rate : float
         Samples per second.
     quantities : str or sequence of str, optional
-        Displacement, velocity or acceleration, one an output.
+        Displacement, velocity or acceleration, one per output.
 
     Raises
     ------

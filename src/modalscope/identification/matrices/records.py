@@ -202,7 +202,7 @@ def record_lines(
     if made.left < max(order or 1, 1):
         raise DataError(
             f"order {order or 1} with block_rows={q} was asked",
-            f"{response.count} lines leave {made.left} equations after elimination of inputs and ends",
+            f"{response.count} lines leave {made.left} equations after inputs and end effects are eliminated",
             "Measure longer, widen the band, or lower block_rows or the order.",
         )
     return made.by_noise() if equal_outputs else made

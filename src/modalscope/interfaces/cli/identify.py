@@ -250,7 +250,7 @@ def _run_each(options: argparse.Namespace) -> None:
     for target in targets:
         check_output(target, options.files, options.force)
         if targets.count(target) > 1:
-            asked, clash = "a file per test was asked", f"{target.name} would be that of several"
+            asked, clash = "a file per test was asked", f"{target.name} would be written for several"
             raise DataError(asked, clash, "Give the files distinct names, or identify them one by one.")
     tests: list[tuple[str, ModalModel]] = []
     failed = []
