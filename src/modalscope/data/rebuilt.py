@@ -1,4 +1,4 @@
-"""Rebuild responses from modes, and compute what they leave unexplained and the contribution of each pole."""
+"""Rebuild responses from modes, and compute the unexplained part and the contribution of each pole."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def heard_lines(response: Response) -> Array:
 
 
 def of_noise(response: Response) -> tuple[Note, ...]:
-    """Return a note that names the lines of noise that were left out of what the modes explain; nothing where all lines count."""
+    """Return a note on the lines of noise that do not count in the explained part; nothing where all lines count."""
     heard = heard_lines(response)
     if heard.all():
         return ()

@@ -550,7 +550,7 @@ class Misfit:
         freeze(self, _whole=float(np.sqrt(np.sum(energy / self.scale**2))))
 
     def of_left(self, left: RealArray) -> float:
-        """Return the misfit by the energy (l, m) that is left of every channel."""
+        """Return the misfit from the residual energy (l, m) of every channel."""
         with np.errstate(over="ignore", invalid="ignore"):
             return self._of_energy(float(np.sum(left / self.scale[:, None] ** 2)))
 
@@ -564,7 +564,7 @@ class Misfit:
         `basis`: of their poles. `shapes` (l, k). `participation` (k, m). `terms` (t, l, m).
         """
         channels = basis.data.shape[1:]
-        level = np.repeat(1 / self.scale, channels[1]).reshape(channels)  # in one piece, as what is left
+        level = np.repeat(1 / self.scale, channels[1]).reshape(channels)  # in one piece, as the residual
         energy = 0.0
         with np.errstate(over="ignore", invalid="ignore"):
             for left in basis.missed(shapes, participation, terms[: basis.terms.shape[1]]):

@@ -169,7 +169,7 @@ class ImpulseResponse(Response):
         return np.asarray(np.fft.rfftfreq(length, 1 / self.sampling_rate), dtype=float), H
 
     def energy(self, decay: Array) -> RealArray:
-        """Return about fs / decay, the sum over samples of |2 Re exp(s t)|^2, over no more than the samples there are."""
+        """Return the sum over samples of |2 Re exp(s t)|^2, about fs / decay, limited by the number of samples."""
         return np.minimum(self.sampling_rate / np.asarray(decay), 2 * self.samples)
 
     def as_samples(self) -> Conversion:

@@ -11,7 +11,7 @@ from typing import Any
 #: Maximum number of characters of a message, which is read on a terminal.
 _MAX_MESSAGE_LENGTH = 600
 
-#: Minimum number of characters that are left of a part of a message.
+#: Minimum number of characters of a shortened part of a message.
 _MIN_PART_LENGTH = 120
 
 

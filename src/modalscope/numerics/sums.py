@@ -63,7 +63,7 @@ def _triangle(rows: RealArray) -> RealArray:
     return np.asarray(sla.qr(rows, mode="r", overwrite_a=True, check_finite=False)[0], dtype=float)[:columns]
 
 
-#: Files of sums that are under way, which can be gone on from once they are there, and temporary ones that are being written, or held
+#: Files of unfinished sums, from which an interrupted run goes on, and temporary ones that are being written, or held
 #: against a second run: what ends the process without an exception speaks of the first and takes the others away itself.
 UNDER_WAY: set[Path] = set()
 PENDING: set[Path] = set()

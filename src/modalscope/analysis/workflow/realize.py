@@ -309,7 +309,7 @@ def _ways(records: Records, choice: Mapping[str, Any]) -> dict[str, dict[str, An
 class _Tried(NamedTuple):
     """A way and an order with its models, one a fold, none where it failed.
 
-    `blocks`, `levels`: of stretches of what is held out what simulations leave, and twice the likelihood of it a sample, less is better.
+    `blocks`, `levels`: simulation errors of stretches of the hold-out, and twice their negative log likelihood per sample.
     `refined`: to the least errors of prediction. `own`: nothing is held out, and the likelihood pays for its unknowns.
     """
 
@@ -363,7 +363,7 @@ def _judged(
     *,
     refined: bool = False,
 ) -> _Tried:
-    """Return a candidate with what its models leave of stretches of what is held out, mean over the outputs, see `FreeRun.squares`."""
+    """Return a candidate with the errors of its models on stretches of the hold-out, mean over the outputs, see `FreeRun.squares`."""
     blocks, levels = [], []
     for model, fold in zip(models, folds, strict=True):
         plain = replace(model, gain=None, innovation_covariance=None)
@@ -484,9 +484,9 @@ def _best(found: list[_Tried]) -> _Tried:
 
 
 def _confidence_set(tried: list[_Tried]) -> list[_Tried]:
-    """Return those that no test tells apart by what they leave of the stretches that are held out.
+    """Return those whose errors on the held-out stretches do not differ significantly.
 
-    d_i is the mean logarithm of what candidate i leaves, less that of all. The one of the largest t = d / sd(d) goes, and the others are
+    d_i is the mean logarithm of the error of candidate i, less that of all. The one of the largest t = d / sd(d) goes, and the others are
     compared again, until that t is what the largest of equal candidates exceeds in one of twenty: of stretches drawn again, with
     replacement, for all candidates the same. By logarithms no stretch outweighs the others. Hansen, Lunde and Nason, "The model confidence
     set", Econometrica 79 (2011), 453-497.
@@ -519,7 +519,7 @@ def _level(tried: _Tried) -> float:
 
 
 def _as_good(one: RealArray, top: RealArray) -> bool:
-    """Whether what is left of stretches is as little as the least, to one standard error of the mean of their difference."""
+    """Whether the errors on stretches are as small as the smallest, within one standard error of the mean difference."""
     worse = one - top
     return bool(np.mean(worse) <= np.std(worse) / np.sqrt(worse.size))
 

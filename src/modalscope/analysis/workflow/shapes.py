@@ -38,7 +38,7 @@ _MIN_SHARE_OF_DIFFERENCE = 1e-10
 class Fitted(NamedTuple):
     """Shapes of some outputs.
 
-    `outputs`: which. `shapes` (c, n). `left`, `whole` (c,): energy that is left, and all of it.
+    `outputs`: which. `shapes` (c, n). `left`, `whole` (c,): residual and total energy.
     """
 
     outputs: slice

@@ -341,7 +341,7 @@ class _Rows:
 
 
 def combined(stored: StoredResponse, count: int = COUNT) -> tuple[ImpulseResponse, Note]:
-    """Return the response of combinations of the outputs, and what they leave out.
+    """Return the response of combinations of the outputs, and the discarded part.
 
     Poles, participation and everything that is judged over all outputs together are those of the whole; shapes belong to the
     combinations, see `modalscope.identification.modal.full_field`.

@@ -1,7 +1,7 @@
 """Oblique projection of future outputs on past inputs and outputs, along future inputs, for records with inputs in time.
 
 With X(t) the states, y(t + k) = C A^k X(t) + sum_(j <= k) (...) u(t + j) + what noise and unmeasured forces add from t on. The future
-inputs are eliminated; the past, which knows nothing of what noise adds later, is the instrument: what is left is V X, consistent
+inputs are eliminated; the past, which knows nothing of what noise adds later, is the instrument: the remainder is V X, consistent
 whatever the noise and the unmeasured forces are. A projection on the lines of records has no such instrument.
 """
 

@@ -132,7 +132,7 @@ class RowsOnLines(FullMatrix):
     @property
     @abstractmethod
     def triangle(self) -> RealArray:
-        """L (l (q + 1), k): the matrix times an orthonormal matrix, its exact stand-in."""
+        """L (l (q + 1), k): the matrix times an orthonormal matrix: it has the same singular values."""
 
     @property
     @abstractmethod

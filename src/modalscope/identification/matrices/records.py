@@ -261,7 +261,7 @@ class RecordLines(FullPolynomialRows):
 
     @property
     def left(self) -> int:
-        """Columns that are left of all runs: the sum of 2 F - rank."""
+        """Remaining columns of all runs: the sum of 2 F - rank."""
         return sum(2 * (own.stop - own.start) - part.rank for own, part in zip(self.spans, self.parts, strict=True))
 
     @cached_property
@@ -271,7 +271,7 @@ class RecordLines(FullPolynomialRows):
 
     @property
     def triangle(self) -> RealArray:
-        """L (l (q + 1), k): what is left of all runs, times an orthonormal matrix."""
+        """L (l (q + 1), k): the remainder of all runs, times an orthonormal matrix."""
         return self._eliminated[0]
 
     @cached_property
