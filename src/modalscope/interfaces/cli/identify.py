@@ -202,10 +202,7 @@ def _print(result: Result, *, everything: bool = False, wide: bool = False) -> N
     first = " ".join([*verdict.unexplained, *verdict.graded, *left])
     say(*filter(None, [first]), *verdict.warnings)
     texts, computing = notes_that_matter(note for note in result.notes if note.kind not in _ON_READING)
-    if result.findings:
-        remark("data:", *(f"  {finding}" for finding in grouped(result.findings)))
-    if texts:
-        remark("notes:", *(f"  {text}" for text in texts))
+    remark(*(f"data: {finding}" for finding in grouped(result.findings)), *(f"note: {text}" for text in texts))
     if candidates and everything:
         say("left out:")
         for candidate in candidates:
