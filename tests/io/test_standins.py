@@ -49,7 +49,7 @@ def _read(name: str) -> Any:
         pytest.importorskip("nptdms")
     files, _ = _files(name)
     if name in ASKED:
-        refused("--sampling-rate HZ", opened, files, {})
+        refused("sampling_rate=HZ", opened, files, {})
         return opened(files, {"sampling_rate": ASKED[name]})[0]
     return opened(files if len(files) > 1 else files[0], {})[0]
 
