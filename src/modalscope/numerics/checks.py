@@ -367,7 +367,7 @@ def check_shifts(name: str, values: Any) -> tuple[int, ...]:
 def check_path(path: Any) -> Path:
     """Return the name of a file as a path, or raise."""
     if not isinstance(path, str | PathLike) or isinstance(fspath(path), bytes):
-        raise DataError("a file name needs text or a Path", f"it is {type(path).__name__}", "Give one of these.")
+        raise DataError("the name of a file needs text or a Path", f"it is {type(path).__name__}", "Give one of these.")
     if "\0" in fspath(path):
         raise DataError("the name of a file cannot contain a NUL", "this one does", "Take it out.")
     try:

@@ -79,7 +79,7 @@ def _field_basis(stored: StoredResponse, modes: ModalModel) -> RealArray:
     if participation.shape[1] != inputs:
         raise DataError(
             f"shapes of responses to {inputs} inputs were asked",
-            f"the modes are those of {participation.shape[1]} inputs",
+            f"the inputs of the modes are {participation.shape[1]}",
             "Give the modes that were identified from these responses.",
         )
     first = stored.part(0, 1)
