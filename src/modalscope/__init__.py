@@ -177,7 +177,7 @@ _NAMESPACES = {
     "systems": "systems",
 }
 
-#: Names that stood at the face and now stand in a namespace alone.
+#: Older names of `modalscope` that are found only in one of its namespaces.
 _MOVED = {
     "cmif": "indicators",
     "decomposition": "preprocess",

@@ -55,9 +55,9 @@ def test_inputs_and_outputs_may_change_places() -> None:
 @pytest.mark.parametrize(
     ("groups", "message"),
     [
-        (["a"], "groups needs 4 labels, one an input, but 1 are given"),
-        ("runs", "groups needs one label an input"),
-        (3, "groups needs one label an input"),
+        (["a"], "groups needs 4 labels, one per input, but 1 are given"),
+        ("runs", "groups needs one label per input"),
+        (3, "groups needs one label per input"),
     ],
 )
 def test_groups_that_do_not_fit_are_refused(groups: object, message: str) -> None:

@@ -183,10 +183,10 @@ def test_what_is_not_known_of_one_mode_is_a_dash() -> None:
         ({"feedthrough": np.ones((1, 1))}, r"feedthrough needs shape \(3, 1\)"),
         ({"frequencies_std": [0.1]}, r"frequencies_std needs shape \(2\), \(modes,\), but it has \(1,\)"),
         ({"indicators": {"mpc": [1.0]}}, r"mpc needs shape \(2\)"),
-        ({"reasons": ({},)}, "reasons needs one entry a mode, 2, but it has 1"),
+        ({"reasons": ({},)}, "reasons needs one entry per mode, 2, but it has 1"),
         ({"poles": [np.nan, 1]}, "poles needs finite numbers"),
         ({"quantity": "strain"}, "quantity='strain'"),
-        ({"output_dofs": ["1:X", "2:X"]}, "output_dofs needs 3 labels, one a channel, but 2 are given"),
+        ({"output_dofs": ["1:X", "2:X"]}, "output_dofs needs 3 labels, one per channel, but 2 are given"),
     ],
 )
 def test_modal_models_that_do_not_fit_are_refused(change: dict, message: str) -> None:  # type: ignore[type-arg]
@@ -338,7 +338,7 @@ def test_intervals_that_cannot_be_told(modes: ModalModel, level: float, message:
         ({"left_out": [4.0]}, "each of left_out"),
         ({"harmonics": "25 Hz"}, "harmonics needs a list of Harmonic"),
         ({"unrefined": "before"}, "unrefined"),
-        ({"unrefined": full()[:1]}, "unrefined needs one entry a mode, 3, but it has 1"),
+        ({"unrefined": full()[:1]}, "unrefined needs one entry per mode, 3, but it has 1"),
         ({"converged": "yes"}, "converged"),
     ],
 )

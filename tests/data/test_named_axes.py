@@ -61,5 +61,5 @@ def test_a_diagram_has_its_poles() -> None:
 def test_what_has_no_one_array_says_so() -> None:
     from modalscope.data.named_axes import dataset
 
-    with pytest.raises(ms.DataError, match="Ask them of each part"):
+    with pytest.raises(ms.DataError, match="Convert each part"):
         dataset(ms.Records(runs=(ms.Signals(outputs=np.ones((9, 1)), sampling_rate=1.0),)))

@@ -42,14 +42,14 @@ GOOD = {
         (Signals, {"outputs": np.full((5, 2), 1j)}, "outputs needs real numbers, but it is complex"),
         (Signals, {"outputs": np.array([[1, np.nan], [2, np.inf]])}, r"2 of 4 values .* the first at index \(0, 1\)"),
         (Signals, {"inputs": np.ones((4, 1))}, r"the same runs and samples, but the shapes are \(5, 2\) and \(4, 1\)"),
-        (Signals, {"outputs": np.ones((1, 2)), "inputs": None}, "at least two samples"),
+        (Signals, {"outputs": np.ones((1, 2)), "inputs": None}, "needs two samples"),
         (Signals, {"sampling_rate": 0}, "sampling_rate needs a positive number, but it is 0"),
         (Signals, {"sampling_rate": "fast"}, "sampling_rate needs a positive number, but it is 'fast'"),
         (Signals, {"quantities": ("velocity",)}, "quantities needs 2, but 1 are given"),
         (Signals, {"quantities": "speed"}, "quantity='speed': there are only displacement"),
         (Signals, {"output_dofs": ["1:X", "1X"]}, r"output_dofs needs different labels, but 1:\+X are repeated"),
-        (Signals, {"units": ("g", "N", "s")}, "units needs one unit or a pair"),
-        (Signals, {"units": (("g",), "N")}, "outputs needs 2 units, but 1 are given"),
+        (Signals, {"units": ("g", "N", "s")}, "units needs one unit, or a pair"),
+        (Signals, {"units": (("g",), "N")}, "outputs needs 2 units, but there are 1"),
         (ImpulseResponse, {"values": np.ones((5, 2))}, r"values needs axes \(samples, outputs, inputs\)"),
         (ImpulseResponse, {"values": np.ones((1, 2, 1))}, "an impulse response needs two samples"),
         (
@@ -77,7 +77,7 @@ GOOD = {
         (Geometry, {"nodes": ["a", "a"]}, "different node names"),
         (Geometry, {"coordinates": np.zeros((3, 3))}, r"coordinates needs shape \(2, 3\), but it has \(3, 3\)"),
         (Geometry, {"lines": [["a", "c"]]}, "geometry lines join nodes, but there is no node c"),
-        (Geometry, {"faces": [["a", "b"]]}, r"geometry faces need 3 or 4 nodes a row, but the shape is \(1, 2\)"),
+        (Geometry, {"faces": [["a", "b"]]}, r"geometry faces need 3 or 4 nodes per row, but the shape is \(1, 2\)"),
     ],
 )
 def test_what_cannot_be_used_is_refused_in_three_parts(noun: type, change: dict, message: str) -> None:  # type: ignore[type-arg]

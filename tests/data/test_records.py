@@ -103,7 +103,7 @@ def test_every_run_is_a_group_unless_labels_say_otherwise() -> None:
         ({"outputs": np.ones((5, 1)), "output_dofs": ["1Z"]}, "same outputs: run 1 has 2, run 3 1"),
         ({"quantities": ("acceleration", None)}, "number 2 is acceleration in run 1 and not known in run 3"),
         ({"units": ("g", "N")}, "units of the outputs: number 1 is m/s2 in run 1 and g in run 3"),
-        ({"units": ("m/s2", "lbf")}, r"input 1:\+Z in one unit: it is in N in one run and in lbf"),
+        ({"units": ("m/s2", "lbf")}, r"input 1:\+Z needs one unit, but one run has it in N, another in lbf"),
         ({"inputs": ()}, "all runs need inputs, or none, but run 3 has none"),
     ],
 )
@@ -119,6 +119,6 @@ def test_what_records_do_not_have_they_say() -> None:
         Records(runs=(np.ones((3, 2)),))  # type: ignore[arg-type]
     with pytest.raises(DataError, match="run 1: there are 1"):
         Records(runs=(run(),)).inputs_of(1)
-    with pytest.raises(DataError, match="groups needs 1 labels, one a run, but 2 are given"):
+    with pytest.raises(DataError, match="groups needs 1 labels, one per run, but 2 are given"):
         Records(runs=(run(),), groups=("a", "b"))
     assert Records(runs=(run(),), source_path="a.npz").source_path == Path("a.npz")  # type: ignore[arg-type]

@@ -36,13 +36,9 @@ def test_channels_are_chosen_from_all_setups():
         ([record(["a", "b"]), record(["c", "d"])], {}, "they have none in common"),
         ([record(["a"]), record(["a", "b"], rate=5.0)], {}, "setup 2 5 Hz"),
         ([record(["a"]), record(["a", "b"], inputs=np.ones((40, 1)))], {}, "setup 2 has inputs"),
-        (
-            [record(["a"], units="g"), record(["a", "b"])],
-            {},
-            "a is not known in g in one setup and not known in not known",
-        ),
+        ([record(["a"], units="g"), record(["a", "b"])], {}, "a has acceleration in g in one and neither in setup 2"),
         ([record(["a"]), record(["a", "b"])], {"references": ["b"]}, "reference that every setup has, 'b'"),
-        ([record(["a"]), record(["a", "b"])], {"groups": ["x"]}, "groups needs 2 labels, one a setup"),
+        ([record(["a"]), record(["a", "b"])], {"groups": ["x"]}, "groups needs 2 labels, one per setup"),
     ],
 )
 def test_what_are_no_setups_is_said(parts, options, text):

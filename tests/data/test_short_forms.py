@@ -20,8 +20,9 @@ def test_records_and_responses_are_made_by_place() -> None:
     assert (record.samples, record.sampling_rate, record.output_dofs) == (50, 100.0, ("y1", "y2"))
     response = ms.FrequencyResponse(chain5().frequency_response(F).values, F, quantity="mobility")
     assert response.lines == 120
-    with pytest.raises(TypeError, match="positional"):
-        ms.Signals(y, 100.0, y)  # type: ignore[call-arg]
+    impulse = ms.ImpulseResponse(y[:, 0], 100.0)
+    assert (impulse.values.shape, impulse.sampling_rate) == ((50, 1, 1), 100.0)
+    refused("Signals takes outputs and sampling_rate by position, but there are 3 values", ms.Signals, y, 100.0, y)
     with pytest.raises(TypeError):
         ms.Signals(y, outputs=y, sampling_rate=1.0)  # type: ignore[misc]
 
@@ -49,6 +50,38 @@ def test_responses_to_a_force_have_names(name: str, quantity: str) -> None:
     response = ms.FrequencyResponse(chain5().frequency_response(F).values, F, quantity=name)
     assert response.quantity == quantity
     refused("quantity", ms.FrequencyResponse, values=response.values, frequencies=F, quantity="stiffness")
+
+
+@pytest.mark.parametrize(
+    ("units", "sides", "quantity", "factor"),
+    [
+        ("g/N", ("g", "N"), "acceleration", 9.80665),
+        ("(mm/s)/kN", ("mm/s", "kN"), "velocity", 1e-6),
+        ("m/s^2/N", ("m/s^2", "N"), "acceleration", 1.0),
+        ("mm", ("mm", ""), "displacement", 1e-3),
+        ("100 mV/g", ("100 mV/g", ""), "acceleration", 0.0980665),
+        (("in", "lbf"), ("in", "lbf"), "displacement", 0.0254 / 4.4482216152605),
+        ("furlong/N", ("furlong/N", ""), None, 1.0),
+    ],
+)
+def test_the_unit_of_a_response_is_that_of_both_sides_and_says_the_quantity(
+    units: str | tuple[str, str], sides: tuple[str, str], quantity: str | None, factor: float
+) -> None:
+    H = chain5().frequency_response(F).values
+    response = ms.FrequencyResponse(H, F, units=units)  # type: ignore[arg-type]
+    assert (response.units[0][0], response.units[1][0], response.quantity) == (*sides, quantity)
+    np.testing.assert_allclose(response.in_si().values, factor * H)
+    assert ms.FrequencyResponse(H, F, units=units, quantity="velocity").quantity == "velocity"  # type: ignore[arg-type]
+
+
+def test_units_of_records_say_the_quantities_and_may_be_one_per_output() -> None:
+    y = np.random.default_rng(0).standard_normal((50, 2))
+    assert ms.Signals(y, 100.0, units="g").quantity == "acceleration"  # type: ignore[arg-type]
+    assert ms.Signals(y, 100.0, units="V").quantity is None  # type: ignore[arg-type]
+    mixed = ms.Signals(y, 100.0, units=["mm/s", "100 mV/g"])  # type: ignore[arg-type]
+    assert (mixed.units, mixed.quantities) == ((("mm/s", "100 mV/g"), ()), ("velocity", "acceleration"))
+    driven = ms.Signals(y, 100.0, inputs=y, units=["g", "N"])  # type: ignore[arg-type]
+    assert driven.units == (("g", "g"), ("N", "N"))
 
 
 def test_a_result_prints_its_table_and_saves_itself(tmp_path: Path) -> None:

@@ -110,7 +110,7 @@ def test_what_cannot_be_one_record_is_refused_in_words(tmp_path: Path) -> None:
     path.write_bytes(record(SLOW) + record(SLOW, channel="LNZ", factor=1))
     refused("different rates.*TWR.00.HNZ 100 Hz", ms.read, path)
     path.write_bytes(record(SLOW) + record(SLOW, channel="HNE", at=60.0))
-    refused("no stretch in common", ms.read, path)
+    refused("no time in common", ms.read, path)
     path.write_bytes(record(SLOW)[:3000])
     refused("cut off", ms.read, path)
     path.write_bytes(b"nothing of the kind" * 100)

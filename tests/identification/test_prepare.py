@@ -111,7 +111,7 @@ def test_the_way_can_be_asked_for_and_one_that_ends_nowhere_says_so() -> None:
     data = records(inputs=True)
     assert str(prepare(data, route="frf").method) == "alternate (s)"
     assert str(prepare(data, route="records", domain="s").method) == "alternate (s, records)"
-    with pytest.raises(DataError, match=r"by route='records': .* reach it by route .frf"):
+    with pytest.raises(DataError, match=r"by route='records': .* by route .frf"):
         prepare(data, "lscf", None, route="records")
     with pytest.raises(DataError, match="not records with inputs"):
         prepare(samples(), route="records")

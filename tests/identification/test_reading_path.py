@@ -145,7 +145,7 @@ def test_plain_steps_take_the_data_and_options_of_the_report_alone() -> None:
                 factor(prepare(noisy(), **asked), 10)
         with pytest.raises(DataError, match="a plain matrix of degree 8"):
             factor(prepare(lines(), method="era", block_rows=8, basis="powers"), 10)
-        with pytest.raises(DataError, match="plain form of a data matrix"):
+        with pytest.raises(DataError, match="plain data matrix has none"):
             full(factor(prepare(noisy()), 10).matrix)
 
 

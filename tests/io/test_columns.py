@@ -111,10 +111,10 @@ def test_what_is_said_goes_before_what_is_seen() -> None:
     ("options", "text"),
     [
         ({"columns": "x=2"}, "not of the form ROLE=COLUMNS"),
-        ({"columns": "in=9"}, "column '9' of --columns"),
-        ({"columns": "in=2-9"}, "column '2-9' of --columns"),
+        ({"columns": "in=9"}, "column '9' of columns"),
+        ({"columns": "in=2-9"}, "column '2-9' of columns"),
         ({"columns": "in=A,out=A"}, "has two roles"),
-        ({"ignore": "Z"}, "column 'Z' of --ignore"),
+        ({"ignore": "Z"}, "column 'Z' of ignore"),
         ({"ignore": ["A", "B"]}, "needs a column of measured values"),
         ({"sampling_rate": 50.0}, "the times of column 1, 'Time' .s. say 100 Hz"),
     ],
@@ -130,7 +130,7 @@ def test_a_rising_column_is_time_beside_a_force_and_asked_for_otherwise() -> Non
     assert contents_from_table(Table(where="a", columns=(rising, *beside)), {}).thing.sampling_rate == 4
     bare = (rising, Column(number=2, values=values[0]), Column(number=3, values=values[1]))
     refused(
-        r'--columns "time=1,out=2-3", or --columns "frequency=1,real=2,imag=3"',
+        "columns='time=1,out=2-3', or columns='frequency=1,real=2,imag=3'",
         contents_from_table,
         Table(where="a", columns=bare),
         {},

@@ -40,7 +40,7 @@ def test_the_index_gives_the_rate(index: object) -> None:
 
 
 def test_a_count_of_rows_needs_a_rate_that_attributes_or_the_caller_give() -> None:
-    refused("--sampling-rate HZ", ms.from_frame, frame())
+    refused("sampling_rate=HZ", ms.from_frame, frame())
     assert ms.from_frame(frame(), sampling_rate=RATE).sampling_rate == RATE
     told = frame()
     told.attrs["fs"] = RATE

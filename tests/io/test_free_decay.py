@@ -37,5 +37,5 @@ def test_columns_that_are_not_named_are_left(tmp_path):
 
 
 def test_a_force_is_refused(tmp_path):
-    with pytest.raises(ms.DataError, match=r"(?s)F would be a force.*--rows FIRST-"):
+    with pytest.raises(ms.DataError, match=r"(?s)F would be a force.*rows='FIRST-'"):
         ms.read(written(tmp_path, "F [N]"), columns="time=1,in=2,decay=3-")

@@ -139,7 +139,7 @@ def test_of_several_experiments_one_is_asked_for(tmp_path):
             group = file.create_group(name)
             group.attrs["fs"] = 512.0
             group["acc"], group["force"] = acc, acc[:, 0]
-    message = str(refused('--test "baseline" or --test "damaged"', mio.read, tmp_path / "a.h5"))
+    message = refused("sheet='baseline' or sheet='damaged'", mio.read, tmp_path / "a.h5").args[0]
     assert not dead_ends(tmp_path / "a.h5", message)
     np.testing.assert_array_equal(mio.read(tmp_path / "a.h5", sheet="damaged").outputs, arrays["damaged"])
     refused("its experiments are baseline, damaged", mio.read, tmp_path / "a.h5", sheet="other")

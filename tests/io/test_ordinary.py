@@ -89,7 +89,7 @@ def attempts(path: Path, limit: int = 3) -> tuple[list[list[str]], list[Any]]:
             try:
                 things.append(told_to_read(path, words))
             except ms.DataError as error:
-                further += [[*words, *more] for more in suggestions(str(error))]
+                further += [[*words, *more] for more in suggestions(error.args[0])]
         waiting = further
     return tried, things
 

@@ -84,7 +84,7 @@ def test_rows_of_another_length_and_texts_among_numbers_are_named_by_their_line(
     path.write_text("Time,Force,AccA\n" + "\n".join([*good[:700], "7.0,1", *good[701:]]))
     refused(r"line 702 has 2: \['7.0', '1'\]", ms.read, path)
     path.write_text("Time,Force,AccA\n" + "\n".join([*good[:700], "7.00,1,OVL", *good[701:]]))
-    refused(r"line 702 holds 'OVL' there(.|\n)*--ignore 3", ms.read, path)
+    refused(r"line 702 holds 'OVL' there(.|\n)*ignore=\[3\]", ms.read, path)
     path.write_text(
         "Time,Force,AccA,AccB\n" + "\n".join(f"{line},{'OVL' if k == 700 else 1}" for k, line in enumerate(good))
     )
@@ -94,5 +94,5 @@ def test_rows_of_another_length_and_texts_among_numbers_are_named_by_their_line(
 def test_rows_of_many_samples_are_read_when_they_are_said_to_be_channels(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("".join(",".join(map(str, row)) + "\n" for row in np.arange(60_000).reshape(2, 30_000) % 7))
-    refused("29999 cells in line 1(.|\n)*--transpose", ms.read, path, sampling_rate=100.0)
+    refused("29999 cells in line 1(.|\n)*transpose=True", ms.read, path, sampling_rate=100.0)
     assert ms.read(path, sampling_rate=100.0, transpose=True).outputs.shape == (30_000, 2)

@@ -89,7 +89,7 @@ def test_tdms_keeps_increment_and_units(tmp_path: Path) -> None:
     write_tdms(tmp_path / "a.tdms")
     assert is_the_record(ms.read(tmp_path / "a.tdms"))
     write_tdms(tmp_path / "b.tdms", "run", "other")
-    refused('--test "(run|other)" or --test', ms.read, tmp_path / "b.tdms")
+    refused("sheet='(run|other)' or sheet=", ms.read, tmp_path / "b.tdms")
     assert is_the_record(ms.read(tmp_path / "b.tdms", sheet="run"))
     (tmp_path / "c.tdms").write_bytes((tmp_path / "a.tdms").read_bytes()[:60])
     refused("damaged|no groups|no columns|needs", ms.read, tmp_path / "c.tdms")

@@ -49,7 +49,7 @@ def _read(name: str) -> Any:
         pytest.importorskip("nptdms")
     files, _ = _files(name)
     if name in ASKED:
-        refused("--sampling-rate HZ", opened, files, {})
+        refused("sampling_rate=HZ", opened, files, {})
         return opened(files, {"sampling_rate": ASKED[name]})[0]
     return opened(files if len(files) > 1 else files[0], {})[0]
 
@@ -79,7 +79,7 @@ def test_responses_are_read_as_their_truth_says(name: str) -> None:
 
 def test_a_sensor_that_was_left_in_volts_is_named_with_two_ways_out() -> None:
     files, _ = _files("analyser_text")
-    refused(r"(?s)others not: M12 .*--units .*--quantity acceleration", opened, files, {})
+    refused(r"(?s)others not: M12 .*units={.*quantity='acceleration'", opened, files, {})
     assert opened(files, {"quantity": "acceleration"})[0].quantity == "acceleration"
 
 

@@ -97,7 +97,7 @@ def test_what_cannot_be_done_is_said_before_anything_is_written(tmp_path: Path) 
         with pytest.raises(DataError, match=found):
             ms.full_field(modes, stored, tmp_path / path)
     other = ms.identify(responses().select(inputs=[0]), method="era", order=2 * MODES).modes
-    with pytest.raises(DataError, match="participation in 1"):
+    with pytest.raises(DataError, match="inputs of the modes are 1"):
         ms.full_field(other, stored, tmp_path / "shapes.zarr")
     some = stored.select(outputs=[650, 3], inputs=[1])
     np.testing.assert_array_equal(some.part(0, 2).values, responses().values[:, [650, 3]][:, :, [1]])

@@ -112,7 +112,7 @@ def test_a_scheduler_that_is_gone_is_said_in_words() -> None:
         def result(self) -> None:
             raise CancelledError
 
-    with pytest.raises(DataError, match=r"(?s)the scheduler is gone.*--resume it goes on"):
+    with pytest.raises(DataError, match=r"(?s)the scheduler is gone.*the same folder it goes on"):
         _result(Gone())
 
 

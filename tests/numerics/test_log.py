@@ -33,7 +33,7 @@ def test_notes_of_a_run_are_records_and_nothing_is_printed(
 def test_a_log_holds_every_remark_once_with_its_time(record: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = record.with_name("run.log")
     assert main(["identify", str(record), "-q", "--log", str(log)]) == 0
-    assert "notes:" not in capsys.readouterr().out
+    assert "note:" not in capsys.readouterr().out
     lines = log.read_text(encoding="utf-8").splitlines()
     texts = [line[32:].strip() for line in lines]
     assert all(line[:4].isdecimal() for line in lines)

@@ -120,7 +120,10 @@ def test_structures_that_do_not_fit_are_refused(change: dict, message: str) -> N
         (lambda s: s.simulate(sampling_rate=10), "a record needs a length"),
         (lambda s: s.simulate(samples=10, inputs="pink", sampling_rate=10), "inputs='pink'"),
         (lambda s: s.simulate(inputs=np.ones((9, 1)), sampling_rate=10), "inputs has 1 columns"),
-        (lambda s: s.simulate(inputs=np.ones((9, 2)), samples=5, sampling_rate=10), "the forces have 1 of 9"),
+        (
+            lambda s: s.simulate(inputs=np.ones((9, 2)), samples=5, sampling_rate=10),
+            "the forces have samples=9, runs=1",
+        ),
         (lambda s: s.simulate(inputs="ambient", samples=9, sampling_rate=10), "a stationary start"),
     ],
 )

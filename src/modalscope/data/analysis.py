@@ -40,7 +40,7 @@ class SourceFile:
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Analysis:
-    """The choices of an analysis; what is None or empty was left to the program.
+    """The choices of an analysis; what is None or empty is chosen by the program.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class Analysis:
     route : str
         From records with inputs, "auto" by default.
     reciprocal : bool, optional
-        Whether inputs and outputs of responses are exchanged by reciprocity; None where that was left to the program.
+        Whether inputs and outputs of responses are exchanged by reciprocity; None where the program decides.
     method, domain : str, optional
         The cell of the table.
     orders : tuple of int, optional
@@ -133,7 +133,7 @@ class Analysis:
         return each[0] if all(own == each[0] for own in each) else each
 
     def choices(self) -> dict[str, Any]:
-        """Return what was chosen, by the keywords of `analyze`; what was left to the program is left out."""
+        """Return what was chosen, by the keywords of `analyze`; without what the program decides."""
         bands = self.bands[0] if len(self.bands) == 1 else self.bands or None
         named = {
             "band": bands,

@@ -52,7 +52,7 @@ def source_of(parts: Iterable[Any]) -> SourcePath:
     return check_source([file for part in parts for file in files_of(part)])
 
 
-#: One label a part; None when the parts are not to be told apart.
+#: One label per part; None when the parts are not to be told apart.
 Groups = tuple[str, ...] | None
 
 #: What stands for the default.
@@ -63,12 +63,12 @@ _MIN_GROUPS = 4
 
 
 def input_groups(input_dofs: Sequence[str]) -> Groups:
-    """Return a group an input column where there are at least four, else None."""
+    """Return a group per input column where there are at least four, else None."""
     return tuple(input_dofs) if len(input_dofs) >= _MIN_GROUPS else None
 
 
 def run_groups(count: int) -> Groups:
-    """Return a group a run where there are several, else None."""
+    """Return a group per run where there are several, else None."""
     return tuple(f"run {k + 1}" for k in range(count)) if count > 1 else None
 
 
@@ -87,10 +87,10 @@ def check_groups(groups: Any, count: int, part: str, default: Groups) -> Groups:
     """
     if groups is None or (isinstance(groups, str) and groups == AUTO):
         return default if groups is not None else None
-    labels = tuple(str(label) for label in check_each("groups", groups, f"one label {part}"))
+    labels = tuple(str(label) for label in check_each("groups", groups, f"one label per {part}"))
     if len(labels) != count:
         raise DataError(
-            f"groups needs {count} labels, one {part}", f"{len(labels)} are given", "Give all, or groups=None."
+            f"groups needs {count} labels, one per {part}", f"{len(labels)} are given", "Give all, or groups=None."
         )
     return labels
 
@@ -99,6 +99,7 @@ def check_groups(groups: Any, count: int, part: str, default: Groups) -> Groups:
 KINDS = ("pulse", "dirac", "correlation", "free decay")
 
 Units = tuple[tuple[str, ...], tuple[str, ...]]
+_UNIT_FORMS = "one unit, or a pair for outputs and inputs"
 
 
 #: Names of responses to a force, and the quantity of their outputs.
@@ -132,11 +133,8 @@ def derivatives_between(quantity: str | None, wanted: str) -> int:
 def known_quantity(quantity: str | None, asked: str, *, lost: str = "", otherwise: str = "") -> str:
     """Return the quantity of a response, or raise when it is not known: what is lost with it, and another way out."""
     if quantity is None:
-        raise DataError(
-            asked,
-            f"the quantity of the response is not known{lost}",
-            f'Give quantity="displacement", "velocity" or "acceleration" with the data{otherwise}.',
-        )
+        remedy = f'Give quantity="displacement", "velocity" or "acceleration" with the data{otherwise}.'
+        raise DataError(asked, f"the quantity of the response is not known{lost}", remedy)
     return quantity
 
 
@@ -145,9 +143,9 @@ def _one_side(name: str, unit: str | Sequence[str] | None, count: int) -> tuple[
         return ("",) * count
     if isinstance(unit, str):
         return (unit,) * count
-    each = check_each(f"units of the {name}", unit, "one unit, or one a channel")
+    each = check_each(f"units of the {name}", unit, "one unit, or one per channel")
     if len(each) != count:
-        raise DataError(f"{name} needs {count} units", f"{len(each)} are given", "Give one a channel, or one for all.")
+        raise DataError(f"{name} needs {count} units", f"there are {len(each)}", "Give one, or one per channel.")
     return tuple(str(u) for u in each)
 
 
@@ -211,7 +209,8 @@ class Channels(Shown, ABC):
     output_dofs, input_dofs : sequence of labels, optional
         Strings such as `3:+Z`, or pairs (node, direction). Without them the channels are called y1, y2, ... and u1, u2, ...
     units : str or (outputs, inputs), optional
-        One unit for all outputs, or a pair; each of its sides is one unit or one a channel.
+        One unit for all outputs, of responses also that of all ("m/s2/N"), or a pair; each of its sides is one unit or one per channel.
+        Records without inputs take a list of one per output, too. They say the quantity of the outputs where that is not given.
     geometry : Geometry, optional
         Where the channels are.
     processing : sequence of str, optional
@@ -227,15 +226,15 @@ class Channels(Shown, ABC):
     processing: tuple[str, ...] = ()
     source_path: SourcePath = field(default=None, compare=False)
 
-    def _label(self, outputs: int, inputs: int) -> None:
+    def _label(self, outputs: int, inputs: int) -> bool:
+        """Take labels and units, and return whether a unit stands for several channels: then it says their quantity, too."""
         units: Any = self.units
-        pair = (
-            (units, None)
-            if units is None or isinstance(units, str)
-            else check_each("units", units, "one unit or a pair")
-        )
+        pair = [units, None] if units is None or isinstance(units, str) else check_each("units", units, _UNIT_FORMS)
+        said = any(isinstance(side, str) for side in pair)
+        if not inputs and isinstance(units, list) and len(pair) == outputs:
+            pair = [pair, None]
         if len(pair) != 2:
-            raise DataError("units needs one unit or a pair", f"{len(pair)} are given", 'Give units=("m/s2", "N").')
+            raise DataError(f"units needs {_UNIT_FORMS}", f"{len(pair)} are given", 'Give units=("m/s2", "N").')
         if self.geometry is not None:
             check_kind("geometry", self.geometry, Geometry)
         steps = [self.processing] if isinstance(self.processing, str) else self.processing
@@ -244,9 +243,10 @@ class Channels(Shown, ABC):
             output_dofs=check_labels("output_dofs", self.output_dofs, outputs, "y"),
             input_dofs=check_labels("input_dofs", self.input_dofs, inputs, "u"),
             units=(_one_side("outputs", pair[0], outputs), _one_side("inputs", pair[1], inputs)),
-            processing=tuple(str(step) for step in check_each("processing", steps, "one text a step")),
+            processing=tuple(str(step) for step in check_each("processing", steps, "one text per step")),
             source_path=check_source(self.source_path),
         )
+        return said
 
     def _cut(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         """Return the changed fields for a choice of channels; data classes add their own arrays."""

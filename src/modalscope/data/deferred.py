@@ -15,9 +15,9 @@ Compute = Callable[[IntArray], RealArray]
 
 
 class Deferred:
-    """Some numbers a pole, two by default for frequency and damping, computed when they are first read.
+    """Some numbers per pole, two by default for frequency and damping, computed when they are first read.
 
-    `count`: of poles. `compute`: is let go, with all that it holds, once all are known. `rows`: numbers a pole.
+    `count`: of poles. `compute`: is let go, with all that it holds, once all are known. `rows`: numbers per pole.
 
     Examples
     --------

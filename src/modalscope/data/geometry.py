@@ -100,7 +100,7 @@ def check_labels(name: str, dofs: Iterable[DofLike] | None, count: int, prefix: 
     each = [dofs] if isinstance(dofs, str) else check_each(name, dofs, "labels")
     labels = _CheckedLabels(label_of(dof) for dof in each)
     if len(labels) != count:
-        raise DataError(f"{name} needs {count} labels, one a channel", f"{len(labels)} are given", "Give all.")
+        raise DataError(f"{name} needs {count} labels, one per channel", f"{len(labels)} are given", "Give all.")
     repeated = sorted(label for label, times in Counter(labels).items() if times > 1)
     if repeated:
         raise DataError(
@@ -150,7 +150,7 @@ def _elements(name: str, elements: ArrayLike | None, sizes: tuple[int, ...], nod
     if array.size == 0:
         return locked(np.zeros((0, sizes[0]), dtype=np.int64))
     if array.ndim != 2 or array.shape[1] not in sizes:
-        needs = f"{name} need {' or '.join(map(str, sizes))} nodes a row"
+        needs = f"{name} need {' or '.join(map(str, sizes))} nodes per row"
         raise DataError(needs, f"the shape is {array.shape}", "Give one row each.")
     position = {node: i for i, node in enumerate(nodes)}
     if array.dtype.kind in "iu" and not {str(k) for k in array.ravel()} & set(nodes):  # no names: positions
@@ -254,7 +254,7 @@ class Geometry(Shown):
             One value a channel.
         """
         if np.shape(shape) != (len(labels),):
-            raise DataError(f"shape needs {len(labels)} values", f"it has {np.shape(shape)}", "Give one a channel.")
+            raise DataError(f"shape needs {len(labels)} values", f"it has {np.shape(shape)}", "Give one per channel.")
         displacement = np.zeros((len(self.nodes), 3), dtype=np.result_type(np.asarray(shape), float))
         position = {node: i for i, node in enumerate(self.nodes)}
         for label, value in zip(labels, shape, strict=True):

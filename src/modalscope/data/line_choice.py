@@ -44,7 +44,7 @@ def running_mean(values: RealArray, run: IntArray, neighbours: int) -> RealArray
 
 
 def resonance_weights(power: RealArray, run: IntArray) -> RealArray:
-    """Return a weight a line, (F,), of mean square one: the root of the outputs' amplitude over neighbouring lines of the run.
+    """Return a weight per line, (F,), of mean square one: the root of the outputs' amplitude over neighbouring lines of the run.
 
     `power` (F,): of the outputs together. `run` (F,).
     """

@@ -31,7 +31,7 @@ from modalscope.numerics.checks import (
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.poles import HasPoles, is_real, to_discrete
 
-#: Column -> field: one number a mode, or nothing.
+#: Column -> field: one number per mode, or nothing.
 COLUMNS = {
     "frequency_spread_hz": "frequencies_spread",
     "damping_ratio_spread": "damping_ratios_spread",
@@ -49,7 +49,7 @@ DEGREES = ("frequency_degrees", "damping_ratio_degrees")
 #: Half width of the logarithm of a damping ratio, at most: its exponential is a number.
 _MAX_LOG = 700.0
 
-#: Fields that hold one number a mode, or nothing.
+#: Fields that hold one number per mode, or nothing.
 PER_MODE = tuple(COLUMNS.values())
 
 #: Columns of `ModalModel.columns` that follow from others: readers leave them out.
@@ -123,7 +123,7 @@ class ModeFields(Channels, HasPoles):
             ("unrefined", n if self.unrefined is None else len(self.unrefined)),
         ):
             if count != n:
-                raise DataError(f"{name} needs one entry a mode, {n}", f"it has {count}", "Give one a mode, or none.")
+                raise DataError(f"{name} needs one entry per mode, {n}", f"it has {count}", "Give all, or none.")
         terms = residual_terms_of(self.residual_terms)
         if any(each.channels != channels for each in terms):
             have = f"they have {terms[0].channels[0]} outputs and {terms[0].channels[1]} inputs"
@@ -227,8 +227,8 @@ def mode_indices(which: ArrayLike, count: int) -> IntArray:
         return np.zeros(0, dtype=np.intp)
     if index.dtype.kind not in "iu" or index.ndim != 1:
         raise DataError(
-            "modes were asked by number, counted from 0, or by one bool each",
-            f"{which!r} was given to choose of {count}",
+            "modes are chosen by number, counted from 0, or by one bool per mode",
+            f"{which!r} was given for {count} modes",
             "Give a list such as [0, 2], or a condition on all modes.",
         )
     if index.min() < -count or index.max() >= count:

@@ -56,7 +56,7 @@ def _mass_factor(modes: ModalModel) -> tuple[ComplexArray, str]:
         raise DataError(
             "shapes of unit modal mass were asked",
             f"the driving points {', '.join(common)} are inputs whose shares in the response cannot be separated",
-            "Drive each of them by a force of its own, or leave out what is no force of its own: exclude=[...].",
+            "Drive each by an independent force, or leave out those that are not independent: exclude=[...].",
         )
     common = [dof for dof in common if dof not in untold]
     if not common:

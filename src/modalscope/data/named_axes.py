@@ -34,7 +34,7 @@ def _parts(thing: Any) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
     raise DataError(
         f"named arrays of {type(thing).__name__} were asked",
         "they are made of one response, one record, modes or a diagram in memory",
-        "Ask them of each part.",
+        "Convert each part.",
     )
 
 

@@ -1,4 +1,4 @@
-"""Rebuild responses from modes, and compute what they leave unexplained and the contribution of each pole."""
+"""Rebuild responses from modes, and compute the unexplained part and the contribution of each pole."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def heard_lines(response: Response) -> Array:
 
 
 def of_noise(response: Response) -> tuple[Note, ...]:
-    """Return a note that names the lines of noise that were left out of what the modes explain; nothing where all lines count."""
+    """Return a note on the lines of noise that do not count in the explained part; nothing where all lines count."""
     heard = heard_lines(response)
     if heard.all():
         return ()
@@ -69,8 +69,8 @@ def of_noise(response: Response) -> tuple[Note, ...]:
     low, high = float(lines[0]), float(lines[-1])
     facts = {"lines": float(lines.size), "lowest_hz": low, "highest_hz": high}
     text = (
-        f"{lines.size} of {heard.size} lines, between {low:.5g} and {high:.5g} Hz, contain noise only, by their variance: "
-        "they are not counted in the share that the modes explain"
+        f"{lines.size} of {heard.size} lines, between {low:.5g} and {high:.5g} Hz, contain only noise by their variance: "
+        "they do not count in the explained part"
     )
     return (Note("lines of noise", facts, text),)
 

@@ -1,6 +1,6 @@
 """Split the residual of records into parts near resonances and away from them, and find poles that are not the structure's.
 
-Forces that were not measured, and noise on the measured ones, shake the structure: what they leave is resonant. Noise of the output
+Forces that were not measured, and noise on the measured ones, shake the structure: the residual is resonant. Noise of the output
 sensors is not.
 """
 
@@ -59,9 +59,9 @@ def excess(
     resolution: float,
     level: RealArray | float = 1.0,
 ) -> Excess:
-    """Compare what a fit leaves near modes with what it leaves beside them.
+    """Compare the residual of a fit near modes with that between them.
 
-    `frequencies` (F,): hz. `power` (F, l): squares of what is left of the values. `values` (F, l). `poles` (n,): rad/s, as they are in
+    `frequencies` (F,): hz. `power` (F, l): squares of the residuals. `values` (F, l). `poles` (n,): rad/s, as they are in
     the data. `resolution`: distance of the lines of a run, Hz; no mode is taken to be narrower. `level` (l,): what the values are to be
     divided by.
     """
@@ -90,7 +90,7 @@ def excess(
 
 
 def excess_notes(found: Excess) -> tuple[Note, ...]:
-    """Return a note where what is left stands out at the modes and matters."""
+    """Return a note where the residual is larger at the modes and matters."""
     if not (found.decibels >= _MIN_DECIBELS and found.share >= _MIN_SHARE):
         return ()
     text = (
@@ -110,9 +110,7 @@ def pole_notes(poles: Array, sampling_rate: float | None, duration: float) -> tu
     distance = np.abs(poles - 1) * sampling_rate if sampling_rate is not None else np.abs(poles)
     alone = is_real(poles, 1e-9)  # a negative pole has been through logarithm and exponential
     if np.any(alone & (distance < _MAX_DRIFT / duration)):
-        notes.append(
-            Note("drift", {}, "a pole at zero frequency: the records drift, which costs a state and no accuracy")
-        )
+        notes.append(Note("drift", {}, "A pole at 0 Hz: the records drift. This takes one state and does no harm"))
     if sampling_rate is not None:
         size = np.sort(np.repeat(np.abs(poles), np.where(alone, 1, 2)))
         # a pole of multiplicity k is known to the k-th root of what one is known to

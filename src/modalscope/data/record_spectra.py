@@ -56,7 +56,7 @@ class RecordSpectra(Response):
     `values` (F, l, 1): outputs, divided by the root of the number of samples. `frequencies` (F,): hz; increasing within a run. `drive`
     (F, m): inputs; zero where a run has not this input. `run` (F,): which run each line belongs to. `durations`: seconds of every run.
     `sampling_rate`: samples per second, when the inputs were held between samples (z-plane); None for those of a continuous structure.
-    `source`: all lines, where these are some of them. `groups`: one label a run: what disagrees between groups is repeatability. By
+    `source`: all lines, where these are some of them. `groups`: one label per run: what disagrees between groups is repeatability. By
     default every run of several is one. `level` (l,): what every output is divided by to be level with the others by its noise, where
     that was seen. `line_scale` (F,): what outputs and inputs of every line were divided by, where their noise is not alike on all lines.
     """
@@ -77,7 +77,7 @@ class RecordSpectra(Response):
         arrays = ("values", "frequencies", "drive", "run", *given)
         freeze(self, **{name: locked(np.asarray(getattr(self, name))) for name in arrays})
         runs = len(self.durations)
-        freeze(self, groups=check_groups(self.groups, runs, "a run", run_groups(runs)))
+        freeze(self, groups=check_groups(self.groups, runs, "run", run_groups(runs)))
         self._label(self.values.shape[1], self.drive.shape[1])
 
     @property
@@ -147,7 +147,7 @@ class RecordSpectra(Response):
     @property
     def parts(self) -> tuple[int, str]:
         """Runs."""
-        return len(self.durations), "a run"
+        return len(self.durations), "run"
 
     @property
     def drives(self) -> int:
@@ -289,8 +289,8 @@ class RecordSpectra(Response):
         share = dict(zip(self.input_dofs, np.linalg.norm(alone, axis=0).tolist(), strict=True))
         inseparable = {dof: size for dof, size in share.items() if size > _MIN_SHARE_OF_DIRECTION}
         text = (
-            f"inputs {', '.join(inseparable)} are zero or depend on each other: their sum is determined, their shares are not "
-            "(participation is the shortest that fits, inputs scaled to one size)"
+            f"inputs {', '.join(inseparable)} are zero or depend on each other: only their joint effect is known, not that of each "
+            "(participation: minimum norm, inputs scaled to one size)"
         )
         return (Note(INSEPARABLE, inseparable, text),) if inseparable else ()
 

@@ -28,7 +28,7 @@ from modalscope.data.channels import (
 from modalscope.data.geometry import Geometry
 from modalscope.data.kind_of_test import commonest, kind_of_test
 from modalscope.data.shown import Shown
-from modalscope.data.units import Convertible
+from modalscope.data.units import Convertible, motion_of
 from modalscope.numerics.arguments import also_called
 from modalscope.numerics.checks import (
     RealArray,
@@ -51,16 +51,18 @@ class Sampled(Channels):
     sampling_rate: float
     quantities: tuple[str | None, ...] = None  # type: ignore[assignment]
 
-    def _label(self, outputs: int, inputs: int) -> None:
+    def _label(self, outputs: int, inputs: int) -> bool:
         given: Any = self.quantities
         alike = given is None or isinstance(given, str)
-        each = [given] * outputs if alike else check_each("quantities", given, "one for all, or one an output")
+        each = [given] * outputs if alike else check_each("quantities", given, "one for all, or one per output")
         if len(each) != outputs:
             have = f"{len(each)} are given"
-            raise DataError(f"quantities needs {outputs}", have, "Give one for all, or one an output.")
+            raise DataError(f"quantities needs {outputs}", have, "Give one for all, or one per output.")
         rate = check_positive("sampling_rate", self.sampling_rate)
         freeze(self, sampling_rate=rate, quantities=tuple(check_quantity(quantity) for quantity in each))
-        Channels._label(self, outputs, inputs)
+        if (said := Channels._label(self, outputs, inputs)) and given is None:
+            freeze(self, **self._quantity_of([motion_of(unit) for unit in self.units[0]]))
+        return said
 
     @property
     @abstractmethod
@@ -101,7 +103,7 @@ class Signals(Sampled, Convertible):
     quantities : str or sequence of str, optional
         Displacement, velocity or acceleration: one for all outputs or one each. `quantity=` is accepted, too.
     groups : sequence of labels, "auto" or None
-        One label a run: what disagrees between groups is repeatability. By default every run of several is one.
+        One label per run: what disagrees between groups is repeatability. By default every run of several is one.
 
     Raises
     ------
@@ -129,17 +131,13 @@ class Signals(Sampled, Convertible):
                 "inputs", one_channel(self.inputs), "(samples, inputs) or (runs, samples, inputs)", (2, 3)
             )
             if inputs.shape[:-1] != outputs.shape[:-1]:
-                raise DataError(
-                    "outputs and inputs need the same runs and samples",
-                    f"the shapes are {outputs.shape} and {inputs.shape}",
-                    "Cut both to the same samples; the last axis counts channels.",
-                )
+                fault = f"the shapes are {outputs.shape} and {inputs.shape}"
+                remedy = "Cut both to the same samples; the last axis counts channels."
+                raise DataError("outputs and inputs need the same runs and samples", fault, remedy)
         if outputs.shape[-2] < 2 or 0 in outputs.shape or (inputs is not None and 0 in inputs.shape):
-            raise DataError(
-                "a record needs at least two samples", f"its shape is {outputs.shape}", "Measure a longer one."
-            )
+            raise DataError("a record needs two samples", f"its shape is {outputs.shape}", "Measure a longer one.")
         runs = 1 if outputs.ndim == 2 else outputs.shape[0]
-        freeze(self, outputs=outputs, inputs=inputs, groups=check_groups(self.groups, runs, "a run", run_groups(runs)))
+        freeze(self, outputs=outputs, inputs=inputs, groups=check_groups(self.groups, runs, "run", run_groups(runs)))
         self._label(outputs.shape[-1], 0 if inputs is None else inputs.shape[-1])
 
     @classmethod
@@ -244,7 +242,7 @@ class Records(SeveralRecords):
     runs : sequence of Signals
         Several runs in one `Signals` are taken apart.
     groups : sequence of labels, "auto" or None
-        One label a run; runs of the same label belong together. By default every run is a group of its own.
+        One label per run; runs of the same label belong together. By default every run is a group of its own.
     source_path : path or paths, optional
         The files that they were read from; by default those of the runs.
 
@@ -267,7 +265,7 @@ class Records(SeveralRecords):
     source_path: SourcePath = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        parts = check_each("runs", self.runs, "records, one a run")
+        parts = check_each("runs", self.runs, "records, one per run")
         for part in parts:
             check_kind("each of the runs", part, Signals)
         runs = [run for part in parts for run in _apart(part)]
@@ -277,7 +275,7 @@ class Records(SeveralRecords):
         freeze(
             self,
             runs=tuple(runs),
-            groups=check_groups(self.groups, len(runs), "a run", _inherited(parts, len(runs))),
+            groups=check_groups(self.groups, len(runs), "run", _inherited(parts, len(runs))),
             source_path=check_source(self.source_path) or source_of(runs),
         )
 
@@ -413,7 +411,7 @@ def _apart(part: Signals) -> list[Signals]:
 
 
 def _inherited(parts: list[Signals], count: int) -> Groups:
-    """Return the labels that the parts were given, and a group a run for those that have none of their own."""
+    """Return the labels that the parts were given, and a group per run for those that have none of their own."""
     labels = run_groups(count)
     if labels is None:
         return parts[0].groups
@@ -462,9 +460,6 @@ def _input_units(runs: Iterable[Signals]) -> dict[str, str]:
     for run in runs:
         for dof, unit in zip(run.input_dofs, run.units[1], strict=True):
             if units.setdefault(dof, unit) != unit:
-                raise DataError(
-                    f"input {dof} in one unit was asked",
-                    f"it is in {units[dof] or 'no unit'} in one run and in {unit or 'no unit'} in another",
-                    "Convert the records to one unit.",
-                )
+                fault = f"one run has it in {units[dof] or 'no unit'}, another in {unit or 'no unit'}"
+                raise DataError(f"input {dof} needs one unit", fault, "Convert the records to one unit.")
     return units

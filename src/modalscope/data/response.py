@@ -13,7 +13,7 @@ from modalscope.data.channels import AUTO, Channels, Groups
 from modalscope.data.mode_fields import ModeFields
 from modalscope.data.notes import Note
 from modalscope.data.quadruple import Quadruple
-from modalscope.data.units import Convertible
+from modalscope.data.units import Convertible, motion_of, sides_of
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, freeze
 from modalscope.numerics.functions.pole_basis import ModalBasis
 
@@ -48,7 +48,7 @@ class Response(Channels, Convertible):
     added_damping : float
         Decay rate in 1/s that an exponential window added to every pole: identified poles are shifted back by it.
     groups : sequence of labels, "auto" or None
-        One label an input (of records: a run): what disagrees between groups is repeatability.
+        One label per input (of records: a run): what disagrees between groups is repeatability.
     """
 
     values: Array
@@ -189,11 +189,11 @@ class Response(Channels, Convertible):
     @property
     def parts(self) -> tuple[int, str]:
         """How many parts have labels of groups, and what a part is, in words."""
-        return int(self.values.shape[2]), "an input"
+        return int(self.values.shape[2]), "input"
 
     @property
     def drives(self) -> int:
-        """Length of the participation of a pole: one number an input."""
+        """Length of the participation of a pole: one number per input."""
         return len(self.input_dofs)
 
     @property
@@ -239,6 +239,14 @@ class Response(Channels, Convertible):
             Weights of the lines.
         """
 
+    def _label(self, outputs: int, inputs: int) -> bool:
+        """Take labels and units, of which one text may be the unit of the whole response, and the quantity that they say."""
+        if isinstance(self.units, str):
+            freeze(self, units=sides_of(self.units))
+        if said := Channels._label(self, outputs, inputs):
+            freeze(self, **self._quantity_of([motion_of(unit) for unit in self.units[0]]))
+        return said
+
     def _factors(self, outputs: RealArray, inputs: RealArray) -> RealArray:
         """Return what a change of units multiplies the values by: a response is a ratio of both sides, a correlation their product."""
         return outputs[:, None] * (inputs if self.ambient else 1 / inputs)
@@ -266,7 +274,7 @@ class Response(Channels, Convertible):
         return self
 
     def whole_basis(self, poles: Array, powers: tuple[int, ...] = (0,)) -> ModalBasis:
-        """Return the basis on all rows of the data, one a sample or two a line, real parts first: nothing is compressed.
+        """Return the basis on all rows of the data, one per sample or two a line, real parts first: nothing is compressed.
 
         Parameters
         ----------
@@ -542,7 +550,7 @@ class Misfit:
         freeze(self, _whole=float(np.sqrt(np.sum(energy / self.scale**2))))
 
     def of_left(self, left: RealArray) -> float:
-        """Return the misfit by the energy (l, m) that is left of every channel."""
+        """Return the misfit from the residual energy (l, m) of every channel."""
         with np.errstate(over="ignore", invalid="ignore"):
             return self._of_energy(float(np.sum(left / self.scale[:, None] ** 2)))
 
@@ -556,7 +564,7 @@ class Misfit:
         `basis`: of their poles. `shapes` (l, k). `participation` (k, m). `terms` (t, l, m).
         """
         channels = basis.data.shape[1:]
-        level = np.repeat(1 / self.scale, channels[1]).reshape(channels)  # in one piece, as what is left
+        level = np.repeat(1 / self.scale, channels[1]).reshape(channels)  # in one piece, as the residual
         energy = 0.0
         with np.errstate(over="ignore", invalid="ignore"):
             for left in basis.missed(shapes, participation, terms[: basis.terms.shape[1]]):

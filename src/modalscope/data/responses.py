@@ -56,6 +56,7 @@ from modalscope.numerics.linear_systems import HELD, markov_parameters
 _MIN_SAMPLES_PER_STEP = 16
 
 
+@also_called("values", "sampling_rate")
 @stays_locked
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class ImpulseResponse(Response):
@@ -80,7 +81,7 @@ class ImpulseResponse(Response):
     added_damping : float
         Decay rate in 1/s that an exponential window added to every pole: identified poles are shifted back by it.
     groups : sequence of labels, "auto" or None
-        One label an input: what disagrees between groups is repeatability. By default every input, where there are at least four.
+        One label per input: what disagrees between groups is repeatability. By default every input, where there are at least four.
 
     Raises
     ------
@@ -99,7 +100,7 @@ class ImpulseResponse(Response):
     exact_samples: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        values = real_array("values", self.values, "(samples, outputs, inputs)", 3)
+        values = real_array("values", one_channel(self.values, 3), "(samples, outputs, inputs)", 3)
         if values.shape[0] < 2 or 0 in values.shape:
             raise DataError(
                 "an impulse response needs two samples", f"its shape is {values.shape}", "Measure a longer one."
@@ -115,7 +116,7 @@ class ImpulseResponse(Response):
             added_damping=check_number("added_damping", self.added_damping),
         )
         self._label(values.shape[1], values.shape[2])
-        freeze(self, groups=check_groups(self.groups, values.shape[2], "an input", input_groups(self.input_dofs)))
+        freeze(self, groups=check_groups(self.groups, values.shape[2], "input", input_groups(self.input_dofs)))
 
     @property
     def samples(self) -> int:
@@ -168,7 +169,7 @@ class ImpulseResponse(Response):
         return np.asarray(np.fft.rfftfreq(length, 1 / self.sampling_rate), dtype=float), H
 
     def energy(self, decay: Array) -> RealArray:
-        """Return about fs / decay, the sum over samples of |2 Re exp(s t)|^2, over no more than the samples there are."""
+        """Return the sum over samples of |2 Re exp(s t)|^2, about fs / decay, limited by the number of samples."""
         return np.minimum(self.sampling_rate / np.asarray(decay), 2 * self.samples)
 
     def as_samples(self) -> Conversion:
@@ -389,7 +390,7 @@ class FrequencyResponse(Response):
     added_damping : float
         Decay rate in 1/s that an exponential window added to every pole: identified poles are shifted back by it.
     groups : sequence of labels, "auto" or None
-        One label an input: what disagrees between groups is repeatability. By default every input, where there are at least four.
+        One label per input: what disagrees between groups is repeatability. By default every input, where there are at least four.
 
     Raises
     ------
@@ -436,7 +437,7 @@ class FrequencyResponse(Response):
             added_damping=check_number("added_damping", self.added_damping),
         )
         self._label(values.shape[1], values.shape[2])
-        freeze(self, groups=check_groups(self.groups, values.shape[2], "an input", input_groups(self.input_dofs)))
+        freeze(self, groups=check_groups(self.groups, values.shape[2], "input", input_groups(self.input_dofs)))
 
     @property
     def lines(self) -> int:

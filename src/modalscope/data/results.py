@@ -257,7 +257,7 @@ class Result(Shown):
     modes : ModalModel
         With the reasons of each.
     diagrams : tuple of StabilizationDiagram
-        One a band; none in a result that was read from a file.
+        One per band; none in a result that was read from a file.
     findings : tuple of Finding
         What an examination of the data saw.
     notes : tuple of Note
@@ -314,5 +314,5 @@ class Result(Shown):
 
     @property
     def settings(self) -> tuple[Settings, ...]:
-        """Every option with the value that was taken, one a band."""
+        """Every option with the value that was taken, one per band."""
         return tuple(diagram.settings for diagram in self.diagrams)

@@ -31,11 +31,11 @@ class Setups(SeveralRecords):
     Parameters
     ----------
     parts : sequence of Signals
-        One a setup, without inputs, at one sampling rate.
+        One per setup, without inputs, at one sampling rate.
     references : sequence of labels, optional
         Outputs that every setup has; by default all that every setup has.
     groups : sequence of labels, "auto" or None
-        One label a setup: what disagrees between groups is repeatability. By default every setup is a group of its own.
+        One label per setup: what disagrees between groups is repeatability. By default every setup is a group of its own.
     source_path : path or paths, optional
         The files that they were read from; by default those of the parts.
 
@@ -61,7 +61,7 @@ class Setups(SeveralRecords):
     source_path: SourcePath = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        parts = check_each("setups", self.parts, "records, one a setup")
+        parts = check_each("setups", self.parts, "records, one per setup")
         for part in parts:
             check_kind("each of the setups", part, Signals)
         if not parts:
@@ -74,7 +74,7 @@ class Setups(SeveralRecords):
             self,
             parts=tuple(parts),
             references=check_labels("references", chosen, len(chosen), "y"),
-            groups=check_groups(self.groups, len(parts), "a setup", default),
+            groups=check_groups(self.groups, len(parts), "setup", default),
             source_path=check_source(self.source_path) or source_of(parts),
         )
 
@@ -165,25 +165,17 @@ def check_setups(parts: list[Signals]) -> tuple[str, ...]:
     known: dict[str, tuple[Any, ...]] = {}
     for number, part in enumerate(parts, 1):
         if part.input_dofs:
-            raise DataError(
-                "ambient setups were asked",
-                f"setup {number} has inputs",
-                "Merge their frequency responses: merge([...]).",
-            )
+            remedy = "Merge their frequency responses: merge([...])."
+            raise DataError("ambient setups were asked", f"setup {number} has inputs", remedy)
         if part.sampling_rate != first.sampling_rate:
-            raise DataError(
-                "setups need one sampling rate",
-                f"setup 1 has {first.sampling_rate:g} Hz, setup {number} {part.sampling_rate:g} Hz",
-                "Decimate the faster records.",
-            )
+            fault = f"setup 1 has {first.sampling_rate:g} Hz, setup {number} {part.sampling_rate:g} Hz"
+            raise DataError("setups need one sampling rate", fault, "Decimate the faster records.")
         for dof, quantity, unit in zip(part.output_dofs, part.quantities, part.units[0], strict=True):
             if known.setdefault(dof, (quantity, unit)) != (quantity, unit):
-                words = [" in ".join(word or "not known" for word in each) for each in (known[dof], (quantity, unit))]
-                raise DataError(
-                    "a channel needs the same quantity and unit in all setups",
-                    f"{dof} is {words[0]} in one setup and {words[1]} in setup {number}",
-                    "Convert them to one.",
-                )
+                words = [" in ".join(filter(None, each)) or "neither" for each in (known[dof], (quantity, unit))]
+                fault = f"{dof} has {words[0]} in one and {words[1]} in setup {number}"
+                asked = "a channel needs the same quantity and unit in all setups"
+                raise DataError(asked, fault, "Convert them to one.")
     return common_outputs(parts)
 
 
@@ -191,9 +183,6 @@ def common_outputs(parts: Sequence[Channels]) -> tuple[str, ...]:
     """Return the outputs that all setups, or the modes of all, have; none is a `DataError`."""
     common = tuple(dof for dof in parts[0].output_dofs if all(dof in part.output_dofs for part in parts))
     if not common:
-        raise DataError(
-            "setups are merged through outputs that all have",
-            "they have none in common",
-            "Give references the same labels in all.",
-        )
+        asked = "setups are merged through outputs that all have"
+        raise DataError(asked, "they have none in common", "Give references the same labels in all.")
     return common

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 
 import numpy as np
@@ -55,7 +56,7 @@ def _check(name: str, array: Array, labels: tuple[str, ...], most: float, channe
     if odd.size:
         raise DataError(
             f"{name} between {1 / most:g} and {most:g} were asked",
-            f"the largest of channel {labels[odd[0]]} is {size[odd[0]]:.3g}, in whatever unit that is",
+            f"the largest of channel {labels[odd[0]]} is {size[odd[0]]:.3g}",
             "Give them in another unit, or correct the factor they were multiplied with.",
         )
 
@@ -105,7 +106,7 @@ def check_upright(records: Records) -> None:
 
 
 def _zero(side: str, dead: Sequence[str], labels: Sequence[str]) -> DataError:
-    leave = f"Leave it out: exclude={list(dead)!r}, or --exclude {' '.join(dead)}."
+    leave = f"Leave it out: --exclude {shlex.join(dead)}."
     return DataError(
         f"data with a response in every {side} were asked",
         f"{side} {', '.join(dead)} is zero throughout",

@@ -213,7 +213,7 @@ class StateSpace(Quadruple):
         """Return x(k), (N, n), of x(k+1) = A x(k) + driven(k)."""
         x = np.zeros(self.order) if initial is None else np.array(real_array("initial", initial, "(states,)", 1))
         if x.shape != (self.order,):
-            raise DataError(f"initial needs {self.order} entries", f"it has {x.size}", "Give one a state.")
+            raise DataError(f"initial needs {self.order} entries", f"it has {x.size}", "Give one per state.")
         states = np.empty((len(driven), self.order))
         for k, push in enumerate(driven):
             states[k] = x

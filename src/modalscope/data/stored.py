@@ -86,7 +86,7 @@ class StoredSignals(Sampled):
     sampling_rate : float
         Samples per second.
     quantities : str or sequence of str, optional
-        Displacement, velocity or acceleration, one an output.
+        Displacement, velocity or acceleration, one per output.
 
     Raises
     ------
@@ -105,9 +105,7 @@ class StoredSignals(Sampled):
             )
         samples, count = self.rows.shape
         if samples < 2 or count < 1:
-            raise DataError(
-                "a record needs at least two samples", f"its shape is {self.rows.shape}", "Measure a longer one."
-            )
+            raise DataError("a record needs two samples", f"its shape is {self.rows.shape}", "Measure a longer one.")
         self._label(count, 0)
 
     @property

@@ -161,6 +161,19 @@ def in_si(unit: str) -> InSi | None:
     return InSi(parts[0].factor / parts[1].factor, f"{parts[0].unit}/{parts[1].unit}", "")
 
 
+def sides_of(unit: str) -> tuple[str, str]:
+    """Return the units of output and input in that of a response; of what is no known ratio all is the output's.
+
+    Examples
+    --------
+    >>> sides_of("(m/s^2)/N"), sides_of("g/lbf"), sides_of("mm/s"), sides_of("100 mV/g")
+    (('m/s^2', 'N'), ('g', 'lbf'), ('mm/s', ''), ('100 mV/g', ''))
+    """
+    si = in_si(unit)
+    above, _, below = unit.rpartition("/")
+    return (unit, "") if si is None or si.kind else (above.strip("()[] "), below.strip("()[] "))
+
+
 Data = TypeVar("Data")
 
 #: Words for no unit.
@@ -206,7 +219,7 @@ def si_form(data: Data) -> tuple[Data, tuple[Note, ...]]:
         return data, tuple(note for note in notes if note.kind != "units")
     outputs, inputs = (np.array([factor for factor, _ in side]) for side in sides)
     units = (tuple(unit for _, unit in sides[0]), tuple(unit for _, unit in sides[1]))
-    kinds = [_motion(unit) for unit in data.units[0]]
+    kinds = [motion_of(unit) for unit in data.units[0]]
     changed: Any = replace(data, **data._scaled(outputs, inputs), units=units, **data._quantity_of(kinds))
     return changed.processed(str(notes[0])), notes
 
@@ -236,9 +249,9 @@ def _notes(data: Channels) -> tuple[Note, ...]:
             f"the unit {unit} of {list_some(channels)} is not known: values stay in it, and modal masses are not in kg"
         )
         notes.append(Note("units not known", {}, text))
-    moved = {dof: kind for dof, unit in zip(data.input_dofs, data.units[1], strict=True) if (kind := _motion(unit))}
+    moved = {dof: kind for dof, unit in zip(data.input_dofs, data.units[1], strict=True) if (kind := motion_of(unit))}
     if moved:
-        plain = "dimensionless " * ({_motion(unit) for unit in data.units[0]} == set(moved.values()))
+        plain = "dimensionless " * ({motion_of(unit) for unit in data.units[0]} == set(moved.values()))
         named = (
             f"Inputs {list_some(tuple(moved))} are motions"
             if len(moved) > 1
@@ -249,7 +262,7 @@ def _notes(data: Channels) -> tuple[Note, ...]:
     return tuple(notes)
 
 
-def _motion(unit: str) -> str | None:
+def motion_of(unit: str) -> str | None:
     """Return the quantity of a unit that is that of a motion."""
     si = in_si(unit)
     return si.kind if si is not None and si.kind in QUANTITIES else None

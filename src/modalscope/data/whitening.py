@@ -112,7 +112,7 @@ class Whitening:
         return _columns(participation, self.references)
 
     def outputs_back(self, values: Array) -> Array:
-        """Return W^-1 X of whatever has a row an output: shapes, C."""
+        """Return W^-1 X of whatever has a row per output: shapes, C."""
         return values / self.outputs[:, None] if self.outputs.ndim == 1 else np.linalg.solve(self.outputs, values)
 
     def references_back(self, values: Array) -> Array:

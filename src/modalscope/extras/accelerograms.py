@@ -216,7 +216,7 @@ def _contents(where: str, channels: Sequence[_Channel], options: Options) -> Con
     steps = {channel.step for channel in channels}
     if len(steps) > 1:
         fault = f"its channels have steps of {', '.join(f'{step:g}' for step in sorted(steps))} s"
-        raise unreadable(f"{where} as one record", fault, "Give the channels of one step by files of their own.")
+        raise unreadable(f"{where} as one record", fault, "Save channels of different steps in separate files.")
     count = min(channel.values.size for channel in channels)
     cut = sum(channel.values.size > count for channel in channels)
     words = {"veloc": "velocity", "displ": "displacement"}

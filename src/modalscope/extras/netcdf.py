@@ -26,7 +26,7 @@ _NAMES = {
     "channels": ("channels", "channel", "sensors", "outputs", "dof"),
 }
 
-#: Names with one number a mode.
+#: Names with one number per mode.
 _PER_MODE = ("frequencies", "damping_ratios", "frequencies_std", "damping_ratios_std")
 
 #: Seconds of the units of time.
@@ -157,5 +157,5 @@ def _shapes(shapes: _Variable, f: _Variable, times: _Variable, name: str) -> Arr
     order = order if len(order) == 2 else [0, 1]
     array = np.transpose(shapes.values, [*order, 3 - sum(order)]).astype(complex)
     if array.shape[:2] != (times.values.size, max(f.values.size // max(times.values.size, 1), 0)):
-        raise unreadable(f"{name} as modes", f"its shapes have sizes {array.shape}, others than frequencies")
+        raise unreadable(f"{name} as modes", f"its shapes {array.shape} do not match its frequencies")
     return np.where((array == 0).all(axis=2, keepdims=True) | ~np.isfinite(array), np.nan, array)

@@ -58,7 +58,7 @@ class Autoregression(NamedTuple):
     exact: bool
 
     def misfit(self, coefficients: RealArray) -> RealArray:
-        """Return what coefficients leave, white and of variance one, (p (m + l), l)."""
+        """Return the residual of coefficients, white and of variance one, (p (m + l), l)."""
         return np.asarray(self.triangle @ (self.coefficients - coefficients) @ self.weight.T)
 
 

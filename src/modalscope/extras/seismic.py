@@ -215,7 +215,7 @@ def _table(where: str, stretches: dict[str, list[_Stretch]]) -> Table:
     if len(rates) > 1:
         some = ", ".join(f"{name} {held[0].rate:g} Hz" for name, held in list(stretches.items())[:6])
         raise unreadable(
-            where, f"its channels have different rates: {some}", "Give the channels of one rate by a file of their own."
+            where, f"its channels have different rates: {some}", "Save channels of different rates in separate files."
         )
     rate = rates.pop()
     longest = [max(held, key=lambda stretch: stretch.samples) for held in stretches.values()]
@@ -223,7 +223,7 @@ def _table(where: str, stretches: dict[str, list[_Stretch]]) -> Table:
     count = round((end - start).total_seconds() * rate)
     if count < 2:
         raise unreadable(
-            f"{where} as one record", "its channels have no stretch in common", "Give channels of one time."
+            f"{where} as one record", "its channels have no time in common", "Give channels of the same time."
         )
     columns = []
     for k, (name, stretch) in enumerate(zip(stretches, longest, strict=True), 1):

@@ -59,7 +59,7 @@ class Deviating(Protocol):
     asked: dict[int, Asked]
 
     def ask(self, order: int, model: Triple, modal: Eigenmodes, which: IntArray) -> Asked:
-        """Return what the deviations of some poles of an order are computed of; its fit tells its noise."""
+        """Return what standard deviations of some poles of an order need; the noise is that of its fit."""
 
     def deviations(self, *asked: Asked) -> list[Deviations]:
         """Return the deviations of some poles of orders, NaN at others that are not known; each pole is computed once."""

@@ -135,7 +135,7 @@ def by_instruments(found: StabilizationDiagram, again: Callable[..., Stabilizati
         other = again(route="subspace")
     except DataError:
         return found.changed(**withheld(found))
-    text = "Past inputs and outputs are used as instruments: against unmeasured forces, not against noise on the inputs"
+    text = "Past inputs and outputs used as instruments: they remove the effect of unmeasured forces, not of noise on the inputs"
     rest = (note for note in other.notes if note.kind != UNMEASURED)
     return other.changed(notes=(*doubt, Note("route changed", {}, text), *rest), **withheld(other))
 

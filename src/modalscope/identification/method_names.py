@@ -164,7 +164,7 @@ def find_method(name: str, domain: str | None, default_domain: str, route: str |
         routes = dict.fromkeys(filter(None, map(route_of, rows)))
         raise DataError(
             f"method {name!r} by route={route!r} was asked",
-            f"records with inputs reach it by route {' or '.join(map(repr, routes)) or 'none'}",
+            f"it takes records with inputs by route {' or '.join(map(repr, routes)) or 'none'} only",
             "Omit route, or choose another method.",
         )
     if domain is None:

@@ -152,7 +152,7 @@ def _unfiltered(measured: Measured, row: Method, response: Response) -> tuple[No
     inside = f"the diagram those of {low:g} to {high:g} Hz"
     text = f"Samples are not filtered: the model has all modes, {inside}"
     if any("low-pass filtered" in step for step in response.processing):
-        text = f"Samples are filtered from above only: the model has modes below the band, too, {inside}"
+        text = f"Samples are only low-pass filtered: the model has modes below the band, too, {inside}"
     return (Note("not filtered", {"lowest": low, "highest": high}, text),)
 
 

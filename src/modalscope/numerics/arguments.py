@@ -160,6 +160,9 @@ def also_called(*places: str, **names: str) -> Callable[[type[T]], type[T]]:
         def init(self: T, *args: Any, **kwargs: Any) -> None:
             if len(args) <= len(places) and not kwargs.keys() & set(places[: len(args)]):
                 args, kwargs = (), {**dict(zip(places, args, strict=False)), **kwargs}
+            elif len(args) > len(places):
+                asked = f"{kind.__name__} takes {' and '.join(places)} by position"
+                raise DataError(asked, f"there are {len(args)} values", "Give the others by name: name=value.")
             for other, field in names.items():
                 if other in kwargs and field not in kwargs:
                     kwargs[field] = kwargs.pop(other)

@@ -197,15 +197,11 @@ def _numeric(name: str, values: ArrayLike, axes: str, ndim: int | Sequence[int])
     if array.dtype.kind not in "iufc":
         raise DataError(f"{name} needs numbers", f"its type is {array.dtype}", "Convert it to numbers.")
     if masked := _masked(values):
-        have = f"{masked} of its {array.size} values are masked"
-        raise DataError(f"{name} needs finite numbers", have, "Repair or leave out what is masked.")
+        raise DataError(f"{name} needs finite numbers", f"{masked} of {array.size} are masked", "Leave them out.")
     allowed = (ndim,) if isinstance(ndim, int) else tuple(ndim)
     if array.ndim not in allowed:
-        raise DataError(
-            f"{name} needs axes {axes}",
-            f"the array has shape {array.shape}",
-            "The order is samples or lines, outputs, inputs: add the missing axis, or move axes to this order.",
-        )
+        remedy = "The order is samples or lines, outputs, inputs: add the missing axis, or move axes to this order."
+        raise DataError(f"{name} needs axes {axes}", f"the array has shape {array.shape}", remedy)
     return array
 
 
@@ -222,11 +218,8 @@ def check_finite(name: str, array: Array, change: str = "Repair or leave out wha
     count = int(np.count_nonzero(bad))
     if count:
         first = tuple(int(i) for i in np.argwhere(bad)[0])
-        raise DataError(
-            f"{name} needs finite numbers",
-            f"{count} of {array.size} values are NaN or infinite, the first at index {first}",
-            change,
-        )
+        fault = f"{count} of {array.size} values are NaN or infinite, the first at index {first}"
+        raise DataError(f"{name} needs finite numbers", fault, change)
 
 
 def real_array(name: str, values: ArrayLike, axes: str, ndim: int | Sequence[int], *, finite: bool = True) -> RealArray:
@@ -316,11 +309,8 @@ def check_axes(**arrays: tuple[Any, int]) -> None:
     """
     for name, (array, axes) in arrays.items():
         if getattr(array, "ndim", None) != axes:
-            raise DataError(
-                f"{name} needs an array of {axes} axes",
-                f"it is {type(array).__name__} of shape {np.shape(array)}",
-                "Change its axes.",
-            )
+            fault = f"it is {type(array).__name__} of shape {np.shape(array)}"
+            raise DataError(f"{name} needs an array of {axes} axes", fault, "Change its axes.")
 
 
 def check_index(name: str, index: Any, count: int) -> None:
@@ -346,9 +336,7 @@ def check_band(band: Any) -> tuple[float, float]:
     except (TypeError, ValueError):
         raise DataError("a band needs two frequencies", f"it is {band!r}", "Give band=(lowest, highest).") from None
     if not low < high:
-        raise DataError(
-            f"the band {low:g} to {high:g} Hz was asked", "it does not increase", "Give the lower end first."
-        )
+        raise DataError(f"band {low:g} to {high:g} Hz was asked", "it does not increase", "Give the lower end first.")
     return low, high
 
 
@@ -379,13 +367,9 @@ def check_shifts(name: str, values: Any) -> tuple[int, ...]:
 def check_path(path: Any) -> Path:
     """Return the name of a file as a path, or raise."""
     if not isinstance(path, str | PathLike) or isinstance(fspath(path), bytes):
-        raise DataError(
-            "the name of a file needs to be text or a Path",
-            f"it is {type(path).__name__}",
-            "Give it as text or as a Path.",
-        )
+        raise DataError("the name of a file needs text or a Path", f"it is {type(path).__name__}", "Give one of these.")
     if "\0" in fspath(path):
-        raise DataError("the name of a file cannot hold a NUL", "this one does", "Take it out.")
+        raise DataError("the name of a file cannot contain a NUL", "this one does", "Take it out.")
     try:
         fsencode(path)
     except UnicodeEncodeError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from importlib import import_module
@@ -10,7 +11,7 @@ from typing import Any
 #: Maximum number of characters of a message, which is read on a terminal.
 _MAX_MESSAGE_LENGTH = 600
 
-#: Minimum number of characters that are left of a part of a message.
+#: Minimum number of characters of a shortened part of a message.
 _MIN_PART_LENGTH = 120
 
 
@@ -42,11 +43,58 @@ def _within(parts: Iterable[str], limit: int) -> list[str]:
     return kept
 
 
+#: An option of the terminal, words that may be its values, and whether another option follows.
+_VALUE = r"""(?:'[^']*'|"[^"]*"|[^\s;()'"]*[^\s,;().:'"])"""
+_OPTION = re.compile(rf"(?<![^\s(])--([a-z][a-z-]*)((?: (?!--|or\b|and\b){_VALUE})*)((?= --))?")
+_BARE = re.compile(r"[A-Z]+|-?\d+(\.\d+)?(e[-+]?\d+)?")
+
+#: Options that Python writes otherwise: without a value or under another name, or with brackets around their values.
+_NAMES = {name: f"{name}=True" for name in ("transpose", "conjugate", "exact_nodes")}
+_NAMES |= {"no_reciprocal": "reciprocal=False", "max_memory": "modalscope.io.set_max_memory", "test": "sheet"}
+_BRACKETS = {**dict.fromkeys(("ignore", "exclude", "input_dofs", "output_dofs"), "[]"), "band": "()"}
+_BRACKETS |= dict.fromkeys(("units", "rename", "axes", "delays"), "{}")
+
+
+def in_python(text: str) -> str:
+    """Return a message whose options of the terminal are the arguments of Python; commands in backticks stay.
+
+    Examples
+    --------
+    >>> in_python("Leave it out: --ignore Temp --sampling-rate HZ, or --rows 1-400.")
+    "Leave it out: ignore=['Temp'], sampling_rate=HZ, or rows='1-400'."
+    """
+    parts = re.split("(`[^`]*`)", text)
+    parts[::2] = [_OPTION.sub(_argument, part) for part in parts[::2]]
+    joined = "".join(parts).replace("], ignore=[", ", ").replace("}, rename={", ", ")
+    return re.sub(r"(\S+=\S+|modalscope\S+), or \1(?=\W|$)", r"\1", joined)
+
+
+def _argument(option: re.Match[str]) -> str:
+    """Return an option as an argument, and the words behind it that are none of its values."""
+    name, words, comma = option[1].replace("-", "_"), re.findall(_VALUE, option[2]), "," * (option[3] is not None)
+    brackets, called = _BRACKETS.get(name, ""), _NAMES.get(name, name)
+    count = 0 if "=" in called else 2 if brackets == "()" else len(words) if brackets else 1
+    values = [word.strip("'\"") for word in words[:count]]
+    if brackets == "{}":
+        pairs = [pair.partition("=") for word in values for pair in (word.split(",") if name == "units" else [word])]
+        shown = [f"{old!r}: {_shown(new.replace(',', ' '))}" for old, _, new in pairs if new]
+    else:
+        shown = [repr(value) if name in ("exclude", "input_dofs", "output_dofs") else _shown(value) for value in values]
+    value = f"={brackets[:1]}{', '.join(shown)}{brackets[1:]}" if values else ""
+    return " ".join([f"{called}{value}{comma}", *words[count:]])
+
+
+def _shown(value: str) -> str:
+    """Return a value as Python has it: numbers, and the capitals that stand for one, without quotes."""
+    return value if _BARE.fullmatch(value) else repr(value)
+
+
 class DataError(ValueError):
     """Data that cannot be used, or an option that cannot be met.
 
     The message names the fault first, then what there is, then the remedy: what ends in "was asked" is its subject alone. It is
-    printable, and cut in the middle of its longest part where it has more than 600 characters.
+    printable, and cut in the middle of its longest part where it has more than 600 characters. Remedies may name options of the
+    terminal: `args[0]` and the three parts have them, for print and page; the text has the arguments of Python.
 
     Parameters
     ----------
@@ -71,6 +119,9 @@ class DataError(ValueError):
         text = None if text is None else shortened(text)
         self.asked, self.found, self.change, self.text = asked, found, change, text
         super().__init__(f"{self.fault}.\n{change}" if text is None else text)
+
+    def __str__(self) -> str:
+        return in_python(self.args[0])
 
     @property
     def fault(self) -> str:

@@ -116,11 +116,8 @@ def as_refused(folder: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise DataError(
-            f"partial sums in {str(folder)!r} were asked",
-            f"the system refuses: {(error.strerror or str(error)).lower()}",
-            "Choose a folder that you may write to.",
-        ) from None
+        asked, fault = f"partial sums in {str(folder)!r} were asked", (error.strerror or str(error)).lower()
+        raise DataError(asked, f"the system refuses: {fault}", "Choose a folder that you may write to.") from None
 
 
 def each(work: Callable[[Task], Done], tasks: Sequence[Task]) -> Iterator[tuple[Task, Done]]:
@@ -170,14 +167,9 @@ def _result(future: Any) -> Any:
     try:
         return future.result()
     except distributed.scheduler.KilledWorker as error:
-        raise DataError(
-            asked,
-            f"one stretch ended every worker that took it, the last of them {error.last_worker.address}",
-            "Give the workers more memory (dask worker --memory-limit), or lower lags; their own logs say how they ended.",
-        ) from None
+        fault = f"one stretch ended every worker that took it, the last of them {error.last_worker.address}"
+        remedy = "Give the workers more memory (`dask worker --memory-limit`) or use fewer lags; their logs say how they ended."
+        raise DataError(asked, fault, remedy) from None
     except CancelledError:
-        raise DataError(
-            asked,
-            "the scheduler is gone, or has given the work up",
-            "Start it again, and the same work: with save or --resume it goes on from the sums that were kept.",
-        ) from None
+        remedy = "Start it and the work again: with the same folder it goes on from the saved sums."
+        raise DataError(asked, "the scheduler is gone, or has stopped the work", remedy) from None

@@ -56,7 +56,7 @@ _ROUNDS = 50
 def levels_of_table(squares: RealArray) -> tuple[RealArray, RealArray]:
     """Return levels of rows and columns by which a table of squares has rows and columns with means of one; one of those of zeros.
 
-    No factor of a row or a column changes what is left of the table.
+    Factors of rows or columns do not change the residual of the table.
 
     `squares` (a, b): not negative.
 

@@ -63,7 +63,7 @@ def _triangle(rows: RealArray) -> RealArray:
     return np.asarray(sla.qr(rows, mode="r", overwrite_a=True, check_finite=False)[0], dtype=float)[:columns]
 
 
-#: Files of sums that are under way, which can be gone on from once they are there, and temporary ones that are being written, or held
+#: Files of unfinished sums, from which an interrupted run goes on, and temporary ones that are being written, or held
 #: against a second run: what ends the process without an exception speaks of the first and takes the others away itself.
 UNDER_WAY: set[Path] = set()
 PENDING: set[Path] = set()
@@ -189,11 +189,8 @@ def _locked(path: Path) -> IO[bytes]:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         file.close()
-        raise DataError(
-            f"partial sums in {str(path.parent)!r} were asked",
-            "another run works on the same sums there",
-            "Wait until it ends, or give another folder.",
-        ) from None
+        asked, fault = f"partial sums in {str(path.parent)!r} were asked", "another run works on the same sums there"
+        raise DataError(asked, fault, "Wait until it ends, or give another folder.") from None
     except (ImportError, OSError):  # Windows, and some file systems, have no such locks
         pass
     except BaseException:  # an interruption

@@ -50,7 +50,7 @@ def modal_damping(M: RealArray, K: RealArray, ratios: Array | float) -> RealArra
     Raises
     ------
     DataError
-        Neither one ratio nor one a mode.
+        Neither one ratio nor one per mode.
     """
     w, Phi = undamped_modes(M, K)
     if np.shape(ratios) not in ((), w.shape):

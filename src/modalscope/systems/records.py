@@ -132,9 +132,9 @@ def _forces(inputs: Inputs, count: int, samples: int | None, runs: int, rng: np.
         asked, have = f"forces on {count} degrees of freedom were asked", f"inputs has {given.shape[2]} columns"
         raise DataError(asked, have, "Give one column for each, or name them by `at`.")
     if samples not in (None, given.shape[1]) or runs not in (1, given.shape[0]):
-        have = f"the forces have {given.shape[0]} of {given.shape[1]}"
+        have = f"the forces have samples={given.shape[1]}, runs={given.shape[0]}"
         change = "Leave samples, duration and runs out: the forces give them."
-        raise DataError(f"{runs} runs of {samples} samples were asked", have, change)
+        raise DataError(f"samples={samples}, runs={runs} was asked", have, change)
     return given
 
 

@@ -148,7 +148,7 @@ def initial_state(degrees: int, displacement: ArrayLike | None, velocity: ArrayL
         if values is not None:
             array = real_array(name, values, "(dofs,)", 1)
             if array.size != degrees:
-                asked = f"{name} needs {degrees} entries, one a degree of freedom"
+                asked = f"{name} needs {degrees} entries, one per degree of freedom"
                 raise DataError(asked, f"it has {array.size}", "Give zeros where nothing moves.")
             start[part] = array
     return start

@@ -254,7 +254,7 @@ def test_a_wish_that_cannot_be_read_is_said(result: ms.Result, ask: str) -> None
 
 
 def test_other_data_are_answered(result: ms.Result) -> None:
-    with pytest.raises(DataError, match=r"the modes know 1:\+Z"):
+    with pytest.raises(DataError, match=r"the modes have 1:\+Z"):
         ms.next_measurement(result, candidates=["99:+Z"])
     with pytest.raises(DataError, match=r"candidates=\[\]"):
         ms.next_measurement(result, candidates=[])

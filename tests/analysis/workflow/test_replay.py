@@ -186,7 +186,7 @@ def test_a_document_of_0_2_0_is_repeated_by_later_rules_and_what_differs_is_list
     path.write_text(json.dumps(stored))
     again = ms.replay(path)
     (note,) = (note for note in again.notes if note.kind == "later rules")
-    assert note.text.startswith("Document of modalscope 0.2.0: repeated by later rules")
+    assert note.text.startswith("Document of modalscope 0.2.0: repeated with later rules")
     assert note.text.endswith("; the same modes")
     assert again.analysis.schema == 2
     equal(again.modes, result.modes)
@@ -198,7 +198,7 @@ def test_a_document_of_0_2_0_is_repeated_by_later_rules_and_what_differs_is_list
     assert note.numbers == {"gone": 1, "new": 1}
     assert f"new: {result.modes.frequencies[1]:.5g} Hz" in note.text
     (note,) = (n for n in ms.replay(replace(result.analysis, schema=1)).notes if n.kind == "later rules")
-    assert note.text.endswith("choice of modes")
+    assert note.text.endswith("selecting modes")
 
 
 @pytest.mark.slow

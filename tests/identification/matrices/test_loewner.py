@@ -176,4 +176,4 @@ def hankel_singular_values(model: StateSpace) -> np.ndarray:
 def test_too_few_lines_are_refused() -> None:
     few = of_structure(lines=np.linspace(1, 8, 4))
     loewner(few, domain="s", order=4)
-    refused("4 lines, 4 outputs and 2 inputs carry 4 states", loewner, few, domain="s", order=5)
+    refused("4 lines, 4 outputs and 2 inputs allow at most 4 states", loewner, few, domain="s", order=5)

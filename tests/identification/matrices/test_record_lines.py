@@ -234,7 +234,7 @@ def test_driving_points_whose_inputs_are_not_told_apart_give_no_modal_mass() -> 
         return identify(record, order=10, block_rows=8).modes
 
     alike = modes_under(u[:, :1] * [1.0, 2.0])
-    with pytest.raises(DataError, match=r"2:\+X, 5:\+X are inputs whose shares.*\n.*force of its own"):
+    with pytest.raises(DataError, match=r"2:\+X, 5:\+X are inputs whose shares.*\n.*independent force"):
         alike.normalized("mass")
     with pytest.raises(DataError, match=r"5:\+X are inputs whose shares"):
         alike.select(inputs=["5:+X"]).normalized("mass")

@@ -355,7 +355,7 @@ def test_two_tests_of_one_name_do_not_share_a_file(
     other = tmp_path / "other" / test_file.name
     other.write_bytes(test_file.read_bytes())
     assert main(["identify", str(test_file), str(other), "--each", "-o", str(tmp_path / "m.json")]) == 2
-    assert f"m_{test_file.stem}.json would be that of several" in capsys.readouterr().err
+    assert f"m_{test_file.stem}.json would be written for several" in capsys.readouterr().err
 
 
 def test_a_file_of_options_that_is_nested_without_end_is_one_line(

@@ -51,5 +51,5 @@ def test_realize_writes_the_report_beside_the_model(data: ms.Signals, tmp_path: 
 
 def test_deviations_of_a_response_are_refused_where_there_are_none() -> None:
     model = ms.realize(structure(1).impulse_response(200), order=6)
-    with pytest.raises(ms.DataError, match="no directions"):
+    with pytest.raises(ms.DataError, match="no covariance"):
         model.frequency_response_std(np.array([0.1]))

@@ -183,7 +183,7 @@ def test_a_clock_before_each_channel_is_left(tmp_path: Path) -> None:
 def test_where_no_channel_is_left_the_message_names_what_may_be_one(tmp_path: Path, heads: str, uneven: float) -> None:
     times = T + uneven / 100 * np.random.default_rng(0).uniform(size=len(T))
     path = write(tmp_path / "a.csv", heads, times, times**2)
-    refused(r'(?s)needs a column of measured values.*--columns "time=1,out=2"', ms.read, path)
+    refused(r"(?s)needs a column of measured values.*columns='time=1,out=2'", ms.read, path)
     assert ms.read(path, columns="time=1,out=2", resample="auto").outputs.shape[1] == 1
 
 
@@ -192,8 +192,8 @@ def test_where_no_channel_is_left_the_message_names_what_may_be_one(tmp_path: Pa
     [
         ("Time", {}, "Export the measured channels"),
         ("Frequency [Hz],Temp [degC]", {}, "Export real and imaginary parts with"),
-        ("Time,a", {"ignore": "a"}, "Leave fewer columns out with --ignore"),
-        ("Temp [degC],rpm", {}, r'--columns "out=1-2" --sampling-rate HZ'),
+        ("Time,a", {"ignore": "a"}, "Leave fewer columns out with ignore"),
+        ("Temp [degC],rpm", {}, "columns='out=1-2', sampling_rate=HZ"),
     ],
 )
 def test_where_nothing_is_measured_the_message_says_what_to_do(

@@ -147,7 +147,7 @@ def verdict(test: Test) -> tuple[str, str]:
             return _of_tests(test)
         good, notes = _of_files(test, [])
     except ms.DataError as error:
-        ways = suggestions(str(error))
+        ways = suggestions(error.args[0])
         return ("refused, remedy works" if any(_mends(test, way) for way in ways) else "refused"), str(error)
     except Exception as error:  # noqa: BLE001 - whatever it is, a user sees a traceback
         return "crash", f"{type(error).__name__}: {error}"

@@ -48,7 +48,7 @@ def _message(path: Path) -> str:
     try:
         return " ".join(obeyed(path, []).notes)
     except ms.DataError as error:
-        return str(error)
+        return str(error.args[0])
 
 
 @pytest.mark.slow

@@ -65,8 +65,8 @@ def _leads_on(path: Path, words: list[str], message: str, rate: float | None, fu
     try:
         obeyed(path, words, rate)
     except ms.DataError as error:
-        ways = [way for way in suggestions(str(error)) if way[0] not in words] if str(error) != message else []
-        return further > 0 and any(_leads_on(path, [*words, *way], str(error), rate, further - 1) for way in ways)
+        ways = [way for way in suggestions(error.args[0]) if way[0] not in words] if error.args[0] != message else []
+        return further > 0 and any(_leads_on(path, [*words, *way], error.args[0], rate, further - 1) for way in ways)
     except SystemExit:  # the command line does not know it
         return False
     return True
@@ -140,7 +140,7 @@ def verdict(drawn: Drawn) -> tuple[str, str]:
     try:
         survey = obeyed(drawn.path, [])
     except ms.DataError as error:
-        return _of_refusal(drawn, str(error))
+        return _of_refusal(drawn, error.args[0])
     except Exception as error:  # noqa: BLE001 - whatever it is, a user sees a traceback
         return "crash", f"{type(error).__name__}: {error}"
     if time.process_time() - began > _SECONDS:
@@ -163,7 +163,7 @@ def _works(drawn: Drawn, words: list[str]) -> bool:
                 return True
             further = suggestions(" ".join(survey.notes))
         except ms.DataError as error:
-            further = suggestions(str(error))
+            further = suggestions(error.args[0])
         except (SystemExit, Exception):  # noqa: BLE001 - an option that the command line refuses, or a traceback
             return False
         further = [way for way in further if way[0] not in words]

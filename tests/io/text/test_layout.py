@@ -55,7 +55,7 @@ def test_a_rate_above_a_table_of_tabs(tmp_path: Path, line: str) -> None:
 @pytest.mark.parametrize("line", ["Sample rate,100,200", "Sample rate,100,100,200", "fs: 2 000"])
 def test_rates_that_differ_from_channel_to_channel_are_asked_for(tmp_path: Path, line: str) -> None:
     path = write(tmp_path / "a.csv", f"{line}\nForce [N],a [g],b [g]", *MOTION)
-    refused("(?s)its header says several.*--sampling-rate HZ", ms.read, path)
+    refused("(?s)its header says several.*sampling_rate=HZ", ms.read, path)
     assert ms.read(path, sampling_rate=100.0).sampling_rate == 100
 
 

@@ -99,7 +99,7 @@ def test_runs_are_the_groups_that_tell_how_far_the_test_repeats():
     ):
         assert np.all((between / noise > 0.3) & (between / noise < 2))
     assert ms.refine(records, started(records), groups=None).frequencies_repeatability is None
-    refused("8 labels, one a run", ms.refine, records, started(records), groups=["a", "b"])
+    refused("8 labels, one per run", ms.refine, records, started(records), groups=["a", "b"])
 
 
 @pytest.mark.parametrize("lengths", [[900], [500, 350]])

@@ -177,7 +177,7 @@ def test_channels_of_higher_rates_are_decimated_to_the_lowest():
     found = merge([channel("a", np.sin(7 * slow), 50.0), channel("b", np.sin(7 * fast), 150.0)])
     assert (found.sampling_rate, found.samples) == (50.0, 600)
     np.testing.assert_allclose(found.outputs[50:-50, 1], found.outputs[50:-50, 0], atol=2e-3)
-    with pytest.raises(DataError, match="--resample HZ"):
+    with pytest.raises(DataError, match="resample=HZ"):
         merge([channel("a", np.sin(7 * slow), 50.0), channel("b", np.sin(7 * fast), 130.0)])
 
 

@@ -133,7 +133,7 @@ def replicates_of(
         modes = _of_correlations(modes, modes.unrefined)
     row = find_method(diagram.method, diagram.domain, diagram.domain, diagram.settings.route)
     if of_past(row):
-        have = "it projects records on their past, and replicates are responses"
+        have = "it needs records, and replicates are responses"
         raise DataError(f"a certificate of {row.label} was asked", have, "Certify another method on the same record.")
     response, order = diagram.response, nearest_order(diagram, modes.unrefined or modes)
     beside = np.zeros(0, complex) if modes.unrefined is None else terms_of(modes.unrefined)[0]
@@ -150,7 +150,7 @@ def replicates_of(
 def _of_correlations(modes: ModalModel, before: ModalModel) -> ModalModel:
     """Return modes that were refined on the lines of a record as they were before: replicates are correlations."""
     names = ("poles", "frequencies_std", "damping_ratios_std", "degrees")
-    text = "The values before the refinement are certified: replicates are correlations, it works on the lines of the record"
+    text = "The values before refinement are certified: refinement needs the record, and replicates are correlations"
     own: dict[str, Any] = {name: getattr(before, name) for name in names}
     return replace(modes, **own, unrefined=None).noted(Note("before refinement", {"modes": float(len(modes))}, text))
 

@@ -43,7 +43,7 @@ class Validation(Shown):
     frequencies_std, damping_ratios_std : array, (n,)
         Hz, ratio: sqrt((g - 1) / g sum (x_g - mean)^2) of the values without each part, the deviation by leaving out.
     correlation, uneven : float
-        Of what the modes leave of all data: of neighbouring lines or samples, and the scatter of its level over that of white noise.
+        Of the residual of all data: of neighbouring lines or samples, and the scatter of its level over that of white noise.
     white : bool
         Whether that is no more than white noise shows.
     notes : tuple of Note
@@ -60,7 +60,7 @@ class Validation(Shown):
     notes: tuple[Note, ...] = ()
 
     def table(self) -> str:
-        """Return one line for each part that was left out, and what is left of all."""
+        """Return one line for each part that was left out, and the residual of all."""
         lines = [f"{'left out':12s} {'fit error %':>12s} {'fitted too %':>13s}"]
         for name, out, held in zip(self.parts, self.fit_errors, self.fit_errors_with, strict=True):
             lines.append(f"{name:12s} {100 * out:12.3g} {100 * held:13.3g}")
@@ -159,7 +159,7 @@ def _without(response: Response, modes: ModalModel, leaving: str, k: int, count:
 
 
 def _error(response: Response, modes: ModalModel, leaving: str, k: int) -> float:
-    """Return what modes leave of one input or output when that part of the residues alone is fitted."""
+    """Return the residual of one input or output when that part of the residues alone is fitted."""
     part = response.select(**{leaving: [k]})
     basis = part.whole_basis(modes.poles - response.added_damping, part.refined_powers)
     shapes, participation = modes.shapes, modes.known_participation("leaving out")
@@ -171,7 +171,7 @@ def _error(response: Response, modes: ModalModel, leaving: str, k: int) -> float
 
 
 def _left(response: Response, modes: ModalModel) -> Colour:
-    """Judge what the modes leave of all data."""
+    """Judge the residual of all data."""
     basis = response.whole_basis(modes.poles - response.added_damping, response.refined_powers)
     participation, terms = basis.fit_participation(modes.shapes)
     left = basis.data - basis.rebuilt(modes.shapes, participation, terms)

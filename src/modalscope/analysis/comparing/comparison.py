@@ -62,7 +62,7 @@ class Comparison(Shown):
     response : FrequencyResponse or ImpulseResponse
         The data of all methods.
     results : tuple of MethodResult
-        One a method: modes, diagram, fit error, seconds, or the failure.
+        One per method: modes, diagram, fit error, seconds, or the failure.
     modes : ModalModel
         The consensus; `frequencies_spread` and `damping_ratios_spread` are the standard deviations between methods.
     groups : tuple of Group

@@ -190,7 +190,7 @@ def changed_by_more_orders(
 
     It is also true where more orders are out of reach.
 
-    `results`: one a task. `options`: of `compare`, for every method.
+    `results`: one per task. `options`: of `compare`, for every method.
     """
     able = [(t, r) for t, r in zip(tasks, results, strict=True) if r.exact and r.modes is not None]
     if not able:

@@ -93,7 +93,7 @@ def tasks_of(
             cells = tuple(sorted(cells, key=lambda c: (c.method.name, c.method.domain) != usual))
         tasks += [(data, cell) for cell in cells]
     if not tasks:
-        raise DataError("a comparison was asked", "no route has a method of these names", 'Use methods="all".')
+        raise DataError("a comparison was asked", "no method of these names takes these data", 'Use methods="all".')
     return tasks, tuple(dict.fromkeys(notes))
 
 

@@ -200,7 +200,7 @@ class _Covariances:
 
 
 def _middle_noise(noises: Sequence[Noise]) -> Noise | None:
-    """Return the noise of the data as the method in the middle sees it: each estimates it from what its own order leaves; None without any.
+    """Return the noise of the data by the method in the middle: each estimates it from the residual of its own order; None without any.
 
     A low order leaves structure in it, and a high one takes noise away: the median holds against either.
     """

@@ -188,7 +188,7 @@ def next_measurement(
         unknown = [label for label in wanted if label not in known]
         if unknown or not wanted:
             change = "Give these, or measure at the others once."
-            have = f"the modes know {', '.join(known) or 'no place'}"
+            have = f"the modes have {', '.join(known) or 'no place'}"
             raise DataError(f"candidates={unknown or wanted}", have, change)
         every = [each for each in every if each[1] in wanted]
     now = {what: test.reached(what, {}) for what in asked}

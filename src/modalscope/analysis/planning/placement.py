@@ -176,9 +176,7 @@ class _Places:
 
     def __init__(self, modes: ModalModel, noise: ArrayLike) -> None:
         if not len(modes) or not np.all(modes.poles.imag > 0):
-            raise DataError(
-                "place(modes)", f"{len(modes)} modes, not all of which oscillate", "Give oscillating modes."
-            )
+            raise DataError("place needs modes that oscillate", f"of {len(modes)} not all do", "Leave the others out.")
         level = real_array("noise", noise, "(places,)", (0, 1))
         if level.shape not in ((), (len(modes.shapes),)) or not np.all(level > 0):
             have = f"there are {level.size} numbers from {level.min():g} for {len(modes.shapes)} places"

@@ -128,11 +128,11 @@ def _with_shapes(modes: ModalModel, found: LineShapes) -> ModalModel:
     real = np.all(found.shapes.imag == 0, axis=0)
     if real.any():
         which = "all modes" if real.all() else list_some(f"{f:.5g} Hz" for f in modes.frequencies[real])
-        text = f"Shapes taken as real, their MPC as 1, as imaginary parts are within errors: {which}"
+        text = f"Shapes set to real (MPC 1), as imaginary parts are within their errors: {which}"
         refitted = refitted.noted(Note("real shapes", {"modes": float(real.sum())}, text))
     alike = np.diag(mac(refitted.shapes, modes.shapes))
     names = list_some(f"{f:.5g} Hz" for f in modes.frequencies[alike < 1 - _MIN_CHANGE])
     if not names:
         return refitted
-    text = f"Shapes estimated on the lines of the record, where those of the correlations are others: {names}"
+    text = f"Shapes estimated from the spectra, as they differ from those of the correlations: {names}"
     return refitted.noted(Note("shapes of lines", {"modes": float(np.sum(alike < 1 - _MIN_CHANGE))}, text))

@@ -230,7 +230,7 @@ def _excluded(data: Any, document: Analysis) -> set[str]:
 def _explained(
     data: Any, modes: ModalModel, diagrams: Sequence[StabilizationDiagram]
 ) -> tuple[ModalModel, tuple[Note, ...]]:
-    """Return modes with how much of the response around them they explain, and what the modes of one band leave of it in all.
+    """Return modes with the explained part of the response around each, and the unexplained part of a band.
 
     A warning where they explain little, and the lines of noise that are not counted.
     """

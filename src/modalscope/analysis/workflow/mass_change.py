@@ -76,7 +76,7 @@ def scale_by_mass(modes: ModalModel, changed: ModalModel, masses: Mapping[str, f
     if not len(pairs.first):
         raise DataError(
             "modes before and after a change of mass were asked",
-            f"none of {len(modes)} and {len(changed)} modes make a pair",
+            f"none of the {len(modes)} modes before is one of the {len(changed)} after",
             "Give two tests of one structure; smaller masses move the modes less.",
         )
     before, after = _real(pairs.a.shapes), _real(pairs.b.shapes)
@@ -164,5 +164,5 @@ def _notes(modes: ModalModel, masses: Mapping[str, float], apart: RealArray) -> 
         words = ", ".join(
             f"{100 * x:.2g} % at {f:.5g} Hz" for f, x in zip(modes.frequencies[known], apart[known], strict=True)
         )
-        notes.append(Note("modal mass", {}, f"deviation of modal masses from those of the frequencies: {words}"))
+        notes.append(Note("modal mass", {}, f"standard deviations of modal masses, from those of frequencies: {words}"))
     return tuple(notes)

@@ -2,9 +2,9 @@
 
     y(t) = sum_j c_j x_j(t) + conjugate + D u(t) + offset,   x_j(t + 1) = z_j x_j(t) + b_j' u(t),   e = W (y - y^) white
 
-W is an autoregression of what the model leaves (`simulation.whitener`). Poles, shapes, participation, D and the first states of all runs
+W is an autoregression of the errors of the model (`simulation.whitener`). Poles, shapes, participation, D and the first states of all runs
 descend together by damped least squares (Levenberg and Marquardt), W after them, in turn: a Box-Jenkins model, whose errors are least
-where what simulation leaves is coloured by forces that were not measured.
+where the errors of simulation are coloured by forces that were not measured.
 
 References
 ----------

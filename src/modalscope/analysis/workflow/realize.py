@@ -92,7 +92,7 @@ class RealizedModel(StateSpace):
         if self.directions is None:
             raise DataError(
                 "standard deviations of a frequency response were asked",
-                "the model has no directions: it is of responses, grows, or has too many states and samples for them",
+                "the model has no covariance: it was identified from responses, is unstable, or has too many states",
                 "Realize it from records with inputs, with fewer states or samples.",
             )
         f = real_array("frequencies", frequencies, "(lines,)", (0, 1)).reshape(-1)
@@ -227,7 +227,7 @@ def stabilized(model: StateSpace, response: Response) -> tuple[StateSpace, int, 
     left = basis.data - basis.rebuilt(shapes, participation, terms)
     cost = float(np.linalg.norm(left) / np.linalg.norm(basis.data))
     count = int(np.count_nonzero(grows))
-    text = f"{count} poles that grow were mirrored: the stable model leaves {100 * cost:.3g} % of the data; stable=False keeps them"
+    text = f"{count} unstable poles were mirrored: {100 * cost:.3g} % of the data are unexplained; stable=False keeps these poles"
     return made, count, (Note("mirrored", {"poles": count, "left": cost}, text),)
 
 
@@ -309,7 +309,7 @@ def _ways(records: Records, choice: Mapping[str, Any]) -> dict[str, dict[str, An
 class _Tried(NamedTuple):
     """A way and an order with its models, one a fold, none where it failed.
 
-    `blocks`, `levels`: of stretches of what is held out what simulations leave, and twice the likelihood of it a sample, less is better.
+    `blocks`, `levels`: simulation errors of stretches of the hold-out, and twice their negative log likelihood per sample.
     `refined`: to the least errors of prediction. `own`: nothing is held out, and the likelihood pays for its unknowns.
     """
 
@@ -363,7 +363,7 @@ def _judged(
     *,
     refined: bool = False,
 ) -> _Tried:
-    """Return a candidate with what its models leave of stretches of what is held out, mean over the outputs, see `FreeRun.squares`."""
+    """Return a candidate with the errors of its models on stretches of the hold-out, mean over the outputs, see `FreeRun.squares`."""
     blocks, levels = [], []
     for model, fold in zip(models, folds, strict=True):
         plain = replace(model, gain=None, innovation_covariance=None)
@@ -406,7 +406,7 @@ def _refined(found: list[_Tried], folds: list[_Fold]) -> Iterator[_Tried]:
         whole = tuple(model for model in models if model is not None)
         if len(whole) < len(models):
             return None
-        name = f"{start.candidate.how}, least errors of prediction"
+        name = f"{start.candidate.how}, prediction errors minimized"
         return _judged(
             Candidate(name, order, mirrored=start.candidate.mirrored), start.way, whole, folds_of, refined=True
         )
@@ -484,9 +484,9 @@ def _best(found: list[_Tried]) -> _Tried:
 
 
 def _confidence_set(tried: list[_Tried]) -> list[_Tried]:
-    """Return those that no test tells apart by what they leave of the stretches that are held out.
+    """Return those whose errors on the held-out stretches do not differ significantly.
 
-    d_i is the mean logarithm of what candidate i leaves, less that of all. The one of the largest t = d / sd(d) goes, and the others are
+    d_i is the mean logarithm of the error of candidate i, less that of all. The one of the largest t = d / sd(d) goes, and the others are
     compared again, until that t is what the largest of equal candidates exceeds in one of twenty: of stretches drawn again, with
     replacement, for all candidates the same. By logarithms no stretch outweighs the others. Hansen, Lunde and Nason, "The model confidence
     set", Econometrica 79 (2011), 453-497.
@@ -519,7 +519,7 @@ def _level(tried: _Tried) -> float:
 
 
 def _as_good(one: RealArray, top: RealArray) -> bool:
-    """Whether what is left of stretches is as little as the least, to one standard error of the mean of their difference."""
+    """Whether the errors on stretches are as small as the smallest, within one standard error of the mean difference."""
     worse = one - top
     return bool(np.mean(worse) <= np.std(worse) / np.sqrt(worse.size))
 
@@ -551,7 +551,7 @@ def _again(
     """
     if best.own:
         count = best.candidate.mirrored
-        grew = Note("mirrored", {"poles": count}, f"{count} poles that grow were mirrored; stable=False keeps them")
+        grew = Note("mirrored", {"poles": count}, f"{count} unstable poles were mirrored; stable=False keeps them")
         return with_noise(best.models[0], records), (grew,) if count else ()
     whole: list[tuple[StateSpace, tuple[Note, ...]]] = []
     try:
@@ -562,14 +562,12 @@ def _again(
             notes = (*notes, *said)
         whole.append((sampled(model, records), notes))
     except DataError as error:
-        notes = (Note("fitted part", {}, f"all records together were refused: {error.found}"),)
+        notes = (Note("fitted part", {}, f"no model of all records: {error.found}"),)
     if best.refined and whole:
         descended = least_prediction_errors(whole[0][0], records)
         whole = whole if descended is None else [(descended, notes)]
     text = Note(
-        "fitted part",
-        {},
-        "fitted to a part of the records, which leaves less than half of what a fit to all leaves of them",
+        "fitted part", {}, "fitted to a part of the records: its error is less than half of that of a fit to all"
     )
     whole += [(model, (*notes, text)) for model in best.models]
     plain = [replace(m, gain=None, innovation_covariance=None) for m, _ in whole]
@@ -587,7 +585,7 @@ def _too_few_tones(records: Records, model: StateSpace) -> tuple[Note, ...]:
     states, at = 2 * len(tones) * outputs // (1 + outputs), ", ".join(f"{f:.4g}" for f in tones)
     text = (
         f"WARNING: the forces are sinusoids at {at} Hz, which determine {counted(states, 'state')} at most, and the model has {order}: "
-        "it is of use at these frequencies alone. Drive with noise, a sweep or hits"
+        "it is valid only at these frequencies. Drive with noise, a sweep or hits"
     )
     return (Note("few lines", {"states": states, "order": order}, text),)
 

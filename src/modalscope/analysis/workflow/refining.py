@@ -33,10 +33,10 @@ _MIN_REFINED = 0.5
 
 
 def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> ModalModel:
-    """Return the modes selected from a diagram refined, or as they are with a note of the reason.
+    """Refine the modes selected from a diagram, or return them unchanged with a note of the reason.
 
-    Poles that the data need in addition (real ones, and those not selected) are fixed at their values in the diagram. Channels that were
-    levelled are so here, too.
+    Poles that the data need in addition (real ones, and those not selected) are fixed at their values in the diagram. Levelled channels
+    stay levelled.
     """
     if not len(modes):
         return modes

@@ -131,14 +131,14 @@ def _stored(place: Path | None) -> ModalModel | None:
 
 def _by_later_rules(document: Analysis, before: ModalModel | None, now: ModalModel) -> Note:
     """Return the note on a document of an earlier layout: which modes it listed that are not there now, and which are new."""
-    text = f"Document of modalscope {document.version}: repeated by later rules of the choice of modes"
+    text = f"Document of modalscope {document.version}: repeated with later rules for selecting modes"
     if before is None:
         return Note("later rules", {}, text)
     same = log_ratios(before, now) > 0
     gone, new = (
         [f"{f:.5g} Hz" for f in modes.frequencies[~same.any(axis=axis)]] for axis, modes in ((1, before), (0, now))
     )
-    told = [f"{what} {', '.join(each)}" for what, each in (("no more listed:", gone), ("new:", new)) if each]
+    told = [f"{what} {', '.join(each)}" for what, each in (("no longer listed:", gone), ("new:", new)) if each]
     numbers = {"gone": len(gone), "new": len(new)}
     return Note("later rules", numbers, f"{text}; {'; '.join(told) or 'the same modes'}")
 
@@ -180,5 +180,5 @@ def check_same(expected: tuple[SourceFile, ...], sources: tuple[SourceFile, ...]
     raise DataError(
         f"the data of {', '.join(file.path for file in expected if file.path) or 'the analysis'} were expected",
         "these are others: their hash differs from the document's",
-        "Give the data that were analysed, or say force=True (a result of other data is another result).",
+        "Give the data that were analysed, or force=True to analyse these.",
     )

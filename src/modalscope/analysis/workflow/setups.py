@@ -27,7 +27,7 @@ from modalscope.selection.likelihood.noise import undenied
 def with_repeatability(modes: ModalModel, response: Response) -> ModalModel:
     """Return modes with the deviation of the mean over the groups of the response's inputs, s / sqrt(G); as they are without four groups.
 
-    `modes`: identified from all groups together. `response`: with `groups`: one label an input.
+    `modes`: identified from all groups together. `response`: with `groups`: one label per input.
     """
     between = deviations_between(modes.poles, response)
     if between is None:
@@ -77,14 +77,14 @@ def merge_modes(
     Parameters
     ----------
     results : sequence of ModalModel
-        One a setup. Shapes are carried over by the outputs that all have.
+        One per setup. Shapes are carried over by the outputs that all have.
     responses : sequence of FrequencyResponse or ImpulseResponse, optional
         What each was measured as: the parts of the shapes are then fitted to these by least squares with the poles of all modes, also
         where a setup lacks a mode. Without them they are those of the results, and a mode that a setup lacks is left out.
     tolerance : float
         Largest relative distance of frequencies of one mode.
     groups : sequence of labels, "auto" or None
-        One label a setup; by default every setup is a group. Fewer than four say nothing of repeatability.
+        One label per setup; by default every setup is a group. Fewer than four say nothing of repeatability.
 
     Returns
     -------
@@ -111,16 +111,16 @@ def merge_modes(
     >>> merged.output_dofs == modes.output_dofs, float(np.diag(mac(merged.shapes, modes.shapes)).min().round(9))
     (True, 1.0)
     """
-    parts = check_each("results", results, "modes, one a setup")
+    parts = check_each("results", results, "modes, one per setup")
     for part in parts:
         check_kind("each of the results", part, ModalModel)
     if not parts:
         raise DataError("modes of several setups were asked", "the list is empty", "Give the modes of each.")
     common = common_outputs(parts)
-    labels = check_groups(groups, len(parts), "a setup", tuple(f"setup {j + 1}" for j in range(len(parts))))
-    given = None if responses is None else check_each("responses", responses, "one a setup")
+    labels = check_groups(groups, len(parts), "setup", tuple(f"setup {j + 1}" for j in range(len(parts))))
+    given = None if responses is None else check_each("responses", responses, "one per setup")
     if given is not None and len(given) != len(parts):
-        raise DataError(f"{len(parts)} responses were asked", f"{len(given)} are given", "Give one a result.")
+        raise DataError(f"{len(parts)} responses were asked", f"{len(given)} are given", "Give one per result.")
     found = _together(parts, common, tolerance)
     enough = [mode for mode in found if 2 * len(mode) > len(parts)]
     kept = [mode for mode in enough if given is not None or len(mode) == len(parts)]
@@ -284,7 +284,7 @@ def _candidate(mode: _Mode, parts: Sequence[ModalModel], enough: bool) -> Candid
         frequency=_mean(mode, parts, "frequencies"),
         damping_ratio=_mean(mode, parts, "damping_ratios"),
         reason=f"only {len(mode)} of {len(parts)} setups have it: {where}",
-        remedy="Give the responses, too: its shape is then fitted where it is lacking"
+        remedy="Give the responses, too: its shape is then fitted where it is missing"
         if enough
         else "Give its frequency: frequencies=[...] in every setup, or identify the setups together",
     )
@@ -292,9 +292,9 @@ def _candidate(mode: _Mode, parts: Sequence[ModalModel], enough: bool) -> Candid
 
 def _notes(kept: list[_Mode], parts: Sequence[ModalModel], labels: Groups) -> tuple[Note, ...]:
     lacking = sum(len(mode) < len(parts) for mode in kept)
-    notes = [] if labels else [Note("groups", {}, "fewer than four setups: their repeatability is not known")]
+    notes = [] if labels else [Note("groups", {}, "Fewer than four setups: repeatability is not known")]
     if lacking:
-        text = f"{lacking} modes are lacking in some setups: their shapes there are fitted with their poles given"
+        text = f"{lacking} modes are missing in some setups: their shapes there are fitted with the poles of the others"
         notes.append(Note("shapes", {"modes": lacking}, text))
     return tuple(notes)
 

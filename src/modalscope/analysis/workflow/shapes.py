@@ -38,7 +38,7 @@ _MIN_SHARE_OF_DIFFERENCE = 1e-10
 class Fitted(NamedTuple):
     """Shapes of some outputs.
 
-    `outputs`: which. `shapes` (c, n). `left`, `whole` (c,): energy that is left, and all of it.
+    `outputs`: which. `shapes` (c, n). `left`, `whole` (c,): residual and total energy.
     """
 
     outputs: slice
@@ -79,7 +79,7 @@ def _field_basis(stored: StoredResponse, modes: ModalModel) -> RealArray:
     if participation.shape[1] != inputs:
         raise DataError(
             f"shapes of responses to {inputs} inputs were asked",
-            f"the modes have participation in {participation.shape[1]}",
+            f"the inputs of the modes are {participation.shape[1]}",
             "Give the modes that were identified from these responses.",
         )
     first = stored.part(0, 1)
@@ -103,7 +103,7 @@ def fit_residues(
     participation: str = "free",
     weights: ArrayLike | None = None,
 ) -> ModalModel:
-    """Fit residues of rank one a mode, and residuals of the modes outside the band, to all lines; poles are kept.
+    """Fit residues of rank one per mode, and residuals of the modes outside the band, to all lines; poles are kept.
 
     Complex modes: H = sum_j phi_j l_j' / (j w - s_j) + conjugates + L (j w)^(p-2) + U (j w)^p. Real modes of proportional damping:
     H = (j w)^p sum_j psi_j psi_j' / (m_j (w_j^2 - w^2 + 2 j zeta_j w_j w)) + the same residuals. p = 0, 1, 2 for displacement, velocity and

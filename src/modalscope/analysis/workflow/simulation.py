@@ -131,13 +131,13 @@ def driven_outputs(model: StateSpace, u: RealArray) -> RealArray:
 
 
 class Whitener(NamedTuple):
-    """Filters (p + 1, l, l) that whiten what a simulation leaves; `level`: of its innovations, see `whitener`."""
+    """Filters (p + 1, l, l) that whiten the errors of a simulation; `level`: of its innovations, see `whitener`."""
 
     filters: RealArray
     level: float
 
     def __call__(self, v: RealArray) -> RealArray:
-        """Return e(t) = sum_k F_k v(t - k), (N - p, l, ...), of what is left, (N, l, ...)."""
+        """Return e(t) = sum_k F_k v(t - k), (N - p, l, ...), of the errors, (N, l, ...)."""
         p, out = len(self.filters) - 1, np.zeros((len(v) - len(self.filters) + 1, *v.shape[1:]))
         for k, F in enumerate(self.filters):
             out += np.moveaxis(np.tensordot(v[p - k : len(v) - k], F, (1, 1)), -1, 1)
@@ -145,7 +145,7 @@ class Whitener(NamedTuple):
 
 
 def whitener(left: Sequence[RealArray]) -> Whitener | None:
-    """Fit an autoregression to what simulations leave of runs, (N, l) each, of the order of least AIC; None of rounding or too little.
+    """Fit an autoregression to the simulation errors of runs, (N, l) each, of the order of least AIC; None for rounding or too few samples.
 
     `level`: log det of the covariance of its innovations, and 2 p l^2 / N for what it was fitted: the likelihood, two a sample.
 
@@ -184,7 +184,7 @@ class FreeRun(NamedTuple):
     offset: RealArray
 
     def whitener(self, y: RealArray) -> Whitener | None:
-        """Return what whitens what is left; None of rounding."""
+        """Return the filter that whitens the errors; None for rounding."""
         left = y - self.outputs
         return whitener([left]) if np.all(left.std(axis=0) > _ROUNDING * y.std(axis=0)) else None
 
@@ -194,9 +194,9 @@ class FreeRun(NamedTuple):
         return self.first.size + self.offset.size
 
     def squares(self, y: RealArray, power: RealArray) -> RealArray:
-        """Return what is left of each sample, (N,): |y - y^|^2 over the power (l,) of each output, mean over these.
+        """Return the squared error of each sample, (N,): |y - y^|^2 over the power (l,) of each output, mean over these.
 
-        First state and offset, p = n + l numbers, are fitted to the run: generalized cross-validation says what they would leave of
+        First state and offset, p = n + l numbers, are fitted to the run: generalized cross-validation says what errors they would have on
         samples that they were not fitted to, |y - y^|^2 / (1 - p / (N l))^2. Golub, Heath and Wahba, Technometrics 21 (1979), 215-223.
         """
         free = 1 - self.fitted_numbers / y.size
@@ -225,7 +225,7 @@ class FreeRun(NamedTuple):
 def free_run(model: StateSpace, y: RealArray, u: RealArray) -> FreeRun:
     """Simulate a run from its inputs alone; first state and offset are weighted least squares over the first samples, the offset over all.
 
-    The weights are those of an autoregression of what is left: plain least squares fit to the first state what forces that were not
+    The weights are those of an autoregression of the errors: plain least squares fit to the first state what forces that were not
     measured do to modes of little damping, and the more so the more states there are.
     """
     l, n = model.C.shape
@@ -256,7 +256,7 @@ def free_run(model: StateSpace, y: RealArray, u: RealArray) -> FreeRun:
     if white is None or rows - len(white.filters) < n + l:
         return found
     left, past = (y - driven)[:rows], len(white.filters) - 1
-    # the first samples have no past to be predicted from, and tell most of the first state: they count by what is left of each output
+    # the first samples have no past to be predicted from, and tell most of the first state: they count by the error of each output
     size = np.std(y - found.outputs, axis=0)
     whole = [
         np.concatenate([each[:past] / size[:, *[None] * (each.ndim - 2)], white(each)]) for each in (columns, left)

@@ -143,7 +143,7 @@ def fewer_outputs(response: Response, order: int, options: Any) -> Combinations 
 def found_combinations(rows: OutputRows, count: int, seed: int = 0, *, keep: bool = True) -> Found:
     """Return r combinations of outputs that come some at a time, in two passes over them.
 
-    `count`: r. `seed`: of the sketch. `keep`: whether U, which has a row an output, is wanted.
+    `count`: r. `seed`: of the sketch. `keep`: whether U, which has a row per output, is wanted.
 
     References
     ----------
@@ -341,7 +341,7 @@ class _Rows:
 
 
 def combined(stored: StoredResponse, count: int = COUNT) -> tuple[ImpulseResponse, Note]:
-    """Return the response of combinations of the outputs, and what they leave out.
+    """Return the response of combinations of the outputs, and the discarded part.
 
     Poles, participation and everything that is judged over all outputs together are those of the whole; shapes belong to the
     combinations, see `modalscope.identification.modal.full_field`.

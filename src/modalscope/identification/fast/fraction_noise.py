@@ -311,7 +311,7 @@ class FractionInfluence(LineInfluence):
 
 
 def _projected(matrix: NormalEquations, c: ComplexArray, lines: IntArray) -> tuple[Pair, Pair]:
-    """Return what P leaves of X c, weighted and halved (k, F, l), and sum_j c_j z^j (k, F, m), each at z and at 1 / z."""
+    """Return P X c, the residual of X c, weighted and halved (k, F, l), and sum_j c_j z^j (k, F, m), each at z and at 1 / z."""
     count = c.shape[1]
     z = np.exp(1j * np.outer(matrix.angles[lines], np.arange(count)))
     U, L = matrix.gram_blocks[1][:count, :, :count], matrix.lower_triangle[:count, :count]

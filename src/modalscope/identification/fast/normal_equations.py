@@ -1,6 +1,6 @@
 """Normal equations of the right matrix fraction H(z) = B(z) A(z)^-1: LSCF, known as PolyMAX.
 
-With real coefficients A_0, ..., A_p (m x m) and beta_0, ..., beta_p (one row an output) the error of output o is
+With real coefficients A_0, ..., A_p (m x m) and beta_0, ..., beta_p (one row per output) the error of output o is
 sum_j z^j beta_oj - H_o sum_j z^j A_j on the lines. Its normal equations have Toeplitz blocks: each entry depends on the difference of two
 powers only and is one value of a Fourier transform over the lines. The numerators are eliminated,
 

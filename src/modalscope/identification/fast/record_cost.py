@@ -55,8 +55,8 @@ def refuse_beyond_memory(cost: RecordCost) -> None:
     there = _memory()
     if there is not None and cost.bytes > there:
         raise DataError(
-            "records on lines were asked",
-            f"{cost.columns} columns on {cost.lines} lines need {_words(cost.bytes)} besides the records, the machine has {_words(there)}",
+            "fitting the records on their lines was asked",
+            f"{cost.columns} columns on {cost.lines} lines need {_words(cost.bytes)} of memory, the machine has {_words(there)}",
             "Give a band, lower block_rows, exclude channels, or identify runs one by one.",
         )
 

@@ -1,7 +1,7 @@
 """Block Hankel matrices whose products, Gram matrices and sides are computed by structure, with what is combined within blocks.
 
 Nothing of the matrix' size is formed: products run over slices of the samples, or by Fourier transforms
-(`modalscope.identification.fast.block_hankel`). What acts alike in every block (a weight a channel, a compression T_0) is applied to the
+(`modalscope.identification.fast.block_hankel`). What acts alike in every block (a weight per channel, a compression T_0) is applied to the
 samples and keeps the structure. The plain form is `modalscope.identification.matrices.hankel`.
 """
 

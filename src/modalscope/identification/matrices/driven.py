@@ -1,7 +1,7 @@
 """Oblique projection of future outputs on past inputs and outputs, along future inputs, for records with inputs in time.
 
 With X(t) the states, y(t + k) = C A^k X(t) + sum_(j <= k) (...) u(t + j) + what noise and unmeasured forces add from t on. The future
-inputs are eliminated; the past, which knows nothing of what noise adds later, is the instrument: what is left is V X, consistent
+inputs are eliminated; the past, which knows nothing of what noise adds later, is the instrument: the remainder is V X, consistent
 whatever the noise and the unmeasured forces are. A projection on the lines of records has no such instrument.
 """
 
@@ -167,7 +167,7 @@ def driven_projection(
     each channel divided by its root mean square, the whole by the root of the number of times. With [inputs; past; future] =
     [[L11, 0, 0], [L21, L22, 0], [L31, L32, L33]] Q the matrix is L^-1 L32, L L' = L33 L33': rows count by how well they are predicted
     beside what is not, which are the weights of canonical variates. Without them noise and unmeasured forces, which are loudest where the
-    modes are, take states of their own before weak modes do. The constant, one a run, takes any offset away exactly. T keeps
+    modes are, take states of their own before weak modes do. The constant, one per run, takes any offset away exactly. T keeps
     the latest samples one by one and sums those before over intervals that grow by a half (`intervals`): slow modes need a long past to
     be told from noise, and every row of the past predicts some noise by chance, which biases damping.
 
@@ -273,7 +273,7 @@ class DrivenProjection(MixedRows):
 
     @property
     def offsets(self) -> int:
-        """Rows of constants, one a run."""
+        """Rows of constants, one per run."""
         return len(self.records.runs)
 
     @property
@@ -331,7 +331,7 @@ class DrivenProjection(MixedRows):
     def predictor_triangle(self) -> tuple[RealArray, int, int, int, int]:
         """Return the triangle of [1; u(t); u(t - 1); y(t - 1); ...; u(t - p); y(t - p); y(t)], as many p as the past and memory allow.
 
-        With it the number of times, that of the first columns, l, and l + m; channels are level, and constants one a run.
+        With it the number of times, that of the first columns, l, and l + m; channels are level, and constants one per run.
         """
         of_outputs, of_inputs = self.scales
         l, m, times = self.outputs, self.inputs, sum(self.records.samples)

@@ -106,7 +106,7 @@ def dense_factors(matrix: Operator, wanted: int) -> Factors:
 def ranked(found: Factors, floor: float) -> Factors:
     """Return factors with their rank; `floor`: relative to the largest singular value, rounding lies below."""
     if found.d.size == 0 or found.d[0] <= 0:
-        raise DataError("a data matrix with content was asked", "it is zero", "Give data with a response in them.")
+        raise DataError("factors of the data were asked", "all values are zero", "Give data with a response.")
     return replace(found, rank=_rank(found.d, floor))
 
 

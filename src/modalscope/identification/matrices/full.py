@@ -28,7 +28,7 @@ from modalscope.numerics.operators import real_times, times_real
 def pencil_of(shift: RowShift, left: Array, values: Array, rows: int) -> ComplexArray:
     """Return L_j = F_j E1 - x_j F_j E0 on the rows that E0 and E1 were given, (k, rows), without weights or mixing.
 
-    `left` (k, rows of E0): f_j, one a row. `values` (k,): x_j.
+    `left` (k, rows of E0): f_j, one per row. `values` (k,): x_j.
     """
     F, x = np.asarray(left), np.asarray(values)[:, None]
     L = np.zeros((len(F), rows), dtype=complex)
@@ -60,7 +60,7 @@ class FullMatrix(DataMatrix):
 
     # ---------------------------------------------------------------------------------------------------------- influence
     def pencil(self, left: Array, values: Array, *, tall: bool) -> Any:
-        """Return L_j with L_j dH = F_j (dH(1) - x_j dH(0)), one row on the whole matrix a pole: (k, rows).
+        """Return L_j with L_j dH = F_j (dH(1) - x_j dH(0)), one row on the whole matrix per pole: (k, rows).
 
         `left` (k, rows of H(0)): f_j. `values` (k,): x_j, eigenvalues. `tall`: whether F_j lies on the rows that E0 selects of `tall()`,
         without weights, and not on those of `shifted(0)`.
@@ -129,10 +129,8 @@ def full(matrix: DataMatrix) -> FullMatrix:
     """Return a data matrix that knows its influence and its sides, or raise `DataError`: a plain one does not."""
     if isinstance(matrix, FullMatrix):
         return matrix
-    have = f"the plain form of a data matrix does not know them: {matrix.describe()}"
-    raise DataError(
-        "standard deviations or indicators of factors were asked", have, "Take the steps that are taken by default."
-    )
+    have = f"the plain data matrix has none: {matrix.describe()}"
+    raise DataError("standard deviations or indicators of factors were asked", have, "Leave out plain_steps().")
 
 
 class OfCombinations(FullMatrix, DerivedMatrix):

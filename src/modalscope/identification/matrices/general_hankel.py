@@ -43,7 +43,7 @@ def hankel(
     `response`: values of shape (samples, outputs, inputs). `block_rows`, `block_columns`: blocks in a column and in a row of H(0);
     block_rows + block_columns samples are read. `row_shifts`, `column_shifts`: s_j and t_i, increasing from 0; 0, 1, 2, ... by default.
     They take the place of block_rows and block_columns. `row_subsets`, `column_subsets`: outputs in each block row and inputs in each
-    block column; the first must be whole. `row_weights`, `column_weights`: positive weights: one an output (an input), or one a row (a
+    block column; the first must be whole. `row_weights`, `column_weights`: positive weights: one per output (an input), or one per row (a
     column) of H(0). `row_compression`, `column_compression`: t_0 (q, l), applied within every block row, or T_r (q, rows of H(0)),
     applied to whole columns after the weights (Eq. 31); the same for columns. `modalscope.identification.matrices.hankel` makes them.
 

@@ -99,7 +99,7 @@ class Influence(ABC):
         """Return what one noise does to these poles and to as many others together.
 
         `other`: of the same response on the other poles. `variance` (l, m): e|noise|^2 of the values; of lines it may differ from line to
-        line. Where `noise_by_pole` also (k, 1, l, m), one a pole. `fading`: what an exponential window makes of it. Of samples, (N,): the
+        line. Where `noise_by_pole` also (k, 1, l, m), one per pole. `fading`: what an exponential window makes of it. Of samples, (N,): the
         variance of each over the average. Of lines, (F,): the correlation of one with that k lines below it. By default every value
         stands alone.
         """

@@ -64,7 +64,7 @@ _MIN_SHARE_LEFT = 1e-8
 
 
 def line_weights(response: FrequencyResponse, weights: str | ArrayLike | None) -> RealArray | None:
-    """Return one positive weight a line.
+    """Return one positive weight per line.
 
     `weights` (F,): 1 / standard deviation of the estimate averaged over channels; from coherence g2 by var = |H|^2 (1 - g2) / g2; or the
     inverse of the root mean square level of the response, which makes weak modes count.
@@ -77,7 +77,7 @@ def line_weights(response: FrequencyResponse, weights: str | ArrayLike | None) -
             raise DataError(
                 f"weights needs {response.lines} positive entries",
                 f"it has {array.size}" + (f", the smallest {array.min():g}" if array.size else ""),
-                "Give one a line.",
+                "Give one per line.",
             )
         return array
     power = np.mean(np.abs(response.values) ** 2, axis=(1, 2))
@@ -93,7 +93,7 @@ def line_weights(response: FrequencyResponse, weights: str | ArrayLike | None) -
         raise DataError(
             f"weights={weights!r} was asked",
             f"the response carries {' and '.join(have) or 'neither variance nor coherence'}",
-            "Use weights='level', give one a line, or None.",
+            "Use weights='level', give one per line, or None.",
         )
     floor = 1e-6 * variance.max()
     return np.asarray(np.sqrt(variance.max() / np.maximum(variance, floor))) if floor > 0 else None
@@ -132,7 +132,7 @@ class RowsOnLines(FullMatrix):
     @property
     @abstractmethod
     def triangle(self) -> RealArray:
-        """L (l (q + 1), k): the matrix times an orthonormal matrix, its exact stand-in."""
+        """L (l (q + 1), k): the matrix times an orthonormal matrix: it has the same singular values."""
 
     @property
     @abstractmethod

@@ -3,7 +3,7 @@
 The rows are p_k(x_i) H(x_i), with polynomials p_k orthogonal on the measured lines instead of powers of x. From
 x^k H = C A^k X + (a polynomial of degree k whose matrix coefficients are the direct term and the initial values) it follows
 that p_k(x) H = C p_k(A) X + (a polynomial of degree k). Where its coefficients are unknown it is removed by projecting the columns
-on the complement of p_0, ..., p_q; what is left is [C p_0(A); ...; C p_q(A)] X, whose row shift is the recurrence of the basis.
+on the complement of p_0, ..., p_q; the remainder is [C p_0(A); ...; C p_q(A)] X, whose row shift is the recurrence of the basis.
 Columns are real: real and imaginary parts side by side, which is the same as using the lines at -w too.
 
 The matrix is wide (lines times inputs); a triangular factor of as many columns as rows has the same left factor, singular values and
@@ -212,7 +212,7 @@ class Transfer(PolynomialRows):
         return self.projected_off(real_columns((rows / self.output_scale).reshape(len(self.basis), -1)))
 
     def projected_off(self, columns: Array) -> Array:
-        """Return columns without what the eliminated ones explain: twice, so that what is left is orthogonal to rounding."""
+        """Project the eliminated columns out: twice, so that the remainder is orthogonal to rounding."""
         real = np.ascontiguousarray(columns).view(float)  # complex columns as twice as many real ones
         for _ in range(2):
             real = real - self.eliminated @ (self.eliminated.T @ real)

@@ -64,7 +64,7 @@ def loewner(
     if few < order:
         raise DataError(
             f"order {order} of a Loewner matrix was asked",
-            f"{lines} lines, {outputs} outputs and {inputs} inputs carry {max(few, 0)} states",
+            f"{lines} lines, {outputs} outputs and {inputs} inputs allow at most {max(few, 0)} states",
             "Widen the band or lower the order.",
         )
     plane = plane_of(domain, response.span[1], response.sampling_rate)

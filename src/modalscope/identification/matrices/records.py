@@ -202,7 +202,7 @@ def record_lines(
     if made.left < max(order or 1, 1):
         raise DataError(
             f"order {order or 1} with block_rows={q} was asked",
-            f"{response.count} lines leave {made.left} equations after elimination of inputs and ends",
+            f"{response.count} lines leave {made.left} equations after inputs and end effects are eliminated",
             "Measure longer, widen the band, or lower block_rows or the order.",
         )
     return made.by_noise() if equal_outputs else made
@@ -261,7 +261,7 @@ class RecordLines(FullPolynomialRows):
 
     @property
     def left(self) -> int:
-        """Columns that are left of all runs: the sum of 2 F - rank."""
+        """Remaining columns of all runs: the sum of 2 F - rank."""
         return sum(2 * (own.stop - own.start) - part.rank for own, part in zip(self.spans, self.parts, strict=True))
 
     @cached_property
@@ -271,7 +271,7 @@ class RecordLines(FullPolynomialRows):
 
     @property
     def triangle(self) -> RealArray:
-        """L (l (q + 1), k): what is left of all runs, times an orthonormal matrix."""
+        """L (l (q + 1), k): the remainder of all runs, times an orthonormal matrix."""
         return self._eliminated[0]
 
     @cached_property

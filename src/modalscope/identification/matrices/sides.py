@@ -34,7 +34,7 @@ def block_shifts(name: str, shifts: Sequence[int] | None, blocks: int | None, ot
     numbers = list(check_shifts(name, shifts))
     if blocks is not None and blocks not in (len(numbers), max(numbers) + 1):
         raise DataError(
-            f"{other}={blocks} was asked", f"{name} has {len(numbers)} entries, one a block", f"Give {name} alone."
+            f"{other}={blocks} was asked", f"{name} has {len(numbers)} entries, one per block", f"Give {name} alone."
         )
     factor = gcd(*numbers)
     if factor > 1:
@@ -77,7 +77,7 @@ def block_entries(
     chosen = [[check_count(name, c, least=0) for c in check_each(name, subset, "sets of indices")] for subset in sets]
     if len(chosen) != len(shifts):
         raise DataError(
-            f"{name} needs {len(shifts)} sets, one a block", f"there are {len(chosen)}", "Give one a block."
+            f"{name} needs {len(shifts)} sets, one per block", f"there are {len(chosen)}", "Give one per block."
         )
     if chosen[0] != list(range(count)):
         raise DataError(
@@ -93,7 +93,7 @@ def block_entries(
 
 
 def side_weights(name: str, weights: ArrayLike | None, entries: IntArray, count: int) -> RealArray | None:
-    """Return positive weights of one side: one a channel, or one a row (a column)."""
+    """Return positive weights of one side: one per channel, or one per row (a column)."""
     if weights is None:
         return None
     array = real_array(name, weights, "(channels,) or (rows,)", 1)
@@ -101,7 +101,7 @@ def side_weights(name: str, weights: ArrayLike | None, entries: IntArray, count:
         raise DataError(
             f"{name} needs {count} or {entries.shape[1]} entries",
             f"it has {array.size}",
-            "Give one a channel, or one a row.",
+            "Give one per channel, or one per row.",
         )
     if np.any(array <= 0):
         raise DataError(
@@ -136,8 +136,8 @@ class Side:
     """The rows of H(0), or its columns.
 
     `entries` (2, rows): shift and channel of each; the channels are those after `within`. `whole`: all channels in every block, shifts 0,
-    1, 2, ... `within` (q, channels): t_0, applied within every block: a compression, or one weight a channel. `weights` (rows,): one
-    weight a row, when they differ from block to block. `over` (q, rows): t_r, applied to whole columns after the weights.
+    1, 2, ... `within` (q, channels): t_0, applied within every block: a compression, or one weight per channel. `weights` (rows,): one
+    weight per row, when they differ from block to block. `over` (q, rows): t_r, applied to whole columns after the weights.
     """
 
     entries: IntArray

@@ -56,7 +56,7 @@ def initial_terms(given: ArrayLike | str, response: FrequencyResponse, plane: Pl
         raise DataError(
             f"initial_values needs shape (terms, {outputs}, {inputs})",
             f"it has {terms.shape}",
-            "Give one matrix a term: D, CB, CAB, ...",
+            "Give one matrix per term: D, CB, CAB, ...",
         )
     return np.asarray(terms / plane.scale ** np.arange(len(terms))[:, None, None])
 

@@ -44,7 +44,7 @@ def _answered(handler: Handler) -> Handler:
         try:
             return await handler(request)
         except DataError as error:
-            parts = {"asked": error.asked, "found": error.found, "change": error.change, "text": str(error)}
+            parts = {"asked": error.asked, "found": error.found, "change": error.change, "text": error.args[0]}
             return _json(parts, next((status for word, status in _STATUS.items() if word in error.found), 400))
         except ClientDisconnect:
             return Response(status_code=400)

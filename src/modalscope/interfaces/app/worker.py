@@ -239,7 +239,7 @@ def error_parts(error: BaseException) -> dict[str, str]:
     'Use fewer orders, channels, lines or samples.'
     """
     if isinstance(error, DataError):
-        return {"asked": error.asked, "found": error.found, "change": error.change, "text": str(error)}
+        return {"asked": error.asked, "found": error.found, "change": error.change, "text": error.args[0]}
     asked, change = "the computation was asked", "Try other settings, and report the fault."
     if isinstance(error, _Newer):
         found, change = "it was stopped", "Ask again if needed."

@@ -28,7 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
         if not isinstance(error, DataError):
             raise
-        complain(error)
+        complain(error.args[0])
         return EXIT_WRONG
     except BrokenPipeError:  # the reader has gone, as with `| head`; files are already written
         hang_up()

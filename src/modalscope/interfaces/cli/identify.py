@@ -202,10 +202,7 @@ def _print(result: Result, *, everything: bool = False, wide: bool = False) -> N
     first = " ".join([*verdict.unexplained, *verdict.graded, *left])
     say(*filter(None, [first]), *verdict.warnings)
     texts, computing = notes_that_matter(note for note in result.notes if note.kind not in _ON_READING)
-    if result.findings:
-        remark("data:", *(f"  {finding}" for finding in grouped(result.findings)))
-    if texts:
-        remark("notes:", *(f"  {text}" for text in texts))
+    remark(*(f"data: {finding}" for finding in grouped(result.findings)), *(f"note: {text}" for text in texts))
     if candidates and everything:
         say("left out:")
         for candidate in candidates:
@@ -250,7 +247,7 @@ def _run_each(options: argparse.Namespace) -> None:
     for target in targets:
         check_output(target, options.files, options.force)
         if targets.count(target) > 1:
-            asked, clash = "a file per test was asked", f"{target.name} would be that of several"
+            asked, clash = "a file per test was asked", f"{target.name} would be written for several"
             raise DataError(asked, clash, "Give the files distinct names, or identify them one by one.")
     tests: list[tuple[str, ModalModel]] = []
     failed = []
@@ -258,7 +255,7 @@ def _run_each(options: argparse.Namespace) -> None:
         try:
             result = result_of(alone, alone.files)
         except DataError as error:
-            complain(f"{name}: {error}")
+            complain(f"{name}: {error.args[0]}")
             failed.append(name)
             continue
         for place in written:

@@ -85,7 +85,7 @@ def validate(options: argparse.Namespace) -> None:
     """Say how well a model simulates and predicts a record, or how well modes explain what they are not fitted to.
 
     Of a state-space model: variance of every output explained by simulation from the inputs alone, and one sample ahead, and whether the
-    errors of prediction are white. Of modes: what they leave of each input or output that is left out in turn.
+    errors of prediction are white. Of modes: the unexplained part of each input or output that is left out in turn.
     """
     from modalscope.analysis.checking.validation import validate
     from modalscope.analysis.workflow.simulation import ModelValidation

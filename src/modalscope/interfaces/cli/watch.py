@@ -20,7 +20,7 @@ EXIT_ALARM = 3
 def add_watch(parser: Parser) -> None:
     """Add the arguments of `watch`."""
     add = parser.add_argument
-    add("folder", type=Path, help="folder of records, a file a record; their times stand in the names of the files")
+    add("folder", type=Path, help="folder of records, a file per record; their times stand in the names of the files")
     add("--store", type=Path, required=True, metavar="FILE", help="store of modes, such as bridge.modes")
     add("--once", action="store_true", help="store what is there and stop (default: wait for more)")
     add("--again", action="store_true", help="try files again that could not be used before")
@@ -102,7 +102,7 @@ def _tell(options: argparse.Namespace, store: Store) -> bool:
     except DataError as error:
         if options.once:
             raise
-        complain(error)
+        complain(error.args[0])
         return False
 
 

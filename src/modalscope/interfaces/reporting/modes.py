@@ -97,7 +97,7 @@ def summary_section(
 ) -> Section:
     """Write the verdict: warnings, number of modes, what is unexplained, grades, and the least certain mode.
 
-    `diagrams`: one a band. `fit`: fit error in all and per channel. `band`: sentence on the chosen band.
+    `diagrams`: one per band. `fit`: fit error in all and per channel. `band`: sentence on the chosen band.
     """
     diagram, ends = diagrams[0], [asked_ends(d) for d in diagrams]
     low, high = min(low for low, _ in ends), max(high for _, high in ends)

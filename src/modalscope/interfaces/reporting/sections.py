@@ -57,7 +57,7 @@ class Band:
 
 
 def bands_of(diagrams: Sequence[StabilizationDiagram]) -> list[Band]:
-    """Return every band of the diagrams, one a band."""
+    """Return every band of the diagrams, one per band."""
     bands = []
     for k, diagram in enumerate(diagrams):
         low, high = band_of(diagram, len(diagrams))

@@ -1,4 +1,4 @@
-"""Draw what a model simulates against what was measured, and its frequency response with what the record leaves uncertain of it."""
+"""Draw what a model simulates against what was measured, and its frequency response with its uncertainty."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 A structure that was plucked, struck or let go moves by y(k) = sum_j c_j exp(lambda_j k) alone. Under forces that go on, whether steady or
 not, every sample brings something new, and the sum over many decay times explains little. The exponents come from the shift of the left
-singular vectors of a Hankel matrix of the record (ERA on a free decay), amplitudes from least squares, and the share that is left says
+singular vectors of a Hankel matrix of the record (ERA on a free decay), amplitudes from least squares, and the residual share says
 which of both it is. Of 300 random decays 291 are taken for one, of 100 ambient records of 20 to 200 decay times none, of 100 of 3 to 20
 decay times 1, of 100 events that rise and fall 1, of 100 with a sudden rise and a coda 5 (`make study WORD=checks`).
 """
@@ -42,7 +42,7 @@ _SIGNIFICANT_POWER, _LINES_OF_RANGE, _SAMPLES_PER_PERIOD = 33.0, 500, 3.2
 #: Length of the low-pass filter in samples of the slower rate, to either side.
 _FILTER_REACH = 10
 
-#: Windows of a record for every sample in one: more determine the exponents no better than a test of what they leave needs.
+#: Windows of a record for every sample in one: more determine the exponents no better than a test of the residual needs.
 _ROWS_PER_COLUMN = 16
 
 #: Squares of singular values of the exponentials below this part of the largest are of exponentials that depend on each other.

@@ -43,7 +43,7 @@ class Run:
 class DrivenBasis(ModalBasis):
     """Real columns of the direct terms and of every pole under every drive, on as many rows as they need.
 
-    The rows are compressed when it is made: the norm of what is left of the data is that on all lines.
+    The rows are compressed when it is made: the norm of the residual is that on all lines.
 
     `terms` (K, m): the inputs, which every output has for itself: D. `functions` (K, 2 n (m + R)): the two functions of every pole, drive
     by drive: inputs first, then the ends of every run. `data` (K, l, 1). `drives`: m + R.

@@ -71,7 +71,7 @@ _MIN_SHARE_OF_EIGHT_DIGITS = 1e-7
 class FittedSide(NamedTuple):
     """Participation fitted to shapes.
 
-    `side` (n, m). `terms` (t, l, m): coefficients of the constant and residual terms. `left` (l, m): energy that is left of every
+    `side` (n, m). `terms` (t, l, m): coefficients of the constant and residual terms. `left` (l, m): residual energy of every
     channel. `unexplained` (l, m): what the best terms and residues of every channel leave; NaN where that is near rounding.
     """
 
@@ -211,7 +211,7 @@ class _Seen(NamedTuple):
 def _fitted(
     seen: _Seen, shapes: Array, whole: RealArray, left: Callable[[ComplexArray, RealArray], RealArray]
 ) -> FittedSide:
-    """Return the participation of shapes (l, n), the terms, and the energy that is left of `whole` (l, m).
+    """Return the participation of shapes (l, n), the terms, and the residual energy of `whole` (l, m).
 
     `left`: the same of participation and terms from the rebuilt data, where so little is left that a difference is rounding.
     """

@@ -67,7 +67,7 @@ def _inverse(x: ComplexArray, p: ComplexArray) -> _Parts:
 
 
 def _squared(values: _Parts, factors: ComplexArray | None) -> _Parts:
-    """Return the squares times a factor a row (n,), where there is one, by their parts."""
+    """Return the squares times a factor per row (n,), where there is one, by their parts."""
     real, imag = values
     squares, products = real * real, real * imag
     squares -= imag * imag

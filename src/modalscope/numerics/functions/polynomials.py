@@ -44,11 +44,8 @@ def orthogonal_basis(
     w = np.ones(x.size) if weights is None else np.asarray(weights, dtype=float)
     independent = 2 * np.unique(x).size
     if degree + 1 > independent:
-        raise DataError(
-            f"polynomials to degree {degree} were asked",
-            f"{np.unique(x).size} lines determine {independent} of them",
-            "Use more lines or fewer block rows.",
-        )
+        asked, have = f"polynomials to degree {degree} were asked", f"{np.unique(x).size} lines determine {independent}"
+        raise DataError(asked, f"{have} of them", "Use more lines or fewer block rows.")
     rows, squares = np.zeros((degree + 1, 2 * x.size)), np.tile(w**2, 2)  # real parts before imaginary ones
     h = np.zeros((degree + 1, degree))
     rows[0, : x.size] = 1 / np.sqrt(np.sum(w**2))
@@ -150,11 +147,9 @@ def plane_of(domain: str, highest: float, rate: float | None) -> Plane:
     top = 2 * np.pi * highest
     if domain == "s":
         if rate is not None:
-            raise DataError(
-                "domain='s' was asked",
-                f"the response is that of a system sampled at {rate:g} Hz, not rational in j w",
-                "Use domain='z', or omit sampling_rate if the response is that of the structure itself.",
-            )
+            fault = f"the response is that of a system sampled at {rate:g} Hz, not rational in j w"
+            remedy = "Use domain='z', or omit sampling_rate if the response is that of the structure itself."
+            raise DataError("domain='s' was asked", fault, remedy)
         return _scaled(top or 1.0)
     return _bilinear(1 / (top or 1.0)) if rate is None else _exponential(1 / rate)
 

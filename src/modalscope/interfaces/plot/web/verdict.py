@@ -29,6 +29,7 @@ _ON_COMPUTING = (
     "orders left out",
     "participation",
     "poles left out",
+    "real shapes",
     "realization",
     "records on lines",
     "shapes of lines",
