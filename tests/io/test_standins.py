@@ -29,7 +29,7 @@ RECORDS = {
     "weak_hit": (96000, 1, 1, 48000.0), "wrapped_txt_other": (9599, 1, 0, 40.0),
 }  # fmt: skip
 LINES = {
-    "analyser_mat": (801, 3, 1), "headless_lines": (2995, 1, 1), "lines_missing": (1598, 1, 3), "listed_units": (401, 2, 1),
+    "analyser_mat": (801, 3, 1), "headless_lines": (2995, 1, 5), "lines_missing": (1598, 1, 3), "listed_units": (401, 2, 1),
     "names_of_responses": (401, 3, 1), "responses_below_each_other": (401, 2, 1), "units_between_names": (801, 3, 1),
     "weak_first_points": (4400, 5, 1),
 }  # fmt: skip

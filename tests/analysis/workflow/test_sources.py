@@ -30,10 +30,10 @@ def test_labels_of_places_that_a_user_gives_stay(tmp_path: Path) -> None:
     paths = written(tmp_path, hits(0), hits(2), hits(4))
     data, sources, notes = opened(paths, {})
     assert (data.input_dofs, len(sources)) == (("point1", "point2", "point3"), 3)
-    assert "3 files look like 3 drive points" in told(notes)
+    assert "names of the files say, inputs point1, point2, point3 (amplitudes at" in told(notes)
     data, _, notes = opened(paths, {"input_dofs": ["P"]})
     assert (data.input_dofs, data.runs) == (("P",), 6)
-    assert "3 files named 'P' are averaged as asked, but amplitudes at" in told(notes)
+    assert "3 files named 'P' are averaged as one place, but amplitudes at" in told(notes)
     data, _, notes = opened(paths, [{"input_dofs": [label]} for label in "abc"])
     assert (data.input_dofs, notes) == (("a", "b", "c"), ())
 

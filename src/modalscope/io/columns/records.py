@@ -11,7 +11,16 @@ import numpy as np
 from modalscope.data import DataError, ImpulseResponse, Signals
 from modalscope.data.channels import names_base
 from modalscope.data.geometry import label_of
-from modalscope.io.columns.axis import longest_even, parts_of_second, records_of, rises, same_rate, sampling_of
+from modalscope.io.columns.axis import (
+    CLOCK_ACCURACY,
+    Sampling,
+    longest_even,
+    parts_of_second,
+    records_of,
+    rises,
+    same_rate,
+    sampling_of,
+)
 from modalscope.io.columns.clock import evened
 from modalscope.io.columns.table import Column, Table, as_word, span
 from modalscope.io.columns.weights import likeliest_force
@@ -224,6 +233,13 @@ def _no_rate(first: Column, remedy: str) -> tuple[str, str]:
     )
 
 
+def _is_rounding(stated: float, sampling: Sampling) -> bool:
+    """Whether times may be those of a stated rate: their digits leave it open, or their step is a rounded one; else they are a clock's."""
+    step, other = 1 / sampling.rate, 1 / stated
+    close = abs(sampling.rate - stated) <= sampling.doubt + CLOCK_ACCURACY * stated
+    return close or any(abs(round(other, digits) - step) < CLOCK_ACCURACY * step for digits in range(1, 9))
+
+
 def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[float, list[str]]:
     """Return samples per second, and how they are known.
 
@@ -264,6 +280,7 @@ def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[
         if given is not None:
             remedy = f"If the times are wrong, leave them out: {way_out} {stated:g}"
         raise DataError(asked, f"the times of {axis} say {sampling.rate:.6g} Hz", remedy)
-    rate_taken = sampling.rate if stated is None else stated
+    by_clock = stated is None or (option is None and not _is_rounding(stated, sampling))
+    rate_taken = sampling.rate if by_clock else stated
     coarse = " (rounded more coarsely than they follow each other)" if sampling.off > 0.5 else ""
     return rate_taken, [f"sampling rate {rate_taken:.9g} Hz by the times of column {axis.number}{coarse}"]

@@ -95,7 +95,17 @@ VOLTS = {"voltage", "voltages", "volt", "volts", "spannung", "tension"}
 VOLTAGES = {*VOLTS, "ch", "channel", "kanal", "voie", "canal", "ai"}
 OUTPUTS = {"output", "out", "ausgang", "sortie", "salida", "uscita"}
 SENSORS = {"sensor", "sensors", "node", "board", "channel", "ch", "device", "id", "mac", "unit", "kanal", "knoten", "capteur"}  # fmt: skip
-RUNS = r"(?:run|test|trial|hit|setup|repeat|exp|experiment|meas|measurement|messung|versuch|essai|prova|ensayo)"
+_RUN = "run|test|trial|hit|setup|repeat|exp|experiment|meas|measurement|messung|versuch|essai|prova|ensayo"
+RUNS = re.compile(rf"(?<![a-z])(?:{_RUN})(?![a-z])", re.IGNORECASE)
+
+#: Words of a file's name before the number of a place, and of one that is driven; blows ("impact 3") are none: they may be repeated.
+COUNTED = {
+    "": (
+        "p pt pts pnt point points pos position loc location place dof node nodes nodo noeud knoten mp punkt messpunkt punto ponto stelle "
+        "station"
+    ),
+    "input": "in exc ref reference input inputs excitation anregung eccitazione excitacion excitacao excitatie",
+}
 
 #: Letters that are whole names, and what they name.
 LETTERS = {"t": "time", "T": "time", "X_Value": "time", "x_value": "time", "f": "frequency", "F": "force"}
