@@ -43,8 +43,7 @@ def read_group(package: str, path: Path, options: Options) -> Contents:
 
     Raises `DataError`: the package is missing, a damaged file, several groups and no `sheet`, or what tables are refused for.
     """
-    sheet = options.get("sheet")
-    answer, arrays = read_apart(package, path, "" if sheet is None else str(sheet))
+    answer, arrays = read_apart(package, path, str(options.get("sheet") or ""))
     name = chosen(path.name, "groups", answer["groups"], answer["tables"], options)
     columns = tuple(
         Column(number=k, values=values, **column)

@@ -35,7 +35,8 @@ def suggestions(text: str) -> list[list[str]]:
         if "--" not in part:
             continue
         try:
-            words = shlex.split(part[part.index("--") :].replace(";", " ;").replace(")", " ").rstrip("."))
+            outside = re.sub(r"(\"[^\"]*\"|'[^']*')|\)", lambda found: found[1] or " ", part[part.index("--") :])
+            words = shlex.split(outside.replace(";", " ;").rstrip("."))
         except ValueError:
             continue
         way: list[str] = []

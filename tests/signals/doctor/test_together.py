@@ -161,7 +161,7 @@ def test_files_of_several_structures_are_asked_about_and_those_of_one_are_not() 
         parts = [test_of(usual * (1 + spread * np.roll([-1, 0.5, 1, -0.4, 0.2], k)), g) for k, g in enumerate(gains)]
         named, notes = label_by_place(parts, ["a", "b", "c"])
         assert [part.input_dofs for part in named] == [("a",), ("b",), ("c",)]
-        assert ("Not one structure?" in str(notes[0])) == asked
+        assert ("if structures of their own (two files have" in str(notes[0])) == asked
 
 
 def test_a_record_begins_where_its_recorder_does() -> None:

@@ -130,7 +130,7 @@ ROWS = {
         "Give 10^(dB / 20) exp(j phase)."),
     "places": (
         "runs {runs} look like {count} drive points",
-        "Give every place a file, or its own label: input_dofs, --input-dofs."),
+        "Give every place a file, or its own label: input_dofs."),
     "changed: channel": (
         "the other channels predict {first:.0f} % of its power in the first half of the record, {second:.0f} % in the second",
         "Look for a broken cable or a sensor that fell off; use one half, or leave the channel out: exclude=[{channels[0]!r}]."),
@@ -148,8 +148,8 @@ ROWS = {
         "Look for temperature or an unsettled sensor, and choose a band above: band=(f1, f2)."),
     "event": (
         "{share:.0f} % of the power lies between {start:.4g} and {stop:.4g} s: averages are worth {worth:.3g} s of steady vibration",
-        "Cut the event out. " + _AS_RUNS + " Or identify it alone, a free decay from its release on: "
-        "--rows FIRST- --columns \"time=1,decay=2-\" --band LOW HIGH, or ImpulseResponse(..., kind='free decay')."),
+        "Cut the event out. " + _AS_RUNS + " Or identify it alone, a free decay{release}, by the role decay (such as columns "
+        "time=1,decay=2-), or ImpulseResponse(..., kind='free decay')."),
 }  # fmt: skip
 
 #: All kinds of findings.

@@ -142,10 +142,10 @@ def _labelled(parts: Sequence[Any], labels: Mapping[str, Sequence[str]]) -> list
 
 def _doubt(found: Placed) -> str:
     """Return the way out where files are perhaps of several structures."""
-    if found.shared < _ONE_STRUCTURE:
-        return f". Not one structure? Two files have {100 * found.shared:.0f} % of their resonances in common: --each"
+    shared = f" (two files have {100 * found.shared:.0f} % of their resonances in common)"
+    few = found.shared < _ONE_STRUCTURE
     settled = found.kind in ("one", "size") or (found.kind == "several" and found.is_sure)
-    return "" if settled else "; if structures of their own: --each"
+    return f"; if structures of their own{shared * few}: --each" if few or not settled else ""
 
 
 def against_labels(parts: Sequence[Any]) -> tuple[Note, ...]:
