@@ -34,8 +34,6 @@ from modalscope.data.shown import summary_of
 ArrayData: TypeAlias = FrequencyResponse | ImpulseResponse | Signals | ModalModel | Geometry | StateSpace
 DataObject: TypeAlias = ArrayData | StoredSignals | StoredResponse | StabilizationDiagram
 Options: TypeAlias = Mapping[str, Any]
-
-
 #: Parts of one kind that are listed one by one; more are one line. Also the reasons for parts left that a note gives.
 _MAX_LISTED = 4
 #: Number of the last character of Unicode.

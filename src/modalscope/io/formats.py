@@ -154,12 +154,7 @@ def survey(path: str | Path, **options: Any) -> Survey:
     ----------
     path : path
     **options
-        Those of `read`, which returns exactly what is described.
-
-    Raises
-    ------
-    DataError
-        As `read`.
+        Those of `read`, which returns exactly what is described, and raises the same.
     """
     file = check_path(path)
     contents = _contents(file, options)

@@ -40,7 +40,6 @@ _NEEDED: dict[type[Any], set[str]] = {
     StateSpace: {"A", "B", "C"},
     Geometry: set(),
 }
-
 #: Names of arrays in a message, and how alike a name is to the one that it may be meant for.
 _MAX_NAMES, _SPELLING = 12, 0.8
 

@@ -27,7 +27,6 @@ from modalscope.numerics.checks import Array
 BYTES_OF_MEMBER = 300
 #: Members listed in a message.
 _MAX_LISTED = 6
-
 #: What experiments are called.
 _EXPERIMENT = re.compile(rf"(?P<label>{RUNS.pattern}_?\d+)(?!\d)", re.IGNORECASE)
 _MEMBER = re.compile(r"(?P<of>[^({]*)(?:\((?P<round>[0-9]{1,9})\)|\{(?P<curly>[0-9]{1,9})\})(?P<rest>.*)\Z")

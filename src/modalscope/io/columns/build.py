@@ -33,11 +33,8 @@ def contents_from_table(table: Table, options: Options) -> Contents:
     Raises `DataError`: nothing to take, a time column that is not even or of another rate, an axis that is not known: the message names
     the option that says what was meant.
     """
-    table = _with_units(
-        with_rows(_real_where_real(table), options.get("rows")),
-        options.get("units"),
-        options.get("content") is not None,
-    )
+    table = with_rows(_real_where_real(table), options.get("rows"))
+    table = _with_units(table, options.get("units"), options.get("content") is not None)
     ignored = {column.number for column in ignored_columns(table.columns, options.get("ignore"))}
     columns = [column for column in table.columns if column.number not in ignored]
     option_roles = roles_of_option(columns, options["columns"]) if options.get("columns") else {}
