@@ -266,7 +266,8 @@ def _responses(*amplitudes: list[float]) -> list[ms.FrequencyResponse]:
 @pytest.mark.parametrize(
     ("amplitudes", "places"),
     [
-        (([1.0, 1.0], [1.0, 0.7]), 2),  # two resonances tell little
+        (([1.0, 1.0], [1.0, 0.5]), 2),  # two resonances that differ by a third tell little
+        (([1.0, 1.0], [1.0, 0.9]), 1),  # but that they agree is no chance
         (([1.0, -1.0, 1.0, 1.0, 1.0], [1.0, 1.0, -1.0, 1.0, 1.0]), 2),
         (([1.0] * 3, [1.02] * 3), 1),
         (([1.0] * 5, [1.3, 0.7, 1.3, 0.7, 1.3]), 1),  # near one place, and five resonances are enough
@@ -278,6 +279,7 @@ def test_names_of_files_say_the_places_unless_data_show_one(amplitudes: tuple[li
     named, notes = label_by_place(parts, ["P1", "P2"], said={"": ("P1", "P2")})
     assert len({part.input_dofs for part in named}) == places
     assert ("the names of the files say" in notes[0].text) == (places == 2)
+    assert ("If places: --input-dofs P1 P2" in notes[0].text) == (places == 1)
     assert label_by_place(parts, ["a", "b"])[0][0].input_dofs != ("P1",)
 
 

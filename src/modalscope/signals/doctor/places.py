@@ -22,7 +22,7 @@ from modalscope.data.responses import FrequencyResponse
 from modalscope.data.shown import counted, list_some, percent
 from modalscope.numerics.checks import ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
-from modalscope.signals.doctor.one_place import Placed, decide, not_compared, white_noise
+from modalscope.signals.doctor.one_place import ONE, Placed, decide, not_compared, white_noise
 from modalscope.signals.preprocess.bands import USEFUL_POWER
 from modalscope.signals.preprocess.excitation import excitation_of
 from modalscope.signals.preprocess.frf import estimate_frf
@@ -102,7 +102,7 @@ def label_by_place(
     every, single = files or len(parts), len(parts[0].output_dofs) == 1
     named = {side or "input": labels for side, labels in said.items() if side in ("", "input", "output")[: 2 + single]}
     moved = f"; if the sensor moved: {labels_option(every, 'output')}" * single
-    if named and (found.kind == "several" or (not found.is_sure and found.kind != "one")):
+    if named and (found.kind == "several" or not (found.is_sure or found.apart <= ONE)):
         moved = f"; if the force moved: {labels_option(every)}" if "output" in named else moved
         listed = "; ".join(f"{side}s {list_some(dict.fromkeys(labels))}" for side, labels in named.items())
         shown = _apart(found) if found.resonances else "no resonance shows them"
@@ -110,9 +110,9 @@ def label_by_place(
         labelled = _labelled(parts, named)
         return labelled, (_note(text, len(set(zip(*named.values(), strict=True)))), *against_labels(labelled))
     if found.kind != "several" or ("run" in said and not found.is_sure):
-        return list(parts), (
-            _note(f"{_one(found, names)}. If places: {labels_option(every)}{moved}{_doubt(found)}", 1),
-        )
+        labels = named.get("input", ()) if every == len(parts) else ()
+        text = f"{_one(found, names)}. If places: {labels_option(every, labels=labels)}{moved}{_doubt(found)}"
+        return list(parts), (_note(text, 1),)
     count = max(found.places) + 1
     at = [", ".join(name for name, p in zip(names, found.places, strict=True) if p == k) for k in range(count)]
     alone = len(set(names)) == count
@@ -190,11 +190,11 @@ def _one(found: Placed, names: Sequence[str]) -> str:
     return f"{files} {how} ({_apart(found)}): taken as one"
 
 
-def labels_option(files: int, side: str = "input") -> str:
-    """Return the option that makes every file a place."""
+def labels_option(files: int, side: str = "input", labels: Sequence[str] = ()) -> str:
+    """Return the option that makes every file a place, or gives it the label that its name says."""
     if files > _MAX_LISTED:
         return f"--{side}-dofs with {files} labels, one per file"
-    return f"--{side}-dofs {' '.join(str(k + 1) for k in range(files))}"
+    return f"--{side}-dofs {' '.join(labels or [str(k + 1) for k in range(files)])}"
 
 
 def _comparable(parts: Sequence[Any]) -> bool:
