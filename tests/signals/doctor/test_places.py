@@ -353,7 +353,7 @@ def _least_mac(test: Roving, folder: Path) -> float:
     """Return the least MAC of the shapes over the places, identified from the files as they are; 0 where a mode or a place is missing."""
     paths = []
     for k, record in enumerate(test.files):
-        paths.append(folder / f"point{k + 1}.npz")
+        paths.append(folder / f"file{k + 1}.npz")  # names that say no place
         ms.write(paths[-1], record)
     modes = ms.analyze(paths, refine=False).modes
     if len(modes) < len(test.frequencies) or len(modes.output_dofs) != len(test.shapes):
@@ -389,7 +389,7 @@ def test_a_hammer_test_of_one_file_a_place_from_the_command_line(
     out = tmp_path / "modes.json"
     assert main(["identify", *paths, *few, "-o", str(out)]) == 0
     said = capsys.readouterr()
-    assert "Inputs are named after their files; if one place" in said.out
+    assert "names of the files say, inputs point1, point3, point5" in said.out
     modes = ms.read(out)
     assert modes.input_dofs == ("point1", "point3", "point5")
     exact = chain5().modes().frequencies
