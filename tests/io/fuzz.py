@@ -245,7 +245,7 @@ def read_in_copies() -> None:
         return "its reader fails or does not end", in_a_copy(answer)
 
     hdf5._apart, programs.run_apart = apart, run_apart
-    for package in foreign._PROGRAMS:
+    for package in foreign._PACKAGES:
         with contextlib.suppress(ImportError):
             importlib.import_module(package)
 

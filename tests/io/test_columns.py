@@ -92,6 +92,25 @@ def test_names_and_units_say_what_a_column_is(name: str, unit: str, role: str) -
     assert role_by_words(name, unit) == role
 
 
+@pytest.mark.parametrize(
+    ("step", "stated", "rate"),
+    [
+        (1 / 512 * (1 + 2e-4), 512.0, 512 / (1 + 2e-4)),  # a clock of its own, whose header says what it was set to
+        (0.001953, 512.0, 512.0),  # the step of the stated rate, rounded
+        (1 / 512, 512.0, 512.0),
+        (0.01, 100.05, 100.05),
+    ],
+)
+def test_times_of_a_clock_say_its_rate_and_rounded_ones_that_of_the_header(
+    step: float, stated: float, rate: float
+) -> None:
+    times = Column(number=1, name="Time", unit="s", values=step * np.arange(2000))
+    values = Column(number=2, name="a", unit="g", values=np.random.default_rng(0).standard_normal(2000))
+    held = Table(where="a.csv", columns=(times, values), rate=stated, rate_from="line 1")
+    assert contents_from_table(held, {}).thing.sampling_rate == pytest.approx(rate, rel=1e-6)
+    assert contents_from_table(held, {"sampling_rate": stated}).thing.sampling_rate == stated
+
+
 def test_what_is_said_goes_before_what_is_seen() -> None:
     held = table(("Time", "s"), ("A", "V"), ("B", "V"), ("Temp", "degC"))
     seen = contents_from_table(held, {})
@@ -103,7 +122,7 @@ def test_what_is_said_goes_before_what_is_seen() -> None:
     assert contents_from_table(held, {"ignore": "B"}).thing.output_dofs == ("A",)
     by_unit = contents_from_table(held, {"units": {"A": "N", "3": "g"}}).thing
     assert (by_unit.input_dofs, by_unit.units, by_unit.quantity) == (("A",), (("g",), ("N",)), "acceleration")
-    left = {finding.part: finding.reason for finding in seen.findings if not finding.taken}
+    left = {finding.part: finding.reason for finding in seen.found if not finding.taken}
     assert left == {"column 4": "degC is no vibration"}
 
 

@@ -24,12 +24,12 @@ RECORDS = {
     "lvm_slow_channels": (20000, 2, 0, 1000.0), "matlab_objects": (20000, 3, 1, 1000.0), "one_frame_lost": (900, 2, 0, 90.0),
     "quoted_rows": (500, 1, 0, 100.0), "repeated_hits": (24000, 1, 1, 12000.0), "sine_input": (1000, 1, 1, 1.0),
     "slow_extras": (2048, 2, 1, 512.0), "start_glitch": (19968, 6, 0, 2000.0), "stray_cells_csv": (4000, 3, 0, 67.6),
-    "tdms_late_channel": (0, 2, 0, 0.0), "two_counters": (1200, 2, 0, 28.88), "two_poles": (1000, 1, 1, 1.0),
+    "tdms_late_channel": (29838, 3, 0, 50.0), "two_counters": (1200, 2, 0, 28.88), "two_poles": (1000, 1, 1, 1.0),
     "uff58_uneven_double": (6000, 1, 0, 20.0), "velocity_decay": (20000, 1, 0, 1000.0), "walking": (10080, 9, 0, 1 / 0.0028),
     "weak_hit": (96000, 1, 1, 48000.0), "wrapped_txt_other": (9599, 1, 0, 40.0),
 }  # fmt: skip
 LINES = {
-    "analyser_mat": (801, 3, 1), "headless_lines": (2995, 1, 1), "lines_missing": (1598, 1, 3), "listed_units": (401, 2, 1),
+    "analyser_mat": (801, 3, 1), "headless_lines": (2995, 1, 5), "lines_missing": (1598, 1, 3), "listed_units": (401, 2, 1),
     "names_of_responses": (401, 3, 1), "responses_below_each_other": (401, 2, 1), "units_between_names": (801, 3, 1),
     "weak_first_points": (4400, 5, 1),
 }  # fmt: skip

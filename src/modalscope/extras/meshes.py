@@ -92,7 +92,7 @@ def read_mesh(path: Path, options: Options) -> Contents:
         for kind, cells in mesh.elements.items()
     ]
     notes = (f"elements that are not drawn: {', '.join(sorted(omitted))}",) if omitted else ()
-    return Contents(thing=geometry, findings=(Finding(part="nodes", what=f"{len(mesh.nodes)}"), *findings), notes=notes)
+    return Contents(thing=geometry, found=(Finding(part="nodes", what=f"{len(mesh.nodes)}"), *findings), notes=notes)
 
 
 def _by_meshio(path: Path) -> Mesh:

@@ -31,13 +31,10 @@ from modalscope.data.analysis import VERSION
 
 #: Temporary files that are being written: what ends the process without an exception takes them away itself.
 PENDING: set[Path] = set()
-
 #: Letters of the target's name in that of its temporary file: the system bounds names.
 _LETTERS_KEPT = 40
-
 #: What is written into a file.
 MARK = f"modalscope {VERSION}"
-
 #: Bytes at the beginning of a file, or at its end, that hold the mark.
 _BYTES_OF_HEAD = 8192
 _BYTES_OF_TAIL = {".npz": 256, ".pdf": 8192}

@@ -29,12 +29,11 @@ from modalscope.data import (
     StoredResponse,
     StoredSignals,
 )
+from modalscope.data.shown import summary_of
 
 ArrayData: TypeAlias = FrequencyResponse | ImpulseResponse | Signals | ModalModel | Geometry | StateSpace
 DataObject: TypeAlias = ArrayData | StoredSignals | StoredResponse | StabilizationDiagram
 Options: TypeAlias = Mapping[str, Any]
-
-
 #: Parts of one kind that are listed one by one; more are one line. Also the reasons for parts left that a note gives.
 _MAX_LISTED = 4
 #: Number of the last character of Unicode.
@@ -130,12 +129,23 @@ class Finding:
 class Contents:
     """The data object that a file gives, what was found in it, what is missing and what else to know.
 
-    `margin`: of a table, by how much a record over time is likelier than responses over frequency, in log likelihood; may be negative.
-    `begins`: of a record, the time of its first sample, s.
+    Parameters
+    ----------
+    thing : data object
+        What `read` returns.
+    found : tuple of Finding
+        Every part, taken or left and why.
+    missing : tuple of str
+        What would be needed to take more.
+    notes : tuple of str
+    margin : float
+        Of a table, by how much a record over time is likelier than responses over frequency, in log likelihood; may be negative.
+    begins : float
+        Of a record, the time of its first sample by the clock of its file, s.
     """
 
     thing: DataObject
-    findings: tuple[Finding, ...] = ()
+    found: tuple[Finding, ...] = ()
     missing: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     margin: float = 0.0
@@ -159,37 +169,23 @@ class Format:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Survey:
-    """What a file holds, in words: every part, taken or left and why, and what is missing.
+class Survey(Contents):
+    """What a file holds, in words: every part, taken or left and why, and what is missing; with all that `Contents` has.
 
     Parameters
     ----------
     path : Path
     format : str
         The format in words.
-    result : str
-        What `read` returns, in words.
-    thing : data object
-        What `read` returns.
-    found : tuple of Finding
-    missing : tuple of str
-        What would be needed to take more.
-    notes : tuple of str
-    margin : float
-        Of a table, by how much a record is likelier than responses, in log likelihood.
-    begins : float
-        Of a record, the time of its first sample by the clock of its file, s.
     """
 
     path: Path
     format: str
-    result: str
-    thing: DataObject
-    found: tuple[Finding, ...]
-    missing: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-    margin: float = 0.0
-    begins: float = 0.0
+
+    @property
+    def result(self) -> str:
+        """What `read` returns, in words."""
+        return summary_of(self.thing)
 
     @property
     def left(self) -> tuple[Finding, ...]:

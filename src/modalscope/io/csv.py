@@ -93,7 +93,7 @@ def read(path: Path, options: Options) -> Contents:
     else:
         thing = _impulse_response(table)
     findings = tuple(Finding(part="column", what=name) for name in table.header)
-    return Contents(thing=thing, findings=findings, notes=_edited(table))
+    return Contents(thing=thing, found=findings, notes=_edited(table))
 
 
 def _own_table(path: Path) -> _Table | None:

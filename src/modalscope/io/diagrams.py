@@ -121,7 +121,7 @@ def _contents(where: str, rest: Mapping[str, Any], arrays: Mapping[str, Array]) 
     entries(values.get("orders"))
     diagram = made(StabilizationDiagram, values)
     what = f"{len(diagram.poles)} poles at {len(diagram.orders)} orders ({diagram.method}, {diagram.domain})"
-    return Contents(thing=diagram, findings=(Finding(part=DIAGRAM, what=what),))
+    return Contents(thing=diagram, found=(Finding(part=DIAGRAM, what=what),))
 
 
 def _records_of(where: str, arrays: dict[str, Array]) -> RecordSpectra:

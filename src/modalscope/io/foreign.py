@@ -10,7 +10,6 @@ import io
 import json
 import sys
 import warnings
-from collections.abc import Callable
 from contextlib import closing
 from datetime import date, time
 from importlib import import_module
@@ -27,7 +26,7 @@ Answer = tuple[dict[str, Any], list[Any]]
 def read_apart(package: str, path: Path, sheet: str = "", here: bool = False) -> Answer:
     """Return what the program says of a file, and its arrays.
 
-    `package`: one of `_PROGRAMS`. `sheet`: the group to read, of several. `here`: whether this process tries first, with a part of the
+    `package`: one of `_PACKAGES`. `sheet`: the group to read, of several. `here`: whether this process tries first, with a part of the
     memory, since that ends soon whatever the file holds.
 
     Raises `DataError`: the package is missing, or does not read the file within its limits.
@@ -38,7 +37,7 @@ def read_apart(package: str, path: Path, sheet: str = "", here: bool = False) ->
     from modalscope.io.limits import room
     from modalscope.numerics.errors import optional_package
 
-    name, extra, *begins = _NAMES[package]
+    name, extra, _, *begins = _PACKAGES[package]
     optional_package(f"reading {path.suffix}", package, extra, name)
     space = room(path.name, path.stat().st_size)
     arguments = (package, str(path), str(space.left), sheet)
@@ -72,14 +71,6 @@ def _told(fault: str, told: bytes) -> Answer:
 
 #: What is read in this process may take this part of the memory.
 _PARTS_HERE = 8
-#: What a package is called, the extra that brings it, and what its files begin with where that is known.
-_NAMES: dict[str, tuple[Any, ...]] = {
-    "meshio": ("meshio", "mesh"),
-    "nptdms": ("npTDMS", "tdms", b"TDSm"),
-    "asammdf": ("asammdf", "mdf", b"MDF "),
-    "xarray": ("xarray", "netcdf", (b"CDF", b"\x89HDF")),
-    "openpyxl": ("openpyxl", "excel"),
-}
 
 
 # ------------------------------------------------------------------------------------------------------------- in the program
@@ -121,14 +112,8 @@ def _nptdms(path: str, left: int, sheet: str) -> Answer:
     shorter = [channel.name for channel in groups[name] if len(channel) != longest]
     late = [start - min(starts) for start in starts] if len(starts) == len(arrays) else []
     start = max(starts) if late else 0.0
-    return {
-        **listed,
-        "columns": columns,
-        "steps": sorted(steps),
-        "shorter": shorter,
-        "late": late,
-        "start": start,
-    }, arrays
+    held = {"columns": columns, "steps": sorted(steps), "shorter": shorter, "late": late, "start": start}
+    return listed | held, arrays
 
 
 def _start_of(properties: Any) -> float | None:
@@ -216,19 +201,20 @@ def _weigh(count: int, left: int) -> None:
         raise MemoryError(f"it would take {count} bytes of memory, and may take {left}")
 
 
-_PROGRAMS: dict[str, Callable[[str, int, str], Answer]] = {
-    "meshio": _meshio,
-    "nptdms": _nptdms,
-    "asammdf": _asammdf,
-    "xarray": _xarray,
-    "openpyxl": _openpyxl,
+#: Packages: what they are called, the extra that brings each, what reads with it, and what its files begin with where that is known.
+_PACKAGES: dict[str, tuple[Any, ...]] = {
+    "meshio": ("meshio", "mesh", _meshio),
+    "nptdms": ("npTDMS", "tdms", _nptdms, b"TDSm"),
+    "asammdf": ("asammdf", "mdf", _asammdf, b"MDF "),
+    "xarray": ("xarray", "netcdf", _xarray, (b"CDF", b"\x89HDF")),
+    "openpyxl": ("openpyxl", "excel", _openpyxl),
 }
 
 
 def _read(package: str, path: str, left: str | int, sheet: str) -> Answer:
     """Return what a package reads; whatever it raises is an error of the file."""
     try:
-        answer, arrays = _PROGRAMS[package](path, int(left), sheet)
+        answer, arrays = _PACKAGES[package][2](path, int(left), sheet)
         # what is no number is text; nothing else is needed, and objects would be pickled
         return answer, [a if a.dtype.kind in "biufcUSMm" else a.astype(str) for a in arrays]
     except (Exception, SystemExit) as error:  # noqa: BLE001 - packages raise anything

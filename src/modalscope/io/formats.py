@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -63,7 +64,7 @@ _UNIVERSAL = Format(
     "universal file", _of("uff.reader", "read"), _of("uff.writer", "write"), UNIVERSAL, UNIVERSAL_WRITTEN
 )
 _TEXT = Format("text table", _of("text", "read"), None, TEXT)
-_MDF = Format("MDF file", _of("recorders", "read_mdf"), None, RECORDERS)
+_MDF = Format("MDF file", partial(_of("recorders", "read_group"), "asammdf"), None, RECORDERS)
 _ACCELEROGRAM = Format("accelerogram", _few_need("accelerogram"), None, COLUMNS)
 _HDF5 = Format("HDF5", _of("hdf5", "read"), _of("hdf5", "write"), STORED)
 
@@ -81,7 +82,7 @@ FORMATS: dict[str, Format] = {
     ".npy": Format("NumPy array", _of("npz", "read_npy"), None, COLUMNS),
     ".parquet": Format("Parquet table", _of("recorders", "read_parquet"), None, RECORDERS),
     ".nc": Format("netCDF file", _of("recorders", "read_netcdf"), None, RECORDERS),
-    ".tdms": Format("TDMS file", _of("recorders", "read_tdms"), None, RECORDERS),
+    ".tdms": Format("TDMS file", partial(_of("recorders", "read_group"), "nptdms"), None, RECORDERS),
     **dict.fromkeys((".mf4", ".mdf"), _MDF),
     **dict.fromkeys(MESHES, Format("mesh", _few_need("mesh"))),
     ".wav": Format("sound file", _of("recorders", "read_wav"), None, SOUND),
@@ -153,26 +154,12 @@ def survey(path: str | Path, **options: Any) -> Survey:
     ----------
     path : path
     **options
-        Those of `read`, which returns exactly what is described.
-
-    Raises
-    ------
-    DataError
-        As `read`.
+        Those of `read`, which returns exactly what is described, and raises the same.
     """
     file = check_path(path)
     contents = _contents(file, options)
-    return Survey(
-        path=file,
-        format=format_of(file, "reading").name,
-        result=summary_of(contents.thing),
-        thing=contents.thing,
-        found=contents.findings,
-        missing=contents.missing,
-        notes=contents.notes,
-        margin=contents.margin,
-        begins=contents.begins,
-    )
+    held = {field.name: getattr(contents, field.name) for field in fields(contents)}
+    return Survey(path=file, format=format_of(file, "reading").name, **held)
 
 
 def _contents(path: Path, options: Options) -> Contents:

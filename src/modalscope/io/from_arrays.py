@@ -40,7 +40,6 @@ _NEEDED: dict[type[Any], set[str]] = {
     StateSpace: {"A", "B", "C"},
     Geometry: set(),
 }
-
 #: Names of arrays in a message, and how alike a name is to the one that it may be meant for.
 _MAX_NAMES, _SPELLING = 12, 0.8
 
@@ -84,7 +83,7 @@ def contents_from_arrays(
         return _by_evidence(where, taken, unknown, data_class, options)
     _refuse_rows(where, options)
     taken = _with_axes(taken, data_class, dict(options.get("axes") or {}))
-    return Contents(thing=_build(where, data_class, taken, _fields(options)), findings=tuple(findings))
+    return Contents(thing=_build(where, data_class, taken, _fields(options)), found=tuple(findings))
 
 
 def _refuse_rows(where: str, options: Options) -> None:
@@ -98,11 +97,11 @@ def _without_lists(where: str, lists: Lists, findings: list[Finding], options: O
     if not lists.runs:
         contents = contents_from_arrays(where, lists.arrays, further)
         ignored = (finding for finding in findings if not finding.taken)
-        return replace(contents, findings=(*contents.findings, *ignored))
+        return replace(contents, found=(*contents.found, *ignored))
     runs = [contents_from_arrays(where, run, further) for run in lists.runs]
     thing = stacked_runs(where, [run.thing for run in runs])
     notes = (f"{counted(len(runs), 'run')}, one a member of its lists", *(note for run in runs for note in run.notes))
-    return Contents(thing=thing, findings=tuple(findings), notes=tuple(dict.fromkeys(notes)))
+    return Contents(thing=thing, found=tuple(findings), notes=tuple(dict.fromkeys(notes)))
 
 
 def _of_one_experiment(
@@ -147,7 +146,7 @@ def _by_evidence(
         Finding(part=name, what=_shape(array), taken=name not in meant.left, reason="unused" * (name in meant.left))
         for name, array in arrays.items()
     )
-    return Contents(thing=thing, findings=tuple(findings), notes=meant.notes)
+    return Contents(thing=thing, found=tuple(findings), notes=meant.notes)
 
 
 def _listed(names: Iterable[str]) -> str:

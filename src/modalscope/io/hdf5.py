@@ -36,7 +36,6 @@ _DIGITS = 64
 _LAYOUT = 1
 #: What attributes state.
 _STATED = ("rate", "step", "frequency step", "first", "unit")
-
 #: Axes of arrays beside those of `AXES`.
 _DIMENSIONS = {
     **dict.fromkeys(("output_dofs", "output_units", "quantities"), ("outputs",)),

@@ -16,7 +16,6 @@ from typing import Any
 
 #: The attributes that readers look at.
 ATTRIBUTES = ("CLASS", "MATLAB_class", "MATLAB_empty", "modalscope_layout")
-
 #: Deflate, shuffle, Fletcher's checksum and LZF.
 _FILTERS = (1, 2, 3, 32000)
 _MAX_DEPTH, _MAX_OBJECTS, _MAX_CHUNKS, _MAX_CELLS = 32, 100_000, 10_000, 20_000

@@ -177,7 +177,7 @@ def read(path: Path, options: Options) -> Contents:
         modes = _modes(document)
     how = [f"{key} {document[key]}" for key in ("method", "domain", "orders") if document.get(key) is not None]
     finding = Finding(part="modes", what=f"{len(modes)} modes" + (f" ({', '.join(how)})" if how else ""))
-    return Contents(thing=modes, findings=(finding,))
+    return Contents(thing=modes, found=(finding,))
 
 
 def _modes(document: dict[str, Any]) -> ModalModel:

@@ -274,7 +274,7 @@ def read(path: Path, options: Options) -> Contents:
         raise unreadable(f"{name} in {path.name}", fault, remedy) from error
     reasons = {name: f"{name} is of class {kind}, no plain array" for name, kind in left.items()}
     skipped = (Finding(part=name, what="", taken=False, reason=reason) for name, reason in reasons.items())
-    return replace(contents, findings=(*contents.findings, *skipped))
+    return replace(contents, found=(*contents.found, *skipped))
 
 
 def _as_layout(name: str, array: Array, options: Options, vectors: Collection[str]) -> Array:

@@ -27,9 +27,8 @@ from modalscope.numerics.checks import Array
 BYTES_OF_MEMBER = 300
 #: Members listed in a message.
 _MAX_LISTED = 6
-
 #: What experiments are called.
-_EXPERIMENT = re.compile(rf"(?<![A-Za-z])(?P<label>{RUNS}_?\d+)(?!\d)", re.IGNORECASE)
+_EXPERIMENT = re.compile(rf"(?P<label>{RUNS.pattern}_?\d+)(?!\d)", re.IGNORECASE)
 _MEMBER = re.compile(r"(?P<of>[^({]*)(?:\((?P<round>[0-9]{1,9})\)|\{(?P<curly>[0-9]{1,9})\})(?P<rest>.*)\Z")
 
 
@@ -201,8 +200,8 @@ def _apart(vectors: Sequence[Array], place: int) -> str:
 def experiments_of(arrays: Mapping[str, Array]) -> dict[str, set[str]]:
     """Return the experiments of a file, each with the names of its arrays; none where there are not several.
 
-    An experiment is a structure that holds the same arrays as another, more than one of them measured, or several channels of another
-    length than those of others; or what is called `run2` beside `run1`.
+    An experiment is a structure that holds the same arrays as another, more than one of them measured or of another length; or what is
+    called `run2` beside `run1`.
 
     Examples
     --------
@@ -219,11 +218,11 @@ def experiments_of(arrays: Mapping[str, Array]) -> dict[str, set[str]]:
         by_word.setdefault(match["label"] if match else "", set()).add(name)
     for groups, least in ((by_structure, 2), (by_word, 1)):
         found = {label: names for label, names in groups.items() if label}
-        inside = [frozenset(name.replace(label, "", 1) for name in names) for label, names in found.items()]
+        numbers = {label: [name for name in names if arrays[name].dtype.kind != "U"] for label, names in found.items()}
+        inside = [frozenset(name.replace(label, "", 1) for name in names) for label, names in numbers.items()]
         measured = [_measured({name: arrays[name] for name in names}) for names in found.values()]
         rows = {max((max(a.shape) for a in vectors), default=0) for vectors in measured}
-        counts = [sum(a.size // max(a.shape) if len(rows) > 1 else 1 for a in vectors) for vectors in measured]
-        if len(found) > 1 and len(set(inside)) == 1 and min(counts) >= least:
+        if len(found) > 1 and len(set(inside)) == 1 and min(map(len, measured)) >= (1 if len(rows) > 1 else least):
             return found
     return {}
 

@@ -25,7 +25,6 @@ from modalscope.numerics.checks import Array
 _MAGIC = b"\x93NUMPY"
 #: Bytes of the head of an array at most, as NumPy has it.
 _BYTES_OF_HEAD = 10_000
-
 #: Bytes at the end of an archive that hold the place of its list of members, and of the longest list (some ten thousand members).
 _BYTES_OF_END, _BYTES_OF_DIRECTORY = 1 << 16, 1_000_000
 

@@ -36,26 +36,14 @@ _MAX_PACKED_HERE, _MAX_WORK_HERE, _MAX_TEXT_HERE = 1_000_000, 5_000_000, 500
 _MAY_GROW = re.compile(rb"\0|<!(?!--|\[CDATA)|encoding=.(?!utf-8|us-ascii)", re.IGNORECASE)
 
 
-def read_tdms(path: Path, options: Options) -> Contents:
-    """Read a TDMS file of LabVIEW: the channels of one group, their increment and units.
+def read_group(package: str, path: Path, options: Options) -> Contents:
+    """Read one group of channels of a recorder's file: their clock or increment, and their units.
 
-    Raises `DataError`: npTDMS is missing, a damaged file, several groups and no `sheet`, or what tables are refused for.
+    `package`: "nptdms" for TDMS files of LabVIEW, "asammdf" for MDF files of vehicles.
+
+    Raises `DataError`: the package is missing, a damaged file, several groups and no `sheet`, or what tables are refused for.
     """
-    return contents_from_table(_table_read_apart("nptdms", path, options), options)
-
-
-def read_mdf(path: Path, options: Options) -> Contents:
-    """Read an MDF file of a vehicle's recorder: the channels of one group, which share its clock.
-
-    Raises `DataError`: asammdf is missing, a damaged file, several groups and no `sheet`, or what tables are refused for.
-    """
-    return contents_from_table(_table_read_apart("asammdf", path, options), options)
-
-
-def _table_read_apart(package: str, path: Path, options: Options) -> Table:
-    """Return the table of one group, which a package reads in a process of its own."""
-    sheet = options.get("sheet")
-    answer, arrays = read_apart(package, path, "" if sheet is None else str(sheet))
+    answer, arrays = read_apart(package, path, str(options.get("sheet") or ""))
     name = chosen(path.name, "groups", answer["groups"], answer["tables"], options)
     columns = tuple(
         Column(number=k, values=values, **column)
@@ -66,7 +54,7 @@ def _table_read_apart(package: str, path: Path, options: Options) -> Table:
     if len(steps) == 1 and max(answer.get("late", ()), default=0.0) * 2 > steps[0]:
         columns, said = _from_the_last_start(columns, answer["late"], steps[0])
         notes.append(said)
-    return Table(
+    table = Table(
         where=path.name,
         columns=columns,
         rate=1 / steps[0] if len(steps) == 1 else None,
@@ -75,6 +63,7 @@ def _table_read_apart(package: str, path: Path, options: Options) -> Table:
         layout=(("group", name),),
         begins=answer.get("start", 0.0),
     )
+    return contents_from_table(table, options)
 
 
 def _from_the_last_start(

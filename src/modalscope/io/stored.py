@@ -161,9 +161,9 @@ def stored_contents(where: str, rows: Rows, arrays: Mapping[str, Array], options
     assert isinstance(head, Signals)
     record = StoredSignals(rows=rows, sampling_rate=head.sampling_rate, quantities=head.quantities, **head.labelled())
     findings = [Finding(part=name, what=f"{'x'.join(map(str, rows.shape))}, read stretch by stretch")]
-    findings += [finding for finding in contents.findings if finding.part != name]
+    findings += [finding for finding in contents.found if finding.part != name]
     findings += [Finding(part=key, what="", taken=False, reason="unused") for key in unused]
-    return replace(contents, thing=record, findings=tuple(findings))
+    return replace(contents, thing=record, found=tuple(findings))
 
 
 def stored_response(where: str, blocks: ZarrOutputs, arrays: Mapping[str, Array], options: Options) -> Contents:
@@ -183,5 +183,5 @@ def stored_response(where: str, blocks: ZarrOutputs, arrays: Mapping[str, Array]
     values["output_dofs"] = None if labels is None else tuple(map(str, labels))
     response = StoredResponse(blocks=blocks, **values | {"units": (None, head.units[1])})
     finding = Finding(part="values", what=f"{'x'.join(map(str, blocks.shape))}, read some outputs at a time")
-    others = (other for other in contents.findings if other.part != "values")
-    return replace(contents, thing=response, findings=(finding, *others))
+    others = (other for other in contents.found if other.part != "values")
+    return replace(contents, thing=response, found=(finding, *others))

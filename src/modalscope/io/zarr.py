@@ -31,20 +31,15 @@ from modalscope.numerics.errors import optional_package
 
 #: Numbers in a chunk of the shapes.
 _NUMBERS_OF_CHUNK = 1_000_000
-
 #: Arrays that belong to the outputs that modes were identified with.
 _OF_OUTPUTS = ("output_dofs", "shapes", "shapes_std", "output_units", *DIRECT)
-
 #: Texts that are attributes, and prefixes of arrays that are omitted: the modes before refinement, and the geometry of their outputs.
 _TEXTS, _OMITTED = ("input_dofs", "processing", "quantity"), ("unrefined_", "geometry_")
-
-
 #: Codecs that only unpack numbers and texts.
 _CODECS = {
     *("blosc", "bz2", "gzip", "lz4", "lzma", "zlib", "zstd", "shuffle", "delta", "fixedscaleoffset"),
     *("bytes", "crc32c", "transpose", "vlen-utf8", "sharding_indexed", "crc32", "adler32", "fletcher32"),
 }
-
 #: Bytes of a chunk, and of the metadata of an array, at most.
 _MAX_BYTES_OF_CHUNK, _MAX_BYTES_OF_HEAD = 512_000_000, 1_000_000
 

@@ -30,10 +30,10 @@ def test_labels_of_places_that_a_user_gives_stay(tmp_path: Path) -> None:
     paths = written(tmp_path, hits(0), hits(2), hits(4))
     data, sources, notes = opened(paths, {})
     assert (data.input_dofs, len(sources)) == (("point1", "point2", "point3"), 3)
-    assert "3 files look like 3 drive points" in told(notes)
+    assert "names of the files say, inputs point1, point2, point3 (amplitudes at" in told(notes)
     data, _, notes = opened(paths, {"input_dofs": ["P"]})
     assert (data.input_dofs, data.runs) == (("P",), 6)
-    assert "3 files named 'P' are averaged as asked, but amplitudes at" in told(notes)
+    assert "3 files named 'P' are averaged as one place, but amplitudes at" in told(notes)
     data, _, notes = opened(paths, [{"input_dofs": [label]} for label in "abc"])
     assert (data.input_dofs, notes) == (("a", "b", "c"), ())
 
@@ -42,7 +42,7 @@ def test_hits_on_one_place_are_averaged_unless_the_user_says_otherwise(tmp_path:
     paths = written(tmp_path, *(hits(0, seed=k) for k in range(3)))
     data, _, notes = opened(paths, {})
     assert (len(data.input_dofs), data.runs) == (1, 6)
-    assert "If places: --input-dofs 1 2 3" in told(notes)
+    assert "If places: --input-dofs point1 point2 point3" in told(notes)
     data, _, notes = opened(paths, [{"input_dofs": [label]} for label in "123"])
     assert data.input_dofs == ("1", "2", "3")
     assert "3 drive points as asked, but amplitudes at" in told(notes)
@@ -64,7 +64,7 @@ def test_remedies_that_are_printed_read_the_files(tmp_path: Path, capsys: pytest
     paths = [*map(str, written(tmp_path, *(hits(0, seed=k) for k in range(3))))]
     few = ["--orders", "10:20:5", "--no-refine", "-o", str(tmp_path / "modes.json")]
     assert main(["identify", *paths, *few]) == 0
-    assert "If places: --input-dofs 1 2 3" in capsys.readouterr().out
+    assert "If places: --input-dofs point1 point2 point3" in capsys.readouterr().out
     assert main(["identify", *paths, "--input-dofs", "1", "2", "3", *few]) == 0
     assert "as those of one place" in capsys.readouterr().out
     assert main(["identify", *paths, "--input-dofs", "in1", *few]) == 0

@@ -25,7 +25,7 @@ def _table(*values: np.ndarray, names: str = "") -> Table:
 
 
 def _left(table: Table, **options: object) -> dict[str, str]:
-    findings = contents_from_table(table, options).findings
+    findings = contents_from_table(table, options).found
     return {finding.part: finding.reason for finding in findings if not finding.taken}
 
 

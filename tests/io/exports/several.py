@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import tempfile
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.io import loadmat, savemat
 
 import modalscope as ms
@@ -23,10 +26,37 @@ from tests.io.exports.verdict import obeyed, same, suggestions
 from tests.io.exports.write import Drawn, write
 
 #: What several files are, and what one file of several tests is.
-FILES = ("roving hammer", "repeated hits", "roving sensor", "roving input", "a channel each")
+FILES = (
+    "roving hammer", "repeated hits", "places and runs", "roving sensor", "roving input", "moved sensor", "a channel each", "nodes",
+    "structures",
+)  # fmt: skip
 TESTS = ("sheets", "blocks", "structs")
-#: How files of one test are named; how tests in a file are.
-_NAMES = ("P{k}", "point_0{k}", "beam {k}", "{k}Z_1Z", "run{k}a")
+#: Names that say nothing of a place, and those of places; a direction, and what is not varied, stand beside some.
+_SILENT = ("beam {k}", "data{k}", "rec_0{k}", "M{k}", "bridge-{k}b")
+_POINTS = (
+    "P{k}",
+    "point_0{k}",
+    "{k}Z",
+    "deck {k} +Z",
+    "Pt {k} test 2",
+    "pos{k}",
+    "MP-0{k}",
+    "X{k}",
+    "{k}x_frf",
+    "plate_p{k}_v2",
+    "node{k}",
+)
+#: Names of places and runs, and of runs.
+_BOTH = ("P{k}_run{r}", "point {k} hit {r}", "{k}Z_{r}", "pos{k}({r})", "P{k}_0{r}")
+_RUNS = ("run{k}a", "hit_{k}", "P9_{k}", "beam {k}", "P3 trial {k}", "Messung {k}")
+#: Names of the side that moved.
+_SENSORS, _FORCES = ("acc{k}", "{k}Z_1Z", "sensor_0{k}", "out{k}_in1"), ("in{k}", "1Z_{k}Z", "out1_in{k}", "ref {k}")
+_NAMES = {
+    "roving hammer": (*_SILENT, *_POINTS, *_FORCES), "repeated hits": _RUNS, "places and runs": _BOTH,
+    "roving sensor": (*_SILENT, *_POINTS, *_SENSORS), "roving input": (*_SILENT, *_POINTS, *_FORCES),
+    "moved sensor": (*_POINTS, *_SENSORS), "a channel each": (*_SILENT, *_POINTS, *_SENSORS), "nodes": (*_SILENT, "node{k}", "sensor {k}"),
+    "structures": (*_SILENT, "specimen {k}"),
+}  # fmt: skip
 _CALLED = ("plate", "beam"), ("Run 1", "Run 2"), ("deck north", "deck south")
 
 
@@ -38,6 +68,12 @@ class Test:
     kind: str
     drawn: list[Drawn]
     names: tuple[str, ...] = ()
+    style: str = ""
+
+    @property
+    def places(self) -> int:
+        """How many places were measured; those of several runs are a half."""
+        return len(self.drawn) // (2 if self.kind == "places and runs" else 1)
 
 
 def drawn_test(folder: Path, seed: int) -> Test:
@@ -53,45 +89,71 @@ def drawn_test(folder: Path, seed: int) -> Test:
 
 
 def _files(rng: np.random.Generator, folder: Path, seed: int, choices: Choices, kind: str) -> Test:
-    """Write several files of one structure: one place or channel a file, or hits on one place."""
+    """Write several files of one structure: one place or channel a file, or hits on one place; or a structure a file."""
     count, places = int(rng.integers(3, 6)), int(rng.integers(3, 6))
-    count = places if kind != "repeated hits" else count
-    of, style = structure(rng, places), str(rng.choice(_NAMES))
+    count = {"repeated hits": count, "nodes": 3, "places and runs": 2 * places}.get(kind, places)
+    of, style = structure(rng, places), str(rng.choice(_NAMES[kind]))
     if choices["container"] in ("npy", "mat matrix"):  # nothing says what is a force, or a unit
         choices["container"] = "csv"
-    lines = kind in ("roving sensor", "roving input")
+    lines = kind in ("roving sensor", "roving input") or (kind == "structures" and bool(rng.integers(2)))
     choices["content"] = str(rng.choice(("parts", "polar degrees"))) if lines else "hammer"
     choices["axis"] = "Hz" if lines else choices["axis"]
-    choices["head"] = "names" if kind == "a channel each" and choices["head"] == "none" else choices["head"]
-    if kind == "a channel each":
+    choices["head"] = "names" if kind in ("a channel each", "nodes") and choices["head"] == "none" else choices["head"]
+    if kind in ("a channel each", "nodes"):
         choices["content"] = "ambient"
+    if kind == "nodes" and choices["axis"] in ("clock", "stamps"):  # whose starts differ
+        choices["axis"] = "epoch"
     rate, seed_of = float(rng.choice((200.0, 512.0, 1000.0))), int(rng.integers(1 << 30))
     drawn = []
     for k in range(count):
-        truth = _truth(kind, of, k, rate, seed_of)
-        drawn.append(write(folder, seed, choices, truth, f"{seed} {style.format(k=k + 1)}"))
-    return Test([each.path for each in drawn], kind, drawn)
+        place, run = (k // 2, k % 2) if kind == "places and runs" else (k, 0)
+        truth = _truth(kind, of, place, rate, seed_of, run, lines)
+        drawn.append(write(folder, seed, choices, truth, f"{seed} {style.format(k=place + 1, r=run + 1)}"))
+    return Test([each.path for each in drawn], kind, drawn, style=style)
 
 
-def _truth(kind: str, of: tuple[np.ndarray, ...], k: int, rate: float, seed: int) -> Truth:
-    """Return what the k-th file holds."""
+def _truth(
+    kind: str, of: tuple[np.ndarray, ...], k: int, rate: float, seed: int, run: int = 0, lines: bool = False
+) -> Truth:
+    """Return what the file of the k-th place or structure holds."""
     places = len(of[2])
-    if kind in ("roving sensor", "roving input"):
+    if kind == "structures":  # of the same places; masses differ
+        change = np.random.default_rng([seed, 7, k]).uniform(0.9, 1.1, of[0].shape)
+        of, place = (of[0] * change, *of[1:]), 0
+    if lines:
         f = np.arange(300.0)
         rng = np.random.default_rng([seed, k])
-        H = accelerances(f, f[-1], of, 0 if kind == "roving sensor" else k)
+        shift = 1 - 0.0025 * rng.random() * (kind == "roving sensor")  # by the mass of the sensor
+        H = accelerances(f, f[-1], (of[0] * shift, *of[1:]), k if kind == "roving input" else 0)
         H = H[:, [k]] if kind == "roving sensor" else H[:, [0]]
         noise = rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)
         return Truth("parts", f, H + 0.003 * np.sqrt(np.mean(np.abs(H) ** 2)) * noise)
+    if kind == "nodes":
+        return _node(of, k, rate, seed)
     content = "ambient" if kind == "a channel each" else "hammer"
-    rng = np.random.default_rng([seed, 0 if kind == "a channel each" else k])
-    place = k if kind == "roving hammer" else 0
+    rng = np.random.default_rng([seed, 0 if kind == "a channel each" else k, run])
+    place = k if kind in ("roving hammer", "places and runs") else 0
     truth = draw_record(rng, content, places, rate, lambda f, top: accelerances(f, top, of, place))
     rows = 260  # each as long as the others
     truth.axis, truth.outputs = truth.axis[:rows], truth.outputs[:rows]
     truth.inputs = None if truth.inputs is None else truth.inputs[:rows]
-    if kind == "a channel each":
+    if kind in ("a channel each", "moved sensor"):
         truth.outputs = truth.outputs[:, [k]]
+    return truth
+
+
+def _node(of: tuple[np.ndarray, ...], k: int, rate: float, seed: int) -> Truth:
+    """Return what a wireless node with a clock of its own takes of one motion: it begins late, and its steps are longer or shorter."""
+    rng = np.random.default_rng([seed, 9])
+    rows, finer = 2000, 8
+    force = rng.standard_normal(2 * finer * rows)
+    lines = np.fft.rfftfreq(force.size, 1 / (finer * rate))
+    spectrum = np.fft.rfft(force)[:, None] * accelerances(lines, rate / 4, of, 0) * (lines < rate / 3)[:, None]
+    motion = CubicSpline(np.arange(force.size) / (finer * rate), np.fft.irfft(spectrum, force.size, axis=0)[:, k])
+    late, drift = rng.uniform(0, 0.2 * rows / rate, 3)[k], rng.uniform(-200, 200, 3)[k]
+    own = late + np.arange(rows) / rate * (1 + 1e-6 * drift)
+    truth = Truth("ambient", own, motion(own)[:, None], None, rate)
+    truth.motion = motion
     return truth
 
 
@@ -170,24 +232,60 @@ def _of_files(test: Test, words: list[str]) -> tuple[bool, str]:
     parsed = build_parser().parse_args(["info", *map(str, test.paths), *words])
     data, _, notes = opened(test.paths, [reading_options(parsed, path) for path in test.paths])
     said = f"{type(data).__name__} | {'; '.join(str(note) for note in notes)}"
-    return _is_whole(test, data), said
+    return _is_whole(test, data, said), said
 
 
-def _is_whole(test: Test, data: Any) -> bool:
-    """Whether data have the channels, places and runs of a test, with its values."""
-    truths, count = [each.truth for each in test.drawn], len(test.drawn)
-    if test.kind in ("roving sensor", "roving input"):
-        if not isinstance(data, ms.FrequencyResponse):
-            return False
+def _is_whole(test: Test, data: Any, notes: str) -> bool:
+    """Whether data have the channels, places and runs of a test, with its values; or, of structures, whether notes say so."""
+    truths, count = [each.truth for each in test.drawn], test.places
+    if test.kind == "structures":
+        return "--each" in notes
+    if test.kind in ("roving sensor", "roving input", "moved sensor"):
+        # where no name says which of the two moved, either is right: it is one answer by reciprocity
+        shapes = (
+            {(count, 1)}
+            if test.style in _SENSORS
+            else {(1, count)}
+            if test.style in _FORCES
+            else {(count, 1), (1, count)}
+        )
+        if test.kind == "moved sensor":
+            return (len(set(data.output_dofs)), len(set(data.input_dofs))) in shapes
         wanted = np.stack([truth.outputs[:, 0] for truth in truths], axis=1)
-        shape = (count, 1) if test.kind == "roving sensor" else (1, count)
-        return data.values.shape[1:] == shape and _alike(data.values.reshape(len(data.values), -1), wanted)
-    if test.kind == "a channel each":
-        wanted = np.concatenate([truth.outputs for truth in truths], axis=1)
-        return isinstance(data, ms.Signals) and data.outputs.shape == wanted.shape and _alike(data.outputs, wanted)
-    places = count if test.kind == "roving hammer" else 1
+        if not isinstance(data, ms.FrequencyResponse) or data.values.shape[1:] not in shapes:
+            return False
+        return _called(test, data.output_dofs if len(data.output_dofs) > 1 else data.input_dofs) and _alike(
+            data.values.reshape(len(data.values), -1), wanted
+        )
+    if test.kind in ("a channel each", "nodes"):
+        if not isinstance(data, ms.Signals) or data.runs != 1 or len(data.output_dofs) != count:
+            return False
+        if test.kind == "nodes":
+            return "drift" in notes and _on_one_clock(data, truths)
+        return _called(test, data.output_dofs) and _alike(
+            data.outputs, np.concatenate([t.outputs for t in truths], axis=1)
+        )
+    places = 1 if test.kind == "repeated hits" else count
     inputs = getattr(data, "input_dofs", ())
-    return len(set(inputs)) == places and len(data.output_dofs) == truths[0].outputs.shape[1]
+    named = test.kind == "repeated hits" or _called(test, tuple(dict.fromkeys(inputs)))
+    return named and len(set(inputs)) == places and len(data.output_dofs) == truths[0].outputs.shape[1]
+
+
+def _called(test: Test, labels: Sequence[str]) -> bool:
+    """Whether places have the numbers that the names of their files say, in turn."""
+    if test.style in _SILENT:
+        return True
+    return [re.findall(r"\d+", label)[:1] for label in labels] == [[str(k + 1)] for k in range(test.places)]
+
+
+def _on_one_clock(data: ms.Signals, truths: Sequence[Truth]) -> bool:
+    """Whether channels are the motion at common times, but for factors and what splines lose."""
+    begin = max(truth.axis[0] for truth in truths)
+    times = begin + np.arange(data.samples) / data.sampling_rate
+    wanted = np.stack([truth.motion(times) for truth in truths], axis=1)
+    factor = np.sum(data.outputs * wanted, axis=0) / np.sum(data.outputs**2, axis=0)  # some files are scaled
+    rest = np.linalg.norm(factor * data.outputs - wanted, axis=0) / np.linalg.norm(wanted, axis=0)
+    return bool(data.samples > 0.5 * len(truths[0].axis) and rest.max() < 0.1)
 
 
 def _alike(found: np.ndarray, wanted: np.ndarray) -> bool:

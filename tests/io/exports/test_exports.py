@@ -10,7 +10,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.interfaces.cli import main
-from tests.io.exports import several
+from tests.io.exports import remedies, several
 from tests.io.exports.draw import HALVES, SHARED, draw_choices
 from tests.io.exports.measure import by_dimension, measure, table
 from tests.io.exports.verdict import COSTS, dead_ends, obeyed, suggestions, tried
@@ -116,6 +116,21 @@ def test_every_option_that_identify_prints_is_obeyed_word_for_word(capsys: pytes
 def test_no_test_of_several_files_or_in_one_is_wrong_in_silence() -> None:
     verdicts = {word for _, word in several.measure(30_000, _QUICK)}
     assert verdicts <= {"right", "wrong and said", "refused, remedy works"}
+
+
+@pytest.mark.slow
+def test_options_printed_for_tests_of_the_grammar_work_at_the_first_try() -> None:
+    found = remedies.measure(40_000, _QUICK)
+    assert len(found) > _QUICK
+    assert share([str(works) for _, works, _ in found], "True") >= 95
+
+
+@pytest.mark.study("reading")
+def test_fresh_options_work_at_the_first_try(study) -> None:
+    found = remedies.measure(_FIRST, _COUNT // 4)
+    of = study("options that info prints, obeyed word for word", f"{_COUNT // 2} tests, seeds from {_FIRST}")
+    works = share([str(works) for _, works, _ in found], "True")
+    of.row(f"of {len(found)} options work at the first try", works, least=95, form=".1f", unit=" %")
 
 
 @pytest.mark.study("reading")

@@ -22,7 +22,7 @@ class Truth:
 
     `axis` (N,): s or Hz. `outputs` (N, l), of responses complex (the input is one). `inputs` (N, m), None without forces. `rate`: Hz,
     None of lines. `coherence` (N, l), where it was written. `names`, `units`: of the outputs, then of the inputs, as they were written;
-    empty where they were not.
+    empty where they were not. `motion`: of time, of nodes with clocks of their own.
     """
 
     content: str
@@ -33,6 +33,7 @@ class Truth:
     coherence: np.ndarray | None = None
     names: list[str] = field(default_factory=list)
     units: list[str] = field(default_factory=list)
+    motion: Callable[[np.ndarray], np.ndarray] | None = None
 
     @property
     def of_lines(self) -> bool:

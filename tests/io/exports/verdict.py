@@ -35,14 +35,15 @@ def suggestions(text: str) -> list[list[str]]:
         if "--" not in part:
             continue
         try:
-            words = shlex.split(part[part.index("--") :].replace(";", " ;").replace(")", " ").rstrip("."))
+            outside = re.sub(r"(\"[^\"]*\"|'[^']*')|\)", lambda found: found[1] or " ", part[part.index("--") :])
+            words = shlex.split(outside.replace(";", " ;").rstrip("."))
         except ValueError:
             continue
         way: list[str] = []
         while words and words[0].startswith("--"):
             count = 1 if words[0] in _FLAGS else 3 if words[0] == "--band" else 2
             if words[0] in ("--input-dofs", "--output-dofs"):  # one label a file
-                count = 1 + sum(1 for _ in takewhile(str.isalnum, words[1:]))
+                count = 1 + sum(1 for _ in takewhile(re.compile(r"[\w+-]*\d[\w:+-]*\Z").match, words[1:]))
             way += [word.rstrip(",.;:") if len(word) > 1 else word for word in words[:count]]
             words = words[count:]
         if way and way not in ways:

@@ -9,7 +9,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.signals.doctor import examine
-from modalscope.signals.doctor.delays import late
+from modalscope.signals.doctor.delays import delayed, late
 from tests.shaker import shaker
 
 
@@ -66,3 +66,20 @@ def test_displacements_that_grow_from_rest_are_not_late() -> None:
     model = ms.StateSpace(A=[[0, 1], [-1, -0.04]], B=[[0], [1]], C=[[1, 0], [0.5, 0]]).to_discrete(0.02)
     u = rng.standard_normal((20000, 1))
     assert late(ms.Signals(outputs=model.simulate(u), inputs=u, sampling_rate=50.0)) == []
+
+
+@pytest.mark.parametrize(("moved", "option"), [(slice(1, 2), True), (slice(2, 4), True), ([0, 2, 3, 4, 5], False)])
+def test_displacements_late_after_forces_have_an_option_and_early_ones_none(
+    moved: slice | list[int], option: bool
+) -> None:
+    """Their responses grow from zero; what others move by tells how late one is, and no output can come before its force."""
+    test = shaker(3, modes=4, outputs=6, seconds=40.0).signals
+    record = ms.Signals(outputs=test.outputs, inputs=test.inputs, sampling_rate=1024.0, quantities="acceleration")
+    y = np.cumsum(np.cumsum(record.outputs - record.outputs.mean(axis=0), axis=0), axis=0)  # slow drift goes below
+    y = y - np.apply_along_axis(lambda c: np.convolve(c, np.ones(401) / 401, "same"), 0, y)
+    y, u = y[500:-500], record.inputs[500:-500]
+    late_ones = y[20:].copy()
+    late_ones[:, moved] = y[8:-12, moved]
+    found = delayed(ms.Signals(outputs=late_ones, inputs=u[20:], sampling_rate=1024.0))
+    assert found
+    assert all(("--delays" in finding.change) == option for finding in found)

@@ -96,7 +96,7 @@ def test_what_data_say_against_the_names_of_a_user_is_told() -> None:
         ]
 
     assert against_labels(named(0, 2, 0, labels="aba")) == ()
-    assert "2 files named 'a' are averaged as asked, but" in str(against_labels(named(0, 2, 0, labels="aab"))[0])
+    assert "2 files named 'a' are averaged as one place, but" in str(against_labels(named(0, 2, 0, labels="aab"))[0])
     assert "2 drive points as asked, but" in str(against_labels(named(0, 0, 0, labels="aab"))[0])
     assert against_labels([hits(0)]) == ()
 
@@ -258,6 +258,62 @@ def test_files_of_one_sensor_may_be_places_of_it(sensors: int, moved: bool) -> N
     assert ("if the sensor moved: --output-dofs 1 2 3" in told.text) is moved
 
 
+def _responses(*amplitudes: list[float]) -> list[ms.FrequencyResponse]:
+    f = np.linspace(1, 20, 4000)
+    return [ms.FrequencyResponse(values=H[:, :, None], frequencies=f) for H in modes_at(*amplitudes)]
+
+
+@pytest.mark.parametrize(
+    ("amplitudes", "places"),
+    [
+        (([1.0, 1.0], [1.0, 0.5]), 2),  # two resonances that differ by a third tell little
+        (([1.0, 1.0], [1.0, 0.9]), 1),  # but that they agree is no chance
+        (([1.0, -1.0, 1.0, 1.0, 1.0], [1.0, 1.0, -1.0, 1.0, 1.0]), 2),
+        (([1.0] * 3, [1.02] * 3), 1),
+        (([1.0] * 5, [1.3, 0.7, 1.3, 0.7, 1.3]), 1),  # near one place, and five resonances are enough
+        (([1.0] * 6, [2.0] * 6), 1),  # the same place, larger
+    ],
+)
+def test_names_of_files_say_the_places_unless_data_show_one(amplitudes: tuple[list[float], ...], places: int) -> None:
+    parts = _responses(*amplitudes)
+    named, notes = label_by_place(parts, ["P1", "P2"], said={"": ("P1", "P2")})
+    assert len({part.input_dofs for part in named}) == places
+    assert ("the names of the files say" in notes[0].text) == (places == 2)
+    assert ("If places: --input-dofs P1 P2" in notes[0].text) == (places == 1)
+    assert label_by_place(parts, ["a", "b"])[0][0].input_dofs != ("P1",)
+
+
+def test_names_say_which_of_the_two_moved() -> None:
+    parts = _responses([1.0, -1.0], [1.0, 1.0])
+    named, (note,) = label_by_place(parts, ["acc1", "acc2"], said={"output": ("acc1", "acc2")})
+    assert [(p.output_dofs, p.input_dofs) for p in named] == [(("acc1",), ("u1",)), (("acc2",), ("u1",))]
+    assert "outputs acc1, acc2" in note.text
+    assert "if the force moved: --input-dofs 1 2" in note.text
+    pair = {"output": ("1:+Z", "2:+Z"), "input": ("5:+Z", "5:+Z")}
+    both = label_by_place(parts, ["1Z_5Z", "2Z_5Z"], said=pair)[0]
+    assert [(p.output_dofs, p.input_dofs) for p in both] == [(("1:+Z",), ("5:+Z",)), (("2:+Z",), ("5:+Z",))]
+    wide = [
+        ms.FrequencyResponse(values=np.tile(p.values, (1, 2, 1)), frequencies=p.frequencies, output_dofs=["a", "b"])
+        for p in parts
+    ]
+    assert label_by_place(wide, ["acc1", "acc2"], said={"output": ("acc1", "acc2")})[0][0].output_dofs == ("a", "b")
+
+
+def test_runs_by_their_names_are_one_place_where_few_resonances_differ() -> None:
+    two, five = _responses([1.0, -1.0], [1.0, 1.0]), _responses([1.0, -1.0] * 3, [1.0, 1.0] * 3)
+    same, (note,) = label_by_place(two, ["run1", "run2"], said={"run": ("run1", "run2")})
+    assert same == two
+    assert "are runs by their names (amplitudes at only 2 resonances differ by" in note.text
+    assert len({p.input_dofs for p in label_by_place(five, ["run1", "run2"], said={"run": ("run1", "run2")})[0]}) == 2
+
+
+def test_places_of_one_name_that_data_tell_apart_are_averaged_and_said() -> None:
+    parts = _responses([1.0, -1.0, 1.0], [1.0, 1.0, -1.0], [-1.0, 1.0, 1.0])
+    named, notes = label_by_place(parts, ["P1_1", "P1_2", "P2_1"], said={"": ("P1", "P1", "P2")})
+    assert [part.input_dofs for part in named] == [("P1",), ("P1",), ("P2",)]
+    assert "2 files named 'P1' are averaged as one place, but" in notes[1].text
+
+
 def test_hits_at_the_start_of_their_runs_have_one_sign() -> None:
     test = roving(37)
     first = [record for record, place in zip(test.files, test.places, strict=True) if place == 0]
@@ -297,7 +353,7 @@ def _least_mac(test: Roving, folder: Path) -> float:
     """Return the least MAC of the shapes over the places, identified from the files as they are; 0 where a mode or a place is missing."""
     paths = []
     for k, record in enumerate(test.files):
-        paths.append(folder / f"point{k + 1}.npz")
+        paths.append(folder / f"file{k + 1}.npz")  # names that say no place
         ms.write(paths[-1], record)
     modes = ms.analyze(paths, refine=False).modes
     if len(modes) < len(test.frequencies) or len(modes.output_dofs) != len(test.shapes):
@@ -333,7 +389,7 @@ def test_a_hammer_test_of_one_file_a_place_from_the_command_line(
     out = tmp_path / "modes.json"
     assert main(["identify", *paths, *few, "-o", str(out)]) == 0
     said = capsys.readouterr()
-    assert "Inputs are named after their files; if one place" in said.out
+    assert "names of the files say, inputs point1, point3, point5" in said.out
     modes = ms.read(out)
     assert modes.input_dofs == ("point1", "point3", "point5")
     exact = chain5().modes().frequencies

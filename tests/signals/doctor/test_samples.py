@@ -9,7 +9,14 @@ from scipy.stats import hypergeom
 from modalscope.data import DataError, FrequencyResponse, Signals
 from modalscope.numerics.checks import Array
 from modalscope.signals.doctor import examine
-from modalscope.signals.doctor.responses import isolated_lines, lone_lines, no_phase, outputs_to_estimate, sampled
+from modalscope.signals.doctor.responses import (
+    conjugated,
+    isolated_lines,
+    lone_lines,
+    no_phase,
+    outputs_to_estimate,
+    sampled,
+)
 from modalscope.signals.doctor.samples import equal_stretches, spikes_of, wraps
 from modalscope.systems import chain5
 
@@ -116,6 +123,18 @@ def test_a_conjugate_response_runs_backwards_in_time(quantity: str) -> None:
     assert "conjugated" not in {
         f.kind for f in examine(FrequencyResponse(values=noise, frequencies=np.arange(1, 501.0)))
     }
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.001, 0.3])
+def test_a_conjugate_response_of_few_lines_at_its_resonances_is_told_from_its_noise(noise: float) -> None:
+    """Of three modes as narrow as a line, most products are of skirts and of noise, which say nothing."""
+    f, rng = np.arange(1, 801.0), np.random.default_rng(3)
+    H = sum(
+        a * f**2 / (g**2 - f**2 + 2j * z * g * f) for a, g, z in ((1, 60, 0.01), (0.8, 170, 0.008), (-0.6, 410, 0.006))
+    )
+    H = (H + noise * (rng.standard_normal(f.size) + 1j * rng.standard_normal(f.size)))[:, None, None]
+    assert [finding.kind for finding in conjugated(FrequencyResponse(values=H.conj(), frequencies=f))] == ["conjugated"]
+    assert conjugated(FrequencyResponse(values=H, frequencies=f)) == []
 
 
 def test_decibels_have_no_phase_and_magnitudes_are_refused() -> None:

@@ -114,7 +114,7 @@ def test_channels_of_one_event_are_named_after_their_files_and_repeats_are_not()
     named, notes = as_one_event(made, ["A", "B", "C"], [0.0] * 3)
     assert [part.output_dofs for part in named] == [("A",), ("B",), ("C",)]
     assert notes
-    (said,) = as_one_event(made, ["run1", "run2", "run3"], [0.0] * 3)[1]
+    (said,) = as_one_event(made, ["run1", "run2", "run3"], [0.0] * 3, runs=True)[1]
     assert said.text == "3 files of one channel are taken as runs of it; if sensors of one event: --output-dofs 1 2 3"
     alone = [
         ms.Signals(outputs=_RNG.standard_normal((4000, 1)), sampling_rate=100.0, output_dofs=["col1"]) for _ in range(3)
@@ -161,7 +161,7 @@ def test_files_of_several_structures_are_asked_about_and_those_of_one_are_not() 
         parts = [test_of(usual * (1 + spread * np.roll([-1, 0.5, 1, -0.4, 0.2], k)), g) for k, g in enumerate(gains)]
         named, notes = label_by_place(parts, ["a", "b", "c"])
         assert [part.input_dofs for part in named] == [("a",), ("b",), ("c",)]
-        assert ("Not one structure?" in str(notes[0])) == asked
+        assert ("if structures of their own (two files have" in str(notes[0])) == asked
 
 
 def test_a_record_begins_where_its_recorder_does() -> None:

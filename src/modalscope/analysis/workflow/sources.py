@@ -28,8 +28,12 @@ from modalscope.signals.preprocess.decays import as_free_decay
 from modalscope.signals.preprocess.excitation import moved_by_base, without_dead_forces
 from modalscope.signals.preprocess.merging import merge
 
-#: Options of reading, of all files or of each.
-Reading = Mapping[str, Any] | Sequence[Mapping[str, Any]]
+#: Options of reading of each file, and of all files or of each.
+Each = Sequence[Mapping[str, Any]]
+Reading = Mapping[str, Any] | Each
+
+#: Labels of places and runs that names of files say, one a file (see `said_by_names`).
+Said = Mapping[str, Sequence[str]]
 
 #: Bytes of a file that are hashed at a time.
 _CHUNK_BYTES = 1 << 20
@@ -67,60 +71,57 @@ def opened_parts(data: Sequence[Any], each: Sequence[Mapping[str, Any]]) -> list
 
 
 def merged_parts(
-    data: Sequence[Any],
-    each: Sequence[Mapping[str, Any]],
-    parts: Sequence[Opened],
-    *,
-    decays: bool,
-    exclude: Sequence[Any] = (),
+    data: Sequence[Any], each: Each, parts: Sequence[Opened], *, decays: bool, exclude: Sequence[Any] = ()
 ) -> tuple[Any, tuple[SourceFile, ...], tuple[Note, ...]]:
     """Return the files of a test as one, their sources, and the notes of reading."""
+    from modalscope.io.file_names import said_by_names  # most tests are one file
+
     names = [Path(path).stem for path in data]
+    said = said_by_names(names)
     begins = [next((n.numbers["begins"] for n in notes if "begins" in n.numbers), 0.0) for _, _, notes in parts]
-    held, together = _together([part for part, _, _ in parts], names, each, begins)
-    named, places = _placed(held, names, each)
+    held, together = _together([part for part, _, _ in parts], names, each, begins, said)
+    named, places = _placed(held, names, each, said)
     merged, units = si_form(named[0] if len(named) == 1 else merge(named))
     merged, kind = _as_what_it_is(merged, decays, exclude)
-    said = _alike([note for _, _, read_notes in parts for note in read_notes])
-    told = dict.fromkeys([*said, *together, *places, *units, *kind])
+    alike = _alike([note for _, _, read_notes in parts for note in read_notes])
+    told = dict.fromkeys([*alike, *together, *places, *units, *kind])
     return merged, tuple(source for _, source, _ in parts), tuple(told)
 
 
-def _opened_as(
-    data: Sequence[Any], each: Sequence[Mapping[str, Any]], k: int, content: str | None
-) -> tuple[Opened, float]:
+def _opened_as(data: Sequence[Any], each: Each, k: int, content: str | None) -> tuple[Opened, float]:
     """Return one of several files, read as `content` where it is given, and by how much it is likelier a record than responses."""
     thing, source, notes, margin = _read(data[k], {**each[k], "content": content or ""})
     return (thing, replace(source, reading=dict(each[k]) | ({"content": content} if content else {})), notes), margin
 
 
 def _together(
-    parts: Sequence[Any], names: Sequence[str], each: Sequence[Mapping[str, Any]], begins: Sequence[float]
+    parts: Sequence[Any], names: Sequence[str], each: Each, begins: Sequence[float], said: Said
 ) -> tuple[list[Any], tuple[Note, ...]]:
     """Return the parts of a test on the lines and the clock that all have, channels without names under those of their files; and notes."""
     from modalscope.signals.doctor.together import as_one_event, check_units, on_common_lines
 
     units: tuple[Note, ...] = ()
-    if (
-        len({getattr(part, "quantity", None) for part in parts}) > 1
-    ):  # a sensitivity that was given says what a voltage is
+    # a sensitivity that was given says what a voltage is
+    if len({getattr(part, "quantity", None) for part in parts}) > 1:
         converted = [si_form(part) for part in parts]
         parts, units = [part for part, _ in converted], tuple(note for _, notes in converted for note in notes)
     check_units(parts, names)
     lined, lines = on_common_lines(parts, names)
-    labelled, said = (lined, ()) if any("output_dofs" in o for o in each) else as_one_event(lined, names, begins)
-    return labelled, (*units, *lines, *said)
+    if any("output_dofs" in options for options in each):
+        return lined, (*units, *lines)
+    labelled, event = as_one_event(lined, said.get("output", said.get("", names)), begins, runs="run" in said)
+    return labelled, (*units, *lines, *event)
 
 
-def _placed(
-    parts: Sequence[Any], names: Sequence[str], each: Sequence[Mapping[str, Any]]
-) -> tuple[list[Any], tuple[Note, ...]]:
+def _placed(parts: Sequence[Any], names: Sequence[str], each: Each, said: Said) -> tuple[list[Any], tuple[Note, ...]]:
     """Return the parts of a test that can be used, their inputs labelled by place where the user did not, and notes."""
     used, unusable = with_hits(parts, names)
     kept = [parts[k] for k in used]
     if any("input_dofs" in options for options in each):
         return kept, (*unusable, *against_labels(kept))
-    labelled, places = label_by_place(kept, [names[k] for k in used], len(parts))
+    free = [side for side in said if not any(f"{side}_dofs" in options for options in each)]
+    of = {side: [said[side][k] for k in used] for side in free}
+    labelled, places = label_by_place(kept, [names[k] for k in used], len(parts), of)
     return labelled, (*unusable, *places)
 
 
@@ -165,7 +166,7 @@ def _(data: Signals | Records, decays: bool, exclude: Sequence[Any] = ()) -> tup
     return driven, (*left, *start, *notes)
 
 
-def _of_each(reading: Reading, count: int) -> list[Mapping[str, Any]]:
+def _of_each(reading: Reading, count: int) -> Each:
     """Return the options of reading of every file."""
     if isinstance(reading, Mapping):
         return [reading] * count

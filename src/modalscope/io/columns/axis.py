@@ -28,7 +28,7 @@ _LARGE_TIMES = 1e7
 _PARTS_OF_SECOND = (1e3, 1e6, 1e9)
 _LONGEST_STEP, _SLOWEST_RATE = 2.0, 5.0
 #: Relative accuracy of the clocks of samplers, at best.
-_CLOCK_ACCURACY = 1e-6
+CLOCK_ACCURACY = 1e-6
 #: Ticks of a clock that is coarser than the samples, by which their rate is known.
 _MIN_TICKS = 3
 #: Times examined at each end for their digits, and decimals at most.
@@ -196,7 +196,7 @@ def sampling_of(times: RealArray) -> Sampling:
         if seconds <= 0:
             raise _uneven("they fall as often as they rise")
         rate, doubt = (float(ticks[-1] - ticks[0]) / seconds, 1 / seconds) if 1 / seconds < doubt else (rate, doubt)
-    return Sampling(roundest(rate, doubt + _CLOCK_ACCURACY * rate), doubt, off / step)
+    return Sampling(roundest(rate, doubt + CLOCK_ACCURACY * rate), doubt, off / step)
 
 
 def _has_gaps(steps: RealArray, grain: float) -> bool:

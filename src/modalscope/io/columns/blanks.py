@@ -13,7 +13,6 @@ from modalscope.numerics.checks import Array, IntArray
 
 #: First and last rows that are tried, at most.
 _MAX_ENDS = 64
-
 #: Part of the rows between its first and its last number in which a channel of another, slower clock is blank, at least.
 _MIN_BLANK = 0.5
 

@@ -33,11 +33,8 @@ def contents_from_table(table: Table, options: Options) -> Contents:
     Raises `DataError`: nothing to take, a time column that is not even or of another rate, an axis that is not known: the message names
     the option that says what was meant.
     """
-    table = _with_units(
-        with_rows(_real_where_real(table), options.get("rows")),
-        options.get("units"),
-        options.get("content") is not None,
-    )
+    table = with_rows(_real_where_real(table), options.get("rows"))
+    table = _with_units(table, options.get("units"), options.get("content") is not None)
     ignored = {column.number for column in ignored_columns(table.columns, options.get("ignore"))}
     columns = [column for column in table.columns if column.number not in ignored]
     option_roles = roles_of_option(columns, options["columns"]) if options.get("columns") else {}
@@ -50,7 +47,7 @@ def contents_from_table(table: Table, options: Options) -> Contents:
         _refuse_near(table, found, _works(table, columns, options))
     contents = _read(table, columns, found, option_roles, options)
     weighed = [] if option_roles else [Finding(part="reading", what=_compared(found, margin))]
-    return replace(contents, findings=(*contents.findings, *weighed), margin=margin)
+    return replace(contents, found=(*contents.found, *weighed), margin=margin)
 
 
 def _margin(found: Sequence[Reading]) -> float:
@@ -101,7 +98,7 @@ def _read(
     findings += [_finding(column, reading, omitted | unused) for column in table.columns]
     said = tuple(dict.fromkeys([*table.notes, *notes, *notes_of_data]))
     begins = begin_of(axis) if axis is not None and kind == "time" else 0.0
-    return Contents(thing=thing, findings=tuple(findings), notes=said, begins=table.begins + begins)
+    return Contents(thing=thing, found=tuple(findings), notes=said, begins=table.begins + begins)
 
 
 def _works(table: Table, columns: Sequence[Column], options: Options) -> Callable[[str], bool]:
@@ -227,17 +224,11 @@ def _check_axis(table: Table, axis: Column | None, kind: str) -> None:
 
 
 def _finding(column: Column, reading: Reading, omitted: Mapping[int, str]) -> Finding:
-    name = f"{column.label} [{column.unit}]" if column.unit else column.label
+    part, name = f"column {column.number}", f"{column.label} [{column.unit}]" if column.unit else column.label
     if column.number in omitted:
-        return Finding(
-            part=f"column {column.number}",
-            what=name,
-            taken=False,
-            reason=omitted[column.number] or "nothing says what it is",
-        )
+        return Finding(part=part, what=name, taken=False, reason=omitted[column.number] or "nothing says what it is")
     role, reason = reading.roles.get(column.number, ""), reading.reasons.get(column.number, "")
     words = [WORDS_OF_PARTS[role]] if role in WORDS_OF_PARTS and reason != _REASON_OF_OPTION else []
     why = f" ({', '.join([*words, *([reason] if reason and not words else [])])})" if reason or words else ""
-    if reading.axis is not None and column.number == reading.axis.number:
-        return Finding(part=f"column {column.number}", what=f"{name}: {reading.kind}{why}")
-    return Finding(part=f"column {column.number}", what=f"{name}{why}")
+    is_axis = reading.axis is not None and column.number == reading.axis.number
+    return Finding(part=part, what=f"{name}: {reading.kind}{why}" if is_axis else f"{name}{why}")

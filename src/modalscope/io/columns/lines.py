@@ -107,13 +107,8 @@ def phase_unit(unit: str, phases: RealArray) -> str:
 
     Examples
     --------
-    >>> (
-    ...     phase_unit("°", np.array([1.0])),
-    ...     phase_unit("", np.array([-170.0])),
-    ...     phase_unit("", np.array([-3.1])),
-    ...     phase_unit("", np.array([0.5])),
-    ... )
-    ('deg', 'deg', 'rad', '')
+    >>> [phase_unit(unit, np.array([p])) for unit, p in (("°", 1.0), ("", -170.0), ("", -3.1), ("", 0.5))]
+    ['deg', 'deg', 'rad', '']
     """
     plain = plain_unit(unit).lower()
     if plain.startswith(("deg", "grad")):

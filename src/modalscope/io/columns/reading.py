@@ -94,19 +94,13 @@ def _readings(
             weights[column.number].add(said, -NEVER * SURE, "--columns says so")
         elif named:
             weights[column.number].add("ignore", -NEVER * SURE, "--columns does not name it")
+    free = [c for c in columns if not (c.textual or _is_counter(c) or (named and c.number not in option_roles))]
     found = []
     # without a column of times or frequencies a header has to say their step
-    for content, build, stated in (
-        ("record", _record, rate is not None),
-        ("response", _response, table.lines is not None),
-    ):
+    ways = (("record", _record, rate is not None), ("response", _response, table.lines is not None))
+    for content, build, stated in ways:
         kind = "time" if content == "record" else "frequency"
-        axes = [
-            c
-            for c in columns
-            if not c.textual and weights[c.number].of(kind) > 0 and not (named and c.number not in option_roles)
-        ]
-        axes = [c for c in axes if not _is_counter(c)]
+        axes = [column for column in free if weights[column.number].of(kind) > 0]
         axes = sorted(axes, key=lambda column: -weights[column.number].of(kind))[:_MOST_AXES]
         for axis in [*axes, None]:
             reading = Reading(content, axis)
@@ -126,11 +120,7 @@ def _readings(
 def _is_counter(column: Column) -> bool:
     """Whether a column is a counter by its name."""
     meanings = {meaning for meaning, _ in meanings_of(column.name)}
-    return (
-        "index" in meanings
-        and not meanings & {"time", "frequency"}
-        and kind_of_unit(column.unit) not in ("time", "frequency")
-    )
+    return "index" in meanings and not {*meanings, kind_of_unit(column.unit)} & {"time", "frequency"}
 
 
 def _of_rate(axis: Column, rate: float | None) -> float:

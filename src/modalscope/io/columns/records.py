@@ -11,7 +11,16 @@ import numpy as np
 from modalscope.data import DataError, ImpulseResponse, Signals
 from modalscope.data.channels import names_base
 from modalscope.data.geometry import label_of
-from modalscope.io.columns.axis import longest_even, parts_of_second, records_of, rises, same_rate, sampling_of
+from modalscope.io.columns.axis import (
+    CLOCK_ACCURACY,
+    Sampling,
+    longest_even,
+    parts_of_second,
+    records_of,
+    rises,
+    same_rate,
+    sampling_of,
+)
 from modalscope.io.columns.clock import evened
 from modalscope.io.columns.table import Column, Table, as_word, span
 from modalscope.io.columns.weights import likeliest_force
@@ -24,6 +33,8 @@ from modalscope.numerics.functions.poles import QUANTITIES
 _MAX_DOUBT_OF_RATE = 1e-3
 #: Samples of a record, at least; and rows of a column that is an axis where it rises throughout: of noise half the steps do.
 _MIN_SAMPLES, _MIN_RISING, _MIN_SHARE_RISING = 3, 16, 0.95
+#: A force has gone where this part of its largest is not reached again.
+_GONE = 0.05
 _PARTS_OF_SECOND = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
 
 
@@ -121,7 +132,9 @@ def free_decay(record: Signals, where: str, option: str) -> ImpulseResponse:
     """
     if record.inputs is not None:
         fault = f"{', '.join(record.input_dofs)} would be a force, which acts on no free decay"
-        remedy = f'Take rows after it has gone, and leave it out: --rows FIRST- --columns "{option}"'
+        size = np.abs(record.inputs).max(axis=1)
+        row = int(np.flatnonzero(np.append(True, size > _GONE * size.max()))[-1]) + 1  # rows count from 1
+        remedy = f'Take rows after it has gone, and leave it out: --rows {row}- --columns "{option}"'
         raise unreadable(f"{where} as a free decay", fault, remedy)
     return ImpulseResponse(
         values=record.outputs[:, :, None],
@@ -224,6 +237,13 @@ def _no_rate(first: Column, remedy: str) -> tuple[str, str]:
     )
 
 
+def _is_rounding(stated: float, sampling: Sampling) -> bool:
+    """Whether times may be those of a stated rate: their digits leave it open, or their step is a rounded one; else they are a clock's."""
+    step, other = 1 / sampling.rate, 1 / stated
+    close = abs(sampling.rate - stated) <= sampling.doubt + CLOCK_ACCURACY * stated
+    return close or any(abs(round(other, digits) - step) < CLOCK_ACCURACY * step for digits in range(1, 9))
+
+
 def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[float, list[str]]:
     """Return samples per second, and how they are known.
 
@@ -264,6 +284,8 @@ def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[
         if given is not None:
             remedy = f"If the times are wrong, leave them out: {way_out} {stated:g}"
         raise DataError(asked, f"the times of {axis} say {sampling.rate:.6g} Hz", remedy)
-    rate_taken = sampling.rate if stated is None else stated
+    rate_taken = (
+        stated if stated is not None and (option is not None or _is_rounding(stated, sampling)) else sampling.rate
+    )
     coarse = " (rounded more coarsely than they follow each other)" if sampling.off > 0.5 else ""
     return rate_taken, [f"sampling rate {rate_taken:.9g} Hz by the times of column {axis.number}{coarse}"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -18,7 +17,6 @@ from modalscope.numerics.checks import Array, IntArray, RealArray
 
 #: Sensors at most, rows of each at least, and by how much numbers of rows may differ, relative.
 _MOST_SENSORS, _MIN_ROWS, _MAX_DIFFERENCE = 200, 16, 0.1
-_OF_RUNS = re.compile(rf"(?<![a-z]){RUNS}(?![a-z])", re.IGNORECASE)
 #: Distance of times from a straight line, in grains of their digits, that are even but for these; share of the rows taken, at least.
 _GRAINS, _MIN_SHARE = 1.5, 0.5
 
@@ -59,10 +57,10 @@ def by_sensor(table: Table) -> Table:
 
 def _names_sensors(column: Column) -> bool:
     """Whether a column names sensors: text that names no runs, or few whole numbers under a word for a sensor."""
-    if _OF_RUNS.search(column.name):
+    if RUNS.search(column.name):
         return False
     if column.textual:
-        return not _OF_RUNS.search(str(column.values[0]))
+        return not RUNS.search(str(column.values[0]))
     whole = bool(SENSORS & set(words_of(column.name))) and not np.iscomplexobj(column.values)
     return whole and bool(np.isfinite(column.values).all()) and 1 < np.unique(column.values).size <= _MOST_SENSORS
 

@@ -51,7 +51,6 @@ COLUMNS = {
     "phase": "phasenwinkel phase phas phi fase arg argument angle winkel",
     "coh": "coherence coherencia coerenza coerencia coherentie koharenz koherens coh gamma2",
 }  # fmt: skip
-
 #: Meaning of a statement -> its keys. Short ones (up to four letters) are whole words.
 STATEMENTS = {
     "rate": (
@@ -87,7 +86,6 @@ STATEMENTS = {
     "channel": "channel channels name names kanal label title voie canale canal kanaal chno chname channelname",
     "place": "signal signalname point location loclbl dof scnl node",
 }  # fmt: skip
-
 #: Words of names that say the side of a channel, a voltage, that or a number alone, an output, maybe of a generator, of columns that name
 #: the sensor of a row, and of runs.
 INPUTS = {"input", "inputs", "excitation", "anregung", "eccitazione", "excitacion", "excitacao", "excitatie"}
@@ -95,8 +93,13 @@ VOLTS = {"voltage", "voltages", "volt", "volts", "spannung", "tension"}
 VOLTAGES = {*VOLTS, "ch", "channel", "kanal", "voie", "canal", "ai"}
 OUTPUTS = {"output", "out", "ausgang", "sortie", "salida", "uscita"}
 SENSORS = {"sensor", "sensors", "node", "board", "channel", "ch", "device", "id", "mac", "unit", "kanal", "knoten", "capteur"}  # fmt: skip
-RUNS = r"(?:run|test|trial|hit|setup|repeat|exp|experiment|meas|measurement|messung|versuch|essai|prova|ensayo)"
-
+_RUN = "run|test|trial|hit|setup|repeat|exp|experiment|meas|measurement|messung|versuch|essai|prova|ensayo"
+RUNS = re.compile(rf"(?<![a-z])(?:{_RUN})(?![a-z])", re.IGNORECASE)
+#: Words of a file's name before the number of a place, and of one that is driven; blows ("impact 3") are none: they may be repeated.
+COUNTED = {
+    "": "p pt pts point points pos position loc location place dof node nodes nodo noeud knoten mp punkt messpunkt punto ponto stelle",
+    "input": f"in exc ref reference {' '.join(sorted(INPUTS))}",
+}
 #: Letters that are whole names, and what they name.
 LETTERS = {"t": "time", "T": "time", "X_Value": "time", "x_value": "time", "f": "frequency", "F": "force"}
 LETTERS |= dict.fromkeys(("n", "N", "k", "i"), "index")
@@ -107,7 +110,6 @@ _KEYS = sorted(
     ((key, meaning) for meaning, keys in STATEMENTS.items() for key in keys.split()), key=lambda pair: -len(pair[0])
 )
 _MAX_LETTERS_OF_WORD = 4
-
 #: Characters of a name that are examined: none is longer, and patterns take time that grows with a text.
 MAX_CHARACTERS = 400
 
@@ -163,13 +165,8 @@ def key_meaning(key: str) -> str:
 
     Examples
     --------
-    >>> (
-    ...     key_meaning("Sampling Rate(Hz)"),
-    ...     key_meaning("X-Axis delta"),
-    ...     key_meaning("Fréquence d'échantillonnage"),
-    ...     key_meaning("Operator"),
-    ... )
-    ('rate', 'step', 'rate', '')
+    >>> [key_meaning(key) for key in ("Sampling Rate(Hz)", "X-Axis delta", "Fréquence d'échantillonnage", "Operator")]
+    ['rate', 'step', 'rate', '']
     """
     words = words_of(key)
     joined = "".join(words)

@@ -27,7 +27,6 @@ UNITS: dict[str, tuple[str, ...]] = {
     "no vibration": ("degC", "C", "K", "degF", "F", "%", "%RH", *UNITS_OF_TURNS, "A", "mA", "W", "kW", "ppm", "lx"),
     "none": ("-", "1", "none", "n/a", "counts", "count", "LSB", "EU"),
 }  # fmt: skip
-
 #: Units by how many of the base unit (s, Hz, rad) they are.
 _FACTORS_TO_BASE = {
     "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "usec": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "hr": 3600.0, "kHz": 1e3,
@@ -35,7 +34,6 @@ _FACTORS_TO_BASE = {
 }  # fmt: skip
 
 _KIND_OF_UNIT = {unit: kind for kind, units in UNITS.items() for unit in units}
-
 #: Units written out or in capitals: in small letters, without the sign of several, and how they are written short.
 _WRITTEN_OUT = {
     "newton": "N", "kilonewton": "kN", "lb": "lbf", "lbf": "lbf", "pound": "lbf", "poundforce": "lbf", "poundsforce": "lbf", "kip": "kip",
@@ -49,10 +47,8 @@ _ENDS_OF_TIMES = {
     "millis": "ms", "millisecond": "ms", "milliseconds": "ms", "msec": "ms", "micros": "us", "microsecond": "us", "microseconds": "us",
     "usec": "us", "nanos": "ns", "nanosecond": "ns", "nanoseconds": "ns", "nsec": "ns",
 }  # fmt: skip
-
 #: Units that may as well be a number or letter of a channel, outside of square brackets.
 _AMBIGUOUS_UNITS = {"1", "-", "A", "C", "F", "G", "K", "W"}
-
 #: Two numbers in the brackets are places, as in `H[1/1]`.
 _BRACKETED = re.compile(r"^(?P<name>.*?)\s*[\[<{](?!\d+/\d+[\]>}])(?P<unit>[^\[\]<>{}]*)[\]>}]\s*(?P<rest>\S*)$")
 #: A head with one pair of brackets, at its end: they hold the unit, whatever strokes there are.
@@ -71,10 +67,8 @@ _PART_OF = re.compile(
 _UNDERSCORE = re.compile(r"^(?P<name>.*[A-Za-z0-9])_(?P<unit>s|ms|us|hz|Hz|kHz|N|kN|g|deg|rad|mm|um)$")
 #: Strokes of a unit at most: a ratio of ratios has three.
 _MAX_STROKES = 3
-
 #: What `--columns` may call a column.
 ROLES = ("time", "frequency", "in", "out", "decay", "real", "imag", "mag", "phase", "coh", "ignore")
-
 #: Names that stand for a whole range in `--columns`.
 _RANGE = re.compile(r"(\d+)-(\d*)\Z")
 
@@ -97,14 +91,8 @@ def short_unit(unit: str) -> str:
 
     Examples
     --------
-    >>> (
-    ...     short_unit("Newtons"),
-    ...     short_unit("pounds force"),
-    ...     short_unit("LBF"),
-    ...     short_unit("m/s^2/Newtons"),
-    ...     short_unit("m/s²"),
-    ... )
-    ('N', 'lbf', 'lbf', 'm/s^2/N', 'm/s²')
+    >>> [short_unit(unit) for unit in ("Newtons", "pounds force", "LBF", "m/s^2/Newtons", "m/s²")]
+    ['N', 'lbf', 'lbf', 'm/s^2/N', 'm/s²']
     """
     plain = plain_unit(unit)
     if plain in _KIND_OF_UNIT or unit.count("/") > _MAX_STROKES:
@@ -154,17 +142,10 @@ def split_head(head: str) -> tuple[str, str]:
 
     Examples
     --------
-    >>> (
-    ...     split_head("AccA [m/s^2]"),
-    ...     split_head("Force (N)"),
-    ...     split_head("H (1)"),
-    ...     split_head("Zeit / s"),
-    ...     split_head("time_s"),
-    ...     split_head("a_1/(m/s^2)"),
-    ...     split_head("3Z/1Z"),
-    ...     split_head("3Z/1Z[m/s2/N]"),
-    ... )
-    (('AccA', 'm/s^2'), ('Force', 'N'), ('H (1)', ''), ('Zeit', 's'), ('time', 's'), ('a_1', 'm/s^2'), ('3Z/1Z', ''), ('3Z/1Z', 'm/s2/N'))
+    >>> [split_head(head) for head in ("AccA [m/s^2]", "Force (N)", "H (1)", "Zeit / s", "time_s")]
+    [('AccA', 'm/s^2'), ('Force', 'N'), ('H (1)', ''), ('Zeit', 's'), ('time', 's')]
+    >>> [split_head(head) for head in ("a_1/(m/s^2)", "3Z/1Z", "3Z/1Z[m/s2/N]")]
+    [('a_1', 'm/s^2'), ('3Z/1Z', ''), ('3Z/1Z', 'm/s2/N')]
     """
     text = head.strip()[:MAX_CHARACTERS].strip("\"'").strip()
     part = _PART_OF.match(text)

@@ -53,10 +53,8 @@ def is_stamp(cell: str) -> bool:
 
     Examples
     --------
-    >>> [
-    ...     is_stamp(cell)
-    ...     for cell in ("2024-05-01T12:00:00.125Z", "01.05.2024 12:00:00,125", "12:00:00 PM", "1.5", "run 1")
-    ... ]
+    >>> cells = ("2024-05-01T12:00:00.125Z", "01.05.2024 12:00:00,125", "12:00:00 PM", "1.5", "run 1")
+    >>> [is_stamp(cell) for cell in cells]
     [True, True, True, False, False]
     """
     return (
@@ -211,10 +209,8 @@ def number_of(cell: str, dialect: Dialect) -> float:
 
     Examples
     --------
-    >>> (
-    ...     number_of("1.234,5", Dialect(delimiter=";", decimal=",", thousands=".")),
-    ...     number_of("1.5D+03", Dialect(delimiter="")),
-    ... )
+    >>> german = Dialect(delimiter=";", decimal=",", thousands=".")
+    >>> number_of("1.234,5", german), number_of("1.5D+03", Dialect(delimiter=""))
     (1234.5, 1500.0)
     """
     try:

@@ -23,7 +23,6 @@ _BYTES_EXAMINED = 1 << 16
 #: Characters of a line and blank lines of a table, at most.
 _MAX_CHARACTERS_OF_LINE, _MAX_BLANK_LINES = 1 << 25, 10_000_000
 _BYTE_ORDER_MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
-
 #: Delimiters in order of preference; an empty one stands for blanks.
 DELIMITERS = ("\t", ";", ",", "|", "")
 
@@ -198,11 +197,7 @@ def decimal_sign(where: str, cells: Sequence[str], decimal: str | None = None) -
 
     Examples
     --------
-    >>> (
-    ...     decimal_sign("a.csv", ["0,5", "1,234"]),
-    ...     decimal_sign("a.csv", ["1,234.5", "2"]),
-    ...     decimal_sign("a.csv", ["1'234.5"]),
-    ... )
+    >>> tuple(decimal_sign("a.csv", cells) for cells in (["0,5", "1,234"], ["1,234.5", "2"], ["1'234.5"]))
     ((',', ''), ('.', ','), ('.', "'"))
     """
     allowed, thousands, grouping = {".", ","}, "", ""

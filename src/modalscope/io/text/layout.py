@@ -51,8 +51,6 @@ _LISTED = re.compile(
 )
 #: Letters before a number, as serial numbers are.
 _SERIAL = re.compile(r"[A-Z]{1,4}[ -]?\d{3,}\Z")
-
-
 #: Meanings of keys whose values may be numbers that state nothing: heads of columns are written so, too.
 _NO_NUMBERS = ("", "unit", "channel", "place", "reference", "form")
 #: Where cells begin and end in a line.

@@ -32,7 +32,6 @@ AXIS = (
     Field("label", 21, "a"), Field("unit", 21, "a"),
 )  # fmt: skip
 TEXT = (Field("text", 80, "a"),)
-
 #: What to do about values that are not finite.
 _REPAIR = "Repair that function, or leave it out of the export."
 

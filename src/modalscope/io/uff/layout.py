@@ -10,7 +10,6 @@ from modalscope.data import DataError, parse_dof
 
 #: What to do about a set that does not read.
 DAMAGED = "The file is damaged there; export it again."
-
 #: Blanks of a record; no other white space is one.
 _BLANK = " \t"
 _WHOLE = re.compile(r"[+-]?[0-9]+\Z")
@@ -125,13 +124,11 @@ DIRECTIONS = {0: "S"} | {
     for sign in (1, -1)
 }
 CODES = {name: code for code, name in DIRECTIONS.items()}
-
 #: Specific data types: what an ordinate is.
 QUANTITY_OF = {8: "displacement", 11: "velocity", 12: "acceleration"}
 QUANTITY_CODES: dict[str | None, int] = {None: 0, **{name: code for code, name in QUANTITY_OF.items()}}
 #: Reaction force and excitation force.
 FORCES = (9, 13)
-
 #: Characters of an entity's name, and columns of a unit.
 _MAX_LETTERS, _COLUMNS_OF_UNIT = 10, 20
 

@@ -70,7 +70,7 @@ def read(path: Path, options: Options) -> Contents:
             else:
                 sets.taken.add(place)
     notes, missing = list(dict.fromkeys(notes)), tuple(result.missing)
-    return Contents(thing=thing, findings=_findings(sets), missing=missing, notes=tuple(notes))
+    return Contents(thing=thing, found=_findings(sets), missing=missing, notes=tuple(notes))
 
 
 def _add(sets: _Sets, name: str, block: Block) -> None:

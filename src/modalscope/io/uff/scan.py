@@ -17,14 +17,12 @@ from modalscope.io.uff.layout import Field, parse
 
 #: Records before the data of a dataset 58.
 HEADER_LINES = 11
-
 #: Record 1 of dataset 58b, behind the dataset's number.
 BINARY = (
     Field("dataset", 6, "i"), Field("flag", 1, "a"), Field("byte order", 6, "i"), Field("floating-point format", 6, "i"),
     Field("number of ASCII lines", 12, "i"), Field("number of bytes", 12, "i"),
     Field("", 6, "-"), Field("", 6, "-"), Field("", 12, "-"), Field("", 12, "-"),
 )  # fmt: skip
-
 #: Record 7 of dataset 58: the form of the data.
 FORM = (
     Field("ordinate data type", 10, "i"), Field("number of points", 10, "i"), Field("abscissa spacing", 10, "i"),

@@ -218,7 +218,8 @@ def delayed(signals: Signals) -> list[Finding]:
     for i in np.flatnonzero(delayed):
         seconds, side = whole.delay[i] / signals.sampling_rate, "later" if whole.delay[i] > 0 else "earlier"
         measured = {"seconds": seconds, "size": abs(seconds), "samples": abs(whole.delay[i]), "side": side}
-        alone = "delay: phase" if given and signals.inputs is None else "delay: part"  # of a sample, or forces tell all
+        # no option for a part of a sample, and none for one that is early after forces: the others would be moved against these
+        alone = "delay: phase" if given and (signals.inputs is None or lags.min() >= 0) else "delay: part"
         findings.append(finding(alone, signals.output_dofs[i], given=given, **measured))
     return findings if 2 * len(findings) < len(signals.output_dofs) else []
 

@@ -27,169 +27,130 @@ ROWS = {
     "overload": ("hit {number}: {reason}", "estimate_frf excludes it{effect}"),
     "double hit": (
         "hit {number}: {reason}",
-        "It is used, as its force is recorded; hits={others} leaves it out{effect}",
-    ),
+        "It is used, as its force is recorded; hits={others} leaves it out{effect}"),
     "clipped": (
         "{count} samples at its largest or smallest value{where}",
-        "Measure again with a wider range, or leave these runs or this channel out.",
-    ),
+        "Measure again with a wider range, or leave these runs or this channel out."),
     "dead": ("it never changes", _EXCLUDE),
     "noisy: coherence": (
         "{percent:.0f} % of its power is predicted by {source}, {usual:.0f} % is the median of the channels",
-        _EXCLUDE,
-    ),
+        _EXCLUDE),
     "noisy: unexplained": (
         "{percent:.0f} % of its power is predicted by no other sample of any channel, {usual:.2g} % is the median of the channels",
-        _EXCLUDE,
-    ),
+        _EXCLUDE),
     "duplicate": (
         "{channels[1]} is {factor:.6g} times {channels[0]}, to rounding",
-        "Leave one out if it was recorded twice; a symmetric structure without noise does it, too.",
-    ),
+        "Leave one out if it was recorded twice; a symmetric structure without noise does it, too."),
     "swapped: run": ("exchanged in run {run}", "Exchange them in that run, or leave the run out."),
     "swapped: driving point": (
         "driving-point response has resonances of both signs",
-        "Check which channel was at the force, the directions, and the quantity.",
-    ),
+        "Check which channel was at the force, the directions, and the quantity."),
     "swapped: reciprocity": (
         "reciprocal only if the two outputs are exchanged",
-        "Exchange the labels of these two outputs.",
-    ),
+        "Exchange the labels of these two outputs."),
     "polarity: run": ("opposite sign in run {run}", "Change its sign in that run, or leave the run out."),
     "polarity: driving point": (
         "driving-point response has the wrong sign: force or sensor reversed",
-        "Change the sign of {channels[0]} or of its force; or correct the quantity, {quantity}.",
-    ),
+        "Change the sign of {channels[0]} or of its force; or correct the quantity, {quantity}."),
     "polarity: reciprocity": (
         "opposite sign of the reciprocal response: {pairs}",
-        "Change its sign, or that of its force.",
-    ),
+        "Change its sign, or that of its force."),
     "polarity: one of several": (
         "opposite sign of the reciprocal response: {pairs}",
-        "Compare these sensors, and change the sign of one or of its force.",
-    ),
+        "Compare these sensors, and change the sign of one or of its force."),
     "leakage": (
         "{percent:.0f} % of its largest vibration remains at the end of the {what}",
-        "{longer}, or give exponential=0.01, which is corrected for in the damping.",
-    ),
+        "{longer}, or give exponential=0.01, which is corrected for in the damping."),
     "low coherence": (
         "coherence {explained:.2f} at its resonances",
-        "Look for overloaded hits, forces that were not measured, noise, or too short segments.",
-    ),
+        "Look for overloaded hits, forces that were not measured, noise, or too short segments."),
     "reciprocity": (
         "reciprocal responses differ by {percent:.0f} %",
-        "Check labels, directions and calibration of these points; nonlinear structures do it, too.",
-    ),
+        "Check labels, directions and calibration of these points; nonlinear structures do it, too."),
     "wrong quantity": (
         "given as {given}, looks like {better}: {why}",
-        'Give quantity="{better}" if that was measured.',
-    ),
+        'Give quantity="{better}" if that was measured.'),
     "short record: decay": (
         "{seconds:.4g} s are {count:.1f} decay times of the resonance at {frequency:.4g} Hz (damping near {damping:.2g} %)",
-        "Measure {needed:.4g} s or more: damping scatters by some {scatter:.0f} %.",
-    ),
+        "Measure {needed:.4g} s or more: damping scatters by some {scatter:.0f} %."),
     "few lines": (
         "the forces have power at {where} Hz alone: modes elsewhere act on the start of a run only",
-        "Drive with noise, a sweep or hits.",
-    ),
+        "Drive with noise, a sweep or hits."),
     "short record: lines": (
         "the resonances at {where} Hz are narrower than {resolved:.1f} lines of {step:.3g} Hz",
-        "Measure longer, use longer segments, or an exponential window for hits.",
-    ),
+        "Measure longer, use longer segments, or an exponential window for hits."),
     "overflow": (
         "{count} jumps from one end of its range to the other: the converter overflowed",
-        "Measure again with a wider range, or leave the channel out.",
-    ),
+        "Measure again with a wider range, or leave the channel out."),
     "frozen": ("constant over {stretches}, with motion before and after", _AS_RUNS),
     "gap": ("all channels constant over {stretches}, with motion before and after", _AS_RUNS),
     "spikes": (
         "{count} samples far outside all others (spikes), at {times}",
-        "Look for a loose contact; replace these samples by the mean of their neighbours, or leave the channel out.",
-    ),
+        "Look for a loose contact; replace these samples by the mean of their neighbours, or leave the channel out."),
     "transposed": (
         "{count} channels of {samples} samples",
-        "Exchange rows and columns: samples come first, outputs=y.T.",
-    ),
+        "Exchange rows and columns: samples come first, outputs=y.T."),
     "conjugated": (
         "phases rise along the resonances: energy arrives before the impulse",
-        "Take the complex conjugates (time convention exp(-j w t)): --conjugate, conjugate=True.",
-    ),
+        "Take the complex conjugates (time convention exp(-j w t)): --conjugate, conjugate=True."),
     "no phase: magnitudes": ("all values are real: magnitudes without phase", "Give magnitude times exp(j phase)."),
     "no phase: decibels": (
         "values look like decibels without phase",
-        "Give complex values, 10^(dB / 20) exp(j phase).",
-    ),
+        "Give complex values, 10^(dB / 20) exp(j phase)."),
     "lone lines": (
         "{count} outlying lines in every pair, at {where} Hz",
-        "Look for mains or an edited line; leave these lines out: response.at_lines(...).",
-    ),
+        "Look for mains or an edited line; leave these lines out: response.at_lines(...)."),
     "exchanged": (
         "the output {outputs} precedes the input {inputs}: force and response exchanged",
-        "Exchange them: the force belongs to the inputs, columns='in=...,out=...'.",
-    ),
+        "Exchange them: the force belongs to the inputs, columns='in=...,out=...'."),
     "delay: all": ("all outputs are delayed by {samples} samples, {seconds:.4g} s, after the forces", _ALIGNED),
     "delay: one": (
         "delayed by {samples} samples ({seconds:.4g} s) against the forces; the other outputs are not",
-        _ALIGNED,
-    ),
+        _ALIGNED),
     "delay: phase": (
         "{size:.4g} s, {samples:.3g} samples, {side} than most other outputs",
-        "Look for another filter or recorder; shift it with --delays {given}, or leave it out: exclude=[{channels[0]!r}].",
-    ),
+        "Look for another filter or recorder; shift it with --delays {given}, or leave it out: exclude=[{channels[0]!r}]."),
     "delay: part": (
         "{size:.4g} s, {samples:.3g} samples, {side} than most other outputs",
-        "Look for another filter or recorder; shift it by {seconds:.4g} s, or leave it out: exclude=[{channels[0]!r}].",
-    ),
+        "Look for another filter or recorder; shift it by {seconds:.4g} s, or leave it out: exclude=[{channels[0]!r}]."),
     "missing samples": (
         "some {lost} samples are missing in all channels at {count} times: {where}",
-        "Look for lost blocks or a clock that jumped. " + _AS_RUNS,
-    ),
+        "Look for lost blocks or a clock that jumped. " + _AS_RUNS),
     "no complex values: parts": (
         "imaginary parts are phases in {unit} (within +-{limit:.6g}, {jumps} jumps from end to end), real parts {kind}",
-        "Give {magnitude} exp(j {angle}).",
-    ),
+        "Give {magnitude} exp(j {angle})."),
     "no complex values: turned": (
         "{percent:.0f} % of the phases are near +-{limit:.0f} degrees, that is 180 with degrees taken for radians",
-        "Give magnitude exp(j radians(phase)).",
-    ),
+        "Give magnitude exp(j radians(phase))."),
     "no complex values: rough": (
         "phases jump from line to line, magnitudes do not: degrees taken for radians",
-        "Give magnitude exp(j radians(phase)).",
-    ),
+        "Give magnitude exp(j radians(phase))."),
     "no complex values: levels": (
         "magnitudes lie between {low:.3g} and {high:.3g} and are small at resonances: levels in dB",
-        "Give 10^(dB / 20) exp(j phase).",
-    ),
+        "Give 10^(dB / 20) exp(j phase)."),
     "places": (
         "runs {runs} look like {count} drive points",
-        "Give every place a file, or its own label: input_dofs, --input-dofs.",
-    ),
+        "Give every place a file, or its own label: input_dofs."),
     "changed: channel": (
         "the other channels predict {first:.0f} % of its power in the first half of the record, {second:.0f} % in the second",
-        "Look for a broken cable or a sensor that fell off; use one half, or leave the channel out: exclude=[{channels[0]!r}].",
-    ),
+        "Look for a broken cable or a sensor that fell off; use one half, or leave the channel out: exclude=[{channels[0]!r}]."),
     "changed: all": (
         "each half is predicted {factor:.2g} times less well by the other than by itself",
-        "Look for two tests in one file, or sensors that were moved. " + _AS_RUNS,
-    ),
+        "Look for two tests in one file, or sensors that were moved. " + _AS_RUNS),
     "clock": (
         "its clock is {rate:.0f} millionths too {side} against most other channels",
-        "Record all channels with one clock, or resample this one; shorter parts of the record suffer less.",
-    ),
+        "Record all channels with one clock, or resample this one; shorter parts of the record suffer less."),
     "repeated": (
         "{second} repeats {first}, sample by sample",
-        "Leave one of both out: it adds nothing, and deviations become too small.",
-    ),
+        "Leave one of both out: it adds nothing, and deviations become too small."),
     "drift": (
         "{percent:.0f} % of its power lies below {limit:.3g} Hz, {usual:.2g} % is the median of the channels",
-        "Look for temperature or an unsettled sensor, and choose a band above: band=(f1, f2).",
-    ),
+        "Look for temperature or an unsettled sensor, and choose a band above: band=(f1, f2)."),
     "event": (
         "{share:.0f} % of the power lies between {start:.4g} and {stop:.4g} s: averages are worth {worth:.3g} s of steady vibration",
-        "Cut the event out. " + _AS_RUNS + " Or identify it alone, a free decay from its release on: "
-        "--rows FIRST- --columns \"time=1,decay=2-\" --band LOW HIGH, or ImpulseResponse(..., kind='free decay').",
-    ),
-}
+        "Cut the event out. " + _AS_RUNS + " Or identify it alone, a free decay{release}, by the role decay (such as columns "
+        "time=1,decay=2-), or ImpulseResponse(..., kind='free decay')."),
+}  # fmt: skip
 
 #: All kinds of findings.
 KINDS = tuple(dict.fromkeys(name.partition(":")[0] for name in ROWS))

@@ -67,6 +67,11 @@ class Placed(NamedTuple):
     gains: RealArray
     shared: float = 1.0
 
+    @property
+    def is_sure(self) -> bool:
+        """Whether so many resonances were compared that nothing else need say the places."""
+        return self.resonances >= _MIN_OF_SIZE
+
 
 def white_noise(H: ComplexArray) -> RealArray:
     """Return the noise power of responses (files, lines, outputs) on each line, from the second differences of neighbouring lines."""

@@ -7,8 +7,9 @@ against them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -18,10 +19,10 @@ from modalscope.data.channels import AUTO
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.responses import FrequencyResponse
-from modalscope.data.shown import counted
+from modalscope.data.shown import counted, list_some, percent
 from modalscope.numerics.checks import ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
-from modalscope.signals.doctor.one_place import Placed, decide, not_compared, white_noise
+from modalscope.signals.doctor.one_place import ONE, Placed, decide, not_compared, white_noise
 from modalscope.signals.preprocess.bands import USEFUL_POWER
 from modalscope.signals.preprocess.excitation import excitation_of
 from modalscope.signals.preprocess.frf import estimate_frf
@@ -74,12 +75,15 @@ def _fault(part: Signals) -> str | None:
 
 
 def label_by_place(
-    parts: Sequence[Any], names: Sequence[str], files: int | None = None
+    parts: Sequence[Any],
+    names: Sequence[str],
+    files: int | None = None,
+    said: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> tuple[list[Any], tuple[Note, ...]]:
     """Label the input of each part of a test by its place when parts of one input label were driven at several places.
 
-    The parts are returned unchanged if they have one place; also without a note if they have several inputs, different labels or other
-    outputs.
+    Names of files that say places are followed unless data show one place. The parts are returned unchanged if they have one place; also
+    without a note if they have several inputs, different labels or other outputs.
 
     Parameters
     ----------
@@ -89,28 +93,59 @@ def label_by_place(
         Names of their files, for the note.
     files : int, optional
         Number of the files of the test with those that were left out, which a remedy labels, too.
+    said : mapping of str to sequences of str, optional
+        Labels of the places that names of files say, one a part, by side: "input", "output", or "" for either; and of runs: "run".
     """
     found = placed(parts) if _comparable(parts) and len({part.input_dofs for part in parts}) == 1 else None
     if found is None:
         return list(parts), ()
-    every = files or len(parts)
-    moved = f"; if the sensor moved: {labels_option(every, 'output')}" * (len(parts[0].output_dofs) == 1)
-    if found.kind != "several":
-        text = f"{_one(found, names)}. If places: {labels_option(every)}{moved}"
-        return list(parts), (Note("places", {"places": 1.0}, text),)
+    every, single = files or len(parts), len(parts[0].output_dofs) == 1
+    named = {side or "input": labels for side, labels in said.items() if side in ("", "input", "output")[: 2 + single]}
+    moved = f"; if the sensor moved: {labels_option(every, 'output')}" * single
+    if named and (found.kind == "several" or not (found.is_sure or found.apart <= ONE)):
+        moved = f"; if the force moved: {labels_option(every)}" if "output" in named else moved
+        listed = "; ".join(f"{side}s {list_some(dict.fromkeys(labels))}" for side, labels in named.items())
+        shown = _apart(found) if found.resonances else "no resonance shows them"
+        text = f"Places are those that the names of the files say, {listed} ({shown}); if one place: --input-dofs 1{moved}{_doubt(found)}"
+        labelled = _labelled(parts, named)
+        return labelled, (_note(text, len(set(zip(*named.values(), strict=True)))), *against_labels(labelled))
+    if found.kind != "several" or ("run" in said and not found.is_sure):
+        labels = named.get("input", ()) if every == len(parts) else ()
+        text = f"{_one(found, names)}. If places: {labels_option(every, labels=labels)}{moved}{_doubt(found)}"
+        return list(parts), (_note(text, 1),)
     count = max(found.places) + 1
     at = [", ".join(name for name, p in zip(names, found.places, strict=True) if p == k) for k in range(count)]
-    single = len(set(names)) == count
-    own = "" if single else f"; if each a place of its own: {labels_option(every)}"
-    listed = "after their files" if single else "; ".join(f"place {k + 1} ({of})" for k, of in enumerate(at))
-    doubt = f". Not one structure? Two files have {100 * found.shared:.0f} % of their resonances in common: --each"
+    alone = len(set(names)) == count
+    own = "" if alone else f"; if each a place of its own: {labels_option(every)}"
+    listed = "after their files" if alone else "; ".join(f"place {k + 1} ({of})" for k, of in enumerate(at))
     text = (
         f"{len(parts)} files look like {count} drive points, all labelled {parts[0].input_dofs[0]!r}: {_apart(found)}. Inputs are named "
-        f"{listed}; if one place: --input-dofs 1{own}{moved}{doubt if found.shared < _ONE_STRUCTURE else ''}"
+        f"{listed}; if one place: --input-dofs 1{own}{moved}{_doubt(found)}"
     )
-    called = list(names) if single else [f"place {p + 1}" for p in found.places]
-    named = [replace(part, input_dofs=[label], groups=AUTO) for part, label in zip(parts, called, strict=True)]
-    return named, (Note("places", {"places": float(count)}, text),)
+    called = list(names) if alone else [f"place {p + 1}" for p in found.places]
+    return _labelled(parts, {"input": called}), (_note(text, count),)
+
+
+def _note(text: str, places: int) -> Note:
+    return Note("places", {"places": float(places)}, text)
+
+
+def _labelled(parts: Sequence[Any], labels: Mapping[str, Sequence[str]]) -> list[Any]:
+    """Return parts with a label each, by side."""
+    each = zip(*labels.values(), strict=True)
+    sides = [f"{side}_dofs" for side in labels]
+    return [
+        replace(part, **{s: [c] for s, c in zip(sides, called, strict=True)}, groups=AUTO)
+        for part, called in zip(parts, each, strict=True)
+    ]
+
+
+def _doubt(found: Placed) -> str:
+    """Return the way out where files are perhaps of several structures."""
+    shared = f" (two files have {100 * found.shared:.0f} % of their resonances in common)"
+    few = found.shared < _ONE_STRUCTURE
+    settled = found.kind in ("one", "size") or (found.kind == "several" and found.is_sure)
+    return f"; if structures of their own{shared * few}: --each" if few or not settled else ""
 
 
 def against_labels(parts: Sequence[Any]) -> tuple[Note, ...]:
@@ -123,18 +158,17 @@ def against_labels(parts: Sequence[Any]) -> tuple[Note, ...]:
     for label, group in alike.items():
         found = placed(group) if len(group) > 1 else None
         if found is not None and found.kind == "several":
-            text = f"{len(group)} files named {label!r} are averaged as asked, but {_apart(found)}, as those of several places"
-            return (Note("places", {"places": float(len(alike))}, text),)
+            text = f"{len(group)} files named {label!r} are averaged as one place, but {_apart(found)}, as those of several places"
+            return (_note(text, len(alike)),)
     found = placed(parts) if len(alike) > 1 else None
     if found is None or found.kind != "one":
         return ()
-    text = f"{len(alike)} drive points as asked, but {_agree(found)}, as those of one place"
-    return (Note("places", {"places": float(len(alike))}, text),)
+    return (_note(f"{len(alike)} drive points as asked, but {_agree(found)}, as those of one place", len(alike)),)
 
 
 def _apart(found: Placed) -> str:
     few = "only " if found.resonances < 3 else ""
-    return f"amplitudes at {few}{counted(found.resonances, 'resonance')} differ by {100 * found.apart:.2g} %"
+    return f"amplitudes at {few}{counted(found.resonances, 'resonance')} differ by {percent(found.apart, 2)}"
 
 
 def _agree(found: Placed) -> str:
@@ -152,14 +186,15 @@ def _one(found: Placed, names: Sequence[str]) -> str:
         gain = np.exp(np.median(np.log(found.gains), axis=1))
         k = int(np.argmax(np.abs(np.log(gain))))
         return f"{files} look like one place, but {names[k]} is {gain[k]:.2g} times as large (overload, range or unit?): taken as one"
-    return f"{files} look like one place ({_apart(found)}): taken as one"
+    how = "are runs by their names" if found.kind == "several" else "look like one place"
+    return f"{files} {how} ({_apart(found)}): taken as one"
 
 
-def labels_option(files: int, side: str = "input") -> str:
-    """Return the option that makes every file a place."""
+def labels_option(files: int, side: str = "input", labels: Sequence[str] = ()) -> str:
+    """Return the option that makes every file a place, or gives it the label that its name says."""
     if files > _MAX_LISTED:
         return f"--{side}-dofs with {files} labels, one per file"
-    return f"--{side}-dofs {' '.join(str(k + 1) for k in range(files))}"
+    return f"--{side}-dofs {' '.join(labels or [str(k + 1) for k in range(files)])}"
 
 
 def _comparable(parts: Sequence[Any]) -> bool:

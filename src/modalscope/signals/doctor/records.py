@@ -284,7 +284,10 @@ def events(signals: Signals) -> list[Finding]:
     quiet = np.flatnonzero(powers <= _EVENT_POWER * np.median(powers))
     first = int(np.max(quiet[quiet < largest], initial=-1)) + 1
     last = int(np.min(quiet[quiet > largest], initial=len(powers)))
-    seconds = signals.samples // len(powers) / signals.sampling_rate
+    size = signals.samples // len(powers)
+    seconds, row = size / signals.sampling_rate, size * largest + 1
     worth = signals.samples / signals.sampling_rate / (1 + variation)
-    measured: dict[str, Any] = {"share": 100 * float(powers[first:last].sum() / powers.sum()), "worth": worth}
+    release = f" from its release on (--rows {row}-)" if largest else ""
+    share = 100 * float(powers[first:last].sum() / powers.sum())
+    measured: dict[str, Any] = {"share": share, "worth": worth, "release": release}
     return [finding("event", *signals.output_dofs, start=first * seconds, stop=last * seconds, **measured)]

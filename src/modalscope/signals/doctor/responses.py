@@ -17,6 +17,7 @@ from modalscope.data.shown import counted
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.statistics import telling
 from modalscope.signals.doctor.findings import dead_channels, finding, identical_channels, sides_of
+from modalscope.signals.doctor.one_place import white_noise
 from modalscope.signals.doctor.polarity import check_polarity, check_slope, driving_points, level
 
 #: Minimum factor between an isolated line and the value interpolated from its neighbours, in every pair; its square where there are fewer
@@ -41,8 +42,9 @@ _MAX_BEND = 3.0
 #: Lines around an isolated one whose bend counts as usual, without the nearest; and at least so many.
 _SURROUNDINGS, _NEAREST, _MIN_SURROUNDINGS = 20, 4, 8
 
-#: Minimum sum of products of neighbouring lines, in standard deviations of noise alone (one of 700 sets of noise exceeds it).
-_MIN_PHASE_RISE = 3.0
+#: Minimum sum of products of neighbouring lines, in standard deviations of noise, and channels that are asked at most. Of 600 random
+#: responses of .1 to 3 % damping, 0 to 60 dB, none exceeds it, and 93 % of their conjugates do.
+_MIN_PHASE_RISE, _MOST_CHANNELS = 3.0, 16
 
 #: Maximum energy of the imaginary parts of real values, as a part of the whole.
 _REAL_ENERGY = 1e-12
@@ -100,18 +102,20 @@ def conjugated(response: FrequencyResponse) -> list[Finding]:
     """Find responses whose phase rises along the resonances: the conjugate of a causal response, by exp(-j w t).
 
     sum conj(H_k) H_(k+1) has the angle -dw t, with t the mean time at which the energy of h arrives, sum t |h|^2 / sum |h|^2: later
-    than the impulse in every structure. So that one resonance does not decide alone, products p count as p / sqrt |p|; of noise
-    alone the imaginary part of their sum has the variance sum |p| / 2.
+    than the impulse in every structure. So that one resonance does not decide alone, products p count as p / sqrt |p|; the imaginary
+    part of each has at most the variance of the noise of a line, and |p| / 2 where it is noise alone.
     """
     if response.lines < 8:
         return []
-    H = response.values
+    H = response.values.reshape(1, response.lines, -1)
+    H = H[:, :, :: -(-H.shape[2] // _MOST_CHANNELS)]
     gap = np.diff(response.frequencies)
     even = gap < 1.5 * np.median(gap)  # across a gap the angle means nothing
+    noise, H = white_noise(H)[0], H[0]
     products = (np.conj(H[:-1]) * H[1:])[even]
-    size = np.abs(products)
+    size, of_noise = np.abs(products), np.maximum(noise[:-1], noise[1:])[even]
     total = float(np.sum(products.imag / np.sqrt(np.maximum(size, np.finfo(float).tiny))))
-    if total <= _MIN_PHASE_RISE * float(np.sqrt(np.sum(size) / 2)):
+    if total <= _MIN_PHASE_RISE * float(np.sqrt(np.sum(np.minimum(size / 2, of_noise)))):
         return []
     return [finding("conjugated", *response.output_dofs)]
 

@@ -28,12 +28,8 @@ _SAME_CLOCK, _DATES = 1e-3, 1e8
 _STRETCHES, _COHERENT = 8, 0.5
 #: A start: samples of the record and of the start at least, part of the record at most, and how far beyond the rest it lies.
 _MIN_SAMPLES, _MIN_START, _MAX_START, _FAR_BEYOND = 400, 4, 0.01, 3.0
-#: Names that a channel has where its file names none; words of files that are runs.
+#: Names that a channel has where its file names none.
 _NO_NAME = re.compile(r"(?:col|y|ch)\d+\Z", re.IGNORECASE)
-_RUN = re.compile(
-    r"(?<![a-z])(?:run|test|trial|hit|meas|measurement|repeat|setup|versuch|messung|essai|prova)(?![a-z])",
-    re.IGNORECASE,
-)
 
 
 def check_units(parts: Sequence[Any], names: Sequence[str]) -> None:
@@ -82,13 +78,13 @@ def on_common_lines(parts: Sequence[Any], names: Sequence[str]) -> tuple[list[An
 
 
 def as_one_event(
-    parts: Sequence[Any], names: Sequence[str], begins: Sequence[float]
+    parts: Sequence[Any], names: Sequence[str], begins: Sequence[float], *, runs: bool = False
 ) -> tuple[list[Any], tuple[Note, ...]]:
     """Return the sensors of one event, one a file, under the names of their files and at the same times; and what is said.
 
-    `begins`: the time of the first sample of each, s. Where dates say the times, that is how they lie; else they must be coherent, over
-    stretches and weighted by power. Free decays are coherent in any case: repeated ones of a sensor that is named stay runs, as what files
-    call runs does. Clocks whose rates differ by more than a thousandth, or records that share less than half, are no event.
+    `begins`: the time of the first sample of each, s. `runs`: whether files are called runs. Where dates say the times, that is how they
+    lie; else they must be coherent, over stretches and weighted by power. Free decays are coherent in any case: repeated ones of a sensor
+    that is named stay runs. Clocks whose rates differ by more than a thousandth, or records that share less than half, are no event.
     """
     one = all(isinstance(p, Signals) and p.inputs is None and p.runs == len(p.output_dofs) == 1 for p in parts)
     if not one or not 1 < len(parts) == len(set(names)):
@@ -109,8 +105,7 @@ def as_one_event(
         on = [np.asarray(CubicSpline(t, y)(times)) for t, y in zip(own_times, on, strict=True)]
     dated = own and start.min() > _DATES
     bare = all(_NO_NAME.match(p.output_dofs[0]) for p in parts) or kind_of_test(parts[0].by_run()[0], None) == "ambient"
-    runs = any(_RUN.search(name) for name in names) or not bare
-    if not dated and (runs or not _coherent([y[:, 0] for y in on])):
+    if not dated and (runs or not bare or not _coherent([y[:, 0] for y in on])):
         said = f"{len(parts)} files of one channel are taken as runs of it; if sensors of one event: {labels_option(len(parts), 'output')}"
         return list(parts), (Note("file", {}, said),) if len({p.output_dofs for p in parts}) == 1 else ()
     text = f"{len(parts)} files hold a channel each of one event, named after their files"
