@@ -55,6 +55,11 @@ _BRACKETS = {**dict.fromkeys(("ignore", "exclude", "input_dofs", "output_dofs"),
 _BRACKETS |= dict.fromkeys(("units", "rename", "axes", "delays"), "{}")
 
 
+def as_printed(error: Exception) -> str:
+    """Return the message of an error on one line, its options those of the terminal: what is kept of it is printed later."""
+    return " ".join(str([*error.args, error][0]).split())
+
+
 def in_python(text: str) -> str:
     """Return a message whose options of the terminal are the arguments of Python; commands in backticks stay.
 

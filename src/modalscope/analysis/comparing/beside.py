@@ -17,7 +17,7 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.results import Result
 from modalscope.data.sameness import same_modes
 from modalscope.numerics.checks import RealArray
-from modalscope.numerics.errors import DataError
+from modalscope.numerics.errors import DataError, as_printed
 from modalscope.numerics.progress import stage
 from modalscope.selection.judging.grades import GRADES, Grade, grades
 
@@ -42,7 +42,7 @@ def analysis_of(
         with stage("identifying by the usual method"):
             return analyze(data, band=band, orders=orders, **options), ""
     except (DataError, ValueError, ArithmeticError, MemoryError) as error:
-        return None, " ".join(str(error).split())
+        return None, as_printed(error)
 
 
 def beside(modes: ModalModel, found: Result | None) -> tuple[Beside, ...]:

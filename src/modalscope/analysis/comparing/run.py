@@ -31,7 +31,7 @@ from modalscope.identification.prepare import Measured, pose
 from modalscope.identification.stabilize import swept
 from modalscope.identification.sweep import Sweep, over
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
-from modalscope.numerics.errors import DataError
+from modalscope.numerics.errors import DataError, as_printed
 from modalscope.numerics.progress import stage
 from modalscope.selection.judging.evidence import Gathered, same_data
 from modalscope.selection.judging.select import chosen_of, contest_of, weighed
@@ -196,7 +196,7 @@ def _counted(*works: _Work) -> Iterator[None]:
     except (DataError, ValueError, ArithmeticError, MemoryError) as error:  # NumPy's: no convergence, no memory
         kind = "" if isinstance(error, DataError) else f"{type(error).__name__}: "
         for work in works:
-            work.failure = f"{kind}{' '.join(str(error).split())}"
+            work.failure = f"{kind}{as_printed(error)}"
     finally:
         for work in works:
             work.seconds += (time.perf_counter() - begin) / len(works)

@@ -18,7 +18,7 @@ from modalscope.data.analysis import VERSION
 from modalscope.identification.options import AllOptions
 from modalscope.io.analysis import analysis_to
 from modalscope.numerics.arguments import LIBRARY_ERRORS
-from modalscope.numerics.errors import DataError
+from modalscope.numerics.errors import DataError, as_printed
 
 #: What `analyze` may be told of a record.
 CHOICES = (*inspect.signature(analyze).parameters, *AllOptions.__annotations__)
@@ -81,7 +81,7 @@ def entry_of(
     try:
         result = analyze(data, **(options or {}))
     except DataError as error:
-        return Entry(**more, refused=str(error), provenance=about)
+        return Entry(**more, refused=as_printed(error), provenance=about)
     except (*LIBRARY_ERRORS, OSError) as error:  # months go on without this record
         return Entry(**more, refused=f"the program fails ({type(error).__name__}: {error})", provenance=about)
     unit = result.modes.normalized()

@@ -35,7 +35,7 @@ from modalscope.identification.routes import usual_route, without_delays
 from modalscope.identification.sweep import sweep
 from modalscope.numerics.arguments import COUNT, between, named
 from modalscope.numerics.checks import RealArray, real_array, stays_locked
-from modalscope.numerics.errors import DataError
+from modalscope.numerics.errors import DataError, as_printed
 from modalscope.numerics.functions.poles import one_of_each_pair, to_discrete
 from modalscope.numerics.progress import tell
 from modalscope.numerics.resources import one_thread
@@ -348,7 +348,7 @@ def _tried(
     try:
         by_fold = [_of_fold(fold, way, orders, options, stable) for fold in folds]
     except (DataError, ValueError, ArithmeticError) as error:
-        yield _Tried(Candidate(name, 0, failure=" ".join(str(error).split())), way)
+        yield _Tried(Candidate(name, 0, failure=as_printed(error)), way)
         return
     for order in sorted(set.intersection(*(set(found) for found in by_fold))):
         models = tuple(found[order][0] for found in by_fold)
