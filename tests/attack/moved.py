@@ -108,8 +108,8 @@ MOVES: tuple[Callable[[Any, np.random.Generator], tuple[Any, float]], ...] = (
 
 
 def drawn(draw: np.random.Generator) -> Any:
-    """Return data of a chain of three to six masses: lines, samples, a record with its forces or without, or a decay."""
-    mass, springs = draw.uniform(1, 3, count := int(draw.integers(3, 7))), draw.uniform(500, 2000, count + 1)
+    """Return data of a chain of three to five masses: lines, samples, a record with its forces or without, or a decay."""
+    mass, springs = draw.uniform(1, 3, count := int(draw.integers(3, 6))), draw.uniform(500, 2000, count + 1)
     K = np.diag(springs[:-1] + springs[1:]) - np.diag(springs[1:-1], 1) - np.diag(springs[1:-1], -1)
     at = draw.permutation(count)
     chain = ms.systems.Structure(
@@ -121,17 +121,16 @@ def drawn(draw: np.random.Generator) -> Any:
     )
     top, seed, kind = float(np.abs(chain.modes().poles).max()) / (2 * np.pi), int(draw.integers(2**31)), draw.random()
     rate = 3 * top
-    if kind < 0.3:
-        return chain.frequency_response(
-            np.linspace(0.2, 1.3 * top, 200), quantity="acceleration", noise=0.01, seed=seed
-        )
-    if kind < 0.45:
-        return chain.impulse_response(400, sampling_rate=rate, noise=0.01, seed=seed)
-    if kind < 0.75:
-        return chain.simulate(samples=3000, sampling_rate=rate, noise=0.02, quantity="acceleration", seed=seed)
+    if kind < 0.4:
+        lines = np.linspace(0.2, 1.3 * top, 100)
+        return chain.frequency_response(lines, quantity="acceleration", noise=0.01, seed=seed)
+    if kind < 0.55:
+        return chain.impulse_response(300, sampling_rate=rate, noise=0.01, seed=seed)
+    if kind < 0.8:
+        return chain.simulate(samples=800, sampling_rate=rate, noise=0.02, quantity="acceleration", seed=seed)
     if kind < 0.9:
-        return chain.simulate(inputs="ambient", samples=3000, sampling_rate=rate, noise=0.02, seed=seed)
-    decay = chain.free_decay(600, velocity=draw.standard_normal(count), sampling_rate=rate).values[:, :, 0]
+        return chain.simulate(inputs="ambient", samples=2000, sampling_rate=rate, noise=0.02, seed=seed)
+    decay = chain.free_decay(500, velocity=draw.standard_normal(count), sampling_rate=rate).values[:, :, 0]
     decay = decay + 0.01 * decay.std(axis=0) * draw.standard_normal(decay.shape)
     return ms.Signals(outputs=decay, sampling_rate=rate)
 
