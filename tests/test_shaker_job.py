@@ -134,7 +134,7 @@ def left_at_the_modes(test: Shaker) -> tuple[float, bool]:
     left = spectra.values - spectra.of_modes(modes)
     poles = poles_from(test.frequencies, test.damping_ratios)
     level = excess(
-        spectra.frequencies, np.abs(left[:, :, 0]) ** 2, spectra.values[:, :, 0], poles, 1 / spectra.durations[0]
+        spectra.frequencies, np.abs(left[:, :, 0]) ** 2, spectra.values[:, :, 0], poles, 1 / spectra.durations[0], 1.0
     )
     return level.decibels, any(note.kind == UNMEASURED for note in diagram.notes)
 

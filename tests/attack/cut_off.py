@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import json
 import os
 import resource
+import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -18,6 +22,7 @@ import numpy as np
 
 import modalscope as ms
 from modalscope.analysis.monitoring import Store
+from modalscope.interfaces.cli import main
 
 RUN = (sys.executable, "-m", "modalscope")
 
@@ -47,8 +52,14 @@ def made(folder: Path) -> None:
 #: Words of commands, and what each writes.
 COMMANDS: dict[str, tuple[list[str], str]] = {
     "watch": (["watch", "records", "--store", "a.modes", "--once", "--method", "era"], "a.modes"),
-    "compare": (["compare", "lines.npz", "-o", "compared.html"], "compared.html"),
-    "certify": (["certify", "lines.npz", "--cases", "4", "-o", "certified.html"], "certified.html"),
+    "compare": (
+        ["compare", "lines.npz", "--methods", "era", "lscf", "--orders", "8:12:2", "-o", "compared.html"],
+        "compared.html",
+    ),
+    "certify": (
+        ["certify", "lines.npz", "--replicates", "2", "--orders", "8:12:2", "-o", "certified.html"],
+        "certified.html",
+    ),
     "identify": (["identify", "long.npz", "-o", "modes.json", "--resume", "sums"], "modes.json"),
 }
 
@@ -67,36 +78,89 @@ def half_written(path: Path) -> str:
     return "" if text.rstrip().endswith("</html>") else "it does not end"
 
 
+def begun(words: list[str], folder: Path) -> int:
+    """Start a command in a copy of this process, which has loaded what it needs: a Python of its own takes longer than the command."""
+    child = os.fork()
+    if child:
+        return child
+    try:
+        os.chdir(folder)
+        nothing = os.open(os.devnull, os.O_RDWR)
+        for stream in (1, 2):
+            os.dup2(nothing, stream)
+        os._exit(main(words))
+    finally:
+        os._exit(70)
+
+
+def ended(child: int, seconds: float, folder: Path | None = None, changes: int = 0) -> int:
+    """Return the status of a process that is killed after some seconds, or after so many changes of the files of a folder."""
+    until, seen, left = time.monotonic() + seconds, None, changes + 1
+    while not (done := os.waitpid(child, os.WNOHANG))[0]:
+        if folder is not None and (now := _sizes(folder)) != seen:
+            seen, left = now, left - 1
+        if time.monotonic() > until or not left:
+            os.kill(child, signal.SIGKILL)
+            done = os.waitpid(child, 0)
+            break
+        time.sleep(3e-4)
+    return os.waitstatus_to_exitcode(done[1])
+
+
+def _sizes(folder: Path) -> list[tuple[str, int, int]]:
+    found = []
+    for path in folder.iterdir():
+        with contextlib.suppress(FileNotFoundError):  # gone meanwhile
+            state = path.stat()
+            found.append((path.name, state.st_size, state.st_mtime_ns))
+    return sorted(found)
+
+
+@functools.cache
+def whole() -> tuple[tempfile.TemporaryDirectory[str], dict[str, float]]:
+    """Make the folder of all kills once, and run each command there to its end: how long each lasts."""
+    place, lasts = tempfile.TemporaryDirectory(), dict[str, float]()
+    made(Path(place.name))
+    for name, (words, _) in COMMANDS.items():
+        for _ in range(2):  # the second time all is loaded
+            with copied(Path(place.name)) as folder:
+                start = time.monotonic()
+                assert ended(begun(words, folder), 120) == 0, f"{name} does not run"
+                lasts[name] = time.monotonic() - start
+    return place, lasts
+
+
+@contextmanager
+def copied(source: Path) -> Iterator[Path]:
+    """Give a copy of a folder, times of files as they were."""
+    with tempfile.TemporaryDirectory() as place:
+        yield shutil.copytree(source, Path(place, "here"))
+
+
 def kills(count: int, seed: int) -> list[str]:
-    """Kill so many commands; return what was left half-written, or lost."""
+    """Kill so many commands, and return what was left half-written, or lost.
+
+    At any time before the end that they had alone, or, every second one, when so many changes of their folder were seen.
+    """
     told, tally, draw = list[str](), Counter[str](), np.random.default_rng(seed)
-    lasts: dict[str, float] = {}
+    place, lasts = whole()
     for k in range(count):
         name = list(COMMANDS)[k % len(COMMANDS)]
         words, target = COMMANDS[name]
-        with tempfile.TemporaryDirectory() as place:
-            folder = Path(place)
-            made(folder)
-            begun = time.monotonic()
-            with subprocess.Popen(
-                [*RUN, *words], cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-            ) as work:
-                try:  # the first of each goes to its end, to know how long it lasts
-                    work.wait(draw.uniform(0.3, 1) * lasts[name] if name in lasts else None)
-                except subprocess.TimeoutExpired:
-                    work.kill()
-            lasts.setdefault(name, time.monotonic() - begun)
+        with copied(Path(place.name)) as folder:
+            child = begun(words, folder)
+            if draw.random() < 0.5:
+                ended(child, draw.uniform(0, 1.1) * lasts[name])
+            else:
+                ended(child, 120, folder, int(draw.integers(1, 3 * RECORDS if name == "watch" else 6)))
             fault = half_written(folder / target)
             there = (folder / target).exists()
             tally[f"{name}: {'something' if there else 'nothing'} written"] += 1
             if not fault and name == "watch" and there:
-                done = subprocess.run([*RUN, *words], cwd=folder, capture_output=True, text=True, check=False)
+                status = ended(begun(words, folder), 120)
                 with Store(folder / target) as store:
-                    fault = (
-                        ""
-                        if len(store) == RECORDS
-                        else f"{len(store)} of {RECORDS} records after going on: {done.stderr[-300:]}"
-                    )
+                    lost = len(store) != RECORDS
+                    fault = f"{len(store)} of {RECORDS} records after going on, status {status}" if lost else ""
             if fault:
                 told.append(f"kill {k} of seed {seed}, {name}: {fault}")
     print(f"{count} kills, seed {seed}: {dict(tally)}")

@@ -4,7 +4,8 @@ Files: a corpus of all suffixes, damaged by the mutations of `tests.io.mutations
 Values: those of `tests.arguments`, at every argument of every public name. What ends in anything but an answer or a DataError, or takes
 more than 4 s for a file or 20 s for a call, is printed.
 Files whose fields contradict each other (`built`), tests told in other units and orders (`moved`), commands that are killed, on a full disk
-or with few descriptors (`cut_off`): what they answer otherwise than they may is printed, too. After half an hour no more is begun.
+or with few descriptors (`cut_off`): what they answer otherwise than they may is printed, too. Two processes work; after 25 minutes no
+more is begun, and what is left out counts as a fault.
 """
 
 from __future__ import annotations
@@ -12,11 +13,13 @@ from __future__ import annotations
 import argparse
 import contextlib
 import functools
+import multiprocessing
 import sys
 import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +32,7 @@ from tests.io import corpus, fuzz, ordinary, test_recorders, test_stored
 from tests.io.apart import read
 
 #: What a whole attack has of each kind: damaged and built files, wrong values, data sets told otherwise, kills.
-COUNTS = {"files": 20_000, "built": 10_000, "values": 10_000, "sets": 400, "kills": 60}
+COUNTS = {"files": 20_000, "built": 10_000, "values": 10_000, "sets": 2000, "kills": 300}
 
 #: Seconds after which no further part is begun, and how many of one kind are a part.
 _LONGEST, _PARTS = 1500.0, 10
@@ -127,21 +130,38 @@ def values(count: int, seed: int, leave: tuple[str, ...] = ()) -> list[str]:
     return told
 
 
-def main() -> int:
+def attacked(name: str, count: int, seed: int, until: float) -> list[str]:
+    """Make one part of an attack, unless it is too late (s of the monotonic clock): a part that is left out is a fault, too."""
     from tests.attack import built, cut_off, moved
+
+    attacks = {"files": files, "built": built.files, "values": values, "sets": moved.sets, "kills": cut_off.kills}
+    if time.monotonic() > until:
+        return [f"{count} {name} of seed {seed} were left out: time was over"]
+    told = attacks[name](count, seed)
+    sys.stdout.flush()
+    return told
+
+
+def main() -> int:
+    from tests.attack import cut_off
 
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("seed", type=int)
+    parser.add_argument("--workers", type=int, default=2)
     for name, count in COUNTS.items():
         parser.add_argument(f"--{name}", type=int, default=count)
     options = parser.parse_args()
-    attacks = {"files": files, "built": built.files, "values": values, "sets": moved.sets, "kills": cut_off.kills}
-    told, begun = cut_off.want(), time.monotonic()
-    for part in range(_PARTS):
-        for name, attack in attacks.items():
-            if (count := -(-getattr(options, name) // _PARTS)) and time.monotonic() - begun < _LONGEST:
-                told += attack(count, _PARTS * options.seed + part)
-    print(*told, sep="\n")
+    begun = time.monotonic()
+    told = cut_off.want()
+    parts = [(name, -(-getattr(options, name) // _PARTS), part) for part in range(_PARTS) for name in COUNTS]
+    with ProcessPoolExecutor(options.workers, multiprocessing.get_context("spawn")) as pool:
+        waiting = [
+            pool.submit(attacked, name, count, _PARTS * options.seed + part, begun + _LONGEST)
+            for name, count, part in parts
+            if count
+        ]
+        told += [fault for done in waiting for fault in done.result()]
+    print(*told, f"{time.monotonic() - begun:.0f} s, {len(told)} faults", sep="\n")
     return bool(told)
 
 

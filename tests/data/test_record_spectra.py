@@ -19,7 +19,7 @@ LINES = np.arange(1, 4000) * 0.01
 def test_the_excess_is_what_is_left_near_a_mode_over_what_is_left_beside_it(times: float) -> None:
     left = np.ones((LINES.size, 2), complex)
     left[np.abs(LINES - 10) < 0.2 + 1e-9] *= times
-    found = excess(LINES, np.abs(left) ** 2, 10 * np.ones_like(left), POLE, 0.01)
+    found = excess(LINES, np.abs(left) ** 2, 10 * np.ones_like(left), POLE, 0.01, np.ones(2))
     assert found.decibels == pytest.approx(20 * np.log10(times))
     assert found.share == pytest.approx(times / 10)
 
@@ -33,8 +33,8 @@ def test_it_is_told_from_six_decibels_and_a_hundredth_of_the_response_on() -> No
 
 def test_without_modes_or_without_lines_away_from_them_there_is_no_excess() -> None:
     left = np.ones((LINES.size, 1), complex)
-    assert np.isnan(excess(LINES, np.abs(left) ** 2, left, POLE[:0], 0.01).decibels)
-    assert np.isnan(excess(LINES, np.abs(left) ** 2, left, POLE, 100.0).decibels)
+    assert np.isnan(excess(LINES, np.abs(left) ** 2, left, POLE[:0], 0.01, np.ones(1)).decibels)
+    assert np.isnan(excess(LINES, np.abs(left) ** 2, left, POLE, 100.0, np.ones(1)).decibels)
 
 
 def test_a_drift_lies_at_zero_frequency_and_a_delay_at_zero() -> None:

@@ -26,9 +26,8 @@ def test_residues_are_those_of_the_likelihood_itself(seed: int) -> None:
     response = coloured_response(random_structure(seed), seed)
     modes = ms.refine(response, ms.select(ms.stabilize(response)))
     (terms,) = modes.residual_terms
-    sides = levels_of(
-        np.sqrt(np.mean(np.abs(response.values) ** 2, axis=0))
-    )  # coloured errors tell no levels of channels
+    sizes = np.sqrt(np.mean(np.abs(response.values) ** 2, axis=0))
+    sides = levels_of(sizes, sizes)  # coloured errors tell no levels of channels
     again = joint_fit(
         response,
         modes.poles,

@@ -13,6 +13,7 @@ import pytest
 
 import modalscope.io as mio
 from modalscope.data import DataError, Signals
+from modalscope.io import limits
 from modalscope.io.limits import Room, room
 from tests.support import ROOT, refused
 
@@ -66,6 +67,31 @@ def test_what_a_bound_refuses_is_read_when_it_is_lifted(tmp_path, unlimited):
         assert mio.read(path).samples == 1000
         unlimited(None)
         assert mio.read(path).samples == 1000
+
+
+def test_a_text_that_takes_longer_than_its_size_allows_is_refused_and_read_when_that_is_lifted(
+    tmp_path, monkeypatch, unlimited
+):
+    path = tmp_path / "a.csv"
+    path.write_text("t,a\n" + "".join(f"{k / 100},{k % 7}\n" for k in range(9000)))
+    monkeypatch.setattr(limits, "_MIN_SECONDS", 0.0)
+    monkeypatch.setattr(limits, "_BYTES_BY_SECOND", 1e4)  # 8 s
+    assert mio.read(path).samples == 9000
+    monkeypatch.setattr(limits, "_BYTES_BY_SECOND", 1e12)
+    refused("takes more of the processor than a file of", mio.read, path)
+    unlimited(10**9)
+    assert mio.read(path).samples == 9000
+
+
+def test_many_channels_are_weighed_in_time_that_goes_with_their_number(tmp_path):
+    """Every pair of them was, once: 3000 took a minute."""
+    path, values = tmp_path / "a.csv", np.random.default_rng(0).standard_normal((20, 800))
+    path.write_text("t," + ",".join(f"a{k}" for k in range(800)) + "\n")
+    with path.open("a") as file:
+        file.writelines(f"{k / 10}," + ",".join(f"{v:.3f}" for v in row) + "\n" for k, row in enumerate(values))
+    begun = time.process_time()
+    refused("it has 800 channels of 20 samples", mio.read, path)
+    assert time.process_time() - begun < LOOPS * a_loop()
 
 
 @pytest.mark.parametrize("size", [0, -1, 1.5, True, "8GB"])

@@ -167,3 +167,13 @@ def test_hdf5_records_that_cannot_be_are_refused(tmp_path: Path, samples: Any) -
     assert isinstance(read(tmp_path / "b.h5", stored=True, ignore=["inputs"]), ms.StoredSignals)
     with pytest.raises(DataError, match="stored"):
         read(tmp_path / "b.h5", stored="yes")
+
+
+def test_a_codec_with_an_unknown_option_is_damage_of_the_file(tmp_path: Path) -> None:
+    """The package passes what stands there as an argument; an attack found it."""
+    folder = tmp_path / "a.zarr"
+    zarr_folder(folder, np.ones((1500, CHANNELS)), zarr_format=2)
+    for head in folder.rglob(".zarray"):
+        head.write_text(head.read_text().replace('"shuffle"', '"shZffle"'))
+    with pytest.raises(DataError, match="damaged or of another kind"):
+        ms.read(folder)

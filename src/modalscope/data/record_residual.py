@@ -52,18 +52,12 @@ class Excess(NamedTuple):
 
 
 def excess(
-    frequencies: RealArray,
-    power: RealArray,
-    values: Array,
-    poles: Array,
-    resolution: float,
-    level: RealArray | float = 1.0,
+    frequencies: RealArray, power: RealArray, values: Array, poles: Array, resolution: float, level: RealArray | float
 ) -> Excess:
     """Compare the residual of a fit near modes with that between them.
 
-    `frequencies` (F,): hz. `power` (F, l): squares of the residuals. `values` (F, l). `poles` (n,): rad/s, as they are in
-    the data. `resolution`: distance of the lines of a run, Hz; no mode is taken to be narrower. `level` (l,): what the values are to be
-    divided by.
+    `frequencies` (F,): hz. `power` (F, l): squares of the residuals, divided by `level` (l,). `values` (F, l): not divided.
+    `poles` (n,): rad/s, as they are in the data. `resolution`: distance of the lines of a run, Hz; no mode is taken to be narrower.
     """
     f = np.abs(poles) / (2 * np.pi)
     half = np.maximum(np.abs(poles.real) / (2 * np.pi), resolution)

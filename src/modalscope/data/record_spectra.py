@@ -164,9 +164,8 @@ class RecordSpectra(Response):
 
     def power(self) -> RealArray:
         """Return the squares of all outputs together on every line, each output level, (F,): single precision, as a weight of lines."""
-        scale = output_scale(self)
         power: Any = np.empty(self.count, np.float32)
-        weight = np.where(scale > 0, scale, 1.0) ** -2.0
+        weight = output_scale(self) ** -2.0
         step = max(_NUMBERS_AT_A_TIME // weight.size, 1)
         for start in range(0, self.count, step):
             lines = slice(start, start + step)
@@ -270,10 +269,10 @@ class RecordSpectra(Response):
         self, poles: Array, shapes: Array, participation: Array, terms: Array, trusted: Array
     ) -> tuple[Note, ...]:
         """Return what the fit of a model shows: forces that were not measured, noise on the inputs, drift, delay; see `Response.doubts`."""
-        power = np.empty(self.values.shape[:2])
+        power, level = np.empty(self.values.shape[:2]), output_scale(self)
         for s, part in self.modelled(poles, shapes, participation, terms):
-            power[s] = np.abs(self.values[s, :, 0] - part) ** 2
-        found = excess(self.frequencies, power, self.values[:, :, 0], poles[trusted], 1 / max(self.durations))
+            power[s] = np.abs((self.values[s, :, 0] - part) / level) ** 2
+        found = excess(self.frequencies, power, self.values[:, :, 0], poles[trusted], 1 / max(self.durations), level)
         return (*excess_notes(found), *pole_notes(self.in_plane(poles), self.sampling_rate, max(self.durations)))
 
     def shortest_participation(self, participation: Array) -> ComplexArray:
@@ -357,12 +356,13 @@ class RecordSpectra(Response):
         """Return what a model gives on these lines under the measured inputs, from the first states that fit best."""
         s = 2j * np.pi * self.frequencies
         x = s if model.dt is None else np.exp(s * model.dt)
-        values = np.einsum("flm,fm->fl", model.transfer(x), self.drive)
+        values, level = np.einsum("flm,fm->fl", model.transfer(x), self.drive), output_scale(self)
         states = Quadruple(A=model.A, B=np.eye(model.order), C=model.C, dt=model.dt)
         for r in range(len(self.durations)):
             lines = self.run == r
             free = states.transfer(x[lines]) * self.ends(np.flatnonzero(lines))[:, None, None]
-            columns, residual = free.reshape(-1, model.order), (self.values[lines, :, 0] - values[lines]).reshape(-1)
+            columns = (free / level[:, None]).reshape(-1, model.order)
+            residual = ((self.values[lines, :, 0] - values[lines]) / level).reshape(-1)
             first = np.linalg.lstsq(
                 np.concatenate([columns.real, columns.imag]), np.concatenate([residual.real, residual.imag]), rcond=None
             )[0]
@@ -377,10 +377,16 @@ class RecordSpectra(Response):
         if not modes.residual_terms:
             return self.evaluated(modes.poles, modes.shapes, participation, terms)[:, :, None]
         besides = sum(self._of_terms(each) for each in modes.residual_terms)
-        own = replace(
-            self, values=self.values - besides, source=None
-        )  # ends of the modes are fitted to what the terms leave
-        return own.evaluated(modes.poles, modes.shapes, participation, terms)[:, :, None] + besides
+        # ends of the modes are fitted to what the terms leave
+        own = replace(self, values=self.values - besides, level=output_scale(self), source=None)
+        participation = own._with_ends(modes.poles, modes.shapes, participation, terms)
+        return self.evaluated(modes.poles, modes.shapes, participation, terms)[:, :, None] + besides
+
+    def _with_ends(self, poles: Array, shapes: Array, participation: Array, terms: Array) -> ComplexArray:
+        """Return participation with that of the ends, fitted with outputs brought level."""
+        basis, level = self.basis(poles), output_scale(self)[:, None]
+        even = replace(basis, data=basis.data / level)
+        return np.hstack([participation, even.fit_ends(shapes / level, participation, terms / level)])
 
     def _of_terms(self, terms: ResidualTerms) -> ComplexArray:
         """Return what residual terms give on these lines under the measured inputs, (F, l, 1); nothing outside their band."""
@@ -405,8 +411,7 @@ class RecordSpectra(Response):
     ) -> Iterator[tuple[slice, ComplexArray]]:
         """Yield some lines, and what `evaluated` returns there: of long records all outputs together are large."""
         if participation.shape[1] == self.drive.shape[1]:
-            ends = self.basis(poles).fit_ends(shapes, participation, terms)
-            participation = np.hstack([participation, ends])
+            participation = self._with_ends(poles, shapes, participation, terms)
         return self.lines.evaluated(self.in_plane(poles), shapes, participation, terms[0])
 
     def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:

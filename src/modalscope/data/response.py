@@ -473,19 +473,18 @@ class Response(Channels, Convertible):
 
 
 def output_scale(response: Response) -> RealArray:
-    """Return what brings outputs to one level, (l,): their noise where it is known, as least squares ask, else their root mean squares."""
-    return root_mean_squares(response) if response.level is None else response.level
+    """Return what brings outputs to one level, (l,): their noise where it is known, as least squares ask, else their root mean squares.
+
+    One of a channel of zeros.
+    """
+    level = root_mean_squares(response) if response.level is None else response.level
+    return np.where(level > 0, level, 1.0)
 
 
 def root_mean_squares(response: Response) -> RealArray:
     """Return the root mean square of every output over lines or samples and inputs, (l,)."""
-    parts = _real_parts(response.values)
+    parts = np.ascontiguousarray(response.values).view(np.float64).reshape(*response.values.shape[:2], -1)
     return np.asarray(np.sqrt(np.einsum("klp,klp->l", parts, parts) / (response.count * response.values.shape[2])))
-
-
-def _real_parts(values: Array) -> RealArray:
-    """Return (K, l, m) numbers as real ones, (K, l, m) or (K, l, 2 m), without a copy where they lie in one piece."""
-    return np.ascontiguousarray(values).view(np.float64).reshape(*values.shape[:2], -1)
 
 
 #: Relative rounding of single precision, in which many responses are stored.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -108,6 +108,12 @@ def log_ratios(a: ModalModel, b: ModalModel, room: float = 0.0, misfit: float = 
     1 - MAC beyond what deviations tell, then.
     """
     return _compared(a, b, room, misfit).log_ratio
+
+
+def divided(modes: ModalModel, level: RealArray) -> ModalModel:
+    """Return modes with shapes, and their deviations, divided by levels of the outputs (l,), in which no unit counts."""
+    level, stated = level[:, None], modes.shapes_std
+    return replace(modes, shapes=modes.shapes / level, shapes_std=None if stated is None else stated / level)
 
 
 def same_modes(a: ModalModel, b: ModalModel) -> tuple[IntArray, IntArray]:

@@ -71,6 +71,12 @@ def levelling(values: Array) -> Whitening:
     return Whitening(1 / np.sqrt(outputs) / rows[:, 0], 1 / np.sqrt(inputs) / columns)
 
 
+def levels_of_channels(values: Array) -> tuple[RealArray, RealArray]:
+    """Return the levels of outputs (l,) and of inputs (m,) whose products bring all channels of values (F, l, m) to one size."""
+    own = levelling(values).inverse
+    return own.outputs, own.references
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Whitening:
     """Channels x and references r, outputs and inputs, taken as W x and V r: R -> W R V', and what is found there, taken back.

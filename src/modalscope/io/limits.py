@@ -1,13 +1,15 @@
-"""Bound the memory that reading a file may take.
+"""Bound the memory and the time that reading a file may take.
 
 A file states how many numbers it holds, and packed ones may be many in few bytes. Before anything of that size is made it is
 weighed here: reading may take 500 MB, or twenty times the file where that is more. The arrays alone may take a quarter, for
-they are inflated, joined and checked at the same time. `set_max_memory` lifts the bound for the whole process.
+they are inflated, joined and checked at the same time. What is weighed, and every few lines of a text, is also asked of the processor's
+time: a minute, or two seconds for each megabyte where that is more. `set_max_memory` lifts both bounds for the whole process.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from time import thread_time
 from typing import Any
 
 import numpy as np
@@ -21,6 +23,9 @@ from modalscope.numerics.resources import set_allowed_memory
 RAISE_THE_LIMIT = "If you trust the file, raise the limit: --max-memory, or modalscope.io.set_max_memory."
 #: Bytes that reading may take at least, and by size of the file.
 _MIN_BYTES, _BYTES_BY_SIZE = 500_000_000, 20
+#: Seconds of the processor that reading may take at least, and bytes for each: tables with dates and times in two columns, the slowest, are
+#: read at .8 MB a second.
+_MIN_SECONDS, _BYTES_BY_SECOND = 60.0, 500_000
 #: Copies of the arrays in memory at once: inflated, joined and locked ones.
 _COPIES = 4
 #: Bytes of a number (double precision at least), of a text (a Python object), and of a bracket and an entry of JSON.
@@ -62,17 +67,26 @@ def set_max_memory(size: int | None) -> None:
 
 @dataclass(slots=True)
 class Room:
-    """What is left of the memory that one file may take.
+    """What is left of the memory and the time that one file may take.
 
-    `size`: its bytes on the disk. `left`: bytes that its arrays may still take.
+    `size`: its bytes on the disk. `left`: bytes that its arrays may still take. `ends`: until which processor time of this thread
+    it is read.
     """
 
     where: str
     size: int
     left: int
+    ends: float = np.inf
+
+    def in_time(self) -> None:
+        """Refuse to go on with a file that has taken more of the processor than one of its size may."""
+        if thread_time() > self.ends:
+            fault = f"reading it takes more of the processor than a file of {_words(self.size)} may"
+            raise unreadable(self.where, fault, RAISE_THE_LIMIT)
 
     def take(self, what: str, count: int) -> None:
         """Use up so many bytes, or raise a `DataError` that names what asked for them."""
+        self.in_time()
         if count > self.left:
             sizes = f"{_words(self.size)} may take {_words(self.left)} more"
             fault = f"{what} would take {_words(count)} of memory, and a file of {sizes}"
@@ -117,8 +131,10 @@ def room(where: str, size: int) -> Room:
     >>> room("a.npz", 1000).left
     125000000
     """
-    allowed = max(_MIN_BYTES, _BYTES_BY_SIZE * size) if _max_memory is None else _max_memory
-    return Room(where=where, size=size, left=allowed // _COPIES)
+    if _max_memory is not None:
+        return Room(where, size, _max_memory // _COPIES)
+    seconds = max(_MIN_SECONDS, size / _BYTES_BY_SECOND)
+    return Room(where, size, max(_MIN_BYTES, _BYTES_BY_SIZE * size) // _COPIES, thread_time() + seconds)
 
 
 def _words(count: int) -> str:

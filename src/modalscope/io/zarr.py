@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager
+from contextlib import contextmanager
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -195,8 +195,13 @@ def _values(zarr: Any, name: str, folder: Path, space: Room) -> Array:
     return space.texts(name, [str(text) for text in values.ravel()]).reshape(values.shape)
 
 
-def _readable(folder: Path) -> AbstractContextManager[None]:
-    return damage_as_error(f"{folder.name} as Zarr", "Copy or write it again.")
+@contextmanager
+def _readable(folder: Path) -> Iterator[None]:
+    with damage_as_error(f"{folder.name} as Zarr", "Copy or write it again."):
+        try:
+            yield
+        except TypeError as error:  # the package takes names that stand in the file as those of its arguments
+            raise ValueError(str(error)) from None
 
 
 def _damaged(path: Path, fault: str, remedy: str = "Copy or write it again.") -> DataError:

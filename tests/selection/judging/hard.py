@@ -111,7 +111,7 @@ def gains_of(structure: Structure, response: Any, sigma: RealArray) -> RealArray
 
     The rise of the squared misfit at the truth when it goes and shapes and terms of the others are fitted again.
     """
-    levels = levels_of(sigma)
+    levels = levels_of(sigma, sigma)
     rows = np.ones(len(response.basis(structure.poles[:0], ()).data))
     none, powers = np.zeros(0, complex), response.outside_powers
     problem = whitened(response, none, powers, rows, levels.outputs, levels.inputs)

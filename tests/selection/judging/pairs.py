@@ -53,7 +53,7 @@ def apart_in_deviations(structure: Structure, response: Any, sigma: RealArray) -
 
     d' C^-1 d for d the real and imaginary part of s_2 - s_1 and C its covariance.
     """
-    levels = levels_of(sigma)
+    levels = levels_of(sigma, sigma)
     rows = np.ones(len(response.basis(structure.poles[:0], ()).data))
     problem = whitened(response, structure.poles[:0], response.outside_powers, rows, levels.outputs, levels.inputs)
     parts = [np.linalg.svd(R / levels.outputs[:, None] / levels.inputs) for R in structure.residues]

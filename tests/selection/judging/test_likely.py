@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from modalscope.data import FrequencyResponse
+from modalscope.data.whitening import levels_of_channels
 from modalscope.identification.diagrams import stabilize
 from modalscope.numerics.functions.poles import poles_from
 from modalscope.selection.judging import verdict as likely
@@ -86,7 +87,8 @@ def test_data_without_noise_have_their_modes_and_no_others() -> None:
 def test_a_millionth_of_the_data_is_no_noise_of_a_measurement(part: float, computed: bool) -> None:
     floor = floor_of(data(), POLES)
     assert likely._computed(replace(floor, share=(1e-6 * part) ** 2)) is computed
-    assert floor.share == pytest.approx(np.sum(floor.left**2) / np.sum(floor.data**2))
+    even = np.outer(*levels_of_channels(data().values))
+    assert floor.share == pytest.approx(np.sum((floor.left / even) ** 2) / np.sum((floor.data / even) ** 2))
 
 
 @pytest.mark.parametrize(("largest", "listed"), [(8, True), (14, False)])

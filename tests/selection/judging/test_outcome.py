@@ -14,6 +14,7 @@ from modalscope.data import FrequencyResponse, ImpulseResponse
 from modalscope.data.indicators import mac
 from modalscope.data.modes import ModalModel
 from modalscope.data.response import Response
+from modalscope.data.whitening import levels_of_channels
 from modalscope.selection.judging import outcome as outcomes
 from modalscope.selection.judging.evidence import Candidate
 from modalscope.selection.judging.outcome import modes_of
@@ -70,12 +71,16 @@ def test_an_exponential_window_is_off_the_poles_and_on_in_what_they_are_fitted_t
 
 
 def losses(data: ImpulseResponse, added: float = 0.0) -> list[float]:
-    """Norm of each mode's part over that of the data."""
+    """Norm of each mode's part over that of the data, channels level."""
     parts = [
         response_of([m.pole - added], [m.shape], [m.part], samples=data.samples, kind=data.kind).values
         for m in (ONE, TWO)
     ]
-    return [float(np.linalg.norm(part) / np.linalg.norm(data.values)) for part in parts]
+    return [size(part, data) / size(data.values, data) for part in parts]
+
+
+def size(values: Any, data: Any) -> float:
+    return float(np.linalg.norm(values / np.outer(*levels_of_channels(data.values))))
 
 
 def test_what_the_fit_loses_without_a_mode_is_its_part_of_the_response() -> None:
@@ -86,8 +91,8 @@ def test_what_the_fit_loses_without_a_mode_is_its_part_of_the_response() -> None
 def test_the_loss_is_the_growth_of_the_error_that_is_there_already() -> None:
     # with one mode chosen the other is left; without any all of the response is
     model = outcome(ONE, TWO, chosen=[candidate([1], TWO)])
-    data = response().values
-    error = np.linalg.norm(data - model.impulse_response(400, 50.0).values) / np.linalg.norm(data)
+    data = response()
+    error = size(data.values - model.impulse_response(400, 50.0).values, data) / size(data.values, data)
     assert model.reasons[0]["fit_loss"] == pytest.approx(1 - error)
 
 
@@ -196,7 +201,7 @@ def test_on_lines_residuals_stand_beside_the_modes_and_are_no_part_of_a_mode() -
     assert model.upper_residual is not None
     assert np.allclose(model.lower_residual, lower, atol=1e-7)
     assert np.allclose(model.upper_residual, upper, atol=1e-10)
-    own = np.linalg.norm(R[0] / (s - ONE.pole) + R[0] / (s - np.conj(ONE.pole))) / np.linalg.norm(data.values)
+    own = size(R[0] / (s - ONE.pole) + R[0] / (s - np.conj(ONE.pole)), data) / size(data.values, data)
     assert model.reasons[0]["fit_loss"] == pytest.approx(own)
 
 

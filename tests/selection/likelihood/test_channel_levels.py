@@ -43,7 +43,7 @@ def test_levels_are_products_and_to_the_next_power_of_two_beyond_them(factor: fl
     # log deviations of a corner of 2 x 2 are left by a product as + - - +, a quarter of its own
     one = np.log(factor) * np.array([[1, -1], [-1, 1]])
     d = np.outer([1.0, 3.0], [0.2, 5.0]) * np.exp(one)
-    found = levels_of(d)
+    found = levels_of(d, d)
     assert np.allclose(np.outer(found.outputs, found.inputs), np.outer([1.0, 3.0], [0.2, 5.0]))
     if own is None:
         assert found.own is None

@@ -237,8 +237,7 @@ def _level(data: Any) -> tuple[RealArray, RealArray] | None:
 
 @_level.register
 def _(data: FrequencyResponse) -> tuple[RealArray, RealArray]:
-    relative = np.abs(data.values / np.maximum(output_scale(data), np.finfo(float).tiny)[:, None]) ** 2
-    return data.frequencies, np.asarray(relative.mean(axis=(1, 2)))
+    return data.frequencies, np.asarray(np.mean(np.abs(data.values / output_scale(data)[:, None]) ** 2, axis=(1, 2)))
 
 
 @_level.register(Signals)
@@ -388,7 +387,8 @@ def _of_bands(document: Analysis, looks: Sequence[Look], choose: Choose, *, betw
         parts.append((look, _repeated(_of_band(here, look, choose), look, between)))
     if not parts:
         raise DataError("the given frequencies need to lie in a band", "none does", "Give bands that contain them.")
-    merged = merge_bands([modes for _, modes in parts], [look.reported for look, _ in parts])
+    level = np.sqrt(np.mean([output_scale(look.diagram.response) ** 2 for look, _ in parts], axis=0))
+    merged = merge_bands([modes for _, modes in parts], [look.reported for look, _ in parts], level=level)
     if looks[0].diagram.response.ambient or not len(merged):  # their shapes are still to come
         return merged
     return with_terms_of_bands(

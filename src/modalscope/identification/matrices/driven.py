@@ -377,7 +377,7 @@ class DrivenProjection(MixedRows):
         """Return shapes C X; participation of inputs and ends, and D, by least squares over the records' lines."""
         shapes = np.asarray(model.C @ eigen.vectors)
         basis = self.response.basis(self.to_s(eigen.values))
-        participation, terms = basis.fit_participation(shapes)
+        participation, terms = basis.fit_participation(shapes, self.scales[0])
         return ModalFit(shapes, participation, terms, reach=basis.reach)
 
     def compared(self, model: StateSpace, poles: Array, fit: ModalFit) -> Iterator[tuple[Array, Array]]:

@@ -18,7 +18,7 @@ from modalscope.io.columns.axis import in_epoch, nearly_even, rises, sampling_of
 from modalscope.io.columns.table import Column
 from modalscope.io.columns.vocabulary import INPUTS, OUTPUTS, VOLTAGES, VOLTS, meanings_of, words_of
 from modalscope.io.columns.words import UNITS_OF_TURNS, kind_of_unit
-from modalscope.numerics.checks import Array, RealArray
+from modalscope.numerics.checks import Array
 from modalscope.numerics.functions.poles import QUANTITIES
 
 #: Weights of a known unit, of a word, of a hint, and of what cannot be.
@@ -54,8 +54,8 @@ _FAULTY, _MAX_SHARE_OF_FAULTS = 10.0, 2e-3
 _MOST_FOLLOWED, _MOST_ROWS, _MIN_SHARE_OF_FORCE = 12, 8192, 0.9
 #: Correlation of levels, and ratio of their spreads, that two responses of one structure have at least.
 _MIN_LIKENESS = 0.5
-#: Rows from which values are asked, and relative error of sums of squares.
-_MIN_ROWS, _ROUNDED = 16, 1e-3
+#: Rows from which values are asked, relative error of sums of squares, and channels of which squares are added, at most.
+_MIN_ROWS, _ROUNDED, _MOST_ADDED = 16, 1e-3, 300
 
 
 @dataclass(slots=True)
@@ -323,17 +323,13 @@ def _of_relations(columns: Sequence[Column], weights: dict[int, Weights]) -> Ite
     if 2 * whole.sum() < len(whole) or whole.sum() < _MIN_ROWS:
         return
     measured = [replace(c, values=c.values[whole]) for c in columns if not goes_one_way(c.values[whole])]
-    squares = {c.number: c.values.astype(float) ** 2 for c in measured}
-    for column in measured:
-        others = [
-            squares[c.number]
-            for c in measured
-            if np.min(c.values) < 0 and weights[c.number].of("in") <= HINT and weights[c.number].of("ignore") <= HINT
-        ]
+    signed = [c for c in measured if np.min(c.values) < 0]
+    others = [c for c in signed if weights[c.number].of("in") <= HINT and weights[c.number].of("ignore") <= HINT]
+    are_lengths = _lengths(others)
+    for column in (c for c in measured if np.min(c.values) >= 0):
         part = max(weights[column.number].of(kind) for kind in ("real", "imag", "phase")) > 0
-        if not part and np.min(column.values) >= 0 and _is_length(squares[column.number], others):
+        if not part and are_lengths(column.values):
             yield column, "ignore", 2 * SURE, "it is the magnitude of the others"
-        signed = [c for c in measured if np.min(c.values) < 0 and not _is_whole(c)]
         if _is_whole(column) and not kind_of_unit(column.unit) and len(signed) == len(measured) - 1 > 0:
             yield column, "ignore", WORD, "it counts: whole numbers, none below zero"
     hit = _hit(measured)
@@ -413,14 +409,23 @@ def _is_force(weights: Weights) -> bool:
     return weights.of("in") > HINT and weights.best(("out", "in", "index", "ignore")) == "in"
 
 
-def _is_length(square: RealArray, others: Sequence[RealArray]) -> bool:
-    """Whether a square is the sum of some others: those whose coefficients are 1 in a least squares fit, the rest 0."""
-    table = np.stack(others, axis=1) if others else np.zeros((len(square), 0))
+def _lengths(others: Sequence[Column]) -> Callable[[Array], bool]:
+    """Return what tells whether squares of values are sums of some others': of those whose coefficients are 1 in a least squares fit."""
+    known = 0 < len(others) <= min(_MOST_ADDED, len(others[0].values) if others else 0)
+    table = np.stack([c.values for c in others], axis=1).astype(float) ** 2 if known else np.full((1, 1), np.inf)
+    if not np.isfinite(table).all():
+        return lambda values: False
     rows = slice(None, None, 1 + len(table) // _MOST_ROWS)
-    if not (table.size and np.isfinite(table).all() and np.isfinite(square).all()):
-        return False
-    total = table @ np.clip(np.rint(np.linalg.lstsq(table[rows], square[rows], rcond=None)[0]), 0, 1)
-    return bool(np.allclose(square, total, rtol=_ROUNDED, atol=_ROUNDED * float(square.max())))
+    inverse = np.linalg.pinv(table[rows], rcond=np.finfo(float).eps * max(table[rows].shape))
+
+    def are_sums(values: Array) -> bool:
+        square = values.astype(float) ** 2
+        if not np.isfinite(square).all():
+            return False
+        total = table @ np.clip(np.rint(inverse @ square[rows]), 0, 1)
+        return bool(np.allclose(square, total, rtol=_ROUNDED, atol=_ROUNDED * float(square.max())))
+
+    return are_sums
 
 
 def _hit(columns: Sequence[Column]) -> Column | None:

@@ -22,6 +22,8 @@ Line = tuple[int, str]
 _BYTES_EXAMINED = 1 << 16
 #: Characters of a line and blank lines of a table, at most.
 _MAX_CHARACTERS_OF_LINE, _MAX_BLANK_LINES = 1 << 25, 10_000_000
+#: Characters after which the time that reading took is looked at.
+_CHARACTERS_AT_A_TIME = 1 << 14
 _BYTE_ORDER_MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 #: Delimiters in order of preference; an empty one stands for blanks.
 DELIMITERS = ("\t", ";", ",", "|", "")
@@ -61,9 +63,12 @@ def lines_of(path: Path, encoding: str, skip: int, space: Room) -> Iterator[Line
     `skip`: lines to leave at the top. `space`: what a line may take.
     """
     with path.open(encoding=encoding, errors="replace", newline=None) as file:
-        number = blank = 0
+        number = blank = read = 0
         while line := file.readline(_MAX_CHARACTERS_OF_LINE):
-            number += 1
+            number, read = number + 1, read + len(line)
+            if read > _CHARACTERS_AT_A_TIME:
+                space.in_time()
+                read = 0
             if len(line) == _MAX_CHARACTERS_OF_LINE:
                 space.take(f"line {number}", 100 * len(line))
             if line.isspace():

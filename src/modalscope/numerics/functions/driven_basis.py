@@ -89,20 +89,21 @@ class DrivenBasis(ModalBasis):
         if len(R) > R.shape[1] or np.any(np.tril(R, -1)):
             R = stacked_factor(np.zeros((0, 0)), R)
         by_pole = R[:, t:width].reshape(len(R), self.drives, -1, 2)
-        w = np.asarray((by_pole[..., 0] - 1j * by_pole[..., 1]).reshape(len(R), -1))
+        size = np.sqrt(np.maximum(np.einsum("kdji,kdji->d", by_pole, by_pole), 1e-300))  # no unit of a force counts
+        w = ((by_pole[..., 0] - 1j * by_pole[..., 1]) / size[:, None]).reshape(len(R), -1)
         unit = np.broadcast_to(np.asarray(level, dtype=float), (len(shapes),))
         level_shapes, data = np.asarray(shapes, dtype=complex) / unit[:, None], R[:, width:] / unit
         c = np.asarray(np.tile(level_shapes, self.drives))
         solution = _tied_fit(w[t:], c, data[t:])
         if solution is None:
             lower = R[t:, t:width].reshape(len(R) - t, self.drives, -1)
-            columns = np.concatenate([_tied(lower, shape) for shape in level_shapes])
+            columns = np.concatenate([_tied(lower / size[:, None], shape) for shape in level_shapes])
             theta = _least_squares(columns, data[t:].T.reshape(-1, 1))[:, 0]
             solution = theta[::2] + 1j * theta[1::2]
         rest = (w[:t] @ (solution * c).T).real
-        direct = np.linalg.lstsq(R[:t, :t], data[:t] - rest, rcond=None)[0] * unit
-        participation = np.ascontiguousarray(solution.reshape(self.drives, -1).T)
-        return participation, np.asarray(direct.T[None], dtype=np.float64)
+        direct = _least_squares(R[:t, :t], data[:t] - rest) * unit
+        solution = solution.reshape(self.drives, -1) / size[:, None]
+        return np.ascontiguousarray(solution.T), np.asarray(direct.T[None], dtype=np.float64)
 
     def fit_shapes(self, participation: Array) -> tuple[ComplexArray, RealArray]:
         """Fit shapes to known participation of all drives: shapes (l, n) and D (1, l, m)."""

@@ -14,12 +14,21 @@ from modalscope.data.mode_fields import PER_MODE, joined
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.residual_terms import ResidualTerms
-from modalscope.data.response import Response
+from modalscope.data.response import Response, output_scale
 from modalscope.data.results import DEVIATIONS, StabilizationDiagram
-from modalscope.data.sameness import log_ratios
+from modalscope.data.sameness import divided, log_ratios
 from modalscope.identification.orders import ORDERS_END, usable_orders
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray, check_band, check_each, check_kind
+from modalscope.numerics.checks import (
+    Array,
+    ComplexArray,
+    IntArray,
+    RealArray,
+    check_band,
+    check_each,
+    check_kind,
+    optional_array,
+)
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.poles import frequencies_and_damping
 from modalscope.selection.judging.bare_peaks import BARE, with_note_on_peaks
@@ -30,7 +39,7 @@ from modalscope.selection.likelihood.settling import needed_beside, out_of_band_
 
 @named()
 def merge_bands(
-    results: Sequence[ModalModel], bands: Sequence[tuple[float, float]], *, tolerance: float = 0.005
+    results: Sequence[ModalModel], bands: Sequence[tuple[float, float]], *, tolerance: float = 0.005, level: Any = None
 ) -> ModalModel:
     """Return the modes of several bands by frequency, those that lie in two of them once.
 
@@ -45,6 +54,8 @@ def merge_bands(
         Of each result, Hz.
     tolerance : float
         Relative standard deviation by which the edge of a band may bias a frequency.
+    level : array, (outputs,), optional
+        What outputs are divided by before shapes are compared: their size in the data, so that no unit counts.
 
     Raises
     ------
@@ -78,7 +89,9 @@ def merge_bands(
     f = everything.frequencies
     ends = np.array(bands, dtype=float)[origin.astype(int)].reshape(-1, 2)
     depth = np.minimum(f - ends[:, 0], ends[:, 1] - f) / f
-    same = log_ratios(everything, everything, tolerance) > 0
+    size = optional_array("level", level, "(outputs,)", (len(everything.output_dofs),))
+    even = everything if size is None else divided(everything, size)
+    same = log_ratios(even, even, tolerance) > 0
     kept: list[int] = []
     for i in np.argsort(-depth, kind="stable"):
         if not np.any(same[i, kept] & (origin[kept] != origin[i])):
@@ -213,7 +226,7 @@ def joined_modes(parts: Sequence[Part], modes: Sequence[ModalModel], whole: Resp
     `modes`: those that each part reports, refined or not.
     """
     inside = evened([_of_core(each, part.core) for part, each in zip(parts, modes, strict=True)])
-    merged = merge_bands(inside, [part.band or part.core for part in parts])
+    merged = merge_bands(inside, [part.band or part.core for part in parts], level=output_scale(whole))
     if not len(merged):
         return merged
     merged = with_terms(whole, merged, np.zeros(0, complex), whole.outside_powers)

@@ -17,7 +17,7 @@ another rule of the library, or a bound of its own meaning:
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -25,7 +25,7 @@ import numpy as np
 from modalscope.data.indicators import mac, mpc
 from modalscope.data.mode_fields import half_widths
 from modalscope.data.modes import ModalModel
-from modalscope.data.sameness import log_ratios
+from modalscope.data.sameness import divided, log_ratios
 from modalscope.data.shown import percent
 from modalscope.numerics.checks import Array, BoolArray, RealArray
 from modalscope.numerics.statistics import levels_of_table
@@ -225,10 +225,8 @@ def _levelled(modes: ModalModel) -> ModalModel:
     """
     stated = modes.shapes_std
     known = stated is not None and bool(np.all(np.isfinite(stated) & (stated > 0)))
-    level = np.sqrt(levels_of_table(np.asarray(stated if known else np.abs(modes.shapes), dtype=float) ** 2)[0])[
-        :, None
-    ]
-    return replace(modes, shapes=modes.shapes / level, shapes_std=None if stated is None else stated / level)
+    sizes = np.asarray(stated if known else np.abs(modes.shapes), dtype=float)
+    return divided(modes, np.sqrt(levels_of_table(sizes**2)[0]))
 
 
 def _surroundings(modes: ModalModel, i: int, reasons: Mapping[str, Any]) -> Iterator[_Objection]:

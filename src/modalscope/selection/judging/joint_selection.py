@@ -291,7 +291,7 @@ def _levelled(state: State) -> State:
     left = np.sqrt(descent.point.left_by_channel(descent.fitted) / free) * problem.levels.channels
     if np.all(_MAX_LEVEL_RATIO * left > given):
         return state
-    levels = levels_of(np.minimum(left, given))
+    levels = levels_of(np.minimum(left, given), given)
     point = descent.point.releveled(levels)
     variance = float(np.mean((left / levels.channels) ** 2))
     assert isinstance(point.problem, WhitenedResponse)

@@ -17,6 +17,7 @@ from modalscope.data.response import Response
 from modalscope.data.results import DEVIATIONS, StabilizationDiagram
 from modalscope.data.sameness import likeliest, log_ratios
 from modalscope.data.shown import list_some
+from modalscope.data.whitening import levels_of_channels
 from modalscope.identification.orders import ORDERS_END, usable_orders
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.functions.poles import poles_from
@@ -207,28 +208,29 @@ def _reasons(model: ModalModel, response: Response, facts: list[dict[str, Any]])
     if not len(model):
         return ()
     model = replace(model, residual_terms=())  # poles besides the modes may explain what a mode would
-    size, without = np.linalg.norm(response.values), np.zeros(len(model) + 1)
+    level, size, without = np.outer(*levels_of_channels(response.values)), 0.0, np.zeros(len(model) + 1)
     outputs, numbers = range(len(response.output_dofs)), response.count * len(response.input_dofs)
     # the first states of records are fitted to all outputs together
     pieces = few_channels(numbers, len(outputs), _NUMBERS_AT_A_TIME) if response.separable else (slice(None),)
     for few in pieces:
         own = outputs[few]
         parts = (response, model) if own == outputs else (response.select(outputs=own), model.select(outputs=own))
-        without += _missed_without(*parts)
-    losses = (np.sqrt(without[:-1]) - np.sqrt(without[-1])) / size
+        size += float(np.linalg.norm(parts[0].values / level[few]) ** 2)
+        without += _missed_without(*parts, level[few])
+    losses = (np.sqrt(without[:-1]) - np.sqrt(without[-1])) / np.sqrt(size)
     return tuple(
         {**known, "fit_loss": float(loss), "text": known.get("text") or sentence(known, float(loss))}
         for known, loss in zip(facts, losses, strict=True)
     )
 
 
-def _missed_without(response: Response, model: ModalModel) -> RealArray:
-    """Return the squared misfit of modes without each of them, and of all of them, (n + 1,)."""
-    left = response.values - rebuilt(response, model)
+def _missed_without(response: Response, model: ModalModel, level: RealArray) -> RealArray:
+    """Return the squared misfit of modes without each of them, and of all of them, (n + 1,), channels divided by a level (l, m)."""
+    left = (response.values - rebuilt(response, model)) / level
     missed = np.full(len(model) + 1, np.linalg.norm(left) ** 2)
     no_terms: dict[str, Any] = dict.fromkeys(DIRECT)
     for j in range(len(model)):
-        more = rebuilt(response, replace(model.take([j]), **no_terms))
+        more = rebuilt(response, replace(model.take([j]), **no_terms)) / level
         missed[j] += np.linalg.norm(more) ** 2 + 2 * np.vdot(left, more).real
     return np.maximum(missed, 0)
 

@@ -193,7 +193,7 @@ def _combinations(lines: ComplexArray, shapes: ComplexArray) -> RealArray:
     rms = np.sqrt(np.mean(power, axis=0))
     level = np.maximum(np.sqrt(np.quantile(power, _BACKGROUND_QUANTILE, axis=0)), _LEAST_LEVEL * rms)
     level = np.where(rms > 0, level, np.inf)  # a dead channel tells nothing
-    real = most_real(shapes).real / level[:, None]
+    real = most_real(shapes / level[:, None]).real
     lengths = np.maximum(np.linalg.norm(real, axis=0), np.finfo(float).tiny)
     basis, sizes, _ = np.linalg.svd(real / lengths, full_matrices=False)
     return np.asarray(basis[:, sizes >= _MIN_SIZE * sizes[0]] / level[:, None])

@@ -15,6 +15,7 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.residual_terms import ResidualTerms
 from modalscope.data.response import Response, root_mean_squares
+from modalscope.data.whitening import levels_of_channels
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.functions.driven_basis import DrivenBasis
 from modalscope.numerics.functions.pole_basis import ModalBasis
@@ -26,8 +27,8 @@ _MIN_DECREASE = 1e-10
 #: ... and after so many rounds at most; each is a small fit on the compressed data.
 _MAX_ROUNDS = 200
 
-#: Columns of terms shorter than this part of the longest are zero, and singular values of unit columns below it are rounding.
-_MIN_COLUMN, _ROUNDING = 1e-14, 1e-12
+#: Singular values of unit columns below this are rounding.
+_ROUNDING = 1e-12
 
 
 #: Poles (n,), shapes (l, n) and participation (n, m).
@@ -39,9 +40,9 @@ def joint_residues(
 ) -> tuple[ComplexArray, dict[str, Any]]:
     """Fit residues of rank one, R_j = c_j l_j, of all modes together to all data; poles are kept.
 
-    min over c, l, terms of sum |Y - sum_j (c_j l_j g_j + conjugate) - terms|^2, from the given shapes on: participation with the
-    shapes held, then shapes with the participation held, and so on. No round can raise the misfit, so that the result explains at
-    least what the given shapes explain. The data are compressed once to as many rows as there are functions.
+    min over c, l, terms of sum |Y - sum_j (c_j l_j g_j + conjugate) - terms|^2, every channel in parts of its level, from the given shapes
+    on: participation with the shapes held, then shapes with the participation held, and so on. No round can raise the misfit, so that
+    the result explains at least what the given shapes explain. The data are compressed once to as many rows as there are functions.
 
     `poles` (n,): rad/s, as the modes have them. `shapes` (l, n): starting values. `held`: poles, shapes and participation of modes with
     known residues, which are subtracted from the data.
@@ -57,8 +58,22 @@ def joint_residues(
     if held is not None:
         left = response.residual_of(held[0] - response.added_damping, *held[1:], powers)
         basis = replace(basis, data=left, whole=None)
-    shapes, participation, terms = _in_turn(basis.compressed(), shapes)
-    return shapes, {"participation": response.of_inputs(participation), **response.named_terms(terms, powers)}
+    basis, (outputs, inputs, level) = basis.compressed(), _sides(response, None)
+    shapes, participation, terms = _in_turn(replace(basis, data=basis.data / level), shapes / outputs[:, None])
+    participation = response.of_inputs(participation * inputs)
+    return shapes * outputs[:, None], {"participation": participation, **response.named_terms(terms * level, powers)}
+
+
+def _sides(response: Response, sides: tuple[RealArray, RealArray] | None) -> tuple[RealArray, RealArray, RealArray]:
+    """Return what outputs, drives and channels are divided by, (l,), (m,) or (m + R,), (l, m) or (l, 1): drives of records stay.
+
+    `sides`: of outputs and inputs; None for the levels of the data, and one of correlations, whose channels are whitened elsewhere.
+    """
+    even = None if response.ambient else levels_of_channels(response.values)
+    outputs, inputs = sides or even or (np.ones(count) for count in response.values.shape[1:])
+    if response.separable:
+        return outputs, inputs, np.outer(outputs, inputs)
+    return outputs, np.ones(response.drives), outputs[:, None]
 
 
 def _in_turn(basis: ModalBasis, shapes: Array) -> tuple[ComplexArray, ComplexArray, RealArray]:
@@ -124,12 +139,10 @@ def joint_fit(
 
     `poles` (n,), `fixed` (k,): as they are in the data. `shapes` (l, n): starting values, kept where `shapes_fixed`. Where the
     `participation` is given, (n, m) or (n, m + R), both are kept, and the terms alone are fitted, with ends of runs that are not given.
-    `rows` (K,), `sides` (l,), (m,): standard deviations of rows, outputs and inputs; by default one.
+    `rows` (K,), `sides` (l,), (m,): standard deviations of rows, by default one, and of outputs and inputs, by default their levels.
     """
     channels = response.values.shape[1], len(response.input_dofs)
-    outputs, inputs = (np.ones(count) for count in channels) if sides is None else sides
-    inputs = inputs if response.separable else np.ones(response.drives)
-    level = outputs[:, None] * (inputs if response.separable else 1.0)
+    outputs, inputs, level = _sides(response, sides)
     columns, basis = _compressed(response, poles, fixed, powers, rows, level)
     shapes, basis = shapes / outputs[:, None], replace(basis, terms=_span(columns))
     if participation is None and shapes_fixed:
@@ -199,10 +212,9 @@ def _least_squares(columns: RealArray, target: RealArray) -> RealArray:
 
 
 def _unit(columns: RealArray) -> tuple[RealArray, RealArray]:
-    """Return columns of length one, and their lengths; short ones are zero."""
+    """Return columns of length one, and their lengths; no unit of a drive counts, and zeros stay."""
     size = np.linalg.norm(columns, axis=0)
-    size = np.where(size > _MIN_COLUMN * size.max(initial=0.0), size, 0.0)
-    return np.asarray(np.where(size > 0, columns, 0.0) / np.where(size > 0, size, 1.0)), size
+    return np.asarray(columns / np.where(size > 0, size, 1.0)), size
 
 
 def _with_ends(basis: ModalBasis, shapes: Array, participation: Array) -> ComplexArray:

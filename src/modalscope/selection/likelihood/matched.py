@@ -145,7 +145,8 @@ def _amplitudes(
     `wanted`: of which poles, by default all; those taken together with them come along.
     """
     divided = (left / rows[:, None, None]).reshape(len(left), -1)
-    quiet = _of_places(response, rows) ** -2.0
+    # of lines real and imaginary parts have one deviation
+    quiet = (rows if response.grid is None else rows[: len(rows) // 2]) ** -2.0
     for some, used, g, squares in _side_by_side(response, poles, len(left), wanted):
         yield some, _sums(g, used, divided) / np.sqrt(np.maximum(squares @ quiet[used], 1e-300))[:, None]
 
@@ -194,11 +195,6 @@ def _by_channel(
         weights /= parts[0] ** 2
         for some, used, g, squares in _side_by_side(response, poles, len(left), wanted):
             yield some, few, _sums(g, used, weighted), np.maximum(squares @ weights[used], 1e-300)
-
-
-def _of_places(response: Response, rows: RealArray) -> RealArray:
-    """Return the deviations of samples, or of lines, whose real and imaginary parts have one."""
-    return rows if response.grid is None else rows[: len(rows) // 2]
 
 
 def _side_by_side(

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.linalg as sla
 
 from modalscope.data.response import Response, fading, window_over_lines
+from modalscope.data.whitening import levels_of_channels
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.functions.pole_basis import ModalBasis
 from modalscope.numerics.statistics import telling
@@ -123,20 +124,20 @@ def _floor(
     size = np.linalg.norm(columns, axis=0)
     Q = np.asarray(sla.qr(columns[:, size > 0] / size[size > 0], mode="economic", check_finite=False)[0])
     flat = basis.data.reshape(rows, -1) / by_row[:, None]
-    least = _MIN_RELATIVE_NOISE * np.sqrt(np.vdot(flat, flat) / flat.size)
+    even = np.outer(*levels_of_channels(flat.reshape(basis.data.shape)))
     left = np.asarray(Q @ (Q.T @ flat))  # of many channels each is large
     left = np.subtract(flat, left, out=left).reshape(basis.data.shape)
-    sigma = np.maximum(
-        np.sqrt(np.einsum("kom,kom->om", left, left) / max(rows - taken, rows / _ROWS_PER_FREEDOM, 1)), least
-    )
-    levels = known or levels_of(sigma)
+    sigma = np.sqrt(np.einsum("kom,kom->om", left, left) / max(rows - taken, rows / _ROWS_PER_FREEDOM, 1))
+    sigma = np.maximum(sigma, _MIN_RELATIVE_NOISE * even)
+    levels = known or levels_of(sigma, even)
     variance = float(np.mean((sigma / levels.channels) ** 2))
     # a model that is too rich follows the noise of samples while its poles last, and not later: there the level tells nothing
     window = window_over_lines(response)
     kept = 1 - np.einsum("kj,kj->k", Q, Q)
     seen = colour(left, response.count, taken, kept=kept, level=response.grid is not None, window=window)
     left *= by_row[:, None, None]
-    share = (float(np.linalg.norm(left)) / max(float(np.linalg.norm(basis.data)), 1e-300)) ** 2
+    missed, whole = (float(np.sum(np.einsum("kom,kom->om", each, each) / even**2)) for each in (left, basis.data))
+    share = missed / max(whole, 1e-300)
     return Floor(by_row, levels, variance, seen, left, kept, basis.data, share, window=window)
 
 

@@ -13,7 +13,7 @@ import scipy.linalg as sla
 from modalscope.data.record_residual import excess, excess_notes
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.response import Response, fading, line_step, output_scale, window_over_lines
-from modalscope.data.whitening import levelling
+from modalscope.data.whitening import levels_of_channels
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.pole_basis import ModalBasis
@@ -134,7 +134,7 @@ def _projected(response: Response, poles: Array) -> _Projected:
     columns = _unit(_columns_of(basis))
     Q, R = (np.asarray(each, float) for each in sla.qr(columns, mode="economic", check_finite=False))
     Z, left, outputs = np.empty((R.shape[0], *basis.data.shape[1:])), 0.0, basis.data.shape[1]
-    level = 1 / levelling(basis.data).of_values(np.ones(basis.data.shape[1:]))
+    level = np.outer(*levels_of_channels(basis.data))
     step = max(_NUMBERS_AT_A_TIME // basis.data[:, 0].size, 1)
     for few in (slice(k, k + step) for k in range(0, outputs, step)):
         flat = (basis.data[:, few] / level[few]).reshape(len(columns), -1)
@@ -147,7 +147,7 @@ def _projected(response: Response, poles: Array) -> _Projected:
 @_projected.register
 def _(response: RecordSpectra, poles: Array) -> _Projected:
     """Return the same from products of some lines at a time."""
-    level, width = np.maximum(output_scale(response), 1e-300), 2 * response.drives
+    level, width = output_scale(response), 2 * response.drives
 
     def chunks() -> Iterator[RealArray]:
         for basis in response.pieces(poles, response.refined_powers):
@@ -296,7 +296,9 @@ def settle(
 
     Raises `DataError`: no more data than unknowns; `Astray`: a pole left its home.
     """
-    levels = task.known or levels_of(np.sqrt(np.mean(np.abs(task.response.values) ** 2, axis=0)))
+    values = task.response.values
+    size = np.sqrt(np.mean(np.abs(values) ** 2, axis=0))
+    levels = task.known or levels_of(size, np.outer(*levels_of_channels(values)))
     settled = _settled(task, _Start(poles, shapes, participation, levels), most, home)
     own = settled.levels.own is not None
     if own and (settled.levelled or settled.colour.coloured or window_over_lines(task.response) > 0):
@@ -382,7 +384,11 @@ def _power(descent: Descent, count: int) -> RealArray:
 
 def _optimum(task: Task, start: _Start, most: int, home: ComplexArray | None = None) -> Settled:
     """Return the optimum with the terms of a task, under the levels that it leaves where these settle."""
-    levels, window = start.levels, window_over_lines(task.response)
+    levels, window, even = (
+        start.levels,
+        window_over_lines(task.response),
+        np.outer(*levels_of_channels(task.response.values)),
+    )
     problem = _divided(task.response, task, levels)
     _check_freedom(task, problem, len(start.poles))
     sides = unit_vectors((start.shapes.T if problem.turned else start.participation) / problem.varying)
@@ -391,7 +397,7 @@ def _optimum(task: Task, start: _Start, most: int, home: ComplexArray | None = N
         descent = descend_from(point, most=most, home=home, progress=task.progress)
         power = descent.point.left_by_channel(descent.fitted) / len(task.rows)
         seen = _colour(descent, power, task.response.count, unknown, window)
-        following = levels_of(np.sqrt(power) * levels.channels)
+        following = levels_of(np.sqrt(power) * levels.channels, even)
         following = following.product if task.products else following
         # under levels far from their own, noise of loud channels is model error in quiet ones: once these are tried
         coloured = seen.coloured and (levels.own is not None or following.own is None)

@@ -11,7 +11,7 @@ import numpy as np
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import DataError
 
-#: Minimum level of a channel relative to the loudest residual: a channel fitted to rounding must not decide alone.
+#: Minimum level of a channel relative to its own size, over the largest such level: a channel fitted to rounding must not decide alone.
 _MIN_RELATIVE_LEVEL = 1e-7
 
 #: Lines over which the level of a residual is smoothed.
@@ -67,12 +67,13 @@ class Levels:
         return float(np.max(np.abs(np.log(self.channels / other.channels))))
 
 
-def levels_of(deviations: RealArray) -> Levels:
-    """Return the nearest product of an output's and an input's part, in the logarithm.
+def levels_of(deviations: RealArray, even: RealArray) -> Levels:
+    """Return the nearest product of an output's and an input's part, in the logarithm; no unit of a channel counts.
 
-    `deviations` (l, m).
+    `deviations` (l, m). `even` (l, m): what brings the data of all channels to one size.
     """
-    d = np.maximum(deviations, max(_MIN_RELATIVE_LEVEL * float(deviations.max(initial=0.0)), 1e-290))
+    share = deviations / even
+    d = np.maximum(share, max(_MIN_RELATIVE_LEVEL * float(share.max(initial=0.0)), 1e-290)) * even
     log = np.log(d)
     levels = Levels(np.exp(log.mean(axis=1)), np.exp(log.mean(axis=0) - log.mean()))
     own = np.exp2(np.rint(np.log2(d / levels.channels)))
@@ -106,7 +107,8 @@ def from_variance(variance: RealArray, rows: int, *, scattered: bool = False) ->
     by_row = np.exp(np.maximum(smoothed(level, _NEAR_LINES), smoothed(level, _FAR_LINES)) if scattered else level)
     each = log - np.log(by_row)[:, None, None]
     parts = rows // len(variance)
-    return np.tile(by_row, parts), levels_of(np.exp(each.mean(axis=0)) / np.sqrt(parts))
+    levels = np.exp(each.mean(axis=0)) / np.sqrt(parts)
+    return np.tile(by_row, parts), levels_of(levels, levels)
 
 
 def smoothed(values: RealArray, length: int) -> RealArray:
