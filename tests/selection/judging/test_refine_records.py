@@ -9,9 +9,12 @@ import pytest
 from scipy.signal import lfilter
 
 import modalscope as ms
+from modalscope.data.mode_fields import joined
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import Records, as_records
 from modalscope.numerics.functions.poles import poles_from
+from modalscope.selection.judging import refine
+from modalscope.selection.likelihood.descent import Astray
 from modalscope.selection.likelihood.driven import whitened_records
 from modalscope.selection.likelihood.information import normal
 from tests.selection.judging.driven_bound import record_bound
@@ -186,3 +189,20 @@ def test_the_error_is_that_of_the_bound_on_the_shaker_test(study) -> None:
             table.row(f"error over the bound, {what}, {name}", value, most=most, form=".2f")
         table.row(f"error over the bound, zeta, mode by mode, {name}", modes[1], form=".2f")
     assert not table.missed
+
+
+def test_a_mode_that_is_added_and_leaves_for_the_place_of_another_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = system(3, 1)
+    records = runs_of(model, [400], noise=1e-3)
+    start = started(records)
+    own = start.take([0])
+    # ten half bandwidths beside a mode there is nothing: it would be fitted to that mode
+    beside = replace(own, poles=own.poles.real + 1j * (own.poles.imag - 10 * own.poles.real))
+    monkeypatch.setattr(refine, "completed", lambda task, modes, settled: joined([modes, beside]))
+    found = refine.refinement(records, start, complete=True, confined=True)
+    assert found.added == 0
+    assert len(found.start) == len(start)
+    # of a mode that was given the place is told
+    moved = replace(start, poles=np.append(start.poles[:-1], beside.poles))
+    with pytest.raises(Astray):
+        refine.refinement(records, moved, complete=True, confined=True)

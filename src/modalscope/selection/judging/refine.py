@@ -277,13 +277,20 @@ def refinement(
     start = start.take(kept)
     if complete and settled is not None:
         more = completed(task, start, settled)
-        added = more.frequencies[len(start) :]
-        if len(added):
-            settled, kept, also = _significant(task, more, confined)
+        while len(more) > len(start):
+            try:
+                settled, kept, also = _significant(task, more, confined)
+            except Astray as away:
+                stays = ~np.isin(more.poles, away.homes)
+                if not stays[: len(start)].all():
+                    raise
+                more = more.take(stays)  # what was added and leaves for the optimum of others is no mode of its own
+                continue
             new = sum(k >= len(start) for k in kept)
             start, lost = more.take(kept), [*lost, *also]
-        elif not confined:
-            notes.append(Note("added", {"modes": 0}, "no mode was added"))
+            break
+        else:
+            notes += [] if confined else [Note("added", {"modes": 0}, "no mode was added")]
     if settled is not None and not settled.descent.converged:
         descent = settled.descent
         text = f"Refinement did not converge: {descent.why}; these are the best values so far"
