@@ -17,6 +17,7 @@ from modalscope.selection.judging.selection_problem import SelectionProblem
 from modalscope.selection.likelihood.descent import Descent, descend
 from modalscope.selection.likelihood.information import information_of_channels, inverse, normal, residual, scores
 from modalscope.selection.likelihood.likelihood import Fitted, Point, unit_vectors, whitened
+from modalscope.selection.likelihood.reference_model import floor_of
 from modalscope.selection.likelihood.settling import settle, task_of
 from modalscope.selection.likelihood.whitening import Levels, levels_of
 
@@ -212,3 +213,14 @@ def test_a_side_alone_is_asked_only_of_data_without_weights() -> None:
     assert len(fitted.sides) == 2
     with pytest.raises(ValueError, match="too many values"):
         _ = fitted.only
+
+
+def test_a_floor_of_products_has_the_mean_square_of_what_is_left() -> None:
+    own = np.array([[0.05, 0.5], [0.5, 0.05]])
+    floor = floor_of(response(*sides(2, 2), own), POLES)
+    assert floor.levels.own is not None
+    even = floor.of_products()
+    assert even.levels.own is None
+    divided = [np.mean((each.left / each.rows[:, None, None] / each.levels.channels) ** 2) for each in (floor, even)]
+    assert even.variance / floor.variance == pytest.approx(divided[1] / divided[0])
+    assert even.of_products() is even

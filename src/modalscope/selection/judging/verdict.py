@@ -447,9 +447,6 @@ _TIE = 1e-6
 #: MAC above which a single pole shows a mode of its frequency: nearer to it than to a right angle.
 _SHOWN_MAC = 0.5
 
-#: Out-of-band poles leave at most this part of a coloured residual that they take part in.
-_MAX_SHARE_BESIDE = 0.5
-
 #: Residuals below this part of the data are no noise of a measurement: a converter of 20 bits rounds to as much.
 _MAX_COMPUTED = 1e-6
 
@@ -467,7 +464,7 @@ def contest(diagram: StabilizationDiagram, poles: Poles, others: Sequence[Poles]
     """Select the poles that the data need from the groups of a diagram, refined jointly.
 
     A coloured residual of the reference model may be a missing mode: the completed joint fit decides. Out-of-band poles take part where
-    that residual is much whiter beside them; in coloured errors, which they would follow, where they explain more of it than they leave.
+    that residual is much whiter beside them, as each round of completion has to make it; never in coloured errors, which they follow.
 
     `poles`: not merged: of two poles within one bandwidth each is a candidate. `others`: of further diagrams of the same data, whose groups
     are candidates, too, where they are none of these.
@@ -496,8 +493,7 @@ def contest(diagram: StabilizationDiagram, poles: Poles, others: Sequence[Poles]
     selection = replace(_problem_of(response, *((seen, more) if whiter else (floor, held))), brief=True)
     found = outcome(selection, True)
     if found is None and response.grid is not None:
-        if seen.share < _MAX_SHARE_BESIDE * floor.share:
-            floor, held = seen, more
+        floor = floor.of_products()
         selection = replace(_problem_of(response, by_line(floor, response.count), held), brief=True, coloured=True)
         # errors of half spectra do not follow a + b |H|^2: there orders have to show a mode
         selection = replace(selection, recounted=not response.of_correlations)

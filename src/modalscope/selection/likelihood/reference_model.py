@@ -66,6 +66,12 @@ class Floor:
     correlation: RealArray | None = None
     window: float = 0.0
 
+    def of_products(self) -> Floor:
+        """Return the noise under levels that are products: model error has no levels of single channels."""
+        power, levels = np.mean((self.left / self.rows[:, None, None]) ** 2, axis=0), self.levels.product
+        ratio = np.mean(power / levels.channels**2) / np.mean(power / self.levels.channels**2)
+        return self if self.levels.own is None else replace(self, levels=levels, variance=float(self.variance * ratio))
+
     def judged(self) -> Floor:
         """Return what is known of the noise without the residual and the data, which of many channels take much room."""
         return replace(self, left=np.zeros(0), data=np.zeros(0))
