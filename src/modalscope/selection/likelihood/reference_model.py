@@ -68,9 +68,11 @@ class Floor:
 
     def of_products(self) -> Floor:
         """Return the noise under levels that are products: model error has no levels of single channels."""
+        if self.levels.own is None:
+            return self
         power, levels = np.mean((self.left / self.rows[:, None, None]) ** 2, axis=0), self.levels.product
         ratio = np.mean(power / levels.channels**2) / np.mean(power / self.levels.channels**2)
-        return self if self.levels.own is None else replace(self, levels=levels, variance=float(self.variance * ratio))
+        return replace(self, levels=levels, variance=float(self.variance * ratio))
 
     def judged(self) -> Floor:
         """Return what is known of the noise without the residual and the data, which of many channels take much room."""

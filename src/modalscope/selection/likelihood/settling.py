@@ -202,7 +202,7 @@ class Task:
 
     `fixed`: poles, as they are in the data, that are held and free in every channel. `powers`: residual terms. `rows` (K,): standard
     deviations of the rows, relative to each other. `known`: of the channels, where they are known.
-    `products`: whether levels of channels are an output's times an input's.
+    `even` (l, m): what brings the data of all channels to one size. `products`: whether levels are an output's times an input's.
     """
 
     response: Response
@@ -210,6 +210,7 @@ class Task:
     powers: tuple[int, ...]
     rows: RealArray
     known: Levels | None
+    even: RealArray
     progress: Callable[[int, int], None] | None = None
     products: bool = False
 
@@ -228,13 +229,13 @@ def task_of(
     """
     powers = response.refined_powers
     rows = response.count * (1 + bool(np.iscomplexobj(response.values)))
-    variance = response.variance
+    variance, even = response.variance, np.outer(*levels_of_channels(response.values))
     if weights is None and variance is not None:
         by_row, known = from_variance(variance, rows, scattered=response.averages is not None)
-        return Task(response, fixed, powers, by_row, known, progress)
+        return Task(response, fixed, powers, by_row, known, even, progress)
     faded = fading(response) if weights is None else None
     by_row = row_deviations(rows, weights) if faded is None else faded
-    return Task(response, fixed, powers, by_row, None, progress)
+    return Task(response, fixed, powers, by_row, None, even, progress)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -296,14 +297,13 @@ def settle(
 
     Raises `DataError`: no more data than unknowns; `Astray`: a pole left its home.
     """
-    values = task.response.values
-    size = np.sqrt(np.mean(np.abs(values) ** 2, axis=0))
-    levels = task.known or levels_of(size, np.outer(*levels_of_channels(values)))
+    levels = task.known or levels_of(np.sqrt(np.mean(np.abs(task.response.values) ** 2, axis=0)), task.even)
+    alike = replace(task, products=True), _Start(poles, shapes, participation, levels.product), most, home
+    if window_over_lines(task.response) > 0:
+        return _settled(*alike)
     settled = _settled(task, _Start(poles, shapes, participation, levels), most, home)
     own = settled.levels.own is not None
-    if own and (settled.levelled or settled.colour.coloured or window_over_lines(task.response) > 0):
-        return _settled(replace(task, products=True), _Start(poles, shapes, participation, levels.product), most, home)
-    return settled
+    return _settled(*alike) if own and (settled.levelled or settled.colour.coloured) else settled
 
 
 def _settled(task: Task, start: _Start, most: int, home: ComplexArray | None) -> Settled:
@@ -384,11 +384,7 @@ def _power(descent: Descent, count: int) -> RealArray:
 
 def _optimum(task: Task, start: _Start, most: int, home: ComplexArray | None = None) -> Settled:
     """Return the optimum with the terms of a task, under the levels that it leaves where these settle."""
-    levels, window, even = (
-        start.levels,
-        window_over_lines(task.response),
-        np.outer(*levels_of_channels(task.response.values)),
-    )
+    levels, window = start.levels, window_over_lines(task.response)
     problem = _divided(task.response, task, levels)
     _check_freedom(task, problem, len(start.poles))
     sides = unit_vectors((start.shapes.T if problem.turned else start.participation) / problem.varying)
@@ -397,7 +393,7 @@ def _optimum(task: Task, start: _Start, most: int, home: ComplexArray | None = N
         descent = descend_from(point, most=most, home=home, progress=task.progress)
         power = descent.point.left_by_channel(descent.fitted) / len(task.rows)
         seen = _colour(descent, power, task.response.count, unknown, window)
-        following = levels_of(np.sqrt(power) * levels.channels, even)
+        following = levels_of(np.sqrt(power) * levels.channels, task.even)
         following = following.product if task.products else following
         # under levels far from their own, noise of loud channels is model error in quiet ones: once these are tried
         coloured = seen.coloured and (levels.own is not None or following.own is None)

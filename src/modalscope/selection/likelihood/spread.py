@@ -195,9 +195,9 @@ def _among_unknowns(point: Point) -> Iterator[ComplexArray]:
 def _by_substitution(point: Point, fitted: Fitted) -> Iterator[ComplexArray]:
     """Yield dc / d theta of every mode, (q, 2 n p), with c the least-squares solution (but for the sign)."""
     c = np.repeat(fitted.linear, point.sides.shape[1], axis=1)
-    X = np.empty((2 * len(point.poles), *c.shape), dtype=complex)
+    directions, X = point.directions(), np.empty((2 * len(point.poles), *c.shape), dtype=complex)
     for side in fitted.sides:
-        X[:, side.channels] = (side.back @ (side.kept.T @ side.weighted(point.directions())))[:, None]
+        X[:, side.channels] = (side.back @ (side.kept.T @ side.weighted(directions)))[:, None]
     for j in range(len(point.poles)):
         by_real, by_imag = (c * X[2 * j + k] for k in (0, 1))
         A = np.stack([by_real.real + 1j * by_imag.real, -by_real.imag - 1j * by_imag.imag], axis=-1)
