@@ -65,7 +65,11 @@ def lines_of(path: Path, encoding: str, skip: int, space: Room) -> Iterator[Line
     with path.open(encoding=encoding, errors="replace", newline=None) as file:
         number = blank = read = 0
         while line := file.readline(_MAX_CHARACTERS_OF_LINE):
-            number, read = number + 1, read + len(line)
+            number += 1
+            if line == "\n" and blank < _MAX_BLANK_LINES:  # by far the most where there are millions
+                blank += 1
+                continue
+            read += len(line)
             if read > _CHARACTERS_AT_A_TIME:
                 space.in_time()
                 read = 0

@@ -183,12 +183,12 @@ class _Fit:
     def shifts(self) -> RealArray:
         """Return by which part of its frequency the strongest mode scatters from row to row and from column to column, (2,)."""
         k = int(np.argmax(np.sum(np.abs(self.residues) ** 2, axis=(1, 2))))
-        mean, found = self.means[k], []
-        for axis in (1, 0):
-            weight = self.weights[k].sum(axis=axis)
-            own = np.sum(self.weights[k] * self.poles[k], axis=axis) / np.maximum(weight, 1e-300)
-            found.append(np.sqrt(np.sum(weight * np.abs(own - mean) ** 2)) / abs(mean))
-        return np.where(np.array(found) > _ROUNDING, found, 0.0)
+        rows, columns = self.weights[k].sum(axis=1), self.weights[k].sum(axis=0)
+        # the same columns count in every row: their shares in the channels differ where channels have noise of their own
+        by_row, by_column = self.poles[k] @ columns, rows @ self.poles[k]
+        apart = (np.sum(w * np.abs(own - w @ own) ** 2) for w, own in ((rows, by_row), (columns, by_column)))
+        found = np.sqrt(np.array(list(apart))) / abs(self.means[k])
+        return np.where(found > _ROUNDING, found, 0.0)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
