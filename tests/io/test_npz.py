@@ -25,3 +25,12 @@ def test_long_numbers_of_python_2_are_refused_in_words(tmp_path: Path) -> None:
     np.save(place, np.zeros((6, 2)))
     place.write_bytes(place.read_bytes().replace(b"(6, 2), }  ", b"(6L, 2L), }"))
     refused("long numbers of Python 2", mio.read, place, sampling_rate=10.0)
+
+
+def test_a_version_of_zip_that_python_does_not_know_is_damage(tmp_path):
+    path = tmp_path / "later.npz"
+    np.savez(path, y=np.ones((100, 2)), fs=10.0)
+    raw = bytearray(path.read_bytes())
+    raw[raw.find(b"PK\x01\x02") + 6] = 239  # the version that is needed, ten times
+    path.write_bytes(raw)
+    refused("zip file version 23.9", mio.read, path)

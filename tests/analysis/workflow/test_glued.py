@@ -64,9 +64,9 @@ def test_pieces_that_disagree_by_more_than_stated_widen_all() -> None:
 def test_the_size_that_was_taken_off_is_given_back() -> None:
     """Errors of one size across a shape of length one have sqrt(1 - u^2) of it each; an output that is nearly alone has some."""
     shape = np.array([[0.6], [0.8], [0.0]])
-    found = LineShapes(shape.astype(complex), 0.1 * np.sqrt(1 - shape**2))
+    found = LineShapes(shape.astype(complex), 0.1 * np.sqrt(1 - shape**2), np.ones(len(shape)))
     assert found.with_size == pytest.approx(0.1)
-    alone = LineShapes(np.array([[1.0 + 0j], [1e-3]]), np.array([[1e-4], [0.1]]))
+    alone = LineShapes(np.array([[1.0 + 0j], [1e-3]]), np.array([[1e-4], [0.1]]), np.ones(2))
     assert alone.with_size[0, 0] == pytest.approx(1e-4 / np.sqrt(0.05))
 
 

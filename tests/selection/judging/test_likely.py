@@ -25,7 +25,7 @@ from tests.selection.judging.test_verdict import ALL, OFF, ORDERS, POLES
 
 
 def posed(monkeypatch: pytest.MonkeyPatch, error: float) -> list[bool]:
-    """Return whether out-of-band poles take part in the selection in white noise, and in that in coloured errors.
+    """Return whether out-of-band poles take part in the selections in white noise, and in that in coloured errors.
 
     A mode at 26 Hz, 5 % damped, lies outside the band of 5 to 25 Hz and is in no order: what four poles leave is coloured. `error`: of
     each line a mean of nine independent ones, which neighbours share.
@@ -40,7 +40,8 @@ def posed(monkeypatch: pytest.MonkeyPatch, error: float) -> list[bool]:
     monkeypatch.setattr(likely, "select_jointly", lambda selection, *_, **__: arenas.append(selection))
     likely.likely(diagram, poles, evidence_of(diagram))
     assert floor_of(response, POLES * OFF).colour.coloured
-    assert [arena.coloured for arena in arenas] == [False, True]
+    assert [arena.coloured for arena in arenas] == [False, False, True]
+    assert [np.ptp(arena.problem.rows) == 0 for arena in arenas[1:]] == [True, False]
     # beside the terms for all that is far outside every pole that takes part has two columns
     least = response.basis(np.zeros(0), response.outside_powers).columns.shape[1]
     return [arena.problem.terms.shape[1] > least for arena in arenas]
@@ -50,7 +51,7 @@ def posed(monkeypatch: pytest.MonkeyPatch, error: float) -> list[bool]:
 def test_skirts_take_part_where_what_is_left_is_much_whiter_beside_them_and_never_in_coloured_errors(
     error: float, part: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert posed(monkeypatch, error) == [part, False]
+    assert posed(monkeypatch, error) == [part, part, False]
 
 
 @pytest.mark.parametrize("whiter", [True, False])
@@ -66,7 +67,7 @@ def test_skirts_take_part_from_seven_tenths_of_the_excess_on(whiter: bool, monke
         return found
 
     monkeypatch.setattr(likely, "floor_of", told)
-    assert posed(monkeypatch, 0.0) == [whiter, False]
+    assert posed(monkeypatch, 0.0) == [whiter, whiter, False]
 
 
 def test_data_without_noise_have_their_modes_and_no_others() -> None:

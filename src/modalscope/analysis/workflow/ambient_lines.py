@@ -113,24 +113,24 @@ def with_lines_of_setups(setups: Setups, modes: ModalModel) -> ModalModel:
         for part in setups.parts
     ]
     shapes, deviations = np.array(modes.shapes), np.full(modes.shapes.shape, np.nan)
+    level = np.concatenate([own.level for own in each])[np.unique(np.concatenate(places), return_index=True)[1]]
     for k in range(len(modes)):
         x, s = [own.shapes[:, k] for own in each], [own.with_size[:, k] for own in each]
         if np.isfinite(np.concatenate(s)).all():
             shapes[:, k], deviations[:, k] = glued(x, s, places, len(outputs))
-    return _with_shapes(modes, LineShapes(shapes, deviations))
+    return _with_shapes(modes, LineShapes(shapes, deviations, level))
 
 
 def _with_shapes(modes: ModalModel, found: LineShapes) -> ModalModel:
     """Return modes with shapes of lines, to which participation is still to be fitted, and notes on what they change."""
-    refitted = with_indicators_of_shapes(
-        replace(modes, shapes=found.shapes, shapes_std=found.deviations).normalized("unit")
-    )
+    changed = replace(modes, shapes=found.shapes, shapes_std=found.deviations)
+    refitted = with_indicators_of_shapes(changed.normalized("unit"))
     real = np.all(found.shapes.imag == 0, axis=0)
     if real.any():
         which = "all modes" if real.all() else list_some(f"{f:.5g} Hz" for f in modes.frequencies[real])
         text = f"Shapes set to real (MPC 1), as imaginary parts are within their errors: {which}"
         refitted = refitted.noted(Note("real shapes", {"modes": float(real.sum())}, text))
-    alike = np.diag(mac(refitted.shapes, modes.shapes))
+    alike = np.diag(mac(refitted.shapes / found.level[:, None], modes.shapes / found.level[:, None]))
     names = list_some(f"{f:.5g} Hz" for f in modes.frequencies[alike < 1 - _MIN_CHANGE])
     if not names:
         return refitted

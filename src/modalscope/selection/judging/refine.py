@@ -212,11 +212,8 @@ class Refinement:
     @property
     def poles(self) -> ComplexArray:
         """Of the optimum, one for each of `start`, rad/s."""
-        return (
-            self.start.poles
-            if self.settled is None
-            else self.settled.descent.point.poles + self.task.response.added_damping
-        )
+        settled = self.settled
+        return self.start.poles if settled is None else settled.descent.point.poles + self.task.response.added_damping
 
     @property
     def converged(self) -> bool:
@@ -259,18 +256,14 @@ def refinement(
     able = (poles.real < 0) & np.array([kind == "mode" for kind in modes.kinds], dtype=bool)
     own = [terms.poles for terms in modes.residual_terms]
     given = np.concatenate([np.zeros(0), *own] if fixed is None else [np.asarray(fixed, dtype=complex).ravel()])
-    given = given - response.added_damping
-    task = task_of(
-        response, np.concatenate([given, poles[~able]]), None if weights is None else np.asarray(weights), progress
-    )
+    held = np.concatenate([given - response.added_damping, poles[~able]])
+    task = task_of(response, held, None if weights is None else np.asarray(weights), progress)
     notes, new = list[Note](), 0
     if count := len(task.fixed):
         f, (low, high) = np.abs(task.fixed) / (2 * np.pi), response.span
         outside = int(np.count_nonzero((f < low) | (f > high)))
-        text = (
-            f"{counted(count, 'computational pole')} kept fixed during refinement"
-            + f", {outside} outside the band" * bool(outside)
-        )
+        text = f"{counted(count, 'computational pole')} kept fixed during refinement"
+        text += f", {outside} outside the band" * bool(outside)
         notes.append(Note("held", {"poles": count, "outside": outside}, text))
     start = modes.take(able)
     settled, kept, lost = _significant(task, start, confined)

@@ -9,12 +9,14 @@ import numpy as np
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.functions.poles import frequencies_and_damping
 from modalscope.selection.likelihood.likelihood import WhitenedResponse
+from modalscope.selection.likelihood.settling import MIN_DISTANCE_LINES
 from modalscope.selection.likelihood.whitening import gain_factor_in_correlated_noise, gain_factor_under_window
 
 #: Damping ratio from which a pole may stand for modes outside the band rather than for a resonance in it.
 MAX_DAMPING_OF_RESONANCES = 0.1
 
-#: A pole farther outside the band (part of its edge) or more damped than this is no mode.
+#: A pole farther outside the band than this part of its end, and than lines from where out-of-band poles stand for it, takes no part, nor
+#: one more damped than this.
 _MAX_OUTSIDE, _MAX_DAMPING = 0.1, 0.9
 
 #: Minimum half-power bandwidth among coloured errors, in lines: what is narrower fits a single line.
@@ -61,7 +63,10 @@ class SelectionProblem:
         """
         low, high = self.band
         f, zeta = frequencies_and_damping(poles)
-        possible = (f > low * (1 - _MAX_OUTSIDE)) & (f < high * (1 + _MAX_OUTSIDE)) & (zeta < _MAX_DAMPING)
+        grid = self.problem.light.grid
+        first, last = (0.0, 0.0) if grid is None else MIN_DISTANCE_LINES * np.gradient(grid)[[0, -1]]
+        near = (f > low - max(_MAX_OUTSIDE * low, first)) & (f < high + max(_MAX_OUTSIDE * high, last))
+        possible = near & (zeta < _MAX_DAMPING)
         if self.coloured:
             possible &= 2 * self.half_bandwidths_in_lines(poles) > _MIN_BANDWIDTH
         return np.asarray(possible)

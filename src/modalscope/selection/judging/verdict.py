@@ -490,8 +490,12 @@ def contest(diagram: StabilizationDiagram, poles: Poles, others: Sequence[Poles]
     outside = more[more.imag > 0]
     seen = floor_of(response, np.concatenate([rich - added, outside])) if outside.size else floor
     whiter = seen.colour.excess <= max(1.0, MAX_EXCESS_RATIO * floor.colour.excess)
-    selection = replace(_problem_of(response, *((seen, more) if whiter else (floor, held))), brief=True)
+    noise, fixed = (seen, more) if whiter else (floor, held)
+    selection = replace(_problem_of(response, noise, fixed), brief=True)
     found = outcome(selection, True)
+    if found is None and response.grid is not None and response.variance is None and floor.window == 0:
+        selection = replace(_problem_of(response, noise.quiet(response.count), fixed), brief=True)
+        found = outcome(selection, True)
     if found is None and response.grid is not None:
         floor = floor.of_products()
         selection = replace(_problem_of(response, by_line(floor, response.count), held), brief=True, coloured=True)
@@ -553,16 +557,8 @@ def _problem_of(response: Response, floor: Floor, steady: ComplexArray) -> Selec
     """Pose the selection: divide the data by their noise; poles that do not oscillate are free in every channel."""
     levels = floor.levels
     swift = floor.share > _MIN_NOISE_RATIO**2 * (len(floor.rows) // response.count)  # parts of a value
-    problem = whitened(
-        response,
-        steady,
-        response.outside_powers,
-        floor.rows,
-        levels.outputs,
-        levels.inputs,
-        own=levels.own,
-        swift=swift,
-    )
+    given = floor.rows, levels.outputs, levels.inputs
+    problem = whitened(response, steady, response.outside_powers, *given, own=levels.own, swift=swift)
     bar = search_bound(response.values.shape[1], response.values.shape[2], len(floor.rows))
     return SelectionProblem(
         problem, floor.variance, bar, response.span, correlation=floor.correlation, window=floor.window

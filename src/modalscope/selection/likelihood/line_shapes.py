@@ -74,10 +74,11 @@ class _Lines(NamedTuple):
 
 
 class LineShapes(NamedTuple):
-    """Shapes (l, n), and the standard deviations of their components, NaN where lines are too few to tell."""
+    """Shapes (l, n), the standard deviations of their components, NaN where lines are too few to tell, and levels of the channels (l,)."""
 
     shapes: ComplexArray
     deviations: RealArray
+    level: RealArray
 
     @property
     def with_size(self) -> RealArray:
@@ -135,6 +136,7 @@ def line_shapes(record: Signals, modes: ModalModel, avoided: Sequence[tuple[floa
     return LineShapes(
         np.where(known, np.where(strange, fitted, found) * size[:, None], modes.shapes),
         np.where(known, deviations * size[:, None], np.nan),
+        size,
     )
 
 

@@ -74,6 +74,19 @@ class Floor:
         ratio = np.mean(power / levels.channels**2) / np.mean(power / self.levels.channels**2)
         return replace(self, levels=levels, variance=float(self.variance * ratio))
 
+    def quiet(self, count: int) -> Floor:
+        """Return the noise of the quieter half of the lines, all of them alike: what a mode that the model lacks leaves is on few.
+
+        The median of the squares of complex noise is ln 2 of their mean.
+
+        `count`: lines.
+        """
+        squares = np.sum(self.left.reshape(-1, count, *self.left.shape[1:]) ** 2, axis=0)
+        sigma = np.sqrt(np.median(squares, axis=0) / (2 * np.log(2) * np.mean(self.kept)))
+        levels = levels_of(np.maximum(sigma, _MIN_RELATIVE_NOISE * self.levels.channels), self.levels.channels)
+        ratio = sigma / levels.channels
+        return replace(self, rows=np.ones(len(self.rows)), levels=levels, variance=float(np.mean(ratio**2)))
+
     def judged(self) -> Floor:
         """Return what is known of the noise without the residual and the data, which of many channels take much room."""
         return replace(self, left=np.zeros(0), data=np.zeros(0))

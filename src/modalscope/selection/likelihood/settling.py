@@ -47,7 +47,7 @@ from modalscope.selection.likelihood.whitening import (
 
 #: Ratio of the distances of successive out-of-band poles to their end of the band, and distance of the nearest in lines: nearer ones
 #: would be modes.
-_DISTANCE_RATIO, _MIN_DISTANCE_LINES = 2.0, 8.0
+_DISTANCE_RATIO, MIN_DISTANCE_LINES = 2.0, 8.0
 
 
 def out_of_band_poles(response: Response, ends: tuple[float, float] | None = None) -> ComplexArray:
@@ -57,12 +57,12 @@ def out_of_band_poles(response: Response, ends: tuple[float, float] | None = Non
     """
     if response.grid is None and ends is not None:
         step = 1 / (response.count / (response.sampling_rate or 1.0))
-    elif response.grid is None or len(response.grid) < 2 * _MIN_DISTANCE_LINES:
+    elif response.grid is None or len(response.grid) < 2 * MIN_DISTANCE_LINES:
         return np.zeros(0, dtype=complex)
     else:
         step = line_step(response)
     low, high = 2 * np.pi * np.array(response.span if ends is None else ends)
-    farthest, nearest = high - low, 2 * np.pi * _MIN_DISTANCE_LINES * step
+    farthest, nearest = high - low, 2 * np.pi * MIN_DISTANCE_LINES * step
     count = max(int(np.log(farthest / nearest) / np.log(_DISTANCE_RATIO)) + 1, 0)
     away = farthest / _DISTANCE_RATIO ** np.arange(count) / np.sqrt(2)
     below, above = 1j * low - (1 + 1j) * away, 1j * high - (1 - 1j) * away
