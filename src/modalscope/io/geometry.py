@@ -25,6 +25,7 @@ import numpy as np
 from modalscope.data import DataError, Geometry, parse_dof
 from modalscope.data.channels import Channels
 from modalscope.data.geometry import Motion
+from modalscope.io.columns.vocabulary import parted
 from modalscope.io.columns.words import split_head
 from modalscope.io.contents import DAMAGED, Contents, Options, needs, unreadable
 from modalscope.io.limits import room
@@ -197,7 +198,8 @@ def placed_by_number(geometry: Geometry, labels: Sequence[str]) -> dict[str, tup
     as the nodes with numbers: a recorder's channel 3 is often not at node 3. Their direction is that of the label (`P3Z`), of the node in
     the table, or the normal of the plane of all nodes.
     """
-    lost = {label: _numbered(label) for label in labels if not geometry.motion_of(label)}
+    texts = dict(zip(labels, parted(labels)[0], strict=True))
+    lost = {label: _numbered(texts[label]) for label in labels if not geometry.motion_of(label)}
     numbered = [(found.number, node) for node in geometry.nodes if (found := _numbered(node)) is not None]
     nodes = dict(numbered)
     channels = {label: found for label, found in lost.items() if found is not None and found.number in nodes}

@@ -45,12 +45,15 @@ _POINTS = (
     "{k}x_frf",
     "plate_p{k}_v2",
     "node{k}",
+    "P{k}-Z",
+    "MP {k}(-Z)",
 )
 #: Names of places and runs, and of runs.
 _BOTH = ("P{k}_run{r}", "point {k} hit {r}", "{k}Z_{r}", "pos{k}({r})", "P{k}_0{r}")
 _RUNS = ("run{k}a", "hit_{k}", "P9_{k}", "beam {k}", "P3 trial {k}", "Messung {k}")
 #: Names of the side that moved.
-_SENSORS, _FORCES = ("acc{k}", "{k}Z_1Z", "sensor_0{k}", "out{k}_in1"), ("in{k}", "1Z_{k}Z", "out1_in{k}", "ref {k}")
+_SENSORS = ("acc{k}", "{k}Z_1Z", "sensor_0{k}", "sensor-{k}-X", "out{k}_in1")
+_FORCES = ("in{k}", "1Z_{k}Z", "out1_in{k}", "ref {k}")
 _NAMES = {
     "roving hammer": (*_SILENT, *_POINTS, *_FORCES), "repeated hits": _RUNS, "places and runs": _BOTH,
     "roving sensor": (*_SILENT, *_POINTS, *_SENSORS), "roving input": (*_SILENT, *_POINTS, *_FORCES),

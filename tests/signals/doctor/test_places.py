@@ -285,6 +285,15 @@ def test_names_of_files_say_the_places_unless_data_show_one(amplitudes: tuple[li
     assert label_by_place(parts, ["a", "b"])[0][0].input_dofs != ("P1",)
 
 
+def test_hyphens_that_may_be_signs_of_directions_are_said_with_the_way_out() -> None:
+    parts = _responses([1.0, -1.0], [1.0, 1.0])
+    said = {"": ("P1:-Z", "P2:-Z"), "unsigned": ("P1:+Z", "P2:+Z")}
+    named, (note,) = label_by_place(parts, ["P1-Z", "P2-Z"], said=said)
+    assert [part.input_dofs for part in named] == [("P1:-Z",), ("P2:-Z",)]
+    assert "if the hyphens are no signs: --input-dofs P1:+Z P2:+Z" in note.text
+    assert "hyphens" not in label_by_place(parts, ["P1-Z", "P2-Z"], 3, said)[1][0].text  # a file was left out
+
+
 def test_names_say_which_of_the_two_moved() -> None:
     parts = _responses([1.0, -1.0], [1.0, 1.0])
     named, (note,) = label_by_place(parts, ["acc1", "acc2"], said={"output": ("acc1", "acc2")})

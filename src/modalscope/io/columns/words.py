@@ -10,9 +10,10 @@ from collections.abc import Iterable, Sequence
 from functools import cache
 
 from modalscope.data import DataError
+from modalscope.data.geometry import label_of, parse_dof
 from modalscope.data.units import FACTORS, plain_unit
 from modalscope.io.columns.table import Column
-from modalscope.io.columns.vocabulary import MAX_CHARACTERS, meanings_of, words_of
+from modalscope.io.columns.vocabulary import MAX_CHARACTERS, meanings_of, parted, words_of
 
 #: Turns or cycles a minute: of the axis frequencies, of a channel no vibration.
 UNITS_OF_TURNS = ("rpm", "RPM", "U/min", "1/min", "cpm", "CPM")
@@ -167,6 +168,11 @@ def split_head(head: str) -> tuple[str, str]:
         if match and is_unit(match["unit"]) and not is_ambiguous(match["unit"]):
             return match["name"].strip(), match["unit"].strip()
     return text, _ENDS_OF_TIMES.get((words_of(text) or ("",))[-1], "")
+
+
+def labels_of(names: Sequence[str]) -> list[str]:
+    """Return labels of the names of all channels, which together say whether hyphens before directions are signs."""
+    return [label_of(new if parse_dof(old) else old) for old, new in zip(names, parted(names)[0], strict=True)]
 
 
 def named_columns(columns: Sequence[Column], items: Iterable[str], option: str) -> list[Column]:

@@ -97,7 +97,8 @@ def label_by_place(
     files : int, optional
         Number of the files of the test with those that were left out, which a remedy labels, too.
     said : mapping of str to sequences of str, optional
-        Labels of the places that names of files say, one a part, by side: "input", "output", or "" for either; and of runs: "run".
+        Labels of the places that names of files say, one a part, by side: "input", "output", or "" for either; of runs: "run"; and of the
+        places if hyphens that were taken as signs are none: "unsigned".
 
     Raises
     ------
@@ -118,6 +119,8 @@ def label_by_place(
         raise DataError(f"{len(parts)} files as one test were asked", have, change)
     if named and (found.kind == "several" or not (found.is_sure or found.apart <= ONE)):
         moved = f"; if the force moved: {labels_option(every)}" if "output" in named else moved
+        if "unsigned" in said and every == len(parts):
+            moved += f"; if the hyphens are no signs: {labels_option(every, next(iter(named)), said['unsigned'])}"
         listed = "; ".join(f"{side}s {list_some(dict.fromkeys(labels))}" for side, labels in named.items())
         shown = _apart(found) if found.resonances else "no resonance shows them"
         text = f"Places are those that the names of the files say, {listed} ({shown}); if one place: --input-dofs 1{moved}{_doubt(found)}"
