@@ -195,6 +195,13 @@ def check_hdf5(path: Path, room: Room, streamed: str = "") -> None:
         raise unreadable(f"{path.name} as HDF5", answer[0], answer[1] or RAISE_THE_LIMIT)
 
 
+def names_in(path: Path) -> list[str]:
+    """Return the names in the root group of a file that was checked."""
+    h5py = optional_package(f"reading {path.suffix}", "h5py", "hdf5")
+    with damage_as_error(f"{path.name} as HDF5", "Copy or write the file again."), h5py.File(path, "r") as file:
+        return list(map(str, file))
+
+
 def _is_sealed(path: Path) -> bool:
     """Whether the file carries a seal that holds."""
     size = path.stat().st_size - len(_MARK) - _DIGITS

@@ -7,7 +7,7 @@ does not settle (hits as columns look as channels do) is an error that names the
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from modalscope.io.columns import Column, Table
 from modalscope.io.columns.axis import rises, sampling_of
 from modalscope.io.columns.facts import Statement, stated_by
-from modalscope.io.columns.vocabulary import key_meaning
+from modalscope.io.columns.vocabulary import key_meaning, words_of
 from modalscope.io.columns.weights import even_step, is_short, role_by_words
 from modalscope.io.columns.words import bare_unit, kind_of_unit, split_head
 from modalscope.io.contents import Options, chosen, unreadable
@@ -78,14 +78,23 @@ def meaning_of(where: str, arrays: Mapping[str, Array], options: Options, part: 
             return Meant(table=own)
     chosen(where, "tests", {}, [], options) if options.get("sheet") is not None and not part else None
     evidence = _sorted(where, arrays)
-    if not evidence.data:
-        return None
-    if evidence.axis is not None and evidence.axis[1] == "frequency":
-        return _lines(evidence, evidence.axis)
-    known = evidence.axis is not None or evidence.rate is not None or options.get("sampling_rate") is not None
-    if known or evidence.lines is not None or _is_table(evidence):
+    axis, vectors = evidence.axis, {name: array.shape for name, array in arrays.items() if array.size > 1}
+    if axis is not None:
+        refuse_modes(where, [name for name, shape in vectors.items() if axis[2].size in shape])
+    if evidence.data and axis is not None and axis[1] == "frequency":
+        return _lines(evidence, axis)
+    known = axis is not None or evidence.rate is not None or options.get("sampling_rate") is not None
+    if evidence.data and (known or evidence.lines is not None or _is_table(evidence)):
         return _samples(evidence, options)
+    refuse_modes(where, vectors)
     return None
+
+
+def refuse_modes(where: str, names: Iterable[str]) -> None:
+    """Raise where one of the names of what a file holds says a damping: it is of modes, and no test."""
+    damping = next((name for name in names if {"damping", "zeta"} & set(words_of(name))), None)
+    if damping is not None:
+        raise unreadable(where, f"it holds modes, by its {damping!r}", "Give a file of responses or records.")
 
 
 def points_of(array: Array) -> list[tuple[str, Array]] | None:

@@ -15,12 +15,10 @@ import numpy as np
 
 from modalscope.data import DataError
 from modalscope.data.shown import counted
-from modalscope.io.columns.axis import longest_stretch, rises, roundest, sampling_of
+from modalscope.io.columns.axis import STEPS_OF_GAP, even_sampling, longest_stretch, rises, roundest
 from modalscope.io.columns.table import Column
 from modalscope.numerics.checks import RealArray, check_positive
 
-#: Steps longer than this times the usual one lack samples.
-_STEPS_OF_GAP = 1.9
 #: Resampling without being asked: largest loss of the motion (-30 dB), and least share of the rows.
 _MAX_LOSS, _MIN_SHARE_OF_ROWS = 0.03, 0.8
 #: Gaps that are filled: largest loss of the motion, share of the samples that are missing, and gaps of as many samples that are tried.
@@ -70,7 +68,7 @@ def clock_of(times: RealArray) -> Clock:
     """
     steps = np.diff(times)
     usual = float(np.median(steps))
-    places = np.flatnonzero(steps > _STEPS_OF_GAP * usual) + 1
+    places = np.flatnonzero(steps > STEPS_OF_GAP * usual) + 1
     missing = [round(float(steps[place - 1]) / usual) - 1 for place in places]
     k = np.arange(times.size, dtype=float)
     for place, count in zip(places, missing, strict=True):
@@ -160,7 +158,7 @@ def evened(
     Raises `DataError`: times that do not increase where resampling was asked, a rate above that of the samples.
     """
     rate_asked = None if asked in (None, "auto") else check_positive("resample", asked)
-    if rate_asked is None and _is_even(times):
+    if rate_asked is None and even_sampling(times):
         return axis, channels, []
     usable = times.size >= _MIN_ROWS and bool(np.isfinite(times).all()) and rises(times)
     usable = usable and np.diff(times).min() >= _SHORTEST_STEP and times[-1] - times[0] <= _LONGEST
@@ -207,11 +205,3 @@ def evened(
     )
     even = replace(axis, values=np.arange(len(values)) / rate, unit="s", stamps=False)
     return even, [replace(c, values=values[:, k]) for k, c in enumerate(channels)], notes
-
-
-def _is_even(times: RealArray) -> bool:
-    try:
-        sampling_of(times)
-    except DataError:
-        return False
-    return True

@@ -12,9 +12,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from modalscope.data import DataError
 from modalscope.data.units import plain_unit
-from modalscope.io.columns.axis import in_epoch, nearly_even, rises, sampling_of
+from modalscope.io.columns.axis import even_sampling, in_epoch, nearly_even, rises
 from modalscope.io.columns.table import Column
 from modalscope.io.columns.vocabulary import INPUTS, OUTPUTS, VOLTAGES, VOLTS, meanings_of, words_of
 from modalscope.io.columns.words import UNITS_OF_TURNS, kind_of_unit
@@ -261,10 +260,8 @@ def counts_rows(values: Array) -> bool:
 
 def _counts(values: Array) -> bool:
     """Whether values count rows, also such that begin anew or skip, as frames do."""
-    if counts_rows(values):
-        return True
-    if not np.array_equal(values, np.rint(values)):
-        return False
+    if counts_rows(values) or not np.array_equal(values, np.rint(values)):
+        return counts_rows(values)
     with np.errstate(all="ignore"):
         return len(values) >= _MIN_ROWS and bool(np.mean(np.diff(values.astype(float)) == 1) > 0.9)
 
@@ -279,10 +276,8 @@ def even_step(values: Array) -> float:
     """
     if np.iscomplexobj(values) or values.size < 3 or not np.isfinite(values).all():
         return 0.0
-    try:
-        return 1 / sampling_of(values.astype(float)).rate
-    except DataError:
-        return 0.0
+    sampling = even_sampling(values.astype(float))
+    return 0.0 if sampling is None else 1 / sampling.rate
 
 
 def _only(values: Array, allowed: tuple[float, ...]) -> bool:
