@@ -270,6 +270,7 @@ def _responses(*amplitudes: list[float]) -> list[ms.FrequencyResponse]:
     [
         (([1.0, 1.0], [1.0, 0.5]), 2),  # two resonances that differ by a third tell little
         (([1.0, 1.0], [1.0, 0.9]), 1),  # but that they agree is no chance
+        (([1.0], [0.95]), 2),  # at one resonance it may be
         (([1.0, -1.0, 1.0, 1.0, 1.0], [1.0, 1.0, -1.0, 1.0, 1.0]), 2),
         (([1.0] * 3, [1.02] * 3), 1),
         (([1.0] * 5, [1.3, 0.7, 1.3, 0.7, 1.3]), 1),  # near one place, and five resonances are enough

@@ -117,7 +117,8 @@ def label_by_place(
         have += ": runs at one place have neither, places of one structure differ more"
         change = f"Read each by itself: --each; if one place: --input-dofs 1; if places: {labels_option(every, labels=labels)}{moved}"
         raise DataError(f"{len(parts)} files as one test were asked", have, change)
-    if named and (found.kind == "several" or not (found.is_sure or found.apart <= ONE)):
+    agree = found.resonances > 1 and found.apart <= ONE  # at one alone several places may
+    if named and (found.kind == "several" or not (found.is_sure or agree)):
         moved = f"; if the force moved: {labels_option(every)}" if "output" in named else moved
         if "unsigned" in said and every == len(parts):
             moved += f"; if the hyphens are no signs: {labels_option(every, next(iter(named)), said['unsigned'])}"
