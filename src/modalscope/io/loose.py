@@ -296,15 +296,12 @@ def _samples(evidence: _Evidence, options: Options) -> Meant | None:
     ]
     measured = {name: array for name, array in evidence.data.items() if name not in others}
     arrays = {name: _first_axis(evidence.where, name, array, count, transpose) for name, array in measured.items()}
-    turned = [
-        f"{name} {a.shape}" for name, a in measured.items() if a.squeeze().ndim == 2 and a.squeeze().shape[0] != count
-    ]
+    plain = {f"{name} {a.shape}": a.squeeze().shape for name, a in measured.items()}
+    turned = [name for name, shape in plain.items() if len(shape) == 2 and shape[0] != count]
     notes = [f"samples stand along the last axis of {', '.join(turned)}"] if turned and not transpose else []
-    notes += (
-        [f"{', '.join(others[:6])} {'was' if len(others) == 1 else 'were'} left: no axis has {count} samples"]
-        if others
-        else []
-    )
+    if others:
+        verb = "was" if len(others) == 1 else "were"
+        notes.append(f"{', '.join(others[:6])} {verb} left: no axis has {count} samples")
     evidence.notes, evidence.rest = (*evidence.notes, *notes), (*evidence.rest, *others)
     forces = [name for name in arrays if _is_input(name)]
     if any(array.ndim > 3 for array in arrays.values()):

@@ -74,15 +74,12 @@ def clock_of(times: RealArray) -> Clock:
     for place, count in zip(places, missing, strict=True):
         k[place:] += count
     k /= max(k[-1], 1.0)
-    line, _ = np.polynomial.Polynomial.fit(
-        k, times, 2, full=True
-    )  # without warning of gaps beside which all else is a point
+    line, _ = np.polynomial.Polynomial.fit(k, times, 2, full=True)  # no warning of gaps beside which all is a point
     off = times - line(k)
     first, second = line.deriv()(np.array([0.25, 0.75]))
     drift = float(second / first - 1)
-    return Clock(
-        usual, float(np.sqrt(np.mean(off**2))) / usual, drift, tuple(zip(map(int, places), missing, strict=True))
-    )
+    gaps = tuple(zip(places.tolist(), missing, strict=True))
+    return Clock(usual, float(np.sqrt(np.mean(off**2))) / usual, drift, gaps)
 
 
 def longest_without_gap(clock: Clock, rows: int) -> tuple[int, int]:
@@ -172,10 +169,9 @@ def evened(
     every = np.stack([c.values for c in channels], axis=1).astype(float)
     filled = bool(clock.gaps) and _lost_in_gaps(every, [count for _, count in clock.gaps]) <= _MAX_LOSS_IN_GAPS
     first, last = (1, times.size) if filled else longest_without_gap(clock, times.size)
-    part, rows = slice(first - 1, last), f"{first}-{last}"
     if asked is None and last - first + 1 < _MIN_SHARE_OF_ROWS * times.size:
         return axis, channels, []
-    stretch, samples = times[part], every[part]
+    stretch, samples = times[first - 1 : last], every[first - 1 : last]
     # the usual step may be rounded; the mean one is that of the samples and of those that are missing between them
     mean = float(np.ptp(stretch)) / (stretch.size - 1 + filled * sum(count for _, count in clock.gaps))
     usual = clock.step if abs(mean - clock.step) <= _COARSER * mean else mean
@@ -192,16 +188,10 @@ def evened(
     )
     if asked is None and (even_samples or not lost <= _MAX_LOSS):
         return axis, channels, []
-    share = (
-        "not known: there is motion near half the sampling rate"
-        if np.isnan(lost)
-        else f"{100 * lost:.2g} % of the motion"
-    )
+    unknown = "not known: there is motion near half the sampling rate"
+    share = unknown if np.isnan(lost) else f"{100 * lost:.2g} % of the motion"
     notes = [f"times are uneven ({clock}): resampled to {rate:.6g} Hz by cubic splines; what is lost is {share}"]
-    notes += (
-        [f"rows {rows} of {times.size} were taken, the longest stretch without a gap"]
-        if clock.gaps and not filled
-        else []
-    )
+    if clock.gaps and not filled:
+        notes.append(f"rows {first}-{last} of {times.size} were taken, the longest stretch without a gap")
     even = replace(axis, values=np.arange(len(values)) / rate, unit="s", stamps=False)
     return even, [replace(c, values=values[:, k]) for k, c in enumerate(channels)], notes

@@ -29,15 +29,8 @@ _OF_WORDS = {
     "trigger": ("ignore", WORD), "sensor": ("out", HINT + 1), "other": ("ignore", WORD + 2), "spectrum": ("spectrum", 2 * SURE),
     "real": ("real", WORD), "imag": ("imag", WORD), "mag": ("mag", WORD), "phase": ("phase", WORD), "coh": ("coh", WORD),
 }  # fmt: skip
-_VIBRATIONS = {
-    "acceleration": 8.0,
-    "velocity": 8.0,
-    "displacement": 8.0,
-    "strain": 8.0,
-    "pressure": 6.0,
-    "angle": 6.0,
-    "voltage": 2.0,
-}
+_VIBRATIONS = dict.fromkeys(("acceleration", "velocity", "displacement", "strain"), 8.0)
+_VIBRATIONS |= {"pressure": 6.0, "angle": 6.0, "voltage": 2.0}
 #: Share of the steps of times that turn back, at most: half way from a clock (none) to a vibration (every second one).
 _MAX_SHARE_OF_TURNS = 0.25
 #: A step (s) below which lines never lie, in Hz, and a frequency (Hz) below which no band of lines ends: the slowest towers sway in 10 s.
@@ -154,11 +147,8 @@ def of_name(column: Column) -> Iterator[tuple[str, float, str]]:
             kind, weight = _OF_WORDS[meaning]
             if kind in ("time", "frequency"):
                 yield ("frequency" if kind == "time" else "time"), -WORD, ""
-            yield (
-                kind,
-                weight,
-                f"{column.unit or word} is no vibration" if kind == "ignore" else f"its name says {word!r}",
-            )
+            why = f"{column.unit or word} is no vibration" if kind == "ignore" else f"its name says {word!r}"
+            yield kind, weight, why
     words = column.name.split()
     if not meanings & {"force", "time"} and len(words) > 1 and words[0].lower() == "in":
         yield "in", WORD, "its name says 'in'"
@@ -304,9 +294,8 @@ def _stands_still(values: Array) -> bool:
 
 def _is_spectrum_like(values: Array) -> bool:
     """Whether values are never negative and span a range as magnitudes of spectra do; vibrations take both signs, or lie about a mean."""
-    return len(values) >= _MIN_ROWS and bool(
-        0 <= values.min() < 0.1 * values.max() and np.median(values) < 0.3 * values.max()
-    )
+    most = values.max(initial=0.0)
+    return bool(len(values) >= _MIN_ROWS and 0 <= values.min() < 0.1 * most and np.median(values) < 0.3 * most)
 
 
 Relation = tuple[Column, str, float, str]

@@ -135,10 +135,8 @@ def label_by_place(
     alone = len(set(names)) == count
     own = "" if alone else f"; if each a place of its own: {labels_option(every)}"
     listed = "after their files" if alone else "; ".join(f"place {k + 1} ({of})" for k, of in enumerate(at))
-    text = (
-        f"{len(parts)} files look like {count} drive points, all labelled {parts[0].input_dofs[0]!r}: {_apart(found)}. Inputs are named "
-        f"{listed}; if one place: --input-dofs 1{own}{moved}{_doubt(found)}"
-    )
+    text = f"{len(parts)} files look like {count} drive points, all labelled {parts[0].input_dofs[0]!r}: "
+    text += f"{_apart(found)}. Inputs are named {listed}; if one place: --input-dofs 1{own}{moved}{_doubt(found)}"
     called = list(names) if alone else [f"place {p + 1}" for p in found.places]
     return _labelled(parts, {"input": called}), (_note(text, count),)
 
