@@ -176,10 +176,8 @@ def with_places(contents: Contents, exact: bool) -> Contents:
     lost = [label for label in points if not placed.motion_of(label)]
     if not lost:
         return contents
-    note = (
-        f"{len(lost)} of {len(points)} channels have no node and direction in the geometry: {', '.join(lost[:6])}; "
-        "name channels as 3:+Z, or add columns channel and direction to the table of points"
-    )
+    note = f"{len(lost)} of {len(points)} channels have no node and direction in the geometry: {', '.join(lost[:6])}"
+    note += "; name channels as 3:+Z, or add columns channel and direction to the table of points"
     return replace(contents, notes=(*contents.notes, note))
 
 

@@ -212,11 +212,8 @@ def _facts(evidence: _Evidence, scalars: Mapping[str, float], rows: int) -> set[
     statements = {name: Statement(-1, name.rpartition(".")[2], f"{value:.17g}") for name, value in scalars.items()}
     said = stated_by(statements.values(), ".")
     evidence.lines = said.lines
-    used = {
-        name
-        for name, s in statements.items()
-        if key_meaning(s.key) in ("rate", "step", "frequency step", "first", "count")
-    }
+    stating = ("rate", "step", "frequency step", "first", "count")
+    used = {name for name, s in statements.items() if key_meaning(s.key) in stating}
     if said.rates:
         evidence.rate = said.rates[0][0]
         evidence.rate_name = next(name for name, s in statements.items() if s is said.rates[0][1])
@@ -329,11 +326,8 @@ def _count(evidence: _Evidence, options: Options) -> int:
     if len(single) == 1 and all(min(single) in shape for shape in shapes.values()):
         return int(min(single))  # the vectors count the samples
     longest = int(max(max(evidence.data.values(), key=lambda array: array.size).shape))
-    odd = [
-        name
-        for name, shape in shapes.items()
-        if len(shape) == 2 and shape[1] == longest and shape[0] < longest < _MIN_ROWS_OF_CHANNEL * shape[0]
-    ]
+    wide = {name: shape[0] for name, shape in shapes.items() if len(shape) == 2 and shape[1] == longest}
+    odd = [name for name, rows in wide.items() if rows < longest < _MIN_ROWS_OF_CHANNEL * rows]
     if odd and not options.get("transpose"):
         fault = f"{odd[0]} has the shape {evidence.data[odd[0]].shape}, which is more channels than samples"
         raise unreadable(evidence.where, fault, "If samples stand along its last axis, say so: --transpose")
@@ -358,13 +352,9 @@ def _runs(evidence: _Evidence, arrays: Mapping[str, Array], forces: list[str], o
         places = [k for k in range(1, out.ndim) if out.shape[k] == runs]
         hits = out.ndim == 3 or all(is_short(hit) for hit in into.T)
         if len(places) == 1 and runs > 1 and hits:
-            rate = np.array(_rate(evidence, options))
             moved = np.moveaxis(out, places[0], 0)
-            record = {
-                "outputs": moved.reshape(*moved.shape[:2], -1),
-                "inputs": into.T[:, :, None],
-                "sampling_rate": rate,
-            }
+            record = {"outputs": moved.reshape(*moved.shape[:2], -1), "inputs": into.T[:, :, None]}
+            record["sampling_rate"] = np.array(_rate(evidence, options))
             channels = "" if out.ndim == 3 else f" (else: {_as_channels(evidence, arrays, forces)})"
             note = f"{runs} hits, as {forces[0]} has{channels}"
             return Meant(arrays=record, left=evidence.rest, notes=(*evidence.notes, note))

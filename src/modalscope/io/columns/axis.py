@@ -273,12 +273,8 @@ def with_rows(table: Table, asked: object) -> Table:
         remedy = f"Give the first and the last row: --rows 1-{table.rows}"
         raise DataError(f"rows {str(asked)[:40]!r} of {table.where} were asked", fault, remedy)
     columns = tuple(replace(column, values=column.values[first - 1 : last]) for column in table.columns)
-    return replace(
-        table,
-        columns=columns,
-        first_row=first,
-        notes=(*table.notes, f"rows {first} to {last} of {table.rows} were taken"),
-    )
+    note = f"rows {first} to {last} of {table.rows} were taken"
+    return replace(table, columns=columns, first_row=first, notes=(*table.notes, note))
 
 
 def check_numbers(table: Table, columns: Sequence[Column]) -> None:

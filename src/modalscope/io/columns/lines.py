@@ -146,12 +146,8 @@ def parts_of_responses(
     groups = _by_place([c for c in columns if option_roles.get(c.number) in _FAMILY_OF_PART], option_roles)
     rest = [c for c in columns if option_roles.get(c.number) not in _FAMILY_OF_PART]
     named = _by_stem(rest, roles)
-    alone = {
-        part
-        for parts in named.values()
-        for part in parts
-        if _OTHER_PART.get(part, part) not in parts and part in _OTHER_PART
-    }
+    halves = [(part, parts) for parts in named.values() for part in parts if part in _OTHER_PART]
+    alone = {part for part, parts in halves if _OTHER_PART[part] not in parts}
     if alone and all(_other_count(named, part) for part in alone):
         named = {key: parts for key, parts in named.items() if not set(parts) & set(_OTHER_PART)}
         named |= _by_place([c for c in rest if roles.get(c.number) in _OTHER_PART], roles)

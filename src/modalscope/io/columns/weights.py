@@ -280,9 +280,8 @@ def _stands_still(values: Array) -> bool:
     if finite.size < _MIN_ROWS:
         return False
     middle = np.median(finite)
-    far = np.abs(finite - middle) > _FAULTY * np.quantile(np.abs(finite - middle), 0.99) + _FAULTY * np.spacing(
-        abs(middle)
-    )
+    off = np.abs(finite - middle)
+    far = off > _FAULTY * (np.quantile(off, 0.99) + np.spacing(abs(middle)))
     if far.mean() < _MAX_SHARE_OF_FAULTS and not np.any(far[1:] & far[:-1]):  # a hit lasts longer
         finite = finite[~far]
     with np.errstate(over="ignore", invalid="ignore"):
@@ -444,9 +443,8 @@ def likeliest_force(columns: Sequence[Column]) -> tuple[Column, bool]:
     if len(examined) < 2 or len(examined[0].values) < _MIN_ROWS:
         return columns[0], False
     values = np.stack([c.values[:_MOST_ROWS].astype(float) for c in examined], axis=1)
-    values = np.ldexp(
-        values, -np.frexp(np.abs(values).max(axis=0))[1]
-    )  # squares of damaged numbers have no place in a float
+    # squares of damaged numbers have no place in a float
+    values = np.ldexp(values, -np.frexp(np.abs(values).max(axis=0))[1])
     values = values - values.mean(axis=0)
     rows = len(values)
     spectra = np.fft.rfft(values, 2 * rows, axis=0)
