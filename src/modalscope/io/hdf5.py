@@ -131,9 +131,8 @@ def _arrays(h5py: Any, group: Any, space: Room, prefix: str, streamed: str) -> d
     arrays: dict[str, Array] = {}
     own = "modalscope_layout" in group.file.attrs
     for name, item in group.items():
-        said = (
-            {} if own else {key: value for key, value in hdf5_walk.stated(item).items() if key_meaning(key) in _STATED}
-        )
+        attributes = {} if own else hdf5_walk.stated(item)
+        said = {key: value for key, value in attributes.items() if key_meaning(key) in _STATED}
         unit = next((str(value) for key, value in said.items() if key_meaning(key) == "unit"), "")
         # one without a shape is null, and holds nothing
         if isinstance(item, h5py.Dataset) and item.shape is not None and not _is_axis(name, item) and name != streamed:

@@ -183,9 +183,8 @@ def evened(
         return replace(axis, values=np.arange(times.size) / rate, unit="s", stamps=False), channels, [said]
     values, lost = resampled(stretch, samples, rate)
     # the clock alone is uneven where samples on an even grid are clearly smoother
-    even_samples = not steady and _missed(np.arange(stretch.size, dtype=float), samples) < _SMOOTHER * _missed(
-        stretch, samples
-    )
+    evenly = np.arange(stretch.size, dtype=float)
+    even_samples = not steady and _missed(evenly, samples) < _SMOOTHER * _missed(stretch, samples)
     if asked is None and (even_samples or not lost <= _MAX_LOSS):
         return axis, channels, []
     unknown = "not known: there is motion near half the sampling rate"

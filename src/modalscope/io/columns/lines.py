@@ -165,9 +165,8 @@ def _is_whole(parts: Parts) -> bool:
 
 def _other_count(groups: Mapping[tuple[str, int], Parts], part: str) -> bool:
     """Whether there are as many columns of a part as of its other."""
-    return sum(part in parts for parts in groups.values()) == sum(
-        _OTHER_PART[part] in parts for parts in groups.values()
-    )
+    these, others = ([each in parts for parts in groups.values()] for each in (part, _OTHER_PART[part]))
+    return sum(these) == sum(others)
 
 
 def _by_stem(columns: Sequence[Column], roles: Mapping[int, str]) -> dict[tuple[str, int], Parts]:

@@ -57,10 +57,8 @@ def records(
         rising = [c.number for c in table.columns if c not in wrong and not c.textual and rises(c.values)]
         remedy = f'Say which it is: --columns "frequency={rising[0]}"' if rising else "Export them in a column with it."
         raise needs(table.where, "frequencies of the complex values", fault, remedy)
-    spectra = (
-        [column for column in channels if roles[column.number] == "spectrum"] if options.get("columns") is None else []
-    )
-    if spectra:
+    spectra = [column for column in channels if roles[column.number] == "spectrum"]
+    if spectra and options.get("columns") is None:
         in_decibels = " in dB" if np.min(spectra[0].values) < 0 else ""  # powers and magnitudes are never negative
         fault = f"{spectra[0]} is by its name a spectrum{in_decibels}: the phase between signals is gone"
         waveform = "the waveform that it was computed from, or frequency responses with real and imaginary parts"
@@ -224,9 +222,8 @@ def _with_seconds(table: Table, axis: Column, options: Options) -> tuple[Column,
 
 def _no_rate(first: Column, remedy: str) -> tuple[str, str]:
     """Return fault and remedy of a table without times: a rate, but not where its first column rises as lines of a spectrum do."""
-    steps = (
-        np.diff(first.values.astype(float)) if not first.textual and len(first.values) >= _MIN_RISING else np.zeros(1)
-    )
+    long = not first.textual and len(first.values) >= _MIN_RISING
+    steps = np.diff(first.values.astype(float)) if long else np.zeros(1)
     if np.mean(steps >= 0) <= _MIN_SHARE_RISING or np.ptp(steps) <= 0.5 * steps.mean():
         return "no column is of times, and no header says a rate", remedy
     rise = f"{first} rises, by {steps.min():.6g} to {steps.max():.6g}"

@@ -338,9 +338,8 @@ def _of_drives(columns: Sequence[Column], weights: dict[int, Weights]) -> Iterat
         bare, forces = _is_bare_voltage(column.name), [c for c in every if c is not column]
         voltage = kind_of_unit(column.unit) == "voltage" or (bare and not column.unit and bool(column.name))
         bare = bare or {word for word in words_of(column.name) if not word.isdecimal()} <= OUTPUTS
-        measured = (voltage or _says_volts(column)) and any(
-            kind_of_unit(c.unit) == "force" or not _says_volts(c) for c in forces
-        )
+        answered = any(kind_of_unit(c.unit) == "force" or not _says_volts(c) for c in forces)
+        measured = answered and (voltage or _says_volts(column))
         drives = "drive" in weights[column.number].sums or (measured and _is_force(weights[column.number]))
         named = drives and (voltage or not kind_of_unit(column.unit))
         others = [c for c in outs if c is not column]
@@ -369,17 +368,15 @@ def _answers(column: Column, force: Column, sensors: Sequence[Column]) -> bool:
     levels = np.log(np.stack([part.mean(axis=1) for part in bands], axis=1) + np.finfo(float).tiny)
     own, *others = levels[[0, *range(2, len(channels))]] - levels[1]
     likeness = [np.corrcoef(own, other)[0, 1] for other in others]
-    return max(likeness) > _MIN_LIKENESS and float(levels[0].std()) > _MIN_LIKENESS * float(
-        levels[2:].std(axis=1).min()
-    )
+    spreads = levels.std(axis=1)
+    return max(likeness) > _MIN_LIKENESS and bool(spreads[0] > _MIN_LIKENESS * spreads[2:].min())
 
 
 def _of_counters(columns: Sequence[Column]) -> Iterator[Relation]:
     """Give the columns that count rows where another rises evenly, too, which is the axis; of counters alone one from 0 or 1."""
     even = [column for column in columns if goes_one_way(_finite(column)) and even_step(_finite(column))]
-    counters = sorted(
-        (c for c in even if counts_rows(c.values) and even_step(c.values) == 1), key=lambda c: c.values[0] not in (0, 1)
-    )
+    counters = [c for c in even if counts_rows(c.values) and even_step(c.values) == 1]
+    counters.sort(key=lambda c: c.values[0] not in (0, 1))
     first = [c for c in counters[:1] if len(even) > 1 and c.values[0] in (0, 1)]
     for column in counters if len(even) > len(counters) else first:
         yield column, "time", -HINT, ""

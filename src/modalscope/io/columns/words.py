@@ -155,9 +155,8 @@ def split_head(head: str) -> tuple[str, str]:
     match = None if _ENDS_BRACKETED.match(text) else _STROKE.match(text)
     if match:
         unit = (match["round"] or match["plain"]).strip()
-        whole = plain_unit(text) in _KIND_OF_UNIT or (
-            not is_ambiguous(match["name"]) and is_unit(text)
-        )  # m/s is no column `m` in s
+        # m/s is no column `m` in s
+        whole = plain_unit(text) in _KIND_OF_UNIT or (not is_ambiguous(match["name"]) and is_unit(text))
         if is_unit(unit) and not is_ambiguous(unit) and not whole:
             return match["name"].strip(), unit
     match = None if match else _BRACKETED.match(text)

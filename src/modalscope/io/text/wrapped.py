@@ -128,9 +128,8 @@ def _in_words(first: Sequence[str]) -> WrappedHead | None:
     if len(set(rates)) != 1 or not 0 < rates[0] < np.inf:
         return None
     numbers = [int(match[1]) for match in (of_gse, count) if match]
-    numbers += [
-        int(f.value.split()[0]) for f in facts if key_meaning(f.key) == "count" and f.value.split()[0].isdecimal()
-    ]
+    counts = [fact.value.split()[0] for fact in facts if key_meaning(fact.key) == "count"]
+    numbers += [int(each) for each in counts if each.isdecimal()]
     if not numbers and (names or len(first[end].split()) < _MIN_CELLS):
         return None
     scale = _SCALE.search(text)
