@@ -311,7 +311,9 @@ def test_names_say_which_of_the_two_moved() -> None:
     assert label_by_place(wide, ["acc1", "acc2"], said={"output": ("acc1", "acc2")})[0][0].output_dofs == ("a", "b")
 
 
-@pytest.mark.parametrize(("shift", "apart", "refused"), [(0.02, 0.3, True), (0.02, 0.0, False), (0.0, 0.3, False)])
+@pytest.mark.parametrize(
+    ("shift", "apart", "refused"), [(0.02, 0.3, True), (0.02, 0.0, False), (0.0, 0.3, False), (0.0, 0.0, False)]
+)
 def test_files_whose_resonances_shift_are_asked_about_before_they_are_averaged(
     shift: float, apart: float, refused: bool
 ) -> None:
@@ -323,7 +325,9 @@ def test_files_whose_resonances_shift_are_asked_about_before_they_are_averaged(
     ]
     parts = [ms.FrequencyResponse(frequencies=f, values=h[:, None, None]) for h in of]
     if not refused:
-        assert len({part.input_dofs for part in label_by_place(parts, ["P1", "P2"])[0]}) == 1
+        labelled, (note,) = label_by_place(parts, ["P1", "P2"])
+        assert len({part.input_dofs for part in labelled}) == 1
+        assert ("if structures of their own: --each" in note.text) == bool(shift or apart)
         return
     with pytest.raises(
         ms.DataError, match=r"resonances shift from file to file .* amplitudes at 6 resonances differ"

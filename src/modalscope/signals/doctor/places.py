@@ -159,7 +159,7 @@ def _doubt(found: Placed) -> str:
     """Return the way out where files are perhaps of several structures."""
     shared = f" (two files have {100 * found.shared:.0f} % of their resonances in common)"
     few = found.kind == "several" and found.shared < _ONE_STRUCTURE
-    settled = found.kind in ("one", "size") or (found.kind == "several" and found.is_sure)
+    settled = found.is_sure if found.kind == "several" else found.kind in ("one", "size") and found.shared >= _ONE_SHAPE
     return f"; if structures of their own{shared * few}: --each" if few or not settled else ""
 
 
