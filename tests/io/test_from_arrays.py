@@ -26,6 +26,34 @@ def test_unknown_arrays_are_named_with_the_way_out(tmp_path):
     refused("rename or ignore of z", mio.read, tmp_path / "c.npz", rename={"z": "inputs"})
 
 
+@pytest.mark.parametrize(
+    "arrays",
+    [
+        {"frequencies": np.array([1.2, 3.4, 5.6]), "damping": np.full(3, 0.01), "phi": np.ones((8, 3)) + 0j},
+        {"fn": np.array([1.2, 3.4, 5.6]), "Zeta": np.full(3, 0.01), "Phi": np.ones((8, 3))},
+        {"time": np.arange(24.0), "f": np.ones((24, 5)), "zeta_mean": np.ones((24, 5)), "shapes": np.ones((24, 5, 8))},
+    ],
+)
+@pytest.mark.parametrize("suffix", [".npz", ".mat", ".h5"])
+def test_modes_of_other_programs_are_refused_as_what_they_are(tmp_path, arrays, suffix):
+    path = tmp_path / f"a{suffix}"
+    if suffix == ".h5":
+        with pytest.importorskip("h5py").File(path, "w") as file:
+            for name, array in arrays.items():
+                file[name] = array
+    else:
+        savemat(path, arrays) if suffix == ".mat" else np.savez(path, **arrays)
+    refused("it holds modes, by its '(damping|Zeta|zeta_mean)'", mio.read, path)
+
+
+def test_modes_beside_a_record_are_no_reason_to_refuse_it(tmp_path):
+    y = RNG.standard_normal((400, 3))
+    np.savez(tmp_path / "a.npz", y=y, fs=20.0, fn=np.array([1.2, 3.4, 5.6]), zeta=np.full(3, 0.01))
+    assert mio.read(tmp_path / "a.npz").samples == 400
+    np.savez(tmp_path / "b.npz", t=np.arange(400) / 20, y=y, damping=np.full(3, 0.01))
+    assert mio.read(tmp_path / "b.npz").sampling_rate == 20.0
+
+
 def test_arrays_of_the_wrong_sort_are_named(tmp_path):
     path = tmp_path / "a.npz"
     for arrays, text in (

@@ -116,13 +116,16 @@ def test_netcdf_keeps_units_and_time(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_modes_in_a_netcdf_file_are_refused_as_what_they_are(tmp_path: Path) -> None:
+def test_modes_in_a_netcdf_file_are_refused_as_what_they_are_before_it_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     xarray = pytest.importorskip("xarray")
     f = np.sort(np.random.default_rng(0).random((30, 4)), axis=1)
     sides = ("time", "mode")
     xarray.Dataset({"frequency": (sides, f), "damping": (sides, 0.01 * f)}).to_netcdf(
         tmp_path / "a.nc", engine="h5netcdf"
     )
+    monkeypatch.setattr("modalscope.io.apart.run_apart", lambda *_: pytest.fail("its numbers were read"))
     refused("it holds modes, by its 'damping'", ms.read, tmp_path / "a.nc")
 
 
@@ -237,6 +240,7 @@ def test_a_package_that_is_missing_is_named_with_its_extra(
         raise ImportError(name)
 
     monkeypatch.setattr("modalscope.numerics.errors.import_module", without)
+    monkeypatch.setattr("modalscope.io.foreign.find_spec", lambda name: None)
     (tmp_path / f"a{suffix}").write_bytes(b"anything")
     refused(rf"pip install 'modalscope\[{extra}\]'", ms.read, tmp_path / f"a{suffix}")
 

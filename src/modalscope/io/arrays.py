@@ -230,13 +230,8 @@ def geometry_of_arrays(where: str, values: dict[str, Any]) -> Geometry:
     named: dict[str, Any] = {}
     for key in ("lines", "faces"):
         index = np.asarray(values.get(f"geometry_{key}", np.zeros((0, 2), int)))
-        if index.size and (
-            index.ndim != 2
-            or index.dtype.kind not in "iuf"
-            or index.min() < 0
-            or index.max() >= len(nodes)
-            or np.any(index != np.rint(index))
-        ):
+        whole = index.ndim == 2 and index.dtype.kind in "iuf" and bool(np.all(index == np.rint(index)))
+        if index.size and not (whole and index.min() >= 0 and index.max() < len(nodes)):
             asked = f"geometry_{key} needs indices 0 to {len(nodes) - 1} into the nodes"
             raise DataError(asked, f"they reach from {index.min()} to {index.max()}", "Count nodes from 0.")
         named[key] = [[nodes[int(i)] for i in row] for row in index] or None

@@ -120,9 +120,8 @@ class Finding:
     reason: str = ""
 
     def __str__(self) -> str:
-        return f"{self.part}: {self.kind} {self.what}".replace(":  ", ": ") + (
-            "" if self.taken else f" - left: {self.reason}"
-        )
+        left = "" if self.taken else f" - left: {self.reason}"
+        return f"{self.part}: {self.kind} {self.what}".replace(":  ", ": ") + left
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

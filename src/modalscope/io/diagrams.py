@@ -114,9 +114,8 @@ def _contents(where: str, rest: Mapping[str, Any], arrays: Mapping[str, Array]) 
     values: dict[str, Any] = {name: _tuples(value) for name, value in mapping(rest).items()}
     prefixes = (_RESPONSE, _MEASURED, INDICATOR, _SETTING)
     values |= {name: a for name, a in arrays.items() if not name.startswith(prefixes)}
-    values["settings"] = _settings(
-        values["method"], values["domain"], {**mapping(values["settings"]), **behind(_SETTING)}
-    )
+    options = {**mapping(values["settings"]), **behind(_SETTING)}
+    values["settings"] = _settings(values["method"], values["domain"], options)
     values |= {"response": response, "measured": measured, "indicators": behind(INDICATOR)}
     entries(values.get("orders"))
     diagram = made(StabilizationDiagram, values)

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from modalscope.data.geometry import label_of
-from modalscope.io.columns.vocabulary import COUNTED, MAX_CHARACTERS, RUNS, SENSORS, folded, meanings_of
+from modalscope.io.columns.vocabulary import COUNTED, RUNS, SENSORS, folded, meanings_of, parted
 
 #: A number, the word before it, and the direction behind it; a letter alone before it may be the direction.
 _FIELD = re.compile(
@@ -17,7 +17,8 @@ _FIELD = re.compile(
 def said_by_names(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
     """Return labels, one a file, that the numbers in which names differ give: of places by side, and of runs.
 
-    The keys are "input", "output", "" for a place of either side, and "run". Of two numbers with directions the first is the response.
+    The keys are "input", "output", "" for a place of either side, and "run"; "unsigned" has the places if hyphens before directions, taken
+    as signs, part them from their numbers. Of two numbers with directions the first is the response.
 
     Examples
     --------
@@ -26,7 +27,7 @@ def said_by_names(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
     >>> said_by_names(["1Z_5Z", "2Z_5Z"]), said_by_names(["hit1", "hit2"]), said_by_names(["a1", "a2"])
     ({'output': ('1:+Z', '2:+Z')}, {'run': ('hit1', 'hit2')}, {})
     """
-    names = [name[:MAX_CHARACTERS] for name in names]
+    names, doubtful = parted(names)
     if len({_FIELD.sub("0", name) for name in names}) != 1:  # they differ in more than numbers
         return {"run": tuple(names)} if any(RUNS.search(name) for name in names) else {}
     columns = list(zip(*(map(_parted, _FIELD.finditer(name)) for name in names), strict=True))
@@ -45,7 +46,10 @@ def said_by_names(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
             found.setdefault(kind, []).append(labels)
         elif any(words):  # a part of the place; a number without a word counts repeats
             within.append(labels)
-    return {kind: tuple(map(".".join, zip(*within, *each, strict=True))) for kind, each in found.items()}
+    said = {kind: tuple(map(".".join, zip(*within, *each, strict=True))) for kind, each in found.items()}
+    places = next((labels for kind, labels in said.items() if kind != "run"), ())
+    unsigned = tuple(label.replace(":-", ":+") for label in places)
+    return said | ({"unsigned": unsigned} if doubtful and unsigned != places else {})
 
 
 def _parted(field: re.Match[str]) -> tuple[str, str, str]:

@@ -13,6 +13,7 @@ import warnings
 from contextlib import closing
 from datetime import date, time
 from importlib import import_module
+from importlib.util import find_spec
 from math import prod
 from pathlib import Path
 from threading import Lock
@@ -33,12 +34,14 @@ def read_apart(package: str, path: Path, sheet: str = "", here: bool = False) ->
     """
     from modalscope.io.apart import python, run_apart
     from modalscope.io.contents import unreadable
-    from modalscope.io.hdf5 import check_hdf5
+    from modalscope.io.hdf5 import check_hdf5, names_in
     from modalscope.io.limits import room
+    from modalscope.io.loose import refuse_modes
     from modalscope.numerics.errors import optional_package
 
     name, extra, _, *begins = _PACKAGES[package]
-    optional_package(f"reading {path.suffix}", package, extra, name)
+    if find_spec(package) is None:  # to load some takes seconds
+        optional_package(f"reading {path.suffix}", package, extra, name)
     space = room(path.name, path.stat().st_size)
     arguments = (package, str(path), str(space.left), sheet)
     remedy = "Export it again, or as text (.csv)." if package != "meshio" else "Export it as .msh, .vtk, .bdf or .inp."
@@ -47,6 +50,7 @@ def read_apart(package: str, path: Path, sheet: str = "", here: bool = False) ->
         head = file.read(8)
     if head.startswith(b"\x89HDF") or path.suffix.lower() == ".med":  # netCDF 4 and MED: links may lead out of them
         check_hdf5(path, space)
+        refuse_modes(path.name, names_in(path))
     answer: dict[str, Any] = {"fault": "it is damaged or of another kind: it does not begin as such a file does"}
     if not begins or head.startswith(begins[0]):
         answer, arrays = _read(package, str(path), space.left // _PARTS_HERE, sheet) if here else (answer, arrays)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from modalscope.io.formats import check_options, overridden
 from modalscope.io.options import COLUMNS, FIELDS
 from modalscope.numerics.arguments import plainly
 from modalscope.numerics.checks import Array
+
+#: Name -> dimensions, values and unit.
+Variables: TypeAlias = dict[str, tuple[Sequence[str], Array, str]]
 
 
 def table_of_frame(frame: Any, where: str) -> Table:
@@ -34,66 +37,65 @@ def table_of_frame(frame: Any, where: str) -> Table:
         frame = frame.to_frame(frame.name if frame.name is not None else "y1")
     if kind == "DataArray":
         frame = frame.to_dataset(name=frame.name or "values")
-    columns, roles = _of_dataset(frame, where) if kind in ("Dataset", "DataArray") else _of_frame(frame)
+    if kind not in ("Dataset", "DataArray"):
+        return _table(where, _of_frame(frame), frame.attrs)
+
+    def of(names: Iterable[Any]) -> Variables:
+        return {str(n): (frame[n].dims, np.asarray(frame[n]), str(frame[n].attrs.get("units", ""))) for n in names}
+
+    return table_of_variables(where, of(frame.data_vars), of(frame.coords), frame.attrs)
+
+
+def _table(where: str, columns: Sequence[Column], stated: Mapping[Any, Any]) -> Table:
+    """Return the table of columns, of which the first may be dates and times, and of what attributes state."""
     if not columns:
         raise unreadable(where, "it has no columns of numbers", "Give measured values as columns.")
-    stated = {name: value for name, value in frame.attrs.items() if isinstance(value, int | float | np.number)}
-    rates = [float(value) for name, value in stated.items() if key_meaning(str(name)) == "rate"]
-    return Table(
-        where=where, columns=tuple(columns), rate=rates[0] if rates else None, rate_from="its attributes", roles=roles
-    )
+    numbers = {name: value for name, value in stated.items() if isinstance(value, int | float | np.number)}
+    rate = next((float(value) for name, value in numbers.items() if key_meaning(str(name)) == "rate"), None)
+    roles = {1: "time"} if columns[0].stamps else {}
+    return Table(where=where, columns=tuple(columns), rate=rate, rate_from="its attributes", roles=roles)
 
 
-def _of_frame(frame: Any) -> tuple[list[Column], dict[int, str]]:
+def _of_frame(frame: Any) -> list[Column]:
     """Return the columns of a DataFrame, the index first where it is more than a count."""
     units = frame.attrs.get("units")
     units = units if isinstance(units, Mapping) else {}
     columns: list[Column] = []
-    roles: dict[int, str] = {}
     index = np.asarray(frame.index)
     if type(frame.index).__name__ != "RangeIndex" and index.dtype.kind in "fiumM":
         columns.append(_column(1, frame.index.name, "", index))
-        if columns[0].stamps:
-            roles[1] = "time"
     for label in frame.columns:
         name = " ".join(map(str, label)) if isinstance(label, tuple) else str(label)
         values = np.asarray(frame[label])
         columns.append(_column(len(columns) + 1, name, str(units.get(label, "")), values))
-    return columns, roles
+    return columns
 
 
-def _of_dataset(data: Any, where: str) -> tuple[list[Column], dict[int, str]]:
-    """Return the variables of a Dataset along their common dimension, those of further dimensions column by column."""
-    shared = [str(dim) for dim in data.sizes if all(dim in data[name].dims for name in data.data_vars)]
+def table_of_variables(where: str, variables: Variables, coords: Variables, stated: Mapping[Any, Any]) -> Table:
+    """Return variables along their common dimension as a table, those of further dimensions column by column.
+
+    `coords`: those that give dimensions their values. `stated`: numbers of the whole, such as a rate.
+
+    Raises `DataError`: no dimension that all have.
+    """
+    sizes = {dim: n for dims, values, _ in variables.values() for dim, n in zip(dims, values.shape, strict=True)}
+    shared = [dim for dim in sizes if all(dim in dims for dims, _, _ in variables.values())]
     roles_of_dims = {dim: role_by_words(*split_head(dim)) for dim in shared}
     axis = next((dim for dim, role in roles_of_dims.items() if role in ("time", "frequency")), None)
-    axis = axis or max(shared, key=lambda dim: data.sizes[dim], default=None)
+    axis = axis or max(shared, key=sizes.__getitem__, default=None)
     if axis is None:
-        fault = f"its variables ({', '.join(map(str, list(data.data_vars)[:6]))}) have no dimension in common"
+        fault = f"its variables ({', '.join(list(variables)[:6])}) have no dimension in common"
         raise unreadable(where, fault, "Give the variables of one axis.")
-    columns: list[Column] = []
-    roles: dict[int, str] = {}
-    if axis in data.coords:
-        columns.append(_column(1, axis, str(data[axis].attrs.get("units", "")), np.asarray(data[axis])))
-        if columns[0].stamps:
-            roles[1] = "time"
-    for name in data.data_vars:
-        variable = data[name].transpose(axis, ...)
-        values = np.asarray(variable)
-        unit = str(variable.attrs.get("units", ""))
-        flat = values.reshape(values.shape[0], -1)
-        for k, label in enumerate(_labels(variable, str(name), flat.shape[1])):
-            columns.append(_column(len(columns) + 1, label, unit, flat[:, k]))
-    return columns, roles
-
-
-def _labels(variable: Any, name: str, count: int) -> Iterable[str]:
-    """Return a name for each column of a variable: by the coordinates of its further dimensions where there are such."""
-    if count == 1 and variable.ndim == 1:
-        return [name]
-    if variable.ndim == 2 and variable.dims[1] in variable.coords:
-        return [f"{name} {value}" for value in np.asarray(variable[variable.dims[1]])]
-    return [f"{name} {k + 1}" for k in range(count)]
+    columns = [_column(1, axis, coords[axis][2], coords[axis][1])] if axis in coords else []
+    for name, (dims, values, unit) in variables.items():
+        flat = np.moveaxis(values, dims.index(axis), 0).reshape(sizes[axis], -1)
+        further = [dim for dim in dims if dim != axis]
+        known = len(further) == 1 and further[0] in coords
+        places = coords[further[0]][1] if known else range(1, flat.shape[1] + 1)
+        labels = [f"{name} {place}" for place in places] if further else [name]
+        for label, column in zip(labels, flat.T, strict=True):
+            columns.append(_column(len(columns) + 1, label, unit, column))
+    return _table(where, columns, stated)
 
 
 def _column(number: int, name: Any, unit: str, values: Array) -> Column:
@@ -102,7 +104,7 @@ def _column(number: int, name: Any, unit: str, values: Array) -> Column:
     if values.dtype.kind in "mM":
         seconds = (values - values[0]) / np.timedelta64(1, "ns") * 1e-9
         return Column(number=number, name=bare or "time", unit="s", values=seconds, stamps=True)
-    if values.dtype.kind == "O":
+    if values.dtype.kind in "OUS":
         try:
             values = values.astype(float)
         except (TypeError, ValueError):

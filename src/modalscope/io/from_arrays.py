@@ -190,9 +190,8 @@ def _is_field(data_class: type[Any] | None, name: str) -> bool:
     """Whether a data class has an array of this name; modes also have indicators, and arrays before refinement."""
     if data_class is ModalModel:
         name = name.removeprefix(UNREFINED)
-    return data_class is not None and (
-        name in names_of(data_class) or (data_class is ModalModel and name.startswith(INDICATOR))
-    )
+        return name in names_of(data_class) or name.startswith(INDICATOR)
+    return data_class is not None and name in names_of(data_class)
 
 
 def _shape(array: Array) -> str:

@@ -25,6 +25,7 @@ import numpy as np
 from modalscope.data import DataError, Geometry, parse_dof
 from modalscope.data.channels import Channels
 from modalscope.data.geometry import Motion
+from modalscope.io.columns.vocabulary import parted
 from modalscope.io.columns.words import split_head
 from modalscope.io.contents import DAMAGED, Contents, Options, needs, unreadable
 from modalscope.io.limits import room
@@ -167,18 +168,15 @@ def with_places(contents: Contents, exact: bool) -> Contents:
         data = replace(data, geometry=placed)
         (label, ((node, vector),)), *_ = motions.items()
         axis = "XYZ"[int(np.argmax(np.abs(vector)))]
-        text = f"{len(motions)} channels belong to nodes by their number ({label}: node {node}, {'-' if min(vector) < 0 else '+'}{axis}); "
-        contents = replace(
-            contents, thing=data, notes=(*contents.notes, f"{text}if that is wrong: exact_nodes=True, --exact-nodes")
-        )
+        text = f"{len(motions)} channels belong to nodes by their number ({label}: node {node}, {'-' if min(vector) < 0 else '+'}{axis})"
+        text += "; if that is wrong: exact_nodes=True, --exact-nodes"
+        contents = replace(contents, thing=data, notes=(*contents.notes, text))
     points = max(data.output_dofs, inputs, key=len)  # of a roving hammer the inputs
     lost = [label for label in points if not placed.motion_of(label)]
     if not lost:
         return contents
-    note = (
-        f"{len(lost)} of {len(points)} channels have no node and direction in the geometry: {', '.join(lost[:6])}; "
-        "name channels as 3:+Z, or add columns channel and direction to the table of points"
-    )
+    note = f"{len(lost)} of {len(points)} channels have no node and direction in the geometry: {', '.join(lost[:6])}"
+    note += "; name channels as 3:+Z, or add columns channel and direction to the table of points"
     return replace(contents, notes=(*contents.notes, note))
 
 
@@ -197,7 +195,8 @@ def placed_by_number(geometry: Geometry, labels: Sequence[str]) -> dict[str, tup
     as the nodes with numbers: a recorder's channel 3 is often not at node 3. Their direction is that of the label (`P3Z`), of the node in
     the table, or the normal of the plane of all nodes.
     """
-    lost = {label: _numbered(label) for label in labels if not geometry.motion_of(label)}
+    texts = dict(zip(labels, parted(labels)[0], strict=True))
+    lost = {label: _numbered(texts[label]) for label in labels if not geometry.motion_of(label)}
     numbered = [(found.number, node) for node in geometry.nodes if (found := _numbered(node)) is not None]
     nodes = dict(numbered)
     channels = {label: found for label, found in lost.items() if found is not None and found.number in nodes}

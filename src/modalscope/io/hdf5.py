@@ -131,9 +131,8 @@ def _arrays(h5py: Any, group: Any, space: Room, prefix: str, streamed: str) -> d
     arrays: dict[str, Array] = {}
     own = "modalscope_layout" in group.file.attrs
     for name, item in group.items():
-        said = (
-            {} if own else {key: value for key, value in hdf5_walk.stated(item).items() if key_meaning(key) in _STATED}
-        )
+        attributes = {} if own else hdf5_walk.stated(item)
+        said = {key: value for key, value in attributes.items() if key_meaning(key) in _STATED}
         unit = next((str(value) for key, value in said.items() if key_meaning(key) == "unit"), "")
         # one without a shape is null, and holds nothing
         if isinstance(item, h5py.Dataset) and item.shape is not None and not _is_axis(name, item) and name != streamed:
@@ -193,6 +192,13 @@ def check_hdf5(path: Path, room: Room, streamed: str = "") -> None:
         answer = ["its name has characters that no text has", "Rename the file."]
     if answer:
         raise unreadable(f"{path.name} as HDF5", answer[0], answer[1] or RAISE_THE_LIMIT)
+
+
+def names_in(path: Path) -> list[str]:
+    """Return the names in the root group of a file that was checked."""
+    h5py = optional_package(f"reading {path.suffix}", "h5py", "hdf5")
+    with damage_as_error(f"{path.name} as HDF5", "Copy or write the file again."), h5py.File(path, "r") as file:
+        return list(map(str, file))
 
 
 def _is_sealed(path: Path) -> bool:

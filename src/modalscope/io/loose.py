@@ -7,7 +7,7 @@ does not settle (hits as columns look as channels do) is an error that names the
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from modalscope.io.columns import Column, Table
 from modalscope.io.columns.axis import rises, sampling_of
 from modalscope.io.columns.facts import Statement, stated_by
-from modalscope.io.columns.vocabulary import key_meaning
+from modalscope.io.columns.vocabulary import key_meaning, words_of
 from modalscope.io.columns.weights import even_step, is_short, role_by_words
 from modalscope.io.columns.words import bare_unit, kind_of_unit, split_head
 from modalscope.io.contents import Options, chosen, unreadable
@@ -78,14 +78,23 @@ def meaning_of(where: str, arrays: Mapping[str, Array], options: Options, part: 
             return Meant(table=own)
     chosen(where, "tests", {}, [], options) if options.get("sheet") is not None and not part else None
     evidence = _sorted(where, arrays)
-    if not evidence.data:
-        return None
-    if evidence.axis is not None and evidence.axis[1] == "frequency":
-        return _lines(evidence, evidence.axis)
-    known = evidence.axis is not None or evidence.rate is not None or options.get("sampling_rate") is not None
-    if known or evidence.lines is not None or _is_table(evidence):
+    axis, vectors = evidence.axis, {name: array.shape for name, array in arrays.items() if array.size > 1}
+    if axis is not None:
+        refuse_modes(where, [name for name, shape in vectors.items() if axis[2].size in shape])
+    if evidence.data and axis is not None and axis[1] == "frequency":
+        return _lines(evidence, axis)
+    known = axis is not None or evidence.rate is not None or options.get("sampling_rate") is not None
+    if evidence.data and (known or evidence.lines is not None or _is_table(evidence)):
         return _samples(evidence, options)
+    refuse_modes(where, vectors)
     return None
+
+
+def refuse_modes(where: str, names: Iterable[str]) -> None:
+    """Raise where one of the names of what a file holds says a damping: it is of modes, and no test."""
+    damping = next((name for name in names if {"damping", "zeta"} & set(words_of(name))), None)
+    if damping is not None:
+        raise unreadable(where, f"it holds modes, by its {damping!r}", "Give a file of responses or records.")
 
 
 def points_of(array: Array) -> list[tuple[str, Array]] | None:
@@ -203,11 +212,8 @@ def _facts(evidence: _Evidence, scalars: Mapping[str, float], rows: int) -> set[
     statements = {name: Statement(-1, name.rpartition(".")[2], f"{value:.17g}") for name, value in scalars.items()}
     said = stated_by(statements.values(), ".")
     evidence.lines = said.lines
-    used = {
-        name
-        for name, s in statements.items()
-        if key_meaning(s.key) in ("rate", "step", "frequency step", "first", "count")
-    }
+    stating = ("rate", "step", "frequency step", "first", "count")
+    used = {name for name, s in statements.items() if key_meaning(s.key) in stating}
     if said.rates:
         evidence.rate = said.rates[0][0]
         evidence.rate_name = next(name for name, s in statements.items() if s is said.rates[0][1])
@@ -287,15 +293,12 @@ def _samples(evidence: _Evidence, options: Options) -> Meant | None:
     ]
     measured = {name: array for name, array in evidence.data.items() if name not in others}
     arrays = {name: _first_axis(evidence.where, name, array, count, transpose) for name, array in measured.items()}
-    turned = [
-        f"{name} {a.shape}" for name, a in measured.items() if a.squeeze().ndim == 2 and a.squeeze().shape[0] != count
-    ]
+    plain = {f"{name} {a.shape}": a.squeeze().shape for name, a in measured.items()}
+    turned = [name for name, shape in plain.items() if len(shape) == 2 and shape[0] != count]
     notes = [f"samples stand along the last axis of {', '.join(turned)}"] if turned and not transpose else []
-    notes += (
-        [f"{', '.join(others[:6])} {'was' if len(others) == 1 else 'were'} left: no axis has {count} samples"]
-        if others
-        else []
-    )
+    if others:
+        verb = "was" if len(others) == 1 else "were"
+        notes.append(f"{', '.join(others[:6])} {verb} left: no axis has {count} samples")
     evidence.notes, evidence.rest = (*evidence.notes, *notes), (*evidence.rest, *others)
     forces = [name for name in arrays if _is_input(name)]
     if any(array.ndim > 3 for array in arrays.values()):
@@ -323,11 +326,8 @@ def _count(evidence: _Evidence, options: Options) -> int:
     if len(single) == 1 and all(min(single) in shape for shape in shapes.values()):
         return int(min(single))  # the vectors count the samples
     longest = int(max(max(evidence.data.values(), key=lambda array: array.size).shape))
-    odd = [
-        name
-        for name, shape in shapes.items()
-        if len(shape) == 2 and shape[1] == longest and shape[0] < longest < _MIN_ROWS_OF_CHANNEL * shape[0]
-    ]
+    wide = {name: shape[0] for name, shape in shapes.items() if len(shape) == 2 and shape[1] == longest}
+    odd = [name for name, rows in wide.items() if rows < longest < _MIN_ROWS_OF_CHANNEL * rows]
     if odd and not options.get("transpose"):
         fault = f"{odd[0]} has the shape {evidence.data[odd[0]].shape}, which is more channels than samples"
         raise unreadable(evidence.where, fault, "If samples stand along its last axis, say so: --transpose")
@@ -352,13 +352,9 @@ def _runs(evidence: _Evidence, arrays: Mapping[str, Array], forces: list[str], o
         places = [k for k in range(1, out.ndim) if out.shape[k] == runs]
         hits = out.ndim == 3 or all(is_short(hit) for hit in into.T)
         if len(places) == 1 and runs > 1 and hits:
-            rate = np.array(_rate(evidence, options))
             moved = np.moveaxis(out, places[0], 0)
-            record = {
-                "outputs": moved.reshape(*moved.shape[:2], -1),
-                "inputs": into.T[:, :, None],
-                "sampling_rate": rate,
-            }
+            record = {"outputs": moved.reshape(*moved.shape[:2], -1), "inputs": into.T[:, :, None]}
+            record["sampling_rate"] = np.array(_rate(evidence, options))
             channels = "" if out.ndim == 3 else f" (else: {_as_channels(evidence, arrays, forces)})"
             note = f"{runs} hits, as {forces[0]} has{channels}"
             return Meant(arrays=record, left=evidence.rest, notes=(*evidence.notes, note))

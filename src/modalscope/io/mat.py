@@ -331,9 +331,8 @@ def _members(name: str, item: Any, space: Room, visited: set[int]) -> list[tuple
     if place in visited:
         raise ValueError(f"{name} stands in several places")
     visited.add(place)
-    space.take(
-        f"the members of {name}", BYTES_OF_MEMBER * item.size
-    )  # the same part may be referred to again and again
+    # the same part may be referred to again and again
+    space.take(f"the members of {name}", BYTES_OF_MEMBER * item.size)
     members = [item.file[reference] for reference in np.asarray(item[()]).ravel()]
     of, _, field = name.rpartition(".")
     cell = _class_of(item) == "cell"

@@ -187,9 +187,8 @@ def _refuse_clocks(where: str, name: str, vectors: Sequence[Array]) -> None:
         raise unreadable(asked, f"their frequencies differ: {ends}", "Save them at the same frequencies.")
     if vectors[0].size == 1 and is_rate(name):
         fault = f"their rates differ: {name} is {_apart(vectors, 0)}"
-        raise unreadable(
-            asked, fault, f"Resample them to one rate; if the numbers are wrong, leave them out: {without}"
-        )
+        remedy = f"Resample them to one rate; if the numbers are wrong, leave them out: {without}"
+        raise unreadable(asked, fault, remedy)
 
 
 def _apart(vectors: Sequence[Array], place: int) -> str:

@@ -47,17 +47,9 @@ def read_npy(path: Path, options: Options) -> Contents:
         for name, values in fields
         for k in range(values.shape[1])
     ]
-    table = Table(
-        where=path.name,
-        columns=tuple(Column(number=k, name=name, values=values) for k, (name, values) in enumerate(columns, 1)),
-        layout=(
-            (
-                "array",
-                f"{array.dtype} {'x'.join(map(str, array.shape))}{', points that move together' if points else ''}",
-            ),
-        ),
-    )
-    return contents_from_table(table, options)
+    found = tuple(Column(number=k, name=name, values=values) for k, (name, values) in enumerate(columns, 1))
+    what = f"{array.dtype} {'x'.join(map(str, array.shape))}{', points that move together' if points else ''}"
+    return contents_from_table(Table(where=path.name, columns=found, layout=(("array", what),)), options)
 
 
 def _columns(where: str, array: Array, transpose: bool) -> Array:

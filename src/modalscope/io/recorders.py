@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from modalscope.io.columns import Column, Table, contents_from_table
-from modalscope.io.columns.vocabulary import words_of
 from modalscope.io.contents import Contents, Options, chosen, damage_as_error, unreadable
 from modalscope.io.foreign import FILTERS_OF_WARNINGS, read_apart
-from modalscope.io.frames import table_of_frame
+from modalscope.io.frames import Variables, table_of_frame, table_of_variables
 from modalscope.io.limits import Room, room
+from modalscope.io.loose import refuse_modes
 from modalscope.io.text import contents_of_lines
 from modalscope.io.text.cells import is_value
 from modalscope.numerics.errors import optional_package
@@ -91,23 +91,11 @@ def read_netcdf(path: Path, options: Options) -> Contents:
     Raises `DataError`: xarray is missing, a damaged file, no common dimension, or what tables are refused for.
     """
     answer, arrays = read_apart("xarray", path)
-    damping = [each["name"] for each in answer["variables"] if {"damping", "zeta"} & set(words_of(each["name"]))]
-    if damping:
-        raise unreadable(path.name, f"it holds modes, by its {damping[0]!r}", "Give a file of responses or records.")
-    xarray = optional_package("reading .nc", "xarray", "netcdf")
-    with damage_as_error(f"{path.name} with xarray", _EXPORT):
-        variables = {
-            each["name"]: (
-                each["dims"],
-                array.astype(object) if array.dtype.kind in "US" else array,
-                {"units": each["unit"]},
-            )
-            for each, array in zip(answer["variables"], arrays, strict=True)
-        }
-        coords = {name: variables.pop(name) for name in answer["coords"]}
-        data = xarray.Dataset(variables, coords=coords, attrs=answer["numbers"])
-        table = table_of_frame(data, path.name)
-    return contents_from_table(table, options)
+    named = zip(answer["variables"], arrays, strict=True)
+    variables: Variables = {each["name"]: (tuple(each["dims"]), array, each["unit"]) for each, array in named}
+    refuse_modes(path.name, variables)
+    coords = {name: variables.pop(name) for name in answer["coords"]}
+    return contents_from_table(table_of_variables(path.name, variables, coords, answer["numbers"]), options)
 
 
 def read_parquet(path: Path, options: Options) -> Contents:

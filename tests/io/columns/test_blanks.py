@@ -61,6 +61,21 @@ def test_what_a_note_says_works(tmp_path: Path) -> None:
     late = written(tmp_path / "b.csv", az=slice(0, 60))
     assert "(all rows without: --ignore az)" in "; ".join(survey(late).notes)
     assert ms.read(late, ignore="az").outputs.shape == (400, 2)
+    two = written(tmp_path / "c.csv", ay=slice(0, 30), az=slice(0, 30))
+    assert "(all rows without: --ignore ay --ignore az)" in "; ".join(survey(two).notes)
+    assert ms.read(two, ignore=["ay", "az"]).outputs.shape == (400, 1)
+
+
+def test_parts_of_a_response_are_left_together(tmp_path: Path) -> None:
+    f = np.arange(1.0, 201)
+    H = np.stack([1 / (g**2 - f**2 + 0.04j * g * f) for g in (40.0, 90.0)], axis=1) * 1e4
+    lines = ["Frequency [Hz],Real 1Z/1Z,Imag 1Z/1Z,Real 3Z/1Z,Imag 3Z/1Z"]
+    for k, (a, b) in enumerate(H):
+        cells = [f[k], a.real, a.imag, b.real, b.imag]
+        lines.append(",".join("" if j == 4 and k > 190 else f"{cell:.6f}" for j, cell in enumerate(cells)))
+    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n", "utf-8")
+    assert '--ignore "Real 3Z/1Z" --ignore "Imag 3Z/1Z"' in "; ".join(survey(tmp_path / "a.csv").notes)
+    assert ms.read(tmp_path / "a.csv", ignore=["Real 3Z/1Z", "Imag 3Z/1Z"]).lines == 200
 
 
 def test_rows_in_which_all_are_blank_are_no_loss_of_a_channel(tmp_path: Path) -> None:

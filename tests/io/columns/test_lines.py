@@ -56,6 +56,40 @@ def test_pairs_are_found_by_their_places_where_no_name_pairs_them(tmp_path: Path
     np.testing.assert_allclose(ms.read(path).values[:, 0, 0], RESPONSE, atol=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("names", "outputs", "inputs"),
+    [
+        (("1-X/1-Z", "2-Z/1-Z"), ("1:+X", "2:+Z"), ("1:+Z",)),
+        (("1-Z/1Z", "2-Z/1Z"), ("1:-Z", "2:-Z"), ("1:+Z",)),
+        (("1-X", "1-Y"), ("1:+X", "1:+Y"), ("u1",)),
+        (("1-X", "P-1-Y"), ("1:+X", "P-1-Y"), ("u1",)),  # a name stays as it is written
+    ],
+)
+def test_hyphens_are_signs_or_part_names_by_all_names_together(
+    tmp_path: Path, names: tuple[str, str], outputs: tuple[str, ...], inputs: tuple[str, ...]
+) -> None:
+    head = ",".join(["f", *(f"{part} {name}" for name in names for part in ("Real", "Imag"))])
+    found = ms.read(write(tmp_path / "a.csv", head, *COLUMNS))
+    assert (found.output_dofs, found.input_dofs) == (outputs, inputs)
+
+
+@pytest.mark.parametrize(
+    ("heads", "labels"),
+    [
+        ("1-X,1-Y,1-Z", ("1:+X", "1:+Y", "1:+Z")),
+        ("1-Z,2Z,3Z", ("1:-Z", "2:+Z", "3:+Z")),
+        ("1-Z,2-Z,3-Z", ("1:-Z", "2:-Z", "3:-Z")),
+        ("1 -X,1 -Y,1:-Z", ("1:-X", "1:-Y", "1:-Z")),
+    ],
+)
+def test_hyphens_of_channels_part_names_where_several_axes_have_them(
+    tmp_path: Path, heads: str, labels: tuple[str, ...]
+) -> None:
+    noise = np.random.default_rng(0).standard_normal((3, 400))
+    found = ms.read(write(tmp_path / "a.csv", f"Time [s],{heads}", np.arange(400) / 100, *noise))
+    assert found.output_dofs == labels
+
+
 def test_two_records_are_no_pair_of_parts() -> None:
     """A causal response has its energy at positive times; of two records half lies on either side."""
     rng = np.random.default_rng(0)

@@ -23,6 +23,8 @@ from tests.signals.doctor.roving import Roving, roving
 from tests.support import measured, random_system
 
 DT = chain5().dt
+#: Resonances in Hz, apart.
+GRID = np.array([50.0, 110, 180, 260, 350, 450])
 
 
 def hits(place: int, count: int = 2, samples: int = 1024, noise: float = 1e-3, seed: int = 0) -> ms.Signals:
@@ -268,6 +270,7 @@ def _responses(*amplitudes: list[float]) -> list[ms.FrequencyResponse]:
     [
         (([1.0, 1.0], [1.0, 0.5]), 2),  # two resonances that differ by a third tell little
         (([1.0, 1.0], [1.0, 0.9]), 1),  # but that they agree is no chance
+        (([1.0], [0.95]), 2),  # at one resonance it may be
         (([1.0, -1.0, 1.0, 1.0, 1.0], [1.0, 1.0, -1.0, 1.0, 1.0]), 2),
         (([1.0] * 3, [1.02] * 3), 1),
         (([1.0] * 5, [1.3, 0.7, 1.3, 0.7, 1.3]), 1),  # near one place, and five resonances are enough
@@ -281,6 +284,15 @@ def test_names_of_files_say_the_places_unless_data_show_one(amplitudes: tuple[li
     assert ("the names of the files say" in notes[0].text) == (places == 2)
     assert ("If places: --input-dofs P1 P2" in notes[0].text) == (places == 1)
     assert label_by_place(parts, ["a", "b"])[0][0].input_dofs != ("P1",)
+
+
+def test_hyphens_that_may_be_signs_of_directions_are_said_with_the_way_out() -> None:
+    parts = _responses([1.0, -1.0], [1.0, 1.0])
+    said = {"": ("P1:-Z", "P2:-Z"), "unsigned": ("P1:+Z", "P2:+Z")}
+    named, (note,) = label_by_place(parts, ["P1-Z", "P2-Z"], said=said)
+    assert [part.input_dofs for part in named] == [("P1:-Z",), ("P2:-Z",)]
+    assert "if the hyphens are no signs: --input-dofs P1:+Z P2:+Z" in note.text
+    assert "hyphens" not in label_by_place(parts, ["P1-Z", "P2-Z"], 3, said)[1][0].text  # a file was left out
 
 
 def test_names_say_which_of_the_two_moved() -> None:
@@ -297,6 +309,40 @@ def test_names_say_which_of_the_two_moved() -> None:
         for p in parts
     ]
     assert label_by_place(wide, ["acc1", "acc2"], said={"output": ("acc1", "acc2")})[0][0].output_dofs == ("a", "b")
+
+
+@pytest.mark.parametrize(
+    ("shift", "apart", "refused"), [(0.02, 0.3, True), (0.02, 0.0, False), (0.0, 0.3, False), (0.0, 0.0, False)]
+)
+def test_files_whose_resonances_shift_are_asked_about_before_they_are_averaged(
+    shift: float, apart: float, refused: bool
+) -> None:
+    f = np.linspace(20, 500, 2401)
+    sizes = np.cos(np.arange(6)) * apart
+    of = [
+        np.sum([a * g**2 / (g**2 - f**2 + 0.02j * g * f) for a, g in zip(1 + s, g0, strict=True)], axis=0)
+        for s, g0 in ((-sizes, GRID), (sizes, GRID * (1 + shift * np.cos(3 * np.arange(6)))))
+    ]
+    parts = [ms.FrequencyResponse(frequencies=f, values=h[:, None, None]) for h in of]
+    if not refused:
+        labelled, (note,) = label_by_place(parts, ["P1", "P2"])
+        assert len({part.input_dofs for part in labelled}) == 1
+        assert ("if structures of their own: --each" in note.text) == bool(shift or apart)
+        return
+    with pytest.raises(
+        ms.DataError, match=r"resonances shift from file to file .* amplitudes at 6 resonances differ"
+    ) as error:
+        label_by_place(parts, ["P1", "P2"], said={"": ("P1", "P2")})
+    assert error.value.args[0].endswith(
+        "--each; if one place: --input-dofs 1; if places: --input-dofs P1 P2; if the sensor moved: --output-dofs 1 2"
+    )
+
+
+@pytest.mark.slow
+def test_a_measured_beam_with_other_masses_in_every_file_is_asked_about() -> None:
+    paths = sorted(measured("beam_masses", "P-1.txt").parent.glob("P-*.txt"))
+    with pytest.raises(ms.DataError, match="one line shape gives 81 % of their energy"):
+        ms.analyze(paths)
 
 
 def test_runs_by_their_names_are_one_place_where_few_resonances_differ() -> None:

@@ -18,7 +18,7 @@ _MAX_OFF_GRID = 0.02
 #: Relative difference up to which rates are equal: headers are rounded.
 _SAME_RATE = 1e-3
 #: Steps longer than this times the usual one lack samples; of a clock as coarse as the steps only if they are fewer than this share.
-_STEPS_OF_GAP, _MAX_SHARE_OF_GAPS = 1.9, 0.01
+STEPS_OF_GAP, _MAX_SHARE_OF_GAPS = 1.9, 0.01
 #: Seconds since 1970 in the years 1990 and 2100: no test lasts as many milliseconds.
 _EPOCH = (631152000.0, 4102444800.0)
 #: Times counted from long ago lose digits: the grain is that of what follows the whole seconds.
@@ -119,9 +119,14 @@ def in_epoch(times: Array) -> bool:
     >>> in_epoch(np.array([1.7e9, 1.7e9 + 1])), in_epoch(np.array([0.0, 1.0]))
     (True, False)
     """
+    return _parts_since_1970(times) > 0
+
+
+def _parts_since_1970(times: Array) -> float:
+    """Return in which parts of a second numbers count from 1970: 1, 1e3, 1e6 or 1e9; 0 of others."""
     low, high = _EPOCH
     ends = times[[0, -1]].astype(float) if times.size else np.zeros(2)
-    return any(bool(np.all((low * parts < ends) & (ends < high * parts))) for parts in (1.0, *_PARTS_OF_SECOND))
+    return next((p for p in (1.0, *_PARTS_OF_SECOND) if np.all((low * p < ends) & (ends < high * p))), 0.0)
 
 
 def parts_of_second(times: RealArray, rate: float | None = None) -> float:
@@ -139,11 +144,9 @@ def parts_of_second(times: RealArray, rate: float | None = None) -> float:
     >>> parts_of_second(np.array([0.0, 10.0])), parts_of_second(np.array([0.0, 10.0]), rate=1e5)
     (1000.0, 1000000.0)
     """
-    low, high = _EPOCH
-    ends = times[[0, -1]] if times.size else np.zeros(2)
-    since = next((parts for parts in _PARTS_OF_SECOND if np.all((low * parts < ends) & (ends < high * parts))), 1.0)
+    since = _parts_since_1970(times)
     if since > 1 or times.size < 2:
-        return since
+        return max(since, 1.0)
     with np.errstate(all="ignore"):
         step = float(np.median(np.diff(times)))
     if not 0 < step < np.inf:
@@ -199,10 +202,18 @@ def sampling_of(times: RealArray) -> Sampling:
     return Sampling(roundest(rate, doubt + CLOCK_ACCURACY * rate), doubt, off / step)
 
 
+def even_sampling(times: RealArray) -> Sampling | None:
+    """Return the sampling of times; None where they are not even."""
+    try:
+        return sampling_of(times)
+    except DataError:
+        return None
+
+
 def _has_gaps(steps: RealArray, grain: float) -> bool:
     """Whether some steps are so long that samples are missing in them."""
     usual = float(np.median(steps))
-    long = steps > _STEPS_OF_GAP * usual
+    long = steps > STEPS_OF_GAP * usual
     return bool(usual > 0 and long.any() and (grain < 0.4 * usual or long.mean() < _MAX_SHARE_OF_GAPS))
 
 
@@ -262,12 +273,8 @@ def with_rows(table: Table, asked: object) -> Table:
         remedy = f"Give the first and the last row: --rows 1-{table.rows}"
         raise DataError(f"rows {str(asked)[:40]!r} of {table.where} were asked", fault, remedy)
     columns = tuple(replace(column, values=column.values[first - 1 : last]) for column in table.columns)
-    return replace(
-        table,
-        columns=columns,
-        first_row=first,
-        notes=(*table.notes, f"rows {first} to {last} of {table.rows} were taken"),
-    )
+    note = f"rows {first} to {last} of {table.rows} were taken"
+    return replace(table, columns=columns, first_row=first, notes=(*table.notes, note))
 
 
 def check_numbers(table: Table, columns: Sequence[Column]) -> None:
@@ -309,11 +316,8 @@ def longest_even(times: RealArray) -> tuple[int, int] | None:
     steps = np.diff(times)
     first, last = longest_stretch(np.abs(steps - np.median(steps)) < _STEP_TOLERANCE * np.median(steps))
     last += 1  # of so many steps one row more
-    try:
-        sampling_of(times[first - 1 : last])
-    except DataError:
-        return None
-    return (first, last) if last - first >= _MIN_SHARE_OF_ROWS * len(times) else None
+    long = last - first >= _MIN_SHARE_OF_ROWS * len(times)
+    return (first, last) if long and even_sampling(times[first - 1 : last]) else None
 
 
 def records_of(times: RealArray) -> list[tuple[int, int]]:
@@ -328,11 +332,9 @@ def records_of(times: RealArray) -> list[tuple[int, int]]:
     parts = list(zip([0, *ends[:-1]], ends, strict=True))
     if not 1 < len(parts) <= _MOST_RECORDS or min(end - start for start, end in parts) < _MIN_ROWS_OF_RECORD:
         return []
-    try:
-        rates = [sampling_of(times[start:end]).rate for start, end in parts]
-    except DataError:
-        return []
-    return [(start + 1, end) for start, end in parts] if all(same_rate(rate, rates[0]) for rate in rates) else []
+    found = [even_sampling(times[start:end]) for start, end in parts]
+    alike = found[0] is not None and all(each and same_rate(each.rate, found[0].rate) for each in found)
+    return [(start + 1, end) for start, end in parts] if alike else []
 
 
 def longest_stretch(whole: BoolArray) -> tuple[int, int]:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from modalscope.data.shown import list_some, percent
+from modalscope.io.columns.lines import part_of
 from modalscope.io.columns.table import Column, Table, as_word
 from modalscope.numerics.checks import Array, IntArray
 
@@ -15,6 +16,8 @@ from modalscope.numerics.checks import Array, IntArray
 _MAX_ENDS = 64
 #: Part of the rows between its first and its last number in which a channel of another, slower clock is blank, at least.
 _MIN_BLANK = 0.5
+#: Columns that a remedy names, at most.
+_MAX_NAMED = 6
 
 
 def with_least_lost(
@@ -84,10 +87,14 @@ def _of_rows(table: Table, columns: Sequence[Column], filled: Array, taken: Arra
     short = [c for c, row, take in zip(columns, filled, taken, strict=True) if take and not row.all()]
     above = table.first_row - 1
     which = f"rows {above + start + 1} to {above + stop} of {above + rows} are taken, {percent(lost / rows)} are lost"
-    if not short or len(short) == taken.sum():
+    parts = {c.number: part_of(c.name) for c in columns}
+    bases = {part[0] for c in short if (part := parts[c.number])}
+    whole = [c for c in columns if c in short or ((part := parts[c.number]) and part[0] in bases)]  # both parts
+    if not short or len(whole) >= taken.sum():
         return [f"{which}: the others are blank"]
-    words = " ".join(as_word(column.label) for column in short[:6])
-    return [f"{which}: {_listed(short)} blank in the others (all rows without: --ignore {words})"]
+    words = " ".join(f"--ignore {as_word(column.label)}" for column in whole)
+    way = f" (all rows without: {words})" if len(whole) <= _MAX_NAMED else ""
+    return [f"{which}: {_listed(short)} blank in the others{way}"]
 
 
 def _of_channels(table: Table, columns: Sequence[Column], left: dict[int, str], option: str) -> list[str]:
@@ -97,10 +104,9 @@ def _of_channels(table: Table, columns: Sequence[Column], left: dict[int, str], 
         if column.number in left:
             have = int(np.count_nonzero(~np.isnan(column.values)))
             lost = percent((table.rows - have) / table.rows)
-            notes.append(
-                f"{column} is left: with it {lost} of the rows would be lost, {have} of {table.rows} have it"
-                + (f' (to take it: --columns "{option}")' if have else "")
-            )
+            way = f' (to take it: --columns "{option}")' if have else ""
+            said = f"{column} is left: with it {lost} of the rows would be lost, {have} of {table.rows} have it"
+            notes.append(said + way)
     return notes
 
 

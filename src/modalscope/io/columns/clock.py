@@ -15,12 +15,10 @@ import numpy as np
 
 from modalscope.data import DataError
 from modalscope.data.shown import counted
-from modalscope.io.columns.axis import longest_stretch, rises, roundest, sampling_of
+from modalscope.io.columns.axis import STEPS_OF_GAP, even_sampling, longest_stretch, rises, roundest
 from modalscope.io.columns.table import Column
 from modalscope.numerics.checks import RealArray, check_positive
 
-#: Steps longer than this times the usual one lack samples.
-_STEPS_OF_GAP = 1.9
 #: Resampling without being asked: largest loss of the motion (-30 dB), and least share of the rows.
 _MAX_LOSS, _MIN_SHARE_OF_ROWS = 0.03, 0.8
 #: Gaps that are filled: largest loss of the motion, share of the samples that are missing, and gaps of as many samples that are tried.
@@ -70,21 +68,18 @@ def clock_of(times: RealArray) -> Clock:
     """
     steps = np.diff(times)
     usual = float(np.median(steps))
-    places = np.flatnonzero(steps > _STEPS_OF_GAP * usual) + 1
+    places = np.flatnonzero(steps > STEPS_OF_GAP * usual) + 1
     missing = [round(float(steps[place - 1]) / usual) - 1 for place in places]
     k = np.arange(times.size, dtype=float)
     for place, count in zip(places, missing, strict=True):
         k[place:] += count
     k /= max(k[-1], 1.0)
-    line, _ = np.polynomial.Polynomial.fit(
-        k, times, 2, full=True
-    )  # without warning of gaps beside which all else is a point
+    line, _ = np.polynomial.Polynomial.fit(k, times, 2, full=True)  # no warning of gaps beside which all is a point
     off = times - line(k)
     first, second = line.deriv()(np.array([0.25, 0.75]))
     drift = float(second / first - 1)
-    return Clock(
-        usual, float(np.sqrt(np.mean(off**2))) / usual, drift, tuple(zip(map(int, places), missing, strict=True))
-    )
+    gaps = tuple(zip(places.tolist(), missing, strict=True))
+    return Clock(usual, float(np.sqrt(np.mean(off**2))) / usual, drift, gaps)
 
 
 def longest_without_gap(clock: Clock, rows: int) -> tuple[int, int]:
@@ -160,7 +155,7 @@ def evened(
     Raises `DataError`: times that do not increase where resampling was asked, a rate above that of the samples.
     """
     rate_asked = None if asked in (None, "auto") else check_positive("resample", asked)
-    if rate_asked is None and _is_even(times):
+    if rate_asked is None and even_sampling(times):
         return axis, channels, []
     usable = times.size >= _MIN_ROWS and bool(np.isfinite(times).all()) and rises(times)
     usable = usable and np.diff(times).min() >= _SHORTEST_STEP and times[-1] - times[0] <= _LONGEST
@@ -174,10 +169,9 @@ def evened(
     every = np.stack([c.values for c in channels], axis=1).astype(float)
     filled = bool(clock.gaps) and _lost_in_gaps(every, [count for _, count in clock.gaps]) <= _MAX_LOSS_IN_GAPS
     first, last = (1, times.size) if filled else longest_without_gap(clock, times.size)
-    part, rows = slice(first - 1, last), f"{first}-{last}"
     if asked is None and last - first + 1 < _MIN_SHARE_OF_ROWS * times.size:
         return axis, channels, []
-    stretch, samples = times[part], every[part]
+    stretch, samples = times[first - 1 : last], every[first - 1 : last]
     # the usual step may be rounded; the mean one is that of the samples and of those that are missing between them
     mean = float(np.ptp(stretch)) / (stretch.size - 1 + filled * sum(count for _, count in clock.gaps))
     usual = clock.step if abs(mean - clock.step) <= _COARSER * mean else mean
@@ -189,29 +183,14 @@ def evened(
         return replace(axis, values=np.arange(times.size) / rate, unit="s", stamps=False), channels, [said]
     values, lost = resampled(stretch, samples, rate)
     # the clock alone is uneven where samples on an even grid are clearly smoother
-    even_samples = not steady and _missed(np.arange(stretch.size, dtype=float), samples) < _SMOOTHER * _missed(
-        stretch, samples
-    )
+    evenly = np.arange(stretch.size, dtype=float)
+    even_samples = not steady and _missed(evenly, samples) < _SMOOTHER * _missed(stretch, samples)
     if asked is None and (even_samples or not lost <= _MAX_LOSS):
         return axis, channels, []
-    share = (
-        "not known: there is motion near half the sampling rate"
-        if np.isnan(lost)
-        else f"{100 * lost:.2g} % of the motion"
-    )
+    unknown = "not known: there is motion near half the sampling rate"
+    share = unknown if np.isnan(lost) else f"{100 * lost:.2g} % of the motion"
     notes = [f"times are uneven ({clock}): resampled to {rate:.6g} Hz by cubic splines; what is lost is {share}"]
-    notes += (
-        [f"rows {rows} of {times.size} were taken, the longest stretch without a gap"]
-        if clock.gaps and not filled
-        else []
-    )
+    if clock.gaps and not filled:
+        notes.append(f"rows {first}-{last} of {times.size} were taken, the longest stretch without a gap")
     even = replace(axis, values=np.arange(len(values)) / rate, unit="s", stamps=False)
     return even, [replace(c, values=values[:, k]) for k, c in enumerate(channels)], notes
-
-
-def _is_even(times: RealArray) -> bool:
-    try:
-        sampling_of(times)
-    except DataError:
-        return False
-    return True

@@ -10,12 +10,11 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from modalscope.data import DataError, FrequencyResponse
-from modalscope.data.geometry import label_of
 from modalscope.data.units import plain_unit
 from modalscope.io.arrays import joined
 from modalscope.io.columns.table import Column, Table, as_word, span
 from modalscope.io.columns.vocabulary import COLUMNS, MAX_CHARACTERS, folded, meanings_of
-from modalscope.io.columns.words import factor_to_base, kind_of_unit
+from modalscope.io.columns.words import factor_to_base, kind_of_unit, labels_of
 from modalscope.io.contents import needs
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
@@ -147,12 +146,8 @@ def parts_of_responses(
     groups = _by_place([c for c in columns if option_roles.get(c.number) in _FAMILY_OF_PART], option_roles)
     rest = [c for c in columns if option_roles.get(c.number) not in _FAMILY_OF_PART]
     named = _by_stem(rest, roles)
-    alone = {
-        part
-        for parts in named.values()
-        for part in parts
-        if _OTHER_PART.get(part, part) not in parts and part in _OTHER_PART
-    }
+    halves = [(part, parts) for parts in named.values() for part in parts if part in _OTHER_PART]
+    alone = {part for part, parts in halves if _OTHER_PART[part] not in parts}
     if alone and all(_other_count(named, part) for part in alone):
         named = {key: parts for key, parts in named.items() if not set(parts) & set(_OTHER_PART)}
         named |= _by_place([c for c in rest if roles.get(c.number) in _OTHER_PART], roles)
@@ -170,9 +165,8 @@ def _is_whole(parts: Parts) -> bool:
 
 def _other_count(groups: Mapping[tuple[str, int], Parts], part: str) -> bool:
     """Whether there are as many columns of a part as of its other."""
-    return sum(part in parts for parts in groups.values()) == sum(
-        _OTHER_PART[part] in parts for parts in groups.values()
-    )
+    these, others = ([each in parts for parts in groups.values()] for each in (part, _OTHER_PART[part]))
+    return sum(these) == sum(others)
 
 
 def _by_stem(columns: Sequence[Column], roles: Mapping[int, str]) -> dict[tuple[str, int], Parts]:
@@ -229,22 +223,22 @@ def frequency_response(
     Raises `DataError`: magnitudes without phases, a part without its other, an unknown unit of phases, pairs that make no matrix.
     """
     groups = parts_of_responses(columns, roles, option_roles)
+    pairs = _pairs_of([f"{base} {place + 1}" if base and place else base for base, place in groups])
     notes: list[str] = []
     used: dict[int, str] = {}
     responses: Responses = {}
     coherences: list[tuple[str, Column]] = []
-    for (base, place), parts in groups.items():
+    for ((base, _), parts), (out, into) in zip(groups.items(), pairs, strict=True):
         if set(parts) == {"coh"}:
             coherences.append((base, parts["coh"]))
             continue
-        pair = _pair_of(f"{base} {place + 1}" if base and place else base, len(responses) + 1)
         values = _values(table, parts, notes)
         if values is None and set(parts) == {"mag"} and any(_is_whole(other) for other in groups.values()):
             continue  # a magnitude beside complex values adds nothing to them
         if values is None:
             raise _incomplete(table, axis, parts, groups, option_roles)
         first = next(iter(parts.values()))
-        responses[pair] = (values, _unit_pair(first.unit))
+        responses[out or f"y{len(responses) + 1}", into] = (values, _unit_pair(first.unit))
         used |= {column.number: "" for column in parts.values()}
         coherences += [(base, parts["coh"])] if "coh" in parts else []
     if len(responses) > 1 and {into for _, into in responses} == {_ONLY_INPUT}:
@@ -267,13 +261,15 @@ def frequency_response(
     return thing, notes, unused
 
 
-def _pair_of(base: str, count: int) -> tuple[str, str]:
-    """Return output and input of a name such as `H(3Z/1Z)`; without a pair every name is an output of one input."""
-    bare = _PREFIX.sub("", base).strip(" )(") or base
-    match = _PAIR.match(bare)
-    if match and (kind_of_unit(match["in"]) == "" or match["in"].isdecimal()):
-        return label_of(match["out"].strip()), label_of(match["in"].strip())
-    return label_of(base) if base else f"y{count}", _ONLY_INPUT
+def _pairs_of(bases: Sequence[str]) -> list[tuple[str, str]]:
+    """Return output and input of names such as `H(3Z/1Z)`; without a pair every name is an output of one input."""
+    sides: list[str] = []
+    for base in bases:
+        match = _PAIR.match(_PREFIX.sub("", base).strip(" )(") or base)
+        paired = match and (kind_of_unit(match["in"]) == "" or match["in"].isdecimal())
+        sides += [match["out"].strip(), match["in"].strip()] if match and paired else [base, _ONLY_INPUT]
+    labels = labels_of(sides)
+    return list(zip(labels[::2], labels[1::2], strict=True))
 
 
 def _values(table: Table, parts: Parts, notes: list[str]) -> Array | None:

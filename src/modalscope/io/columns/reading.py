@@ -266,13 +266,11 @@ def _may_be_phases(phases: Sequence[Array]) -> bool:
     """Whether values lie within a turn in degrees or radians, and each goes through most of a half of it, one beyond what is no angle."""
     ends = np.array([(values.min(), values.max()) for values in phases])
     reach = np.abs(ends).max(axis=1)
-    return any(
-        bool(
-            np.any((ends[:, 0] < 0) | (ends[:, 1] > 1.2 * half))
-            and np.all((0.6 * half < reach) & (reach <= 2 * half + 0.01))
-        )
-        for half in (np.pi, 180.0)
-    )
+    for half in (np.pi, 180.0):
+        beyond = np.any((ends[:, 0] < 0) | (ends[:, 1] > 1.2 * half))
+        if beyond and np.all((0.6 * half < reach) & (reach <= 2 * half + 0.01)):
+            return True
+    return False
 
 
 def _log_causal(shares: RealArray) -> float:

@@ -10,10 +10,10 @@ import numpy as np
 
 from modalscope.data import DataError, ImpulseResponse, Signals
 from modalscope.data.channels import names_base
-from modalscope.data.geometry import label_of
 from modalscope.io.columns.axis import (
     CLOCK_ACCURACY,
     Sampling,
+    even_sampling,
     longest_even,
     parts_of_second,
     records_of,
@@ -24,7 +24,7 @@ from modalscope.io.columns.axis import (
 from modalscope.io.columns.clock import evened
 from modalscope.io.columns.table import Column, Table, as_word, span
 from modalscope.io.columns.weights import likeliest_force
-from modalscope.io.columns.words import factor_to_base, ignored_columns, kind_of_unit
+from modalscope.io.columns.words import factor_to_base, ignored_columns, kind_of_unit, labels_of
 from modalscope.io.contents import Options, needs, unreadable
 from modalscope.numerics.checks import RealArray, check_positive
 from modalscope.numerics.functions.poles import QUANTITIES
@@ -57,10 +57,8 @@ def records(
         rising = [c.number for c in table.columns if c not in wrong and not c.textual and rises(c.values)]
         remedy = f'Say which it is: --columns "frequency={rising[0]}"' if rising else "Export them in a column with it."
         raise needs(table.where, "frequencies of the complex values", fault, remedy)
-    spectra = (
-        [column for column in channels if roles[column.number] == "spectrum"] if options.get("columns") is None else []
-    )
-    if spectra:
+    spectra = [column for column in channels if roles[column.number] == "spectrum"]
+    if spectra and options.get("columns") is None:
         in_decibels = " in dB" if np.min(spectra[0].values) < 0 else ""  # powers and magnitudes are never negative
         fault = f"{spectra[0]} is by its name a spectrum{in_decibels}: the phase between signals is gone"
         waveform = "the waveform that it was computed from, or frequency responses with real and imaginary parts"
@@ -92,8 +90,8 @@ def records(
         inputs=_stacked(forces) if forces else None,
         sampling_rate=rate,
         quantities=tuple(kind if (kind := kind_of_unit(column.unit)) in QUANTITIES else None for column in others),
-        output_dofs=tuple(_labels(others, notes)),
-        input_dofs=tuple(_labels(forces, notes)),
+        output_dofs=tuple(_labels(others, channels, notes)),
+        input_dofs=tuple(_labels(forces, channels, notes)),
         units=(tuple(column.unit for column in others), tuple(column.unit for column in forces)),
     )
     return thing, notes, twice
@@ -151,9 +149,11 @@ def _stacked(columns: Sequence[Column]) -> Any:
     return np.stack([column.values for column in columns], axis=1).astype(float)
 
 
-def _labels(columns: Sequence[Column], notes: list[str]) -> list[str]:
-    """Return a label a column; names that repeat get their place behind them."""
-    bare = [label_of(column.label.removeprefix("out ").removeprefix("in ")) for column in columns]
+def _labels(columns: Sequence[Column], channels: Sequence[Column], notes: list[str]) -> list[str]:
+    """Return a label for each of the columns among all channels; names that repeat get their place behind them."""
+    labels = labels_of([column.label.removeprefix("out ").removeprefix("in ") for column in channels])
+    by_number = {column.number: label for column, label in zip(channels, labels, strict=True)}
+    bare = [by_number[column.number] for column in columns]
     twice = {label for label in bare if bare.count(label) > 1}
     if twice:
         notes.append(f"names that repeat have the number of their column behind them: {', '.join(sorted(twice)[:6])}")
@@ -166,11 +166,8 @@ def _refuse_two_clocks(table: Table, axis: Column, others: Sequence[Column]) -> 
     """Raise where another column of times is as even as the first and gives another rate."""
     first = sampling_of(seconds_of(axis))
     for other in others:
-        try:
-            sampling = sampling_of(seconds_of(other))
-        except DataError:
-            continue
-        if not same_rate(first.rate, sampling.rate, first.doubt + sampling.doubt):
+        sampling = even_sampling(seconds_of(other))
+        if sampling and not same_rate(first.rate, sampling.rate, first.doubt + sampling.doubt):
             fault = f"the times of {axis} say {first.rate:.6g} Hz, those of {other} {sampling.rate:.6g} Hz"
             remedy = f"Leave out which is wrong: --ignore {as_word(axis.label)}, or --ignore {as_word(other.label)}"
             raise needs(table.where, "one column of times", fault, remedy)
@@ -225,9 +222,8 @@ def _with_seconds(table: Table, axis: Column, options: Options) -> tuple[Column,
 
 def _no_rate(first: Column, remedy: str) -> tuple[str, str]:
     """Return fault and remedy of a table without times: a rate, but not where its first column rises as lines of a spectrum do."""
-    steps = (
-        np.diff(first.values.astype(float)) if not first.textual and len(first.values) >= _MIN_RISING else np.zeros(1)
-    )
+    long = not first.textual and len(first.values) >= _MIN_RISING
+    steps = np.diff(first.values.astype(float)) if long else np.zeros(1)
     if np.mean(steps >= 0) <= _MIN_SHARE_RISING or np.ptp(steps) <= 0.5 * steps.mean():
         return "no column is of times, and no header says a rate", remedy
     rise = f"{first} rises, by {steps.min():.6g} to {steps.max():.6g}"

@@ -77,11 +77,11 @@ def _rows_of(names: Array) -> list[tuple[str, IntArray]]:
 
 def _clock(numbers: Sequence[Column], rows: Sequence[tuple[str, IntArray]]) -> Column | None:
     """Return the column of times: one that rises in every sensor's rows, by its name or, without one, the first such."""
-    rising = [
-        c
-        for c in numbers
-        if all(goes_one_way(c.values[each]) and c.values[each[-1]] > c.values[each[0]] for _, each in rows)
-    ]
+
+    def rises(times: Array) -> bool:
+        return goes_one_way(times) and bool(times[-1] > times[0])
+
+    rising = [c for c in numbers if all(rises(c.values[each]) for _, each in rows)]
     return next((c for c in rising if role_by_words(c.name, c.unit) == "time"), next(iter(rising), None))
 
 

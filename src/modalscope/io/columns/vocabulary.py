@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Sequence
 from functools import cache
 
 #: Meaning of a column -> words of its name.
@@ -104,6 +105,12 @@ COUNTED = {
 LETTERS = {"t": "time", "T": "time", "X_Value": "time", "x_value": "time", "f": "frequency", "F": "force"}
 LETTERS |= dict.fromkeys(("n", "N", "k", "i"), "index")
 
+_DIRECTION = r"R?[XYZxyz](?![^\W_])"
+#: A hyphen straight between number and direction, which parts them or is a sign; a direction that has none; hyphens that part more of a
+#: name; and a sign in brackets.
+_HYPHEN, _WITHOUT = re.compile(rf"(?<=\d)-(?=({_DIRECTION}))"), re.compile(rf"\d(?:[\s_:+]+-?)?{_DIRECTION}")
+_PARTS, _BRACKETS = re.compile(rf"[^\W_]-\d+-{_DIRECTION}"), re.compile(rf"(?<=\d)\s*\(([+-]{_DIRECTION})\)")
+
 _WORD = re.compile(r"[A-ZÀ-Þ]?[a-zà-ÿ]+|[A-ZÀ-Þ]+(?![a-zà-ÿ])|\d+|#")
 _WORDS = {word: meaning for meaning, words in COLUMNS.items() for word in words.split()}
 _KEYS = sorted(
@@ -123,6 +130,26 @@ def folded(text: str) -> str:
     'koharenz e'
     """
     return "".join((unicodedata.normalize("NFKD", letter)[:1] or letter).lower()[:1] or letter for letter in text)
+
+
+def parted(names: Sequence[str]) -> tuple[list[str], bool]:
+    """Return names with a colon before directions whose hyphen parts them from a number, or which stand in brackets; and a doubt.
+
+    Hyphens part where they part more of every name (`sensor-3-Z`), or several axes are named and all have one (`1-X`, `1-Y`). They are
+    signs where a direction has none (`1Z`), another sign or another separator. Else they are taken as signs, in doubt.
+
+    Examples
+    --------
+    >>> parted(["1-X", "1-Y"]), parted(["P1Z", "P2-Z"]), parted(["P1-Z", "P2-Z"]), parted(["1(-Z)"])
+    ((['1:X', '1:Y'], False), (['P1Z', 'P2-Z'], False), (['P1-Z', 'P2-Z'], True), (['1:-Z'], False))
+    """
+    names = [_BRACKETS.sub(r":\1", name[:MAX_CHARACTERS]) for name in names]
+    axes = {axis.upper() for name in names for axis in _HYPHEN.findall(name)}
+    if not axes or any(_WITHOUT.search(name) for name in names):
+        return names, False
+    if len(axes) > 1 or all(_PARTS.search(name) for name in names):
+        return [_HYPHEN.sub(":", name) for name in names], False
+    return names, True
 
 
 @cache

@@ -12,9 +12,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from modalscope.data import DataError
 from modalscope.data.units import plain_unit
-from modalscope.io.columns.axis import in_epoch, nearly_even, rises, sampling_of
+from modalscope.io.columns.axis import even_sampling, in_epoch, nearly_even, rises
 from modalscope.io.columns.table import Column
 from modalscope.io.columns.vocabulary import INPUTS, OUTPUTS, VOLTAGES, VOLTS, meanings_of, words_of
 from modalscope.io.columns.words import UNITS_OF_TURNS, kind_of_unit
@@ -30,15 +29,8 @@ _OF_WORDS = {
     "trigger": ("ignore", WORD), "sensor": ("out", HINT + 1), "other": ("ignore", WORD + 2), "spectrum": ("spectrum", 2 * SURE),
     "real": ("real", WORD), "imag": ("imag", WORD), "mag": ("mag", WORD), "phase": ("phase", WORD), "coh": ("coh", WORD),
 }  # fmt: skip
-_VIBRATIONS = {
-    "acceleration": 8.0,
-    "velocity": 8.0,
-    "displacement": 8.0,
-    "strain": 8.0,
-    "pressure": 6.0,
-    "angle": 6.0,
-    "voltage": 2.0,
-}
+_VIBRATIONS = dict.fromkeys(("acceleration", "velocity", "displacement", "strain"), 8.0)
+_VIBRATIONS |= {"pressure": 6.0, "angle": 6.0, "voltage": 2.0}
 #: Share of the steps of times that turn back, at most: half way from a clock (none) to a vibration (every second one).
 _MAX_SHARE_OF_TURNS = 0.25
 #: A step (s) below which lines never lie, in Hz, and a frequency (Hz) below which no band of lines ends: the slowest towers sway in 10 s.
@@ -155,11 +147,8 @@ def of_name(column: Column) -> Iterator[tuple[str, float, str]]:
             kind, weight = _OF_WORDS[meaning]
             if kind in ("time", "frequency"):
                 yield ("frequency" if kind == "time" else "time"), -WORD, ""
-            yield (
-                kind,
-                weight,
-                f"{column.unit or word} is no vibration" if kind == "ignore" else f"its name says {word!r}",
-            )
+            why = f"{column.unit or word} is no vibration" if kind == "ignore" else f"its name says {word!r}"
+            yield kind, weight, why
     words = column.name.split()
     if not meanings & {"force", "time"} and len(words) > 1 and words[0].lower() == "in":
         yield "in", WORD, "its name says 'in'"
@@ -261,10 +250,8 @@ def counts_rows(values: Array) -> bool:
 
 def _counts(values: Array) -> bool:
     """Whether values count rows, also such that begin anew or skip, as frames do."""
-    if counts_rows(values):
-        return True
-    if not np.array_equal(values, np.rint(values)):
-        return False
+    if counts_rows(values) or not np.array_equal(values, np.rint(values)):
+        return counts_rows(values)
     with np.errstate(all="ignore"):
         return len(values) >= _MIN_ROWS and bool(np.mean(np.diff(values.astype(float)) == 1) > 0.9)
 
@@ -279,10 +266,8 @@ def even_step(values: Array) -> float:
     """
     if np.iscomplexobj(values) or values.size < 3 or not np.isfinite(values).all():
         return 0.0
-    try:
-        return 1 / sampling_of(values.astype(float)).rate
-    except DataError:
-        return 0.0
+    sampling = even_sampling(values.astype(float))
+    return 0.0 if sampling is None else 1 / sampling.rate
 
 
 def _only(values: Array, allowed: tuple[float, ...]) -> bool:
@@ -295,9 +280,8 @@ def _stands_still(values: Array) -> bool:
     if finite.size < _MIN_ROWS:
         return False
     middle = np.median(finite)
-    far = np.abs(finite - middle) > _FAULTY * np.quantile(np.abs(finite - middle), 0.99) + _FAULTY * np.spacing(
-        abs(middle)
-    )
+    off = np.abs(finite - middle)
+    far = off > _FAULTY * (np.quantile(off, 0.99) + np.spacing(abs(middle)))
     if far.mean() < _MAX_SHARE_OF_FAULTS and not np.any(far[1:] & far[:-1]):  # a hit lasts longer
         finite = finite[~far]
     with np.errstate(over="ignore", invalid="ignore"):
@@ -309,9 +293,8 @@ def _stands_still(values: Array) -> bool:
 
 def _is_spectrum_like(values: Array) -> bool:
     """Whether values are never negative and span a range as magnitudes of spectra do; vibrations take both signs, or lie about a mean."""
-    return len(values) >= _MIN_ROWS and bool(
-        0 <= values.min() < 0.1 * values.max() and np.median(values) < 0.3 * values.max()
-    )
+    most = values.max(initial=0.0)
+    return bool(len(values) >= _MIN_ROWS and 0 <= values.min() < 0.1 * most and np.median(values) < 0.3 * most)
 
 
 Relation = tuple[Column, str, float, str]
@@ -355,9 +338,8 @@ def _of_drives(columns: Sequence[Column], weights: dict[int, Weights]) -> Iterat
         bare, forces = _is_bare_voltage(column.name), [c for c in every if c is not column]
         voltage = kind_of_unit(column.unit) == "voltage" or (bare and not column.unit and bool(column.name))
         bare = bare or {word for word in words_of(column.name) if not word.isdecimal()} <= OUTPUTS
-        measured = (voltage or _says_volts(column)) and any(
-            kind_of_unit(c.unit) == "force" or not _says_volts(c) for c in forces
-        )
+        answered = any(kind_of_unit(c.unit) == "force" or not _says_volts(c) for c in forces)
+        measured = answered and (voltage or _says_volts(column))
         drives = "drive" in weights[column.number].sums or (measured and _is_force(weights[column.number]))
         named = drives and (voltage or not kind_of_unit(column.unit))
         others = [c for c in outs if c is not column]
@@ -386,17 +368,15 @@ def _answers(column: Column, force: Column, sensors: Sequence[Column]) -> bool:
     levels = np.log(np.stack([part.mean(axis=1) for part in bands], axis=1) + np.finfo(float).tiny)
     own, *others = levels[[0, *range(2, len(channels))]] - levels[1]
     likeness = [np.corrcoef(own, other)[0, 1] for other in others]
-    return max(likeness) > _MIN_LIKENESS and float(levels[0].std()) > _MIN_LIKENESS * float(
-        levels[2:].std(axis=1).min()
-    )
+    spreads = levels.std(axis=1)
+    return max(likeness) > _MIN_LIKENESS and bool(spreads[0] > _MIN_LIKENESS * spreads[2:].min())
 
 
 def _of_counters(columns: Sequence[Column]) -> Iterator[Relation]:
     """Give the columns that count rows where another rises evenly, too, which is the axis; of counters alone one from 0 or 1."""
     even = [column for column in columns if goes_one_way(_finite(column)) and even_step(_finite(column))]
-    counters = sorted(
-        (c for c in even if counts_rows(c.values) and even_step(c.values) == 1), key=lambda c: c.values[0] not in (0, 1)
-    )
+    counters = [c for c in even if counts_rows(c.values) and even_step(c.values) == 1]
+    counters.sort(key=lambda c: c.values[0] not in (0, 1))
     first = [c for c in counters[:1] if len(even) > 1 and c.values[0] in (0, 1)]
     for column in counters if len(even) > len(counters) else first:
         yield column, "time", -HINT, ""
@@ -460,9 +440,8 @@ def likeliest_force(columns: Sequence[Column]) -> tuple[Column, bool]:
     if len(examined) < 2 or len(examined[0].values) < _MIN_ROWS:
         return columns[0], False
     values = np.stack([c.values[:_MOST_ROWS].astype(float) for c in examined], axis=1)
-    values = np.ldexp(
-        values, -np.frexp(np.abs(values).max(axis=0))[1]
-    )  # squares of damaged numbers have no place in a float
+    # squares of damaged numbers have no place in a float
+    values = np.ldexp(values, -np.frexp(np.abs(values).max(axis=0))[1])
     values = values - values.mean(axis=0)
     rows = len(values)
     spectra = np.fft.rfft(values, 2 * rows, axis=0)

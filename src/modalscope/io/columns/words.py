@@ -10,9 +10,10 @@ from collections.abc import Iterable, Sequence
 from functools import cache
 
 from modalscope.data import DataError
+from modalscope.data.geometry import label_of, parse_dof
 from modalscope.data.units import FACTORS, plain_unit
 from modalscope.io.columns.table import Column
-from modalscope.io.columns.vocabulary import MAX_CHARACTERS, meanings_of, words_of
+from modalscope.io.columns.vocabulary import MAX_CHARACTERS, meanings_of, parted, words_of
 
 #: Turns or cycles a minute: of the axis frequencies, of a channel no vibration.
 UNITS_OF_TURNS = ("rpm", "RPM", "U/min", "1/min", "cpm", "CPM")
@@ -154,9 +155,8 @@ def split_head(head: str) -> tuple[str, str]:
     match = None if _ENDS_BRACKETED.match(text) else _STROKE.match(text)
     if match:
         unit = (match["round"] or match["plain"]).strip()
-        whole = plain_unit(text) in _KIND_OF_UNIT or (
-            not is_ambiguous(match["name"]) and is_unit(text)
-        )  # m/s is no column `m` in s
+        # m/s is no column `m` in s
+        whole = plain_unit(text) in _KIND_OF_UNIT or (not is_ambiguous(match["name"]) and is_unit(text))
         if is_unit(unit) and not is_ambiguous(unit) and not whole:
             return match["name"].strip(), unit
     match = None if match else _BRACKETED.match(text)
@@ -167,6 +167,11 @@ def split_head(head: str) -> tuple[str, str]:
         if match and is_unit(match["unit"]) and not is_ambiguous(match["unit"]):
             return match["name"].strip(), match["unit"].strip()
     return text, _ENDS_OF_TIMES.get((words_of(text) or ("",))[-1], "")
+
+
+def labels_of(names: Sequence[str]) -> list[str]:
+    """Return labels of the names of all channels, which together say whether hyphens before directions are signs."""
+    return [label_of(new if parse_dof(old) else old) for old, new in zip(names, parted(names)[0], strict=True)]
 
 
 def named_columns(columns: Sequence[Column], items: Iterable[str], option: str) -> list[Column]:

@@ -100,10 +100,8 @@ def one_table(where: str, tables: Sequence[Table], names: Sequence[str], options
 def _called(channels: Sequence[list[Column]], names: Sequence[str]) -> list[list[Column]]:
     """Return channels of equal names under the name of their block, where that is the name of a place or a channel."""
     found = [_NAMED.match(name) for name in names]
-    key, named = (
-        found[0][1] if found[0] else "",
-        [match[2] if match else name for match, name in zip(found, names, strict=True)],
-    )
+    key = found[0][1] if found[0] else ""
+    named = [match[2] if match else name for match, name in zip(found, names, strict=True)]
     places = key_meaning(key) in ("place", "channel") or role_by_words(key) == "out"
     if not places or len({tuple(c.name for c in part) for part in channels}) > 1:
         return list(channels)

@@ -157,16 +157,11 @@ def _table(where: str, head: Mapping[str, list[str]], segment: _Segment) -> Tabl
         dimension = segment.column("X_Dimension", 0) or "Time"
         unit = segment.column("X_Unit_Label", 0) or ("Hz" if dimension.lower().startswith("freq") else "s")
         columns.append(Column(number=1, name="X_Value", unit=unit, values=values[:, 0]))
-    columns += [
-        Column(
-            number=len(columns) + k + 1,
-            name=names[k] if k < len(names) else "",
-            unit=segment.column("Y_Unit_Label", k),
-            values=values[:, place],
-        )
-        for k, place in enumerate(places)
-        if not np.isnan(values[:, place]).all()
-    ]
+    above = len(columns)
+    for k, place in enumerate(places):
+        name, unit = names[k] if k < len(names) else "", segment.column("Y_Unit_Label", k)
+        if not np.isnan(values[:, place]).all():
+            columns.append(Column(number=above + k + 1, name=name, unit=unit, values=values[:, place]))
     steps = " ".join(segment.column("Delta_X", k) for k in range(count))
     decimal = head.get("Decimal_Separator", ["."])[0].strip() or "."
     said = stated_by([Statement(-1, "Delta_X", steps)], decimal) if places[0] == 0 else Stated()
@@ -188,10 +183,8 @@ def _other_steps(segment: _Segment, names: Sequence[str], decimal: str, rate: fl
                 others.setdefault(other, []).append(name)
     for other, channels in others.items():
         which = channels[0] + (f" and {len(channels) - 1} more" if len(channels) > 1 else "")
-        yield (
-            f"{which}: {other:.6g} Hz by Delta_X, but all channels are taken at {rate:.6g} Hz. To analyse these, read the "
-            f"file with sampling_rate={other:.6g}"
-        )
+        said = f"{which}: {other:.6g} Hz by Delta_X, but all channels are taken at {rate:.6g} Hz"
+        yield f"{said}. To analyse these, read the file with sampling_rate={other:.6g}"
 
 
 def _joined(tables: Sequence[Table]) -> list[Table]:

@@ -119,10 +119,8 @@ def _listed(above: Sequence[str], width: int) -> tuple[tuple[str, ...], tuple[st
         k = next((k for k in range(len(found) - width + 1) if numbers[k : k + width] == wanted), None)
         if k is not None and width > 1:
             rests = [match["rest"].strip() for match in found[k : k + width] if match]
-            heads = [
-                _name_and_unit([cell.strip(' "') for cell in re.split(r"\t|;|\s{2,}|,(?=\s*\S)", rest)])
-                for rest in rests
-            ]
+            cells = [re.split(r"\t|;|\s{2,}|,(?=\s*\S)", rest) for rest in rests]
+            heads = [_name_and_unit([cell.strip(' "') for cell in row]) for row in cells]
             return tuple(name for name, _ in heads), tuple(unit for _, unit in heads), k, -1
     return None
 
@@ -161,22 +159,16 @@ def _head(
     """Return names and units, and the lines where they stand: of the rows above the body that have a cell a column, the likeliest."""
     heads: list[tuple[int, list[str]]] = []
     full = next((k for k in range(body, len(rows)) if len(rows[k]) == width), body)
-    places = (
-        []
-        if dialect.delimiter
-        else _columns_of_blanks(lines, rows, [full, *range(max(0, body - _MAX_ROWS_OF_HEAD), body)], width)
-    )
-    for k in range(body - 1, max(-1, body - _MAX_ROWS_OF_HEAD), -1):
-        cells = (
-            None
-            if _is_statement(lines[k], rows[k], dialect)
-            else _fitted(lines[k], rows[k], width, dialect, places, rows[full])
-        )
+    above = range(max(0, body - _MAX_ROWS_OF_HEAD), body)
+    places = [] if dialect.delimiter else _columns_of_blanks(lines, rows, [full, *above], width)
+    for k in reversed(above):
+        if _is_statement(lines[k], rows[k], dialect):
+            continue
+        cells = _fitted(lines[k], rows[k], width, dialect, places, rows[full])
         if cells is not None and not all(map(is_missing, cells)):
             heads.append((k, cells))
-    unit_line, heading = next(
-        ((k, heading) for k, cells in heads if (heading := _units_after(cells)) is not None), (-1, 0)
-    )
+    units_at = [(k, heading) for k, cells in heads if (heading := _units_after(cells)) is not None]
+    unit_line, heading = units_at[0] if units_at else (-1, 0)
     below = dict(heads).get(unit_line, [""] * width)
     named = [(k, cells) for k, cells in heads if k != unit_line and _units_after(cells) is None]
     line, cells = max(named, key=lambda pair: name_score(pair[1]) - 0.5 * (body - pair[0]), default=(-1, [""] * width))
@@ -186,9 +178,9 @@ def _head(
         first = [("", "") if _is_row_name(cell) else split_head(cell) for cell in below[:heading]]
         names = (*(name for name, _ in first), *[""] * (width - heading))
         return names, (*(unit for _, unit in first), *map(_bare, below[heading:])), -1, unit_line
-    above = next((other for k, other in named if k < line and len(set(other)) < width), None)
-    if above is not None and _are_parts(cells):  # a name stands over each of its parts; a blank carries it on
-        cells = [f"{one} {below_it}".strip() for one, below_it in zip(_carried(above), cells, strict=True)]
+    over = next((other for k, other in named if k < line and len(set(other)) < width), None)
+    if over is not None and _are_parts(cells):  # a name stands over each of its parts; a blank carries it on
+        cells = [f"{one} {below_it}".strip() for one, below_it in zip(_carried(over), cells, strict=True)]
     split_cells = [split_head("" if k == 0 and _is_row_name(cell) else cell) for k, cell in enumerate(cells)]
     units = [unit for _, unit in split_cells]
     if unit_line >= 0:
@@ -251,11 +243,8 @@ def _with_one_more(cells: list[str], first: Sequence[str], parted: bool) -> list
     """
     at = _two_stamps(first)
     if at is not None:
-        return (
-            [*cells[:at], "", "", *cells[at:]]
-            if len(cells) == len(first) - 2
-            else [*cells[: at + 1], "", *cells[at + 1 :]]
-        )
+        two = len(cells) == len(first) - 2
+        return [*cells[:at], "", "", *cells[at:]] if two else [*cells[: at + 1], "", *cells[at + 1 :]]
     if not parted:
         return cells
     return [*cells, ""] if not first[-1] or _names_axis(cells[0]) else ["", *cells]
@@ -280,11 +269,8 @@ def _fitted(
         if len(fitted) == width + 1 and (not fitted[0] or _is_row_name(fitted[0])):
             fitted = fitted[1:]
         over = fitted[width:]  # names of columns that have no cells below, such as comments
-        if (
-            over
-            and way is cells
-            and (_names_axis(fitted[0]) or all(not c or role_by_words(c) == "ignore" for c in over))
-        ):
+        idle = all(not cell or role_by_words(cell) == "ignore" for cell in over)
+        if over and way is cells and (idle or _names_axis(fitted[0])):
             longer = fitted[:width]
         short = 2 if _two_stamps(first) is not None and all(map(is_unit, map(_bare, fitted))) else 1
         if len(fitted) == width - short and _name_columns(fitted) and way is cells:

@@ -264,15 +264,12 @@ def _with_axis(columns: tuple[Column, ...], axis: tuple[str, float, float] | Non
     if axis is None:
         return columns
     unit, first, step = axis
-    return tuple(
-        replace(c, unit=unit)
-        if not c.unit
-        and not c.textual
-        and same_rate(even_step(c.values), step)
-        and abs(c.values[0] - first) < 0.5 * step
-        else c
-        for c in columns
-    )
+
+    def is_axis(c: Column) -> bool:
+        bare = not c.unit and not c.textual and same_rate(even_step(c.values), step)
+        return bare and bool(abs(c.values[0] - first) < 0.5 * step)
+
+    return tuple(replace(c, unit=unit) if is_axis(c) else c for c in columns)
 
 
 def _with_unit(columns: tuple[Column, ...], unit: str) -> tuple[Column, ...]:
@@ -299,11 +296,8 @@ def _with_label(columns: tuple[Column, ...], said: Stated) -> tuple[Column, ...]
 
 def _measured(columns: tuple[Column, ...]) -> list[Column]:
     """Return the columns that are no axis, no counter and no text."""
-    return [
-        c
-        for c in columns
-        if not (c.textual or role_by_words(c.name) in ("time", "frequency", "index") or rises(c.values))
-    ]
+    named = ("time", "frequency", "index")
+    return [c for c in columns if not (c.textual or role_by_words(c.name) in named or rises(c.values))]
 
 
 def _but_ignored(kinds: list[str], layout: Layout, options: Options) -> list[str]:

@@ -100,11 +100,8 @@ def head_of(first: Sequence[str]) -> WrappedHead | None:
         count, old = _COUNT.search(line), _OLD.search(line)
         if not (count or old):
             continue
-        steps = {
-            place: match
-            for place in (k, k + 1, k - 1)
-            if 0 <= place < len(first) and (match := _STEP.search(first[place]))
-        }
+        near = [place for place in (k, k + 1, k - 1) if 0 <= place < len(first)]
+        steps = {place: match for place in near if (match := _STEP.search(first[place]))}
         end = k + 2 if k + 1 in steps else k + 1
         if not _BARE.match(" ".join(first[end : end + 1])):
             continue
@@ -118,10 +115,8 @@ def head_of(first: Sequence[str]) -> WrappedHead | None:
 
 def _in_words(first: Sequence[str]) -> WrappedHead | None:
     """Return the head of a channel that says count and rate in words, and where the rows below have several cells; None of any other."""
-    end = next(
-        (k for k in range(1, min(len(first) - 1, _LINES_OF_HEAD_IN_WORDS)) if all(map(_BARE.match, first[k : k + 2]))),
-        0,
-    )
+    within = range(1, min(len(first) - 1, _LINES_OF_HEAD_IN_WORDS))
+    end = next((k for k in within if all(map(_BARE.match, first[k : k + 2]))), 0)
     if not end or len(first[end].split()) < 2:
         return None
     names = len(first[end - 1].split()) > 1 and not _STATED.search(first[end - 1])  # a row of names, and no statement
@@ -133,9 +128,8 @@ def _in_words(first: Sequence[str]) -> WrappedHead | None:
     if len(set(rates)) != 1 or not 0 < rates[0] < np.inf:
         return None
     numbers = [int(match[1]) for match in (of_gse, count) if match]
-    numbers += [
-        int(f.value.split()[0]) for f in facts if key_meaning(f.key) == "count" and f.value.split()[0].isdecimal()
-    ]
+    counts = [fact.value.split()[0] for fact in facts if key_meaning(fact.key) == "count"]
+    numbers += [int(each) for each in counts if each.isdecimal()]
     if not numbers and (names or len(first[end].split()) < _MIN_CELLS):
         return None
     scale = _SCALE.search(text)
@@ -275,10 +269,8 @@ def _values(where: str, head: WrappedHead, body: Iterable[Line], space: Room) ->
         values += map(_number, numbers)
         above, lines = above if lines else number - 1, lines + 1
     if head.sure and (len(values) != head.count or not values):
-        need, fault = (
-            f"the {head.count} samples of its head (NPTS)",
-            f"{len(values)} stand in the {lines} lines below it",
-        )
+        need = f"the {head.count} samples of its head (NPTS)"
+        fault = f"{len(values)} stand in the {lines} lines below it"
         table = f"if they are rows of a table, leave the head out: --skip {above}"
         raise needs(where, need, fault, f"Correct the number, or copy the file again; {table}")
     return values

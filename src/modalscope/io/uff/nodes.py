@@ -97,12 +97,8 @@ def _read_trace(parts: Parts, block: Block, where: str) -> str:
     pairs = [(a, b) for a, b in pairwise(path) if a > 0 and b > 0 and a != b]
     parts.lines += pairs
     counted = head["number of nodes"]
-    wrong = (
-        ""
-        if counted in (len(path), len(unrepeated))
-        else f"; its header counts {counted} nodes, and {len(path)} are there"
-    )
-    return f"a trace line of {len(pairs)} lines{wrong}"
+    wrong = f"; its header counts {counted} nodes, and {len(path)} are there"
+    return f"a trace line of {len(pairs)} lines{wrong * (counted not in (len(path), len(unrepeated)))}"
 
 
 def _read_elements(parts: Parts, block: Block, where: str) -> str:

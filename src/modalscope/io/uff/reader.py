@@ -191,11 +191,8 @@ def _nothing(sets: _Sets, name: str, want: str) -> DataError:
     fault = f"of its {len(sets.names)} sets none is one ({words}{' ...' if len(sets.words) > 6 else ''})"
     usual = "Export frequency responses, records or modes (datasets 58, 55 or 2414)."
     article = "a " if want not in ("records", "modes") else ""
-    return unreadable(
-        f"{article}{want} from {name}",
-        fault,
-        usual if want == _WANTS[0] else "Choose one of the kinds that the file holds.",
-    )
+    remedy = usual if want == _WANTS[0] else "Choose one of the kinds that the file holds."
+    return unreadable(f"{article}{want} from {name}", fault, remedy)
 
 
 def _findings(sets: _Sets) -> tuple[Finding, ...]:

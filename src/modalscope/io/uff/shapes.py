@@ -62,7 +62,6 @@ class Shape:
     values: dict[tuple[int, int], complex]
     quantity: str | None
     dataset: int
-    part: str
     stated: dict[str, list[float]]
     std_of: int = 0
 
@@ -90,19 +89,15 @@ def read_shape(name: str, block: Block) -> Shape | str:
     if head["data characteristic"] not in _LABELS or head["data type"] not in (*_REAL_TYPES, *_COMPLEX_TYPES):
         return f"data characteristic {head['data characteristic']} of type {head['data type']} is not a shape"
     values, quantity = _values(where, block.records[body:], head), QUANTITY_OF.get(head["quantity"])
-    if of is not None:
-        return Shape(
-            pole=0,
-            values=values,
-            quantity=quantity,
-            dataset=block.dataset,
-            part=block.name,
-            stated={},
-            std_of=int(of[1]),
-        )
-    pole = _pole(where, head["analysis type"], block.records[start + 3 if newer else start + 2 :], newer)
-    stated = _stated(where, texts[2], texts[4]) if texts[0] == "modalscope" else {}
-    return Shape(pole=pole, values=values, quantity=quantity, dataset=block.dataset, part=block.name, stated=stated)
+    lines, ours = block.records[start + 3 if newer else start + 2 :], texts[0] == "modalscope"
+    return Shape(
+        pole=0 if of else _pole(where, head["analysis type"], lines, newer),
+        values=values,
+        quantity=quantity,
+        dataset=block.dataset,
+        stated=_stated(where, texts[2], texts[4]) if ours and not of else {},
+        std_of=int(of[1]) if of else 0,
+    )
 
 
 def _stated(where: str, *texts: str) -> dict[str, list[float]]:

@@ -57,7 +57,8 @@ class Placed(NamedTuple):
     """Decision on files: "one" place, "several", "ask" (one until answered), "size" (one, but for the size of a file) or "unknown".
 
     Place of every file from 0 in the order of appearance; resonances that were compared; the height of the last join; gains of the
-    files, (files, files); of several places the share of the resonances that two files have in common.
+    files, (files, files); of several places the share of the resonances that two files have in common, and of one the share of the
+    energy at resonances that line shapes common to all files give.
     """
 
     kind: str
@@ -100,7 +101,7 @@ def decide(H: ComplexArray, noise: RealArray) -> Placed:
     >>> [decide(np.stack([at(0.7), at(x)]), np.zeros((2, 2000, 1))).kind for x in (0.71, 1.4)]
     ['one', 'several']
     """
-    a, scatter = _amplitudes(H, noise)
+    a, scatter, shared = _amplitudes(H, noise)
     files, count = H.shape[0], len(a)
     if count == 0:
         return not_compared(files)
@@ -115,7 +116,7 @@ def decide(H: ComplexArray, noise: RealArray) -> Placed:
     else:
         kind = "ask" if apart < _SEVERAL else "several"
     if kind != "several":
-        return Placed(kind, [0] * files, count, apart, gains)
+        return Placed(kind, [0] * files, count, apart, gains, shared)
     return Placed(kind, _repeats(same_size), count, apart, gains, _shared(H, noise))
 
 
@@ -165,15 +166,16 @@ def _windows(power: RealArray, noise: RealArray) -> list[slice]:
     return [slice(max(0, k - side), k + side + 1) for k, side in zip(peaks.tolist(), sides.tolist(), strict=True)]
 
 
-def _amplitudes(H: ComplexArray, noise: RealArray) -> tuple[RealArray, RealArray]:
-    """Return the signed amplitudes of the files at every resonance, and the deviations of their noise, (resonances, files).
+def _amplitudes(H: ComplexArray, noise: RealArray) -> tuple[RealArray, RealArray, float]:
+    """Return the signed amplitudes of the files at every resonance, the deviations of their noise, (resonances, files), and a share.
 
     The amplitude is the root of the energy about the resonance, which shifts of the resonance between files leave. With
-    G_ij = Re sum H_i H_j* and its first eigenvector v its sign is that of (G v)_i.
+    G_ij = Re sum H_i H_j* and its first eigenvector v its sign is that of (G v)_i. The share is that of the energy which this vector
+    explains, a mean over resonances by their amplitudes.
     """
     size = np.maximum(np.mean(np.abs(H) ** 2, axis=(0, 1)), _TINY)
     H, noise = H / np.sqrt(size), noise / size
-    amplitudes, scatter = [], []
+    amplitudes, scatter, common, every = [], [], 0.0, _TINY
     for lines in _windows(np.mean(np.sum(np.abs(H) ** 2, axis=2), axis=0), np.mean(np.sum(noise, axis=2), axis=0)):
         X = H[:, lines].reshape(len(H), -1)
         G = np.real(X @ X.conj().T)
@@ -181,9 +183,12 @@ def _amplitudes(H: ComplexArray, noise: RealArray) -> tuple[RealArray, RealArray
         values, vectors = np.linalg.eigh(G)
         along = np.sqrt(max(float(values[-1]), 0.0)) * vectors[:, -1]
         sign = np.clip(along / np.maximum(_MIN_LIKENESS * np.sqrt(np.diag(G)), _TINY), -1.0, 1.0)
-        amplitudes.append(sign * np.sqrt(np.maximum(np.diag(G) - own, 0.0)))
+        energy = np.maximum(np.diag(G) - own, 0.0)
+        amplitudes.append(sign * np.sqrt(energy))
         scatter.append(np.sqrt(own / X.shape[1]))
-    return np.array(amplitudes).reshape(-1, len(H)), np.array(scatter).reshape(-1, len(H))
+        root = np.sqrt(max(float(np.sum(energy)), _TINY))
+        common, every = common + min(root, float(values[-1]) / root), every + root
+    return np.array(amplitudes).reshape(-1, len(H)), np.array(scatter).reshape(-1, len(H)), float(common / every)
 
 
 def _distances(a: RealArray, scatter: RealArray) -> tuple[RealArray, RealArray, RealArray]:

@@ -13,6 +13,8 @@ W, too; therefore W is the largest over such changes.
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 
 from modalscope.data.notes import Finding
@@ -66,18 +68,17 @@ def _usable_runs(part: Signals) -> list[bool]:
 
 
 def _clusters(rows: ComplexArray) -> list[int]:
-    """Return the number of the place of every run, (runs, lines, outputs); a run belongs to the place of any run with which it agrees."""
+    """Return the number of the place of every run, (runs, lines, outputs); a run belongs to the place of any run with which it agrees.
+
+    Components are numbered in the order of their first run.
+    """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components
 
-    count = len(rows)
-    agree = np.eye(count, dtype=bool)
-    for i in range(count):
-        for j in range(i):
-            agree[i, j] = not _differ(rows[i], rows[j])
-    places = connected_components(csr_array(agree), directed=False)[1].tolist()
-    numbers = {place: k for k, place in enumerate(dict.fromkeys(places))}
-    return [numbers[place] for place in places]
+    agree = np.eye(len(rows), dtype=bool)
+    for i, j in combinations(range(len(rows)), 2):
+        agree[i, j] = not _differ(rows[i], rows[j])
+    return list(connected_components(csr_array(agree), directed=False)[1].tolist())
 
 
 def _differ(a: ComplexArray, b: ComplexArray) -> bool:

@@ -60,9 +60,8 @@ def _units_of(part: FrequencyResponse) -> str:
 
 def on_common_lines(parts: Sequence[Any], names: Sequence[str]) -> tuple[list[Any], tuple[Note, ...]]:
     """Return responses on the lines that all of them have, and what is said; unchanged where lines are alike, or few are shared."""
-    if len(parts) < 2 or any(not isinstance(part, FrequencyResponse) or part.lines < 2 for part in parts):
-        return list(parts), ()
-    if all(np.array_equal(part.frequencies, parts[0].frequencies) for part in parts):
+    responses = all(isinstance(part, FrequencyResponse) and part.lines > 1 for part in parts)
+    if not responses or all(np.array_equal(part.frequencies, parts[0].frequencies) for part in parts):
         return list(parts), ()
     try:
         kept = common_of(parts)
