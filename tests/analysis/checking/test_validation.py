@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import modalscope as ms
-from tests.support import FIVE, add_noise
+from tests.support import FIVE, add_noise, refused
 
 POLES = FIVE["chain5"]().modes().poles
 
@@ -68,3 +70,14 @@ def test_what_cannot_be_left_out_is_refused_in_words() -> None:
     record = ms.systems.chain5().simulate(inputs="ambient", samples=2000, sampling_rate=20.0, seed=0)
     with pytest.raises(ms.DataError, match="correlations or records"):
         ms.validate(record, modes())
+
+
+def test_modes_of_which_none_is_significant_are_asked_for() -> None:
+    response = lines()
+    noise = np.random.default_rng(1).standard_normal((2, *response.values.shape))
+    refused(
+        "none of the 5 given ones is significant",
+        ms.validate,
+        replace(response, values=noise[0] + 1j * noise[1]),
+        modes(),
+    )

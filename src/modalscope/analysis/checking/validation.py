@@ -19,8 +19,8 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import RealArray, check_kind
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import one_thread
-from modalscope.selection.judging.refine import refine
-from modalscope.selection.likelihood.whitening import Colour, colour
+from modalscope.selection.judging.refine import refine, refinement
+from modalscope.selection.likelihood.whitening import Colour
 
 #: Minimum number of parts: the others must have something in common with the one that is left out.
 _MIN_PARTS = 3
@@ -122,10 +122,13 @@ def validate(data: Any, modes: Any, *, leaving: str = "inputs") -> Validation | 
     if len(labels) < _MIN_PARTS:
         change = f"Give {_MIN_PARTS} at least, or leave out the other side."
         raise DataError(f"leaving {leaving} out in turn needs more of them", f"there are {len(labels)}", change)
-    whole = refine(response, modes)
+    held = refinement(response, modes)
+    if held.settled is None:
+        fault = f"none of the {len(modes)} given ones is significant in these data"
+        raise DataError("a validation on channels left out needs modes", fault, "Give modes that were found in them.")
+    whole, seen = held.modes(), held.settled.colour
     without = [_without(response, whole, leaving, k, len(labels)) for k in range(len(labels))]
     kept = [_error(response, whole, leaving, k) for k in range(len(labels))]
-    seen = _left(response, whole)
     f, zeta = (_by_leaving_out(np.array([getattr(one, name) for one in without])) for name in _VALUES)
     error = np.array([_error(response, one, leaving, k) for k, one in enumerate(without)])
     return Validation(
@@ -168,14 +171,6 @@ def _error(response: Response, modes: ModalModel, leaving: str, k: int) -> float
     else:
         shapes, terms = basis.fit_shapes(participation)
     return float(np.linalg.norm(basis.data - basis.rebuilt(shapes, participation, terms)) / np.linalg.norm(basis.data))
-
-
-def _left(response: Response, modes: ModalModel) -> Colour:
-    """Judge the residual of all data."""
-    basis = response.whole_basis(modes.poles - response.added_damping, response.refined_powers)
-    participation, terms = basis.fit_participation(modes.shapes)
-    left = basis.data - basis.rebuilt(modes.shapes, participation, terms)
-    return colour(left, response.count, basis.terms.shape[1] + 2 * len(modes))
 
 
 def _by_leaving_out(values: RealArray) -> RealArray:
