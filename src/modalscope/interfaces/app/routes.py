@@ -37,19 +37,16 @@ _STATUS = {"another window": 409, "no space left": 507, "quota": 507}
 _KEEP_ALIVE_SECONDS = 15.0
 
 
-def _answered(handler: Handler) -> Handler:
-    """Return the handler with DataErrors answered as their three parts and status 409, 507 or 400."""
+async def refused(_: Request, error: Exception) -> Response:
+    """Return the parts of an error of the data with status 409, 507 or 400; no text for a window that has gone."""
+    if not isinstance(error, DataError):
+        return Response(status_code=400)
+    parts = {"asked": error.asked, "found": error.found, "change": error.change, "text": error.args[0]}
+    return _json(parts, next((status for word, status in _STATUS.items() if word in error.found), 400))
 
-    async def answer(request: Request) -> Response:
-        try:
-            return await handler(request)
-        except DataError as error:
-            parts = {"asked": error.asked, "found": error.found, "change": error.change, "text": error.args[0]}
-            return _json(parts, next((status for word, status in _STATUS.items() if word in error.found), 400))
-        except ClientDisconnect:
-            return Response(status_code=400)
 
-    return answer
+#: What is raised instead of an answer -> what answers it.
+REFUSALS: dict[Any, Any] = {DataError: refused, ClientDisconnect: refused}
 
 
 def _json(content: Any, status: int = 200) -> Response:
@@ -168,26 +165,34 @@ async def blob(request: Request) -> Response:
     number, data = _opened(request).blobs.get(request.path_params["name"], (0, None))
     if data is None:
         return Response(status_code=404)
-    return Response(data, media_type="application/octet-stream", headers={"x-number": str(number)})
+    return _blob(data, **{"x-number": str(number)})
 
 
 async def channel(request: Request) -> Response:
     """Return one channel, measured and rebuilt; without an output the sum of all."""
     one = "output" in request.query_params
     given = {"output": _number(request, "output"), "column": _number(request, "input")} if one else {}
-    data = await _opened(request).ask("channel", **given)
-    return Response(data, media_type="application/octet-stream")
+    return await _asked(request, "channel", **given)
 
 
 async def measured(request: Request) -> Response:
     """Return the names of the pictures of the data."""
-    return _json(await _opened(request).ask("measured"))
+    return await _asked(request, "measured")
 
 
 async def picture(request: Request) -> Response:
     """Return a described picture as a blob."""
-    data = await _opened(request).ask("picture", name=request.path_params["name"])
-    return Response(data, media_type="application/octet-stream")
+    return await _asked(request, "picture", name=request.path_params["name"])
+
+
+async def _asked(request: Request, what: str, **given: Any) -> Response:
+    """Return the answer of the process of a document: a blob, or JSON."""
+    answer = await _opened(request).ask(what, **given)
+    return _blob(answer) if isinstance(answer, bytes) else _json(answer)
+
+
+def _blob(data: bytes, **headers: str) -> Response:
+    return Response(data, media_type="application/octet-stream", headers=headers)
 
 
 def _number(request: Request, name: str) -> int:
@@ -199,19 +204,18 @@ def _number(request: Request, name: str) -> int:
 
 async def compare(request: Request) -> Response:
     """Return the comparison of all methods on the data."""
-    return _json(await _opened(request).ask("compare"))
+    return await _asked(request, "compare")
 
 
 async def against(request: Request) -> Response:
     """Return the MAC of the modes with those of a file."""
     name = (await _body(request)).get("file", "")
-    path = _store(request).files.resolve(str(name))
-    return _json(await _opened(request).ask("against", path=str(path)))
+    return await _asked(request, "against", path=str(_store(request).files.resolve(str(name))))
 
 
 async def planned(request: Request) -> Response:
     """Return what to measure next for what is asked of the modes."""
-    return _json(await _opened(request).ask("planned", ask=str((await _body(request)).get("ask", ""))))
+    return await _asked(request, "planned", ask=str((await _body(request)).get("ask", "")))
 
 
 async def export(request: Request) -> Response:
@@ -281,4 +285,4 @@ def routes() -> list[Route]:
         (f"{at}/planned", planned, "POST"),
         (f"{at}/export/{{suffix}}", export, "GET"),
     ]
-    return [Route(path, _answered(handler), methods=[method]) for path, handler, method in listed]
+    return [Route(path, handler, methods=[method]) for path, handler, method in listed]

@@ -60,8 +60,10 @@ def app(options: argparse.Namespace) -> None:
     server = page(first, folder=folder, host=options.host, port=options.port, limits=limits)
     say(f"the page: {server.address}")
     if server.store is not None and server.store.files.total:
+        from modalscope.data.shown import figures
+
         kept = f"{limits.days:g} days after the last change of their document"
-        size = f"{server.store.files.total / 1e6:.3g} MB"
+        size = f"{figures(server.store.files.total / 1e6)} MB"
         remark(f"files dropped earlier take {size}; they are kept {kept}, or until `modalscope app --forget`")
     _serve(options, server)
 

@@ -11,6 +11,7 @@ import numpy as np
 from modalscope.data.geometry import Geometry, parse_dof
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse
+from modalscope.data.shown import percent
 from modalscope.interfaces.plot._camera import oblique
 from modalscope.interfaces.plot.picture import (
     Areas,
@@ -175,7 +176,7 @@ def reciprocity_picture(response: FrequencyResponse, pairs: Pairs) -> Picture:
     across, upward = _frequencies(f), axis_of(f"magnitude{unit_of(response)}", curves, log=True)
     lines = both([(f, curve) for curve in curves], (names[0], names[1]))
     words = "Two responses that reciprocity makes equal, of the pair of points that differs most"
-    panel = Panel(across, upward, lines, "Reciprocity", f"differ by {100 * difference:.3g} %")
+    panel = Panel(across, upward, lines, "Reciprocity", f"differ by {percent(difference)}")
     return Picture([panel], words)
 
 

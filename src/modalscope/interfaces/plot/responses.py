@@ -11,6 +11,7 @@ import numpy as np
 from modalscope.data import FrequencyResponse, ImpulseResponse, ModalModel
 from modalscope.data.rebuilt import rebuilt
 from modalscope.data.response import Response
+from modalscope.data.shown import percent
 from modalscope.interfaces.plot.on_axes import painted
 from modalscope.interfaces.plot.picture import (
     Axis,
@@ -165,7 +166,7 @@ def _unexplained(measured: Array, fit: Array | None) -> str:
     norm = float(np.linalg.norm(measured))
     if fit is None or not norm > 0:
         return ""
-    return f"unexplained {100 * float(np.linalg.norm(measured - fit)) / norm:.3g} %"
+    return f"unexplained {percent(float(np.linalg.norm(measured - fit)) / norm)}"
 
 
 def _levels(h: Array) -> Array:

@@ -11,6 +11,7 @@ from modalscope.analysis.comparing.scatter import LEVEL
 from modalscope.analysis.comparing.verdict import LEADS
 from modalscope.data.mode_fields import told
 from modalscope.data.rebuilt import explains_enough, unexplained
+from modalscope.data.shown import figures
 from modalscope.interfaces.plot.diagrams import stabilization_picture
 from modalscope.interfaces.plot.methods import deviations_picture, map_picture
 from modalscope.interfaces.plot.web.fits import fit_of, lines_of_response
@@ -71,10 +72,10 @@ def consensus_table(c: Comparison) -> list[list[str]]:
         "mode": [str(k + 1) for k in range(len(c.groups))],
         "f [Hz]": [f"{g.frequency:.{digits}f}" for g in c.groups],
         "± [Hz]": [told(v) for v in c.scatter.frequency],
-        "between [Hz]": [f"{g.frequency_between:.2g}" for g in c.groups],
+        "between [Hz]": [figures(g.frequency_between, 2) for g in c.groups],
         "damping [%]": [f"{100 * g.damping:.3f}" for g in c.groups],
         "± [%]": [told(100 * v) for v in c.scatter.damping],
-        "between [%]": [f"{100 * g.damping_between:.2g}" for g in c.groups],
+        "between [%]": [figures(100 * g.damping_between, 2) for g in c.groups],
         "found by": [f"{len(g.members)} of {ran}" for g in c.groups],
         "MAC": [f"{min(g.mac.values()):.3f}" for g in c.groups],
         "grade": [t.grade for t in c.trust],
@@ -151,7 +152,7 @@ def _kinship(c: Comparison) -> Section:
         body += paragraph(f"Equal methods on these data, to rounding: {'; '.join(equal)}.")
     distance = float(np.max(kin.distances))
     if len(kin.classes) < _MIN_MAP_CLASSES or distance < _MIN_MAP_DISTANCE:
-        text = f"All methods agree within {distance:.2g} half-power half-bandwidths: no map."
+        text = f"All methods agree within {figures(distance, 2)} half-power half-bandwidths: no map."
         return Section("map", "Map of methods", body + paragraph(text))
     body += figure(map_picture(kin), width=900)
     return Section("map", "Map of methods", body)

@@ -22,6 +22,7 @@ from modalscope.identification.method_names import cell_label
 from modalscope.interfaces.plot.web.verdict import grouped, notes_that_matter
 from modalscope.interfaces.reporting.html import Section, folded, heading, listing, paragraph, script, table, value
 from modalscope.io.arrays import plain
+from modalscope.numerics.errors import as_read
 from modalscope.signals.doctor import Finding, examine
 
 #: Maximum number of listed channels.
@@ -123,7 +124,7 @@ def _quality(findings: Sequence[Finding]) -> str:
     """List the findings about the data with their remedies."""
     if not findings:
         return paragraph("No data problem found.")
-    rows = [[f.kind, list_some(f.channels, 12), f.reason, f.change] for f in grouped(findings)]
+    rows = [[f.kind, list_some(f.channels, 12), as_read(f.reason), as_read(f.change)] for f in grouped(findings)]
     return table(["finding", "channels", "reason", "remedy"], rows, words=[0, 1, 2, 3])
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from modalscope.data import ModalModel, StabilizationDiagram
 from modalscope.data.rebuilt import band_of
 from modalscope.data.response import Response
-from modalscope.data.shown import frequency, percent
+from modalscope.data.shown import figures, frequency, percent
 from modalscope.identification.identify import Identification
 from modalscope.interfaces.plot.diagrams import fit_errors_picture, singular_values_picture, stabilization_picture
 from modalscope.interfaces.plot.matrices import mac_picture
@@ -190,7 +190,7 @@ def left_out_section(modes: ModalModel) -> Section:
     rows = [
         [
             f"{candidate.frequency:.5g}",
-            f"{100 * candidate.damping_ratio:.3g}",
+            figures(100 * candidate.damping_ratio),
             "" if candidate.gain != candidate.gain else f"{candidate.gain:.1f}",
             candidate.reason,
             candidate.remedy,
@@ -247,6 +247,6 @@ def _error_table(response: Response, errors: Array, ranked: list[tuple[int, int]
     if len(ranked) > _MAX_TABLE_ROWS:
         caption += f"; the largest {_MAX_TABLE_ROWS} of {len(ranked)}"
     rows = [
-        [response.output_dofs[i], response.columns[j], f"{100 * errors[i, j]:.3g}"] for i, j in ranked[:_MAX_TABLE_ROWS]
+        [response.output_dofs[i], response.columns[j], figures(100 * errors[i, j])] for i, j in ranked[:_MAX_TABLE_ROWS]
     ]
     return table(["output", response.column_word, "unexplained [%]"], rows, words=[0, 1], caption=caption)

@@ -98,7 +98,7 @@ def _of_channels(table: Table, columns: Sequence[Column], left: dict[int, str], 
             have = int(np.count_nonzero(~np.isnan(column.values)))
             lost = percent((table.rows - have) / table.rows)
             notes.append(
-                f"{column} is left: with it {lost} of the rows would be lost, {have} of {table.rows} have it"
+                f"{column} ignored: with it {lost} of the rows would be lost, {have} of {table.rows} have it"
                 + (f' (to take it: --columns "{option}")' if have else "")
             )
     return notes

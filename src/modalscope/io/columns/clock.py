@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.data import DataError
-from modalscope.data.shown import counted
+from modalscope.data.shown import counted, figures, percent
 from modalscope.io.columns.axis import longest_stretch, rises, roundest, sampling_of
 from modalscope.io.columns.table import Column
 from modalscope.numerics.checks import RealArray, check_positive
@@ -54,7 +54,7 @@ class Clock:
     gaps: tuple[tuple[int, int], ...]
 
     def __str__(self) -> str:
-        words = [f"jitter of {self.jitter:.2g} steps", f"drift of {1e6 * self.drift:.0f} ppm"]
+        words = [f"jitter of {figures(self.jitter, 2)} steps", f"drift of {1e6 * self.drift:.0f} ppm"]
         missing = sum(count for _, count in self.gaps)
         words += [f"{counted(len(self.gaps), 'gap')} with {missing} samples missing"] if self.gaps else []
         return ", ".join(words)
@@ -197,7 +197,7 @@ def evened(
     share = (
         "not known: there is motion near half the sampling rate"
         if np.isnan(lost)
-        else f"{100 * lost:.2g} % of the motion"
+        else f"{percent(lost, 2)} of the motion"
     )
     notes = [f"times are uneven ({clock}): resampled to {rate:.6g} Hz by cubic splines; what is lost is {share}"]
     notes += (
