@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from modalscope.interfaces.cli.parser import Parser, add_force
+from modalscope.interfaces.cli.parser import Parser, add_page
 from modalscope.interfaces.cli.process import progress, remark, say
 
 if TYPE_CHECKING:
@@ -19,9 +18,7 @@ _SET, _BAND = "beam_hammer", (100.0, 4500.0)
 
 def add_demo(parser: Parser) -> None:
     """Add the arguments of `demo`."""
-    where = "report to write: .html, .docx or .pptx (default: demo-report.html)"
-    parser.add_argument("-o", "--output", type=Path, default=Path("demo-report.html"), metavar="FILE", help=where)
-    add_force(parser)
+    add_page(parser, "demo-report.html", "report to write: .html, .docx or .pptx")
 
 
 def demo(options: argparse.Namespace) -> None:

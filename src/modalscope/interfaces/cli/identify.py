@@ -63,21 +63,18 @@ def add_identify(parser: Parser) -> None:
     add_orders(parser)
     add_choices(parser, bands=True)
     add = parser.group("modes")
-    add("--frequencies", nargs="+", type=float, metavar="HZ", help="report the modes at these frequencies only")
-    add("--take", nargs="+", type=float, metavar="HZ", help="also report the modes at these frequencies")
-    add("--refuse", nargs="+", type=float, metavar="HZ", help="do not report the modes at these frequencies")
-    add("--no-refine", dest="refine", action="store_false", help="no maximum likelihood refinement")
+    add("--frequencies HZ...", "report the modes at these frequencies only")
+    add("--take HZ...", "also report the modes at these frequencies")
+    add("--refuse HZ...", "do not report the modes at these frequencies")
+    add("--no-refine", "no maximum likelihood refinement", dest="refine", action="store_false")
     add = parser.group("output")
-    add("--all", action="store_true", help="also print the candidates left out, with reasons")
-    add("--wide", action="store_true", help="print all columns: spreads, significance, indicators")
+    add("--all", "also print the candidates left out, with reasons")
+    add("--wide", "print all columns: spreads, significance, indicators")
     add = parser.group("several files")
-    add(
-        "--each",
-        action="store_true",
-        help="each file, and each test in it, by itself: one table, with modes paired to those of the first file",
-    )
-    add("--reference", type=Path, metavar="MODES", help="with --each: file of modes to pair with")
-    add("--apart", action="store_true", help="identify the setups one by one and merge their modes, not their records")
+    each = "each file, and each test in it, by itself: one table, with modes paired to those of the first file"
+    add("--each", each)
+    add("--reference MODES", "with --each: file of modes to pair with")
+    add("--apart", "identify the setups one by one and merge their modes, not their records")
     add_outside(parser)
     add_workers(parser)
     add_expert(parser)
@@ -152,28 +149,20 @@ def _wrong(address: str, reason: str) -> DataError:
     return DataError(f"--scheduler {address} was asked", reason, remedy)
 
 
-def result_of(options: argparse.Namespace, files: list[Path]) -> Result:
-    """Return the result of the files of one test with the choices of the command line."""
+def result_of(options: argparse.Namespace, files: list[Path], saved: str = ".analysis.json") -> Result:
+    """Return the result of the files of one test with the choices of the command line, or of a saved analysis, repeated."""
     from modalscope.analysis.workflow.analyze import analyze
     from modalscope.analysis.workflow.replay import replay
-    from modalscope.interfaces.cli.reading import choices, parse_orders, reading_options
+    from modalscope.interfaces.cli.reading import choices, reading_options
 
-    if len(files) == 1 and files[0].name.lower().endswith(".analysis.json"):
+    if len(files) == 1 and files[0].name.lower().endswith(saved):
         with progress("identifying") as show:
             return replay(files[0], allow_outside=options.allow_outside, progress=show)
-    given = choices(options) | {
-        name: getattr(options, name) for name in ("method", "domain", "frequencies", "refine", "apart")
-    }
+    given = choices(options) | {name: getattr(options, name) for name in ("frequencies", "refine", "apart")}
+    given |= {"take": options.take or (), "refuse": options.refuse or ()}
+    reading = [reading_options(options, path) for path in files]
     with workers_of(options), progress("identifying") as show:
-        return analyze(
-            files[0] if len(files) == 1 else files,
-            orders=parse_orders(options.orders),
-            take=options.take or (),
-            refuse=options.refuse or (),
-            reading=[reading_options(options, path) for path in files],
-            progress=show,
-            **given,
-        )
+        return analyze(files[0] if len(files) == 1 else files, reading=reading, progress=show, **given)
 
 
 #: Notes on how the data are interpreted, printed before the modes.

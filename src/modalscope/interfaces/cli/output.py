@@ -20,19 +20,23 @@ if TYPE_CHECKING:
     from modalscope.analysis.checking.certificate import Certificate
 
 #: Suffixes of reports, data, pictures and results.
-_PAGES = (".html", ".htm", ".docx", ".pptx")
+PAGES = (".html", ".htm", ".docx", ".pptx")
 DATA = (".uff", ".unv", ".npz", ".mat", ".h5", ".hdf5", ".csv")
 PICTURES = (".png", ".svg", ".pdf")
-_RESULTS = (".json", ".csv", ".uff", ".unv", ".xlsx", *_PAGES, ".npz", ".h5", ".hdf5", ".mat")
+_RESULTS = (".json", ".csv", ".uff", ".unv", ".xlsx", *PAGES, ".npz", ".h5", ".hdf5", ".mat")
 
 
 def is_page(path: Path) -> bool:
     """Whether the file is a report."""
-    return path.suffix.lower() in _PAGES
+    return path.suffix.lower() in PAGES
 
 
-def check_outputs(options: argparse.Namespace, sources: Iterable[Path], suffixes: tuple[str, ...] = _RESULTS) -> None:
-    """Raise for output names that cannot be written, before the work is done."""
+def check_outputs(
+    options: argparse.Namespace, sources: Iterable[Path], suffixes: tuple[str, ...] = _RESULTS, example: str = ""
+) -> None:
+    """Raise for output names that cannot be written, before the work is done; with an example, for none, too."""
+    if example and not options.outputs:
+        raise DataError("this command writes a file", "no -o was given", f"Add for instance -o {example}.")
     for path in options.outputs:
         if str(path) != STDOUT:
             check_output(path, sources, options.force, suffixes)
@@ -49,9 +53,8 @@ def check_output(path: Path, sources: Iterable[Path], force: bool, suffixes: tup
     if not target.parent.is_dir():
         raise DataError(asked, f"there is no folder {target.parent}", "Name a file in an existing folder.")
     if not force and target.exists() and target.stat().st_size and not is_ours(target):
-        raise DataError(
-            asked, "the file exists and modalscope did not write it", "Choose another name, or use --force."
-        )
+        fault = "the file exists and modalscope did not write it"
+        raise DataError(asked, fault, "Choose another name, or use --force.")
 
 
 def write_outputs(
@@ -107,12 +110,6 @@ def _document(result: Any, fields: dict[str, Any]) -> str:
         PENDING.discard(place)
 
 
-def require_output(options: argparse.Namespace, example: str) -> None:
-    """Raise if a command that only writes files has no output."""
-    if not options.outputs:
-        raise DataError("this command writes a file", "no -o was given", f"Add for instance -o {example}.")
-
-
 def write_picture(path: Path, draw: Callable[..., Axes], *given: Any, **options: Any) -> str:
     """Draw a picture, write it with the mark of the program, and return the message."""
     from matplotlib.figure import Figure
@@ -139,9 +136,8 @@ def write_pictures(
 
     named = [path for path in outputs if str(path) != STDOUT]
     if not named:
-        raise DataError(
-            "--pictures names its files after an output", "no -o was given", "Add for instance -o report.html."
-        )
+        asked = "--pictures names its files after an output"
+        raise DataError(asked, "no -o was given", "Add for instance -o report.html.")
     messages = []
     for name, picture in pictures_of(modes, diagrams).items():
         path = named[0].with_name(f"{named[0].stem}_{name}.{options.pictures}")

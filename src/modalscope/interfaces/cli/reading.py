@@ -78,11 +78,14 @@ def read_modes(options: argparse.Namespace, path: Path) -> ModalModel:
 
 
 def choices(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the band or bands, route, delays, reciprocity and excluded channels as keyword arguments of the identification."""
+    """Return what a command is told of the identification as its keyword arguments: bands, channels, route, method, orders."""
     several = [options.band] if options.band and isinstance(options.band[0], float) else options.band or ()
     bands = [tuple(band) for band in several]
-    given = {name: getattr(options, name) for name in ("route", "reciprocal", "exclude")}
-    given |= {name: value for name in EXPERT if (value := getattr(options, name, None)) is not None}
+    told = vars(options)
+    names = ("route", "reciprocal", "exclude", "method", "domain")
+    given: dict[str, Any] = {name: told[name] for name in names if name in told}
+    given |= {"orders": parse_orders(options.orders)} if "orders" in told else {}
+    given |= {name: told[name] for name in EXPERT if told.get(name) is not None}
     given |= {name: parse_shifts(name, given[name]) for name in ("row_shifts", "column_shifts") if name in given}
     return {"band": bands[0] if len(bands) == 1 else bands or None, "delays": parse_delays(options.delays), **given}
 

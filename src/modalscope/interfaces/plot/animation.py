@@ -88,10 +88,9 @@ def animate(
     target = check_path(path)
     suffix = target.suffix.lower()
     if suffix not in _SUFFIXES or not chosen:
-        asked, formats = f"an animation of {len(chosen)} modes in {target.name!r} was asked", ", ".join(_SUFFIXES)
-        raise DataError(
-            asked, f"it needs a mode, and the formats are {formats}", "Choose a mode and one of these suffixes."
-        )
+        asked = f"an animation of {len(chosen)} modes in {target.name!r} was asked"
+        needs = f"it needs a mode, and the formats are {', '.join(_SUFFIXES)}"
+        raise DataError(asked, needs, "Choose a mode and one of these suffixes.")
     frames = max(2.0, seconds * rate)
     if frames > _MAX_FRAMES:
         asked = f"{seconds:g} s at {rate:g} frames per second were asked"

@@ -29,6 +29,7 @@ from modalscope.interfaces.plot.picture import (
 )
 from modalscope.interfaces.plot.responses import both, coherence_of
 from modalscope.interfaces.plot.shapes import with_lines
+from modalscope.interfaces.plot.web.poles import longest_of
 from modalscope.numerics.checks import Array, IntArray, RealArray
 from modalscope.numerics.functions.poles import QUANTITIES
 from modalscope.signals.doctor.polarity import driving_points
@@ -66,9 +67,8 @@ def measured_pictures(data: Any) -> dict[str, Picture]:
 
 def _response_of(data: Any) -> FrequencyResponse | None:
     """Return the lines of data with forces: responses, or those estimated from the longest record; None of others."""
-    runs = getattr(data, "recordings", ())
-    if runs:
-        longest = max(runs, key=lambda run: run.samples)
+    longest = longest_of(data)
+    if longest is not None:
         return None if longest.inputs is None else estimate_frf(longest)
     shown = data.picture() if isinstance(data, Response) else None
     return shown if isinstance(shown, FrequencyResponse) and shown.reciprocal else None

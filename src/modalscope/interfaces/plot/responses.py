@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from modalscope.data import FrequencyResponse, ImpulseResponse, ModalModel
 from modalscope.data.rebuilt import rebuilt
 from modalscope.data.response import Response
+from modalscope.data.results import Result
 from modalscope.data.shown import percent
+from modalscope.identification.identify import Identification
 from modalscope.interfaces.plot.on_axes import painted
 from modalscope.interfaces.plot.picture import (
     Axis,
@@ -41,18 +43,10 @@ _PHASE_STARTS = (-180.0, -90.0, -270.0)
 MEASURED, REBUILT = "measured", "rebuilt from the modes"
 
 
-class Identified(Protocol):
-    """An object with modes, such as an identification."""
-
-    @property
-    def modes(self) -> ModalModel:
-        """The modes."""
-
-
 @named(data=Response)
 def response(
     data: Response,
-    modes: ModalModel | Identified | None = None,
+    modes: ModalModel | Identification | Result | None = None,
     output: str | int | None = None,
     input: str | int | None = None,
     ax: Axes | tuple[Axes, ...] | None = None,

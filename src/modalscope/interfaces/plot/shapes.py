@@ -164,11 +164,8 @@ def shape_picture(
     if len(modes.output_dofs) == 1:
         return remark("One output was measured: a shape of one number says nothing.")
     if std and modes.shapes_std is None:
-        raise DataError(
-            "bars with intervals need standard deviations of shapes",
-            "these modes have none",
-            "Refine them: ms.refine(data, modes).",
-        )
+        asked = "bars with intervals need standard deviations of shapes"
+        raise DataError(asked, "these modes have none", "Refine them: ms.refine(data, modes).")
     geometry = None if std else modes.geometry if geometry is None else geometry
     complex_shape = turned(modes.shapes[:, index])
     values = in_phase(modes.shapes[:, index]) if phase is None else (complex_shape * np.exp(1j * phase)).real

@@ -129,31 +129,20 @@ def _(thing: ModalModel) -> Picture:
     return shape_picture(thing, 0)
 
 
-@picture_of.register(FrequencyResponse)
-@picture_of.register(ImpulseResponse)
+@picture_of.register
 def _(thing: FrequencyResponse | ImpulseResponse) -> Picture:
     return indicator_picture(thing)
 
 
 @picture_of.register
-def _(thing: Signals) -> Picture:
-    return spectra_picture(decomposition(thing)) if thing.inputs is None else indicator_picture(estimate_frf(thing))
+def _(thing: Signals | Records | Setups) -> Picture:
+    run = max(thing.recordings, key=lambda run: run.samples)
+    return spectra_picture(decomposition(run)) if run.inputs is None else indicator_picture(estimate_frf(run))
 
 
-@picture_of.register(StoredSignals)
-@picture_of.register(StoredResponse)
+@picture_of.register
 def _(thing: StoredSignals | StoredResponse) -> Picture:
     return picture_of(thing.excerpt())
-
-
-@picture_of.register
-def _(thing: Records) -> Picture:
-    return picture_of(max(thing.runs, key=lambda run: run.samples))
-
-
-@picture_of.register
-def _(thing: Setups) -> Picture:
-    return picture_of(max(thing.parts, key=lambda part: part.samples))
 
 
 @picture_of.register

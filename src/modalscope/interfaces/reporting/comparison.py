@@ -14,7 +14,6 @@ from modalscope.data.rebuilt import explains_enough, unexplained
 from modalscope.data.shown import figures
 from modalscope.interfaces.plot.diagrams import stabilization_picture
 from modalscope.interfaces.plot.methods import deviations_picture, map_picture
-from modalscope.interfaces.plot.web.fits import fit_of, lines_of_response
 from modalscope.interfaces.reporting import record, sections
 from modalscope.interfaces.reporting.html import Section, figure, folded, listing, paragraph, table
 from modalscope.interfaces.reporting.record import comparison_script
@@ -35,7 +34,6 @@ _ALIKE_MAC = 0.99
 
 def comparison_sections(c: Comparison, *, source: str | None = None, command: str | None = None) -> Iterator[Section]:
     """Yield the sections on a comparison in the order of reading, each drawn when it is asked for."""
-    fit = fit_of(c.modes, c.response) if len(c.modes) else None
     yield _verdict(c)
     yield _modes(c)
     yield _methods(c)
@@ -46,9 +44,7 @@ def comparison_sections(c: Comparison, *, source: str | None = None, command: st
         yield _stabilization(c)
     if len(c.modes):
         yield from sections.mode_pictures(c.modes)
-        yield sections.responses_section(
-            c.response, fit, None if fit is None else lines_of_response(c.modes, c.response)
-        )
+        yield sections.all_responses(c.modes, c.response)
     yield record.data_section(c.response, source)
     yield _settings(c)
     yield record.repeat_section(comparison_script(c, source), command)

@@ -172,20 +172,17 @@ def _channels(response: Response) -> str:
     return table(list(columns), rows, words=[0, 1], caption=caption)
 
 
-def settings_section(diagram: StabilizationDiagram) -> Section:
-    """List the method and its options."""
-    facts = {"method": cell_label(diagram.method, diagram.domain), "domain": diagram.domain}
-    facts |= {"orders": _orders(diagram.orders), **settings_listed(diagram.settings)}
-    facts |= {f"tolerance, {name}": value(name, limit) for name, limit in diagram.tolerances.items()}
+def settings_section(found: StabilizationDiagram | Identification, orders: Mapping[str, str]) -> Section:
+    """List the method, its orders and its options."""
+    facts = {"method": cell_label(found.method, found.domain), "domain": found.domain, **orders}
+    facts |= {heading(key): value(key, content) for key, content in found.settings.items() if content is not None}
+    tolerances = getattr(found, "tolerances", {})
+    facts |= {f"tolerance, {name}": value(name, limit) for name, limit in tolerances.items()}
     return Section("settings", "Settings", listing(facts.items()))
 
 
-def settings_listed(settings: Settings) -> dict[str, str]:
-    """Return the options in words."""
-    return {heading(key): value(key, content) for key, content in settings.items() if content is not None}
-
-
-def _orders(orders: tuple[int, ...]) -> str:
+def orders_listed(orders: tuple[int, ...]) -> str:
+    """Return orders in words."""
     if not orders:
         return "none"
     steps = set(np.diff(orders).tolist())

@@ -20,7 +20,7 @@ from modalscope.interfaces.plot.picture import unit_of
 from modalscope.interfaces.plot.responses import coherence_of, lines_picture, title_of
 from modalscope.interfaces.plot.shapes import shape_picture
 from modalscope.interfaces.plot.web.alive import Drawing, alive_blob, front_end
-from modalscope.interfaces.plot.web.fits import Fit, Lines
+from modalscope.interfaces.plot.web.fits import Fit, Lines, fit_of, lines_of_response
 from modalscope.interfaces.reporting.html import Section, figure, listing, numbered, paragraph, table
 from modalscope.numerics.checks import Array, BoolArray, RealArray
 from modalscope.selection.judging.description import described
@@ -199,6 +199,12 @@ def left_out_section(modes: ModalModel) -> Section:
     ]
     columns = ["frequency [Hz]", "damping [%]", "significance", "reason", "remedy"]
     return Section("left-out", "Candidates left out", table(columns, rows, words=(3, 4)))
+
+
+def all_responses(modes: ModalModel, response: Response) -> Section:
+    """Return the section on the responses of one band that modes rebuild."""
+    fit = fit_of(modes, response) if len(modes) else None
+    return responses_section(response, fit, None if fit is None else lines_of_response(modes, response))
 
 
 def responses_section(response: Response, fit: Fit, lines: Lines | None) -> Section:
