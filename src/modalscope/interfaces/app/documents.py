@@ -144,12 +144,8 @@ class DocumentStore:
         """Write a document to disk."""
         first = max(0, opened.place - _MAX_WRITTEN_STEPS)
         history = opened.history[first : opened.place + _MAX_WRITTEN_STEPS]
-        kept = {
-            "modalscope": VERSION,
-            "name": opened.name,
-            "place": opened.place - first,
-            "history": [analysis_to(document) for document in history],
-        }
+        kept = {"modalscope": VERSION, "name": opened.name, "place": opened.place - first}
+        kept |= {"history": list(map(analysis_to, history))}
         with replacing(self._place / f"{opened.key}.json") as temporary:
             temporary.write_text(json.dumps(kept), encoding="utf-8")
 

@@ -265,24 +265,18 @@ async def events(request: Request) -> Response:
 
 
 def routes() -> list[Route]:
-    """Return the routes below /api."""
+    """Return the routes below /api: those of a document are named after what answers them."""
     at = "/api/documents/{key}"
     listed: list[tuple[str, Handler, str]] = [
         ("/api/start", start, "GET"),
         ("/api/upload", upload, "POST"),
         ("/api/open", open_files, "POST"),
         (at, state, "GET"),
-        (f"{at}/act", act, "POST"),
-        (f"{at}/cancel", cancel, "POST"),
-        (f"{at}/close", close, "POST"),
-        (f"{at}/events", events, "GET"),
         (f"{at}/blob/{{name}}", blob, "GET"),
-        (f"{at}/channel", channel, "GET"),
-        (f"{at}/measured", measured, "GET"),
         (f"{at}/picture/{{name}}", picture, "GET"),
-        (f"{at}/compare", compare, "POST"),
-        (f"{at}/against", against, "POST"),
-        (f"{at}/planned", planned, "POST"),
         (f"{at}/export/{{suffix}}", export, "GET"),
     ]
+    listed += [(f"{at}/{handler.__name__}", handler, "GET") for handler in (events, channel, measured)]
+    posted = (act, cancel, close, compare, against, planned)
+    listed += [(f"{at}/{handler.__name__}", handler, "POST") for handler in posted]
     return [Route(path, handler, methods=[method]) for path, handler, method in listed]

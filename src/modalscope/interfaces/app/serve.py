@@ -173,10 +173,8 @@ def server_of(made: Page) -> Any:
                 made.store.end()  # closes the event streams, which would delay the shutdown
             await super().shutdown(sockets)
 
-    settings = uvicorn.Config(
-        made.app, http=Prompt, log_level="warning", access_log=False, timeout_graceful_shutdown=2, ws="none"
-    )
-    return Server(settings)
+    quiet: Any = {"log_level": "warning", "access_log": False}
+    return Server(uvicorn.Config(made.app, http=Prompt, timeout_graceful_shutdown=2, ws="none", **quiet))
 
 
 def serve(made: Page) -> None:

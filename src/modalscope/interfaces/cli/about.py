@@ -20,9 +20,8 @@ def methods(options: argparse.Namespace) -> None:
     from modalscope.identification.method_names import methods
 
     rows = [("name", "method", "domain", "realization", "report", "known as")]
-    rows += [
-        (m.common, m.name, m.domain, m.realization, m.section, "; ".join(m.known_as)) for m in methods(options.name)
-    ]
+    shown = methods(options.name)
+    rows += [(m.common, m.name, m.domain, m.realization, m.section, "; ".join(m.known_as)) for m in shown]
     print(text_table(rows, left=range(6)))
 
 

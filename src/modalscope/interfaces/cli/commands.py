@@ -58,6 +58,8 @@ COMMANDS = tuple(
 )
 
 _EXAMPLE = "modalscope identify test.uff -o report.html"
+_MORE = "modalscope COMMAND --help lists the options of a command; modalscope --version prints the version."
+_ABOUT = "Modal identification: from measured data to modes of a structure."
 
 
 def names() -> tuple[str, ...]:
@@ -74,9 +76,7 @@ class Overview(Parser):
         for group, members in groupby(COMMANDS, key=lambda command: command.group):
             lines = [fill(f"{c.name:11} {c.title}", 96, **_INDENT) for c in members]
             parts.append("\n".join([group, *lines]))
-        parts.append(
-            "modalscope COMMAND --help lists the options of a command; modalscope --version prints the version."
-        )
+        parts.append(_MORE)
         return "\n\n".join(parts) + "\n"
 
 
@@ -85,9 +85,7 @@ _INDENT: dict[str, Any] = {"initial_indent": "    ", "subsequent_indent": 16 * "
 
 def build_parser() -> Parser:
     """Return the parser; each command carries the function that runs it."""
-    parser = Overview(
-        prog="modalscope", description="Modal identification: from measured data to modes of a structure."
-    )
+    parser = Overview(prog="modalscope", description=_ABOUT)
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(metavar="COMMAND", parser_class=Parser)
     for command in COMMANDS:

@@ -35,10 +35,8 @@ def demo(options: argparse.Namespace) -> None:
     check_output(options.output, (), options.force)
     data, published = load(_SET), reference(_SET)
     outputs, inputs = len(data.output_dofs), len(data.input_dofs)
-    remark(
-        f"{_SET}: {outputs} accelerometers, {inputs} hammer points, {data.lines} lines; band {_BAND[0]:g} to {_BAND[1]:g} Hz",
-        "",
-    )
+    sizes = f"{outputs} accelerometers, {inputs} hammer points, {data.lines} lines"
+    remark(f"{_SET}: {sizes}; band {_BAND[0]:g} to {_BAND[1]:g} Hz", "")
     with progress("identifying") as show:
         result = analyze(data, band=_BAND, progress=show)
     say(_table(result.modes, published), "", _inside(result.modes, published))

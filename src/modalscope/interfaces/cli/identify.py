@@ -97,10 +97,8 @@ def identify(options: argparse.Namespace) -> None:
         asked = "a report covers one measurement"
         raise DataError(asked, "setups identified apart are several", "Write .json or .csv, or one report per setup.")
     result = result_of(options, options.files)
-    written = [
-        *write_outputs(options, result),
-        *write_pictures(options, options.outputs, result.modes, result.diagrams),
-    ]
+    written = write_outputs(options, result)
+    written += write_pictures(options, options.outputs, result.modes, result.diagrams)
     _print(result, everything=options.all, wide=options.wide)
     say(*written)
 
@@ -130,11 +128,10 @@ def _client(address: str, stack: ExitStack) -> Any:
         count = address.removeprefix(_LOCAL_ADDRESS).removeprefix(":")
         if count and not (count.isdecimal() and int(count)):
             raise _wrong(address, f"{count!r} is no number of processes")
-        workers = {"n_workers": int(count)} if count else {}
+        workers: dict[str, Any] = {"n_workers": int(count)} if count else {}
         stack.enter_context(optional_package("--scheduler", "dask", "cluster").config.set(LOCAL_SETTINGS))
-        address = stack.enter_context(
-            distributed.LocalCluster(**workers, threads_per_worker=1, dashboard_address=None, silence_logs=40)
-        )
+        workers |= {"threads_per_worker": 1, "dashboard_address": None, "silence_logs": 40}
+        address = stack.enter_context(distributed.LocalCluster(**workers))
     try:
         client = stack.enter_context(distributed.Client(address, timeout=_CONNECT_SECONDS))
         if not client.nthreads():
@@ -229,9 +226,8 @@ def _run_each(options: argparse.Namespace) -> None:
 
     each = each_test(options)
     reference = None if options.reference is None else read_modes(options, options.reference)
-    places = [
-        [out.with_name(f"{out.stem}_{_as_stem(name)}{out.suffix}") for out in options.outputs] for name, _ in each
-    ]
+    stems = [_as_stem(name) for name, _ in each]
+    places = [[out.with_name(f"{out.stem}_{stem}{out.suffix}") for out in options.outputs] for stem in stems]
     targets = [place for group in places for place in group]
     for target in targets:
         check_output(target, options.files, options.force)
@@ -248,7 +244,7 @@ def _run_each(options: argparse.Namespace) -> None:
             failed.append(name)
             continue
         for place in written:
-            remark(write_file(options, place, result, str(alone.files[0])))
+            remark(write_file(options, place, result, {}, source=str(alone.files[0])))
         remark(*write_pictures(options, written, result.modes, result.diagrams))
         tests.append((name, result.modes))
     if tests:

@@ -68,7 +68,8 @@ def write_outputs(
     source = ", ".join(map(str, options.files))
     fields = {"data": {"file": Path(source).name}, **fields}
     named = [path for path in options.outputs if str(path) != STDOUT]
-    messages = [write_file(options, path, result, source, certificate, fields, record) for path in named]
+    reported = {"source": source, "certificate": certificate, "data": record}
+    messages = [write_file(options, path, result, fields, **reported) for path in named]
     if STDOUT in map(str, options.outputs):
         with progress("writing"):
             document = _document(result, fields)
@@ -76,23 +77,15 @@ def write_outputs(
     return messages
 
 
-def write_file(
-    options: argparse.Namespace,
-    path: Path,
-    result: Any,
-    source: str,
-    certificate: Certificate | None = None,
-    fields: dict[str, Any] | None = None,
-    record: Any = None,
-) -> str:
-    """Write a result to one file, a report or data, and return the message."""
+def write_file(options: argparse.Namespace, path: Path, result: Any, fields: dict[str, Any], **reported: Any) -> str:
+    """Write a result to one file, a report or data, and return the message; `reported`: what a report takes besides."""
     with progress(f"writing {path.name}"):
         if not is_page(path):
-            return _write(path, result, fields or {})
+            return _write(path, result, fields)
         from modalscope.interfaces.reporting import report
 
-        told = {"source": source, "command": options.command_line, "header": getattr(options, "header", None)}
-        report(result, path, certificate=certificate, data=record, **told)
+        header = getattr(options, "header", None)
+        report(result, path, command=options.command_line, header=header, **reported)
         return f"written: {path}"
 
 

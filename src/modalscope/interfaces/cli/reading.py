@@ -16,7 +16,7 @@ from modalscope.io.contents import SeveralTests
 from modalscope.io.options import TEXT
 
 #: Options of `modalscope.io.read` that the command line has under the same names.
-_READ_OPTIONS = ("sampling_rate", "conjugate", *TEXT)
+_READ_OPTIONS = ("quantity", "sampling_rate", "conjugate", "exact_nodes", *TEXT)
 
 
 def read_data(options: argparse.Namespace, path: Path) -> tuple[Any, tuple[Note, ...]]:
@@ -108,12 +108,10 @@ def reading_options(options: argparse.Namespace, path: Path) -> dict[str, Any]:
     add_reading(usual)
     options = usual.parse_args([], argparse.Namespace(**vars(options)))  # of a command that has none the defaults
     set_max_memory(options.max_memory)
-    given: dict[str, Any] = {"quantity": options.quantity} if options.quantity else {}
-    given |= {name: value for name in _READ_OPTIONS if (value := getattr(options, name)) not in (None, False)}
+    values = {name: getattr(options, name) for name in _READ_OPTIONS}
+    given: dict[str, Any] = {name: value for name, value in values.items() if value not in (None, False)}
     if options.geometry:
         given["geometry"] = [options.geometry, options.lines] if options.lines else options.geometry
-    if options.exact_nodes:
-        given["exact_nodes"] = True
     if options.units:
         given["units"] = _pairs("units", options.units.split(","), '"2=N,AccA=m/s^2"')
     for name, example in (("rename", "y=outputs"), ("axes", "values=inputs,outputs,lines")):

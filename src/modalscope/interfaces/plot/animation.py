@@ -136,11 +136,8 @@ def _written(figure: Figure, paint: Paint, frames: int, rate: int, suffix: str) 
         program = optional_package("an animation as .mp4", "imageio_ffmpeg", "video").get_ffmpeg_exe()
     with TemporaryDirectory() as folder, rc_context({"animation.ffmpeg_path": program}):
         place = Path(folder) / f"a{suffix}"
-        writer: Any = (
-            PillowWriter(fps=rate)
-            if suffix == ".gif"
-            else FFMpegWriter(fps=rate, codec="libx264", extra_args=["-pix_fmt", "yuv420p"])
-        )
+        film: dict[str, Any] = {"codec": "libx264", "extra_args": ["-pix_fmt", "yuv420p"]}
+        writer: Any = PillowWriter(fps=rate) if suffix == ".gif" else FFMpegWriter(fps=rate, **film)
         with writer.saving(figure, str(place), _DPI):
             for k in range(frames):
                 paint(2 * np.pi * k / frames)

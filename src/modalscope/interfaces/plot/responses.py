@@ -128,21 +128,17 @@ def lines_picture(
     turns = tuple((t, f"{t:.0f}") for t in np.arange(start, start + 361, 90).tolist())
     aside = _unexplained(measured, fit) if told else ""
     curves = both([(f, side) for side in sides])
+    across, upward = Axis("", *ends), Axis("phase [°]", start - 30, start + 390, named=turns)
     panels = [
-        Panel(Axis("", *ends), axis_of(f"magnitude{unit}", sides, log=True), curves, title, aside, 2.6),
-        Panel(
-            Axis("", *ends),
-            Axis("phase [°]", start - 30, start + 390, named=turns),
-            both([_with_gaps(f, side) for side in phases]),
-        ),
+        Panel(across, axis_of(f"magnitude{unit}", sides, log=True), curves, title, aside, 2.6),
+        Panel(across, upward, both([_with_gaps(f, side) for side in phases])),
     ]
     if coherence is not None:
         shares = tuple((v, f"{v:g}") for v in (0.0, 0.5, 1.0))
         curve = Line(f, coherence, "muted", width=0.9)
-        panels.append(Panel(Axis("", *ends), Axis("coherence", 0.0, 1.05, named=shares), [curve], share=0.6))
-    return Picture(
-        _labelled(panels, "frequency [Hz]"), f"{title}: {MEASURED}" + ("" if fit is None else " and rebuilt")
-    )
+        panels.append(Panel(across, Axis("coherence", 0.0, 1.05, named=shares), [curve], share=0.6))
+    words = f"{title}: {MEASURED}" + ("" if fit is None else " and rebuilt")
+    return Picture(_labelled(panels, "frequency [Hz]"), words)
 
 
 def both(sides: Sequence[tuple[Array, Array]], words: tuple[str, str] = (MEASURED, REBUILT)) -> list[Line]:

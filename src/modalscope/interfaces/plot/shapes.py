@@ -313,13 +313,9 @@ def _wireframe(
     low, high = rest.min(axis=0), rest.max(axis=0)
     reach = np.abs(largest @ view.matrix).max(axis=0) * scale * far / most + 0.05 * far
     foot = low - reach
-    return Panel(
-        Axis("", low[0] - reach[0] - 0.02 * far, high[0] + reach[0], named=()),
-        Axis("", foot[1], high[1] + reach[1], named=()),
-        [*items, *triad(view, foot, far)],
-        equal=True,
-        bare=True,
-    )
+    across = Axis("", low[0] - reach[0] - 0.02 * far, high[0] + reach[0], named=())
+    upward = Axis("", foot[1], high[1] + reach[1], named=())
+    return Panel(across, upward, [*items, *triad(view, foot, far)], equal=True, bare=True)
 
 
 def triad(view: View, foot: Array, far: float) -> list[Item]:

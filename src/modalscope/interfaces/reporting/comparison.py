@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from modalscope.analysis.comparing import CAUSES, Comparison, MethodResult
+from modalscope.analysis.comparing.agreement import Group
 from modalscope.analysis.comparing.scatter import LEVEL
 from modalscope.analysis.comparing.verdict import LEADS
 from modalscope.data.mode_fields import told
@@ -127,13 +128,11 @@ def _values_table(c: Comparison, kind: str, title: str, scale: float) -> str:
     if not names or not c.groups:
         return ""
     digits = {"frequencies": decimals(c.modes.frequencies, 6), "damping_ratios": 3, "mac": 3}[kind]
-    rows = [
-        [
-            c.label(name),
-            *(f"{scale * getattr(g, kind)[name]:.{digits}f}" if name in g.members else "–" for g in c.groups),
-        ]
-        for name in names
-    ]
+
+    def cell(group: Group, name: str) -> str:
+        return f"{scale * getattr(group, kind)[name]:.{digits}f}" if name in group.members else "–"
+
+    rows = [[c.label(name), *(cell(g, name) for g in c.groups)] for name in names]
     return table(["method", *(f"{k + 1}" for k in range(len(c.groups)))], rows, words=[0], caption=title)
 
 

@@ -39,9 +39,8 @@ def stabilization_script(diagram: StabilizationDiagram, source: str | None) -> s
     """Return the script that repeats a stabilization diagram and the selection from it."""
     orders = diagram.asked_orders or diagram.orders
     steps = {b - a for a, b in pairwise(orders)}
-    listed = (
-        f"range({orders[0]}, {orders[-1] + 1}, {int(steps.pop())})" if len(steps) == 1 else repr(list(map(int, orders)))
-    )
+    even = len(steps) == 1
+    listed = f"range({orders[0]}, {orders[-1] + 1}, {int(steps.pop())})" if even else repr(list(map(int, orders)))
     cell = {"method": diagram.method, "domain": diagram.domain}
     lines = [*_options(cell), f"    orders={listed},\n", *_options(diagram.settings)]
     if diagram.tolerances:
@@ -211,6 +210,5 @@ def repeat_section(script_text: str, command: str | None) -> Section:
     body = paragraph("Command line:") + script(command) if command else ""
     versions = f"modalscope {VERSION}, numpy {version('numpy')}, scipy {version('scipy')}"
     body += paragraph("Python:") + script(script_text)
-    return Section(
-        "repeat", "Repeat the analysis", body + paragraph(f"Python {platform.python_version()}, {versions}", "muted")
-    )
+    body += paragraph(f"Python {platform.python_version()}, {versions}", "muted")
+    return Section("repeat", "Repeat the analysis", body)

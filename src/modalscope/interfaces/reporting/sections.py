@@ -173,9 +173,8 @@ def mode_pictures(
         yield Section("shapes", "Mode shapes", f'{paragraph(lead, "muted")}<div class="pair">{pictures}</div>')
     if len(modes) > 1:
         lead = "Similarity of the shapes: 1 equal, 0 orthogonal. High values off the diagonal: too few channels, or a duplicate mode."
-        yield Section(
-            "mac", "AutoMAC", f'{paragraph(lead)}<div class="narrow">{figure(mac_picture(points), width=600)}</div>'
-        )
+        drawn = figure(mac_picture(points), width=600)
+        yield Section("mac", "AutoMAC", f'{paragraph(lead)}<div class="narrow">{drawn}</div>')
 
 
 def reasons_section(modes: ModalModel) -> Section:
@@ -187,16 +186,10 @@ def reasons_section(modes: ModalModel) -> Section:
 
 def left_out_section(modes: ModalModel) -> Section:
     """List the candidates that are not reported: significance, reason and remedy."""
-    rows = [
-        [
-            f"{candidate.frequency:.5g}",
-            figures(100 * candidate.damping_ratio),
-            "" if candidate.gain != candidate.gain else f"{candidate.gain:.1f}",
-            candidate.reason,
-            candidate.remedy,
-        ]
-        for candidate in modes.left_out
-    ]
+    rows = []
+    for c in modes.left_out:
+        significance = "" if c.gain != c.gain else f"{c.gain:.1f}"
+        rows.append([f"{c.frequency:.5g}", figures(100 * c.damping_ratio), significance, c.reason, c.remedy])
     columns = ["frequency [Hz]", "damping [%]", "significance", "reason", "remedy"]
     return Section("left-out", "Candidates left out", table(columns, rows, words=(3, 4)))
 
@@ -211,9 +204,8 @@ def responses_section(response: Response, fit: Fit, lines: Lines | None) -> Sect
     """Draw the channels of largest, median and smallest misfit, and list what is unexplained of every channel."""
     title = "Measured and rebuilt responses"
     if fit is None or lines is None:
-        return Section(
-            "responses", title, paragraph("Responses cannot be rebuilt: the participation of the modes is not known.")
-        )
+        why = "Responses cannot be rebuilt: the participation of the modes is not known."
+        return Section("responses", title, paragraph(why))
     errors = fit[1]
     order = np.argsort(-np.nan_to_num(errors, nan=-1.0), axis=None, kind="stable")
     ranked = [divmod(int(k), errors.shape[1]) for k in order]

@@ -171,12 +171,7 @@ def widget(thing: Any) -> Any:
     if script is None or style is None:
         remedy = "Run: make page (needs Node 20 and npm)."
         raise DataError("a widget needs its built front end", "there is none here", remedy)
-    fields = {
-        "_esm": script,
-        "_css": style,
-        "blob": traitlets.Bytes().tag(sync=True),
-        "chosen": traitlets.Int(0).tag(sync=True),
-    }
+    fields = {"blob": traitlets.Bytes().tag(sync=True), "chosen": traitlets.Int(0).tag(sync=True)}
 
     class Exported(anywidget.AnyWidget):  # type: ignore[name-defined,misc]
         def _repr_mimebundle_(self, **given: Any) -> Any:
@@ -184,7 +179,9 @@ def widget(thing: Any) -> Any:
             data, *more = super()._repr_mimebundle_(**given)
             return ({**data, "text/html": diagrams[0]._repr_html_() + html_table(table_of(modes))}, *more)
 
-    return type("Widget", (Exported,), fields)(blob=alive_blob(drawing_of(modes, *diagrams)))
+    return type("Widget", (Exported,), {"_esm": script, "_css": style, **fields})(
+        blob=alive_blob(drawing_of(modes, *diagrams))
+    )
 
 
 def selected(thing: Any, asked: str = "a widget") -> tuple[ModalModel, tuple[StabilizationDiagram, ...]]:

@@ -14,20 +14,15 @@ from modalscope.data.indicators import mac
 from modalscope.data.mode_fields import interval_ends
 from modalscope.data.response import Response
 from modalscope.interfaces.plot._camera import extent
-from modalscope.interfaces.plot.shapes import has_channels, turned, with_lines
+from modalscope.interfaces.plot.shapes import has_channels, measured_nodes, turned, with_lines
 from modalscope.interfaces.plot.web.blob import pack
 from modalscope.io.geometry import points_table
 from modalscope.numerics.checks import Array, ComplexArray
 from modalscope.selection.judging.description import HEADS, ModeDescription, described
 
 #: What is known of frequencies and damping, whatever the points are over which the shapes are drawn.
-_DEVIATIONS = (
-    "frequencies_std",
-    "damping_ratios_std",
-    "frequencies_repeatability",
-    "damping_ratios_repeatability",
-    "degrees",
-)
+_KEPT = ("poles", "geometry", "scaling", "frequencies_std", "damping_ratios_std", "degrees")
+_REPEATED = ("frequencies_repeatability", "damping_ratios_repeatability")
 
 #: Maximum number of nodes that are edited as a table.
 _MAX_EDITED = 500
@@ -57,21 +52,11 @@ def over_points(modes: ModalModel, response: Response | None) -> ModalModel:
     inputs = modes.input_dofs
     if modes.geometry is not None and not has_channels(modes.geometry, (*modes.output_dofs, *inputs)):
         modes = replace(modes, geometry=None)
-    if (
-        response is None
-        or not response.reciprocal
-        or modes.participation is None
-        or len(inputs) <= len(modes.output_dofs)
-    ):
+    fewer = len(inputs) <= len(modes.output_dofs)
+    if fewer or response is None or not response.reciprocal or modes.participation is None:
         return modes
-    return ModalModel(
-        poles=modes.poles,
-        shapes=modes.participation.T,
-        output_dofs=inputs,
-        geometry=modes.geometry,
-        scaling=modes.scaling,
-        **{name: getattr(modes, name) for name in _DEVIATIONS},
-    )
+    kept = {name: getattr(modes, name) for name in (*_KEPT, *_REPEATED)}
+    return ModalModel(shapes=modes.participation.T, output_dofs=inputs, **kept)
 
 
 def modes_parts(
@@ -142,7 +127,6 @@ def _moved(
     largest = np.max(np.linalg.norm(motion, axis=2), axis=1, initial=0.0)
     motion = motion / np.where(largest > 0, largest, 1.0)[:, None, None]
     signed = np.array([_signed(u) for u in motion]).reshape(len(motion), len(geometry.nodes))
-    moved = {node for label in labels for node, _ in geometry.motion_of(label)}
     faces = geometry.faces
     if faces.shape[1] == 4:
         faces = np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
@@ -150,7 +134,7 @@ def _moved(
         "rest": (geometry.coordinates - middle) / size,
         "lines": with_lines(geometry).lines,
         "faces": faces,
-        "measured": np.array([node in moved for node in geometry.nodes]),
+        "measured": measured_nodes(geometry, labels),
         "moved_real": motion.real,
         "moved_imag": motion.imag,
         "signed_real": signed.real,
