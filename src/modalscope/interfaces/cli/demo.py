@@ -59,8 +59,7 @@ def _table(modes: ModalModel, published: ModalModel) -> str:
     width, nearest = head.index("grade") + 1, _beside(modes, published)
     lines = [[*head[:width], "published: f [Hz]", "damping [%]"]]
     for k, row in enumerate(rows):
-        known = nearest.get(k)
-        texts = ("-", "-") if known is None else _as_published(published[known])
+        texts = _as_published(published[nearest[k]]) if k in nearest else ("-", "-")
         lines.append([*row[:width], *texts])
     return text_table(lines, left=[width - 1])
 

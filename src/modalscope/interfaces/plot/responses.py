@@ -93,11 +93,12 @@ def response_picture(
     measured = shown.values[:, i, j]
     fit = None if modes is None else rebuilt(shown, modes)[:, i, j]
     title, unit = title_of(shown, i, j), unit_of(shown, i, j)
+    aside = _unexplained(measured, fit) if shown is data else ""
     if isinstance(shown, FrequencyResponse):
         coherence = None if shown.coherence is None else coherence_of(shown.coherence, i, j)
-        return lines_picture(shown.frequencies, measured, fit, coherence, unit, title, told=shown is data)
+        return lines_picture(shown.frequencies, measured, fit, coherence, unit, title, aside)
     assert isinstance(shown, ImpulseResponse)
-    return _samples(shown, measured, fit, unit, title, told=shown is data)
+    return _samples(shown, measured, fit, unit, title, aside)
 
 
 def title_of(response: Response, output: int, column: int) -> str:
@@ -113,11 +114,11 @@ def coherence_of(coherence: Array, output: int, column: int) -> Array:
 
 
 def lines_picture(
-    f: Array, measured: Array, fit: Array | None, coherence: Array | None, unit: str, title: str, *, told: bool = True
+    f: Array, measured: Array, fit: Array | None, coherence: Array | None, unit: str, title: str, aside: str = ""
 ) -> Picture:
     """Return magnitude and phase of a channel on lines (F,), measured and rebuilt, and its coherence, as far as they are known.
 
-    The rebuilt phase is drawn on the branch of the measured one. `told`: with what is unexplained.
+    The rebuilt phase is drawn on the branch of the measured one. `aside`: what is unexplained.
     """
     sides = [_levels(h) for h in (measured, fit) if h is not None]
     ends = (float(f[0]), float(f[-1])) if f[-1] > f[0] else (float(f[0]) - 1, float(f[0]) + 1)
@@ -126,7 +127,6 @@ def lines_picture(
     phase = _phase(measured, start)
     phases = [phase] if fit is None else [phase, phase + np.degrees(np.angle(fit * np.conj(measured)))]
     turns = tuple((t, f"{t:.0f}") for t in np.arange(start, start + 361, 90).tolist())
-    aside = _unexplained(measured, fit) if told else ""
     curves = both([(f, side) for side in sides])
     across, upward = Axis("", *ends), Axis("phase [°]", start - 30, start + 390, named=turns)
     panels = [
@@ -175,14 +175,11 @@ def _with_gaps(f: Array, phase: Array) -> tuple[Array, Array]:
     return np.insert(np.asarray(f, dtype=float), jumps, np.nan), np.insert(phase, jumps, np.nan)
 
 
-def _samples(
-    data: ImpulseResponse, measured: Array, fit: Array | None, unit: str, title: str, *, told: bool
-) -> Picture:
+def _samples(data: ImpulseResponse, measured: Array, fit: Array | None, unit: str, title: str, aside: str) -> Picture:
     """Return the samples of a channel, measured and rebuilt, and their difference."""
     what = "correlation" if data.ambient else data.quantity or "response"
     ends, sides = (float(data.times[0]), float(data.times[-1])), [h for h in (measured, fit) if h is not None]
     rest = measured if fit is None else measured - fit
-    aside = _unexplained(measured, fit) if told else ""
     upward = axis_of(what + ("" if data.ambient else unit), sides)
     below = Line(data.times, rest, "muted", width=0.9)
     panels = [

@@ -185,4 +185,4 @@ def _seconds(times: object) -> RealArray:
 
 
 def _dates(values: list[Array]) -> Axis:
-    return axis_of("time (UTC)", values, room=0.02, dates=True)
+    return replace(axis_of("time (UTC)", values, room=0.02), dates=True)

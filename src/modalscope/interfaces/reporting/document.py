@@ -115,7 +115,7 @@ def report(
         return write_page(path, heading, _subtitle(thing.response), parts, sources_of(thing))
     if isinstance(thing, Identification):
         heading = title or _heading(f"{cell_label(thing.method, thing.domain)}, order {thing.order}", ": ", source)
-        parts = identification_sections(thing, source=source, command=command)
+        parts = identification_sections(thing, source, command)
         return write_page(path, heading, _subtitle(thing.response), parts, sources_of(thing))
     remarks = thing.analysis.remarks if isinstance(thing, Result) else ()
     head = header_of_remarks(remarks) if header is None else header_of(header)
@@ -237,9 +237,7 @@ def _limits(bands: Sequence[sections.Band]) -> str:
     return "Band: full range." if limits is None else f"Band: {limits[0]:g} to {limits[1]:g} Hz."
 
 
-def identification_sections(
-    identified: Identification, *, source: str | None = None, command: str | None = None
-) -> Iterator[Section]:
+def identification_sections(identified: Identification, source: str | None, command: str | None) -> Iterator[Section]:
     """Yield the sections on one identification in the order of reading, each drawn when it is asked for."""
     modes, response = identified.modes, identified.response
     yield identification_summary(identified)

@@ -225,7 +225,7 @@ def _channel(response: Response, lines: Lines, i: int, j: int, error: float) -> 
     coherence = coherence_of(response.coherence, i, j) if known and response.coherence is not None else None
     sides = lines.measured[:, i, j], lines.rebuilt[:, i, j]
     unit, title = unit_of(response.picture(), i, j), title_of(response, i, j)
-    picture = lines_picture(lines.frequencies, *sides, coherence, unit, title, told=False)
+    picture = lines_picture(lines.frequencies, *sides, coherence, unit, title)
     return figure(picture, f"{percent(error)} unexplained", height=350)
 
 
