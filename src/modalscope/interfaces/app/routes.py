@@ -85,19 +85,14 @@ async def start(request: Request) -> Response:
     store = _store(request)
     folder = store.files.folder
     rows = [{"name": m.name, "domain": m.domain, "label": m.label, "route": route_of(m)} for m in methods()]
-    return _json(
-        {
-            "version": VERSION,
-            "folder": None if folder is None else folder.name,
-            "files": await asyncio.to_thread(store.files.listing),
-            "documents": store.listed(),
-            "methods": rows,
-            "formats": FORMATS,
-            "missing": missing_formats(),
-            "upload": store.limits.upload,
-            "first": request.app.state.first,
-        }
-    )
+    found = {
+        "version": VERSION,
+        "folder": None if folder is None else folder.name,
+        "files": await asyncio.to_thread(store.files.listing),
+        "documents": store.listed(),
+    }
+    known = {"methods": rows, "formats": FORMATS, "missing": missing_formats(), "upload": store.limits.upload}
+    return _json({**found, **known, "first": request.app.state.first})
 
 
 async def upload(request: Request) -> Response:

@@ -72,10 +72,8 @@ def _inside(modes: ModalModel, published: ModalModel) -> str:
     """Return how many published values, which are rounded to .1 Hz and .01 %, their modes' intervals reach."""
     ends, pairs = modes.interval(0.95), _beside(modes, published)
     counts = []
-    for name, values, rounding in (
-        ("frequency", published.frequencies, 0.05),
-        ("damping_ratio", published.damping_ratios, 0.5e-4),
-    ):
+    known = {"frequency": (published.frequencies, 0.05), "damping_ratio": (published.damping_ratios, 0.5e-4)}
+    for name, (values, rounding) in known.items():
         low, high = ends[name].T
         counts.append(sum(bool(low[i] - rounding <= values[k] <= high[i] + rounding) for i, k in pairs.items()))
     n = len(published)

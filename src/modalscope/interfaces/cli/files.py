@@ -86,11 +86,8 @@ def _say_quality(options: argparse.Namespace, data: Any) -> None:
         units = (*units, *start)
     with progress("examining"):
         findings = examine(measured, whole=options.whole)
-    say(
-        *(f"note: {note}" if note.kind == "start" else f"units: {note}" for note in units),
-        "quality:" if findings else "quality: no data problem found",
-    )
-    say(*(f"  {finding}" for finding in findings))
+    say(*(f"{'note' if note.kind == 'start' else 'units'}: {note}" for note in units))
+    say("quality:" if findings else "quality: no data problem found", *(f"  {finding}" for finding in findings))
 
 
 def add_convert(parser: Parser) -> None:

@@ -98,7 +98,7 @@ def identify(options: argparse.Namespace) -> None:
         raise DataError(asked, "setups identified apart are several", "Write .json or .csv, or one report per setup.")
     result = result_of(options, options.files)
     written = write_outputs(options, result)
-    written += write_pictures(options, options.outputs, result.modes, result.diagrams)
+    written += write_pictures(options, result.modes, result.diagrams)
     _print(result, everything=options.all, wide=options.wide)
     say(*written)
 
@@ -221,7 +221,7 @@ def _run_each(options: argparse.Namespace) -> None:
     An output names the files to write: `-o results.json` gives results_NAME.json for every NAME. A file that cannot be used is one line on
     stderr, and the others are identified; the exit status is 4 then, and 2 if none could be used.
     """
-    from modalscope.interfaces.cli.output import check_output, write_file, write_pictures
+    from modalscope.interfaces.cli.output import check_output, write_outputs, write_pictures
     from modalscope.interfaces.cli.reading import each_test, read_modes
 
     each = each_test(options)
@@ -243,9 +243,8 @@ def _run_each(options: argparse.Namespace) -> None:
             complain(f"{name}: {error.args[0]}")
             failed.append(name)
             continue
-        for place in written:
-            remark(write_file(options, place, result, {}, source=str(alone.files[0])))
-        remark(*write_pictures(options, written, result.modes, result.diagrams))
+        alone.outputs = written
+        remark(*write_outputs(alone, result), *write_pictures(alone, result.modes, result.diagrams))
         tests.append((name, result.modes))
     if tests:
         say(_table(tests, reference))

@@ -116,18 +116,18 @@ def write_picture(path: Path, draw: Callable[..., Axes], *given: Any, **options:
 
 
 def write_pictures(
-    options: argparse.Namespace, outputs: Sequence[Path], modes: ModalModel, diagrams: Sequence[StabilizationDiagram]
+    options: argparse.Namespace, modes: ModalModel, diagrams: Sequence[StabilizationDiagram]
 ) -> list[str]:
     """Write the pictures of a result, named after its first output, and return a message per file.
 
-    `options`: `files`, `pictures` (a suffix or None), `force`.
+    `options`: `files`, `outputs`, `pictures` (a suffix or None), `force`.
     """
     if options.pictures is None:
         return []
     from modalscope.interfaces.plot.gallery import pictures_of
     from modalscope.interfaces.plot.on_axes import painted
 
-    named = [path for path in outputs if str(path) != STDOUT]
+    named = [path for path in options.outputs if str(path) != STDOUT]
     if not named:
         asked = "--pictures names its files after an output"
         raise DataError(asked, "no -o was given", "Add for instance -o report.html.")

@@ -172,18 +172,13 @@ def add_reading(parser: Parser) -> None:
 
 
 def add_geometry(parser: Parser) -> None:
-    """Add the geometry, the options of tables and the memory limit of reading."""
+    """Add the geometry, the memory limit of reading, and what a table or a file of bare numbers does not state."""
     add = parser.group(_READING)
     add("--geometry FILE", "sensor positions: a table node,x,y,z, a universal file or a mesh", type=str)
     add("--lines FILE", "lines of the geometry: a table of pairs of nodes", type=str)
     add("--exact-nodes", "place no channel by its number alone (P3 at node 3)")
-    add_tables(parser)
     limit = "memory limit for reading and processing a file, such as 8GB (reading: 500 MB or 20 times the file)"
     add("--max-memory SIZE", limit)
-
-
-def add_tables(parser: Parser) -> None:
-    """Add the options for what a table, or a file of bare numbers, does not state."""
     add = parser.group(_TABLES)
     add("--sampling-rate HZ", "sampling rate in Hz, if the file does not state it")
     add("--columns ROLES", 'roles of the columns, such as "time=1,in=2,out=3-9"')

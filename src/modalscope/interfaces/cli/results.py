@@ -336,9 +336,8 @@ def report(options: argparse.Namespace) -> None:
 
     The result is a .json file of identify, an .analysis.json document or a stabilization diagram. The data file must be unchanged.
     """
-    from modalscope.interfaces.cli.output import PAGES, check_outputs, write_pictures
+    from modalscope.interfaces.cli.output import PAGES, check_outputs, write_file, write_pictures
     from modalscope.interfaces.plot.web.alive import selected
-    from modalscope.interfaces.reporting import report
     from modalscope.io import set_max_memory
 
     set_max_memory(options.max_memory)
@@ -346,14 +345,12 @@ def report(options: argparse.Namespace) -> None:
     with progress("identifying") as show:
         result = _saved(options, show)
     for path in options.outputs:
-        with progress(f"writing {path.name}"):
-            report(result, path, title=options.title, command=options.command_line, header=options.header)
-        say(f"written: {path}")
+        say(write_file(options, path, result, {}, title=options.title))
     if options.pictures is not None:
         options.files = [options.file, *(options.data or ())]
         with progress("selecting"):
             modes, diagrams = selected(result)
-        say(*write_pictures(options, options.outputs, modes, diagrams))
+        say(*write_pictures(options, modes, diagrams))
 
 
 def _saved(options: argparse.Namespace, show: Any) -> Any:

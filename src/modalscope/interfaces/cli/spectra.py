@@ -43,10 +43,8 @@ def frf(options: argparse.Namespace) -> None:
         frf = joined_frf(as_records(data).stacked(), **given)
     if options.band is not None:
         frf = frf.band(*options.band)
-    written = [
-        write_picture(path, response, frf) if path.suffix.lower() in PICTURES else write_data(path, frf)
-        for path in options.outputs
-    ]
+    drawn = {path for path in options.outputs if path.suffix.lower() in PICTURES}
+    written = [write_picture(p, response, frf) if p in drawn else write_data(p, frf) for p in options.outputs]
     with progress("examining"):
         findings = examine(frf)
     remark(*notes, summary_of(frf), *(f"  {line}" for line in (*frf.processing, *findings)))

@@ -29,10 +29,8 @@ def add_watch(parser: Parser) -> None:
     add("--settled SECONDS", "how long a file stands still (default: 60)", default=60.0)
     add("--jobs N", "number of processes (default: 1)", default=1)
     add("--scheduler ADDRESS", "Dask scheduler whose workers identify; local:4 starts four processes")
-    add(
-        "-o/--output REPORT",
-        "report of the period, .html: tracks, covariates, control chart, records that could not be used",
-    )
+    output = "report of the period, .html: tracks, covariates, control chart, records that could not be used"
+    add("-o/--output REPORT", output)
     add("--reference FIRST LAST", "times of the sound structure, UTC: changes after them are alarms")
     add("--false-per-year N", "rate of false alarms (default: 1)", type=float, default=1.0)
     add("--chart PICTURE", "with --reference: draw the control chart, .png, .svg or .pdf")

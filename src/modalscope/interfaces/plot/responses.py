@@ -210,9 +210,7 @@ def spectra_picture(found: Decomposition, peaks: int | None = 12) -> Picture:
     f, levels = found.frequencies, 10 * np.log10(np.maximum(found.singular_values, np.finfo(float).tiny))
     levels = levels[:, : len(_INKS)]
     inside = levels[f > 0]
-    curves = [
-        Line(f, level, _INKS[k], f"singular value {k + 1}", 0.8 if k else 1.1) for k, level in enumerate(levels.T)
-    ]
+    curves = [Line(f, y, _INKS[k], f"singular value {k + 1}", 0.8 if k else 1.1) for k, y in enumerate(levels.T)]
     upward = Axis("power spectral density [dB re unit²/Hz]", float(inside.min()) - 3, float(inside.max()) + 8)
     marked = modes_marked(found.peaks(peaks)[0], (0, float(f[-1])))
     panel = Panel(Axis("frequency [Hz]", 0, float(f[-1])), upward, curves[::-1], marked=marked)

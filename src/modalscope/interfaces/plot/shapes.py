@@ -186,10 +186,8 @@ def shape_picture(
 def mode_title(modes: ModalModel, index: int) -> str:
     """Return the number of a mode, its frequency and its damping, with their 95 % intervals where they are known."""
     told = described(modes)[index]
-    parts = [
-        value + (f" ± {half}" if half != "-" else "") + unit
-        for value, half, unit in ((told.frequency, told.frequency_half, " Hz"), (told.damping, told.damping_half, " %"))
-    ]
+    sides = ((told.frequency, told.frequency_half, "Hz"), (told.damping, told.damping_half, "%"))
+    parts = [f"{value} {unit}" if half == "-" else f"{value} ± {half} {unit}" for value, half, unit in sides]
     return f"mode {index + 1}: {', '.join(parts[: 2 if modes.damping_ratios[index] else 1])}"
 
 

@@ -149,10 +149,8 @@ def _(thing: StoredSignals | StoredResponse) -> Picture:
 def _(thing: Validation) -> Picture:
     places = np.arange(len(thing.parts))
     sides = [100 * thing.fit_errors_with, 100 * thing.fit_errors]
-    items = [
-        *bars(places - 0.2, sides[0], 0.4, "pale", "included"),
-        *bars(places + 0.2, sides[1], 0.4, "blue", "left out"),
-    ]
+    items = bars(places - 0.2, sides[0], 0.4, "pale", "included")
+    items += bars(places + 0.2, sides[1], 0.4, "blue", "left out")
     upward = axis_of("unexplained [%]", sides, zero=True)
     panel = Panel(axis_of_names("left out", list(map(str, thing.parts))), upward, items, "cross-validation")
     return Picture([panel], "Unexplained part of what was left out")
@@ -211,7 +209,5 @@ def _over_time(times: Any, values: Any, labels: list[str]) -> Picture | None:
     if len(y) < 2 or not np.isfinite(y).any():
         return None
     ends = Axis("time [s]", float(times[0]), float(times[-1]))
-    return Picture(
-        [Panel(ends, axis_of(plain(labels[strongest], 16), [y]), [Line(times, y, "blue")])],
-        "Strongest channel over time",
-    )
+    panel = Panel(ends, axis_of(plain(labels[strongest], 16), [y]), [Line(times, y, "blue")])
+    return Picture([panel], "Strongest channel over time")

@@ -167,8 +167,9 @@ def _most_moved(found: Alarms) -> list[int]:
 
 def _change(found: Alarms, k: int, across: Axis) -> Panel:
     """Return the relative change of the frequency of one track without what weather explains, on an axis of its own."""
-    moved, name = 100 * found.explained.residual[:, k], plain(found.explained.tracks.names[k])
+    moved = 100 * found.explained.residual[:, k]
     items: list[Item] = [*_judged(found, moved), level(across)]
+    name = plain(found.explained.tracks.names[k])
     return Panel(across, axis_of("change [%]", [moved], zero=True), items, name, share=0.35)
 
 

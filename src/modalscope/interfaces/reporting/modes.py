@@ -111,8 +111,7 @@ def identification_summary(identified: Identification) -> Section:
     lead = f"{counted(len(modes), 'mode')} between {low:.5g} and {high:.5g} Hz, by {method}, order {identified.order}."
     body = paragraph(lead, "verdict")
     misfit = unexplained(identified.fit_error)  # by the whole model, with its real and unstable poles
-    enough = explains_enough(identified.fit_error)
-    body = body + paragraph(misfit) if enough else paragraph(misfit, "loud") + body
+    body = body + paragraph(misfit) if explains_enough(identified.fit_error) else paragraph(misfit, "loud") + body
     odd = odd_poles(modes)
     body += paragraph(odd) if odd else ""
     body += paragraph("One order cannot separate modes from noise; use stabilize and select.", "muted")

@@ -75,13 +75,12 @@ def alive_section(drawing: Drawing) -> Iterator[Section]:
         return
     data = base64.b64encode(zlib.compress(alive_blob(drawing), 6)).decode("ascii")
     lead = "Drag to zoom, double-click for the full range; select a mode in the table or a channel of the response."
-    yield Section(
-        "explore",
-        "Interactive results",
+    body = (
         f'{paragraph(lead, "muted")}<style>{_ALIVE_STYLE}{style}</style><div id="alive"></div>'
         f'<script id="alive-data" type="application/octet-stream">{data}</script>'
-        f'<script id="alive-script">{script.replace("</script", "<" + chr(92) + "/script")}</script>',
+        f'<script id="alive-script">{script.replace("</script", "<" + chr(92) + "/script")}</script>'
     )
+    yield Section("explore", "Interactive results", body)
 
 
 def stabilization_section(
@@ -242,9 +241,7 @@ def _error_table(response: Response, errors: Array, ranked: list[tuple[int, int]
         ]
         head = [f"output \\ {response.column_word}", *response.columns]
         return table(head, rows, words=[0], shades=shades, caption=caption)
-    if len(ranked) > _MAX_TABLE_ROWS:
-        caption += f"; the largest {_MAX_TABLE_ROWS} of {len(ranked)}"
-    rows = [
-        [response.output_dofs[i], response.columns[j], figures(100 * errors[i, j])] for i, j in ranked[:_MAX_TABLE_ROWS]
-    ]
+    listed = ranked[:_MAX_TABLE_ROWS]
+    caption += f"; the largest {len(listed)} of {len(ranked)}" if len(ranked) > len(listed) else ""
+    rows = [[response.output_dofs[i], response.columns[j], figures(100 * errors[i, j])] for i, j in listed]
     return table(["output", response.column_word, "unexplained [%]"], rows, words=[0, 1], caption=caption)

@@ -56,6 +56,11 @@ def pack(
     return len(text).to_bytes(4, "little") + text + b"".join(parts)
 
 
+def parts_of(**arrays: Array) -> dict[str, Array]:
+    """Return the parts of complex arrays under the names `name_real` and `name_imag`: a browser has no complex numbers."""
+    return {f"{name}_{part}": getattr(values, part) for name, values in arrays.items() for part in ("real", "imag")}
+
+
 def picture_blob(picture: Picture) -> bytes:
     """Return a described picture as a blob that the page's canvas paints: words in its head, points in its arrays."""
     arrays: dict[str, Array] = {}

@@ -13,7 +13,7 @@ from modalscope.data.response import Response
 from modalscope.data.results import Result
 from modalscope.interfaces.plot.picture import unit_of
 from modalscope.interfaces.plot.responses import coherence_of
-from modalscope.interfaces.plot.web.blob import pack
+from modalscope.interfaces.plot.web.blob import pack, parts_of
 from modalscope.numerics.checks import Array, RealArray
 
 #: Maximum points of a drawn response: more than a screen has.
@@ -130,23 +130,15 @@ def channel_blob(
         chosen = of_band(modes, diagram, len(diagrams))
         curves = _channel_lines(response, chosen, pair)
         parts.append(cut_to_band(curves, diagram, len(diagrams)))
-    f, *sides = (_apart(side) for side in zip(*parts, strict=True))
-    every = max(1, -(-len(f) // _MAX_POINTS))
+    joined = [_apart(side) for side in zip(*parts, strict=True)]
+    every = max(1, -(-len(joined[0]) // _MAX_POINTS))
+    f, measured, fitted, coherence = (side[::every] for side in joined)
     first = diagrams[0].response
-    head = {
-        "output": "" if output is None else first.output_dofs[output],
-        "input": "" if column is None else list(first.columns)[column],
-        "all": output is None,
-        "unit": unit_of(first.picture(), output, column).strip(" []"),
-    }
-    arrays = {
-        f"{name}_{part}": getattr(side[::every], part)
-        for name, side in zip(("measured", "rebuilt"), sides, strict=False)
-        for part in ("real", "imag")
-    }
-    if np.isfinite(sides[2]).any():
-        arrays["coherence"] = sides[2][::every]
-    return pack(head, {"lines": f[::every], **arrays}, exact=("lines",))
+    names = (first.output_dofs[pair[0]], list(first.columns)[pair[1]]) if pair else ("", "")
+    unit = unit_of(first.picture(), output, column).strip(" []")
+    arrays = {"lines": f, **parts_of(measured=measured, rebuilt=fitted)}
+    arrays |= {"coherence": coherence} if np.isfinite(coherence).any() else {}
+    return pack({"output": names[0], "input": names[1], "all": not pair, "unit": unit}, arrays, exact=("lines",))
 
 
 def _apart(bands: Sequence[Array]) -> Array:
