@@ -161,7 +161,7 @@ class LeastSquaresCompanion(Realization):
         if share > np.sqrt(rcond):
             raise DataError(
                 f"a least-squares companion of {n // block} blocks was asked",
-                f"they are singular and leave {percent(share, 2)} of the next one: fewer than the observability index",
+                f"they are singular and leave {percent(float(share), 2)} of the next one: fewer than the observability index",
                 "Raise the order by a block or more.",
             )
         return np.asarray(R)

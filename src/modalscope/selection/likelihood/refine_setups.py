@@ -232,7 +232,7 @@ def _wrapped(modes: ModalModel, found: Sequence[tuple[IntArray, _Refined | str]]
         return modes.noted(notes)
     columns = {name: np.where(better if a.ndim == 1 else better[:, None], new[name], a) for name, a in before.items()}
     misfit = max(one.misfit for _, one in done)
-    text = "Intervals from the spectra of all setups (Whittle's likelihood), by leaving out one setup or stretch of time at a time"
+    text = "Intervals from the spectra (Whittle's likelihood): lines left out one at a time, and pieces in time"
     if not better.all():
         text += f"; unchanged for {_names(modes, np.flatnonzero(~better))}, which spectra do not narrow"
     notes.append(Note(KIND, {"misfit": misfit}, text))
