@@ -184,9 +184,7 @@ def check_option_names(
     modalscope.numerics.errors.DataError: identify() has no option 'blok_rows'; did you mean 'block_rows'?
     """
     options, elsewhere = list(dict.fromkeys(known)), dict(owners or {})
-    for name in given:
-        if name in options:
-            continue
+    for name in [name for name in given if name not in options]:
         call = verb if verb.endswith(")") else f"{verb}()"
         found = f"{call} has no option {name!r}"
         usual = _USUAL_NAMES.get(name.lower(), "")
