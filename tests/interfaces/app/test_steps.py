@@ -114,7 +114,11 @@ def test_bands_that_overlap_are_shown_one_behind_the_other(tmp_path: Path) -> No
     run.run(Analysis(files=(source_of_file(path, {}),), orders=(8, 12, 16), bands=((0.4, 3.4), (3.4, 7.5))))
     assert run.head("poles")["bands"] == [[0.4, 3.4], [3.4, 7.5]]
     poles = blob_of(run, "poles")
-    for lines in (lines_of(TASKS["channel"](run.stages, None, 0, 0)), lines_of(poles, "cmif_lines"), lines_of(poles, "spectra_lines")):
+    for lines in (
+        lines_of(TASKS["channel"](run.stages, None, 0, 0)),
+        lines_of(poles, "cmif_lines"),
+        lines_of(poles, "spectra_lines"),
+    ):
         assert np.all(np.diff(lines) > 0)
         assert 0.4 <= lines[0] < lines[-1] <= 7.5
 
